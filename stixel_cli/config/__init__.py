@@ -1,0 +1,1 @@
+"""Configuration: schemas, composition with Hydra, messages for wrong input."""

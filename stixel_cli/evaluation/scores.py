@@ -1,0 +1,28 @@
+"""Scores of one track: conventions → validate → metric functions → evaluate."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Errors over time and their summary.
+
+    Attributes:
+        times: (K,) s.
+        centre_error: (K,) m.
+        orientation_error: (K,) rad in (-pi, pi], estimated minus true; NaN where there is none.
+        iou: (K,) intersection over union of the estimated and the true contour, 0 … 1.
+        nees_position: (K,) position NEES divided by 2: 1 is consistent.
+        nis: (K,) NIS divided by its degrees of freedom: 1 is consistent; NaN for an empty scan.
+        metrics: name to value; None where a value cannot be had.
+    """
+
+    times: np.ndarray
+    centre_error: np.ndarray
+    orientation_error: np.ndarray
+    iou: np.ndarray
+    nees_position: np.ndarray
+    nis: np.ndarray
+    metrics: dict[str, float | int | None]

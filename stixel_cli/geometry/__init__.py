@@ -1,0 +1,1 @@
+"""Frames, poses and the stereo rig: what every domain room measures with."""

@@ -1,0 +1,120 @@
+"""The stereo rig: projection, disparity and depth, and where its camera stands.
+
+Frames: camera (x right, y down, z forward, origin at the left camera, the reference); *level*, the
+camera's frame turned upright by the pitch; ego ground plane (x right, y forward, origin below the
+left camera) = (x, z) of the level frame. Pixel (u, v) has its centre at integer coordinates.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt, Le, Lt
+
+STRICT = {"extra": "forbid", "strict": True, "allow_inf_nan": False}
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A rectified stereo rig with square pixels; give `horizontal_fov` or `focal_length`.
+
+    Attributes:
+        width, height: image size, px.
+        horizontal_fov: horizontal field of view, degrees; null if `focal_length` is given.
+        focal_length: focal length, px; null if `horizontal_fov` is given.
+        principal_u, principal_v: principal point, px; null is the image's centre.
+        baseline: distance of the two cameras, m.
+        camera_height: height of the cameras above the road, m.
+        pitch: rotation about the lateral axis, degrees, positive with the nose down.
+    """
+
+    __pydantic_config__ = STRICT
+
+    width: Annotated[int, Ge(64), Le(4096)]
+    height: Annotated[int, Ge(64), Le(4096)]
+    horizontal_fov: Annotated[float, Ge(5), Lt(170)] | None
+    focal_length: Annotated[float, Gt(0), Le(20000)] | None
+    principal_u: float | None
+    principal_v: float | None
+    baseline: Annotated[float, Gt(0), Le(5)]
+    camera_height: Annotated[float, Gt(0), Le(5)]
+    pitch: Annotated[float, Ge(-30), Le(30)]
+
+    @cached_property
+    def focal(self) -> float:
+        """Focal length f_u = f_v in px: N_w / (2 tan(fov / 2)), thesis (4).
+
+        Raises:
+            ValueError: unless exactly one of `horizontal_fov` and `focal_length` is given.
+        """
+        if (self.horizontal_fov is None) == (self.focal_length is None):
+            raise ValueError(
+                "give exactly one of rig.horizontal_fov and rig.focal_length, the other is null"
+            )
+        if self.focal_length is not None:
+            return self.focal_length
+        return self.width / (2.0 * np.tan(np.radians(self.horizontal_fov) / 2.0))
+
+    @property
+    def fov(self) -> float:
+        """Horizontal field of view in rad: 2 atan(N_w / (2 f_u)), thesis (4)."""
+        return 2.0 * float(np.arctan(self.width / (2.0 * self.focal)))
+
+    @property
+    def u0(self) -> float:
+        """Column of the principal point, px."""
+        return 0.5 * (self.width - 1) if self.principal_u is None else self.principal_u
+
+    @property
+    def v0(self) -> float:
+        """Row of the principal point, px."""
+        return 0.5 * (self.height - 1) if self.principal_v is None else self.principal_v
+
+    @property
+    def pitch_radians(self) -> float:
+        """Pitch in rad, positive with the nose down."""
+        return float(np.radians(self.pitch))
+
+    @cached_property
+    def level_from_camera(self) -> np.ndarray:
+        """Rotation (3, 3) from the camera's frame to the level frame (x right, y down, z ahead)."""
+        cosine, sine = np.cos(self.pitch_radians), np.sin(self.pitch_radians)
+        return np.array([[1.0, 0.0, 0.0], [0.0, cosine, sine], [0.0, -sine, cosine]])
+
+    def disparity_from_depth(self, depth):
+        """Disparity f_u B / z in px of a depth z in m along the optical axis, thesis (3)."""
+        return self.focal * self.baseline / depth
+
+    def depth_from_disparity(self, disparity):
+        """Depth f_u B / d in m along the optical axis of a disparity d in px, thesis (5)."""
+        return self.focal * self.baseline / disparity
+
+    def project(self, points_camera: np.ndarray) -> np.ndarray:
+        """Pixels and disparity (n, 3) = (u, v, d) in px of camera points (n, 3) in m, thesis (3)."""
+        x, y, z = np.moveaxis(np.asarray(points_camera, dtype=np.float64), -1, 0)
+        u = self.focal * x / z + self.u0
+        v = self.focal * y / z + self.v0
+        return np.stack([u, v, self.disparity_from_depth(z)], axis=-1)
+
+    def unproject(self, measurements: np.ndarray) -> np.ndarray:
+        """Camera points (n, 3) in m of measurements (n, 3) = (u, v, d) in px, thesis (5)."""
+        u, v, disparity = np.moveaxis(np.asarray(measurements, dtype=np.float64), -1, 0)
+        z = self.depth_from_disparity(disparity)
+        x = (u - self.u0) * z / self.focal
+        y = (v - self.v0) * z / self.focal
+        return np.stack([x, y, z], axis=-1)
+
+    def world_from_camera(self, ego_pose_world: np.ndarray) -> np.ndarray:
+        """Rigid transform (4, 4) from the left camera to the 3-D world (x, y ground, z up, in m).
+
+        `ego_pose_world` (3,) is (x, y, heading); the world is the ego car's frame at k = 0.
+        """
+        turn = float(ego_pose_world[2]) - 0.5 * np.pi
+        cosine, sine = np.cos(turn), np.sin(turn)
+        ego_from_level = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+        world_from_ego = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+        transform = np.eye(4)
+        transform[:3, :3] = world_from_ego @ ego_from_level @ self.level_from_camera
+        transform[:3, 3] = [ego_pose_world[0], ego_pose_world[1], self.camera_height]
+        return transform

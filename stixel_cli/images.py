@@ -1,0 +1,51 @@
+"""Stacks of images held compressed and without loss, decoded one at a time."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class ImageStack:
+    """Images of one size and kind, each one a PNG (lossless; decoded on access).
+
+    Attributes:
+        encoded: one PNG a frame. Grey (H, W) uint8 or uint16, or RGB (H, W, 3) uint8.
+    """
+
+    encoded: tuple[bytes, ...]
+
+    @classmethod
+    def from_images(cls, images) -> "ImageStack":
+        """Compress an iterable of (H, W) uint8 or uint16, or (H, W, 3) uint8 RGB, images."""
+        return cls(tuple(encode_png(image) for image in images))
+
+    def __len__(self) -> int:
+        return len(self.encoded)
+
+    def __getitem__(self, index: int) -> np.ndarray:
+        return decode_png(self.encoded[index])
+
+
+def encode_png(image: np.ndarray) -> bytes:
+    """One image, (H, W) uint8 or uint16 or (H, W, 3) uint8 RGB, as the bytes of a PNG."""
+    import cv2
+
+    ordered = image if image.ndim == 2 else image[..., ::-1]
+    # Level 1 is the knee: higher levels cost several times the time for a few per cent.
+    done, buffer = cv2.imencode(
+        ".png", np.ascontiguousarray(ordered), [cv2.IMWRITE_PNG_COMPRESSION, 1]
+    )
+    if not done:
+        raise ValueError(f"cannot encode an image of shape {image.shape}, type {image.dtype}")
+    return buffer.tobytes()
+
+
+def decode_png(data: bytes) -> np.ndarray:
+    """The image in the bytes of a PNG, as `encode_png` took it."""
+    import cv2
+
+    image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise ValueError("these bytes are no PNG image")
+    return image if image.ndim == 2 else np.ascontiguousarray(image[..., ::-1])

@@ -1,0 +1,1 @@
+"""Measurements of the target: scans of points on the world's ground plane."""

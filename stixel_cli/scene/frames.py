@@ -1,0 +1,75 @@
+"""What a renderer gives: a chunk of noise-free stereo pairs with the left view's truth."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stixel_cli.images import ImageStack
+
+SKY_ID, ROAD_ID, TARGET_ID, BACKGROUND_ID = 0, 1, 2, 3
+
+DEPTH_STEP = 1.0 / 4096.0
+"""Depths are stored as whole multiples of this, m (a quarter of a millimetre)."""
+
+
+@dataclass(frozen=True)
+class RenderedFrames:
+    """Rendered frames `first`, `first` + 1, ….
+
+    Attributes:
+        first: index k of the first frame.
+        left, right: RGB images, (H, W, 3) uint8.
+        depth_high, depth_low: the upper and lower 16 bits of the left view's depth along the
+            optical axis in multiples of `DEPTH_STEP`; 0 where there is none (sky).
+        ids: what each pixel of the left view shows, (H, W) uint8: `SKY_ID`, `ROAD_ID`,
+            `TARGET_ID`, or `BACKGROUND_ID` + the object's number.
+    """
+
+    first: int
+    left: ImageStack
+    right: ImageStack
+    depth_high: ImageStack
+    depth_low: ImageStack
+    ids: ImageStack
+
+    @classmethod
+    def from_arrays(cls, first, left, right, depth, ids) -> "RenderedFrames":
+        """From iterables of arrays; `depth` in m, float, with inf or NaN where there is none."""
+        steps = [
+            np.where(np.isfinite(image), np.rint(image / DEPTH_STEP), 0).astype(np.uint32)
+            for image in map(np.asarray, depth)
+        ]
+        return cls(
+            first=first,
+            left=ImageStack.from_images(left),
+            right=ImageStack.from_images(right),
+            depth_high=ImageStack.from_images((s >> 16).astype(np.uint16) for s in steps),
+            depth_low=ImageStack.from_images((s & 0xFFFF).astype(np.uint16) for s in steps),
+            ids=ImageStack.from_images(ids),
+        )
+
+    def __len__(self) -> int:
+        return len(self.left)
+
+    def depth(self, index: int) -> np.ndarray:
+        """True depth (H, W) float32 in m of the `index`-th frame here; inf where there is none."""
+        steps = self.depth_high[index].astype(np.uint32) << 16 | self.depth_low[index]
+        metres = steps.astype(np.float64) * DEPTH_STEP
+        return np.where(steps > 0, metres, np.inf).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class StereoPairs:
+    """What the cameras give for frames `first`, `first` + 1, …: all that later stages may see.
+
+    Attributes:
+        first: index k of the first frame.
+        left, right: grey images with the sensor's noise, (H, W) uint8.
+    """
+
+    first: int
+    left: ImageStack
+    right: ImageStack
+
+    def __len__(self) -> int:
+        return len(self.left)

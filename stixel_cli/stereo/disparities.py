@@ -1,0 +1,45 @@
+"""Disparity images of the left view."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stixel_cli.images import ImageStack
+
+SUBPIXELS = 16
+"""Raw disparities are whole multiples of 1/16 px."""
+
+INVALID = -1
+"""Raw disparity where none was found."""
+
+
+@dataclass(frozen=True)
+class Disparities:
+    """Disparities of frames `first`, `first` + 1, ….
+
+    Attributes:
+        first: index k of the first frame.
+        count: number of disparities searched, px: every valid disparity lies in [0, count).
+        stored: raw + 1 as (H, W) uint16, so that 0 is invalid.
+    """
+
+    first: int
+    count: int
+    stored: ImageStack
+
+    @classmethod
+    def from_raw(cls, first: int, count: int, raw) -> "Disparities":
+        """From an iterable of raw disparities (H, W) int16: 1/16 px, `INVALID` where none."""
+        return cls(first, count, ImageStack.from_images((r + 1).astype(np.uint16) for r in raw))
+
+    def __len__(self) -> int:
+        return len(self.stored)
+
+    def raw(self, index: int) -> np.ndarray:
+        """Raw disparity (H, W) int16 in 1/16 px of the `index`-th frame here; `INVALID` if none."""
+        return (self.stored[index].astype(np.int32) - 1).astype(np.int16)
+
+    def pixels(self, index: int) -> np.ndarray:
+        """Disparity (H, W) float32 in px of the `index`-th frame here; NaN where invalid."""
+        raw = self.raw(index)
+        return np.where(raw >= 0, raw / SUBPIXELS, np.nan).astype(np.float32)

@@ -1,0 +1,1 @@
+"""From disparity to stixels: road, occupancy grid, free space, height, extraction."""

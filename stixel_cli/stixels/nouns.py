@@ -1,0 +1,56 @@
+"""What the steps from disparity to stixels hand to each other."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class FreeSpace:
+    """The nearest obstacle of every image column, for n frames `first`, `first` + 1, ….
+
+    Attributes:
+        first: index k of the first frame.
+        disparity: (n, W) float32, disparity of the obstacle in px; NaN where the column is free.
+        base_row: (n, W) int32, image row where that obstacle meets the road; -1 where free.
+        road: (n, 2) float64, the road's disparity in row v: road[0] * v + road[1], px.
+    """
+
+    first: int
+    disparity: np.ndarray
+    base_row: np.ndarray
+    road: np.ndarray
+
+
+@dataclass(frozen=True)
+class Stixels:
+    """Stixels of n frames `first`, `first` + 1, …, concatenated; arrays have one row a stixel.
+
+    Attributes:
+        first: index k of the first frame.
+        offsets: (n + 1,) int64, the stixels of frame i are rows offsets[i]:offsets[i + 1].
+        left, right: (S,) int32, columns left … right - 1.
+        top, base: (S,) int32, rows top … base, both inclusive.
+        disparity: (S,) float64 px, and disparity_variance: (S,) px².
+        depth: (S,) float64 m along the level frame's z axis.
+        height: (S,) float64 m, of the top above the road.
+        points_ego: (S, 2) float64 m on the ego car's ground plane.
+        covariances_ego: (S, 2, 2) float64 m².
+    """
+
+    first: int
+    offsets: np.ndarray
+    left: np.ndarray
+    right: np.ndarray
+    top: np.ndarray
+    base: np.ndarray
+    disparity: np.ndarray
+    disparity_variance: np.ndarray
+    depth: np.ndarray
+    height: np.ndarray
+    points_ego: np.ndarray
+    covariances_ego: np.ndarray
+
+    def rows(self, index: int) -> slice:
+        """The rows of the `index`-th frame here."""
+        return slice(int(self.offsets[index]), int(self.offsets[index + 1]))

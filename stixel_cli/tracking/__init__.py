@@ -1,0 +1,1 @@
+"""Extended target trackers: from scans to pose, rates and shape with covariance."""

@@ -1,0 +1,48 @@
+"""What a tracker is given at its start and what it gives."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class InitialState:
+    """Where a tracker starts: the true pose and rates with noise.
+
+    Attributes:
+        mean: (6,) x m, y m, heading rad, and their rates (m/s, m/s, rad/s).
+        covariance: (6, 6) of that noise.
+    """
+
+    mean: np.ndarray
+    covariance: np.ndarray
+
+
+@dataclass(frozen=True)
+class Track:
+    """Posterior of every scan k (prediction, then update; an empty scan is a prediction alone).
+
+    Attributes:
+        times: (K,) s.
+        means: (K, D) state means; the first six are x m, y m, heading rad and their rates.
+        covariances: (K, D, D).
+        contours_world: (K, M, 2) m, the estimated contour as a polygon, counter-clockwise.
+        contour_directions: (K, M, 2) unit vectors from the centre through the contour's points.
+        contour_deviations: (K, M) m, standard deviation of the radius at the contour's points.
+        used_offsets: (K + 1,) int64, and
+        used_points: (U,) int64: scan k was updated with the rows
+            used_points[used_offsets[k]:used_offsets[k + 1]] of the scans' arrays.
+        nis: (K,) normalised innovation squared; NaN where no point was used.
+        nis_degrees_of_freedom: (K,) int64.
+    """
+
+    times: np.ndarray
+    means: np.ndarray
+    covariances: np.ndarray
+    contours_world: np.ndarray
+    contour_directions: np.ndarray
+    contour_deviations: np.ndarray
+    used_offsets: np.ndarray
+    used_points: np.ndarray
+    nis: np.ndarray
+    nis_degrees_of_freedom: np.ndarray
