@@ -1,0 +1,129 @@
+"""What stands about a town square: houses, trees, lamp posts, signs, hedges, bollards.
+
+Each function makes one object in the world's axes, standing on z = 0.
+"""
+
+import numpy as np
+
+from stixel_cli.scene.mesh import Mesh, Part
+from stixel_cli.scene.shapes import box, ellipsoid, lathe, loft, part, tube
+
+
+def house(low, high, height: float, front: np.ndarray, roof: np.ndarray, ridge: str) -> Mesh:
+    """A house with a gabled roof and a chimney.
+
+    Args:
+        low, high: corners of its footprint, (2,) m.
+        height: of the walls, m.
+        front: texture of each wall, laid on once about every 8 m.
+        roof: texture of the roof, 4 m a tile.
+        ridge: the ridge's axis, "x" or "y".
+    """
+    (x0, y0), (x1, y1) = low, high
+    ring = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+    vertices, triangles, uvs = [], [], []
+    for i in range(4):
+        (xa, ya), (xb, yb) = ring[i], ring[(i + 1) % 4]
+        repeats = max(1.0, np.round(np.hypot(xb - xa, yb - ya) / 8.0))
+        base = len(vertices)
+        vertices += [(xa, ya, 0.0), (xb, yb, 0.0), (xb, yb, height), (xa, ya, height)]
+        triangles += [(base, base + 1, base + 2), (base, base + 2, base + 3)]
+        lower_left, lower_right = (0.0, 1.0), (repeats, 1.0)
+        upper_right, upper_left = (repeats, 0.0), (0.0, 0.0)
+        uvs += [(lower_left, lower_right, upper_right), (lower_left, upper_right, upper_left)]
+    walls = Part(
+        np.array(vertices), np.array(triangles, dtype=np.int32), np.array(uvs), front, "walls"
+    )
+    return Mesh((walls, part("roof", [_gable(low, high, height, ridge)], roof, 4.0),
+                 part("chimney", [_chimney(low, high, height)], front, 6.0)))  # fmt: skip
+
+
+def _gable(low, high, height, ridge):
+    over = 0.4
+    (x0, y0), (x1, y1) = np.asarray(low) - over, np.asarray(high) + over
+    top = height + 0.38 * ((y1 - y0) if ridge == "x" else (x1 - x0))
+    if ridge == "x":
+        ends = [[(x, y0, height), (x, 0.5 * (y0 + y1), top), (x, y1, height)] for x in (x0, x1)]
+    else:
+        ends = [[(x0, y, height), (0.5 * (x0 + x1), y, top), (x1, y, height)] for y in (y0, y1)]
+    return loft(np.array(ends))
+
+
+def _chimney(low, high, height):
+    low, high = np.asarray(low), np.asarray(high)
+    corner = low + 0.3 * (high - low)
+    depth = np.min(high - low)
+    return box((*corner, height), (*(corner + 0.8), height + 0.40 * depth))
+
+
+def tower(low, high, height: float, front: np.ndarray, roof: np.ndarray) -> Mesh:
+    """A church tower with a steep pyramid on top, over the footprint `low` … `high`, (2,) m."""
+    shaft = house(low, high, height, front, roof, "x").parts[0]
+    middle = 0.5 * (np.asarray(low) + np.asarray(high))
+    half = 0.5 * (np.asarray(high) - np.asarray(low)) + 0.3
+    ring = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+    rings = [
+        np.column_stack([middle + share * half * ring, np.full(4, z)])
+        for share, z in ((1.0, height), (0.02, height + 5.0 * half.min()))
+    ]
+    return Mesh((shaft, part("roof", [loft(np.array(rings))], roof, 4.0)))
+
+
+def tree(draws: np.random.Generator, place, height: float, bark, foliage) -> Mesh:
+    """A tree at `place` (2,) m: a trunk and a crown of lumps."""
+    x, y = place
+    girth = 0.022 * height
+    crown = 0.62 * height
+    surfaces = [tube([(x, y, 0.0), (x, y, 0.5 * height), (x, y, 0.8 * height)],
+                     [girth, 0.75 * girth, 0.3 * girth], 6)]  # fmt: skip
+    lumps = []
+    for i in range(5):
+        angle = 2.0 * np.pi * i / 4 + draws.uniform(-0.4, 0.4)
+        out = 0.16 * height if i < 4 else 0.0
+        centre = np.array(
+            [
+                x + out * np.cos(angle),
+                y + out * np.sin(angle),
+                crown + height * draws.uniform(-0.06, 0.06) + (0.14 * height if i == 4 else 0.0),
+            ]
+        )
+        radii = height * np.array([0.17, 0.17, 0.20]) * draws.uniform(0.85, 1.1)
+        vertices, triangles = ellipsoid(centre, radii, 6, 9)
+        lumps.append(
+            (vertices + 0.035 * height * draws.normal(size=vertices.shape) * 0.5, triangles)
+        )
+    return Mesh((part("trunk", surfaces, bark, 1.0), part("crown", lumps, foliage, 2.5)))
+
+
+def lamp_post(place, height: float, reach, metal, glass) -> Mesh:
+    """A lamp post at `place` (2,) m, its arm of `reach` (2,) m."""
+    x, y = place
+    tip = np.array([x + reach[0], y + reach[1], height])
+    pole = [
+        tube([(x, y, 0.0), (x, y, 1.1)], [0.10, 0.09], 6),
+        tube([(x, y, 0.0), (x, y, height - 0.5), (x + 0.3 * reach[0], y + 0.3 * reach[1], height),
+              tip], [0.075, 0.055, 0.045, 0.04], 6),
+    ]  # fmt: skip
+    lamp = ellipsoid(tip - (0.0, 0.0, 0.08), (0.32, 0.32, 0.11), 4, 8)
+    return Mesh((part("pole", pole, metal, 0.6), part("lamp", [lamp], glass, 0.6)))
+
+
+def sign(place, metal: np.ndarray, plate: np.ndarray) -> Mesh:
+    """A traffic sign at `place` (2,) m that faces −y."""
+    x, y = place
+    pole = tube([(x, y, 0.0), (x, y, 2.75)], 0.04, 5)
+    disc = lathe([(-0.02, 0.34), (0.02, 0.34)], (x, y - 0.05, 2.45), 20)
+    return Mesh((part("pole", [pole], metal, 0.5), part("plate", [disc], plate, 0.5)))
+
+
+def hedge(low, high, foliage: np.ndarray) -> Mesh:
+    """A clipped hedge that fills the box `low` … `high`, (3,) m."""
+    return Mesh((part("hedge", [box(low, high)], foliage, 2.0),))
+
+
+def bollard(place, metal: np.ndarray) -> Mesh:
+    """A bollard of a metre at `place` (2,) m."""
+    x, y = place
+    shaft = tube([(x, y, 0.0), (x, y, 0.85)], [0.10, 0.08], 8)
+    knob = ellipsoid((x, y, 0.93), (0.10, 0.10, 0.08), 4, 8)
+    return Mesh((part("bollard", [shaft, knob], metal, 0.5),))

@@ -1,0 +1,239 @@
+"""A hatchback: body with wheel arches, cabin with windows, wheels, lamps, mirrors.
+
+Modelled at 4.5 × 1.8 × 1.5 m, x forward, y left, z up; the caller fits it to its size.
+"""
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from stixel_cli.scene.mesh import Mesh, Part
+from stixel_cli.scene.shapes import (
+    box,
+    cube_uvs,
+    ellipsoid,
+    lathe,
+    loft,
+    outward,
+    part,
+    quads_to_triangles,
+    ring_quads,
+    rounded_rectangle,
+    tube,
+)
+from stixel_cli.scene.textures import mottled, paint
+
+WHEEL_X = (1.37, -1.30)
+WHEEL_Y = 0.70
+WHEEL_RADIUS = 0.32
+ARCH_RADIUS = 0.385
+
+_TOP = PchipInterpolator(
+    [-2.25, -2.20, -2.05, -1.60, 0.00, 0.95, 1.30, 1.80, 2.08, 2.20, 2.25],
+    [0.62, 0.86, 0.94, 0.96, 0.94, 0.93, 0.89, 0.81, 0.72, 0.60, 0.50],
+)
+_SILL = PchipInterpolator(
+    [-2.25, -2.15, -1.90, -1.00, 1.00, 1.90, 2.15, 2.25],
+    [0.42, 0.30, 0.24, 0.2, 0.2, 0.2, 0.25, 0.36],
+)
+_HALF_WIDTH = PchipInterpolator(
+    [-2.25, -2.21, -2.08, -1.80, -1.20, 1.20, 1.75, 2.05, 2.19, 2.25],
+    [0.48, 0.63, 0.755, 0.805, 0.83, 0.83, 0.80, 0.73, 0.62, 0.45],
+)
+# Height (share of sill to top) and breadth (share of the half width) of a cross-section, upwards.
+_SECTION = np.array(
+    [
+        [0.0, 0.90],
+        [0.06, 0.965],
+        [0.30, 0.99],
+        [0.58, 1.0],
+        [0.80, 0.985],
+        [0.93, 0.95],
+        [1.0, 0.86],
+    ]
+)
+
+
+def car(colour, contrast: float) -> Mesh:
+    """The car, its paint of `colour` (3,) 0 … 255 and of `contrast` 0 … 1."""
+    painted = paint(colour, contrast)
+    shell, windows = _cabin(painted)
+    trim = mottled("trim", (34, 34, 37), 0.20)
+    return Mesh(
+        (
+            part("body", [_body(), *_mirrors(), *_handles()], painted, 1.1),
+            shell,
+            windows,
+            part("trim", [_underbody(), *_seams(), *_grilles()], trim, 0.5),
+            part("tyres", [_tyre(x, y) for x in WHEEL_X for y in (1, -1)], trim, 0.4),
+            part("rims", _rims(), mottled("alloy", (176, 178, 184), 0.12), 0.3),
+            part("headlamps", _lamps((2.065, 0.585, 0.645), (0.12, 0.15, 0.075)),
+                 mottled("headlamp", (238, 240, 245), 0.05), 0.2),
+            part("tail lamps", _lamps((-2.135, 0.605, 0.80), (0.07, 0.11, 0.09)),
+                 mottled("tail lamp", (176, 18, 22), 0.12), 0.2),
+            part("plates", [box((2.225, -0.26, 0.385), (2.258, 0.26, 0.49)),
+                            box((-2.262, -0.26, 0.64), (-2.225, 0.26, 0.75))],
+                 mottled("plate", (228, 228, 220), 0.10), 0.3),
+        )
+    )  # fmt: skip
+
+
+def _body():
+    arches = [x + ARCH_RADIUS * np.cos(np.linspace(0.0, np.pi, 13)) for x in WHEEL_X]
+    ends = [2.25, 2.23, 2.19, 2.13, 2.05, 1.95, -1.95, -2.05, -2.12, -2.17, -2.21, -2.235, -2.25]
+    stations = np.unique(np.round(np.concatenate([*arches, ends, np.linspace(-0.85, 0.9, 8)]), 4))
+    top, width = _TOP(stations), _HALF_WIDTH(stations)
+    sill = _SILL(stations)
+    for x in WHEEL_X:
+        lift = np.sqrt(np.maximum(ARCH_RADIUS**2 - (stations - x) ** 2, 0.0))
+        sill = np.maximum(sill, np.where(lift > 0.0, WHEEL_RADIUS + lift, 0.0))
+    heights = sill[:, None] + (top - sill)[:, None] * _SECTION[:, 0]
+    breadths = width[:, None] * _SECTION[:, 1]
+    along = np.broadcast_to(stations[:, None], heights.shape)
+    left = np.stack([along, breadths, heights], axis=-1)
+    right = left[:, ::-1] * np.array([1.0, -1.0, 1.0])
+    crown = np.stack([stations, np.zeros_like(stations), top + 0.025], axis=-1)[:, None]
+    floor = np.stack([stations, np.zeros_like(stations), sill], axis=-1)[:, None]
+    rings = np.concatenate([left, crown, right, floor], axis=1)
+    return loft(rings)
+
+
+def _cabin(painted: np.ndarray) -> tuple[Part, Part]:
+    """The painted shell and the windows: columns of one loft over rounded rectangles."""
+    per_side, per_corner = 12, 3
+    levels = [
+        # height, rear, front, half width, corner radius, m
+        (0.88, -2.10, 1.13, 0.755, 0.10),
+        (0.955, -2.06, 1.03, 0.745, 0.10),
+        (1.17, -1.93, 0.66, 0.69, 0.10),
+        (1.38, -1.72, 0.25, 0.625, 0.11),
+        (1.45, -1.58, 0.06, 0.585, 0.13),
+        (1.487, -1.40, -0.14, 0.52, 0.16),
+    ]
+    rings = []
+    for height, rear, front, half, radius in levels:
+        ring = rounded_rectangle((rear, -half), (front, half), radius, per_side, per_corner)
+        rings.append(np.column_stack([ring, np.full(len(ring), height)]))
+    rings = np.array(rings)
+    points = rings.shape[1]
+    roof = np.array([[-0.75, 0.0, 1.50]])
+    vertices = np.concatenate([rings.reshape(-1, 3), roof])
+    quads = ring_quads(len(levels), points)
+    # Columns run corner, side (left, rear, right, front), corner …; posts stay painted.
+    place = np.arange(points) % (per_side + per_corner)
+    side = np.arange(points) // (per_side + per_corner)
+    glass = (place >= per_corner) & (place < per_side + per_corner)
+    post = np.where(side % 2 == 0, np.isin(place - per_corner, (6,)), False)
+    window = np.zeros(quads.shape[:2], dtype=bool)
+    window[1:3] = glass & ~post
+    last = points * (len(levels) - 1)
+    ahead = np.arange(points)
+    lid = np.column_stack(
+        [last + ahead, last + (ahead + 1) % points, np.full(points, len(vertices) - 1)]
+    )
+    body = quads_to_triangles(quads)
+    _, triangles = outward(vertices, np.concatenate([body, lid]))
+    chosen = np.concatenate([np.repeat(window.reshape(-1), 2), np.zeros(points, dtype=bool)])
+    glazing = mottled("glass", (48, 58, 66), 0.20)
+    parts = []
+    for name, rows, texture, tile in (
+        ("cabin", ~chosen, painted, 1.1),
+        ("windows", chosen, glazing, 1.6),
+    ):
+        kept = np.ascontiguousarray(triangles[rows])
+        parts.append(Part(vertices, kept, cube_uvs(vertices, kept, tile), texture, name))
+    return parts[0], parts[1]
+
+
+def _side(x, share):
+    """Points (n, 3) on the left flank at `x` and at the share of the height from sill to top."""
+    breadth = np.interp(share, _SECTION[:, 0], _SECTION[:, 1])
+    sill = _SILL(x)
+    return np.stack([x, _HALF_WIDTH(x) * breadth, sill + share * (_TOP(x) - sill)], axis=-1)
+
+
+def _both(points):
+    return [points, points * np.array([1.0, -1.0, 1.0])]
+
+
+def _seams():
+    """Dark joints about the doors, and rubbing strips along the flanks."""
+    share = np.linspace(0.10, 0.99, 7)
+    surfaces = []
+    for x in (0.80, -0.42, -1.02):
+        for line in _both(_side(np.full_like(share, x), share)):
+            surfaces.append(tube(line, 0.008, 4))
+    along = np.linspace(-0.84, 0.92, 9)
+    for line in _both(_side(along, np.full_like(along, 0.12))):
+        surfaces.append(tube(line, 0.022, 6))
+    return surfaces
+
+
+def _handles():
+    surfaces = []
+    for x in (-0.28, -0.90):
+        for line in _both(_side(np.array([x, x + 0.17]), np.array([0.80, 0.80]))):
+            surfaces.append(tube(line, 0.017, 6))
+    return surfaces
+
+
+def _mirrors():
+    surfaces = []
+    for sign in (1.0, -1.0):
+        surfaces.append(ellipsoid((0.70, sign * 0.83, 1.01), (0.065, 0.07, 0.065), 6, 12))
+        surfaces.append(tube([(0.74, sign * 0.70, 0.93), (0.71, sign * 0.80, 0.98)], 0.022, 6))
+    return surfaces
+
+
+def _underbody():
+    return box((-2.02, -0.60, 0.24), (2.05, 0.60, 0.66))
+
+
+def _grilles():
+    return [
+        box((2.02, -0.46, 0.27), (2.252, 0.46, 0.36)),
+        box((2.02, -0.36, 0.52), (2.236, 0.36, 0.60)),
+        box((-2.245, -0.50, 0.33), (-2.02, 0.50, 0.43)),
+    ]
+
+
+def _tyre(x: float, sign: int):
+    profile = [(-0.105, 0.22), (-0.105, 0.27), (-0.085, 0.315), (-0.05, WHEEL_RADIUS),
+               (0.05, WHEEL_RADIUS), (0.085, 0.315), (0.105, 0.27), (0.105, 0.22)]  # fmt: skip
+    return lathe(profile, (x, sign * WHEEL_Y, WHEEL_RADIUS), 18)
+
+
+def _rims():
+    surfaces = []
+    for x in WHEEL_X:
+        for sign in (1, -1):
+            centre = np.array([x, sign * (WHEEL_Y + 0.095), WHEEL_RADIUS])
+            ring = [(-0.02, 0.185), (-0.02, 0.225), (0.012, 0.225), (0.012, 0.185)]
+            surfaces.append(_hoop(ring, centre))
+            surfaces.append(lathe([(-0.02, 0.05), (0.013, 0.05), (0.017, 0.035)], centre, 12))
+            for spoke in range(5):
+                angle = 2.0 * np.pi * spoke / 5 + 0.3
+                reach = np.array([np.cos(angle), 0.0, np.sin(angle)])
+                surfaces.append(tube([centre, centre + 0.20 * reach], [0.028, 0.02], 4))
+    return surfaces
+
+
+def _hoop(profile, centre):
+    """A ring of rectangular section: a lathe whose profile is closed."""
+    sides = 20
+    angles = 2.0 * np.pi * np.arange(sides) / sides
+    profile = np.array(profile)
+    rings = np.stack(
+        [
+            np.cos(angles)[:, None] * profile[:, 1],
+            np.broadcast_to(profile[:, 0], (sides, len(profile))),
+            np.sin(angles)[:, None] * profile[:, 1],
+        ],
+        axis=-1,
+    )
+    quads = ring_quads(sides + 1, len(profile)) % (sides * len(profile))
+    return outward(centre + rings.reshape(-1, 3), quads_to_triangles(quads))
+
+
+def _lamps(centre, radii):
+    mirror = np.array([1.0, -1.0, 1.0])
+    return [ellipsoid(np.array(centre) * side, radii, 6, 12) for side in (1.0, mirror)]

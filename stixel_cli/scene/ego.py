@@ -1,0 +1,35 @@
+"""The ego car's known motion."""
+
+import numpy as np
+
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD
+from stixel_cli.scene.parameters import Ego, Straight, Turning
+from stixel_cli.scene.scenario import EgoMotion
+
+
+def ego_motion(ego: Ego, duration: float, sample_time: float) -> EgoMotion:
+    """Times and exact poses of the ego car, (0, 0, pi/2) at k = 0.
+
+    Args:
+        ego: parked, straight or turning.
+        duration: s. There are K = round(duration / sample_time) scans, but one at least.
+        sample_time: T in s; scan k is at t = k T.
+    """
+    count = max(1, round(duration / sample_time))
+    times = sample_time * np.arange(count)
+    return EgoMotion(times=times, poses_world=ego_poses(ego, times))
+
+
+def ego_poses(ego: Ego, times: np.ndarray) -> np.ndarray:
+    """Poses (K, 3) x m, y m, heading rad of the ego car at `times` (K,) s."""
+    times = np.asarray(times, dtype=np.float64)
+    speed = ego.speed if isinstance(ego, Straight | Turning) else 0.0
+    yaw_rate = np.radians(ego.yaw_rate) if isinstance(ego, Turning) else 0.0
+    # The chord of an arc is v t sinc(ω t / 2) long and points along the mean heading; written so,
+    # a straight line is no special case.
+    chord = speed * times * np.sinc(0.5 * yaw_rate * times / np.pi)
+    direction = 0.5 * yaw_rate * times
+    return np.stack(
+        [-chord * np.sin(direction), chord * np.cos(direction), STRAIGHT_AHEAD + yaw_rate * times],
+        axis=1,
+    )

@@ -1,0 +1,87 @@
+"""Textured triangle meshes: the noun that shapes make and renderers take."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Part:
+    """A surface of one texture.
+
+    Attributes:
+        vertices: (V, 3) float64, m.
+        triangles: (T, 3) int32 rows of `vertices`, counter-clockwise seen from outside.
+        uvs: (T, 3, 2) float64, texture coordinates of the triangles' corners, repeated beyond
+            [0, 1); u along the texture's columns, v along its rows, downwards.
+        texture: (h, w, 3) uint8 RGB, h and w powers of two.
+        name: what it is.
+    """
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    uvs: np.ndarray
+    texture: np.ndarray
+    name: str
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Parts that make up one object.
+
+    Attributes:
+        parts: the surfaces.
+    """
+
+    parts: tuple[Part, ...]
+
+    @property
+    def triangle_count(self) -> int:
+        """Triangles of all parts."""
+        return sum(len(part.triangles) for part in self.parts)
+
+
+def bounding_box(mesh: Mesh) -> np.ndarray:
+    """Least and greatest coordinates, (2, 3) m, of the vertices that `mesh`'s triangles use."""
+    used = np.concatenate([part.vertices[np.unique(part.triangles)] for part in mesh.parts])
+    return np.array([used.min(axis=0), used.max(axis=0)])
+
+
+def corners(mesh: Mesh) -> np.ndarray:
+    """The corners of all triangles, (T, 3, 3) m: triangle, corner, coordinate."""
+    return np.concatenate([part.vertices[part.triangles] for part in mesh.parts])
+
+
+def scaled(mesh: Mesh, factors: np.ndarray) -> Mesh:
+    """`mesh` with its coordinates multiplied by `factors` (3,), all positive."""
+    return Mesh(
+        tuple(replace(part, vertices=part.vertices * np.asarray(factors)) for part in mesh.parts)
+    )
+
+
+def moved(mesh: Mesh, offset: np.ndarray, turn: float = 0.0) -> Mesh:
+    """`mesh` turned about z by `turn` rad, counter-clockwise, then shifted by `offset` (3,) m."""
+    cosine, sine = np.cos(turn), np.sin(turn)
+    matrix = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    return Mesh(
+        tuple(
+            replace(part, vertices=part.vertices @ matrix.T + np.asarray(offset))
+            for part in mesh.parts
+        )
+    )
+
+
+def fitted(mesh: Mesh, length: float, width: float, height: float) -> Mesh:
+    """`mesh` scaled and shifted to the box of `length` × `width` × `height` m.
+
+    The footprint is centred on the origin and the lowest point is on z = 0.
+    """
+    low, high = bounding_box(mesh)
+    return grounded(scaled(mesh, np.array([length, width, height]) / (high - low)))
+
+
+def grounded(mesh: Mesh) -> Mesh:
+    """`mesh` shifted: the footprint's box centred on the origin, the lowest point on z = 0."""
+    low, high = bounding_box(mesh)
+    centre = 0.5 * (low + high)
+    return moved(mesh, -np.array([centre[0], centre[1], low[2]]))

@@ -1,0 +1,106 @@
+"""A road user from the user's own mesh file."""
+
+import os.path
+
+import numpy as np
+
+from stixel_cli.scene.mesh import Mesh, Part, bounding_box, grounded
+from stixel_cli.scene.open3d_import import import_open3d
+from stixel_cli.scene.shapes import cube_uvs
+from stixel_cli.scene.textures import paint
+
+LEAST_FOOTPRINT, GREATEST_FOOTPRINT = 0.1, 30.0
+LEVELS = 32
+"""Shades of each primary colour that vertex colours are rounded to."""
+
+
+def load_mesh(path: str, contrast: float) -> Mesh:
+    """The mesh in the file `path`, in the target frame: x forward, y left, z up, m.
+
+    It is shifted so that its footprint's box is centred on the origin and its lowest point is on
+    z = 0; its size is what it is. Where the file has textures or vertex colours they are kept (the
+    latter as one mean colour a triangle); otherwise it is painted with `contrast`.
+
+    Raises:
+        ValueError: if there is no such file, Open3D cannot read it, it has no triangles or no
+            finite coordinates, or the longer side of its footprint is not 0.1 … 30 m.
+    """
+    if not os.path.isfile(path):
+        raise ValueError(f"road_user.mesh: there is no file {path!r}")
+    open3d = import_open3d()
+    # Its own complaints would be a second message beside ours.
+    with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
+        found = open3d.io.read_triangle_mesh(path)
+    vertices = np.asarray(found.vertices, dtype=np.float64)
+    triangles = np.asarray(found.triangles, dtype=np.int32)
+    if len(triangles) == 0:
+        raise ValueError(f"road_user.mesh: Open3D finds no triangles in {path!r}")
+    if not np.isfinite(vertices).all():
+        raise ValueError(f"road_user.mesh: a coordinate in {path!r} is not finite")
+    mesh = grounded(Mesh(tuple(_parts(found, vertices, triangles, contrast))))
+    low, high = bounding_box(mesh)
+    longest = float(np.max(high[:2] - low[:2]))
+    if not LEAST_FOOTPRINT <= longest <= GREATEST_FOOTPRINT:
+        raise ValueError(
+            f"road_user.mesh: the footprint in {path!r} is {longest:.3g} m long, it must be "
+            f"{LEAST_FOOTPRINT:g} to {GREATEST_FOOTPRINT:g} m (is the file in metres?)"
+        )
+    return mesh
+
+
+def _parts(found, vertices, triangles, contrast):
+    # An empty image (a material without a texture), made an array, would abort the process.
+    textures = [
+        None if image.is_empty() else _power_of_two(np.asarray(image)) for image in found.textures
+    ]
+    if found.has_triangle_uvs() and any(image is not None for image in textures):
+        uvs = np.asarray(found.triangle_uvs, dtype=np.float64).reshape(-1, 3, 2)
+        material = np.asarray(found.triangle_material_ids)
+        if len(material) != len(triangles):
+            material = np.zeros(len(triangles), dtype=int)
+        for number in np.unique(material):
+            rows = material == number
+            image = textures[number] if number < len(textures) else None
+            if image is None:
+                yield _painted(vertices, triangles[rows], contrast)
+            else:
+                yield Part(vertices, triangles[rows], uvs[rows], image, f"material {number}")
+    elif found.has_vertex_colors():
+        colours = np.asarray(found.vertex_colors)[triangles].mean(axis=1)
+        shades = np.clip(np.rint(colours * (LEVELS - 1)), 0, LEVELS - 1).astype(int)
+        yield Part(vertices, triangles, _palette_uvs(shades), _palette(), "vertex colours")
+    else:
+        yield _painted(vertices, triangles, contrast)
+
+
+def _painted(vertices, triangles, contrast):
+    uvs = cube_uvs(vertices, triangles, 1.1)
+    return Part(vertices, triangles, uvs, paint((66, 108, 160), contrast), "body")
+
+
+def _palette() -> np.ndarray:
+    """Every rounded colour once, (128, 256, 3)."""
+    shades = np.arange(LEVELS**3)
+    index = np.stack([shades // LEVELS**2, shades // LEVELS % LEVELS, shades % LEVELS], axis=-1)
+    colours = np.rint(index * (255.0 / (LEVELS - 1))).astype(np.uint8)
+    return colours.reshape(128, 256, 3)
+
+
+def _palette_uvs(shades: np.ndarray) -> np.ndarray:
+    """Texture coordinates (T, 3, 2): all three corners at the colour's texel, at its middle."""
+    number = (shades[:, 0] * LEVELS + shades[:, 1]) * LEVELS + shades[:, 2]
+    uvs = np.stack([(number % 256 + 0.5) / 256.0, (number // 256 + 0.5) / 128.0], axis=-1)
+    return np.repeat(uvs[:, None], 3, axis=1)
+
+
+def _power_of_two(image: np.ndarray) -> np.ndarray:
+    """An image as RGB with sides that are powers of two, 2048 at most."""
+    import cv2
+
+    if image.ndim == 2:
+        image = image[..., None]
+    if image.shape[2] < 3:
+        image = np.repeat(image[..., :1], 3, axis=2)
+    sides = [min(2048, 1 << max(0, int(side - 1).bit_length())) for side in image.shape[:2]]
+    image = np.ascontiguousarray(image[..., :3], dtype=np.uint8)
+    return cv2.resize(image, (sides[1], sides[0]), interpolation=cv2.INTER_AREA)

@@ -1,0 +1,212 @@
+"""Paths of the target: poses and their exact derivatives at any times.
+
+The heading is tangent to the path and continuous (not wrapped). Every path is a function of the
+length driven, s; only stop-and-go drives at a speed that changes.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from stixel_cli.scene.parameters import (
+    Approach,
+    Circle,
+    Crossing,
+    Depart,
+    Path,
+    SCurve,
+    StopAndGo,
+    Turn,
+    Waypoints,
+)
+
+GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(12)
+
+
+def path_poses(path: Path, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Poses and rates of a target on `path`.
+
+    Args:
+        path: which path, with its parameters.
+        times: (K,) s, 0 at the start.
+
+    Returns:
+        poses_world (K, 3): x m, y m, heading rad, and rates_world (K, 3), their derivatives.
+
+    Raises:
+        ValueError: where `path.check()` does.
+    """
+    path.check()
+    times = np.asarray(times, dtype=np.float64)
+    poses, curvature, speed = _FUNCTIONS[type(path)](path, times)
+    heading = poses[:, 2]
+    rates = np.stack([speed * np.cos(heading), speed * np.sin(heading), speed * curvature], axis=1)
+    return poses, rates
+
+
+def stop_and_go_profile(path: StopAndGo, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Length driven (K,) m and speed (K,) m/s at `times` (K,) s.
+
+    One round is: drive, brake, stand, pull away. The speed is piecewise linear, the length its
+    exact integral, piecewise quadratic.
+    """
+    phases = [path.drive_time, path.ramp_time, path.stand_time, path.ramp_time]
+    knots = np.concatenate([[0.0], np.cumsum(phases)])
+    speeds = path.speed * np.array([1.0, 1.0, 0.0, 0.0, 1.0])
+    lengths = np.concatenate([[0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]) * phases)])
+    rounds, within = np.divmod(times, knots[-1])
+    phase = np.clip(np.searchsorted(knots, within, side="right") - 1, 0, 3)
+    acceleration = path.speed / path.ramp_time * np.array([0.0, -1.0, 0.0, 1.0])[phase]
+    since = within - knots[phase]
+    # Braking to a stand ends at exactly zero, but for the last bit.
+    speed = np.maximum(speeds[phase] + acceleration * since, 0.0)
+    length = lengths[phase] + speeds[phase] * since + 0.5 * acceleration * since**2
+    return rounds * lengths[-1] + length, speed
+
+
+def _line(path: Approach | Depart | Crossing, times):
+    speed = np.full_like(times, path.speed)
+    return _straight_on(path, path.speed * times), np.zeros_like(times), speed
+
+
+def _stop_and_go(path: StopAndGo, times):
+    length, speed = stop_and_go_profile(path, times)
+    return _straight_on(path, length), np.zeros_like(times), speed
+
+
+def _straight_on(path, length):
+    heading = np.radians(path.heading)
+    x = path.start[0] + length * np.cos(heading)
+    y = path.start[1] + length * np.sin(heading)
+    return np.stack([x, y, np.full_like(length, heading)], axis=1)
+
+
+def _turn(path: Turn | Circle, times):
+    radius = path.radius
+    if radius is None:
+        radius = path.speed * path.duration / (2.0 * np.pi)
+    curvature = (1.0 if path.side == "left" else -1.0) / radius
+    first = np.radians(path.heading)
+    heading = first + path.speed * times * curvature
+    x = path.start[0] + (np.sin(heading) - np.sin(first)) / curvature
+    y = path.start[1] - (np.cos(heading) - np.cos(first)) / curvature
+    return (
+        np.stack([x, y, heading], axis=1),
+        np.full_like(times, curvature),
+        np.full_like(times, path.speed),
+    )
+
+
+def _s_curve(path: SCurve, times):
+    mean, swing = np.radians(path.heading), np.radians(path.swing)
+    rate = 2.0 * np.pi / path.wavelength
+
+    def heading_at(s):
+        return mean + swing * np.sin(rate * s)
+
+    length = path.speed * times
+    positions = np.array(path.start) + _integral(
+        lambda s: np.stack([np.cos(heading_at(s)), np.sin(heading_at(s))], axis=-1),
+        length,
+        path.wavelength / 8.0,
+    )
+    poses = np.concatenate([positions, heading_at(length)[:, None]], axis=1)
+    return poses, swing * rate * np.cos(rate * length), np.full_like(times, path.speed)
+
+
+def _waypoints(path: Waypoints, times):
+    spline = waypoint_spline(np.array(path.points, dtype=np.float64))
+    length = path.speed * times
+    parameter, past = _spline_parameter(spline, length)
+    tangent, bend = spline(parameter, 1), spline(parameter, 2)
+    pace = np.hypot(tangent[:, 0], tangent[:, 1])
+    # Beyond the last point the path goes straight on along the last tangent.
+    positions = spline(parameter) + past[:, None] * tangent / pace[:, None]
+    curvature = (tangent[:, 0] * bend[:, 1] - tangent[:, 1] * bend[:, 0]) / pace**3
+    curvature = np.where(past > 0.0, 0.0, curvature)
+    heading = _continuous_heading(spline, parameter)
+    return (
+        np.concatenate([positions, heading[:, None]], axis=1),
+        curvature,
+        np.full_like(times, path.speed),
+    )
+
+
+def waypoint_spline(points: np.ndarray) -> CubicSpline:
+    """The natural cubic spline through `points` (n, 2) m, by chord length.
+
+    No curvature at its ends, so a straight line joins on smoothly.
+    """
+    chords = np.hypot(*np.diff(points, axis=0).T)
+    return CubicSpline(np.concatenate([[0.0], np.cumsum(chords)]), points, bc_type="natural")
+
+
+def _spline_parameter(spline: CubicSpline, length: np.ndarray):
+    """The spline's parameter (K,) at each length (K,) driven along it, and the length past it."""
+    panels = np.concatenate(
+        [np.linspace(a, b, 33)[:-1] for a, b in zip(spline.x[:-1], spline.x[1:], strict=True)]
+        + [spline.x[-1:]]
+    )
+
+    def pace(parameter):
+        return np.linalg.norm(spline(parameter, 1), axis=-1)
+
+    driven = np.concatenate([[0.0], np.cumsum(_panel_integrals(pace, panels))])
+    past = np.maximum(length - driven[-1], 0.0)
+    inside = np.clip(length, 0.0, driven[-1])
+    panel = np.clip(np.searchsorted(driven, inside, side="right") - 1, 0, len(panels) - 2)
+    low, high = panels[panel], panels[panel + 1]
+    parameter = low + (inside - driven[panel]) / (driven[panel + 1] - driven[panel]) * (high - low)
+    for _ in range(8):
+        half = 0.5 * (parameter - low)
+        nodes = low[:, None] + half[:, None] * (1.0 + GAUSS_NODES)
+        error = driven[panel] + half * (pace(nodes) @ GAUSS_WEIGHTS) - inside
+        parameter = np.clip(parameter - error / pace(parameter), low, high)
+    return parameter, past
+
+
+def _continuous_heading(spline: CubicSpline, parameter: np.ndarray) -> np.ndarray:
+    """Heading (K,) rad of the spline's tangent, continuous along the spline."""
+    steps = 64 * (len(spline.x) - 1)
+    grid = np.linspace(spline.x[0], spline.x[-1], steps + 1)
+    tangent = spline(grid, 1)
+    reference = np.interp(parameter, grid, np.unwrap(np.arctan2(tangent[:, 1], tangent[:, 0])))
+    here = spline(parameter, 1)
+    heading = np.arctan2(here[:, 1], here[:, 0])
+    return heading + 2.0 * np.pi * np.rint((reference - heading) / (2.0 * np.pi))
+
+
+def _integral(function: Callable, ends: np.ndarray, longest_panel: float) -> np.ndarray:
+    """Integral of `function` (n,) → (n, 2) from 0 to each of `ends` (K,), to rounding."""
+    count = max(1, int(np.ceil(np.max(ends, initial=0.0) / longest_panel)))
+    panels = longest_panel * np.arange(count + 1)
+    whole = np.concatenate(
+        [np.zeros((1, 2)), np.cumsum(_panel_integrals(function, panels), axis=0)]
+    )
+    panel = np.clip((ends / longest_panel).astype(int), 0, count - 1)
+    half = 0.5 * (ends - panels[panel])
+    nodes = panels[panel][:, None] + half[:, None] * (1.0 + GAUSS_NODES)
+    rest = half[:, None] * np.einsum("knd,n->kd", function(nodes), GAUSS_WEIGHTS)
+    return whole[panel] + rest
+
+
+def _panel_integrals(function: Callable, panels: np.ndarray) -> np.ndarray:
+    """Gauss-Legendre integrals of `function` between neighbouring `panels` (n + 1,)."""
+    half = 0.5 * np.diff(panels)
+    values = function(panels[:-1, None] + half[:, None] * (1.0 + GAUSS_NODES))
+    if values.ndim == 2:
+        return half * (values @ GAUSS_WEIGHTS)
+    return half[:, None] * np.einsum("knd,n->kd", values, GAUSS_WEIGHTS)
+
+
+_FUNCTIONS = {
+    Approach: _line,
+    Depart: _line,
+    Crossing: _line,
+    Turn: _turn,
+    SCurve: _s_curve,
+    StopAndGo: _stop_and_go,
+    Circle: _turn,
+    Waypoints: _waypoints,
+}

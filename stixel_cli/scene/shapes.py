@@ -1,0 +1,201 @@
+"""Closed surfaces that road users and the background are put together from.
+
+A surface is (vertices (V, 3) m, triangles (T, 3) int32, counter-clockwise seen from outside).
+"""
+
+import numpy as np
+
+from stixel_cli.scene.mesh import Part
+
+Surface = tuple[np.ndarray, np.ndarray]
+
+
+def part(name: str, surfaces: list[Surface], texture: np.ndarray, tile: float) -> Part:
+    """Surfaces of one texture, laid on from the six sides of a cube.
+
+    Args:
+        name: the part's name.
+        surfaces: what it consists of.
+        texture: (h, w, 3) uint8 RGB.
+        tile: length that one repetition of the texture covers, m.
+    """
+    vertices, triangles = joined(surfaces)
+    return Part(vertices, triangles, cube_uvs(vertices, triangles, tile), texture, name)
+
+
+def joined(surfaces: list[Surface]) -> Surface:
+    """Several surfaces as one."""
+    offsets = np.cumsum([0] + [len(vertices) for vertices, _ in surfaces])
+    return (
+        np.concatenate([vertices for vertices, _ in surfaces]),
+        np.concatenate(
+            [triangles + offset for (_, triangles), offset in zip(surfaces, offsets, strict=False)]
+        ).astype(np.int32),
+    )
+
+
+def cube_uvs(vertices: np.ndarray, triangles: np.ndarray, tile: float) -> np.ndarray:
+    """Texture coordinates (T, 3, 2): each triangle seen along the axis that its normal is nearest.
+
+    The texture's rows point down (−z) on upright faces.
+    """
+    points = vertices[triangles]
+    normals = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+    axis = np.argmax(np.abs(normals), axis=1)
+    across = np.where((axis == 0)[:, None], points[:, :, 1], points[:, :, 0])
+    down = np.where((axis == 2)[:, None], points[:, :, 1], -points[:, :, 2])
+    return np.stack([across, down], axis=2) / tile
+
+
+def outward(vertices: np.ndarray, triangles: np.ndarray) -> Surface:
+    """A closed surface, its triangles turned so that they face outwards."""
+    points = vertices[triangles]
+    volume = np.einsum("ti,ti->", points[:, 0], np.cross(points[:, 1], points[:, 2]))
+    if volume < 0.0:
+        triangles = triangles[:, ::-1]
+    return vertices, np.ascontiguousarray(triangles, dtype=np.int32)
+
+
+def box(low, high) -> Surface:
+    """The box between the corners `low` and `high`, (3,) m."""
+    low, high = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
+    ring = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    rings = [np.column_stack([ring, np.full(4, z)]) for z in (0, 1)]
+    vertices, triangles = loft(np.array(rings, dtype=np.float64))
+    return low + vertices * (high - low), triangles
+
+
+def ring_quads(stations: int, points: int) -> np.ndarray:
+    """Quads (stations − 1, points, 4) between neighbouring closed rings of a loft's vertices."""
+    first = points * np.arange(stations - 1)[:, None] + np.arange(points)
+    following = points * np.arange(stations - 1)[:, None] + (np.arange(points) + 1) % points
+    return np.stack([first, following, following + points, first + points], axis=-1)
+
+
+def quads_to_triangles(quads: np.ndarray) -> np.ndarray:
+    """Quads (…, 4) as triangles (2 n, 3) int32."""
+    quads = quads.reshape(-1, 4)
+    return np.stack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]], 1).reshape(-1, 3).astype(np.int32)
+
+
+def loft(rings: np.ndarray) -> Surface:
+    """The skin over closed rings (S, N, 3) m, closed by a fan at both ends."""
+    stations, points, _ = rings.shape
+    vertices = np.concatenate([rings.reshape(-1, 3), rings[[0, -1]].mean(axis=1)])
+    ahead = np.arange(points)
+    after = (ahead + 1) % points
+    last = points * (stations - 1)
+    start = np.column_stack([np.full(points, last + points), after, ahead])
+    end = np.column_stack([np.full(points, last + points + 1), last + ahead, last + after])
+    body = quads_to_triangles(ring_quads(stations, points))
+    return outward(vertices, np.concatenate([body, start, end]))
+
+
+def tube(points, radii, sides: int = 10) -> Surface:
+    """A round tube along the polyline `points` (n, 3) m, with radii (n,) or one, m.
+
+    Its ends are rounded off, so that limbs join.
+    """
+    points = np.asarray(points, dtype=np.float64)
+    radii = np.broadcast_to(np.asarray(radii, dtype=np.float64), (len(points),))
+    segments = np.diff(points, axis=0)
+    segments /= np.linalg.norm(segments, axis=1, keepdims=True)
+    tangents = np.concatenate([segments[:1], segments[1:] + segments[:-1], segments[-1:]])
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    lean = np.cos(np.radians(50.0))
+    centres = np.concatenate(
+        [
+            points[:1] - 0.7 * radii[0] * tangents[:1],
+            points,
+            points[-1:] + 0.7 * radii[-1] * tangents[-1:],
+        ]
+    )
+    tangents = np.concatenate([tangents[:1], tangents, tangents[-1:]])
+    radii = np.concatenate([lean * radii[:1], radii, lean * radii[-1:]])
+    # One reference direction for all rings, so that the tube does not twist.
+    least = np.argmin(np.abs(tangents).max(axis=0))
+    first = np.cross(tangents, np.eye(3)[least])
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    second = np.cross(tangents, first)
+    angles = 2.0 * np.pi * np.arange(sides) / sides
+    rings = centres[:, None] + radii[:, None, None] * (
+        np.cos(angles)[:, None] * first[:, None] + np.sin(angles)[:, None] * second[:, None]
+    )
+    return loft(rings)
+
+
+def ellipsoid(centre, radii, rings: int = 8, sides: int = 14) -> Surface:
+    """The ellipsoid about `centre` (3,) m with half axes `radii` (3,) m."""
+    polar = np.pi * (np.arange(rings) + 0.5) / rings
+    # The first and the last ring are drawn together, so that the fans close nearly flat poles.
+    polar[0], polar[-1] = 0.08, np.pi - 0.08
+    azimuth = 2.0 * np.pi * np.arange(sides) / sides
+    unit = np.stack(
+        [
+            np.sin(polar)[:, None] * np.cos(azimuth),
+            np.sin(polar)[:, None] * np.sin(azimuth),
+            np.cos(polar)[:, None] * np.ones(sides),
+        ],
+        axis=-1,
+    )
+    return loft(np.asarray(centre) + unit * np.asarray(radii))
+
+
+def lathe(profile, centre, sides: int = 28) -> Surface:
+    """A body turned about the y axis through `centre` (3,) m.
+
+    `profile` (n, 2) m is (y, radius), from one side to the other.
+    """
+    profile = np.asarray(profile, dtype=np.float64)
+    angles = 2.0 * np.pi * np.arange(sides) / sides
+    rings = np.stack(
+        [
+            profile[:, 1:] * np.cos(angles),
+            np.broadcast_to(profile[:, :1], (len(profile), sides)),
+            profile[:, 1:] * np.sin(angles),
+        ],
+        axis=-1,
+    )
+    return loft(np.asarray(centre) + rings)
+
+
+def torus(centre, radius: float, thickness: float, sides: int = 36, around: int = 8) -> Surface:
+    """A ring in the x-z plane about `centre` (3,) m: a bicycle's tyre.
+
+    `radius` goes to the middle of the tube, whose own radius is `thickness`, m.
+    """
+    angles = 2.0 * np.pi * np.arange(sides) / sides
+    turns = 2.0 * np.pi * np.arange(around) / around
+    reach = radius + thickness * np.cos(turns)
+    vertices = np.stack(
+        [
+            np.cos(angles)[:, None] * reach,
+            np.broadcast_to(thickness * np.sin(turns), (sides, around)),
+            np.sin(angles)[:, None] * reach,
+        ],
+        axis=-1,
+    ).reshape(-1, 3)
+    quads = ring_quads(sides + 1, around) % (sides * around)
+    return outward(np.asarray(centre) + vertices, quads_to_triangles(quads))
+
+
+def rounded_rectangle(low, high, radius: float, per_side: int, per_corner: int) -> np.ndarray:
+    """A closed ring (4 (per_side + per_corner), 2), counter-clockwise from the corner of `high`.
+
+    In turn: corner, then side; sides go −x, −y, +x, +y. Rings of equal counts match point by
+    point, whatever their size: a loft's columns stay what they are.
+    """
+    low, high = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
+    x0, y0, x1, y1 = low[0] + radius, low[1] + radius, high[0] - radius, high[1] - radius
+    centres = [(x1, y1), (x0, y1), (x0, y0), (x1, y0)]
+    points = []
+    for corner, centre in enumerate(centres):
+        angles = 0.5 * np.pi * (corner + np.arange(per_corner + 1) / per_corner)
+        arc = np.array(centre) + radius * np.column_stack([np.cos(angles), np.sin(angles)])
+        following = 0.5 * np.pi * (corner + 1)
+        goal = np.array(centres[(corner + 1) % 4]) + radius * np.array(
+            [np.cos(following), np.sin(following)]
+        )
+        steps = (np.arange(1, per_side) / per_side)[:, None]
+        points += [arc, arc[-1] + steps * (goal - arc[-1])]
+    return np.concatenate(points)

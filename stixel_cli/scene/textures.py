@@ -1,0 +1,99 @@
+"""Procedural textures: detail at every scale, so that stereo matches them from near and far.
+
+Each is an RGB image (h, w, 3) uint8, h and w powers of two, that repeats without a seam. The noise
+has as much variance in each octave as in the next, like many a real surface.
+"""
+
+import zlib
+from functools import lru_cache
+
+import numpy as np
+
+SIZE = 512
+
+
+@lru_cache(maxsize=64)
+def noise(name: str, size: int = SIZE, coarsest: float = 1.0, finest: float = 256.0):
+    """Seamless noise (size, size) float32 of mean 0 and deviation 1, always the same for a `name`.
+
+    Octaves between `coarsest` and `finest` cycles an image have equal variance.
+    """
+    draws = np.random.default_rng(zlib.crc32(name.encode())).standard_normal((size, size))
+    frequency = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)) * size
+    gain = np.where(
+        (frequency >= coarsest) & (frequency <= finest), 1.0 / np.maximum(frequency, 1.0), 0.0
+    )
+    values = np.fft.irfft2(np.fft.rfft2(draws) * gain, s=(size, size))
+    values = ((values - values.mean()) / values.std()).astype(np.float32)
+    values.setflags(write=False)
+    return values
+
+
+def tinted(colour, values: np.ndarray, hue: np.ndarray | None = None) -> np.ndarray:
+    """`colour` (3,) 0 … 255, brightened by the factors exp(`values`), (h, w).
+
+    `hue` (h, w) shifts it from blue to red by that share.
+    """
+    image = np.asarray(colour, dtype=np.float32) * np.exp(values)[..., None]
+    if hue is not None:
+        image = image * (1.0 + hue[..., None] * np.array([1.0, 0.1, -1.0], dtype=np.float32))
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+@lru_cache(maxsize=64)
+def mottled(name: str, colour, depth: float, coarsest: float = 1.0) -> np.ndarray:
+    """`colour` (3,) with noise of relative deviation `depth`, and a little of it in hue."""
+    values = np.clip(noise(name, 256, coarsest), -2.5, 2.5)
+    hue = np.clip(noise(name + " hue", 256, coarsest), -2.5, 2.5)
+    image = tinted(colour, depth * values - 0.5 * depth**2, 0.15 * depth * hue)
+    image.setflags(write=False)
+    return image
+
+
+def paint(colour, contrast: float) -> np.ndarray:
+    """Car paint: plain at `contrast` 0; clouded, with flakes and grime, at 1."""
+    flakes = noise("paint flakes", coarsest=12.0)
+    clouds = noise("paint clouds", finest=24.0)
+    values = contrast * (0.26 * np.clip(flakes, -2.2, 2.2) + 0.17 * np.clip(clouds, -2, 2))
+    return tinted(colour, values, 0.06 * contrast * clouds)
+
+
+def cloth(colour, contrast: float, checks: int = 0) -> np.ndarray:
+    """Cloth: folds and weave; with `checks` bands a tile, a checked shirt."""
+    folds = np.clip(noise("folds", coarsest=3.0), -2.3, 2.3)
+    values = contrast * 0.23 * folds
+    if checks:
+        phase = (np.arange(SIZE) * checks / SIZE) % 1.0
+        band = np.where(phase < 0.5, 1.0, -1.0) + np.where(abs(phase - 0.75) < 0.06, 1.4, 0.0)
+        values = values + contrast * 0.17 * (band[:, None] + band[None, :])
+    return tinted(colour, values.astype(np.float32), 0.05 * contrast * folds)
+
+
+def asphalt(contrast: float) -> np.ndarray:
+    """Asphalt: stones, patches, and a few tarred cracks. Made for tiles of some metres."""
+    size = 1024
+    stones = np.clip(noise("asphalt stones", size, 48.0, 512.0), -2.5, 2.5)
+    patches = np.clip(noise("asphalt patches", size, 1.0, 48.0), -2.2, 2.2)
+    cracks = np.abs(noise("asphalt cracks", size, 2.0, 64.0))
+    tar = -0.55 * np.exp(-((cracks / 0.012) ** 2)) * (noise("tar", size, 1.0, 6.0) > 0.6)
+    values = contrast * (0.19 * stones + 0.10 * patches + tar)
+    return tinted((108, 108, 110), values.astype(np.float32), 0.02 * contrast * patches)
+
+
+def paving(contrast: float, slabs: int = 8) -> np.ndarray:
+    """Pavement of square slabs, `slabs` a tile."""
+    step = SIZE // slabs
+    rows = np.arange(SIZE) % step
+    joint = (rows < 3)[:, None] | (rows < 3)[None, :]
+    tones = np.random.default_rng(11).normal(0.0, 0.10, (slabs, slabs))
+    slab = np.kron(tones, np.ones((step, step)))
+    grain = np.clip(noise("paving", coarsest=4.0), -2.4, 2.4)
+    values = contrast * (slab + 0.15 * grain - 0.5 * joint)
+    return tinted((150, 145, 137), values.astype(np.float32))
+
+
+def leaves(name: str, colour, contrast: float) -> np.ndarray:
+    """Foliage: clumps of light and shadow."""
+    clumps = noise(name, SIZE, 5.0, 128.0)
+    values = contrast * 0.5 * np.clip(clumps, -2.2, 2.0)
+    return tinted(colour, values, 0.10 * contrast * np.clip(noise(name + " hue"), -2, 2))

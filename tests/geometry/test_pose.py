@@ -1,0 +1,48 @@
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stixel_cli.geometry.pose import (
+    STRAIGHT_AHEAD,
+    ego_from_world,
+    rotate_covariances,
+    rotation,
+    target_from_world,
+    world_from_ego,
+    world_from_target,
+)
+
+poses = st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-7, 7)).map(np.array)
+POINTS = np.array([[1.0, 0.0], [0.0, 1.0], [-2.0, 3.5]])
+
+
+def test_the_targets_x_axis_lies_along_its_heading():
+    moved = world_from_target(POINTS[:2], np.array([5.0, 6.0, np.pi / 2]))
+    np.testing.assert_allclose(moved, [[5, 7], [4, 6]], atol=1e-12)
+
+
+def test_the_egos_y_axis_lies_along_its_heading():
+    np.testing.assert_allclose(
+        world_from_ego(POINTS, np.array([0.0, 0.0, STRAIGHT_AHEAD])), POINTS, atol=1e-12
+    )
+    moved = world_from_ego(POINTS[:2], np.array([5.0, 6.0, np.pi]))
+    np.testing.assert_allclose(moved, [[5, 7], [4, 6]], atol=1e-12)
+
+
+@settings(derandomize=True, deadline=None, max_examples=30)
+@given(poses)
+def test_there_and_back(pose):
+    for there, back in ((world_from_target, target_from_world), (world_from_ego, ego_from_world)):
+        np.testing.assert_allclose(back(there(POINTS, pose), pose), POINTS, atol=1e-11)
+        assert np.isclose(np.linalg.norm(np.diff(there(POINTS, pose), axis=0), axis=1),
+                          np.linalg.norm(np.diff(POINTS, axis=0), axis=1)).all()  # fmt: skip
+
+
+@settings(derandomize=True, deadline=None, max_examples=20)
+@given(st.floats(-7, 7))
+def test_covariances_turn_with_their_vectors(angle):
+    spread = np.array([[2.0, 0.3], [0.3, 0.5]])
+    turned = rotate_covariances(np.stack([spread, np.eye(2)]), angle)
+    np.testing.assert_allclose(turned[0], rotation(angle) @ spread @ rotation(angle).T, atol=1e-12)
+    np.testing.assert_allclose(turned[1], np.eye(2), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.eigvalsh(turned[0]), np.linalg.eigvalsh(spread))

@@ -1,0 +1,71 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stixel_cli.geometry.rig import Rig
+
+RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.2, 1.0)
+
+
+def test_focal_length_and_field_of_view_are_two_words_for_one():
+    assert RIG.focal == pytest.approx(320.0 / np.tan(np.radians(30.0)))
+    assert RIG.fov == pytest.approx(np.radians(60.0))
+    same = replace(RIG, horizontal_fov=None, focal_length=RIG.focal)
+    assert same.fov == pytest.approx(RIG.fov)
+
+
+@pytest.mark.parametrize("changes", [{"focal_length": 500.0}, {"horizontal_fov": None}])
+def test_exactly_one_of_them_is_given(changes):
+    with pytest.raises(ValueError, match="exactly one of"):
+        _ = replace(RIG, **changes).focal
+
+
+def test_the_principal_point():
+    assert (RIG.u0, RIG.v0) == (319.5, 239.5)
+    given_point = replace(RIG, principal_u=300.0, principal_v=0.0)
+    assert (given_point.u0, given_point.v0) == (300.0, 0.0)
+
+
+@settings(derandomize=True, deadline=None, max_examples=40)
+@given(st.floats(-20, 20), st.floats(-5, 5), st.floats(0.5, 80))
+def test_projection_there_and_back(x, y, z):
+    point = np.array([[x, y, z]])
+    u, v, disparity = RIG.project(point)[0]
+    assert disparity == pytest.approx(RIG.focal * RIG.baseline / z)
+    assert u == pytest.approx(RIG.u0 + RIG.focal * x / z)
+    assert v == pytest.approx(RIG.v0 + RIG.focal * y / z)
+    np.testing.assert_allclose(RIG.unproject(np.array([[u, v, disparity]])), point, atol=1e-9)
+    right = RIG.project(point - [RIG.baseline, 0.0, 0.0])[0]
+    assert u - right[0] == pytest.approx(disparity)
+
+
+def test_disparity_and_depth():
+    assert RIG.depth_from_disparity(RIG.disparity_from_depth(17.0)) == pytest.approx(17.0)
+
+
+def test_nose_down_looks_at_the_road():
+    """The optical axis of a camera pitched down by 1 degree meets the road at h / tan(1 deg)."""
+    transform = RIG.world_from_camera(np.array([0.0, 0.0, np.pi / 2]))
+    reach = RIG.camera_height / np.sin(np.radians(1.0))
+    foot = transform @ [0.0, 0.0, reach, 1.0]
+    np.testing.assert_allclose(foot[[0, 2]], 0.0, atol=1e-9)
+    assert foot[1] == pytest.approx(RIG.camera_height / np.tan(np.radians(1.0)))
+
+
+@settings(derandomize=True, deadline=None, max_examples=20)
+@given(st.floats(-50, 50), st.floats(-50, 50), st.floats(-7, 7), st.floats(-30, 30))
+def test_world_from_camera_is_rigid_and_stands_at_the_ego_pose(x, y, heading, pitch):
+    transform = replace(RIG, pitch=pitch).world_from_camera(np.array([x, y, heading]))
+    turn = transform[:3, :3]
+    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(turn) == pytest.approx(1.0)
+    np.testing.assert_allclose(transform[:3, 3], [x, y, RIG.camera_height])
+    ahead, right = turn[:, 2], turn[:, 0]
+    np.testing.assert_allclose(
+        ahead[:2], np.cos(np.radians(pitch)) * np.array([np.cos(heading), np.sin(heading)]),
+        atol=1e-12,
+    )  # fmt: skip
+    np.testing.assert_allclose(right, [np.sin(heading), -np.cos(heading), 0.0], atol=1e-12)

@@ -1,0 +1,56 @@
+"""The presets of conf/, read without the config room: a path follows the class by interpolation."""
+
+import json
+from pathlib import Path as FilePath
+from typing import Annotated
+
+from omegaconf import OmegaConf
+from pydantic import Field, TypeAdapter
+
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.scene.parameters import Ego, Pace, Path, RoadUser, World
+
+CONF = FilePath(__file__).parents[2] / "conf"
+ROAD_USERS = ("car", "cyclist", "pedestrian")
+PATHS = (
+    "approach",
+    "depart",
+    "crossing",
+    "turn",
+    "s_curve",
+    "stop_and_go",
+    "circle",
+    "waypoints",
+)
+EGOS = ("parked", "straight", "turning")
+
+
+def load(group: str, option: str, schema, **others):
+    tree = OmegaConf.create({group: OmegaConf.load(CONF / group / f"{option}.yaml"), **others})
+    plain = OmegaConf.to_container(tree, resolve=True)[group]
+    return TypeAdapter(schema).validate_json(json.dumps(plain))
+
+
+def road_user(option: str) -> RoadUser:
+    return load("road_user", option, RoadUser)
+
+
+def pace(option: str) -> Pace:
+    return load("pace", option, Pace)
+
+
+def path(option: str, road_user_option: str) -> Path:
+    presets = OmegaConf.load(CONF / "pace" / f"{road_user_option}.yaml")
+    return load("path", option, Annotated[Path, Field(discriminator="kind")], pace=presets)
+
+
+def ego(option: str) -> Ego:
+    return load("ego", option, Annotated[Ego, Field(discriminator="kind")])
+
+
+def rig(option: str) -> Rig:
+    return load("rig", option, Rig)
+
+
+def world() -> World:
+    return load("world", "street", World)

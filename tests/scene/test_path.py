@@ -1,0 +1,260 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scene_presets
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+from stixel_cli.geometry.pose import world_from_target
+from stixel_cli.scene.ego import ego_motion
+from stixel_cli.scene.parameters import Circle, Depart, Parked, SCurve, StopAndGo, Waypoints
+from stixel_cli.scene.path import path_poses, stop_and_go_profile, waypoint_spline
+
+EVERY = [(kind, path) for kind in scene_presets.ROAD_USERS for path in scene_presets.PATHS]
+
+
+def preset_run(kind, name):
+    path = scene_presets.path(name, kind)
+    times = ego_motion(Parked("parked"), path.duration, path.sample_time).times
+    return path, times, *path_poses(path, times)
+
+
+@pytest.mark.parametrize(("kind", "name"), EVERY)
+def test_rates_are_the_derivatives_of_the_poses(kind, name):
+    path, times, _, rates = preset_run(kind, name)
+    step = 1e-5
+    times, rates = times[1:], rates[1:]
+    numeric = (path_poses(path, times + step)[0] - path_poses(path, times - step)[0]) / (2 * step)
+    if name == "stop_and_go":
+        # At a kink of the speed the central difference is off by half the acceleration's step.
+        np.testing.assert_allclose(rates, numeric, atol=1e-4)
+    else:
+        np.testing.assert_allclose(rates, numeric, atol=2e-8 * path.speed * 10)
+
+
+@pytest.mark.parametrize(("kind", "name"), EVERY)
+def test_headings_are_tangent_continuous_and_finite(kind, name):
+    path, _, poses, rates = preset_run(kind, name)
+    assert np.isfinite(poses).all() and np.isfinite(rates).all()
+    speed = np.hypot(rates[:, 0], rates[:, 1])
+    assert (speed <= path.speed * (1 + 1e-9)).all()
+    np.testing.assert_allclose(speed * np.cos(poses[:, 2]), rates[:, 0], atol=1e-12)
+    np.testing.assert_allclose(speed * np.sin(poses[:, 2]), rates[:, 1], atol=1e-12)
+    assert np.abs(np.diff(poses[:, 2])).max() < 0.5
+
+
+@pytest.mark.parametrize(("kind", "name"), EVERY)
+def test_the_length_driven_is_speed_times_time(kind, name):
+    path, _, _, _ = preset_run(kind, name)
+    fine = np.linspace(0.0, path.duration, 20001)
+    poses, rates = path_poses(path, fine)
+    driven = np.hypot(*np.diff(poses[:, :2], axis=0).T).sum()
+    speed = np.hypot(rates[:, 0], rates[:, 1])
+    assert driven == pytest.approx(np.trapezoid(speed, fine), rel=1e-6)
+    if name != "stop_and_go":
+        assert driven == pytest.approx(path.speed * path.duration, rel=1e-6)
+
+
+@pytest.mark.parametrize(("kind", "name"), EVERY)
+def test_presets_stay_in_view_of_the_default_rig(kind, name):
+    rig = scene_presets.rig("default")
+    _, _, poses, _ = preset_run(kind, name)
+    x, y = poses[:, 0], poses[:, 1]
+    assert (y > 0.0).all()
+    assert np.hypot(x, y).min() > 6.0 and np.hypot(x, y).max() < 36.0
+    in_view = np.abs(x) < 0.95 * np.tan(rig.fov / 2) * y
+    assert in_view.mean() >= 0.9
+    road_user = scene_presets.road_user(kind)
+    half = 0.5 * np.array([road_user.length, road_user.width])
+    corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * half
+    assert all(np.hypot(*world_from_target(corners, pose).T).min() > 3.0 for pose in poses)
+
+
+@pytest.mark.parametrize(("kind", "name"), EVERY)
+def test_presets_are_credible(kind, name):
+    """Speeds of a town, and sideways acceleration below what is felt as violent."""
+    path, _, _, rates = preset_run(kind, name)
+    fastest = {"car": 14.0, "cyclist": 8.0, "pedestrian": 2.0}[kind]
+    assert 0.5 < path.speed < fastest
+    sideways = np.abs(rates[:, 2]) * np.hypot(rates[:, 0], rates[:, 1])
+    assert sideways.max() < 4.0
+
+
+def test_the_default_run_shows_the_whole_car_from_several_sides():
+    rig = scene_presets.rig("default")
+    path, times, poses, _ = preset_run("car", "turn")
+    assert len(times) == 100 and path.sample_time == 0.1
+    corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * [2.25, 0.9]
+    for pose in poses:
+        points = world_from_target(corners, pose)
+        assert (np.abs(points[:, 0]) < np.tan(rig.fov / 2) * points[:, 1]).all()
+    ranges = np.hypot(poses[:, 0], poses[:, 1])
+    assert 20.0 < ranges[0] < 25.0 and 9.0 < ranges.min() < 12.0 and ranges.max() < 25.0
+    assert np.ptp(poses[:, 2]) > np.radians(120.0)
+
+
+@pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
+def test_the_preset_circle_closes_in_its_duration(kind):
+    path = scene_presets.path("circle", kind)
+    poses, _ = path_poses(path, np.array([0.0, path.duration]))
+    np.testing.assert_allclose(poses[1] - poses[0], [0.0, 0.0, 2.0 * np.pi], atol=1e-9)
+    twice = replace(path, speed=2.0 * path.speed)
+    poses, _ = path_poses(twice, np.array([0.0, path.duration]))
+    np.testing.assert_allclose(poses[1] - poses[0], [0.0, 0.0, 2.0 * np.pi], atol=1e-9)
+
+
+def test_a_circle_to_the_right_of_a_given_radius():
+    path = Circle("circle", (0.0, 20.0), 0.0, "right", 5.0, 2.0, 10.0, 0.1)
+    poses, rates = path_poses(path, np.linspace(0.0, 10.0, 33))
+    np.testing.assert_allclose(np.hypot(poses[:, 0], poses[:, 1] - 15.0), 5.0)
+    np.testing.assert_allclose(rates[:, 2], -0.4)
+
+
+def test_a_straight_line():
+    path = Depart("depart", (1.0, 10.0), 90.0, 2.0, 5.0, 0.1)
+    poses, rates = path_poses(path, np.array([0.0, 1.0, 2.5]))
+    np.testing.assert_allclose(
+        poses, [[1, 10, np.pi / 2], [1, 12, np.pi / 2], [1, 15, np.pi / 2]], atol=1e-12
+    )
+    np.testing.assert_allclose(rates, [[0, 2, 0]] * 3, atol=1e-12)
+
+
+@settings(derandomize=True, deadline=None, max_examples=15)
+@given(
+    st.floats(-180, 180), st.floats(-90, 90), st.floats(2, 100), st.floats(0.5, 30), st.floats(0, 9)
+)
+def test_the_s_curve_is_the_integral_of_its_heading(heading, swing, wavelength, speed, time):
+    path = SCurve("s_curve", (1.0, 50.0), heading, swing, wavelength, speed, 10.0, 0.1)
+    pose = path_poses(path, np.array([time]))[0][0]
+
+    def heading_at(t):
+        return np.radians(heading + swing * np.sin(2 * np.pi * speed * t / wavelength))
+
+    expected = [
+        1.0 + quad(lambda t: speed * np.cos(heading_at(t)), 0.0, time, limit=500)[0],
+        50.0 + quad(lambda t: speed * np.sin(heading_at(t)), 0.0, time, limit=500)[0],
+    ]
+    np.testing.assert_allclose(pose[:2], expected, atol=1e-6)
+    assert pose[2] == pytest.approx(heading_at(time), abs=1e-9)
+
+
+def test_stop_and_go_stands_and_holds_its_heading():
+    path = StopAndGo("stop_and_go", (0.0, 30.0), -90.0, 4.0, 1.0, 1.5, 2.0, 20.0, 0.1)
+    times = np.linspace(0.0, 20.0, 2001)
+    length, speed = stop_and_go_profile(path, times)
+    standing = (times % 6.0 > 2.5) & (times % 6.0 < 4.5)
+    assert (speed[standing] == 0.0).all() and (speed[~standing] >= 0.0).all()
+    assert speed.max() == 4.0
+    # A round drives 1 s at full speed and brakes and pulls away at half of it on the mean.
+    np.testing.assert_allclose(stop_and_go_profile(path, np.array([6.0, 12.0]))[0], [10.0, 20.0])
+    np.testing.assert_allclose(np.gradient(length, times)[1:-1], speed[1:-1], atol=0.02)
+    poses, rates = path_poses(path, times)
+    assert (poses[:, 2] == np.radians(-90.0)).all()
+    assert (rates[standing] == 0.0).all()
+
+
+def test_stop_and_go_without_driving_or_standing():
+    path = StopAndGo("stop_and_go", (0.0, 30.0), -90.0, 4.0, 0.0, 1.0, 0.0, 20.0, 0.1)
+    length, speed = stop_and_go_profile(path, np.array([0.0, 0.5, 1.0, 1.5, 2.0]))
+    np.testing.assert_allclose(speed, [4, 2, 0, 2, 4], atol=1e-12)
+    np.testing.assert_allclose(length, [0, 1.5, 2, 2.5, 4], atol=1e-12)
+
+
+def waypoints(points, **changes):
+    return replace(Waypoints("waypoints", points, 3.0, 20.0, 0.1), **changes)
+
+
+def test_the_spline_passes_through_the_waypoints():
+    points = ((-5.0, 25.0), (-2.0, 18.0), (3.0, 14.0), (6.0, 20.0))
+    poses, _ = path_poses(waypoints(points, speed=1.0), np.linspace(0.0, 30.0, 30001))
+    for point in points:
+        assert np.hypot(*(poses[:, :2] - point).T).min() < 1e-3
+    np.testing.assert_allclose(poses[0, :2], points[0])
+
+
+def test_beyond_the_last_waypoint_it_goes_straight_on():
+    points = ((-5.0, 25.0), (-2.0, 18.0), (3.0, 14.0))
+    path = waypoints(points)
+    poses, rates = path_poses(path, np.linspace(0.0, 20.0, 2001))
+    last = np.argmin(np.hypot(*(poses[:, :2] - points[-1]).T)) + 2
+    assert last < 1000
+    np.testing.assert_allclose(poses[last:, 2], poses[last, 2], atol=1e-12)
+    assert (rates[last:, 2] == 0.0).all()
+    np.testing.assert_allclose(np.hypot(rates[:, 0], rates[:, 1]), 3.0)
+    steps = np.hypot(*np.diff(poses[last:, :2], axis=0).T)
+    np.testing.assert_allclose(steps, 0.03, rtol=1e-9)
+
+
+def test_two_waypoints_are_a_straight_line():
+    poses, rates = path_poses(waypoints(((0.0, 10.0), (3.0, 14.0))), np.array([0.0, 1.0, 9.0]))
+    np.testing.assert_allclose(poses[:, 0], [0.0, 1.8, 16.2], atol=1e-9)
+    np.testing.assert_allclose(poses[:, 1], [10.0, 12.4, 31.6], atol=1e-9)
+    np.testing.assert_allclose(rates[:, 2], 0.0, atol=1e-12)
+
+
+@settings(derandomize=True, deadline=None, max_examples=15)
+@given(
+    st.lists(st.tuples(st.floats(-30, 30), st.floats(1, 60)), min_size=2, max_size=7),
+    st.floats(0.0, 20.0),
+)
+def test_waypoints_are_driven_at_constant_speed(points, time):
+    path = waypoints(tuple(points))
+    try:
+        path.check()
+    except ValueError:
+        return
+    spline = waypoint_spline(np.array(points))
+    poses, rates = path_poses(path, np.array([0.0, time, time + 1e-6]))
+    assert np.isfinite(poses).all() and np.isfinite(rates).all()
+    np.testing.assert_allclose(np.hypot(rates[:, 0], rates[:, 1]), 3.0)
+    length = quad(lambda u: np.hypot(*spline(u, 1)), 0.0, spline.x[-1], limit=500)[0]
+    end = path_poses(path, np.array([length / 3.0]))[0][0]
+    np.testing.assert_allclose(end[:2], points[-1], atol=1e-3)
+
+
+@pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
+@pytest.mark.parametrize("name", scene_presets.PATHS)
+def test_a_path_that_starts_behind_the_camera_is_refused(kind, name):
+    path = scene_presets.path(name, kind)
+    if name == "waypoints":
+        behind, key = replace(path, points=((0.0, -5.0), (0.0, 10.0))), r"path\.points"
+    else:
+        behind, key = replace(path, start=(1.0, -4.0)), r"path\.start"
+    with pytest.raises(ValueError, match=key + ": the path starts behind the camera"):
+        behind.check()
+    with pytest.raises(ValueError, match="behind the camera"):
+        path_poses(behind, np.zeros(1))
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        ((), "two points at least, not 0"),
+        (((0.0, 10.0),), "two points at least, not 1"),
+        (((0.0, 10.0), (0.0, 10.0), (5.0, 9.0)), "points 0 and 1 are the same"),
+        (((0.0, 10.0), (0.0, float("nan"))), "must be finite"),
+        (((0.0, 10.0), (0.0, float("inf"))), "must be finite"),
+        (((0.0, 10.0), (0.0, 20.0), (0.0, 12.0)), "turns back on itself at point 1"),
+    ],
+)
+def test_impossible_waypoints_are_refused(points, message):
+    with pytest.raises(ValueError, match=r"path\.points: .*" + message):
+        waypoints(points).check()
+
+
+@pytest.mark.parametrize(
+    ("name", "heading"), [("approach", 90.0), ("depart", -90.0), ("crossing", 180.0)]
+)
+def test_a_heading_that_belies_the_path_is_refused(name, heading):
+    path = replace(scene_presets.path(name, "car"), heading=heading)
+    with pytest.raises(ValueError, match=r"path\.heading"):
+        path.check()
+
+
+@pytest.mark.parametrize("name", scene_presets.PATHS)
+def test_too_many_scans_are_refused(name):
+    path = replace(scene_presets.path(name, "car"), duration=3600.0, sample_time=0.001)
+    with pytest.raises(ValueError, match=r"path\.duration: .* more than 100000 scans"):
+        path.check()
