@@ -1,0 +1,62 @@
+"""Completion of overrides in the shell, from the text of the configuration's files alone."""
+
+import os
+
+from stixel_cli.config.folders import default_option, group_options, option_values
+from stixel_cli.errors import ConfigurationError
+
+
+def complete_override(incomplete: str) -> list[str]:
+    """What `incomplete` can become: groups with their options, or keys with what stands there.
+
+    Bash takes `=` for the end of a word, and wants only what follows it.
+    """
+    words, group = _words_in_bash(incomplete)
+    before = f"{group}=" if group else ""
+    try:
+        found = _candidates(before + incomplete, words)
+    except (OSError, ConfigurationError):
+        return []
+    return [word.removeprefix(before) for word in found if word != before]
+
+
+def _words_in_bash(incomplete: str) -> tuple[list[str], str]:
+    """The words of the line, and what stands before a `=` that `incomplete` follows."""
+    words = os.environ.get("COMP_WORDS", os.environ.get("_TYPER_COMPLETE_ARGS", "")).split()
+    current = os.environ.get("COMP_CWORD", "")
+    if not current.isdecimal():
+        return words, ""
+    head = words[: int(current) + (not incomplete)]
+    return words, head[-2] if len(head) > 1 and head[-1] == "=" else ""
+
+
+def _candidates(typed: str, words: list[str]) -> list[str]:
+    key, equals, _ = typed.partition("=")
+    groups = [group for group in group_options() if group.startswith(key)]
+    if equals or len(groups) == 1:
+        # A lone `group=` would be given a space after it, so go on to its options.
+        found = [f"{group}={option}" for group in groups for option in group_options()[group]]
+    else:
+        found = [f"{group}=" for group in groups]
+    if key and "seed".startswith(key):
+        found.append("seed=")
+    group = key.partition(".")[0]
+    if "." in key and group in group_options():
+        found += _keys(group, key, words)
+    return [word for word in found if word.startswith(typed)]
+
+
+def _keys(group: str, typed: str, words: list[str]) -> list[str]:
+    """The keys of the option that the line chooses; one alone also with what stands there."""
+    line = "".join(f" {word}" for word in words).replace(" = ", "=").split()
+    chosen = [word.partition("=")[2] for word in line if word.startswith(f"{group}=")]
+    option = chosen[-1] if chosen else default_option(group)
+    if option not in group_options()[group]:
+        return []
+    values = {f"{group}.{key}": text for key, text in option_values(group, option).items()}
+    values.pop(f"{group}.kind", None)
+    found = [key for key in values if key.startswith(typed)]
+    if len(found) != 1:
+        return [f"{key}=" for key in found]
+    plain = values[found[0]]
+    return [f"{found[0]}="] + ([f"{found[0]}={plain}"] if plain and plain[0] not in "$[{" else [])

@@ -1,0 +1,94 @@
+"""What cannot be, seen over several keys and groups, refused before anything is computed."""
+
+import dataclasses
+import inspect
+import math
+from typing import Any
+
+from stixel_cli.config.schema import Configuration
+from stixel_cli.errors import ConfigurationError
+
+_NEAREST_START = 1.0
+"""Room that must be between the camera and the target at its start, m."""
+
+
+def check(configuration: Configuration) -> None:
+    """Refuse a configuration that is valid key by key and impossible as a whole.
+
+    Raises:
+        ConfigurationError: in one line that names the key.
+    """
+    try:
+        _check_rig(configuration)
+        _check_times(configuration)
+        for field in dataclasses.fields(configuration):
+            _check_part(configuration, getattr(configuration, field.name))
+        _check_start(configuration)
+        _check_stereo(configuration)
+    except ValueError as fault:
+        raise ConfigurationError(" ".join(str(fault).split())) from None
+
+
+def _check_part(configuration: Configuration, part: Any) -> None:
+    """Call the part's own `check`; its arguments are named as the groups that it looks at."""
+    own = getattr(part, "check", None)
+    if own is not None:
+        own(**{group: getattr(configuration, group) for group in inspect.signature(own).parameters})
+
+
+def _check_rig(configuration: Configuration) -> None:
+    rig = configuration.rig
+    _ = rig.focal
+    for name, value, size in (
+        ("principal_u", rig.principal_u, rig.width),
+        ("principal_v", rig.principal_v, rig.height),
+    ):
+        if value is not None and not 0 <= value <= size - 1:
+            raise ValueError(f"rig.{name}: {value:g} is outside the image, 0 to {size - 1}")
+
+
+def _check_times(configuration: Configuration) -> None:
+    path = configuration.path
+    if path.sample_time > path.duration:
+        raise ValueError(
+            f"path.sample_time: {path.sample_time:g} s is longer than path.duration, "
+            f"{path.duration:g} s"
+        )
+    scans = round(path.duration / path.sample_time)
+    late = [k for k in configuration.pictures.frames or () if k >= scans]
+    if late:
+        raise ValueError(f"pictures.frames: {late[0]} is past the last frame, {scans - 1}")
+
+
+def _check_start(configuration: Configuration) -> None:
+    """Refuse a target that would stand in the camera; its heading is left out of account."""
+    path, user = configuration.path, configuration.road_user
+    key, start = (
+        ("path.start", path.start) if hasattr(path, "start") else ("path.points", path.points[0])
+    )
+    extent = 0.0 if user.mesh is not None else 0.5 * min(user.length, user.width)
+    distance = math.hypot(*start)
+    if distance - extent < _NEAREST_START:
+        raise ValueError(
+            f"{key}: the path starts {distance:.2g} m from the camera, it must be at least "
+            f"{_NEAREST_START + extent:.2g} m"
+        )
+
+
+def _check_stereo(configuration: Configuration) -> None:
+    stereo, rig = configuration.stereo, configuration.rig
+    if stereo.disparities is not None and stereo.disparities >= rig.width:
+        raise ValueError(
+            f"stereo.disparities: {stereo.disparities} must be below rig.width, {rig.width}"
+        )
+    greatest = float(rig.disparity_from_depth(stereo.nearest))
+    if stereo.disparities is None and greatest >= rig.width:
+        raise ValueError(
+            f"stereo.nearest: at {stereo.nearest:g} m the disparity is {greatest:.0f} px, more "
+            f"than rig.width, {rig.width}"
+        )
+    if stereo.block_size >= min(rig.width, rig.height):
+        raise ValueError(
+            f"stereo.block_size: {stereo.block_size} must be below the image's size, "
+            f"{rig.width} × {rig.height}"
+        )

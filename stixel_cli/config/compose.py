@@ -1,0 +1,175 @@
+"""From overrides to a validated configuration, by Hydra and the rooms' schemas."""
+
+import copy
+import json
+import re
+import threading
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from stixel_cli.config import messages
+from stixel_cli.config.folders import conf_state, configuration_folder, group_options
+from stixel_cli.config.keys import known_keys
+from stixel_cli.config.overrides import check_overrides, parse_overrides, refuse_sweeps
+from stixel_cli.config.schema import Configuration, adapter
+from stixel_cli.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from hydra.core.override_parser.types import Override
+    from omegaconf import DictConfig
+
+# Hydra's composition goes through a singleton of the process.
+_HYDRA = threading.Lock()
+
+
+@dataclass(frozen=True)
+class Composition:
+    """A configuration and where it came from.
+
+    Attributes:
+        configuration: validated.
+        choices: the option of each group.
+        overrides: as they were typed.
+        resolved: the configuration in plain types with every interpolation resolved; what
+            `config.yaml` of a result folder holds, and `from_resolved` takes.
+    """
+
+    configuration: Configuration
+    choices: dict[str, str]
+    overrides: tuple[str, ...]
+    resolved: dict[str, Any]
+
+
+def compose(overrides: Sequence[str] = ()) -> Composition:
+    """The default configuration with `overrides`, in Hydra's grammar, applied.
+
+    Nothing stays behind in the process, so it can be called from anywhere, any number of times.
+
+    Raises:
+        ConfigurationError: in one line, for whatever is wrong with the overrides.
+    """
+    texts = tuple(overrides)
+    group_options.cache_clear()  # a notebook lives longer than the files stay as they are
+    parsed = parse_overrides(texts)
+    check_overrides(parsed)
+    refuse_sweeps(parsed)
+    resolved, choices = _compose(parsed)
+    typed = [override.key_or_group for override in parsed]
+    return Composition(_validate(resolved, typed), choices, texts, resolved)
+
+
+def from_resolved(resolved: Mapping[str, Any]) -> Configuration:
+    """The configuration that `resolved`, the content of a stored `config.yaml`, stands for.
+
+    Raises:
+        ConfigurationError: in one line, if it does not fit the schema or cannot be run.
+    """
+    if not isinstance(resolved, Mapping):
+        raise ConfigurationError(f"{messages.show(resolved)}: is no configuration")
+    return _validate(dict(resolved), ())
+
+
+def _validate(plain: dict[str, Any], typed: Iterable[str]) -> Configuration:
+    from pydantic import ValidationError
+
+    from stixel_cli.config.checks import check
+
+    try:
+        # JSON is the strict mode that fits YAML: lists stand for tuples, and nothing else bends.
+        configuration = adapter().validate_json(json.dumps(plain))
+    except ValidationError as error:
+        faults = error.errors(include_url=False)
+        raise ConfigurationError(messages.describe_faults(faults, plain, typed)) from None
+    except (TypeError, ValueError) as fault:
+        raise ConfigurationError(
+            f"the configuration holds more than plain values: {fault}"
+        ) from None
+    check(configuration)
+    return configuration
+
+
+def _compose(parsed: "Sequence[Override]") -> tuple[dict[str, Any], dict[str, str]]:
+    """The resolved configuration in plain types and the option of each group."""
+    from hydra.errors import HydraException
+    from omegaconf import OmegaConf
+    from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
+
+    chosen = tuple(str(one.input_line) for one in parsed if one.key_or_group in group_options())
+    try:
+        base, choices = _choose(chosen, conf_state())
+        composed = copy.deepcopy(base)
+        for override in parsed:
+            name = override.key_or_group
+            if name in group_options():
+                continue
+            try:
+                OmegaConf.update(composed, name, override.value(), merge=True)
+            except (ConfigAttributeError, ConfigKeyError):
+                # The schema knows the key, so it belongs to another variant of its group.
+                kind = composed[name.partition(".")[0]].get("kind")
+                raise ConfigurationError(messages.unknown_key(name, kind)) from None
+        plain = OmegaConf.to_container(composed, resolve=True, throw_on_missing=True)
+    except OmegaConfBaseException as fault:
+        raise ConfigurationError(_unresolved(fault)) from None
+    except HydraException as fault:
+        raise ConfigurationError(_first_line(fault)) from None
+    return plain, dict(choices)
+
+
+@lru_cache(maxsize=64)
+def _choose(chosen: tuple[str, ...], state: tuple[Any, ...]) -> "tuple[DictConfig, dict[str, str]]":
+    """The options of all groups put together by Hydra, and which they are.
+
+    It takes a tenth of a second, however few keys differ between two configurations, so it is
+    kept as long as the files of `conf/` keep their `state`.
+    """
+    import hydra
+    from omegaconf import open_dict
+
+    folder = str(configuration_folder())
+    with (
+        _HYDRA,
+        _no_hydra_of_others(),
+        hydra.initialize_config_dir(folder, job_name="stixel", version_base="1.3"),
+    ):
+        composed = hydra.compose("config", overrides=list(chosen), return_hydra_config=True)
+        options = dict(composed.hydra.runtime.choices)
+    with open_dict(composed):
+        del composed["hydra"]
+    return composed, {group: options[group] for group in group_options() if group in options}
+
+
+@contextmanager
+def _no_hydra_of_others() -> Iterator[None]:
+    """Hydra's singleton empty, and as it was afterwards: a notebook may have its own."""
+    from hydra.core.global_hydra import GlobalHydra
+
+    theirs = GlobalHydra.instance().hydra
+    GlobalHydra.instance().clear()
+    try:
+        yield
+    finally:
+        GlobalHydra.instance().hydra = theirs
+
+
+def _unresolved(fault: Any) -> str:
+    """One line for a value that stands for another which cannot be had."""
+    from omegaconf.errors import InterpolationKeyError, MissingMandatoryValue
+
+    name = fault.full_key or "the configuration"
+    if isinstance(fault, MissingMandatoryValue):
+        return f"{name}: ??? stands for a missing value: give one"
+    reason = _first_line(fault.msg or fault)
+    if isinstance(fault, InterpolationKeyError) and (wanted := re.search("key '(.*)'", reason)):
+        hint = messages.suggestion(wanted[1], known_keys(), form="${{{}}}")
+        return f"{name}: there is no key {wanted[1]} to take the value of{hint}"
+    return f"{name}: {reason}"
+
+
+def _first_line(fault: Any) -> str:
+    return messages.printable(
+        (str(fault).splitlines() or ["no reason given"])[0], messages.LONGEST_REASON
+    )

@@ -1,0 +1,180 @@
+"""The keys that the schema knows, with what each may be, in words."""
+
+import dataclasses
+import types
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from annotated_types import Ge, Gt, Interval, Le, Len, Lt, MaxLen, MinLen, MultipleOf
+
+from stixel_cli.config.schema import Configuration
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key of the schema.
+
+    Attributes:
+        name: with dots, as it is typed.
+        annotation: the type with its range.
+        kind: the variant of its group that has it; None where the group has no variants.
+    """
+
+    name: str
+    annotation: Any
+    kind: str | None
+
+
+@cache
+def known_keys() -> dict[str, tuple[Key, ...]]:
+    """Every key that can be given a value, by name; with the variants of its group that have it.
+
+    Groups are no keys, nor are their `kind`s, which follow from the option that is chosen.
+    """
+    keys: dict[str, list[Key]] = {}
+    _collect(Configuration, "", None, keys)
+    return {name: tuple(variants) for name, variants in keys.items()}
+
+
+def _collect(schema: type, prefix: str, kind: str | None, keys: dict[str, list[Key]]) -> None:
+    for name, annotation in _fields(schema).items():
+        variants = _dataclasses(annotation)
+        for variant in variants:
+            own = _kind(variant) if len(variants) > 1 else kind
+            _collect(variant, f"{prefix}{name}.", own, keys)
+        if not variants and name != "kind":
+            keys.setdefault(prefix + name, []).append(Key(prefix + name, annotation, kind))
+
+
+@cache
+def _fields(schema: type) -> dict[str, Any]:
+    hints = get_type_hints(schema, include_extras=True)
+    return {field.name: hints[field.name] for field in dataclasses.fields(schema)}
+
+
+def _bare(annotation: Any) -> Any:
+    while get_origin(annotation) is Annotated:
+        annotation = get_args(annotation)[0]
+    return annotation
+
+
+def _alternatives(annotation: Any) -> list[Any]:
+    """The members of a union, each as annotated; else the annotation alone."""
+    bare = _bare(annotation)
+    if get_origin(bare) in (Union, types.UnionType):
+        return [leaf for member in get_args(bare) for leaf in _alternatives(member)]
+    return [annotation]
+
+
+def _dataclasses(annotation: Any) -> list[type]:
+    members = [_bare(member) for member in _alternatives(annotation)]
+    return [member for member in members if dataclasses.is_dataclass(member)]
+
+
+def _kind(schema: type) -> str | None:
+    """The one kind that a variant is; None where the class stands for several or has none."""
+    annotation = _fields(schema).get("kind")
+    values = get_args(_bare(annotation)) if annotation is not None else ()
+    return values[0] if len(values) == 1 else None
+
+
+def locate(path: tuple[str | int, ...]) -> tuple[str, Any]:
+    """The name and annotation of the key at pydantic's location `path`; None if it is unknown.
+
+    Pydantic names the variant of a union within the location: `("path", "turn", "speed")`.
+    """
+    annotation: Any = Configuration
+    name = ""
+    for part in path:
+        schemas = _dataclasses(annotation)
+        variants = [schema for schema in schemas if _kind(schema) == part]
+        if len(schemas) > 1 and variants:
+            annotation = variants[0]
+            continue
+        if isinstance(part, int):
+            name += f"[{part}]"
+            annotation = _element(annotation, part)
+        else:
+            name += f".{part}" if name else part
+            fields = [_fields(schema)[part] for schema in schemas if part in _fields(schema)]
+            annotation = fields[0] if fields else None
+    return name, annotation
+
+
+def _element(annotation: Any, index: int) -> Any:
+    for member in _alternatives(annotation):
+        arguments = get_args(_bare(member))
+        if get_origin(_bare(member)) is tuple:
+            return (
+                arguments[0]
+                if arguments[-1] is Ellipsis or index >= len(arguments)
+                else (arguments[index])
+            )
+    return None
+
+
+def choices(annotation: Any) -> tuple[str, ...]:
+    """The words that a key may be, () where it is no choice of words."""
+    words: list[str] = []
+    for member in _alternatives(annotation):
+        if get_origin(_bare(member)) is Literal:
+            words += [str(word) for word in get_args(_bare(member))]
+    return tuple(words)
+
+
+def describe(annotation: Any) -> str:
+    """What a key may be, in words: `a number > 0 and ≤ 5, or null`."""
+    return ", or ".join(_describe_one(member) for member in _alternatives(annotation))
+
+
+def _describe_one(annotation: Any) -> str:
+    bare = _bare(annotation)
+    if bare is type(None):
+        return "null"
+    if dataclasses.is_dataclass(bare):
+        return "a group of keys: " + ", ".join(_fields(bare))
+    if get_origin(bare) is Literal:
+        return "one of " + ", ".join(str(word) for word in get_args(bare))
+    limits = bounds(annotation)
+    if get_origin(bare) is tuple:
+        arguments = get_args(bare)
+        if arguments[-1] is Ellipsis:
+            words = f"a list, each {_describe_one(arguments[0])}"
+        else:
+            words = f"[{', '.join(_describe_one(argument) for argument in arguments)}]"
+        return f"{words} ({limits} of them)" if limits else words
+    names = {int: "a whole number", float: "a number", bool: "true or false", str: "text"}
+    words = names.get(bare, str(bare))
+    return f"{words} {limits}" if limits else words
+
+
+def bounds(annotation: Any) -> str:
+    """The range of one annotation in words, `> 0 and ≤ 5`; empty where it has none."""
+    lower = upper = step = ""
+    metadata = get_args(annotation)[1:] if get_origin(annotation) is Annotated else ()
+    for limit in _single_limits(metadata):
+        match limit:
+            case Gt(gt=value):
+                lower = f"> {value}"
+            case Ge(ge=value):
+                lower = f"≥ {value}"
+            case MinLen(min_length=value):
+                lower = f"≥ {value}" if value else ""
+            case Lt(lt=value):
+                upper = f"< {value}"
+            case Le(le=value):
+                upper = f"≤ {value}"
+            case MaxLen(max_length=value):
+                upper = f"≤ {value}"
+            case MultipleOf(multiple_of=value):
+                step = f"a multiple of {value}"
+    return " and ".join(part for part in (lower, upper, step) if part)
+
+
+def _single_limits(metadata):
+    for limit in metadata:
+        if isinstance(limit, Interval | Len):
+            yield from limit
+        else:
+            yield limit

@@ -1,0 +1,201 @@
+"""What is wrong with a configuration, each fault in one line: the key, the fault, what is right."""
+
+import json
+from collections.abc import Iterable, Sequence
+from difflib import SequenceMatcher
+from typing import Any
+
+from stixel_cli.config import keys
+from stixel_cli.config.folders import group_options
+
+_OUT_OF_RANGE = {
+    "greater_than",
+    "greater_than_equal",
+    "less_than",
+    "less_than_equal",
+    "too_short",
+    "too_long",
+}
+_LONGEST = 60
+LONGEST_REASON = 200
+_NEAR = 0.6
+_FAR = 0.5
+_MOST_SUGGESTIONS = 4
+
+
+def nearest(word: str, candidates: Iterable[str]) -> list[str]:
+    """The candidates that `word` most likely means, all that are as near as the nearest.
+
+    Whole names are compared, and last parts too, for people forget or mistake the group
+    (`widht`, `camera.baseline`) and shorten (`rig.fov`).
+    """
+    word = word.lower()
+    group, _, last = word.rpartition(".")
+    # A matcher keeps what it has learnt of its second word.
+    whole, its_last, its_group = (SequenceMatcher(None, "", part) for part in (word, last, group))
+    scores = {}
+    for candidate in candidates:
+        candidate_group, _, candidate_last = candidate.rpartition(".")
+        score = _likeness(whole, candidate)
+        if candidate_group:
+            lasts = _likeness(its_last, candidate_last)
+            if last in candidate_last.split("_"):
+                lasts = max(lasts, 0.8)
+            if 0.9 * lasts > score - 0.01:
+                # Of equal last parts, the one in the nearer group.
+                score = max(score, 0.9 * lasts + 0.01 * _likeness(its_group, candidate_group))
+        scores[candidate] = score
+    best = max(scores.values(), default=0.0)
+    return [name for name, score in scores.items() if score == best] if best > _NEAR else []
+
+
+def _likeness(matcher: SequenceMatcher, other: str) -> float:
+    matcher.set_seq1(other)
+    # The bounds cost a tenth of the ratio, and most words are far from most others.
+    if matcher.real_quick_ratio() < _FAR or matcher.quick_ratio() < _FAR:
+        return 0.0
+    return matcher.ratio()
+
+
+def suggestion(word: str, candidates: Iterable[str], form: str = "{}") -> str:
+    """`; did you mean …?` for the nearest candidates, empty if nothing is near."""
+    near = [form.format(name) for name in nearest(word, candidates)]
+    if not near or len(near) > _MOST_SUGGESTIONS:
+        return ""
+    return f"; did you mean {' or '.join(near)}?"
+
+
+def unknown_key(name: str, kind: str | None = None) -> str:
+    """That there is no such key, and which is the nearest.
+
+    Args:
+        name: what was typed, with dots.
+        kind: the variant that is chosen of the key's group, where that is known.
+    """
+    variants = keys.known_keys().get(name)
+    name = printable(name)
+    group = name.partition(".")[0]
+    if variants:
+        owners = ", ".join(f"{group}={variant.kind}" for variant in variants)
+        chosen = f" with {group}={kind}" if kind else " in the chosen option"
+        return f"{name}: there is no such key{chosen}; it belongs to {owners}"
+    inner = [key for key in keys.known_keys() if key.startswith(name + ".")]
+    if inner and name not in group_options():
+        return f"{name}: holds several keys: give one of them, as {inner[0]}=VALUE"
+    candidates = [
+        key
+        for key, variants in keys.known_keys().items()
+        if kind is None or not key.startswith(group + ".") or _belongs(variants, kind)
+    ]
+    hint = suggestion(name, candidates if "." in name else [*group_options(), *candidates])
+    if not hint and group in group_options():
+        its = [key.partition(".")[2] for key in candidates if key.startswith(group + ".")]
+        hint = f"; {group} has {', '.join(its)}"
+    elif not hint:
+        hint = "; `stixel run --help` lists the groups, `stixel run --dry-run` every key"
+    return f"{name}: there is no such key{hint}"
+
+
+def _belongs(variants: Sequence[keys.Key], kind: str) -> bool:
+    return any(variant.kind in (None, kind) for variant in variants)
+
+
+def unknown_option(group: str, option: str) -> str:
+    """That a group has no such option, which is the nearest, and all there are."""
+    options = group_options()[group]
+    hint = suggestion(option, options, form=group + "={}")
+    return f"{group}: there is no option {show(option)}{hint} (options: {', '.join(options)})"
+
+
+def show(value: Any) -> str:
+    """A value as one would type it, on one line and not too long."""
+    if isinstance(value, str):
+        return f"'{printable(value)}'"
+    return printable(json.dumps(value, ensure_ascii=False, default=str))
+
+
+def printable(text: str, longest: int = _LONGEST) -> str:
+    """The text on one line, not too long, with what no terminal shows written as escapes."""
+    if len(text) > longest:
+        text = text[: longest - 1] + "…"
+    return "".join(
+        character if character.isprintable() else character.encode("unicode_escape").decode()
+        for character in text
+    )
+
+
+def _what(value: Any) -> str:
+    match value:
+        case None:
+            return "null"
+        case bool():
+            return "a truth value"
+        case int():
+            return "a whole number"
+        case float():
+            return "a number with a point"
+        case str():
+            return "text" if value else "empty"
+        case list():
+            return "a list"
+    return "a group of keys"
+
+
+def describe_fault(fault: dict[str, Any], plain: dict[str, Any]) -> str:
+    """One of pydantic's errors in one line.
+
+    Args:
+        fault: an item of `ValidationError.errors()`.
+        plain: the configuration that was validated.
+    """
+    kind, value = fault["type"], fault["input"]
+    name, annotation = keys.locate(fault["loc"])
+    if kind in ("unexpected_keyword_argument", "extra_forbidden"):
+        group = name.partition(".")[0]
+        section = plain.get(group)
+        return unknown_key(name, section.get("kind") if isinstance(section, dict) else None)
+    if kind == "missing":
+        needed = f": must be {keys.describe(annotation)}" if annotation is not None else ""
+        return f"{name}: is missing{needed}"
+    if kind.startswith("union_tag"):
+        group = name.partition(".")[0]
+        return f"{name}: its kind is unknown (options: {', '.join(group_options()[group])})"
+    if kind == "json_invalid":
+        return "the configuration holds text that is not UTF-8"
+    if annotation is None:
+        return f"{name}: {show(value)}: {fault['msg']}"
+    right = keys.describe(annotation)
+    if kind in _OUT_OF_RANGE:
+        # One bound alone leaves the user to find the other.
+        range_ = right.removeprefix("a whole number ").removeprefix("a number ")
+        return f"{name}: {show(value)} is out of range: must be {range_}"
+    if kind == "finite_number":
+        return f"{name}: {show(value)} is not finite: must be {right}"
+    if kind == "multiple_of":
+        return f"{name}: {show(value)} does not fit: must be {right}"
+    words = keys.choices(annotation)
+    if words and isinstance(value, str):
+        return f"{name}: {show(value)} is not known: must be {right}" + suggestion(value, words)
+    return f"{name}: {show(value)} is {_what(value)}: must be {right}"
+
+
+def describe_faults(
+    faults: Sequence[dict[str, Any]], plain: dict[str, Any], typed: Iterable[str]
+) -> str:
+    """The fault to mend first, and how many more there are.
+
+    Args:
+        faults: pydantic's errors, at least one.
+        plain: the configuration that was validated.
+        typed: the keys that the user gave: a fault in one of them goes first.
+    """
+    given = tuple(typed)
+
+    def not_typed(fault: dict[str, Any]) -> bool:
+        return not keys.locate(fault["loc"])[0].startswith(given)
+
+    first = min(faults, key=not_typed)
+    text = describe_fault(first, plain)
+    others = len({keys.locate(fault["loc"])[0] for fault in faults}) - 1
+    more = "1 more fault" if others == 1 else f"{others} more faults"
+    return f"{text} (and {more})" if others > 0 else text

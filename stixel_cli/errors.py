@@ -1,0 +1,14 @@
+"""Errors that are the user's to mend: told in one line, with no traceback."""
+
+
+class UserError(Exception):
+    """Something the user can put right; its text is one line that says what and how.
+
+    The command line prints the text alone and exits with `exit_code`.
+    """
+
+    exit_code = 2
+
+
+class ConfigurationError(UserError):
+    """A configuration that cannot be run: the text names the key, the fault and what is right."""

@@ -1,0 +1,170 @@
+import subprocess
+import sys
+
+import pytest
+
+from stixel_cli import __version__
+from stixel_cli.cli.app import main
+from stixel_cli.errors import UserError
+
+STIXEL = [sys.executable, "-c", "import sys; from stixel_cli.cli.app import main; sys.exit(main())"]
+
+
+@pytest.fixture
+def stand_in(monkeypatch):
+    """Puts a function in the place of the body of `stixel run`."""
+
+    def put(body):
+        monkeypatch.setattr("stixel_cli.cli.run.run_command", body)
+
+    return put
+
+
+def test_help(capsys):
+    assert main(["--help"]) == 0
+    answer = capsys.readouterr().out
+    assert "run " in answer
+    assert "report " in answer
+    assert main([]) == 0
+    assert capsys.readouterr().out == answer
+
+
+def test_help_of_run_shows_groups_and_examples(capsys):
+    assert main(["run", "--help"]) == 0
+    answer = capsys.readouterr().out
+    for text in ("road_user=car|cyclist|pedestrian", "--dry-run", "Examples:", "tracker"):
+        assert text in answer
+
+
+def test_help_of_report(capsys):
+    assert main(["report", "-h"]) == 0
+    assert "side by side" in capsys.readouterr().out
+
+
+def test_version(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"stixel {__version__}\n"
+
+
+def test_help_imports_nothing_heavy():
+    program = (
+        "import sys; from stixel_cli.cli.app import main; main(['--help']); "
+        "heavy = 'numpy hydra omegaconf pydantic rich yaml scipy cv2 numba matplotlib open3d'; "
+        "sys.exit([name for name in heavy.split() if name in sys.modules] or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_composition_imports_nothing_heavy():
+    program = (
+        "import sys; from stixel_cli.config.compose import compose; compose(['seed=1']); "
+        "heavy = 'scipy cv2 numba matplotlib open3d shapely joblib'; "
+        "sys.exit([name for name in heavy.split() if name in sys.modules] or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_run_hands_over_what_was_typed(stand_in, tmp_path):
+    seen = []
+    stand_in(lambda *arguments: seen.append(arguments) or 0)
+    assert main(["run"]) == 0
+    line = ["run", "seed=1", "--name", "a", "rig=kitti", "--workers", "3", "--json", "--dry-run"]
+    assert main([*line, "--results", str(tmp_path)]) == 0
+    defaults, given = seen
+    assert list(defaults[0]) == []
+    assert defaults[1] is None
+    assert str(defaults[2]) == "results"
+    assert defaults[4:] == (False, False)
+    assert given == (["seed=1", "rig=kitti"], "a", tmp_path, 3, True, True)
+
+
+def test_exit_code_of_the_body_is_the_command_s(stand_in):
+    stand_in(lambda *arguments: 3)
+    assert main(["run"]) == 3
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        (["run", "--wrokers", "3"], "did you mean --workers?"),
+        (["run", "--dryrun"], "did you mean --dry-run?"),
+        (["run", "--nmae=a"], "did you mean --name?"),
+        (["run", "--seed=3"], "did you mean seed=… without the dashes?"),
+        (["run", "--rig.width", "3"], "did you mean rig.width=… without the dashes?"),
+        (["run", "--road_user=car"], "did you mean road_user=…"),
+        (["--verison"], "did you mean --version?"),
+        (["run", "--xyzzy"], "no such option --xyzzy (see stixel run --help)"),
+        (["run", "--name"], "requires an argument"),
+        (["run", "--workers", "many"], "'--workers'"),
+        (["run", "--workers", "0"], "'--workers'"),
+        (["rnu"], "did you mean 'run'?"),
+        (["xyzzy"], "no such command 'xyzzy'"),
+        (["report"], "missing argument"),
+    ],
+)
+def test_wrong_usage_is_one_line(line, message, capsys):
+    assert main(line) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+    assert said.err.startswith("stixel: ")
+    assert message in said.err
+
+
+def test_known_errors_are_one_line(stand_in, capsys):
+    def body(*arguments):
+        raise UserError("rig.file: cannot\nbe read")
+
+    stand_in(body)
+    assert main(["run"]) == 2
+    assert capsys.readouterr().err == "stixel: rig.file: cannot be read\n"
+
+
+def test_a_crash_leaves_a_log(stand_in, capsys, tmp_path, monkeypatch):
+    def body(*arguments):
+        raise ZeroDivisionError("of\nall things")
+
+    stand_in(body)
+    monkeypatch.setattr("platformdirs.user_log_path", lambda *_, **__: tmp_path)
+    assert main(["run"]) == 1
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "ZeroDivisionError: of all things" in said
+    (log,) = tmp_path.iterdir()
+    assert str(log) in said
+    assert "Traceback" in log.read_text()
+    assert __version__ in log.read_text()
+
+
+def test_a_crash_without_a_log_is_shown(stand_in, capsys, monkeypatch):
+    def body(*arguments):
+        raise ZeroDivisionError
+
+    def full(*_, **__):
+        raise OSError("disk full")
+
+    stand_in(body)
+    monkeypatch.setattr("platformdirs.user_log_path", full)
+    assert main(["run"]) == 1
+    said = capsys.readouterr().err
+    assert "disk full" in said
+    assert "Traceback" in said
+
+
+def test_ctrl_c(stand_in, capsys):
+    def body(*arguments):
+        raise KeyboardInterrupt
+
+    stand_in(body)
+    assert main(["run"]) == 130
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_reader_that_goes_away_is_no_crash():
+    line = " ".join(f"'{part}'" for part in [*STIXEL, "run", "--help"])
+    shell = f"{line} | true; exit ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", shell], capture_output=True, text=True)
+    assert done.stderr == ""
+    assert done.returncode in (0, 1)

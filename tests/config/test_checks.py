@@ -1,0 +1,73 @@
+import pytest
+
+from stixel_cli.config.compose import compose
+from stixel_cli.errors import ConfigurationError
+
+IMPOSSIBLE = {
+    "fewer columns than rays": (
+        ["measurement=fabricated", "measurement.rays=641"],
+        "measurement.rays: 641 rays are more than the 640 columns",
+    ),
+    "behind the camera": (["path.start=[1,-3]"], "path.start: the path starts behind the camera"),
+    "in the camera": (["path.start=[0.5,1]"], "path.start: the path starts 1.1 m from the camera"),
+    "waypoint in the camera": (
+        ["path=waypoints", "path.points=[[0,1],[0,9]]"],
+        "path.points: the path starts 1 m from the camera, it must be at least 1.9 m",
+    ),
+    "one waypoint": (["path=waypoints", "path.points=[[0,9]]"], "path.points: two points"),
+    "no waypoint": (["path=waypoints", "path.points=[]"], "path.points: two points"),
+    "no scan": (["path.duration=0.05"], "path.sample_time: 0.1 s is longer than path.duration"),
+    "late picture": (
+        ["path.duration=5", "pictures.frames=[0,50]"],
+        "pictures.frames: 50 is past the last frame, 49",
+    ),
+    "pictures out of order": (["pictures.frames=[3,1]"], "pictures.frames: [3, 1]"),
+    "two focal lengths": (["rig.focal_length=700"], "rig.horizontal_fov and rig.focal_length"),
+    "no focal length": (["rig.horizontal_fov=null"], "rig.horizontal_fov and rig.focal_length"),
+    "principal point outside": (
+        ["rig.principal_v=480"],
+        "rig.principal_v: 480 is outside the image, 0 to 479",
+    ),
+    "more disparities than columns": (
+        ["rig.width=100", "stereo.disparities=112"],
+        "stereo.disparities: 112 must be below rig.width, 100",
+    ),
+    "disparity larger than the image": (
+        ["stereo.nearest=0.1"],
+        "stereo.nearest: at 0.1 m the disparity is 1663 px, more than rig.width, 640",
+    ),
+    "block larger than the image": (
+        ["stereo=bm", "rig.height=64", "rig.width=128", "stereo.block_size=65"],
+        "stereo.block_size: 65 must be below the image's size, 128 × 64",
+    ),
+    "even block": (["stereo.block_size=4"], "stereo.block_size: 4 is even"),
+    "penalties": (["stereo.p1=900", "stereo.p2=800"], "stereo.p2: 800 must be above stereo.p1"),
+    "no such mesh": (["road_user.mesh=/no/such/file.obj"], "road_user.mesh: "),
+    "mesh is a folder": (["road_user.mesh=/"], "road_user.mesh: "),
+    "mesh is empty": (["road_user.mesh="], "road_user.mesh: "),
+    "gates are shut": (
+        ["measurement.height_min=5", "measurement.height_max=2.5"],
+        "measurement.height_max: 2.5 m",
+    ),
+    "prior's corners": (["prior.corner_radius=2"], "prior.corner_radius: 2"),
+}
+
+
+@pytest.mark.parametrize("case", IMPOSSIBLE)
+def test_the_impossible_is_refused(case):
+    overrides, message = IMPOSSIBLE[case]
+    with pytest.raises(ConfigurationError) as error:
+        compose(overrides)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_mesh_that_exists_is_taken(tmp_path):
+    mesh = tmp_path / "a car.obj"
+    mesh.touch()
+    assert compose([f"road_user.mesh='{mesh}'"]).configuration.road_user.mesh == str(mesh)
+
+
+def test_the_other_way_to_give_the_focal_length():
+    rig = compose(["rig.focal_length=700", "rig.horizontal_fov=null"]).configuration.rig
+    assert rig.focal == 700

@@ -1,0 +1,193 @@
+import shutil
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import pytest
+import yaml
+
+from stixel_cli.config.compose import compose, from_resolved
+from stixel_cli.config.folders import configuration_folder, group_options
+from stixel_cli.config.schema import Configuration
+from stixel_cli.errors import ConfigurationError
+
+OPTIONS = [(group, option) for group, options in group_options().items() for option in options]
+
+
+@pytest.fixture(scope="module")
+def default():
+    return compose()
+
+
+@pytest.mark.parametrize(("group", "option"), OPTIONS)
+def test_every_preset_is_valid(group, option):
+    composition = compose([f"{group}={option}"])
+    assert composition.choices[group] == option
+    assert isinstance(composition.configuration, Configuration)
+
+
+def test_default_is_what_the_readme_says(default):
+    expected = {
+        "road_user": "car",
+        "path": "turn",
+        "ego": "parked",
+        "rig": "default",
+        "renderer": "raycast",
+        "stereo": "sgm",
+        "occupancy": "polar",
+        "measurement": "simulated",
+        "tracker": "gp_ekf",
+    }
+    assert expected.items() <= default.choices.items()
+    assert default.choices.keys() == group_options().keys()
+    assert default.configuration.seed == 0
+    assert default.overrides == ()
+
+
+@pytest.mark.parametrize("user", ["car", "cyclist", "pedestrian"])
+def test_pace_and_prior_follow_the_road_user(user):
+    composition = compose([f"road_user={user}"])
+    assert composition.choices["pace"] == composition.choices["prior"] == user
+    assert composition.configuration.path.speed == composition.configuration.pace.turn_speed
+
+
+def test_pace_can_be_another_ones():
+    composition = compose(["pace=cyclist", "road_user=pedestrian"])
+    assert composition.choices["pace"] == "cyclist"
+    assert composition.choices["prior"] == "pedestrian"
+
+
+@pytest.mark.parametrize("path", group_options()["path"])
+def test_every_path_goes_with_another_class(path):
+    assert compose(["road_user=pedestrian", f"path={path}"]).configuration.path.kind == path
+
+
+def test_a_key_changes_that_key_alone(default):
+    changed = compose(["tracker.length_scale=0.6"])
+    tracker = replace(default.configuration.tracker, length_scale=0.6)
+    assert changed.configuration == replace(default.configuration, tracker=tracker)
+    assert changed.overrides == ("tracker.length_scale=0.6",)
+
+
+def test_types_of_the_schema():
+    composed = compose(["rig.baseline=1", "road_user.mesh=null", "pictures.frames=[0,5]"])
+    baseline = composed.configuration.rig.baseline
+    assert baseline == 1.0
+    assert type(baseline) is float
+    assert composed.configuration.pictures.frames == (0, 5)
+
+
+def test_a_value_can_stand_for_another():
+    assert compose(["rig.height=${rig.width}"]).configuration.rig.height == 640
+
+
+def test_twice_the_same(default):
+    assert compose() == default
+    assert compose() is not default
+
+
+def test_order_of_overrides_does_not_matter():
+    one = compose(["rig.width=800", "rig=kitti", "seed=3"])
+    other = compose(["seed=3", "rig=kitti", "rig.width=800"])
+    assert one.configuration == other.configuration
+    assert one.configuration.rig.focal_length == 721.5377
+
+
+def test_stored_configuration_comes_back(default):
+    for composition in (default, compose(["path=circle", "rig=kitti", "measurement=fabricated"])):
+        stored = yaml.safe_load(yaml.safe_dump(composition.resolved))
+        assert from_resolved(stored) == composition.configuration
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda plain: plain["rig"].pop("width"), "rig.width: is missing"),
+        (lambda plain: plain["rig"].update(widht=3), "did you mean rig.width?"),
+        (lambda plain: plain.pop("tracker"), "tracker: is missing"),
+        (lambda plain: plain.update(sedd=3), "did you mean seed?"),
+        (lambda plain: plain["path"].update(kind="loop"), "path: its kind is unknown"),
+        (lambda plain: plain.update(rig=3), "rig: 3 is a whole number"),
+        (lambda plain: plain.update(rig=None), "rig: null is null"),
+        (lambda plain: plain["rig"].update(baseline=-1), "must be > 0 and ≤ 5"),
+        (lambda plain: plain["road_user"].update(mesh="\udcff"), "not UTF-8"),
+        (lambda plain: plain["road_user"].update(mesh=object), "plain values"),
+    ],
+)
+def test_stored_configuration_that_is_wrong(default, change, message):
+    plain = yaml.safe_load(yaml.safe_dump(default.resolved))
+    change(plain)
+    with pytest.raises(ConfigurationError) as error:
+        from_resolved(plain)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_no_configuration_at_all():
+    with pytest.raises(ConfigurationError, match="no configuration"):
+        from_resolved([1, 2])
+
+
+def test_threads_do_not_disturb_each_other():
+    seeds = range(6)
+    with ThreadPoolExecutor(3) as pool:
+        composed = list(pool.map(lambda seed: compose([f"seed={seed}"]), seeds))
+    assert [composition.configuration.seed for composition in composed] == list(seeds)
+
+
+def test_nothing_stays_behind_in_hydra():
+    from hydra import initialize_config_dir
+    from hydra.core.global_hydra import GlobalHydra
+
+    with pytest.raises(ConfigurationError):
+        compose(["measurement.rays=3"])
+    compose()
+    assert not GlobalHydra.instance().is_initialized()
+    # A notebook with a Hydra of its own keeps it.
+    with initialize_config_dir(str(configuration_folder()), version_base="1.3"):
+        mine = GlobalHydra.instance().hydra
+        compose(["seed=1"])
+        assert GlobalHydra.instance().hydra is mine
+
+
+def test_hydra_makes_no_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    compose(["seed=1"])
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        [],
+        ["road_user=cyclist", "path=s_curve", "path.swing=3", "seed=9"],
+        ["path=waypoints", "path.points=[[0,12],[3,15.5]]", "path.speed=${pace.turn_speed}"],
+        ["++rig.width=800", "rig=kitti", "pictures.frames=null", "road_user.contrast=0.25"],
+    ],
+)
+def test_it_is_what_hydra_composes(overrides):
+    import hydra
+    from omegaconf import OmegaConf
+
+    with hydra.initialize_config_dir(str(configuration_folder()), version_base="1.3"):
+        composed = hydra.compose("config", overrides=overrides)
+    assert compose(overrides).resolved == OmegaConf.to_container(composed, resolve=True)
+
+
+def test_an_edited_file_is_seen(tmp_path, monkeypatch):
+    package = tmp_path / "stixel_cli"
+    shutil.copytree(configuration_folder(), package / "conf")
+    monkeypatch.setattr("stixel_cli.config.folders._PACKAGE", package)
+    before = compose(["rig=kitti"]).configuration.rig
+    kitti = package / "conf" / "rig" / "kitti.yaml"
+    text = kitti.read_text(encoding="utf-8")
+    assert "width: 1242" in text
+    kitti.write_text(text.replace("width: 1242", "width: 1240 "), encoding="utf-8")
+    assert compose(["rig=kitti"]).configuration.rig == replace(before, width=1240)
+    shutil.copy(kitti, kitti.with_name("mine.yaml"))
+    assert compose(["rig=mine"]).choices["rig"] == "mine"
+    group_options.cache_clear()
+
+
+def test_a_configuration_is_nobody_else_s(default):
+    compose().resolved["rig"]["width"] = 1
+    assert compose() == default

@@ -1,0 +1,53 @@
+import shutil
+
+import pytest
+import yaml
+
+from stixel_cli.config import folders
+from stixel_cli.config.folders import default_option, group_options, option_values, shipped_folder
+from stixel_cli.errors import ConfigurationError
+
+
+def flatten(plain, prefix=""):
+    for key, value in plain.items():
+        if isinstance(value, dict):
+            yield from flatten(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
+
+
+@pytest.mark.parametrize("group", group_options())
+def test_values_are_those_of_the_yaml(group):
+    for option in group_options()[group]:
+        text = (shipped_folder("conf") / group / f"{option}.yaml").read_text(encoding="utf-8")
+        expected = dict(flatten(yaml.safe_load(text)))
+        found = option_values(group, option)
+        assert list(found) == list(expected)
+        for key, value in found.items():
+            if value and value[0] not in "[$":
+                assert yaml.safe_load(value) == expected[key], key
+
+
+def test_default_options():
+    text = (shipped_folder("conf") / "config.yaml").read_text(encoding="utf-8")
+    chosen = [item for item in yaml.safe_load(text)["defaults"] if isinstance(item, dict)]
+    for group, option in (pair for item in chosen for pair in item.items()):
+        expected = "car" if option == "${road_user}" else option
+        assert default_option(group) == expected
+
+
+def test_installed_copy_is_taken_where_there_is_no_checkout(tmp_path, monkeypatch):
+    package = tmp_path / "site-packages" / "stixel_cli"
+    shutil.copytree(shipped_folder("conf"), package / "conf")
+    # Somebody else's folder of the same name.
+    (package.parent / "conf").mkdir()
+    monkeypatch.setattr(folders, "_PACKAGE", package)
+    assert shipped_folder("conf") == package / "conf"
+    (package.parent / "pyproject.toml").touch()
+    assert shipped_folder("conf") == package.parent / "conf"
+
+
+def test_a_missing_folder_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr(folders, "_PACKAGE", tmp_path / "stixel_cli")
+    with pytest.raises(ConfigurationError, match="conf: the folder is missing"):
+        shipped_folder("conf")

@@ -1,0 +1,131 @@
+"""Faults made from the schema, key by key, and what is said of each."""
+
+import copy
+import re
+from typing import Any, get_args
+
+import pytest
+from annotated_types import Ge, Gt, Le, Lt
+
+from stixel_cli.config import messages
+from stixel_cli.config.compose import compose, from_resolved
+from stixel_cli.config.folders import group_options
+from stixel_cli.config.keys import describe, known_keys, locate
+from stixel_cli.errors import ConfigurationError
+
+
+@pytest.fixture(scope="module")
+def plain_of():
+    """The resolved configuration in which a group's variant is chosen."""
+    composed: dict[tuple[str, str | None], dict[str, Any]] = {}
+
+    def resolved(group, kind):
+        if (group, kind) not in composed:
+            composed[group, kind] = compose([f"{group}={kind}"] if kind else []).resolved
+        return copy.deepcopy(composed[group, kind])
+
+    return resolved
+
+
+def limits(annotation):
+    for member in (annotation, *get_args(annotation)):
+        for limit in getattr(member, "__metadata__", ()):
+            match limit:
+                case Gt(gt=value):
+                    yield value
+                case Ge(ge=value):
+                    yield value - 1
+                case Lt(lt=value):
+                    yield value
+                case Le(le=value):
+                    yield value + 1
+
+
+def of_numbers(key):
+    return describe(key.annotation).startswith(("a number", "a whole number"))
+
+
+KEYS = [key for variants in known_keys().values() for key in variants]
+NUMBERS = [key for key in KEYS if of_numbers(key)]
+
+
+def with_value(plain, name, value):
+    *groups, last = name.split(".")
+    section = plain
+    for group in groups:
+        section = section[group]
+    assert last in section, f"{name} is in the schema and not in conf/"
+    section[last] = value
+    return plain
+
+
+def fault(plain):
+    with pytest.raises(ConfigurationError) as error:
+        from_resolved(plain)
+    text = str(error.value)
+    assert "\n" not in text
+    return text
+
+
+@pytest.mark.parametrize("key", KEYS, ids=lambda key: f"{key.name}-{key.kind}")
+def test_wrong_type_names_key_and_type(key, plain_of):
+    plain = plain_of(key.name.partition(".")[0], key.kind)
+    text = fault(with_value(plain, key.name, {"a": 1}))
+    assert text.startswith(f"{key.name}: ")
+    assert describe(key.annotation) in text
+
+
+@pytest.mark.parametrize("key", NUMBERS, ids=lambda key: f"{key.name}-{key.kind}")
+def test_out_of_range_says_the_range(key, plain_of):
+    for value in limits(key.annotation):
+        plain = plain_of(key.name.partition(".")[0], key.kind)
+        text = fault(with_value(plain, key.name, value))
+        assert re.match(rf"{key.name}: {value} (is out of range|does not fit): must be ", text)
+        assert any(sign in text for sign in "<>≤≥")
+
+
+@pytest.mark.parametrize("name", known_keys())
+def test_a_slip_finds_the_key(name):
+    group, dot, last = name.rpartition(".")
+    slips = {last[:-1], last + "x", last[:1] + last[2:], last[0] + last[2:3] + last[1:2] + last[3:]}
+    for slip in slips - {last, ""}:
+        typed = f"{group}{dot}{slip}"
+        if typed not in known_keys() and len(last) > 2:
+            assert name in messages.nearest(typed, known_keys()), typed
+
+
+@pytest.mark.parametrize("group", group_options())
+def test_a_slip_finds_the_group(group):
+    assert messages.nearest(group[:-1] + "x", [*group_options(), *known_keys()])[0] == group
+
+
+def test_every_key_is_found_again():
+    for key in KEYS:
+        group, *rest = key.name.split(".")
+        path = (group, key.kind, *rest) if key.kind else (group, *rest)
+        assert locate(path) == (key.name, key.annotation)
+
+
+def test_unknown_place():
+    assert locate(("rig", "nope")) == ("rig.nope", None)
+    assert locate(("path", "waypoints", "points", 2, 1))[0] == "path.points[2][1]"
+
+
+def test_words_for_types():
+    def words(name, kind=None):
+        return next(
+            describe(key.annotation) for key in known_keys()[name] if kind in (None, key.kind)
+        )
+
+    assert words("rig.baseline") == "a number > 0 and ≤ 5"
+    assert words("rig.width") == "a whole number ≥ 64 and ≤ 4096"
+    assert words("rig.horizontal_fov") == "a number ≥ 5 and < 170, or null"
+    assert words("road_user.mesh") == "text, or null"
+    assert words("path.side", "turn") == "one of left, right"
+
+
+@pytest.mark.parametrize("text", ["a\nb", "a\tb", "\x1b[31m", "a\u2028b", "x" * 5000])
+def test_values_are_shown_on_one_short_line(text):
+    shown = messages.show(text)
+    assert len(shown) < 80
+    assert shown.isprintable()
