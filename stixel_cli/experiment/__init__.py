@@ -1,0 +1,1 @@
+"""Experiments: stages put together, run, and written to result folders."""

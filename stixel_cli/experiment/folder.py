@@ -1,0 +1,158 @@
+"""The result folder: everything it takes to read an experiment, and to make it again."""
+
+import csv
+import io
+import json
+import os
+import re
+import shutil
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from stixel_cli.errors import UserError
+from stixel_cli.evaluation.scores import Scores
+from stixel_cli.experiment.run import Outcome
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.tracking.track import Track
+
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+=,-]*")
+
+
+def reserve_folder(results: Path, name: str | None, default_name: str) -> Path:
+    """The folder to write: `results` / `name`, or one of the default name that is free.
+
+    Nothing is written but the folder `results` itself.
+
+    Raises:
+        UserError: if the name is no plain folder name or is taken, or `results` is not writable.
+    """
+    if name is not None and not _NAME.fullmatch(name):
+        raise UserError(f"--name: {name!r} is no folder name: use letters, digits and _ . + = , -")
+    try:
+        results.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--results: {results}: cannot be made: {error.strerror}") from error
+    if not os.access(results, os.W_OK | os.X_OK):
+        raise UserError(f"--results: {results}: not writable; name another folder")
+    if name is not None:
+        if (results / name).exists():
+            raise UserError(f"--name: {results / name} exists, and is not written over")
+        return results / name
+    folder, number = results / default_name, 2
+    while folder.exists():
+        folder, number = results / f"{default_name}-{number}", number + 1
+    return folder
+
+
+def write_folder(
+    folder: Path,
+    outcome: Outcome,
+    resolved: Mapping[str, Any],
+    manifest: Mapping[str, Any],
+) -> None:
+    """Write a result folder: it appears whole, under its name, or not at all.
+
+    Raises:
+        UserError: if it cannot be written (disk full, no permission, name taken meanwhile).
+    """
+    partial = folder.with_name(f".{folder.name}.partial-{os.getpid()}")
+    try:
+        _write_files(partial, outcome, resolved, manifest)
+        # A rename onto an empty folder would succeed; mkdir claims the name for us alone.
+        folder.mkdir()
+        partial.rename(folder)
+    except OSError as error:
+        raise UserError(f"{folder}: cannot be written: {error.strerror}") from error
+    finally:
+        with suppress(OSError):
+            shutil.rmtree(partial)
+
+
+def _write_files(
+    folder: Path, outcome: Outcome, resolved: Mapping[str, Any], manifest: Mapping[str, Any]
+) -> None:
+    folder.mkdir(parents=True)
+    text = yaml.safe_dump(dict(resolved), sort_keys=False, allow_unicode=True)
+    (folder / "config.yaml").write_text(text, encoding="utf-8")
+    (folder / "manifest.json").write_text(json_text(manifest), encoding="utf-8")
+    (folder / "metrics.json").write_text(json_text(outcome.scores.metrics), encoding="utf-8")
+    for stem, columns in (
+        ("scans", scan_columns(outcome.scans)),
+        ("track", track_columns(outcome.track)),
+        ("scores", score_columns(outcome.scores)),
+    ):
+        (folder / f"{stem}.csv").write_text(_csv_text(columns), encoding="utf-8")
+    np.savez_compressed(folder / "scans.npz", **scan_columns(outcome.scans))
+    np.savez_compressed(folder / "track.npz", **_arrays(outcome.track))
+    np.savez_compressed(folder / "scores.npz", **score_columns(outcome.scores))
+    for path, data in sorted(outcome.pictures.items()):
+        file = folder / "figures" / path
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(data)
+
+
+def json_text(value: Any) -> str:
+    """JSON with two spaces of indent and a newline at its end; NaN is refused."""
+    return json.dumps(value, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def scan_columns(scans: Scans) -> dict[str, np.ndarray]:
+    """The scans as a table, one row a point: k, t (s), x, y (m), variances (m²)."""
+    k = np.repeat(np.arange(len(scans)), np.diff(scans.offsets))
+    return {
+        "k": k,
+        "t": scans.times[k],
+        "x": scans.points_world[:, 0],
+        "y": scans.points_world[:, 1],
+        "var_xx": scans.covariances_world[:, 0, 0],
+        "var_xy": scans.covariances_world[:, 0, 1],
+        "var_yy": scans.covariances_world[:, 1, 1],
+    }
+
+
+def track_columns(track: Track) -> dict[str, np.ndarray]:
+    """The track as a table, one row a scan: pose, rates, their standard deviations, points used."""
+    names = ("x", "y", "heading", "x_rate", "y_rate", "heading_rate")
+    deviations = np.sqrt(np.diagonal(track.covariances, axis1=1, axis2=2)[:, :6])
+    return {
+        "k": np.arange(len(track.times)),
+        "t": track.times,
+        **{name: track.means[:, i] for i, name in enumerate(names)},
+        **{f"std_{name}": deviations[:, i] for i, name in enumerate(names)},
+        "points_used": np.diff(track.used_offsets),
+        "nis": track.nis,
+        "nis_degrees_of_freedom": track.nis_degrees_of_freedom,
+    }
+
+
+def score_columns(scores: Scores) -> dict[str, np.ndarray]:
+    """The errors as a table, one row a scan; units as in `Scores`."""
+    return {
+        "k": np.arange(len(scores.times)),
+        "t": scores.times,
+        "centre_error": scores.centre_error,
+        "orientation_error": scores.orientation_error,
+        "iou": scores.iou,
+        "nees_position": scores.nees_position,
+        "nis": scores.nis,
+    }
+
+
+def _arrays(noun: Any) -> dict[str, np.ndarray]:
+    return {name: value for name, value in vars(noun).items() if isinstance(value, np.ndarray)}
+
+
+def _csv_text(columns: Mapping[str, Sequence]) -> str:
+    """Comma-separated columns; floats with as many digits as it takes to read them back."""
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(
+        zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
+    )
+    return buffer.getvalue()

@@ -1,0 +1,210 @@
+"""The table of stages: what the engine needs to know of each, kept outside the domain rooms.
+
+A row says which function does the work, which slice of the configuration each of its arguments is,
+how the stage runs over the frames, and which packages' versions matter to its result.
+`pipelines/*.yaml` wires rows by name.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import yaml
+
+from stixel_cli.config.folders import shipped_folder
+from stixel_cli.config.schema import Configuration
+from stixel_cli.engine.stage import Stage
+from stixel_cli.errors import UserError
+
+OPEN3D = ("open3d-cpu", "open3d")
+CHUNK_SIZE = 10
+"""Frames a node: small enough that two workers stay busy, large enough to share a background."""
+
+
+@dataclass(frozen=True)
+class Definition:
+    """One row of the table.
+
+    Attributes:
+        functions: "module:function" to call, by the `kind` of the slice that `chosen_by` names; a
+            stage of one implementation has the single entry "".
+        pattern: how it runs over the frames, see `stixel_cli.engine.stage.Stage`.
+        reads: argument name to the dotted path of its slice in the configuration.
+        packages: distributions whose version is part of the key.
+        chosen_by: dotted path of the slice whose `kind` picks the function; "" if there is no
+            choice.
+        seeded: whether it draws random numbers, and so is given the experiment's seed.
+        reads_mesh: whether it reads the user's own mesh file.
+    """
+
+    functions: Mapping[str, str]
+    pattern: Literal["once", "map", "fold", "pick"]
+    reads: Mapping[str, str] = field(default_factory=dict)
+    packages: tuple[str, ...] = ("numpy",)
+    chosen_by: str = ""
+    seeded: bool = False
+    reads_mesh: bool = False
+
+
+def _only(function: str) -> dict[str, str]:
+    return {"": f"stixel_cli.{function}"}
+
+
+def _same(*names: str) -> dict[str, str]:
+    return {name: name for name in names}
+
+
+TABLE: dict[str, Definition] = {
+    "ego_motion": Definition(
+        _only("scene.ego:ego_motion"),
+        "once",
+        {"ego": "ego", "duration": "path.duration", "sample_time": "path.sample_time"},
+    ),
+    "scenario": Definition(
+        _only("scene.build:build_scenario"),
+        "once",
+        _same("road_user", "path"),
+        packages=("numpy", "scipy", "shapely"),
+        reads_mesh=True,
+    ),
+    "render": Definition(
+        {
+            "raycast": "stixel_cli.scene.raycast:render",
+            "filament": "stixel_cli.scene.filament:render",
+        },
+        "map",
+        _same("road_user", "world", "rig", "renderer"),
+        packages=("numpy", "numba", *OPEN3D),
+        chosen_by="renderer",
+        reads_mesh=True,
+    ),
+    "expose": Definition(
+        _only("scene.exposure:expose"), "map", _same("sensor"), packages=("numpy",), seeded=True
+    ),
+    "match": Definition(
+        {"sgm": "stixel_cli.stereo.sgm:match", "bm": "stixel_cli.stereo.bm:match"},
+        "map",
+        _same("rig", "stereo"),
+        packages=("numpy", "opencv-python-headless"),
+        chosen_by="stereo",
+    ),
+    "free_space": Definition(
+        _only("stixels.free_space:find_free_space"),
+        "fold",
+        _same("rig", "road", "occupancy", "free_space"),
+        packages=("numpy", "numba", "opencv-python-headless"),
+    ),
+    "stixels": Definition(
+        _only("stixels.extraction:extract_stixels"),
+        "map",
+        _same("rig", "height", "extraction"),
+        packages=("numpy", "numba", "opencv-python-headless"),
+    ),
+    "gather_scans": Definition(
+        _only("measurements.simulated:gather_scans"), "once", _same("rig", "measurement")
+    ),
+    "fabricate_scans": Definition(
+        _only("measurements.fabricated:fabricate_scans"),
+        "once",
+        _same("rig", "measurement"),
+        seeded=True,
+    ),
+    "start": Definition(_only("tracking.start:noisy_start"), "once", _same("start"), seeded=True),
+    "track": Definition(
+        {"gp_ekf": "stixel_cli.tracking.gp_ekf:track"},
+        "once",
+        _same("prior", "tracker"),
+        packages=("numpy", "scipy"),
+        chosen_by="tracker",
+    ),
+    "scores": Definition(
+        _only("evaluation.evaluate:evaluate"), "once", packages=("numpy", "scipy", "shapely")
+    ),
+    "occupancy": Definition(
+        _only("stixels.occupancy:picture_grid"),
+        "pick",
+        _same("rig", "road", "occupancy"),
+        packages=("numpy", "numba", "opencv-python-headless"),
+    ),
+    "camera_pictures": Definition(
+        _only("report.camera:camera_pictures"),
+        "pick",
+        _same("rig"),
+        packages=("numpy", "matplotlib"),
+    ),
+    "track_pictures": Definition(
+        _only("report.birds_eye:track_pictures"),
+        "pick",
+        _same("rig"),
+        packages=("numpy", "matplotlib"),
+    ),
+    "run_pictures": Definition(
+        _only("report.over_time:run_pictures"),
+        "once",
+        _same("rig"),
+        packages=("numpy", "matplotlib"),
+    ),
+}
+
+
+def pipeline_stages(configuration: Configuration) -> list[Stage]:
+    """The stages of one experiment, wired as the file of its kind of measurement says.
+
+    Raises:
+        UserError: if the pipeline's file is missing or names what the table does not know.
+    """
+    path = shipped_folder("pipelines") / f"{configuration.measurement.kind}.yaml"
+    return [_stage(configuration, path, name, wiring or {}) for name, wiring in _read(path).items()]
+
+
+def scan_count(configuration: Configuration) -> int:
+    """Number K of scans: duration / sample time, rounded, and at least one."""
+    return max(1, round(configuration.path.duration / configuration.path.sample_time))
+
+
+def pictured_frames(configuration: Configuration) -> tuple[int, ...]:
+    """The frames to draw: those asked for, or four spread evenly over the run."""
+    chosen = configuration.pictures.frames
+    if chosen is not None:
+        return tuple(sorted(set(chosen)))
+    last = scan_count(configuration) - 1
+    return tuple(sorted({round(last * share / 4) for share in (0.5, 1.5, 2.5, 3.5)}))
+
+
+def _read(path: Path) -> dict[str, dict[str, str] | None]:
+    try:
+        wiring = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
+    except yaml.YAMLError as error:
+        raise UserError(f"{path}: not a YAML file: {str(error).splitlines()[0]}") from error
+    return wiring
+
+
+def _stage(configuration: Configuration, path: Path, name: str, wiring: dict[str, str]) -> Stage:
+    inputs = dict(wiring)
+    row = inputs.pop("stage", name)
+    if row not in TABLE:
+        raise UserError(f"{path}: {name}: no stage {row!r}; the table has {', '.join(TABLE)}")
+    definition = TABLE[row]
+    kind = _slice(configuration, f"{definition.chosen_by}.kind") if definition.chosen_by else ""
+    mesh = configuration.road_user.mesh
+    return Stage(
+        name=name,
+        function=definition.functions[kind],
+        pattern=definition.pattern,
+        inputs=inputs,
+        settings={a: _slice(configuration, p) for a, p in definition.reads.items()},
+        packages=definition.packages,
+        seed=configuration.seed if definition.seeded else None,
+        frames=pictured_frames(configuration) if definition.pattern == "pick" else (),
+        files=(Path(mesh),) if definition.reads_mesh and mesh is not None else (),
+    )
+
+
+def _slice(configuration: Configuration, path: str) -> Any:
+    value: Any = configuration
+    for part in path.split("."):
+        value = getattr(value, part)
+    return value

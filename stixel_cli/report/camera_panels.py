@@ -1,0 +1,181 @@
+"""What the left camera sees and what is found in it, each thing drawn into axes of its own.
+
+Every panel takes the axes and a `FrameView`; pixels are at whole (u, v), v down.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import ListedColormap, LogNorm, to_rgb
+
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.report import style
+from stixel_cli.stereo.disparities import SUBPIXELS
+
+LIKELIHOOD_RANGE = 1000.0
+"""Likelihoods less than the greatest one divided by this are drawn as none."""
+
+GRID_DEPTHS = (10, 20, 50, 100, 5, 2, 30, 200, 1, 40, 60, 80, 3, 15, 4, 7)
+"""Depths for an axis' ticks in m; the first go first where room is short."""
+
+
+@dataclass(frozen=True)
+class FrameView:
+    """All that is drawn of one frame.
+
+    Attributes:
+        rig: the stereo rig.
+        colour: (H, W, 3) uint8, the left view without noise; grey: (H, W) uint8, the camera's.
+        raw_disparity: (H, W) int16, 1/16 px, negative where invalid.
+        grid_kind: which occupancy grid it is.
+        grid: (R, C) likelihood; grid_depth: (R,) m, depth of its rows, ascending.
+        grid_laterals: (C,) what its columns are: m to the right (Cartesian), else image columns.
+        obstacle_disparity: (W,) px, NaN where the column is free; base_row: (W,).
+        horizon_row: the first row of the road that the grid holds.
+        left, right, top, base: (S,) px, the stixels' columns left … right - 1, rows top … base.
+        depth: (S,) m, the stixels' depth.
+    """
+
+    rig: Rig
+    colour: np.ndarray
+    grey: np.ndarray
+    raw_disparity: np.ndarray
+    grid_kind: str
+    grid: np.ndarray
+    grid_depth: np.ndarray
+    grid_laterals: np.ndarray
+    obstacle_disparity: np.ndarray
+    base_row: np.ndarray
+    horizon_row: int
+    left: np.ndarray
+    right: np.ndarray
+    top: np.ndarray
+    base: np.ndarray
+    depth: np.ndarray
+
+
+def draw_left(axes: Axes, view: FrameView) -> None:
+    """The left view as it is rendered, before the sensor's noise."""
+    _draw_image(axes, view.colour)
+
+
+def draw_disparity(axes: Axes, view: FrameView) -> None:
+    """Disparity, coloured by the depth that it means; grey where there is none."""
+    highest = int(view.raw_disparity.max(initial=0))
+    with np.errstate(divide="ignore"):
+        depth = view.rig.depth_from_disparity(np.arange(highest + 1) / SUBPIXELS)
+    table = np.concatenate([[to_rgb(style.INVALID)], style.depth_colours(depth)])
+    table = np.rint(255.0 * table).astype(np.uint8)
+    _draw_image(axes, table[np.maximum(view.raw_disparity, -1) + 1])
+
+
+def draw_occupancy(axes: Axes, view: FrameView) -> None:
+    """Occupancy grid over column and depth, and the free space found in it."""
+    rows = np.arange(len(view.grid_depth))
+    half = 0.5 * (view.grid_laterals[1] - view.grid_laterals[0])
+    scale = likelihood_scale(view)
+    axes.imshow(
+        scale.to_rgba(np.maximum(view.grid, scale.norm.vmin), bytes=True)[..., :3],
+        origin="lower",
+        aspect="auto",
+        interpolation="nearest",
+        extent=(
+            view.grid_laterals[0] - half,
+            view.grid_laterals[-1] + half,
+            -0.5,
+            rows[-1] + 0.5,
+        ),
+    )
+    depth = view.rig.depth_from_disparity(view.obstacle_disparity.astype(np.float64))
+    limit = np.where(np.isfinite(depth), np.interp(depth, view.grid_depth, rows), np.nan)
+    across = np.arange(len(depth), dtype=np.float64)
+    if view.grid_kind == "cartesian":
+        # Neighbouring columns may be far apart here: a line between them would mean nothing.
+        across = (across - view.rig.u0) * depth / view.rig.focal
+        axes.plot(across, limit, ".", color=style.FREE, markersize=2.5)
+    else:
+        axes.plot(across, limit, color=style.FREE, linewidth=1.8)
+    _label_depths(axes, view.grid_depth)
+
+
+def draw_free_space(axes: Axes, view: FrameView) -> None:
+    """Free space, green, over the camera's image."""
+    _draw_image(axes, _tint_free(_grey_rgb(view), view))
+
+
+def draw_height(axes: Axes, view: FrameView) -> None:
+    """Free space, green, and the obstacles' height, red, over the camera's image."""
+    image = _tint_free(_grey_rgb(view), view)
+    for left, right, top, base in zip(view.left, view.right, view.top, view.base, strict=True):
+        _tint(image[top : base + 1, left:right], style.OBSTACLE)
+    _draw_image(axes, image)
+
+
+def draw_stixels(axes: Axes, view: FrameView) -> None:
+    """Stixels, coloured by their depth, over the camera's image."""
+    _draw_image(axes, _grey_rgb(view))
+    left, right = view.left - 0.5, view.right - 0.5
+    top, base = view.top - 0.5, view.base + 0.5
+    corners = np.stack([left, top, right, top, right, base, left, base], axis=1)
+    colours = style.depth_colours(view.depth)
+    axes.add_collection(
+        PolyCollection(
+            corners.reshape(-1, 4, 2),
+            facecolors=np.concatenate([colours, np.full((len(colours), 1), 0.65)], axis=1),
+            edgecolors=0.75 * colours,
+            linewidths=0.5,
+        ),
+        autolim=False,
+    )
+
+
+def likelihood_scale(view: FrameView) -> ScalarMappable:
+    """Colours of the grid's likelihood, logarithmic."""
+    greatest = float(view.grid.max(initial=0.0)) or 1.0
+    return ScalarMappable(LogNorm(greatest / LIKELIHOOD_RANGE, greatest), colormaps["Greys"])
+
+
+def depth_scale() -> ScalarMappable:
+    """Colours of depth in m, near at the top of a colour bar whose axis is turned round."""
+    near, far = style.DEPTH_TICKS[0], style.DEPTH_TICKS[-1]
+    colours = ListedColormap(style.depth_colours(np.geomspace(near, far, 256)))
+    return ScalarMappable(LogNorm(near, far), colours)
+
+
+def _draw_image(axes: Axes, image: np.ndarray) -> None:
+    axes.imshow(image, interpolation="antialiased", aspect="auto")
+
+
+def _grey_rgb(view: FrameView) -> np.ndarray:
+    return np.repeat(view.grey[..., None], 3, axis=2)
+
+
+def _tint_free(image: np.ndarray, view: FrameView) -> np.ndarray:
+    """Tint each column of an RGB image from its obstacle's base, or the horizon, down."""
+    free = np.isnan(view.obstacle_disparity) | (view.base_row < 0)
+    first = np.where(free, view.horizon_row, view.base_row + 1)
+    below = np.arange(len(image))[:, None] >= first[None, :]
+    tinted = image.copy()
+    _tint(tinted, style.FREE)
+    return np.where(below[..., None], tinted, image)
+
+
+def _tint(image: np.ndarray, colour: str) -> None:
+    """Blend an RGB image (H, W, 3) uint8 with a colour, in place."""
+    mixed = 0.55 * image + 0.45 * 255.0 * np.array(to_rgb(colour))
+    image[...] = np.rint(mixed).astype(np.uint8)
+
+
+def _label_depths(axes: Axes, depth: np.ndarray) -> None:
+    """Ticks at round depths, as many as have room; rows need not be even in depth."""
+    rows = np.arange(len(depth))
+    ticks: dict[int, float] = {}
+    for value in (d for d in GRID_DEPTHS if depth[0] <= d <= depth[-1]):
+        row = float(np.interp(value, depth, rows))
+        if all(abs(row - other) >= 0.07 * len(depth) for other in ticks.values()):
+            ticks[value] = row
+    axes.set_yticks(list(ticks.values()), [str(value) for value in ticks])

@@ -1,0 +1,152 @@
+"""Several runs side by side, as one page that needs nothing but itself."""
+
+import base64
+import os
+import shlex
+from collections.abc import Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+
+from stixel_cli.errors import UserError
+from stixel_cli.report import style
+from stixel_cli.report.compare_figure import error_curves, line_style
+from stixel_cli.report.folder_reader import RunFolder
+from stixel_cli.report.metrics import NO_VALUE, best, format_value, metric
+
+_LONGEST_NAME = 150
+
+
+def run_labels(folders: Sequence[Path]) -> list[str]:
+    """What each run is called: its folder's name, with the parents' where names are alike."""
+    paths = [folder.resolve() for folder in folders]
+    for parts in range(1, max(len(path.parts) for path in paths) + 1):
+        labels = ["/".join(path.parts[-parts:]) for path in paths]
+        if len(set(labels)) == len(labels):
+            return labels
+    raise UserError("a folder is named twice; name each run once")
+
+
+def default_page(folders: Sequence[Path]) -> Path:
+    """A page's name that is free: beside the first folder, made of the folders' names."""
+    names = [folder.resolve().name for folder in folders]
+    stem = "report-" + "-".join(names)
+    if len(stem) > _LONGEST_NAME:
+        stem = f"report-{names[0]}"[:_LONGEST_NAME] + f"-and-{len(names) - 1}-more"
+    parent = folders[0].parent if folders[0].name not in ("", "..") else folders[0].resolve().parent
+    page, number = parent / f"{stem}.html", 2
+    while page.exists():
+        page, number = parent / f"{stem}-{number}.html", number + 1
+    return page
+
+
+def page_html(runs: Sequence[RunFolder], command: Sequence[str]) -> str:
+    """The page of two or more runs; `command` is the command line which makes it."""
+    labels = run_labels([run.path for run in runs])
+    differing, same = _settings(runs)
+    environment = jinja2.Environment(
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
+    )
+    template = environment.from_string(
+        resources.files(__package__).joinpath("templates/report.html.j2").read_text("utf-8")
+    )
+    return template.render(
+        labels=labels,
+        styles=[line_style(i) for i in range(len(runs))],
+        colours=len(style.RUNS),
+        run_colours=style.RUNS,
+        differing=differing,
+        same=same,
+        metrics=_metric_rows(runs),
+        curves=[(title, Markup(svg)) for title, svg in error_curves(runs)],
+        pictures=[_data_uri(run.path_picture) for run in runs],
+        provenance=_provenance(runs),
+        command=shlex.join(command),
+    )
+
+
+def write_page(page: Path, html: str) -> None:
+    """Write a page which is not there yet.
+
+    Raises:
+        UserError: if it is there, or cannot be written.
+    """
+    try:
+        with page.open("x", encoding="utf-8") as file:
+            file.write(html)
+            file.flush()
+            os.fsync(file.fileno())
+    except FileExistsError:
+        raise UserError(f"{page}: exists, and is not written over; name another file") from None
+    except OSError as error:
+        raise UserError(f"{page}: cannot be written: {error.strerror}") from error
+
+
+def _settings(runs: Sequence[RunFolder]) -> tuple[list[Any], list[tuple[str, str]]]:
+    """Settings that differ, (key, value of each run), and those that do not, (key, value)."""
+    tables = [_choices(run) | run.settings for run in runs]
+    keys = list(dict.fromkeys(key for table in tables for key in table))
+    groups = list(dict.fromkeys(key.partition(".")[0] for key in keys))
+    keys.sort(key=lambda key: groups.index(key.partition(".")[0]))
+    differing, same = [], []
+    for key in keys:
+        values = [table.get(key, NO_VALUE) for table in tables]
+        if len(set(values)) > 1:
+            differing.append((key, values))
+        else:
+            same.append((key, values[0]))
+    return differing, same
+
+
+def _choices(run: RunFolder) -> dict[str, str]:
+    """Group to the option that was chosen, where the settings do not say so by their `kind`."""
+    choices = run.manifest.get("choices")
+    if not isinstance(choices, dict):
+        return {}
+    return {
+        str(group): str(option)
+        for group, option in choices.items()
+        if f"{group}.kind" not in run.settings
+    }
+
+
+def _metric_rows(runs: Sequence[RunFolder]) -> list[dict[str, Any]]:
+    rows = []
+    for name in dict.fromkeys(name for run in runs for name in run.metrics):
+        values = [run.metrics.get(name) for run in runs]
+        shown = metric(name)
+        cells = list(zip(map(format_value, values), best(name, values), strict=True))
+        rows.append({"name": name, "label": shown.label, "unit": shown.unit, "cells": cells})
+    return rows
+
+
+def _provenance(runs: Sequence[RunFolder]) -> list[tuple[str, list[str]]]:
+    """(what, value of each run): where the results come from."""
+    manifests = [run.manifest for run in runs]
+    rows = [("folder", [str(run.path) for run in runs])]
+    for name in ("command", "seed", "created"):
+        rows.append((name, [_text(manifest.get(name)) for manifest in manifests]))
+    rows.append(("seconds", [_text(manifest.get("seconds")) for manifest in manifests]))
+    rows.append(("git revision", [_revision(manifest.get("git")) for manifest in manifests]))
+    for group, title in (("versions", ""), ("machine", "machine, ")):
+        tables = [m.get(group) if isinstance(m.get(group), dict) else {} for m in manifests]
+        for name in dict.fromkeys(name for table in tables for name in table):
+            rows.append((f"{title}{name}", [_text(table.get(name)) for table in tables]))
+    return rows
+
+
+def _revision(git: Any) -> str:
+    if not isinstance(git, dict) or git.get("revision") is None:
+        return NO_VALUE
+    return f"{str(git['revision'])[:12]}{' with changes' if git.get('dirty') else ''}"
+
+
+def _text(value: Any) -> str:
+    return NO_VALUE if value is None else str(value)
+
+
+def _data_uri(png: bytes | None) -> str | None:
+    return None if png is None else "data:image/png;base64," + base64.b64encode(png).decode()

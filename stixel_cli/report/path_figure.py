@@ -1,0 +1,161 @@
+"""The whole run from above: the path, and contours at several times."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
+
+from stixel_cli.geometry.pose import target_from_world, world_from_target
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.report import ground, style
+from stixel_cli.scene.scenario import Scenario
+from stixel_cli.tracking.track import Track
+
+CONTOURS = 8
+"""At most this many contours are drawn along the path, besides the last one."""
+
+LEGEND, LEFT, BOTTOM, TOP, STRIP_TITLE = 1.95, 0.65, 0.6, 0.4, 0.35  # margins, in
+CELL = (3.0, 3.2)
+"""Room for one contour in its own frame, in multiples of the target's greatest radius."""
+SCALE = 0.5
+"""Room for the scale beside the contours, in cells."""
+
+
+def path_figure(track: Track, scenario: Scenario, rig: Rig) -> Figure:
+    """Paths with contours at several times in the world, and the same contours enlarged below.
+
+    Below, contours are in the frame of the true target: heading to the right, one beside the other.
+    """
+    poses, ego = scenario.target_poses_world, scenario.ego_poses_world
+    size = float(np.linalg.norm(scenario.contour_target, axis=1).max())
+    chosen = spaced_frames(poses[:, :2], size)
+    contours = [world_from_target(scenario.contour_target, poses[k]) for k in chosen]
+    certain = np.concatenate([ego[:, :2], poses[:, :2], *contours])
+    estimated = ground.near(track.contours_world[list(chosen)].reshape(-1, 2), certain)
+    points = np.concatenate([certain, estimated])
+
+    figure, axes, strip = _axes_for(points, 0.8 * size + 1.0, len(chosen) + SCALE)
+    ground.fit(axes, points, 0.8 * size + 1.0)
+    for k in sorted({0, len(ego) - 1}) if np.ptp(ego, axis=0).any() else (0,):
+        ground.draw_field_of_view(axes, ego[k], rig.fov)
+        ground.draw_ego(axes, ego[k])
+    axes.plot(*ego[:, :2].T, color=style.EGO, linewidth=1.2)
+    axes.plot(*poses[:, :2].T, color=style.TRUTH, linewidth=0.9, zorder=3)
+    axes.plot(*track.means[:, :2].T, color=style.ESTIMATE, linewidth=0.9, zorder=3)
+    for k, contour in zip(chosen, contours, strict=True):
+        ground.draw_contour(axes, contour, style.TRUTH, linewidth=1.2)
+        ground.draw_contour(axes, track.contours_world[k], style.ESTIMATE, linewidth=1.2)
+        ground.draw_band(
+            axes,
+            track.means[k, :2],
+            track.contours_world[k],
+            track.contour_directions[k],
+            track.contour_deviations[k],
+        )
+    _label_times(axes, track.times, poses, chosen, 1.25 * size)
+    axes.set(xlabel="x in the world (m)", ylabel="y in the world (m)")
+    axes.set_title(f"Path of the target, {track.times[-1] - track.times[0]:.1f} s")
+    _legend(figure, axes)
+    _draw_strip(strip, track, scenario, chosen, size)
+    return figure
+
+
+def spaced_frames(positions_world: np.ndarray, size: float) -> tuple[int, ...]:
+    """Frames whose places (K, 2) along the path are far enough apart to be drawn, and the last.
+
+    They are an eighth of the path apart, and at least 2.4 `size` (m), the target's greatest radius.
+    """
+    steps = np.linalg.norm(np.diff(positions_world, axis=0), axis=1)
+    travelled = np.concatenate([[0.0], np.cumsum(steps)])
+    spacing = max(travelled[-1] / CONTOURS, 2.4 * size)
+    chosen = [0]
+    for k in range(len(travelled)):
+        if travelled[k] - travelled[chosen[-1]] >= spacing:
+            chosen.append(k)
+    last = len(travelled) - 1
+    # The last is shown always; what would be drawn over it makes room.
+    kept = [k for k in chosen if travelled[last] - travelled[k] >= 0.8 * spacing]
+    return (*kept, last) if last > 0 else (0,)
+
+
+def _axes_for(points: np.ndarray, margin: float, cells: float) -> tuple[Figure, Axes, Axes]:
+    """A figure with axes whose shape suits the points, a legend at the right, a strip below."""
+    extent = np.ptp(points, axis=0) + 2.0 * margin
+    width, height = np.maximum(extent * 5.2 / max(extent), [3.6, 3.4])
+    total_width = width + LEFT + LEGEND
+    strip_width = total_width - 0.4
+    strip_height = min(strip_width / cells * CELL[1] / CELL[0], 1.7)
+    below = strip_height + STRIP_TITLE + BOTTOM + 0.1
+    size = np.array([total_width, below + height + TOP])
+    figure = style.new_figure(*size)
+    axes = figure.add_axes((*([LEFT, below] / size), *([width, height] / size)))
+    strip = figure.add_axes((*([0.2, 0.1] / size), *([strip_width, strip_height] / size)))
+    return figure, axes, strip
+
+
+def _label_times(axes: Axes, times, poses, chosen, distance: float) -> None:
+    """Times beside the contours: on the outer side of the path, or the other if that is taken."""
+    middle = poses[:, :2].mean(axis=0)
+    height = np.diff(axes.get_ylim()).item()
+    distance = max(distance, 0.04 * height)
+    room = np.array([0.08, 0.035]) * height  # of a label
+    places: list[np.ndarray] = []
+    for k in chosen:
+        heading = poses[k, 2]
+        side = np.array([-np.sin(heading), np.cos(heading)])
+        outwards = side @ (poses[k, :2] - middle)
+        # On a straight path both sides are alike: the right one, or the upper one.
+        toward = np.sign(outwards) if abs(outwards) > 0.05 * distance else np.sign(side.sum())
+        place = poses[k, :2] + distance * (toward or 1.0) * side
+        if any((np.abs(place - other) < room).all() for other in places):
+            place = 2.0 * poses[k, :2] - place
+        places.append(place)
+        text = f"{times[k]:.1f} s"
+        axes.text(*place, text, ha="center", va="center", size=7.5, color="#444444", zorder=6)
+
+
+def _draw_strip(axes: Axes, track: Track, scenario: Scenario, chosen, size: float) -> None:
+    """The contours at `chosen` in the true target's frame, one beside the other."""
+    width, height = CELL[0] * size, CELL[1] * size
+    for i, k in enumerate(chosen):
+        pose, centre = scenario.target_poses_world[k], np.array([(i + 0.5) * width, 0.0])
+        ground.draw_contour(axes, scenario.contour_target + centre, style.TRUTH, linewidth=1.2)
+        drawn = len(axes.patches)
+        contour = target_from_world(track.contours_world[k], pose) + centre
+        ground.draw_contour(axes, contour, style.ESTIMATE, linewidth=1.2)
+        ground.draw_band(
+            axes,
+            target_from_world(track.means[k, None, :2], pose)[0] + centre,
+            contour,
+            target_from_world(track.contour_directions[k], np.array([0.0, 0.0, pose[2]])),
+            track.contour_deviations[k],
+        )
+        cell = Rectangle((i * width, -0.42 * height), 0.97 * width, 0.92 * height, lw=0, fill=False)
+        axes.add_patch(cell)
+        for patch in axes.patches[drawn:-1]:
+            patch.set_clip_path(cell)
+        text = f"{track.times[k]:.1f} s"
+        axes.text(centre[0], -0.5 * height, text, ha="center", va="bottom", size=7.5)
+    metres = next(m for m in (5.0, 2.0, 1.0, 0.5, 0.2, 0.1) if m <= SCALE * width or m == 0.1)
+    right = (len(chosen) + SCALE) * width
+    axes.plot([right - metres, right], [-0.27 * height] * 2, color="#444444", linewidth=1.5)
+    below = {"xytext": (0, -3), "textcoords": "offset points", "ha": "right", "va": "top"}
+    axes.annotate(f"{metres:g} m", (right, -0.27 * height), size=7.5, **below)
+    axes.set_xlim(0.0, right)
+    axes.set_ylim(-0.5 * height, 0.5 * height)
+    axes.set_aspect("equal", anchor="W")
+    axes.set_axis_off()
+    axes.set_title("In the true target's frame, heading to the right")
+
+
+def _legend(figure: Figure, axes: Axes) -> None:
+    handles = [
+        Line2D([], [], color=style.TRUTH, label="truth"),
+        Line2D([], [], color=style.ESTIMATE, label="estimate"),
+        Patch(color=style.ESTIMATE, alpha=0.2, linewidth=0, label="± 2σ of the radius"),
+        Line2D([], [], color=style.EGO, marker="^", markersize=7, label="ego car's camera"),
+        Patch(color=style.FIELD_OF_VIEW, alpha=0.25, linewidth=0, label="field of view"),
+    ]
+    box = axes.get_position()
+    figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(box.x1 + 0.01, box.y1))

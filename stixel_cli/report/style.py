@@ -1,0 +1,117 @@
+"""How pictures look: colours with one meaning each, and figures that repeat to the byte.
+
+The colours are those of Okabe & Ito (2008), *Color Universal Design*, told apart by all common
+kinds of colour vision. One colour means one thing in every picture.
+"""
+
+import io
+from contextlib import contextmanager
+
+import matplotlib
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+
+TRUTH = "#1a1a1a"
+ESTIMATE = "#0072b2"
+USED = "#d55e00"
+UNUSED = "#8a8a8a"
+EGO = "#cc79a7"
+FIELD_OF_VIEW = "#d9a400"
+FREE = "#009e73"
+OBSTACLE = "#d0312d"
+INVALID = "#cfcfcf"
+CONSISTENT = "#e6e6e6"
+
+RUNS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#5b4b8a", "#777777")
+"""Colours of whole runs, where several are compared."""
+
+DPI = 110
+
+DEPTH_TICKS = (2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+"""Colours of depth run evenly in log(depth) between the first and the last, m."""
+
+_SETTINGS = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 9.0,
+    "axes.titlesize": 10.0,
+    "axes.titlelocation": "left",
+    # A fixed place: to look for a free one costs more than to draw the title.
+    "axes.titley": 1.0,
+    "axes.labelsize": 9.0,
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "grid.color": "#e3e3e3",
+    "grid.linewidth": 0.6,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "xtick.major.width": 0.7,
+    "ytick.major.width": 0.7,
+    "legend.fontsize": 8.0,
+    "legend.frameon": False,
+    "lines.linewidth": 1.5,
+    "figure.dpi": DPI,
+    "savefig.dpi": DPI,
+    "svg.hashsalt": "stixel",
+}
+# These belong to the process, not to a picture; to set them makes Matplotlib look for a display.
+_LEFT_ALONE = ("backend", "backend_fallback", "interactive", "toolbar", "timezone", "webagg")
+
+
+@contextmanager
+def drawing(settings: dict | None = None):
+    """Context in which figures are made and written: our settings over Matplotlib's defaults.
+
+    What the user's own matplotlibrc says is put aside, for it would change the bytes. `settings`
+    are more of Matplotlib's, which go before ours.
+    """
+    defaults = {
+        name: value
+        for name, value in matplotlib.rcParamsDefault.items()
+        if not name.startswith(_LEFT_ALONE)
+    }
+    with matplotlib.rc_context(defaults | _SETTINGS | (settings or {})):
+        yield
+
+
+def new_figure(width: float, height: float, **options) -> Figure:
+    """An empty figure of `width` × `height` in, free of Matplotlib's global list of figures."""
+    return Figure(figsize=(width, height), dpi=DPI, **options)
+
+
+def png(figure: Figure) -> bytes:
+    """The figure as a PNG that bears no date and no version, so that its bytes repeat."""
+    from PIL import Image
+
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    buffer = io.BytesIO()
+    pixels = np.asarray(canvas.buffer_rgba())[..., :3]
+    Image.fromarray(np.ascontiguousarray(pixels)).save(buffer, format="png", compress_level=4)
+    return buffer.getvalue()
+
+
+def svg(figure: Figure) -> bytes:
+    """The figure as an SVG that bears no date and no version, so that its bytes repeat."""
+    buffer = io.BytesIO()
+    FigureCanvasSVG(figure).print_svg(
+        buffer, metadata={"Date": None, "Creator": None, "Format": None, "Type": None}
+    )
+    return buffer.getvalue()
+
+
+def depth_colours(depth) -> np.ndarray:
+    """RGB colours, depth's shape + (3,), 0 … 1, of depths in m: near is yellow, far is violet."""
+    near, far = np.log(DEPTH_TICKS[0]), np.log(DEPTH_TICKS[-1])
+    with np.errstate(divide="ignore"):
+        share = (np.log(np.asarray(depth, dtype=np.float64)) - near) / (far - near)
+    return matplotlib.colormaps["viridis"](1.0 - np.clip(share, 0.0, 1.0))[..., :3]
+
+
+def title(what: str, k: int, time: float) -> str:
+    """Title of a picture of frame k at `time` s."""
+    return f"{what},  k = {k},  t = {time:.2f} s"

@@ -1,0 +1,14 @@
+"""What every test may use: a cache of its own, away from the user's."""
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def shared_cache(tmp_path_factory):
+    """A cache folder for the whole session: tests of runs share what they have in common."""
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture(autouse=True)
+def _no_user_cache(shared_cache, monkeypatch):
+    monkeypatch.setenv("STIXEL_CACHE", str(shared_cache))

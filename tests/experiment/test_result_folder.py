@@ -1,0 +1,122 @@
+"""What a result folder holds, that it repeats to the byte, and that none is written over."""
+
+import csv
+import json
+import os
+
+import numpy as np
+import pytest
+import yaml
+from run_cli import FEW, SMALL, run_json
+
+from stixel_cli.cli.app import main
+from stixel_cli.config.compose import compose, from_resolved
+
+REPEATED = ("metrics.json", "scans.csv", "scans.npz", "track.csv", "track.npz", "scores.npz")
+FABRICATED = ("measurement=fabricated", "path.duration=0.5", "pictures.frames=[0]")
+
+
+@pytest.fixture
+def results(tmp_path):
+    return tmp_path / "results"
+
+
+def test_the_folder_holds_what_the_readme_lists(results, capsys):
+    folder = results / "mine"
+    run_json(capsys, results, *FEW, "--name", "mine")
+    assert {path.name for path in folder.iterdir()} == {
+        "config.yaml",
+        "manifest.json",
+        "metrics.json",
+        "scores.csv",
+        "scores.npz",
+        "scans.csv",
+        "scans.npz",
+        "track.csv",
+        "track.npz",
+        "figures",
+    }
+    resolved = yaml.safe_load((folder / "config.yaml").read_text())
+    assert from_resolved(resolved) == compose(FEW).configuration
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert {"command", "seed", "git", "versions", "machine", "stages"} <= manifest.keys()
+    assert {"name", "key", "status", "seconds"} <= manifest["stages"][0].keys()
+    with np.load(folder / "scans.npz", allow_pickle=False) as scans:
+        assert list(scans) == ["k", "t", "x", "y", "var_xx", "var_xy", "var_yy"]
+        with (folder / "scans.csv").open() as file:
+            rows = list(csv.DictReader(file))
+        for name in scans:
+            assert np.array_equal(scans[name], [float(row[name]) for row in rows])
+    figures = {str(path.relative_to(folder / "figures")) for path in folder.rglob("*.png")}
+    assert {"path.png", "errors.png", "k0001/stixels.png", "k0001/birds_eye.png"} <= figures
+
+
+def test_the_same_bytes_on_any_number_of_workers(results, capsys, tmp_path, monkeypatch):
+    answers = []
+    for workers in ("1", "2"):
+        monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / f"cache{workers}"))
+        name = f"by{workers}"
+        answers.append(
+            run_json(
+                capsys, results, *SMALL, "path.duration=1.2", "--workers", workers, "--name", name
+            )
+        )
+    computed = [{stage["name"] for stage in answer["stages"]} for answer in answers]
+    assert computed[0] == computed[1]
+    for file in REPEATED:
+        one, two = (results / name / file for name in ("by1", "by2"))
+        assert one.read_bytes() == two.read_bytes(), file
+
+
+def test_default_names_do_not_collide(results, capsys):
+    folders = {run_json(capsys, results, *FABRICATED)["folder"] for _ in range(3)}
+    assert len(folders) == 3
+    assert all("car-turn-fabricated-gp_ekf-" in folder for folder in folders)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--name", "taken"), "exists, and is not written over"),
+        (("--name", "a/b"), "is no folder name"),
+        (("--name", ""), "is no folder name"),
+        (("--results", "file"), "--results: file: cannot be made"),
+    ],
+)
+def test_a_folder_that_cannot_be_written_is_refused(arguments, said, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "results" / "taken").mkdir(parents=True)
+    (tmp_path / "file").write_text("mine")
+    assert main(["run", *FABRICATED, *arguments]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+    assert os.listdir(tmp_path / "results") == ["taken"]
+    assert not os.listdir(tmp_path / "results" / "taken")
+
+
+def test_dry_run_prints_the_plan_and_writes_nothing(results, capsys):
+    assert main(["run", *FABRICATED, "--dry-run", "--json", "--results", str(results)]) == 0
+    plan = json.loads(capsys.readouterr().out)
+    assert plan["config"]["measurement"]["kind"] == "fabricated"
+    assert "track" in {stage["name"] for stage in plan["stages"]}
+    assert not results.exists()
+
+
+def test_a_fabricated_run_imports_neither_open3d_nor_opencv_nor_numba(results, tmp_path):
+    import subprocess
+    import sys
+
+    code = (
+        "import sys; from stixel_cli.cli.app import main; code = main(sys.argv[1:]);"
+        "heavy = {'open3d', 'cv2', 'numba', 'dash'} & sys.modules.keys();"
+        "sys.exit(f'imported {heavy}' if heavy else code)"
+    )
+    for _ in range(2):  # The second is all cached.
+        done = subprocess.run(
+            [sys.executable, "-c", code, "run", *FABRICATED, "--results", str(results)],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr

@@ -1,0 +1,60 @@
+"""Result folders as `stixel run` writes them, small and made by hand."""
+
+import json
+
+import numpy as np
+import yaml
+
+from stixel_cli.images import encode_png
+
+CONFIG = {
+    "seed": 0,
+    "road_user": {"kind": "car", "length": 4.5, "mesh": None},
+    "path": {"kind": "turn", "speed": 6.0},
+    "measurement": {"kind": "simulated", "least_height": 0.3},
+    "tracker": {"kind": "gp_ekf", "basis_points": 50},
+}
+
+
+def make_folder(folder, seed=0, config=None, metrics=None, series=None):
+    """Write the result folder `folder`; `config`, `metrics` and `series` replace what is plain."""
+    rng = np.random.default_rng(seed)
+    folder.mkdir(parents=True)
+    scans = 40
+    centre = 0.1 + np.abs(np.cumsum(rng.normal(0, 0.03, scans)))
+    arrays = {
+        "k": np.arange(scans),
+        "t": 0.1 * np.arange(scans),
+        "centre_error": centre,
+        "orientation_error": np.cumsum(rng.normal(0, 0.01, scans)),
+        "iou": np.clip(0.9 - centre, 0, 1),
+        "nees_position": rng.chisquare(2, scans) / 2,
+        "nis": np.where(np.arange(scans) == 5, np.nan, rng.chisquare(80, scans) / 80),
+    } | (series or {})
+    np.savez_compressed(
+        folder / "scores.npz", **{name: a for name, a in arrays.items() if a is not None}
+    )
+    (folder / "config.yaml").write_text(yaml.safe_dump(config or CONFIG, sort_keys=False))
+    summary = {
+        "centre_rmse_m": float(np.sqrt(np.mean(centre**2))),
+        "iou_mean": float(arrays["iou"].mean()) if arrays["iou"] is not None else None,
+        "nees_position_mean": 1.07,
+        "nis_mean": None,
+        "scans": scans,
+    } | (metrics or {})
+    (folder / "metrics.json").write_text(json.dumps(summary))
+    manifest = {
+        "command": "stixel run seed=0",
+        "seed": seed,
+        "created": "2026-01-01T00:00:00+00:00",
+        "seconds": 12.3,
+        "git": {"revision": "0123456789abcdef0123", "dirty": True},
+        "versions": {"python": "3.11.7", "numpy": "2.0.0"},
+        "machine": {"system": "Linux", "processors": 2},
+        "stages": [],
+    }
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    (folder / "figures").mkdir()
+    picture = encode_png(np.full((60, 80, 3), 200, np.uint8))
+    (folder / "figures" / "path.png").write_bytes(picture)
+    return folder

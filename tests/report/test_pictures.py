@@ -1,0 +1,185 @@
+"""The picture stages: what they give, whatever the run."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from report_nouns import (
+    make_camera_nouns,
+    make_ego_motion,
+    make_rig,
+    make_scans,
+    make_scenario,
+    make_scores,
+    make_track,
+)
+
+from stixel_cli.images import decode_png
+from stixel_cli.report.birds_eye import track_pictures
+from stixel_cli.report.camera import camera_pictures
+from stixel_cli.report.errors_figure import chi_square_bounds
+from stixel_cli.report.over_time import run_pictures
+from stixel_cli.report.path_figure import spaced_frames
+from stixel_cli.stixels.occupancy import OccupancyGrid
+
+CAMERA = ("left", "disparity", "occupancy", "free_space", "height", "stixels", "camera")
+
+
+@pytest.fixture
+def run():
+    rng = np.random.default_rng(3)
+    scenario = make_scenario()
+    scans = make_scans(scenario, rng)
+    track = make_track(scenario, scans, rng)
+    return {"scans": scans, "track": track, "scenario": scenario, "rig": make_rig()}
+
+
+def make_camera_inputs(rig, kind="polar"):
+    rng = np.random.default_rng(4)
+    rendered, pairs, disparities, free_space, stixels = make_camera_nouns(rig, rng)
+    depths = np.linspace(2.0, 60.0, 80)
+    across = np.arange(rig.width) if kind != "cartesian" else np.linspace(-20.0, 20.0, 90)
+    grid = OccupancyGrid(
+        kind=kind,
+        values=rng.random((len(depths), len(across))).astype(np.float32),
+        depths=depths,
+        disparities=rig.disparity_from_depth(depths),
+        laterals=across,
+    )
+    return {
+        "rendered": rendered,
+        "pairs": pairs,
+        "disparities": disparities,
+        "grid": grid,
+        "free_space": free_space,
+        "stixels": stixels,
+        "ego_motion": make_ego_motion(),
+        "rig": rig,
+        "frame": 5,
+    }
+
+
+def check_pngs(files, least_height=250):
+    for name, data in files.items():
+        if name.endswith(".png"):
+            height, width = decode_png(data).shape[:2]
+            assert least_height <= height <= 2000, name
+            assert 400 <= width <= 2000, name
+            assert b"Software" not in data, name
+            assert b"tEXt" not in data, name
+
+
+@pytest.mark.parametrize("kind", ["polar", "column_disparity", "cartesian"])
+def test_camera_pictures(kind):
+    pictures = camera_pictures(**make_camera_inputs(make_rig(), kind))
+    assert set(pictures.files) == {f"k0005/{name}.png" for name in CAMERA}
+    check_pngs(pictures.files)
+
+
+def test_camera_pictures_keep_the_pixels_of_the_image():
+    rig = make_rig(640, 200)
+    inputs = make_camera_inputs(rig)
+    picture = decode_png(camera_pictures(**inputs).files["k0005/left.png"])
+    image = inputs["rendered"].left[1]
+    rows, columns = image.shape[:2]
+    # Left and top of the image's box, of which the frame's line covers the outermost pixels.
+    inner = picture[34 + 4 : 34 + rows - 4, 58 + 4 : 58 + columns - 4, :3]
+    assert np.mean(np.any(inner != image[4:-4, 4:-4], axis=2)) < 0.02
+
+
+def test_camera_pictures_without_anything_found():
+    inputs = make_camera_inputs(make_rig(), "polar")
+    free, stixels = inputs["free_space"], inputs["stixels"]
+    nothing = {
+        name: value[:0]
+        for name, value in vars(stixels).items()
+        if isinstance(value, np.ndarray) and name != "offsets"
+    }
+    inputs["stixels"] = replace(stixels, offsets=np.zeros(3, np.int64), **nothing)
+    inputs["free_space"] = replace(
+        free,
+        disparity=np.full_like(free.disparity, np.nan),
+        base_row=np.full_like(free.base_row, -1),
+    )
+    inputs["grid"] = replace(inputs["grid"], values=np.zeros_like(inputs["grid"].values))
+    check_pngs(camera_pictures(**inputs).files)
+
+
+def test_birds_eye(run):
+    pictures = track_pictures(**run, frame=4)
+    assert set(pictures.files) == {"k0004/birds_eye.png"}
+    check_pngs(pictures.files)
+
+
+def test_birds_eye_of_an_empty_scan_and_of_a_lost_track(run):
+    assert len(run["scans"].points_world[run["scans"].rows(5)]) == 0
+    check_pngs(track_pictures(**run, frame=5).files)
+    lost = replace(
+        run["track"],
+        means=np.full_like(run["track"].means, np.nan),
+        contours_world=np.full_like(run["track"].contours_world, np.nan),
+    )
+    check_pngs(track_pictures(**run | {"track": lost}, frame=4).files)
+
+
+def test_run_pictures(run):
+    scores = make_scores(run["scenario"], run["track"])
+    files = run_pictures(**run, scores=scores).files
+    assert set(files) == {"path.png", "path.svg", "errors.png", "errors.svg"}
+    check_pngs(files)
+    for name in ("path.svg", "errors.svg"):
+        assert files[name].startswith(b"<?xml")
+        assert b"<dc:date>" not in files[name]
+        assert b"matplotlib.org" not in files[name]
+
+
+def test_run_pictures_of_one_scan_and_of_a_target_that_stands(run):
+    rng = np.random.default_rng(5)
+    for count in (1, 4):
+        scenario = make_scenario(count)
+        poses = np.repeat(scenario.target_poses_world[:1], count, axis=0)
+        ego = np.repeat(scenario.ego_poses_world[:1], count, axis=0)
+        scenario = replace(scenario, target_poses_world=poses, ego_poses_world=ego)
+        scans = make_scans(scenario, rng)
+        track = make_track(scenario, scans, rng)
+        scores = make_scores(scenario, track)
+        check_pngs(run_pictures(scans, track, scenario, scores, run["rig"]).files)
+
+
+def test_bytes_repeat(run, monkeypatch, tmp_path):
+    scores = make_scores(run["scenario"], run["track"])
+    camera = make_camera_inputs(make_rig())
+
+    def draw():
+        return (
+            run_pictures(**run, scores=scores).files
+            | track_pictures(**run, frame=4).files
+            | camera_pictures(**camera).files
+        )
+
+    import matplotlib
+
+    first = draw()
+    with matplotlib.rc_context({"font.size": 20.0, "axes.grid": True, "savefig.dpi": 50}):
+        assert draw() == first
+
+
+def test_spaced_frames_keep_their_distance():
+    places = np.stack([np.linspace(0.0, 50.0, 100), np.zeros(100)], axis=1)
+    chosen = spaced_frames(places, size=1.0)
+    assert chosen[0] == 0
+    assert chosen[-1] == 99
+    assert 6 <= len(chosen) <= 9
+    assert np.diff(places[list(chosen), 0]).min() > 3.0
+    assert spaced_frames(np.zeros((7, 2)), size=1.0) == (6,)
+    assert spaced_frames(np.zeros((1, 2)), size=1.0) == (0,)
+
+
+def test_chi_square_bounds():
+    low, high = chi_square_bounds(np.array([2, 80, 0]))
+    # With two degrees of freedom the distribution is exponential.
+    assert np.isclose(low[0], -np.log(0.975))
+    assert np.isclose(high[0], -np.log(0.025))
+    assert 0.7 < low[1] < 1 < high[1] < 1.35
+    assert np.isnan(low[2])
+    assert np.isnan(high[2])

@@ -1,0 +1,212 @@
+"""Result folders read back, and the page that puts them side by side."""
+
+import copy
+import json
+import re
+
+import numpy as np
+import pytest
+from result_folders import CONFIG, make_folder
+
+from stixel_cli.errors import UserError
+from stixel_cli.report.compare import default_page, page_html, run_labels, write_page
+from stixel_cli.report.compare_figure import line_style, run_colour
+from stixel_cli.report.folder_reader import read_folder
+from stixel_cli.report.metrics import best, format_value, metric
+from stixel_cli.report.table import scores_table
+
+
+@pytest.fixture
+def folders(tmp_path):
+    other = copy.deepcopy(CONFIG)
+    other["measurement"] = {"kind": "fabricated", "rays": 640}
+    return [
+        make_folder(tmp_path / "first", 1),
+        make_folder(tmp_path / "second", 2, other, metrics={"extra_m": 1.5}),
+    ]
+
+
+def make_page(folders):
+    return page_html([read_folder(folder) for folder in folders], ["stixel", "report", "a b"])
+
+
+def test_page_shows_what_differs(folders):
+    page = make_page(folders)
+    differing = page[page.index("Settings that differ") : page.index("<details>")]
+    assert re.findall(r'class="key">([^<]+)<', differing) == [
+        "measurement.kind",
+        "measurement.least_height",
+        "measurement.rays",
+    ]
+    assert "<td>simulated</td><td>fabricated</td>" in differing
+    assert "centre error, RMSE" in page
+    assert page.count('<td class="best">') == 2
+    assert "<td>–</td><td>–</td>" in page  # nis_mean is null in both
+    assert "0123456789ab with changes" in page
+    assert "stixel report &#39;a b&#39;" in page
+
+
+def test_settings_that_mean_the_same_do_not_differ(tmp_path):
+    folders = [
+        make_folder(tmp_path / name, 1, CONFIG | {"path": {"duration": duration}})
+        for name, duration in (("a", 3), ("b", 3.0))
+    ]
+    assert "None: the runs have the same configuration." in make_page(folders)
+
+
+def test_page_shows_the_options_that_settings_do_not_name(folders):
+    for folder, rig in zip(folders, ("default", "kitti"), strict=True):
+        file = folder / "manifest.json"
+        choices = {"rig": rig, "measurement": "any"}
+        file.write_text(json.dumps(json.loads(file.read_text()) | {"choices": choices}))
+    page = make_page(folders)
+    assert 'class="key">rig</th><td>default</td><td>kitti</td>' in page
+    assert 'class="key">measurement</th>' not in page
+
+
+def test_runs_look_different():
+    looks = {(run_colour(i), line_style(i)) for i in range(32)}
+    assert len(looks) == 32
+
+
+def test_page_needs_nothing_but_itself(folders):
+    page = make_page(folders)
+    assert "http:" not in page
+    assert "https:" not in page
+    assert "<script" not in page
+    assert "<link" not in page
+    assert page.count("data:image/png;base64,") == 2
+    names = re.findall(r'\bid="([^"]+)"', page)
+    assert len(names) == len(set(names))
+    for used in re.findall(r'(?:url\(|href=")#([^")]+)', page):
+        assert used in names
+
+
+def test_page_repeats(folders):
+    assert make_page(folders) == make_page(folders)
+
+
+def test_page_escapes_text(tmp_path):
+    nasty = "<script>alert(1)</script>"
+    config = CONFIG | {"note": nasty, nasty: 1}
+    folders = [
+        make_folder(tmp_path / "a&b <i>", 1, config, metrics={nasty: 1.0}),
+        make_folder(tmp_path / "plain", 2),
+    ]
+    page = make_page(folders)
+    assert nasty not in page
+    assert "<i>" not in page
+    assert "a&amp;b &lt;i&gt;" in page
+
+
+def test_page_without_series_or_picture(tmp_path):
+    empty = dict.fromkeys(("centre_error", "orientation_error", "nees_position"))
+    lost = {"iou": np.full(40, np.nan), "nis": np.full(40, np.nan)}
+    folders = [make_folder(tmp_path / name, 1, series=empty | lost) for name in ("a", "b")]
+    (folders[0] / "figures" / "path.png").unlink()
+    page = make_page(folders)
+    assert "No run has errors over time" in page
+    assert "This run has no picture of its path" in page
+
+
+def test_labels_of_folders_with_one_name(tmp_path):
+    folders = [tmp_path / "x" / "run", tmp_path / "y" / "run"]
+    assert run_labels(folders) == ["x/run", "y/run"]
+    with pytest.raises(UserError, match="named twice"):
+        run_labels([folders[0], folders[0]])
+
+
+def test_default_page_is_free(folders):
+    page = default_page(folders)
+    assert page == folders[0].parent / "report-first-second.html"
+    write_page(page, "x")
+    assert default_page(folders).name == "report-first-second-2.html"
+    with pytest.raises(UserError, match="not written over"):
+        write_page(page, "y")
+    assert page.read_text() == "x"
+    many = [folders[0].parent / f"{'long' * 12}-{i}" for i in range(6)]
+    assert default_page(many).name == f"report-{'long' * 12}-0-and-5-more.html"
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "told"),
+    [
+        ("manifest.json", None, "no result folder"),
+        ("manifest.json", "{", "not valid JSON"),
+        ("manifest.json", "[" * 100_000, "not valid JSON"),
+        ("manifest.json", "[1]", "must hold names"),
+        ("config.yaml", None, "config.yaml is missing"),
+        ("config.yaml", "a: [", "not valid YAML"),
+        ("config.yaml", "!!python/object/apply:os.getcwd []", "not valid YAML"),
+        ("config.yaml", "a: &a {b: *a}", "too many settings"),
+        ("config.yaml", "just text", "must hold the groups"),
+        ("config.yaml", b"\xff\xfe\x00", "not a text"),
+        ("metrics.json", '{"iou_mean": "high"}', "iou_mean must be a number"),
+        ("scores.npz", None, "scores.npz is missing"),
+        ("scores.npz", b"nothing", "not a file of numeric arrays"),
+        ("figures/path.png", b"GIF89a", "not a PNG image"),
+    ],
+)
+def test_bad_folders_are_told_in_one_line(folders, file, content, told):
+    path = folders[0] / file
+    if content is None:
+        path.unlink()
+    else:
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(UserError, match=told) as failure:
+        read_folder(folders[0])
+    assert "\n" not in str(failure.value)
+
+
+def test_arrays_are_not_unpickled(folders):
+    np.savez(folders[0] / "scores.npz", t=np.array([{}], dtype=object))
+    with pytest.raises(UserError, match="not a file of numeric arrays"):
+        read_folder(folders[0])
+
+
+def test_arrays_of_wrong_shape(folders):
+    np.savez(folders[0] / "scores.npz", t=np.arange(3.0), iou=np.arange(4.0))
+    with pytest.raises(UserError, match="iou has shape"):
+        read_folder(folders[0])
+
+
+def test_no_folder(tmp_path):
+    with pytest.raises(UserError, match="no such folder"):
+        read_folder(tmp_path / "nothing")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UserError, match="not a folder"):
+        read_folder(tmp_path / "file")
+
+
+def test_nan_in_metrics_is_no_value(folders):
+    (folders[0] / "metrics.json").write_text(json.dumps({"iou_mean": float("nan")}))
+    assert read_folder(folders[0]).metrics == {"iou_mean": None}
+
+
+def test_best():
+    assert best("centre_rmse_m", [0.2, 0.1, None]) == [False, True, False]
+    assert best("iou_mean", [0.2, 0.9, 0.9]) == [False, True, True]
+    assert best("nis_mean", [0.5, 1.5, 30.0]) == [False, True, False]
+    assert best("nis_mean", [0.0, 1.5]) == [False, True]
+    assert best("scans", [1, 2]) == [False, False]
+    assert best("iou_mean", [0.5, 0.5]) == [False, False]
+    assert best("iou_mean", [None, 0.5]) == [False, False]
+
+
+def test_format_value():
+    assert format_value(None) == "–"
+    assert format_value(float("nan")) == "–"
+    assert format_value(100) == "100"
+    assert format_value(0.0) == "0.000"
+    assert format_value(0.12345) == "0.123"
+    assert format_value(12.345) == "12.35"
+    assert format_value(123456.0) == "1.23e+05"
+    assert metric("new_thing_m").label == "new thing"
+    assert metric("new_thing_m").unit == "m"
+
+
+def test_scores_table():
+    table = scores_table({"centre_rmse_m": 0.1234, "nis_mean": None})
+    assert [column.header for column in table.columns] == ["score", "value", "unit"]
+    assert list(table.columns[1].cells) == ["0.123", "–"]
+    assert list(table.columns[2].cells) == ["m", ""]
