@@ -1,0 +1,241 @@
+"""Disparity to stixels on 1242 × 375 with 128 disparities, beside plain NumPy; and the matchers.
+
+Run it with `pytest bench/bench_stixels.py`. The disparity is that of a real frame where the folder
+named by STIXEL_DATA has one, else of a made street.
+"""
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+from pydantic import TypeAdapter
+from scipy.special import ndtr
+
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.images import ImageStack
+from stixel_cli.scene.frames import StereoPairs
+from stixel_cli.stereo import bm, sgm
+from stixel_cli.stereo.parameters import StereoParameters
+from stixel_cli.stixels.extraction import stixels_of_frame
+from stixel_cli.stixels.free_space import expected_depth, nearest_obstacle, obstacle_base
+from stixel_cli.stixels.height import top_rows
+from stixel_cli.stixels.occupancy import column_histograms, fill, layout
+from stixel_cli.stixels.parameters import (
+    ExtractionParameters,
+    FreeSpaceParameters,
+    HeightParameters,
+    OccupancyParameters,
+    RoadParameters,
+)
+from stixel_cli.stixels.path import cell_costs, cheapest_path
+from stixel_cli.stixels.road import find_road, obstacle_limits, road_line
+
+ROOT = Path(__file__).parents[1]
+COUNT = 128
+RIG = Rig(1242, 375, None, 721.5377, 609.5593, 172.854, 0.5327254, 1.65, 0.0)
+FOLDER = Path(os.environ.get("STIXEL_DATA", ROOT / "../shared/data")) / "kitti2015"
+
+
+def shipped(schema, option):
+    text = (ROOT / "conf" / f"{option}.yaml").read_text()
+    return TypeAdapter(schema).validate_json(json.dumps(yaml.safe_load(text)))
+
+
+STEREO = replace(shipped(StereoParameters, "stereo/sgm"), disparities=COUNT)
+BLOCKS = replace(shipped(StereoParameters, "stereo/bm"), disparities=COUNT)
+FREE_SPACE = shipped(FreeSpaceParameters, "free_space/default")
+HEIGHT = shipped(HeightParameters, "height/default")
+EXTRACTION = shipped(ExtractionParameters, "extraction/default")
+
+
+@pytest.fixture(scope="module")
+def pairs():
+    if FOLDER.is_dir():
+        views = [
+            cv2.imread(str(FOLDER / f"000000_10_{side}.png"), cv2.IMREAD_GRAYSCALE)
+            for side in ("left", "right")
+        ]
+    else:
+        rows = made_street()
+        texture = np.random.default_rng(0).integers(0, 256, rows.shape, dtype=np.uint8)
+        texture = cv2.GaussianBlur(texture, (5, 5), 0)
+        # The right view's texture, drawn to the left view by the disparity.
+        u = np.arange(RIG.width) - np.maximum(rows, 0) / 16.0
+        v = np.repeat(np.arange(RIG.height)[:, None], RIG.width, axis=1)
+        left = cv2.remap(
+            texture, u.astype(np.float32), v.astype(np.float32), cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REFLECT,
+        )  # fmt: skip
+        views = [left, texture]
+    return StereoPairs(0, *(ImageStack.from_images([view]) for view in views))
+
+
+def made_street():
+    """Raw disparities (H, W) int16 of a road with boxes left and right and a wall at its end."""
+    line = road_line(0.0, RIG.camera_height, RIG)
+    v = np.arange(RIG.height)[:, None]
+    disparity = np.maximum(line[0] * v + line[1], 0.0) + np.zeros((1, RIG.width))
+    for u in range(0, RIG.width, 90):
+        depth = 6.0 + 34.0 * (1.0 - abs(u / RIG.width - 0.5) * 2.0)
+        d = RIG.disparity_from_depth(depth)
+        tall = 1.5 if u % 180 else 6.0
+        rows = (v >= RIG.v0 + (RIG.camera_height - tall) * d / RIG.baseline) & (
+            v <= RIG.v0 + RIG.camera_height * d / RIG.baseline
+        )
+        box = disparity[:, u : u + 70]
+        np.maximum(box, d, out=box, where=np.broadcast_to(rows, box.shape))
+    noise = np.random.default_rng(0).normal(0.0, 4.0, disparity.shape)
+    return np.where(disparity > 0, np.maximum(disparity * 16 + noise, 0), -1).astype(np.int16)
+
+
+@pytest.fixture(scope="module")
+def raw(pairs):
+    return sgm.match(pairs, STEREO, RIG, range(1)).raw(0)
+
+
+def segment(raw, expected, road, occupancy, grid):
+    """One frame from disparity to stixels, as the two stages do it."""
+    columns = cv2.transpose(raw)
+    line = find_road(columns, COUNT, RIG, road)
+    obstacle = nearest_obstacle(columns, line, expected, RIG, road, grid, occupancy, FREE_SPACE)
+    base = obstacle_base(obstacle, line, RIG)
+    columns = cv2.transpose(raw)
+    stixels = stixels_of_frame(columns, obstacle, base, line, COUNT, RIG, HEIGHT, EXTRACTION)
+    return obstacle, base, line, stixels
+
+
+def prepared(raw, road="rig", occupancy="polar"):
+    road = shipped(RoadParameters, f"road/{road}")
+    occupancy = shipped(OccupancyParameters, f"occupancy/{occupancy}")
+    grid = layout(occupancy, RIG, COUNT)
+    obstacle, base, line, _ = segment(raw, None, road, occupancy, grid)
+    poses = np.array([[0.0, 0.0, np.pi / 2], [0.0, 1.0, np.pi / 2]])
+    expected = expected_depth(obstacle, base, line, RIG, *poses)
+    return road, occupancy, grid, expected
+
+
+@pytest.mark.parametrize("occupancy", ["polar", "column_disparity", "cartesian"])
+@pytest.mark.parametrize("road", ["rig", "estimated"])
+def test_disparity_to_stixels(benchmark, raw, road, occupancy):
+    benchmark.group = "disparity to stixels"
+    road, occupancy, grid, expected = prepared(raw, road, occupancy)
+    obstacle, *_ = benchmark(segment, raw, expected, road, occupancy, grid)
+    assert np.isfinite(obstacle).mean() > 0.3
+
+
+STEPS = ("histogram", "grid", "costs", "path", "height", "stixels")
+
+
+@pytest.mark.parametrize("step", STEPS)
+def test_step(benchmark, raw, step):
+    benchmark.group = "steps, polar grid"
+    road, occupancy, grid, expected = prepared(raw)
+    columns = cv2.transpose(raw)
+    obstacle, base, line, _ = segment(raw, expected, road, occupancy, grid)
+    bins = len(grid.likelihoods)
+    scale = np.full(RIG.height, 1 / 16, dtype=np.float32)
+    count = (columns, *obstacle_limits(line, RIG, road, COUNT), 2 * scale, bins)
+    fill_grid = (column_histograms(*count), grid.likelihoods, grid.first, grid.last)
+    need = FREE_SPACE.obstacle_height * grid.disparities / RIG.baseline * grid.peaks
+    bounds = np.float32(FREE_SPACE.cost_bound), np.float32(FREE_SPACE.free_cost)
+    weigh = (fill(*fill_grid), (1 / need).astype(np.float32), *bounds)
+    depths = np.append(grid.depths, 2 * grid.depths[-1] - grid.depths[-2])
+    limits = np.float32(FREE_SPACE.spatial_cost), np.float32(FREE_SPACE.spatial_limit)
+    work = {
+        "histogram": lambda: column_histograms(*count),
+        "grid": lambda: fill(*fill_grid),
+        "costs": lambda: cell_costs(*weigh),
+        "path": (lambda costs: lambda: cheapest_path(costs, depths, *limits))(cell_costs(*weigh)),
+        "height": lambda: top_rows(columns, obstacle, base, line, RIG, HEIGHT),
+        "stixels": lambda: stixels_of_frame(
+            columns, obstacle, base, line, COUNT, RIG, HEIGHT, EXTRACTION
+        ),
+    }
+    benchmark(work[step])
+
+
+def test_disparity_to_stixels_plain(benchmark, raw):
+    benchmark.group = "disparity to stixels"
+    road, occupancy, grid, _ = prepared(raw)
+    obstacle, top = benchmark.pedantic(plain, args=(raw, road, occupancy, grid), rounds=2)
+    fast, base, line, _ = segment(raw, None, road, occupancy, grid)
+    both = np.isfinite(fast) & np.isfinite(obstacle)
+    # The plain one is not refined within the row.
+    depth = RIG.focal * RIG.baseline / fast[both]
+    assert np.mean(np.abs(RIG.focal * RIG.baseline / obstacle[both] - depth) < 1.0) > 0.95
+    columns = cv2.transpose(raw)
+    assert np.mean(np.abs(top_rows(columns, fast, base, line, RIG, HEIGHT) - top) <= 3) > 0.8
+
+
+def plain(raw, road, occupancy, grid):
+    """The same steps in plain NumPy: dense products, O(rows²) paths, no compiled loop."""
+    line = road_line(0.0, RIG.camera_height, RIG)
+    lowest, highest = obstacle_limits(line, RIG, road, COUNT)
+    v, u = np.nonzero((raw >= lowest[:, None]) & (raw <= highest[:, None]))
+    bins = 2 * COUNT + 1
+    votes = np.bincount(u * bins + (raw[v, u] + 4) // 8, minlength=RIG.width * bins)
+    z = grid.depths.astype(float)
+    near, far = (RIG.disparity_from_depth(z + s * occupancy.depth_step) for s in (-0.5, 0.5))
+    sigma = np.hypot(occupancy.disparity_deviation, occupancy.relief * grid.disparities / z)
+    centres = np.arange(bins)[:, None] / 2
+    matrix = (ndtr((near - centres) / sigma) - ndtr((far - centres) / sigma)) / (near - far)
+    values = votes.reshape(RIG.width, bins) @ matrix
+    pixels = FREE_SPACE.obstacle_height * grid.disparities / RIG.baseline
+    evidence = values / (np.maximum(FREE_SPACE.obstacle_pixels, pixels) * grid.peaks)
+    for column in evidence:
+        peaks = np.flatnonzero((column[:-1] >= 1) & (column[1:] < column[:-1]))
+        if len(peaks):
+            rises = np.flatnonzero(np.diff(column[peaks[0] :]) > 0)
+            column[peaks[0] + rises[0] + 1 if len(rises) else len(column) :] = 0
+    with np.errstate(divide="ignore", over="ignore"):
+        cost = np.minimum(1 / evidence, FREE_SPACE.cost_bound)
+    cost = np.hstack([cost, np.full((RIG.width, 1), FREE_SPACE.free_cost)])
+    z = np.append(z, 2 * z[-1] - z[-2])
+    step = FREE_SPACE.spatial_cost * np.minimum(abs(z[:, None] - z), FREE_SPACE.spatial_limit)
+    path = viterbi(cost, [step] * (RIG.width - 1))
+    obstacle = np.append(grid.disparities, np.nan)[path]
+    base = obstacle_base(obstacle, line, RIG)
+    rows = np.arange(RIG.height)
+    window = obstacle - RIG.disparity_from_depth(
+        RIG.depth_from_disparity(obstacle) + HEIGHT.depth_margin
+    )
+    member = np.exp2(1 - ((raw / 16 - obstacle) / window) ** 2) - 1
+    member = np.where((raw >= 0) & np.isfinite(member) & (rows[:, None] <= base), member, 0)
+    above = np.vstack([np.zeros(RIG.width), np.cumsum(member, axis=0)[:-1]])
+    cost = (2 * above - member.sum(axis=0)).T
+    cost[(rows > np.maximum(base, 0)[:, None])] = 1e9
+    depth = np.nan_to_num(RIG.depth_from_disparity(obstacle), nan=1e9)
+    tied = HEIGHT.smoothness * np.maximum(0, 1 - abs(np.diff(depth)) / HEIGHT.depth_scale)
+    away = abs(rows[:, None] - rows)
+    return obstacle, np.where(base < 0, -1, viterbi(cost, (t * away for t in tied)))
+
+
+def viterbi(cost, steps):
+    """Rows of least cost, every pair of rows tried."""
+    total, back = cost[0], []
+    for of_column, step in zip(cost[1:], steps, strict=True):
+        together = total + step
+        back.append(np.argmin(together, axis=1))
+        total = of_column + together.min(axis=1)
+    path = [int(np.argmin(total))]
+    for row in reversed(back):
+        path.append(int(row[path[-1]]))
+    return np.array(path[::-1])
+
+
+@pytest.mark.parametrize("cancelled", [False, True])
+@pytest.mark.parametrize("mode", ["3way", "sgbm", "hh4", "hh"])
+def test_match_sgm(benchmark, pairs, mode, cancelled):
+    benchmark.group = "match"
+    stereo = replace(STEREO, mode=mode, error_cancellation=cancelled)
+    benchmark.pedantic(sgm.match, args=(pairs, stereo, RIG, range(1)), rounds=3)
+
+
+def test_match_bm(benchmark, pairs):
+    benchmark.group = "match"
+    benchmark.pedantic(bm.match, args=(pairs, BLOCKS, RIG, range(1)), rounds=3)

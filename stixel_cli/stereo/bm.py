@@ -1,0 +1,45 @@
+"""Block matching, Konolige 1997, by OpenCV."""
+
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.scene.frames import StereoPairs
+from stixel_cli.stereo.disparities import Disparities
+from stixel_cli.stereo.matching import disparity_count, match_pairs
+from stixel_cli.stereo.parameters import BmParameters
+
+
+def match(pairs: StereoPairs, stereo: BmParameters, rig: Rig, frames: range) -> Disparities:
+    """Disparities of the left views of `frames`, 1/16 px, by block matching on one thread.
+
+    The left border is kept as in semi-global matching; half a block is lost at the other three.
+
+    Raises:
+        ValueError: if the block is larger than the image.
+    """
+    import cv2
+
+    if stereo.block_size > min(rig.width, rig.height):
+        raise ValueError(f"stereo.block_size: {stereo.block_size} px, larger than the image")
+    filters = {
+        "normalized_response": cv2.StereoBM_PREFILTER_NORMALIZED_RESPONSE,
+        "x_sobel": cv2.StereoBM_PREFILTER_XSOBEL,
+    }
+    count = disparity_count(stereo, rig)
+    matcher = cv2.StereoBM_create(numDisparities=count, blockSize=stereo.block_size)
+    matcher.setMinDisparity(stereo.minimum_disparity)
+    matcher.setPreFilterType(filters[stereo.pre_filter])
+    matcher.setPreFilterSize(stereo.pre_filter_size)
+    matcher.setPreFilterCap(stereo.pre_filter_cap)
+    matcher.setTextureThreshold(stereo.texture_threshold)
+    matcher.setDisp12MaxDiff(stereo.left_right_difference)
+    matcher.setUniquenessRatio(stereo.uniqueness_ratio)
+    matcher.setSpeckleWindowSize(stereo.speckle_window)
+    matcher.setSpeckleRange(stereo.speckle_range)
+    return match_pairs(
+        pairs,
+        frames,
+        matcher,
+        stereo.minimum_disparity,
+        count,
+        margin=stereo.block_size // 2,
+        error_cancellation=stereo.error_cancellation,
+    )

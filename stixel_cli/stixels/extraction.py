@@ -1,0 +1,139 @@
+"""Stixels from free space and height, Badino, Franke, Pfeiffer 2009, *The Stixel World*."""
+
+import cv2
+import numpy as np
+
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.stereo.disparities import SUBPIXELS, Disparities
+from stixel_cli.stixels.grouping import group_columns
+from stixel_cli.stixels.height import depth_windows, top_rows
+from stixel_cli.stixels.nouns import FreeSpace, Stixels
+from stixel_cli.stixels.parameters import ExtractionParameters, HeightParameters
+from stixel_cli.stixels.road import base_rows, level_factors, pitch_and_height
+
+BINS_PER_PIXEL = 8
+"""Resolution of the stixels' histograms of disparities."""
+
+
+def extract_stixels(
+    disparities: Disparities,
+    free_space: FreeSpace,
+    rig: Rig,
+    height: HeightParameters,
+    extraction: ExtractionParameters,
+    frames: range,
+) -> Stixels:
+    """Stixels of `frames`; their disparities are levelled as its are."""
+    found = []
+    for k in frames:
+        i = k - free_space.first
+        columns = cv2.transpose(disparities.raw(k - disparities.first))
+        found.append(
+            stixels_of_frame(
+                columns,
+                free_space.disparity[i],
+                free_space.base_row[i],
+                free_space.road[i],
+                disparities.count,
+                rig,
+                height,
+                extraction,
+            )
+        )
+    names = ("left", "right", "top", "base", "disparity", "disparity_variance", "depth", "height")
+    names += ("points_ego", "covariances_ego")
+    offsets = np.cumsum([0] + [len(f["left"]) for f in found], dtype=np.int64)
+    empty = group_fields(np.zeros((0, 4)), np.zeros((0, 4)), np.array([1.0, 0.0]), rig, 0.0)
+    arrays = {name: np.concatenate([empty[name], *(f[name] for f in found)]) for name in names}
+    return Stixels(first=frames.start, offsets=offsets, **arrays)
+
+
+def stixels_of_frame(
+    columns: np.ndarray,
+    obstacle: np.ndarray,
+    base_row: np.ndarray,
+    line: np.ndarray,
+    count: int,
+    rig: Rig,
+    height: HeightParameters,
+    extraction: ExtractionParameters,
+) -> dict[str, np.ndarray]:
+    """Stixels of one frame: the fields of `Stixels` by name.
+
+    Args:
+        columns: (W, H) int16 raw disparities, column by column.
+        obstacle, base_row: (W,) a frame of `FreeSpace`.
+        line: (2,) the road's disparity a v + b, px.
+        count: number of disparities searched.
+    """
+    tops = top_rows(columns, obstacle, base_row, line, rig, height)
+    window = depth_windows(obstacle, rig, height.depth_margin)
+    scale = level_factors(line, rig) / np.float32(SUBPIXELS)
+    areas, values = group_columns(
+        columns,
+        obstacle,
+        window,
+        tops,
+        base_row,
+        scale,
+        extraction.width,
+        BINS_PER_PIXEL * count + 1,
+        BINS_PER_PIXEL,
+        smoothing_kernel(extraction.smoothing),
+        extraction.least_pixels,
+    )
+    measured = values.copy()
+    # Pixels of a match are not independent, and part of the error is common to them all.
+    share = np.minimum(1.0, extraction.correlated_pixels / np.maximum(values[:, 2], 1.0))
+    measured[:, 1] = extraction.least_deviation**2 + values[:, 1] * share
+    return group_fields(areas, measured, line, rig, extraction.relief)
+
+
+def smoothing_kernel(deviation: float) -> np.ndarray:
+    """Normal density (2 r + 1,) float64 in bins, of `deviation` px, sum 1."""
+    reach = int(np.ceil(3.0 * deviation * BINS_PER_PIXEL))
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / (deviation * BINS_PER_PIXEL)) ** 2)
+    return kernel / kernel.sum()
+
+
+def group_fields(
+    areas: np.ndarray, measured: np.ndarray, line: np.ndarray, rig: Rig, relief: float
+) -> dict[str, np.ndarray]:
+    """Fields of `Stixels` from column ranges, tops and disparities.
+
+    Args:
+        areas: (S, 4) left, right (exclusive), top and base row.
+        measured: (S, 4) levelled disparity px, its variance px², pixels, their mean row.
+        line: (2,) the road's disparity a v + b, px.
+        relief: standard deviation of the surface in depth, m.
+    """
+    left, right, top = areas[:, 0], areas[:, 1], areas[:, 2].astype(np.float64)
+    disparity, variance, mean_row = measured[:, 0], measured[:, 1], measured[:, 3]
+    pitch, camera_height = pitch_and_height(line, rig)
+    focal_baseline = rig.focal * rig.baseline
+    depth = focal_baseline / disparity
+    upright = np.cos(pitch) - np.sin(pitch) * (mean_row - rig.v0) / rig.focal
+    depth_camera = depth / upright
+    bearing = (0.5 * (left + right - 1) - rig.u0) / rig.focal
+    points = np.stack([bearing * depth_camera, depth], axis=1)
+    # Depth along the ray, and the place within the columns across it (even over them: w²/12).
+    depth_variance = (depth / disparity) ** 2 * variance + relief**2
+    ray = np.stack([bearing / upright, np.ones_like(depth)], axis=1)
+    covariances = depth_variance[:, None, None] * ray[:, :, None] * ray[:, None, :]
+    covariances[:, 0, 0] += (depth_camera * (right - left) / rig.focal) ** 2 / 12.0
+    base = np.clip(np.rint(base_rows(disparity, line, rig)), top, rig.height - 1)
+    # The top row's upper edge; with d = f B / z its disparity in the image is the road's at h = H.
+    edge = top - 0.5
+    at_edge = disparity * (np.cos(pitch) - np.sin(pitch) * (edge - rig.v0) / rig.focal)
+    return {
+        "left": left.astype(np.int32),
+        "right": right.astype(np.int32),
+        "top": areas[:, 2].astype(np.int32),
+        "base": base.astype(np.int32),
+        "disparity": disparity,
+        "disparity_variance": variance,
+        "depth": depth,
+        "height": camera_height * (1.0 - (line[0] * edge + line[1]) / at_edge),
+        "points_ego": points,
+        "covariances_ego": covariances,
+    }

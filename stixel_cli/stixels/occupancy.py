@@ -1,0 +1,269 @@
+"""Occupancy grids, Badino, Franke, Mester 2007: model.md (6)-(8).
+
+Every obstacle pixel (u, v, d) adds its normalised likelihood G to the cells; the value of a cell is
+the mean of G over the cell, so that coarse cells miss no pixel. Disparities are levelled ones
+(`road.level_factors`), so that depth is depth along the road. Grids are held column by column,
+nearest row first.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy.special import ndtr
+
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.stereo.disparities import SUBPIXELS, Disparities
+from stixel_cli.stixels.nouns import FreeSpace
+from stixel_cli.stixels.parameters import (
+    CartesianOccupancy,
+    ColumnDisparityOccupancy,
+    OccupancyParameters,
+    RoadParameters,
+)
+from stixel_cli.stixels.road import level_factors, obstacle_limits
+
+BINS_PER_PIXEL = 2
+"""Resolution of the columns' histograms of disparities."""
+
+REACH = 4.0
+"""Likelihoods are cut off this many standard deviations from the cell."""
+
+
+@dataclass(frozen=True)
+class OccupancyGrid:
+    """The occupancy grid of one frame, for its picture.
+
+    Attributes:
+        kind: "polar", "column_disparity" or "cartesian".
+        values: (R, C) float32, obstacle pixels per px of disparity (cartesian: per px²).
+        depths: (R,) m, depth of each row's centre, nearest first.
+        disparities: (R,) px, the same as disparities.
+        laterals: (C,) m lateral position of each column (cartesian), else the image column u, px.
+    """
+
+    kind: str
+    values: np.ndarray
+    depths: np.ndarray
+    disparities: np.ndarray
+    laterals: np.ndarray
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Rows of a grid and the likelihoods that fill them.
+
+    Attributes:
+        depths: (R,) float32 m, ascending.
+        disparities: (R,) float32 px, descending.
+        reaches: (R,) float32 px, a cell's half extent and two standard deviations.
+        likelihoods: (bins, R) float32 1/px, mean of G over the cell for a pixel of the bin.
+        first, last: (bins,) int32, rows first … last - 1 of a bin are not zero.
+        peaks: (R,) float32 1/px, the most that one pixel can add to a cell.
+        laterals: (C,) float32 m, centres of a Cartesian grid's cells, else empty.
+    """
+
+    depths: np.ndarray
+    disparities: np.ndarray
+    reaches: np.ndarray
+    likelihoods: np.ndarray
+    first: np.ndarray
+    last: np.ndarray
+    peaks: np.ndarray
+    laterals: np.ndarray
+
+
+def layout(occupancy: OccupancyParameters, rig: Rig, count: int) -> Layout:
+    """Layout of a grid for a rig and the number of disparities searched."""
+    if isinstance(occupancy, ColumnDisparityOccupancy):
+        step = occupancy.disparity_step
+        near, far = rig.disparity_from_depth(np.array([occupancy.nearest, occupancy.farthest]))
+        disparities = far + step * np.arange(int((near - far) / step + 1e-9), -1.0, -1.0)
+        upper, lower = disparities + 0.5 * step, np.maximum(disparities - 0.5 * step, 0.0)
+    else:
+        span = occupancy.farthest - occupancy.nearest
+        rows = np.arange(int(span / occupancy.depth_step + 1e-9) + 1)
+        depths = occupancy.nearest + occupancy.depth_step * rows
+        half = min(0.5 * occupancy.depth_step, 0.5 * occupancy.nearest)
+        disparities = rig.disparity_from_depth(depths)
+        upper, lower = rig.disparity_from_depth(np.stack([depths - half, depths + half]))
+    laterals = np.zeros(0)
+    if isinstance(occupancy, CartesianOccupancy):
+        cells = int(occupancy.half_width / occupancy.lateral_step)
+        laterals = occupancy.lateral_step * np.arange(-cells, cells + 1)
+    depths = rig.depth_from_disparity(disparities)
+    # Γ at the cell: the matcher's noise, and the obstacle's own surface, which is not upright.
+    deviations = np.hypot(occupancy.disparity_deviation, occupancy.relief * disparities / depths)
+    likelihoods = cell_likelihoods(count, lower, upper, deviations)
+    return Layout(
+        depths=depths.astype(np.float32),
+        disparities=disparities.astype(np.float32),
+        reaches=(0.5 * (upper - lower) + 2.0 * deviations).astype(np.float32),
+        likelihoods=likelihoods,
+        first=np.argmax(likelihoods > 0, axis=1).astype(np.int32),
+        last=np.where(
+            (likelihoods > 0).any(axis=1),
+            likelihoods.shape[1] - np.argmax(likelihoods[:, ::-1] > 0, axis=1),
+            0,
+        ).astype(np.int32),
+        # The best that a pixel can do: right in the middle of the cell.
+        peaks=((2.0 * ndtr(0.5 * (upper - lower) / deviations) - 1.0) / (upper - lower)).astype(
+            np.float32
+        ),
+        laterals=laterals.astype(np.float32),
+    )
+
+
+def cell_likelihoods(
+    count: int, lower: np.ndarray, upper: np.ndarray, deviations: np.ndarray
+) -> np.ndarray:
+    """Mean (bins, R) float32 of the normal density over cells that reach from `lower` to `upper`.
+
+    Bins are disparities b / `BINS_PER_PIXEL`; `lower`, `upper` and `deviations` (R,) in px.
+    """
+    centres = np.arange(BINS_PER_PIXEL * count + 1)[:, None] / BINS_PER_PIXEL
+    above, below = (upper - centres) / deviations, (lower - centres) / deviations
+    mean = (ndtr(above) - ndtr(below)) / (upper - lower)
+    near = (above > -REACH) & (below < REACH)
+    return np.where(near, mean, 0.0).astype(np.float32)
+
+
+def accumulate(
+    columns: np.ndarray,
+    line: np.ndarray,
+    rig: Rig,
+    road: RoadParameters,
+    grid: Layout,
+    occupancy: OccupancyParameters,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Histogram and occupancy of one frame.
+
+    Args:
+        columns: (W, H) int16 raw disparities, column by column.
+        line: (2,) the road's disparity a v + b.
+        grid: `layout` of the same occupancy parameters.
+
+    Returns:
+        Histogram (W, bins) uint16 of the obstacle pixels, and occupancy (W, R) float32 (1/px), or
+        (C, R) float32 (1/px²) for a Cartesian grid.
+    """
+    bins = len(grid.likelihoods)
+    lowest, highest = obstacle_limits(line, rig, road, bins // BINS_PER_PIXEL)
+    scale = level_factors(line, rig) * np.float32(BINS_PER_PIXEL / SUBPIXELS)
+    histogram = column_histograms(columns, lowest, highest, scale, bins)
+    polar = fill(histogram, grid.likelihoods, grid.first, grid.last)
+    if not isinstance(occupancy, CartesianOccupancy):
+        return histogram, polar
+    widths = rig.focal * occupancy.lateral_step / grid.depths.astype(np.float64)
+    starts = rig.u0 - 0.5 * len(grid.laterals) * widths
+    cells = len(grid.laterals)
+    return histogram, spread_laterally(polar, starts, widths, cells, occupancy.column_deviation)
+
+
+def to_polar(cartesian: np.ndarray, grid: Layout, rig: Rig) -> np.ndarray:
+    """A Cartesian grid (C, R) resampled to the image's columns (W, R) float32, linearly.
+
+    Columns are 1 px apart, so what they all add to a cell is on the scale of a polar grid.
+    """
+    u = np.arange(rig.width, dtype=np.float64) - rig.u0
+    step = float(grid.laterals[1] - grid.laterals[0])
+    polar = np.zeros((rig.width, len(grid.depths)), dtype=np.float32)
+    cells = np.arange(len(grid.laterals), dtype=np.float64)
+    for j, depth in enumerate(grid.depths.astype(np.float64)):
+        at = (u * depth / rig.focal - float(grid.laterals[0])) / step
+        polar[:, j] = np.interp(at, cells, cartesian[:, j], left=0.0, right=0.0)
+    return polar
+
+
+@njit(cache=True, nogil=True)
+def column_histograms(columns, lowest, highest, scale, bins):
+    """Histograms (W, bins) uint16 of the obstacle pixels' levelled disparities.
+
+    `columns` (W, H) int16 raw; a pixel counts if lowest[v] <= raw <= highest[v], in the bin
+    round(raw * scale[v]).
+    """
+    width, height = columns.shape
+    histogram = np.zeros((width, bins), dtype=np.uint16)
+    top, end = 0, height
+    while top < end and lowest[top] > highest[top]:
+        top += 1
+    while end > top and lowest[end - 1] > highest[end - 1]:
+        end -= 1
+    half = np.float32(0.5)
+    for u in range(width):
+        of_column = histogram[u]
+        for v in range(top, end):
+            raw = np.int32(columns[u, v])
+            if lowest[v] <= raw <= highest[v]:
+                of_column[min(np.int32(raw * scale[v] + half), bins - 1)] += 1
+    return histogram
+
+
+@njit(cache=True, nogil=True)
+def fill(histogram, likelihoods, first, last):
+    """Occupancy (W, R) float32: each column's histogram (W, bins) times likelihoods (bins, R)."""
+    width, bins = histogram.shape
+    values = np.zeros((width, likelihoods.shape[1]), dtype=np.float32)
+    for u in range(width):
+        of_column = values[u]
+        for b in range(1, bins):
+            votes = np.float32(histogram[u, b])
+            if votes > 0:
+                row = likelihoods[b]
+                for j in range(first[b], last[b]):
+                    of_column[j] += votes * row[j]
+    return values
+
+
+@njit(cache=True, nogil=True)
+def spread_laterally(polar, starts, widths, cells, deviation):
+    """Cartesian occupancy (cells, R) float32 of a polar one (W, R).
+
+    Each column's value is spread by the normal density in u, averaged over the cells. In row j the
+    first cell begins at starts[j] and each is widths[j] wide, px; `deviation` in px.
+    """
+    width, rows = polar.shape
+    values = np.zeros((cells, rows), dtype=np.float32)
+    root = np.sqrt(0.5) / deviation
+    reach = 4.0 * deviation
+    for u in range(width):
+        for j in range(rows):
+            if polar[u, j] <= 0:
+                continue
+            edge, step = starts[j], widths[j]
+            first = max(int(np.floor((u - reach - edge) / step)), 0)
+            last = min(int(np.ceil((u + reach - edge) / step)), cells)
+            share = 0.5 * polar[u, j] / step
+            # Neighbouring cells share an edge, and so its error function.
+            before = math.erf((edge + first * step - u) * root)
+            for i in range(first, last):
+                after = math.erf((edge + (i + 1) * step - u) * root)
+                values[i, j] += share * (after - before)
+                before = after
+    return values
+
+
+def picture_grid(
+    disparities: Disparities,
+    free_space: FreeSpace,
+    rig: Rig,
+    road: RoadParameters,
+    occupancy: OccupancyParameters,
+    frame: int,
+) -> OccupancyGrid:
+    """The occupancy grid of frame `frame`, with the road line that free space was found with."""
+    index = frame - disparities.first
+    columns = np.ascontiguousarray(disparities.raw(index).T)
+    line = free_space.road[frame - free_space.first]
+    grid = layout(occupancy, rig, disparities.count)
+    _, values = accumulate(columns, line, rig, road, grid, occupancy)
+    return OccupancyGrid(
+        kind=occupancy.kind,
+        values=np.ascontiguousarray(values.T),
+        depths=grid.depths,
+        disparities=grid.disparities,
+        laterals=grid.laterals
+        if isinstance(occupancy, CartesianOccupancy)
+        else np.arange(rig.width, dtype=np.float32),
+    )

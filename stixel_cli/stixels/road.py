@@ -1,0 +1,183 @@
+"""The road plane in the disparity image, and which pixels stand on it.
+
+A plane road that the camera looks along has the disparity a v + b in row v. With the camera H above
+it and the pitch p (nose down), a point at height h above the road has y_level = H - h, so that
+
+    d = B (cos p (v - v0) + f sin p) / (H - h),
+
+and a pixel of disparity d stands h = H (1 - (a v + b) / d) above the road. Both directions are
+exact: a and b follow from H and p, and H and p from a and b.
+"""
+
+import numpy as np
+from numba import njit
+
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.stereo.disparities import SUBPIXELS
+from stixel_cli.stixels.parameters import EstimatedRoad, RoadParameters
+
+STEPS = 41
+"""The estimate tries this many pitches, and this many heights."""
+
+REFINEMENTS = 5
+"""Least squares are repeated this often after the vote, each with half the former tolerance."""
+
+
+def road_line(pitch, height, rig: Rig) -> np.ndarray:
+    """Slope and offset (…, 2) of the road's disparity, px.
+
+    `pitch` in rad and camera `height` in m are numbers, or arrays of one shape.
+    """
+    cosine, sine = np.cos(pitch), np.sin(pitch)
+    scale = rig.baseline / height
+    offset = scale * (rig.focal * sine - cosine * rig.v0)
+    return np.stack([scale * cosine, offset], axis=-1)
+
+
+def pitch_and_height(line: np.ndarray, rig: Rig) -> tuple[float, float]:
+    """Pitch in rad and camera height in m of a road line (2,): the inverse of `road_line`."""
+    pitch = np.arctan((line[1] / line[0] + rig.v0) / rig.focal)
+    return float(pitch), float(rig.baseline * np.cos(pitch) / line[0])
+
+
+def level_factors(line: np.ndarray, rig: Rig) -> np.ndarray:
+    """Factors (H,) float32 from a row's disparity to f B / z_level, z_level along the road.
+
+    An upright object has one z_level in all its rows, but not one disparity, if the camera is
+    pitched: z_level = z (cos p - sin p (v - v0) / f).
+    """
+    pitch, _ = pitch_and_height(line, rig)
+    rows = np.arange(rig.height)
+    upright = np.cos(pitch) - np.sin(pitch) * (rows - rig.v0) / rig.focal
+    return (1.0 / np.maximum(upright, 0.1)).astype(np.float32)
+
+
+def base_rows(level_disparity: np.ndarray, line: np.ndarray, rig: Rig) -> np.ndarray:
+    """Rows, any shape, float px, in which an upright object of that levelled disparity stands.
+
+    Where the road line a v + b meets the object's disparity d_level (cos p - sin p (v - v0) / f).
+    """
+    pitch, _ = pitch_and_height(line, rig)
+    sine = np.sin(pitch) / rig.focal
+    upright = np.cos(pitch) + sine * rig.v0
+    return (level_disparity * upright - line[1]) / (line[0] + level_disparity * sine)
+
+
+def obstacle_limits(
+    line: np.ndarray, rig: Rig, road: RoadParameters, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Least and greatest raw disparity (H,) int32 of an obstacle pixel, row by row.
+
+    An obstacle stands between `road.least_height` and `road.greatest_height` above the road, and
+    its disparity exceeds the road's by `road.disparity_margin`. `count` is the number of
+    disparities searched. Rows where there can be none have least > greatest.
+    """
+    of_road = line[0] * np.arange(rig.height) + line[1]
+    _, height = pitch_and_height(line, rig)
+    lower = of_road + road.disparity_margin
+    upper = np.full(rig.height, np.inf)
+    # h > least is c d > a v + b with c = 1 - least / H, and h < greatest the other way round.
+    for sign, limit in ((1.0, road.least_height), (-1.0, road.greatest_height)):
+        factor, bound = sign * (1.0 - limit / height), sign * of_road
+        if factor > 0:
+            lower = np.maximum(lower, bound / factor)
+        elif factor < 0:
+            upper = np.minimum(upper, bound / factor)
+        else:
+            upper = np.where(bound < 0, upper, -np.inf)
+    greatest = SUBPIXELS * count - 1
+    lower = np.clip(np.floor(lower * SUBPIXELS) + 1, 1, greatest + 1)
+    upper = np.clip(np.ceil(upper * SUBPIXELS) - 1, 0, greatest)
+    return lower.astype(np.int32), upper.astype(np.int32)
+
+
+def find_road(columns: np.ndarray, count: int, rig: Rig, road: RoadParameters) -> np.ndarray:
+    """Road line (2,) of one disparity image, px: from the rig, or estimated near it.
+
+    The estimate is the plane, of a grid of pitches and heights round the rig's, for which the most
+    pixels vote (the v-disparity histogram of Labayrade, Aubert, Tarel 2002), refined by least
+    squares over the pixels near it. Without a vote it is the rig's.
+
+    Args:
+        columns: (W, H) int16 raw disparities, column by column.
+        count: number of disparities searched.
+    """
+    start = road_line(rig.pitch_radians, rig.camera_height, rig)
+    if not isinstance(road, EstimatedRoad):
+        return start
+    histogram = v_disparity(columns, count, road.column_step)
+    spread = np.linspace(-1.0, 1.0, STEPS)
+    pitches = rig.pitch_radians + np.radians(road.pitch_range) * spread
+    heights = rig.camera_height * (1.0 + road.height_range * spread)
+    lines = road_line(*(a.ravel() for a in np.meshgrid(pitches, heights, indexing="ij")), rig)
+    votes = _votes(np.cumsum(histogram, axis=1, dtype=np.int32), lines, road.tolerance)
+    # Ties, and the empty image, go to the plane nearest to the rig's.
+    away = (np.abs(spread)[:, None] + np.abs(spread)[None, :]).ravel()
+    line = lines[np.lexsort((away, -votes))[0]]
+    tolerance = road.tolerance
+    for _ in range(REFINEMENTS):
+        refined = _least_squares(histogram, line, tolerance)
+        pitch, height = pitch_and_height(refined, rig) if refined[0] > 0 else (np.inf, np.inf)
+        if (
+            abs(pitch - rig.pitch_radians) > np.radians(road.pitch_range)
+            or abs(height / rig.camera_height - 1.0) > road.height_range
+        ):
+            break
+        line, tolerance = refined, max(0.5 * tolerance, 0.5)
+    return line
+
+
+@njit(cache=True, nogil=True)
+def v_disparity(columns, count, step):
+    """Histogram (H, 4 count) int32 of the disparities of each row, in bins of a quarter pixel."""
+    width, height = columns.shape
+    histogram = np.zeros((height, 4 * count), dtype=np.int32)
+    for u in range(0, width, step):
+        for v in range(height):
+            raw = columns[u, v]
+            if raw > 0:
+                histogram[v, raw >> 2] += 1
+    return histogram
+
+
+@njit(cache=True, nogil=True)
+def _votes(cumulative, lines, tolerance):
+    """Pixels (n,) int64 within `tolerance` px of each line; `cumulative` along the bins."""
+    height, bins = cumulative.shape
+    votes = np.zeros(len(lines), dtype=np.int64)
+    for n in range(len(lines)):
+        for v in range(height):
+            centre = lines[n, 0] * v + lines[n, 1]
+            if centre < 1.0:
+                continue
+            low = int(4.0 * max(centre - tolerance, 0.0))
+            high = min(int(4.0 * (centre + tolerance)), bins - 1)
+            if low <= high:
+                votes[n] += cumulative[v, high] - (cumulative[v, low - 1] if low > 0 else 0)
+    return votes
+
+
+@njit(cache=True, nogil=True)
+def _least_squares(histogram, line, tolerance):
+    """Line (2,) through the pixels within `tolerance` px of `line`, which stays if they are few."""
+    height, bins = histogram.shape
+    n = sv = sd = svv = svd = 0.0
+    for v in range(height):
+        centre = line[0] * v + line[1]
+        if centre < 1.0:
+            continue
+        low = int(4.0 * max(centre - tolerance, 0.0))
+        high = min(int(4.0 * (centre + tolerance)), bins - 1)
+        for b in range(low, high + 1):
+            # Raw disparities 4 b … 4 b + 3 in 1/16 px: their middle.
+            weight, disparity = histogram[v, b], (4.0 * b + 1.5) / 16.0
+            n += weight
+            sv += weight * v
+            sd += weight * disparity
+            svv += weight * v * v
+            svd += weight * v * disparity
+    spread = n * svv - sv * sv
+    if n < 100.0 or spread <= 0.0:
+        return line.copy()
+    slope = (n * svd - sv * sd) / spread
+    return np.array([slope, (sd - slope * sv) / n])

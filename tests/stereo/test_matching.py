@@ -1,0 +1,159 @@
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.images import ImageStack
+from stixel_cli.scene.frames import StereoPairs
+from stixel_cli.stereo import bm, sgm
+from stixel_cli.stereo.disparities import INVALID
+from stixel_cli.stereo.matching import cancel_errors, disparity_count, half_pixel_right
+from stixel_cli.stereo.parameters import BmParameters, SgmParameters
+
+SHIFT = 10
+SGM = SgmParameters(
+    kind="sgm",
+    disparities=32,
+    nearest=3.5,
+    minimum_disparity=0,
+    mode="3way",
+    block_size=3,
+    p1=200,
+    p2=800,
+    left_right_difference=1,
+    pre_filter_cap=31,
+    uniqueness_ratio=10,
+    speckle_window=0,
+    speckle_range=2,
+    error_cancellation=False,
+)
+BM = BmParameters(
+    kind="bm",
+    disparities=32,
+    nearest=3.5,
+    minimum_disparity=0,
+    block_size=9,
+    pre_filter="x_sobel",
+    pre_filter_size=9,
+    pre_filter_cap=31,
+    texture_threshold=10,
+    left_right_difference=1,
+    uniqueness_ratio=10,
+    speckle_window=0,
+    speckle_range=2,
+    error_cancellation=False,
+)
+FRAMES = range(7, 9)
+RIG = Rig(160, 96, 60.0, None, None, None, 0.3, 1.2, 0.0)
+
+
+@pytest.fixture(scope="module")
+def pairs():
+    """A textured plane, SHIFT px apart in the two views."""
+    noise = np.random.default_rng(1).integers(0, 256, (96, 160 + SHIFT), dtype=np.uint8)
+    texture = cv2.GaussianBlur(noise, (3, 3), 0)
+    left, right = texture[:, :160], texture[:, SHIFT:]
+    return StereoPairs(
+        FRAMES.start, ImageStack.from_images([left, left]), ImageStack.from_images([right, right])
+    )
+
+
+@pytest.mark.parametrize("mode", ["sgbm", "hh", "3way", "hh4"])
+def test_sgm_finds_the_plane_up_to_the_left_border(pairs, mode):
+    disparities = sgm.match(pairs, replace(SGM, mode=mode), RIG, FRAMES)
+    assert (disparities.first, disparities.count, len(disparities)) == (7, 32, 2)
+    raw = disparities.raw(0)
+    assert raw.shape == (96, 160)
+    assert np.all(raw <= 16 * np.arange(160))
+    seen = raw[4:-4, SHIFT + 4 : -4]
+    assert np.mean(seen != INVALID) > 0.95
+    assert np.mean(np.abs(seen[seen != INVALID] - 16 * SHIFT) <= 2) > 0.99
+    assert np.mean(raw[:, SHIFT : SHIFT + 4] != INVALID) > 0.5
+
+
+@pytest.mark.parametrize("pre_filter", ["x_sobel", "normalized_response"])
+def test_bm_finds_the_plane_up_to_the_left_border(pairs, pre_filter):
+    raw = bm.match(pairs, replace(BM, pre_filter=pre_filter), RIG, FRAMES).raw(0)
+    assert np.all(raw <= 16 * np.arange(160))
+    seen = raw[6:-6, SHIFT + 6 : -6]
+    assert np.mean(seen != INVALID) > 0.95
+    assert np.mean(np.abs(seen[seen != INVALID] - 16 * SHIFT) <= 2) > 0.99
+
+
+@pytest.mark.parametrize("stereo, match", [(SGM, sgm.match), (BM, bm.match)])
+def test_minimum_disparity_shifts_the_range(pairs, stereo, match):
+    above = match(pairs, replace(stereo, minimum_disparity=16, disparities=16), RIG, FRAMES)
+    below = match(pairs, replace(stereo, minimum_disparity=8, disparities=16), RIG, FRAMES)
+    assert (above.count, below.count) == (32, 24)
+    raw = above.raw(0)
+    assert np.all((raw == INVALID) | (raw >= 16 * 16))
+    centre = below.raw(0)[20:-20, 40:-40]
+    assert np.all(np.abs(centre[centre != INVALID] - 16 * SHIFT) <= 2)
+
+
+@pytest.mark.parametrize("stereo, match", [(SGM, sgm.match), (BM, bm.match)])
+def test_repeats_to_the_byte_and_gives_the_threads_back(pairs, stereo, match):
+    threads = cv2.getNumThreads()
+    first, second = (match(pairs, stereo, RIG, FRAMES) for _ in range(2))
+    assert first.stored.encoded == second.stored.encoded
+    assert cv2.getNumThreads() == threads
+
+
+@pytest.mark.parametrize("stereo", [SGM, BM])
+def test_disparity_count_follows_the_rig(stereo):
+    derived = replace(stereo, disparities=None)
+    count = disparity_count(derived, RIG)
+    assert count % 16 == 0
+    assert count > RIG.disparity_from_depth(3.5) >= count - 17
+    assert disparity_count(replace(derived, nearest=90.0), RIG) == 16
+    assert disparity_count(stereo, RIG) == 32
+
+
+def test_parameters_that_do_not_fit_are_refused():
+    SGM.check()
+    BM.check()
+    with pytest.raises(ValueError, match=r"stereo\.block_size: 4 is even"):
+        replace(SGM, block_size=4).check()
+    with pytest.raises(ValueError, match=r"stereo\.p2: 100 must be above"):
+        replace(SGM, p2=100).check()
+    with pytest.raises(ValueError, match=r"stereo\.pre_filter_size: 8 is even"):
+        replace(BM, pre_filter_size=8).check()
+
+
+def test_block_larger_than_the_image_is_refused(pairs):
+    with pytest.raises(ValueError, match=r"stereo\.block_size: 101"):
+        bm.match(pairs, replace(BM, block_size=101), RIG, FRAMES)
+
+
+def test_half_a_pixel_of_a_smooth_image():
+    u = np.arange(60)
+    wave = 128 + 100 * np.sin(2 * np.pi * (u[None] + np.arange(5)[:, None]) / 12)
+    moved = half_pixel_right(np.rint(wave).astype(np.uint8))
+    expected = 128 + 100 * np.sin(2 * np.pi * (u[None] - 0.5 + np.arange(5)[:, None]) / 12)
+    assert np.abs(moved.astype(float) - expected)[:, 3:-3].max() < 2
+
+
+def test_cancelled_errors_are_the_mean_of_both():
+    raw = np.array([[160, 160, 160, 160, -1, 160, 163]], dtype=np.int16)
+    moved = np.array([[156, 153, 155, 120, 152, -1, 154]], dtype=np.int16)
+    # 162, 160.5 and 161.5 to the even neighbour, three that stay, 162.5.
+    assert cancel_errors(raw, moved).tolist() == [[162, 160, 162, 160, -1, 160, 162]]
+
+
+def test_error_cancellation_takes_the_pull_to_whole_pixels_away():
+    """A plane at a quarter and at three quarters of a pixel, drawn from a fine texture."""
+    noise = np.random.default_rng(4).integers(0, 256, (96, 4 * 200)).astype(np.float32)
+    fine = cv2.GaussianBlur(noise, (0, 0), 5.0)
+    fine = np.clip(128 + 6 * (fine - fine.mean()), 0, 255).astype(np.uint8)
+    errors = {False: [], True: []}
+    for quarters in (41, 42, 43):
+        left, right = fine[:, : 4 * 160 : 4], fine[:, quarters : quarters + 4 * 160 : 4]
+        pair = StereoPairs(0, *(ImageStack.from_images([image]) for image in (left, right)))
+        for cancelled, of_kind in errors.items():
+            stereo = replace(SGM, error_cancellation=cancelled)
+            pixels = sgm.match(pair, stereo, RIG, range(1)).pixels(0)[8:-8, 24:-8]
+            of_kind.append(np.abs(np.nanmedian(pixels) - quarters / 4))
+    assert max(errors[True]) <= 1 / 16
+    assert sum(errors[True]) < sum(errors[False])

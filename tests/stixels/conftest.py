@@ -1,0 +1,115 @@
+"""Analytic disparity images: a flat road, boxes on it and a wall, with no image behind them."""
+
+import numpy as np
+import pytest
+
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.images import ImageStack
+from stixel_cli.stereo.disparities import Disparities
+from stixel_cli.stixels.parameters import (
+    CartesianOccupancy,
+    ColumnDisparityOccupancy,
+    ExtractionParameters,
+    FreeSpaceParameters,
+    HeightParameters,
+    PolarOccupancy,
+    RigRoad,
+)
+
+
+def disparity_image(rig, boxes=(), wall=None):
+    """Raw disparities (H, W) int16 of a road, boxes (x, depth, width, height) and a wall's depth.
+
+    Where nothing is met within 200 m there is no disparity.
+    """
+    v, u = np.mgrid[: rig.height, : rig.width].astype(np.float64)
+    rays = np.stack([(u - rig.u0) / rig.focal, (v - rig.v0) / rig.focal, np.ones_like(u)], axis=-1)
+    x, y, z = np.moveaxis(rays @ rig.level_from_camera.T, -1, 0)
+    with np.errstate(divide="ignore"):
+        depth = np.where(y > 0, rig.camera_height / y, np.inf)
+    if wall is not None:
+        depth = np.minimum(depth, wall / z)
+    for at, distance, width, height in boxes:
+        t = distance / z
+        above = rig.camera_height - t * y
+        hit = (np.abs(t * x - at) <= 0.5 * width) & (above >= 0) & (above <= height)
+        depth = np.where(hit, np.minimum(depth, t), depth)
+    raw = np.rint(16.0 * rig.focal * rig.baseline / depth)
+    return np.where(depth < 200.0, raw, -1).astype(np.int16)
+
+
+@pytest.fixture(scope="session")
+def render():
+    return disparity_image
+
+
+@pytest.fixture
+def rig():
+    return Rig(320, 160, None, 300.0, None, None, 0.5, 1.4, 0.0)
+
+
+@pytest.fixture
+def as_disparities():
+    """Raw images as the noun that stereo matching gives."""
+
+    def build(*raw, first=0, count=64):
+        return Disparities(
+            first, count, ImageStack.from_images((r + 1).astype(np.uint16) for r in raw)
+        )
+
+    return build
+
+
+@pytest.fixture(scope="session")
+def road():
+    return RigRoad(kind="rig", least_height=0.25, greatest_height=3.0, disparity_margin=1.0)
+
+
+@pytest.fixture(scope="session")
+def occupancies():
+    near_far = {"nearest": 3.0, "farthest": 50.0, "disparity_deviation": 0.5, "relief": 0.25}
+    return {
+        "polar": PolarOccupancy(kind="polar", depth_step=0.25, **near_far),
+        "column_disparity": ColumnDisparityOccupancy(
+            kind="column_disparity", disparity_step=0.25, **near_far
+        ),
+        "cartesian": CartesianOccupancy(
+            kind="cartesian",
+            depth_step=0.25,
+            half_width=30.0,
+            lateral_step=0.1,
+            column_deviation=1.0,
+            **near_far,
+        ),
+    }
+
+
+@pytest.fixture(scope="session")
+def free_space():
+    return FreeSpaceParameters(
+        obstacle_height=0.3,
+        obstacle_pixels=5.0,
+        cost_bound=1.5,
+        free_cost=1.0,
+        spatial_cost=0.2,
+        spatial_limit=5.0,
+        temporal_cost=0.1,
+        temporal_limit=3.0,
+    )
+
+
+@pytest.fixture(scope="session")
+def height():
+    return HeightParameters(depth_margin=3.0, smoothness=3.0, depth_scale=5.0)
+
+
+@pytest.fixture(scope="session")
+def extraction():
+    return ExtractionParameters(
+        width=5,
+        smoothing=0.35,
+        least_pixels=10,
+        least_deviation=0.1,
+        correlated_pixels=25.0,
+        relief=0.05,
+    )

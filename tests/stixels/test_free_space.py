@@ -1,0 +1,178 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stixel_cli.geometry.pose import ego_from_world, world_from_ego
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.scene.scenario import EgoMotion
+from stixel_cli.stixels.free_space import expected_depth, find_free_space, obstacle_base
+from stixel_cli.stixels.parameters import EstimatedRoad
+from stixel_cli.stixels.road import road_line
+
+BOXES = [(-2.0, 9.0, 1.6, 1.5), (2.5, 16.0, 2.0, 1.7)]
+
+
+def parked(count):
+    return EgoMotion(np.arange(count) * 0.1, np.tile([0.0, 0.0, np.pi / 2], (count, 1)))
+
+
+def driving(count, speed=1.0, turn=0.0):
+    poses = [np.array([0.0, 0.0, np.pi / 2])]
+    for _ in range(count - 1):
+        x, y, heading = poses[-1]
+        poses.append(
+            np.array([x + speed * np.cos(heading), y + speed * np.sin(heading), heading + turn])
+        )
+    return EgoMotion(np.arange(count) * 0.1, np.array(poses))
+
+
+@pytest.fixture
+def find(road, occupancies, free_space):
+    def run(disparities, rig, ego_motion=None, previous=None, **changed):
+        frames = range(disparities.first, disparities.first + len(disparities))
+        arguments = {"road": road, "occupancy": occupancies["polar"], "free_space": free_space}
+        return find_free_space(
+            disparities,
+            ego_motion or parked(frames.stop),
+            rig,
+            frames=frames,
+            previous=previous,
+            **(arguments | changed),
+        )
+
+    return run
+
+
+@pytest.mark.parametrize("kind", ["polar", "column_disparity", "cartesian"])
+@pytest.mark.parametrize("pitch", [0.0, 3.0])
+def test_road_boxes_and_wall(find, rig, render, as_disparities, occupancies, kind, pitch):
+    rig = replace(rig, pitch=pitch)
+    raw = render(rig, boxes=BOXES, wall=30.0)
+    found = find(as_disparities(raw), rig, occupancy=occupancies[kind])
+    depth = rig.focal * rig.baseline / found.disparity[0]
+    u = np.arange(rig.width)
+    for at, distance, width, _ in BOXES:
+        edges = rig.u0 + rig.focal * (at + np.array([-0.5, 0.5]) * width) / distance
+        inside = (u > edges[0] + 2) & (u < edges[1] - 2)
+        np.testing.assert_allclose(depth[inside], distance, rtol=0.02)
+        foot = rig.project(np.array([[at, rig.camera_height, distance]]) @ rig.level_from_camera)[
+            0, 1
+        ]
+        assert np.all(np.abs(found.base_row[0][inside] - foot) <= 2)
+    lone = np.ones(rig.width, dtype=bool)
+    for at, distance, width, _ in BOXES:
+        edges = rig.u0 + rig.focal * (at + np.array([-0.5, 0.5]) * width) / distance
+        lone &= (u < edges[0] - 4) | (u > edges[1] + 4)
+    np.testing.assert_allclose(depth[lone], 30.0, rtol=0.02)
+
+
+def test_where_nothing_stands_the_column_is_free(find, rig, render, as_disparities):
+    found = find(as_disparities(render(rig), render(rig, boxes=[(0.0, 10.0, 2.0, 1.5)])), rig)
+    assert np.all(np.isnan(found.disparity[0]))
+    assert np.all(found.base_row[0] == -1)
+    box = ~np.isnan(found.disparity[1])
+    assert np.array_equal(box, found.base_row[1] >= 0)
+    assert np.count_nonzero(box) == pytest.approx(2.0 * rig.focal / 10.0, abs=2)
+
+
+def test_what_hangs_over_the_road_is_no_obstacle(find, rig, render, as_disparities):
+    bridge = render(rig, wall=20.0)
+    row = rig.v0 - (3.0 - rig.camera_height) * rig.focal / 20.0
+    bridge[int(row) - 1 :] = render(rig)[int(row) - 1 :]
+    assert np.all(np.isnan(find(as_disparities(bridge), rig).disparity))
+
+
+def test_disparity_of_noise_alone_is_free(find, rig, as_disparities):
+    invalid = np.full((rig.height, rig.width), -1, dtype=np.int16)
+    assert np.all(np.isnan(find(as_disparities(invalid), rig).disparity))
+
+
+def test_mirrored_image_mirrors_the_free_space(find, rig, render, as_disparities):
+    raw = render(rig, boxes=BOXES, wall=30.0)
+    one = find(as_disparities(raw), rig)
+    other = find(as_disparities(np.ascontiguousarray(raw[:, ::-1])), rig)
+    different = np.abs(one.disparity[0] - other.disparity[0][::-1]) > 0.01
+    assert np.mean(different) < 0.02
+
+
+def test_a_chunk_goes_on_where_the_last_one_ended(find, rig, render, as_disparities, free_space):
+    rng = np.random.default_rng(0)
+    strong = replace(free_space, temporal_cost=1.0)
+    ego = driving(6, speed=0.5, turn=0.02)
+    images = []
+    for k in range(6):
+        raw = render(rig, boxes=[(-1.0, 14.0 - 0.5 * k, 2.0, 1.5)], wall=40.0 - 0.5 * k)
+        noisy = raw + np.rint(rng.normal(0, 12, raw.shape)).astype(np.int16)
+        images.append(np.where(raw < 0, -1, np.maximum(noisy, 0)).astype(np.int16))
+    whole = find(as_disparities(*images), rig, ego, free_space=strong)
+    first = find(as_disparities(*images[:4]), rig, ego, free_space=strong)
+    second = find(as_disparities(*images[4:], first=4), rig, ego, first, free_space=strong)
+    assert second.first == 4
+    np.testing.assert_array_equal(
+        whole.disparity, np.concatenate([first.disparity, second.disparity])
+    )
+    alone = find(as_disparities(*images[4:], first=4), rig, ego, free_space=strong)
+    assert not np.array_equal(alone.disparity[0], second.disparity[0], equal_nan=True)
+
+
+def test_temporal_term_holds_what_is_not_seen(find, rig, render, as_disparities, free_space):
+    """In the second frame the middle of the box has no disparities, nor has what is behind it."""
+    raw = render(rig, boxes=[(0.0, 12.0, 3.0, 1.5)])
+    holed = raw.copy()
+    holed[:, 150:170] = -1
+    for cost, expected in ((0.0, np.nan), (0.3, 12.0)):
+        changed = replace(free_space, temporal_cost=cost)
+        found = find(as_disparities(raw, holed), rig, free_space=changed)
+        depth = rig.focal * rig.baseline / found.disparity[1, 152:168]
+        np.testing.assert_allclose(depth, expected, rtol=0.03)
+
+
+def test_no_frames_give_an_empty_result(find, rig, as_disparities):
+    empty = find(as_disparities(), rig)
+    assert empty.disparity.shape == empty.base_row.shape == (0, rig.width)
+    assert empty.road.shape == (0, 2)
+
+
+@pytest.mark.parametrize("pitch", [0.0, 2.0])
+def test_expected_depth_is_the_wall_seen_from_the_next_pose(pitch):
+    rig = Rig(320, 160, None, 300.0, None, None, 0.5, 1.4, pitch)
+    line = road_line(rig.pitch_radians, rig.camera_height, rig)
+    before, now = np.array([1.0, 2.0, 1.5]), np.array([1.3, 3.5, 1.55])
+    obstacle = np.full(rig.width, rig.focal * rig.baseline / 20.0, dtype=np.float32)
+    obstacle[:40] = np.nan
+    base = obstacle_base(obstacle, line, rig)
+    expected = expected_depth(obstacle, base, line, rig, before, now)
+    # Two points of the wall fix its line in the new frame.
+    wall = ego_from_world(world_from_ego(np.array([[-3.0, 20.0], [3.0, 20.0]]), before), now)
+    slope = (wall[1, 1] - wall[0, 1]) / (wall[1, 0] - wall[0, 0])
+    seen = np.flatnonzero(np.isfinite(expected))
+    assert len(seen) > 200
+    lateral = (seen - rig.u0) / rig.focal * expected[seen]
+    on_wall = wall[0, 1] + slope * (lateral - wall[0, 0])
+    np.testing.assert_allclose(expected[seen], on_wall, atol=0.06)
+
+
+def test_estimated_road_makes_up_for_a_wrong_rig(find, rig, render, as_disparities):
+    true = replace(rig, pitch=1.0)
+    raw = render(true, boxes=[(0.0, 12.0, 2.0, 1.5)])
+    estimated = EstimatedRoad(
+        kind="estimated",
+        least_height=0.25,
+        greatest_height=3.0,
+        disparity_margin=1.0,
+        pitch_range=2.0,
+        height_range=0.1,
+        tolerance=1.0,
+        column_step=2,
+    )
+    found = find(as_disparities(raw), rig, road=estimated)
+    box = ~np.isnan(found.disparity[0])
+    assert np.count_nonzero(box) == pytest.approx(2.0 * rig.focal / 12.0, abs=2)
+    np.testing.assert_allclose(rig.focal * rig.baseline / found.disparity[0][box], 12.0, rtol=0.02)
+
+
+def test_costs_that_do_not_fit_are_refused(free_space):
+    free_space.check()
+    with pytest.raises(ValueError, match=r"free_space\.free_cost: 2\.0 must be below"):
+        replace(free_space, free_cost=2.0).check()

@@ -1,0 +1,140 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stixel_cli.stixels.nouns import FreeSpace
+from stixel_cli.stixels.occupancy import (
+    BINS_PER_PIXEL,
+    accumulate,
+    cell_likelihoods,
+    column_histograms,
+    fill,
+    layout,
+    picture_grid,
+    spread_laterally,
+    to_polar,
+)
+from stixel_cli.stixels.road import road_line
+
+
+def normal(x, deviation):
+    """Equation (7) in one dimension, with the root of |Γ|."""
+    return np.exp(-0.5 * (x / deviation) ** 2) / np.sqrt(2 * np.pi * deviation**2)
+
+
+@settings(derandomize=True, deadline=None, max_examples=20)
+@given(st.integers(0, 2**32 - 1))
+def test_histograms_count_the_obstacle_pixels(seed):
+    rng = np.random.default_rng(seed)
+    columns = rng.integers(-1, 256, (7, 30)).astype(np.int16)
+    lowest = rng.integers(1, 200, 30).astype(np.int32)
+    highest = lowest + rng.integers(-50, 150, 30).astype(np.int32)
+    scale = rng.uniform(0.11, 0.13, 30).astype(np.float32)
+    expected = np.zeros((7, 33))
+    for u in range(7):
+        for v in range(30):
+            if lowest[v] <= columns[u, v] <= highest[v]:
+                expected[u, min(int(np.floor(columns[u, v] * scale[v] + np.float32(0.5))), 32)] += 1
+    assert np.array_equal(column_histograms(columns, lowest, highest, scale, 33), expected)
+
+
+@pytest.mark.parametrize("kind", ["polar", "column_disparity"])
+def test_occupancy_is_the_sum_of_the_likelihoods(rig, occupancies, kind):
+    """Against equation (6) itself, pixel by pixel, averaged over the cell by sampling."""
+    rng = np.random.default_rng(1)
+    grid = layout(replace(occupancies[kind], relief=0.0), rig, 64)
+    histogram = np.zeros((3, len(grid.likelihoods)), dtype=np.uint16)
+    bins = rng.integers(8, 100, (3, 15))
+    for u in range(3):
+        np.add.at(histogram[u], bins[u], 1)
+    got = fill(histogram, grid.likelihoods, grid.first, grid.last)
+    for j in rng.integers(0, len(grid.depths), 12):
+        half = grid.reaches[j] - 2.0 * 0.5
+        z = grid.depths[j]
+        middle = grid.disparities[j]
+        if kind == "polar":
+            ends = rig.focal * rig.baseline / np.array([z + 0.125, z - 0.125], dtype=np.float64)
+        else:
+            ends = np.array([middle - half, middle + half], dtype=np.float64)
+        samples = np.linspace(*ends, 2001)[:-1] + 0.5 * np.diff(ends) / 2000
+        expected = normal(samples[None, None] - bins[..., None] / BINS_PER_PIXEL, 0.5)
+        np.testing.assert_allclose(got[:, j], expected.sum(axis=1).mean(axis=1), atol=1e-3)
+
+
+def test_small_cells_have_the_likelihood_itself():
+    centres = np.array([3.0, 7.25, 12.0])
+    got = cell_likelihoods(16, centres - 1e-3, centres + 1e-3, np.full(3, 0.6))
+    bins = np.arange(2 * 16 + 1)[:, None] / 2
+    np.testing.assert_allclose(got, normal(bins - centres, 0.6), atol=4e-4)
+
+
+def test_relief_widens_the_near_cells_alone(rig, occupancies):
+    flat = layout(replace(occupancies["polar"], relief=0.0), rig, 64)
+    rough = layout(replace(occupancies["polar"], relief=0.3), rig, 64)
+    assert rough.peaks[0] < 0.6 * flat.peaks[0]
+    assert rough.peaks[-1] == pytest.approx(flat.peaks[-1], rel=1e-2)
+    # A peak is the most that a pixel gives.
+    assert np.all(rough.likelihoods.max(axis=0) <= rough.peaks * (1 + 1e-5))
+
+
+def test_lateral_spread_is_the_sum_over_the_columns():
+    rng = np.random.default_rng(5)
+    polar = rng.random((40, 3)).astype(np.float32)
+    starts, widths = np.array([-5.0, 3.2, 10.1]), np.array([7.0, 4.3, 0.6])
+    edges = starts + widths * np.arange(9)[:, None]
+    got = spread_laterally(polar, starts, widths, 8, 1.3)
+    for i in range(8):
+        for j in range(3):
+            ends = edges[i, j], edges[i + 1, j]
+            samples = np.linspace(*ends, 2001)[:-1] + 0.5 * (ends[1] - ends[0]) / 2000
+            density = normal(samples[:, None] - np.arange(40), 1.3).mean(axis=0)
+            assert got[i, j] == pytest.approx(density @ polar[:, j], abs=1e-3)
+
+
+def test_cartesian_grid_comes_back_to_the_columns(rig, road, occupancies, render):
+    columns = np.ascontiguousarray(render(rig, boxes=[(-1.0, 12.0, 3.0, 1.5)], wall=30.0).T)
+    line = road_line(0.0, rig.camera_height, rig)
+    grids = {k: layout(o, rig, 64) for k, o in occupancies.items()}
+    _, polar = accumulate(columns, line, rig, road, grids["polar"], occupancies["polar"])
+    _, cartesian = accumulate(
+        columns, line, rig, road, grids["cartesian"], occupancies["cartesian"]
+    )
+    back = to_polar(cartesian, grids["cartesian"], rig)
+    u = 140
+    assert np.argmax(back[u]) == np.argmax(polar[u])
+    assert back[u].max() == pytest.approx(polar[u].max(), rel=0.05)
+
+
+@pytest.mark.parametrize("kind", ["polar", "column_disparity", "cartesian"])
+def test_picture_shows_the_box_where_it_stands(
+    rig, road, occupancies, render, as_disparities, kind
+):
+    empty, box = render(rig), render(rig, boxes=[(1.0, 12.0, 2.0, 1.5)])
+    free = FreeSpace(
+        4,
+        np.full((2, rig.width), np.nan, dtype=np.float32),
+        np.full((2, rig.width), -1, dtype=np.int32),
+        np.tile(road_line(0.0, rig.camera_height, rig), (2, 1)),
+    )
+    disparities = as_disparities(empty, box, first=4)
+    arguments = (disparities, free, rig, road, occupancies[kind])
+    grid = picture_grid(*arguments, frame=5)
+    assert grid.kind == kind
+    assert grid.values.shape == (len(grid.depths), len(grid.laterals))
+    assert grid.values.dtype == np.float32
+    row, column = np.unravel_index(np.argmax(grid.values), grid.values.shape)
+    assert grid.depths[row] == pytest.approx(12.0, abs=0.3)
+    lateral = grid.laterals[column]
+    lateral = lateral if kind == "cartesian" else (lateral - rig.u0) * 12.0 / rig.focal
+    assert 0.0 <= lateral <= 2.0
+    assert picture_grid(*arguments, frame=4).values.max() == 0.0
+
+
+def test_range_that_does_not_fit_is_refused(occupancies):
+    for occupancy in occupancies.values():
+        occupancy.check()
+        with pytest.raises(ValueError, match=r"occupancy\.nearest: 60\.0 must be below"):
+            replace(occupancy, nearest=60.0).check()

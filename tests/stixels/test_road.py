@@ -1,0 +1,117 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.stixels.parameters import EstimatedRoad, RigRoad
+from stixel_cli.stixels.road import (
+    base_rows,
+    find_road,
+    level_factors,
+    obstacle_limits,
+    pitch_and_height,
+    road_line,
+    v_disparity,
+)
+
+PITCHED = Rig(320, 160, None, 300.0, 150.0, 70.0, 0.5, 1.4, 3.0)
+ESTIMATED = EstimatedRoad(
+    kind="estimated",
+    least_height=0.25,
+    greatest_height=3.0,
+    disparity_margin=1.0,
+    pitch_range=2.0,
+    height_range=0.1,
+    tolerance=1.0,
+    column_step=2,
+)
+
+
+def pixels_of_level(rig, points_level):
+    """(u, v, d) of points (n, 3) in the level frame."""
+    return rig.project(np.asarray(points_level) @ rig.level_from_camera)
+
+
+@settings(derandomize=True, deadline=None, max_examples=30)
+@given(st.floats(-0.2, 0.2), st.floats(0.5, 4.0))
+def test_line_and_pose_are_inverse(pitch, height):
+    assert pitch_and_height(road_line(pitch, height, PITCHED), PITCHED) == pytest.approx(
+        (pitch, height), abs=1e-9
+    )
+
+
+def test_line_levels_and_base_agree_with_the_projection():
+    rig = PITCHED
+    line = road_line(rig.pitch_radians, rig.camera_height, rig)
+    depth = np.array([6.0, 9.0, 20.0, 70.0])
+    on_road = np.stack([depth * 0.1, np.full(4, rig.camera_height), depth], axis=1)
+    _, v, d = pixels_of_level(rig, on_road).T
+    np.testing.assert_allclose(line[0] * v + line[1], d, rtol=1e-12)
+    level = rig.focal * rig.baseline / depth
+    np.testing.assert_allclose(base_rows(level, line, rig), v, rtol=1e-12)
+    factors = np.interp(v, np.arange(rig.height), level_factors(line, rig).astype(float))
+    np.testing.assert_allclose(factors * d, level, rtol=1e-5)
+
+
+@pytest.mark.parametrize("least, greatest", [(0.25, 3.0), (0.25, 1.0), (1.6, 2.0)])
+@pytest.mark.parametrize("rig", [PITCHED, replace(PITCHED, pitch=0.0)])
+def test_obstacle_limits_are_heights_of_unprojected_pixels(rig, least, greatest):
+    road = RigRoad("rig", least_height=least, greatest_height=greatest, disparity_margin=1.0)
+    line = road_line(rig.pitch_radians, rig.camera_height, rig)
+    lowest, highest = obstacle_limits(line, rig, road, 64)
+    v, raw = np.mgrid[: rig.height, 1 : 64 * 16]
+    measured = np.stack([np.full(v.size, rig.u0), v.ravel(), raw.ravel() / 16.0], axis=1)
+    level = rig.unproject(measured) @ rig.level_from_camera.T
+    above = (rig.camera_height - level[:, 1]).reshape(v.shape)
+    margin = raw / 16.0 - (line[0] * v + line[1])
+    expected = (above > least) & (above < greatest) & (margin > 1.0)
+    got = (raw >= lowest[:, None]) & (raw <= highest[:, None])
+    # At equality rounding decides.
+    clear = (
+        (np.abs(above - least) > 1e-9)
+        & (np.abs(above - greatest) > 1e-9)
+        & (np.abs(margin - 1.0) > 1e-9)
+    )
+    assert np.array_equal(got[clear], expected[clear])
+
+
+def test_v_disparity_counts_every_pixel():
+    rng = np.random.default_rng(3)
+    columns = rng.integers(-1, 16 * 16, (20, 9)).astype(np.int16)
+    expected = np.zeros((9, 64), dtype=np.int32)
+    for u in range(0, 20, 3):
+        for v in range(9):
+            if columns[u, v] > 0:
+                expected[v, columns[u, v] // 4] += 1
+    assert np.array_equal(v_disparity(columns, 16, 3), expected)
+
+
+@pytest.mark.parametrize("pitch, height", [(0.0, 1.4), (1.3, 1.35), (-0.8, 1.5)])
+def test_estimate_finds_the_plane_under_noise_and_obstacles(rig, render, pitch, height):
+    true = replace(rig, pitch=pitch, camera_height=height)
+    raw = render(true, boxes=[(-1.0, 12.0, 4.0, 1.5), (3.0, 20.0, 2.0, 2.0)], wall=40.0)
+    rng = np.random.default_rng(5)
+    noisy = raw + np.rint(rng.normal(0.0, 5.0, raw.shape)).astype(np.int16)
+    noisy = np.where((rng.random(raw.shape) < 0.2) | (raw < 0), -1, np.maximum(noisy, 0))
+    columns = np.ascontiguousarray(noisy.T.astype(np.int16))
+    line = find_road(columns, 64, rig, ESTIMATED)
+    found_pitch, found_height = pitch_and_height(line, rig)
+    assert np.degrees(found_pitch) == pytest.approx(pitch, abs=0.1)
+    assert found_height == pytest.approx(height, rel=0.02)
+
+
+def test_without_a_vote_or_an_estimate_the_rig_stands(rig, road):
+    nothing = np.full((rig.width, rig.height), -1, dtype=np.int16)
+    expected = road_line(0.0, 1.4, rig)
+    assert np.array_equal(find_road(nothing, 64, rig, ESTIMATED), expected)
+    assert np.array_equal(find_road(nothing, 64, rig, road), expected)
+
+
+def test_heights_that_do_not_fit_are_refused(road):
+    road.check()
+    for parameters in (road, ESTIMATED):
+        with pytest.raises(ValueError, match=r"road\.least_height: 3\.5 must be below"):
+            replace(parameters, least_height=3.5).check()
