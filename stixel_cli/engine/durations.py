@@ -1,0 +1,44 @@
+"""How long a node of each stage took, kept in the store to tell small work from large."""
+
+import json
+import os
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from pathlib import Path
+
+from stixel_cli.engine.graph import Node
+
+
+class Durations:
+    """Seconds a node, by the stage's function."""
+
+    def __init__(self, folder: Path):
+        self._path = folder / "durations.json"
+        self._seconds: dict[str, float] = {}
+        with suppress(OSError, ValueError, TypeError, AttributeError):
+            known = json.loads(self._path.read_text(encoding="utf-8"))
+            self._seconds = {str(name): float(seconds) for name, seconds in known.items()}
+
+    def estimate(self, nodes: Iterable[Node]) -> float | None:
+        """Seconds that `nodes` take one after the other; None if one of a kind is unknown."""
+        total = 0.0
+        for node in nodes:
+            seconds = self._seconds.get(node.stage.function)
+            if seconds is None:
+                return None
+            total += seconds
+        return total
+
+    def learn(self, seconds: Mapping[str, list[float]]) -> None:
+        """Take up what nodes took, by function; half of an older figure fades away each time."""
+        for function, values in seconds.items():
+            mean = sum(values) / len(values)
+            old = self._seconds.get(function, mean)
+            self._seconds[function] = round(0.5 * (old + mean), 4)
+        if not seconds:
+            return
+        # An estimate only: if it cannot be written, or two runs write at once, nothing is lost.
+        with suppress(OSError):
+            partial = self._path.with_name(f"durations-{os.getpid()}.json")
+            partial.write_text(json.dumps(self._seconds, indent=1, sort_keys=True), "utf-8")
+            partial.replace(self._path)

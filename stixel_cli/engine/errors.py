@@ -1,0 +1,52 @@
+"""What can go wrong in the engine. Messages are one line, made to be shown to the user."""
+
+
+class CacheError(Exception):
+    """The cache cannot be read or written."""
+
+    one_line = True
+
+
+class MissingEntry(CacheError):
+    """An entry is not there, or was damaged and has been set aside."""
+
+    def __init__(self, key: str, reason: str):
+        super().__init__(key, reason)
+        self.key = key
+        self.reason = reason
+
+    def __str__(self) -> str:
+        return f"cache entry {self.key[:12]}: {self.reason}"
+
+
+class CodeChanged(Exception):
+    """The code of a stage was edited after the run had been planned."""
+
+    one_line = True
+
+
+class WorkerDied(Exception):
+    """A node killed its worker twice, the second time with nothing else running."""
+
+    one_line = True
+
+
+class StageFailure(Exception):
+    """A stage raised.
+
+    Attributes:
+        stage: name of the stage.
+        label: its node, such as `render[0:10]`.
+        cause: what it raised.
+        traceback_text: the traceback of where it ran.
+    """
+
+    def __init__(self, stage: str, label: str, cause: BaseException, traceback_text: str):
+        super().__init__(stage, label, cause, traceback_text)
+        self.stage = stage
+        self.label = label
+        self.cause = cause
+        self.traceback_text = traceback_text
+
+    def __str__(self) -> str:
+        return f"{self.label}: {type(self.cause).__name__}: {self.cause}"

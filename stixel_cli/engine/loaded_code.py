@@ -1,0 +1,55 @@
+"""Whether the code that this process has imported is the code that was planned.
+
+A key stands for the code as it was on the disk when the graph was built. A process that imported a
+module before an edit, or imports it after one, would store the result of other code under that key.
+"""
+
+import sys
+import time
+from collections.abc import Iterable
+
+from stixel_cli.engine.code_hash import CodeHash, CodeIndex, same_files
+from stixel_cli.engine.errors import CodeChanged
+
+_started = time.time()
+_parts: dict[str, str] = {}
+_modules: dict[str, str] = {}
+"""Digests of the code parts and of the modules' files when this process imported them."""
+
+
+def may_run_here(code: CodeHash) -> bool:
+    """Whether this process can run the planned code, whatever it has imported already."""
+    if _is_stale(code):
+        return False
+    return not any(
+        module in sys.modules and module not in _modules and path.stat().st_mtime > _started
+        for module, (path, _) in code.files.items()
+        if path.is_file()
+    )
+
+
+def check_imported(function: str, types: Iterable[tuple[str, str]], code: CodeHash) -> None:
+    """Raise CodeChanged unless `function`, which has just been imported, is the planned code."""
+    new = {module: file for module, file in code.files.items() if module not in _modules}
+    # The bytes of the files tell most often; a changed comment takes the longer way.
+    if _is_stale(code) or not (
+        same_files(new) or CodeIndex().hash(function, types).digest == code.digest
+    ):
+        raise CodeChanged(
+            f"the code of {function} was edited after this run was planned or after this process "
+            "had imported it: start again to use it"
+        )
+    _parts.update(code.parts)
+    _modules.update({module: digest for module, (_, digest) in new.items()})
+
+
+def _is_stale(code: CodeHash) -> bool:
+    """Whether a part is known to differ from what is imported, or cannot be known to agree."""
+    for part, digest in code.parts.items():
+        module = part.partition(":")[0]
+        if part in _parts:
+            if _parts[part] != digest:
+                return True
+        elif module in _modules and _modules[module] != code.files[module][1]:
+            return True
+    return False

@@ -1,0 +1,185 @@
+"""Executions: what is computed and what is not, and that the results do not depend on how."""
+
+import numpy as np
+import pytest
+
+from stixel_cli.engine.execute import execute
+from stixel_cli.engine.plan import plan
+from stixel_cli.engine.store import VALUE
+
+DOUBLE = ["double 0", "double 4", "double 8"]
+RUNNING = ["running 0", "running 4", "running 8"]
+PICKS = ["grid 2", "grid 9", "show 2", "show 9"]
+ALL = sorted(["numbers", *DOUBLE, *RUNNING, "gather", *PICKS])
+
+
+def load(project, graph, name):
+    return [project.store.load(node.key) for node in graph.of_stage(name)]
+
+
+def test_the_patterns(project):
+    graph = project.graph()
+    project.run(graph)
+    expected = [6.0 * np.arange(0, 4), 6.0 * np.arange(4, 8), 6.0 * np.arange(8, 10)]
+    double = load(project, graph, "double")
+    assert [chunk.first for chunk in double] == [0, 4, 8]
+    for chunk, values in zip(double, expected, strict=True):
+        np.testing.assert_array_equal(chunk.values, values)
+    totals = [values.sum() for values in expected]
+    assert load(project, graph, "running") == list(np.cumsum(totals))
+    sums, running, noise = load(project, graph, "gather")[0]
+    assert (sums, running) == (totals, list(np.cumsum(totals)))
+    np.testing.assert_array_equal(noise, np.random.default_rng(1).normal(size=3))
+    assert load(project, graph, "show") == [(0, 12.0, 2), (8, 54.0, 9)]
+
+
+def test_a_second_run_computes_nothing(project):
+    first = project.run()
+    assert project.calls() == ALL
+    second = project.run()
+    assert project.calls() == []
+    assert {record.status for record in first.records.values()} == {"computed"}
+    assert {record.status for record in second.records.values()} == {"cached"}
+    for record in second.stage_records():
+        assert (record["status"], record["seconds"], record["nodes_computed"]) == ("cached", 0.0, 0)
+
+
+def test_only_what_the_targets_need(project):
+    graph = project.graph()
+    execution = project.run(graph, targets=[graph.of_stage("grid")[1].key])
+    assert project.calls() == ["double 8", "grid 9", "numbers"]
+    assert {record["name"] for record in execution.stage_records()} == {"numbers", "double", "grid"}
+    project.run(graph, targets=["grid"])
+    assert project.calls() == ["double 0", "grid 2"]
+
+
+def test_what_lies_before_a_cached_result_is_not_needed(project):
+    graph = project.graph()
+    project.run(graph)
+    for node in graph.of_stage("double") + graph.of_stage("numbers"):
+        (project.store.entry(node.key) / VALUE).unlink()
+        (project.store.entry(node.key) / "meta.json").unlink()
+    project.calls()
+    project.run(graph)
+    assert project.calls() == []
+
+
+def test_records_by_stage(project):
+    graph = project.graph()
+    project.run(graph, targets=["numbers"])
+    execution = project.run(graph)
+    names = [record["name"] for record in execution.stage_records()]
+    assert names == [name for name in graph.stage_names]
+    double = execution.of_stage("double")
+    assert (double.status, double.nodes, double.nodes_computed) == ("computed", 3, 3)
+    assert double.seconds > 0.0 and len(double.key) == 64
+    numbers = execution.of_stage("numbers")
+    assert (numbers.status, numbers.key) == ("cached", graph.of_stage("numbers")[0].key)
+
+
+@pytest.mark.parametrize(
+    ("module", "old", "new", "rerun"),
+    [
+        ("helpers", "FACTOR * values", "values * FACTOR * 2", set(ALL) - {"numbers"}),
+        ("helpers", "FACTOR = 3.0", "FACTOR = 4.0", set(ALL) - {"numbers"}),
+        ("helpers", "# a comment", "# another", set()),
+        ("steps", "A docstring.", "Another.", set()),
+        ("helpers", "UNUSED * values", "UNUSED + values", set()),
+        ("steps", "list(running)", "list(running)[:]", {"gather"}),
+        ("steps", "0.0 if previous is None", "1.0 if previous is None", {*RUNNING, "gather"}),
+        ("steps", "return doubled.first, grid", "return doubled.first, -grid", {*PICKS[2:]}),
+    ],
+)
+def test_an_edit_reruns_the_stage_and_what_depends_on_it(project, module, old, new, rerun):
+    project.run()
+    project.calls()
+    project.edit(module, old, new)
+    project.run()
+    assert set(project.calls()) == rerun
+    project.edit(module, new, old)
+    project.run()
+    assert project.calls() == [], "the code is as it was, and its results are still there"
+
+
+def test_a_setting_reruns_the_stage_and_what_depends_on_it(project):
+    project.run()
+    project.calls()
+    project.run(project.graph(seed=2))
+    assert project.calls() == ["gather"]
+    project.run(project.graph(factor=5.0))
+    assert set(project.calls()) == set(ALL) - {"numbers"}
+
+
+def test_the_same_bytes_on_any_executor(project):
+    graph = project.graph()
+    found = []
+    for options in (
+        {"executor": "serial"},
+        {"executor": "threads", "workers": 2},
+        {"executor": "local", "workers": 1},
+        {"executor": "local", "workers": 2},
+    ):
+        project.store.folder = project.folder / f"cache-{len(found)}"
+        project.run(graph, **options)
+        assert project.calls() == ALL
+        found.append(
+            {
+                node.label: (project.store.entry(key) / VALUE).read_bytes()
+                for key, node in graph.nodes.items()
+            }
+        )
+    assert found[0] == found[1] == found[2] == found[3]
+
+
+def test_small_known_work_starts_no_workers(project, monkeypatch):
+    project.run()
+    monkeypatch.setattr("stixel_cli.engine.execute.make_pool", None)
+    project.calls()
+    project.run(project.graph(seed=2), executor="local")
+    assert project.calls() == ["gather"]
+
+
+def test_edited_code_that_is_imported_already_runs_in_a_new_process(project):
+    graph = project.graph()
+    project.run(graph)
+    project.edit("steps", "return doubled.first, grid", "return doubled.first, -grid")
+    # As in a notebook: the old module is still loaded.
+    graph = project.graph()
+    execute(graph, ["show"], project.store)
+    assert load(project, graph, "show") == [(0, -12.0, 2), (8, -54.0, 9)]
+
+
+def test_plan_computes_and_writes_nothing(project):
+    graph = project.graph()
+    planned = plan(graph, ["gather"], project.store)
+    assert set(planned.missing) == set(planned.needed) == graph.ancestors(graph.expand(["gather"]))
+    assert project.calls() == [] and not project.store.folder.exists()
+    project.run(graph, targets=["double"])
+    missing = plan(graph, ["gather"], project.store).missing
+    assert [graph.nodes[key].label for key in missing] == [
+        "running[0:4]",
+        "running[4:8]",
+        "running[8:10]",
+        "gather",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [({"executor": "cloud"}, "there is no 'cloud'"), ({"workers": 0}, "0 is too few")],
+)
+def test_refuses_pools_that_do_not_exist(project, options, message):
+    with pytest.raises(ValueError, match=message):
+        project.run(**options)
+
+
+def test_a_chunk_sequence_can_be_read_again_and_in_part(project):
+    project.edit(
+        "steps",
+        "return [chunk.total() for chunk in doubled], list(running), noise",
+        "return len(doubled), doubled[-1].first, [c.first for c in doubled[1:]], "
+        "[c.first for c in doubled] == [c.first for c in doubled]",
+    )
+    graph = project.graph()
+    project.run(graph)
+    assert load(project, graph, "gather") == [(3, 8, [4, 8], True)]

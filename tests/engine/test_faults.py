@@ -1,0 +1,275 @@
+"""What goes wrong: nothing is lost, nothing wrong is taken for right, and one clear message."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from textwrap import dedent
+
+import pytest
+
+from stixel_cli.engine.errors import CacheError, StageFailure, WorkerDied
+from stixel_cli.engine.progress import Silent
+from stixel_cli.engine.store import VALUE, Store
+
+
+class Notes(Silent):
+    """Keeps the notes instead of printing them."""
+
+    def __init__(self):
+        super().__init__()
+        self.notes = []
+
+    def note(self, text):
+        self.notes.append(text)
+
+
+def add_line(project, function, line):
+    """Put a line at the beginning of a stage's body."""
+    project.edit("steps", f'log.called("{function}")', f'log.called("{function}"); {line}')
+
+
+def test_a_stage_that_raises(project):
+    add_line(project, "gather", "raise ValueError('no such thing')")
+    with pytest.raises(StageFailure, match=r"^gather: ValueError: no such thing$") as caught:
+        project.run(executor="local")
+    failure = caught.value
+    assert (failure.stage, failure.label) == ("gather", "gather")
+    assert isinstance(failure.cause, ValueError) and failure.__cause__ is failure.cause
+    assert "in gather" in failure.traceback_text and "run_task" not in failure.traceback_text
+    project.calls()
+    project.edit("steps", "; raise ValueError('no such thing')", "")
+    project.run()
+    # What was finished is kept: only the stage itself, and pictures not begun by then.
+    assert set(project.calls()) <= {"gather", "grid 2", "grid 9", "show 2", "show 9"}
+
+
+def test_an_error_that_cannot_travel_arrives_as_text(project):
+    add_line(project, "gather", "raise type('Own', (Exception,), {})('of its own')")
+    with pytest.raises(StageFailure, match="Own: of its own"):
+        project.run(executor="local")
+
+
+def test_a_result_that_cannot_be_stored_is_the_stages_failure(project):
+    project.edit("steps", "return doubled.first, grid, frame", "return lambda: 1")
+    with pytest.raises(StageFailure, match=r"^show\[\d\]: .*pickle"):
+        project.run()
+
+
+KILL = "import os; os.kill(os.getpid(), 9)"
+
+
+def test_a_stage_that_always_kills_its_worker(project):
+    add_line(project, "gather", KILL)
+    progress = Notes()
+    with pytest.raises(StageFailure, match=r"gather: WorkerDied: .*twice") as caught:
+        project.run(executor="local", progress=progress)
+    assert isinstance(caught.value.cause, WorkerDied)
+    assert len(progress.notes) == 2 and "gather" in progress.notes[1]
+    assert project.calls().count("gather") == 2
+    project.edit("steps", KILL, "pass")
+    project.run()
+    assert "numbers" not in project.calls()
+
+
+def test_a_worker_that_is_killed_once_costs_nothing_but_time(project):
+    marker = project.folder / "killed"
+    add_line(project, "gather", f"open({str(marker)!r}, 'x') and None")
+    project.edit(
+        "steps",
+        f"open({str(marker)!r}, 'x') and None",
+        f"import pathlib; p = pathlib.Path({str(marker)!r}); "
+        "p.exists() or (p.touch(), __import__('os').kill(__import__('os').getpid(), 9))",
+    )
+    graph = project.graph()
+    progress = Notes()
+    project.run(graph, executor="local", progress=progress)
+    assert all(project.store.verify(node.key) for node in graph.nodes.values())
+    assert len(progress.notes) == 1 and progress.notes[0].startswith("a worker died")
+    assert project.calls().count("double 0") == 1, "what was in the store is not made again"
+
+
+def damage(project, graph, name, position=0, cut=False):
+    path = project.store.entry(graph.of_stage(name)[position].key) / VALUE
+    content = bytearray(path.read_bytes())
+    if cut:
+        del content[-5:]
+    else:
+        content[-3] ^= 4
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize("cut", [False, True])
+def test_a_damaged_target_is_made_again(project, cut):
+    graph = project.graph()
+    project.run(graph)
+    expected = project.store.load(graph.of_stage("show")[0].key)
+    project.calls()
+    damage(project, graph, "show", cut=cut)
+    execution = project.run(graph)
+    assert project.calls() == ["show 2"]
+    assert execution.of_stage("show").nodes_computed == 1
+    assert project.store.load(graph.of_stage("show")[0].key) == expected
+
+
+@pytest.mark.parametrize("executor", ["serial", "local"])
+def test_a_damaged_input_is_made_again(project, executor):
+    graph = project.graph()
+    project.run(graph)
+    expected = project.store.load(graph.of_stage("show")[0].key)
+    project.calls()
+    # `show` is damaged and needs `double`, which is found damaged only then.
+    damage(project, graph, "show")
+    damage(project, graph, "double")
+    progress = Notes()
+    execution = project.run(graph, executor=executor, progress=progress)
+    assert set(project.calls()) == {"double 0", "show 2"}
+    assert progress.notes == [
+        "cached result of double[0:4] is not usable: its content is not what was stored; made again"
+    ]
+    assert execution.of_stage("double").nodes_computed == 1
+    assert project.store.load(graph.of_stage("show")[0].key) == expected
+
+
+def test_a_damaged_input_of_a_lazy_sequence_is_made_again(project):
+    graph = project.graph()
+    project.run(graph)
+    project.calls()
+    damage(project, graph, "gather")
+    damage(project, graph, "double", 1)
+    damage(project, graph, "running", 2, cut=True)
+    project.run(graph, progress=Notes())
+    assert set(project.calls()) == {"double 4", "running 8", "gather"}
+
+
+def test_a_damaged_entry_that_cannot_be_set_aside(project, monkeypatch):
+    graph = project.graph()
+    project.run(graph)
+    damage(project, graph, "double")
+    monkeypatch.setattr(Path, "rename", lambda *args: (_ for _ in ()).throw(OSError("no")))
+    progress = Notes()
+    graph = project.graph(seed=2)
+    with pytest.raises(CacheError, match=r"double\[0:4\] in .* cannot be used nor replaced"):
+        project.run(graph, progress=progress)
+
+
+def test_a_cache_that_cannot_be_written_is_said_before_anything_runs(project):
+    (project.folder / "file").write_text("")
+    project.store = Store(project.folder / "file" / "cache")
+    with pytest.raises(CacheError, match="cannot write in the cache"):
+        project.run()
+    assert project.calls() == []
+
+
+def test_code_that_is_edited_on_the_way_is_not_stored_under_the_old_key(project):
+    graph = project.graph()
+    project.edit("helpers", "FACTOR = 3.0", "FACTOR = 4.0")
+    with pytest.raises(Exception, match=r"steps:double was edited"):
+        project.run(graph, executor="local")
+    assert not any(project.store.has(node.key) for node in graph.of_stage("double"))
+    # A comment does not matter.
+    graph = project.graph()
+    project.edit("helpers", "# a comment", "# another comment")
+    project.run(graph, executor="local")
+
+
+SCRIPT = """
+    import sys
+    from pathlib import Path
+    from stixel_cli.engine.execute import execute
+    from stixel_cli.engine.graph import build_graph
+    from stixel_cli.engine.progress import Silent
+    from stixel_cli.engine.stage import Stage
+    from stixel_cli.engine.store import Store
+
+    sys.path.insert(0, {folder!r})
+
+    class Planned(Silent):
+        def begin(self, nodes, cached):
+            print("planned", flush=True)
+
+    stage = Stage("wait", "{name}.waiting:wait", "map", {{}}, {{"folder": {folder!r}}})
+    try:
+        execute(build_graph([stage], 2, 1), ["wait"], Store({cache!r}), executor={executor!r},
+                progress=Planned())
+    except KeyboardInterrupt:
+        print("interrupted")
+    """
+
+WAITING = """
+    import time
+    from pathlib import Path
+
+    def wait(folder, frames):
+        with open(Path(folder) / "calls", "a") as file:
+            file.write(f"wait {frames.start}\\n")
+        for _ in range(3000):
+            if (Path(folder) / "go").exists():
+                return frames.start
+            time.sleep(0.01)
+        raise TimeoutError
+    """
+
+
+def start(project, executor):
+    """Another process that runs two waiting nodes; it has planned when this returns."""
+    if not (project.package / "waiting.py").exists():
+        project.write("waiting", WAITING)
+    script = dedent(SCRIPT).format(
+        folder=str(project.folder),
+        name=project.name,
+        cache=str(project.store.folder),
+        executor=executor,
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", script],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    assert process.stdout.readline() == "planned\n"
+    return process
+
+
+def wait_for_calls(project, count):
+    deadline = time.monotonic() + 30.0
+    while time.monotonic() < deadline:
+        if project.calls_file.exists() and project.calls_file.read_text().count("\n") >= count:
+            return
+        time.sleep(0.01)
+    raise TimeoutError
+
+
+def test_processes_that_want_the_same_compute_it_once(project):
+    processes = [start(project, executor) for executor in ("local", "serial", "local")]
+    (project.folder / "go").touch()
+    for process in processes:
+        output, errors = process.communicate(timeout=60)
+        assert (process.returncode, output, errors) == (0, "", "")
+    assert project.calls() == ["wait 0", "wait 1"]
+    assert list((project.store.folder / "locks").iterdir()) == []
+
+
+def test_a_killed_process_leaves_nothing_that_blocks_or_misleads(project):
+    process = start(project, "serial")
+    wait_for_calls(project, 1)
+    process.kill()
+    process.communicate(timeout=60)
+    (project.folder / "go").touch()
+    process = start(project, "serial")
+    assert process.communicate(timeout=60) == ("", "")
+    assert project.calls() == ["wait 0", "wait 0", "wait 1"]
+
+
+@pytest.mark.parametrize("executor", ["local", "threads", "serial"])
+def test_ctrl_c_ends_it_and_its_workers(project, executor):
+    process = start(project, executor)
+    wait_for_calls(project, 1 if executor == "serial" else 2)
+    os.killpg(process.pid, signal.SIGINT)
+    # The stage would wait for half a minute.
+    output, errors = process.communicate(timeout=10)
+    assert (output, errors) == ("interrupted\n", "")
+    assert not any(path.name == VALUE for path in project.store.folder.rglob("*"))

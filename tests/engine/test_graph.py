@@ -1,0 +1,71 @@
+"""From stages to nodes: chunks, labels, who takes what from whom, and what is refused."""
+
+from dataclasses import replace
+
+import pytest
+
+from stixel_cli.engine.graph import build_graph
+
+
+def labels(graph, name):
+    return [node.label for node in graph.of_stage(name)]
+
+
+def test_labels_and_frames(project):
+    graph = project.graph()
+    assert labels(graph, "numbers") == ["numbers"]
+    assert labels(graph, "double") == ["double[0:4]", "double[4:8]", "double[8:10]"]
+    assert labels(graph, "show") == ["show[2]", "show[9]"]
+    assert graph.stage_names.index("double") < graph.stage_names.index("running")
+
+
+def test_who_takes_what(project):
+    graph = project.graph()
+    double, running = graph.of_stage("double"), graph.of_stage("running")
+    assert [node.previous for node in running] == [None, running[0].key, running[1].key]
+    assert [node.inputs["doubled"] for node in running] == [(node.key,) for node in double]
+    gather = graph.of_stage("gather")[0]
+    assert gather.inputs["doubled"] == tuple(node.key for node in double)
+    assert gather.sequences == {"doubled", "running"}
+    show = graph.of_stage("show")
+    assert [node.inputs["doubled"] for node in show] == [(double[0].key,), (double[2].key,)]
+    assert [node.inputs["grid"] for node in show] == [(n.key,) for n in graph.of_stage("grid")]
+    assert gather.depth > running[2].depth > running[1].depth > double[1].depth
+
+
+def test_targets_are_stages_or_nodes(project):
+    graph = project.graph()
+    node = graph.of_stage("double")[1].key
+    assert graph.expand(["gather", node]) == [graph.of_stage("gather")[0].key, node]
+    assert graph.ancestors([node]) == {node, graph.of_stage("numbers")[0].key}
+    with pytest.raises(KeyError, match="nothing"):
+        graph.expand(["nothing"])
+
+
+@pytest.mark.parametrize(
+    ("index", "changes", "message"),
+    [
+        (0, {"name": "double"}, "two stages are called double"),
+        (1, {"inputs": {"numbers": "none"}}, "takes an input from none"),
+        (1, {"inputs": {"gain": "numbers"}}, "'gain' is given twice"),
+        (1, {"settings": {"frames": 1}}, "'frames' is given twice"),
+        (3, {"settings": {"seed": 1}}, "'seed' is given twice"),
+        (1, {"pattern": "each"}, "no pattern 'each'"),
+        (1, {"frames": (1,)}, "frames are for the pattern pick"),
+        (4, {"frames": (10,)}, "frame 10 is not in 0 … 9"),
+        (4, {"frames": (2,)}, "show needs frame 9 of grid"),
+        (0, {"inputs": {"count": "gather"}, "settings": {}}, "feed each other"),
+        (0, {"function": "steps"}, "is not package.module:function"),
+    ],
+)
+def test_refuses_stages_that_contradict(project, index, changes, message):
+    stages = project.stages()
+    stages[index] = replace(stages[index], **changes)
+    with pytest.raises(ValueError, match=message):
+        build_graph(stages, 10, 4)
+
+
+@pytest.mark.parametrize(("frames", "chunk"), [(0, 4), (10, 0)])
+def test_refuses_nothing_to_run_over(project, frames, chunk):
+    with pytest.raises(ValueError, match="no frames"):
+        build_graph(project.stages(), frames, chunk)

@@ -1,0 +1,143 @@
+"""Keys: the same for the same work, another for any other."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stixel_cli.engine.canonical import canonical, digest
+from stixel_cli.engine.graph import build_graph
+
+CHUNK, FRAMES = 4, 10
+
+
+@dataclass(frozen=True)
+class One:
+    a: float
+
+
+@dataclass(frozen=True)
+class Other:
+    a: float
+
+
+plain = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.lists(inner, max_size=3).map(tuple)
+        | st.dictionaries(st.text(), inner, max_size=3)
+    ),
+    max_leaves=6,
+)
+
+
+def spelled(value):
+    """A text that tells values apart as keys should."""
+    if isinstance(value, dict):
+        return ("dict", sorted((key, repr(spelled(value[key]))) for key in value))
+    if isinstance(value, list | tuple):
+        return (type(value).__name__, [spelled(item) for item in value])
+    return (type(value).__name__, repr(value))
+
+
+@settings(derandomize=True, deadline=None, max_examples=200)
+@given(plain, plain)
+def test_digests_agree_exactly_when_values_do(one, other):
+    same = digest(canonical(one)) == digest(canonical(other))
+    assert same == (spelled(one) == spelled(other))
+
+
+def test_floats_types_and_containers_are_told_apart():
+    values = [0.0, -0.0, 0, False, None, "0", (), [], {}, (0.0,), [0.0], One(0.0), Other(0.0)]
+    values += [0.1 + 0.2, 0.3, {"a": 0.0}, {"b": 0.0}, "0.0", float("inf")]
+    assert len({digest(canonical(value)) for value in values}) == len(values)
+
+
+def test_numpy_scalars_that_are_floats_count_as_floats():
+    assert canonical(np.float64(0.25)) == canonical(0.25)
+
+
+@pytest.mark.parametrize("value", [{1, 2}, np.zeros(2), object(), {1: 2}, One, (np.int64(1),)])
+def test_refuses_what_it_cannot_spell(value):
+    with pytest.raises(TypeError, match="cannot be part of a key"):
+        canonical(value)
+
+
+def keys(graph, *stages):
+    return [node.key for name in stages for node in graph.of_stage(name)]
+
+
+ALL = ("numbers", "double", "running", "gather", "grid", "show")
+
+
+def test_the_same_in_every_graph(project):
+    first = keys(project.graph(), *ALL)
+    project.forget()
+    assert keys(project.graph(), *ALL) == first
+    assert len(set(first)) == len(first)
+
+
+def test_a_setting_changes_the_stage_and_what_depends_on_it(project):
+    before, after = project.graph(), project.graph(factor=2.5)
+    assert keys(before, "numbers") == keys(after, "numbers")
+    for name in ALL[1:]:
+        assert not set(keys(before, name)) & set(keys(after, name))
+
+
+def test_the_seed_changes_only_who_draws(project):
+    before, after = project.graph(), project.graph(seed=2)
+    others = [name for name in ALL if name != "gather"]
+    assert keys(before, *others) == keys(after, *others)
+    assert keys(before, "gather") != keys(after, "gather")
+
+
+def test_other_pictures_leave_the_rest_alone(project):
+    before, after = project.graph(), project.graph(frames=(2, 5))
+    others = [name for name in ALL if name not in ("grid", "show")]
+    assert keys(before, *others) == keys(after, *others)
+    assert keys(before, "show")[0] == keys(after, "show")[0]
+    assert keys(before, "show")[1] != keys(after, "show")[1]
+
+
+def test_every_part_of_a_stage_counts(project, tmp_path):
+    file = tmp_path / "mesh"
+    file.write_text("a")
+    stage = replace(project.stages()[0], files=(file,))
+
+    def key(stage):
+        return build_graph([stage], FRAMES, CHUNK).of_stage(stage.name)[0].key
+
+    found = [
+        key(stage),
+        key(replace(stage, name="counts")),
+        key(replace(stage, function=project.function("gather"))),
+        key(replace(stage, settings={"count": 11})),
+        key(replace(stage, settings={"size": 10})),
+        key(replace(stage, packages=("numpy",))),
+        key(replace(stage, packages=("numpy", "no-such-package"))),
+        key(replace(stage, seed=1)),
+        key(replace(stage, files=())),
+    ]
+    file.write_text("b")
+    found.append(key(stage))
+    assert len(set(found)) == len(found)
+
+
+def test_the_version_of_a_package_counts(project, monkeypatch):
+    before = project.graph()
+    monkeypatch.setattr("stixel_cli.engine.keys._installed_version", lambda name: "0.0")
+    after = project.graph()
+    assert keys(before, "numbers") == keys(after, "numbers")
+    assert keys(before, "double") != keys(after, "double")
+
+
+def test_an_edit_changes_the_stage_and_what_depends_on_it(project):
+    before = project.graph()
+    project.edit("helpers", "FACTOR = 3.0", "FACTOR = 4.0")
+    project.forget()
+    after = project.graph()
+    assert keys(before, "numbers") == keys(after, "numbers")
+    assert not set(keys(before, *ALL[1:])) & set(keys(after, *ALL[1:]))

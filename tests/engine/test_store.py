@@ -1,0 +1,171 @@
+"""The store: what comes back is what was put in, or nothing does."""
+
+import json
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+from stixel_cli.engine.errors import CacheError, MissingEntry
+from stixel_cli.engine.store import META, VALUE, Store, default_cache_folder
+
+KEY = "ab" + "0" * 62
+
+
+@pytest.fixture
+def store(tmp_path):
+    return Store(tmp_path / "cache")
+
+
+def test_gives_back_what_was_stored(store):
+    value = (np.arange(12.0).reshape(3, 4).T, b"bytes", {"a": [1, None]}, np.zeros((0, 2), "f4"))
+    assert not store.has(KEY)
+    size = store.save(KEY, value, stage="any", seconds=0.5)
+    assert store.has(KEY) and store.verify(KEY)
+    array, content, plain, empty = store.load(KEY)
+    np.testing.assert_array_equal(array, value[0])
+    assert (content, plain, empty.shape, empty.dtype) == (b"bytes", {"a": [1, None]}, (0, 2), "f4")
+    meta = store.meta(KEY)
+    assert (meta["stage"], meta["seconds"], meta["size"]) == ("any", 0.5, size)
+    assert (store.entry(KEY) / VALUE).stat().st_size == size
+    assert list((store.folder / "tmp").iterdir()) == []
+
+
+def test_each_load_is_a_new_object_that_may_be_written(store):
+    store.save(KEY, np.zeros(3))
+    store.load(KEY)[0] = 1.0
+    assert store.load(KEY)[0] == 0.0
+
+
+def test_nothing_is_made_before_it_is_needed(store):
+    assert not store.has(KEY) and not store.verify(KEY)
+    with pytest.raises(MissingEntry, match="there is none"):
+        store.load(KEY)
+    assert not store.folder.exists()
+
+
+def test_a_second_save_leaves_the_first(store):
+    store.save(KEY, 1)
+    store.save(KEY, 2)
+    assert store.load(KEY) == 1
+    assert list((store.folder / "tmp").iterdir()) == []
+
+
+def test_the_remains_of_an_entry_do_not_stand_in_the_way(store):
+    store.save(KEY, 1)
+    (store.entry(KEY) / META).unlink()
+    assert not store.has(KEY)
+    store.save(KEY, 2)
+    assert store.load(KEY) == 2
+
+
+def flip(path):
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "reason"),
+    [
+        (lambda entry: flip(entry / VALUE), "not what was stored"),
+        (lambda entry: (entry / VALUE).write_bytes((entry / VALUE).read_bytes()[:-9]), "cut short"),
+        (lambda entry: (entry / VALUE).write_bytes(b""), "cut short"),
+        (lambda entry: (entry / VALUE).unlink(), "value.joblib is missing"),
+        (lambda entry: (entry / META).write_text("{"), "notes are damaged"),
+        (lambda entry: (entry / META).write_text("[]"), "notes are damaged"),
+        (lambda entry: (entry / META).unlink(), "meta.json is missing"),
+    ],
+)
+def test_a_damaged_entry_is_set_aside(store, spoil, reason):
+    store.save(KEY, np.arange(100))
+    spoil(store.entry(KEY))
+    with pytest.raises(MissingEntry, match=reason):
+        store.load(KEY)
+    assert not store.has(KEY) and not store.entry(KEY).exists()
+    assert len(list((store.folder / "quarantine").iterdir())) == 1
+    store.save(KEY, np.arange(3))
+    np.testing.assert_array_equal(store.load(KEY), np.arange(3))
+
+
+def test_notes_are_json(store):
+    store.save(KEY, 1, settings={"a": [0.1, None, "é"]})
+    assert json.loads((store.entry(KEY) / META).read_text("utf-8"))["settings"]["a"][2] == "é"
+
+
+def test_what_cannot_be_stored_leaves_nothing(store):
+    with pytest.raises(Exception, match="pickle"):
+        store.save(KEY, lambda: 1)
+    assert not store.has(KEY)
+    assert list((store.folder / "tmp").iterdir()) == []
+
+
+def test_a_folder_that_cannot_be_written_is_one_clear_error(tmp_path):
+    (tmp_path / "file").write_text("")
+    store = Store(tmp_path / "file" / "cache")
+    assert not store.has(KEY)
+    for attempt in (store.check_writable, lambda: store.save(KEY, 1), store.lock(KEY).__enter__):
+        with pytest.raises(CacheError, match=r"cannot write in the cache .*: Not a directory"):
+            attempt()
+
+
+def test_a_full_disk_leaves_no_half_entry(store):
+    # A limit on the size of files stands for the full disk.
+    script = f"""
+import resource, signal
+import numpy as np
+from stixel_cli.engine.errors import CacheError
+from stixel_cli.engine.store import Store
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+try:
+    Store({str(store.folder)!r}).save({KEY!r}, np.zeros(100_000))
+except CacheError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.stderr == ""
+    assert done.stdout == f"cannot write in the cache {store.folder}: File too large\n"
+    assert not store.has(KEY)
+    assert list((store.folder / "tmp").iterdir()) == []
+
+
+def test_one_holds_the_lock_and_no_file_is_left(store):
+    inside, most = [], []
+
+    def work():
+        for _ in range(3):
+            with store.lock(KEY):
+                inside.append(1)
+                most.append(len(inside))
+                inside.pop()
+
+    threads = [threading.Thread(target=work) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert most == [1] * 9
+    assert list((store.folder / "locks").iterdir()) == []
+
+
+def test_the_lock_of_a_killed_process_does_not_block(store):
+    script = f"""
+import os, signal
+from stixel_cli.engine.store import Store
+with Store({str(store.folder)!r}).lock({KEY!r}):
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+    assert subprocess.run([sys.executable, "-c", script]).returncode == -9
+    assert (store.folder / "locks" / f"{KEY}.lock").exists()
+    with store.lock(KEY):
+        pass
+
+
+def test_the_folder_is_named_by_the_environment(monkeypatch, tmp_path):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "here"))
+    assert default_cache_folder() == tmp_path / "here"
+    monkeypatch.delenv("STIXEL_CACHE")
+    assert default_cache_folder().name == "stixel"
