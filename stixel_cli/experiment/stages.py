@@ -102,7 +102,7 @@ TABLE: dict[str, Definition] = {
         packages=("numpy", "numba", "opencv-python-headless"),
     ),
     "gather_scans": Definition(
-        _only("measurements.simulated:gather_scans"), "once", _same("rig", "measurement")
+        _only("measurements.simulated:gather_scans"), "once", _same("measurement")
     ),
     "fabricate_scans": Definition(
         _only("measurements.fabricated:fabricate_scans"),

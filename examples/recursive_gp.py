@@ -1,0 +1,101 @@
+"""Recursive Gaussian process regression of a fixed star-convex contour.
+
+Thesis section 5.4.2 and Figure 8: the target's shape on the plane, and the same shape as a radial
+function. The radius is learnt from noisy points that come ten at a time; what has not been seen
+keeps its uncertainty.
+
+    python examples/recursive_gp.py PICTURE
+
+writes the picture (PNG, SVG, PDF) to PICTURE.
+"""
+
+import argparse
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from stixel_cli.randomness import generator
+from stixel_cli.tracking import recursive_gp
+from stixel_cli.tracking.kernel import contour_process
+
+DEVIATION = 0.08  # of a measured radius, m
+PER_BATCH = 10
+SHOWN = (1, 4, 20)  # batches
+TRUTH, ESTIMATE, POINTS = "#444444", "#0072b2", "#d55e00"
+
+
+def true_radius(angles):
+    """Radius in m of a shape some 4 m long and 2 m wide, with a bulge on either side."""
+    ellipse = 2.0 * 1.0 / np.hypot(1.0 * np.cos(angles), 2.0 * np.sin(angles))
+    return ellipse + 0.12 * np.cos(4.0 * angles)
+
+
+def on_the_plane(radii, angles):
+    """x and y in m of the contour's points."""
+    return radii * np.cos(angles), radii * np.sin(angles)
+
+
+def draw(plane, function, angles, mean, deviation, seen_angles, seen_radii):
+    """One column: the contour on the plane above, its radial function below."""
+    low, high = np.maximum(mean - 2.0 * deviation, 0.0), mean + 2.0 * deviation
+    ring = [
+        np.concatenate(pair)
+        for pair in zip(
+            on_the_plane(high, angles),
+            (part[::-1] for part in on_the_plane(low, angles)),
+            strict=True,
+        )
+    ]
+    plane.fill(*ring, color=ESTIMATE, alpha=0.2, lw=0, label="± 2 standard deviations")
+    plane.plot(*on_the_plane(true_radius(angles), angles), color=TRUTH, ls="--", label="truth")
+    plane.plot(*on_the_plane(mean, angles), color=ESTIMATE, label="estimate")
+    plane.plot(*on_the_plane(seen_radii, seen_angles), ".", color=POINTS, ms=4, label="points")
+    plane.plot(0.0, 0.0, "+", color=TRUTH)
+    plane.set(aspect="equal", xlim=(-3.2, 3.2), ylim=(-2.6, 2.6), xlabel="x (m)")
+
+    turn = np.degrees(angles)
+    function.fill_between(turn, low, high, color=ESTIMATE, alpha=0.2, lw=0)
+    function.plot(turn, true_radius(angles), color=TRUTH, ls="--")
+    function.plot(turn, mean, color=ESTIMATE)
+    function.plot(np.degrees(seen_angles), seen_radii, ".", color=POINTS, ms=4)
+    function.set(xlim=(0, 360), ylim=(0, 3.6), xlabel="angle (°)", xticks=range(0, 361, 90))
+
+
+def main(picture: Path) -> None:
+    """Learn the contour, and draw it after a few batches."""
+    process = contour_process(
+        basis_points=50, length_scale=np.pi / 8, sigma_f=0.5, sigma_r=1.5, jitter=1e-6
+    )
+    mean, covariance = recursive_gp.start(process)
+    angles = np.linspace(0.0, 2.0 * np.pi, 361)
+    figure, axes = plt.subplots(2, len(SHOWN), figsize=(11, 6.4), layout="constrained")
+    seen_angles, seen_radii = np.zeros(0), np.zeros(0)
+    for batch in range(1, SHOWN[-1] + 1):
+        random = generator(0, "example", batch)
+        new = random.uniform(0.0, 2.0 * np.pi, PER_BATCH)
+        radii = true_radius(new) + DEVIATION * random.standard_normal(PER_BATCH)
+        mean, covariance = recursive_gp.update(mean, covariance, new, radii, DEVIATION, process)
+        seen_angles, seen_radii = np.append(seen_angles, new), np.append(seen_radii, radii)
+        if batch in SHOWN:
+            found, deviation = recursive_gp.radius(mean, covariance, angles, process)
+            plane, function = axes[:, SHOWN.index(batch)]
+            draw(plane, function, angles, found, deviation, seen_angles, seen_radii)
+            error = np.sqrt(np.mean((found - true_radius(angles)) ** 2))
+            plane.set_title(f"after {PER_BATCH * batch} points: RMSE {error:.2f} m")
+    axes[0, 0].set_ylabel("y (m)")
+    axes[1, 0].set_ylabel("radius (m)")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
+    figure.savefig(picture, dpi=130)
+    plt.close(figure)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("picture", type=Path, help="file to write: .png, .svg or .pdf")
+    main(parser.parse_args().picture)

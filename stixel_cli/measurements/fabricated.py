@@ -1,0 +1,107 @@
+"""Fabricated scans: rays against the true contour, with noise along the ray; thesis (16)-(17)."""
+
+import numpy as np
+
+from stixel_cli.geometry.pose import rotation, world_from_target
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.measurements.parameters import FabricatedParameters
+from stixel_cli.measurements.rays import Rays, first_crossings, spread_rays
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.randomness import generator
+from stixel_cli.scene.scenario import Scenario
+
+
+def fabricate_scans(
+    scenario: Scenario, rig: Rig, measurement: FabricatedParameters, seed: int
+) -> Scans:
+    """Scans of the true contour by rays from the left camera, in the world frame.
+
+    The nearest crossing of each ray is measured, with noise along the ray. Its deviation is a
+    constant, or that of stereo: sigma_z = z² sigma_d / (f_u B) at the depth z, and
+    sigma_z / cos(theta - tau) along the ray. Across the ray the variance is (r dtheta)² / 12. The
+    covariance that a point bears is what a sensor could know: it comes from the measured range.
+    Clutter points follow the target's.
+
+    Raises:
+        ValueError: if there are more rays than columns.
+    """
+    measurement.check(rig)
+    rays = spread_rays(
+        rig.width if measurement.rays is None else measurement.rays,
+        rig.fov,
+        measurement.spacing == "tangent",
+    )
+    scans = [
+        fabricate_scan(
+            world_from_target(scenario.contour_target, target),
+            ego,
+            rays,
+            rig,
+            measurement,
+            generator(seed, "fabricate", k),
+        )
+        for k, (target, ego) in enumerate(
+            zip(scenario.target_poses_world, scenario.ego_poses_world, strict=True)
+        )
+    ]
+    counts = [len(points) for points, _ in scans]
+    return Scans(
+        times=np.array(scenario.times, dtype=np.float64),
+        sensor_poses_world=np.array(scenario.ego_poses_world, dtype=np.float64),
+        offsets=np.concatenate([[0], np.cumsum(counts, dtype=np.int64)]).astype(np.int64),
+        points_world=np.concatenate([np.zeros((0, 2)), *(points for points, _ in scans)]),
+        covariances_world=np.concatenate([np.zeros((0, 2, 2)), *(spread for _, spread in scans)]),
+    )
+
+
+def fabricate_scan(
+    contour_world: np.ndarray,
+    sensor_pose_world: np.ndarray,
+    rays: Rays,
+    rig: Rig,
+    measurement: FabricatedParameters,
+    random: np.random.Generator,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, 2) m and covariances (n, 2, 2) m² in the world of one scan of `contour_world`."""
+    contour_sensor = (contour_world - sensor_pose_world[:2]) @ rotation(sensor_pose_world[2])
+    hit, ranges = first_crossings(contour_sensor, rays)
+    deviations = _range_deviations(ranges, rays.angles[hit], rig, measurement)
+    # Noise is drawn first, and for every hit, so that neither option changes the points it leaves.
+    measured = ranges + deviations * random.standard_normal(len(hit))
+    keep = (ranges <= measurement.range_max) & (measured > 0.0)
+    if measurement.missed_probability > 0.0:
+        keep &= random.random(len(hit)) >= measurement.missed_probability
+    angles, steps, measured = rays.angles[hit][keep], rays.steps[hit][keep], measured[keep]
+    if measurement.clutter_rate > 0.0:
+        count = random.poisson(measurement.clutter_rate)
+        clutter = random.uniform(-rays.half_field, rays.half_field, count)
+        # Even over the area of the field of view, so the range is a square root.
+        far = measurement.range_max * np.sqrt(random.random(count))
+        nearest_ray = np.minimum(np.searchsorted(rays.angles, clutter), len(rays.angles) - 1)
+        angles = np.concatenate([angles, clutter])
+        steps = np.concatenate([steps, rays.steps[nearest_ray]])
+        measured = np.concatenate([measured, far])
+
+    bearings = sensor_pose_world[2] + angles
+    along = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
+    points = sensor_pose_world[:2] + measured[:, None] * along
+    along_variance = _range_deviations(measured, angles, rig, measurement) ** 2
+    across_variance = (measured * steps) ** 2 / 12.0
+    # R = s_across² I + (s_along² - s_across²) d dᵀ
+    covariances = (along_variance - across_variance)[:, None, None] * (
+        along[:, :, None] * along[:, None, :]
+    )
+    covariances[:, 0, 0] += across_variance
+    covariances[:, 1, 1] += across_variance
+    return points, covariances
+
+
+def _range_deviations(
+    ranges: np.ndarray, angles: np.ndarray, rig: Rig, measurement: FabricatedParameters
+) -> np.ndarray:
+    """Standard deviation (n,) m along rays `angles` (n,) rad off the optical axis, thesis (17)."""
+    if measurement.noise == "constant":
+        return np.full(len(ranges), measurement.range_deviation)
+    cosine = np.cos(angles)
+    depth = ranges * cosine
+    return depth**2 * (measurement.disparity_deviation / (rig.focal * rig.baseline)) / cosine

@@ -1,0 +1,60 @@
+"""Scans from stixels: the candidate points that the scene alone lets through."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotate_covariances, world_from_ego
+from stixel_cli.measurements.parameters import SimulatedParameters
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.scene.scenario import EgoMotion
+from stixel_cli.stixels.nouns import Stixels
+
+
+def gather_scans(
+    stixels: Iterable[Stixels], ego_motion: EgoMotion, measurement: SimulatedParameters
+) -> Scans:
+    """Scans of the stixels inside the gates of height and range, in the world frame.
+
+    Free space has gated already: a stixel is the nearest obstacle of its columns. `stixels` are
+    chunks in the order of their frames.
+
+    Raises:
+        ValueError: unless the chunks hold each frame of `ego_motion` once, in order.
+    """
+    points, covariances, counts = [], [], []
+    for chunk in stixels:
+        if chunk.first != len(counts):
+            raise ValueError(f"stixels of frame {len(counts)} expected, got {chunk.first}")
+        inside = _candidates(chunk, measurement)
+        for i in range(len(chunk.offsets) - 1):
+            if len(counts) == len(ego_motion.times):
+                raise ValueError(f"more stixels than the {len(counts)} frames of the ego motion")
+            pose = ego_motion.poses_world[len(counts)]
+            rows = chunk.rows(i)
+            chosen = np.flatnonzero(inside[rows]) + rows.start
+            points.append(world_from_ego(chunk.points_ego[chosen], pose))
+            turn = pose[2] - STRAIGHT_AHEAD
+            covariances.append(rotate_covariances(chunk.covariances_ego[chosen], turn))
+            counts.append(len(chosen))
+    if len(counts) != len(ego_motion.times):
+        raise ValueError(f"stixels of {len(counts)} frames, but {len(ego_motion.times)} scans")
+    return Scans(
+        times=np.array(ego_motion.times, dtype=np.float64),
+        sensor_poses_world=np.array(ego_motion.poses_world, dtype=np.float64),
+        offsets=np.concatenate([[0], np.cumsum(counts, dtype=np.int64)]).astype(np.int64),
+        points_world=np.concatenate([np.zeros((0, 2)), *points]),
+        covariances_world=np.concatenate([np.zeros((0, 2, 2)), *covariances]),
+    )
+
+
+def _candidates(chunk: Stixels, gate: SimulatedParameters) -> np.ndarray:
+    """Which stixels (S,) of a chunk are inside the gates; one that is not finite is not."""
+    ranges = np.hypot(chunk.points_ego[:, 0], chunk.points_ego[:, 1])
+    return (
+        (chunk.height >= gate.height_min)
+        & (chunk.height <= gate.height_max)
+        & (ranges >= gate.range_min)
+        & (ranges <= gate.range_max)
+        & np.isfinite(chunk.covariances_ego).all(axis=(1, 2))
+    )

@@ -1,0 +1,241 @@
+"""Extended Kalman filter on a Gaussian process contour: Wahlström & Özkan 2015; thesis (50)-(77).
+
+State: x, y, heading, their rates, then the radii at the basis angles; world frame, m, rad, s.
+
+For a point z with delta = z - x^c, r = ‖delta‖, p = delta / r and t ⊥ p, the innovation is
+v = z - h(x) = p (r - f), with f = H^f x^f: it has no component along t. In the basis (p, t) the
+Jacobian of thesis (77) is
+
+    radial row:      p + g dθ/dw  |  -g  |  0  |  H^f        with g = (∂H^f / ∂u) x^f
+    tangential row:  t (1 - f/r)  |   0  |  0  |  0
+
+because p ⊥ ∂p/∂w. So a scan of n points is n radial rows of all states, and n tangential ones that
+touch the centre alone. With A = Hᵀ R⁻¹ H summed over the points and P = L Lᵀ,
+P⁺ = L (I + Lᵀ A L)⁻¹ Lᵀ: O(n N²), and P, which is near singular, is never inverted.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg.lapack import dpotrf, dpstrf, dtrtrs
+
+from stixel_cli.geometry.pose import rotation
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.tracking.association import associate, contour_moments
+from stixel_cli.tracking.kernel import ContourProcess, contour_process
+from stixel_cli.tracking.motion import intervals, predict, process_noise
+from stixel_cli.tracking.parameters import GpEkfParameters, PriorShape
+from stixel_cli.tracking.prior import prior_radii
+from stixel_cli.tracking.track import InitialState, Track
+
+SEEN = 3
+"""The first states, the pose, are seen by a point; then come three rates, which are not."""
+
+NO_DIRECTION = 1e-3
+"""A point nearer than this to the predicted centre, m, has no direction from it: not used."""
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """The measurement model at n points, in each point's radial and tangential direction.
+
+    Attributes:
+        directions: (n, 2) unit vectors p from the centre to the points, world frame.
+        residuals: (n,) m, r - f, along p.
+        radial_matrix: (n, 3 + N) derivatives of the radial component of h by x, y, heading and
+            the radii.
+        tangential_slopes: (n,) 1 - f / r: the tangential component's derivative by x^c is this
+            times t = (-p_y, p_x).
+        radius_variances: (n,) R^f in m².
+    """
+
+    directions: np.ndarray
+    residuals: np.ndarray
+    radial_matrix: np.ndarray
+    tangential_slopes: np.ndarray
+    radius_variances: np.ndarray
+
+
+def linearise(points_world: np.ndarray, mean: np.ndarray, process: ContourProcess) -> Linearisation:
+    """The model of the points `points_world` (n, 2) at a `mean` (6 + N,); thesis (65)-(77).
+
+    No point may coincide with the centre.
+    """
+    radii = mean[2 * SEEN :]
+    offsets = points_world - mean[:2]
+    distances = np.hypot(offsets[:, 0], offsets[:, 1])
+    directions = offsets / distances[:, None]
+    # u = θ - ψ as a direction: no angle is needed.
+    directions_target = directions @ rotation(mean[2])
+    correlations = process.correlations(directions_target)
+    matrix = np.empty((len(points_world), SEEN + len(radii)))
+    _, variances = process.regression(directions_target, correlations, out=matrix[:, SEEN:])
+    expected = matrix[:, SEEN:] @ radii
+    slopes = process.slope(directions_target, correlations, radii)
+    turn = slopes / distances
+    # dθ/dw = (delta_y, -delta_x) / r² = (p_y, -p_x) / r
+    matrix[:, 0] = directions[:, 0] + turn * directions[:, 1]
+    matrix[:, 1] = directions[:, 1] - turn * directions[:, 0]
+    matrix[:, 2] = -slopes
+    return Linearisation(
+        directions=directions,
+        residuals=distances - expected,
+        radial_matrix=matrix,
+        tangential_slopes=1.0 - expected / distances,
+        radius_variances=variances,
+    )
+
+
+def information(model: Linearisation, covariances: np.ndarray):
+    """Hᵀ R⁻¹ H (3 + N, 3 + N), Hᵀ R⁻¹ v (3 + N,) and vᵀ R⁻¹ v of a scan, rates left out.
+
+    R_l = p R^f pᵀ + R, thesis (68c), with `covariances` R in m²: (2, 2), or (n, 2, 2). The two rows
+    of a point are made independent: the radial one given the tangential one.
+    """
+    px, py = model.directions.T
+    xx, xy, yy = covariances[..., 0, 0], covariances[..., 0, 1], covariances[..., 1, 1]
+    tangential = xx * py**2 - 2.0 * xy * px * py + yy * px**2
+    cross = xy * (px**2 - py**2) + (yy - xx) * px * py
+    radial = xx * px**2 + 2.0 * xy * px * py + yy * py**2 + model.radius_variances
+    gain = cross / tangential
+    scale = 1.0 / np.sqrt(radial - gain * cross)
+    tangent_rows = np.stack([-py, px], axis=-1) * model.tangential_slopes[:, None]
+
+    rows = model.radial_matrix * scale[:, None]
+    rows[:, :2] -= (gain * scale)[:, None] * tangent_rows
+    residuals = model.residuals * scale
+    matrix = rows.T @ rows
+    tangent_rows /= np.sqrt(tangential)[:, None]
+    matrix[:2, :2] += tangent_rows.T @ tangent_rows
+    return matrix, rows.T @ residuals, float(residuals @ residuals)
+
+
+def factor(covariance: np.ndarray) -> np.ndarray:
+    """L (D, D) with L Lᵀ = `covariance`, which may be semi-definite; rows in the state's order.
+
+    Cholesky with diagonal pivoting stops at the numerical rank: what is left out is within
+    rounding of the largest variance, and no jitter is needed.
+    """
+    packed, pivots, rank, _ = dpstrf(covariance, lower=1)
+    packed[:, rank:] = 0.0
+    lower = np.empty_like(packed)
+    lower[pivots - 1] = np.tril(packed)
+    return lower
+
+
+def update(mean, covariance, points_world, covariances, process):
+    """Posterior mean (6 + N,), covariance, and NIS of a scan; thesis (76) in information form.
+
+    `mean` and `covariance` are the *predicted* ones; `points_world` (n, 2) m; `covariances` R
+    (2, 2) or (n, 2, 2) m². The NIS by Woodbury: vᵀ S⁻¹ v = vᵀ R⁻¹ v - (Hᵀ R⁻¹ v)ᵀ P⁺ (Hᵀ R⁻¹ v).
+    """
+    matrix, vector, norm = information(linearise(points_world, mean, process), covariances)
+    lower = factor(covariance)
+    seen = np.concatenate([lower[:SEEN], lower[2 * SEEN :]])
+    inner = seen.T @ (matrix @ seen)
+    inner.flat[:: len(inner) + 1] += 1.0
+    root, _ = dpotrf(inner, lower=1)
+    # P⁺ = GᵀG with G = C⁻¹ Lᵀ and C Cᵀ = I + Lᵀ A L: symmetric to the bit.
+    posterior_root, _ = dtrtrs(root, lower.T, lower=1)
+    whitened, _ = dtrtrs(root, seen.T @ vector, lower=1)
+    nis = norm - float(whitened @ whitened)
+    return mean + posterior_root.T @ whitened, posterior_root.T @ posterior_root, nis
+
+
+def track(
+    scans: Scans, initial: InitialState, prior: PriorShape, tracker: GpEkfParameters
+) -> Track:
+    """Track one target through `scans`: predict, associate, update at every scan, the first too.
+
+    The state starts as `initial`, which is one sample before the first scan, with the radii of the
+    class's `prior` and covariance K for them. Reads no truth. The innovation is one radial scalar a
+    point (its tangential component is zero by construction), so the NIS of a scan with n points
+    has n degrees of freedom.
+    """
+    process = contour_process(
+        tracker.basis_points,
+        tracker.length_scale,
+        tracker.sigma_f,
+        tracker.sigma_r,
+        tracker.jitter,
+    )
+    size = 2 * SEEN + tracker.basis_points
+    mean = np.concatenate([initial.mean, prior_radii(prior, process.basis_angles)])
+    covariance = np.zeros((size, size))
+    covariance[: 2 * SEEN, : 2 * SEEN] = initial.covariance
+    covariance[2 * SEEN :, 2 * SEEN :] = process.covariance
+
+    count = len(scans)
+    means, covariances = np.empty((count, size)), np.empty((count, size, size))
+    used: list[np.ndarray] = []
+    nis = np.full(count, np.nan)
+    for k, interval in enumerate(intervals(scans.times)):
+        noise = process_noise(interval, tracker.sigma_q, tracker.sigma_q_psi)
+        mean, covariance = predict(
+            mean, covariance, interval, noise, tracker.forgetting_rate, process.covariance
+        )
+        rows = scans.rows(k)
+        points = scans.points_world[rows]
+        noises = _measurement_covariances(scans.covariances_world[rows], tracker)
+        indices = _associated(points, noises, mean, covariance, process, tracker)
+        used.append(indices + rows.start)
+        if len(indices):
+            chosen = noises if noises.ndim == 2 else noises[indices]
+            mean, covariance, nis[k] = update(mean, covariance, points[indices], chosen, process)
+        means[k], covariances[k] = mean, covariance
+
+    counts = np.array([len(indices) for indices in used], dtype=np.int64)
+    contours, directions, deviations = contours_of(
+        means, covariances, process, tracker.contour_points
+    )
+    return Track(
+        times=np.array(scans.times, dtype=np.float64),
+        means=means,
+        covariances=covariances,
+        contours_world=contours,
+        contour_directions=directions,
+        contour_deviations=deviations,
+        used_offsets=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+        used_points=np.concatenate([np.zeros(0, np.int64), *used]).astype(np.int64),
+        nis=nis,
+        nis_degrees_of_freedom=counts,
+    )
+
+
+def contours_of(means, covariances, process: ContourProcess, points: int):
+    """Contours (K, M, 2) m, directions (K, M, 2) and radius deviations (K, M) m of K states.
+
+    At M = `points` even angles: r = H^f x^f with variance H^f P^f H^fᵀ + R^f. A radius below zero,
+    which the model does not rule out, is drawn as zero, so every contour is star-convex.
+    """
+    angles = 2.0 * np.pi * np.arange(points) / points
+    matrix, variances = process.at(angles)
+    radii = np.maximum(means[:, 2 * SEEN :] @ matrix.T, 0.0)
+    bearings = means[:, 2, None] + angles
+    directions = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
+    deviations = np.empty_like(radii)
+    for k, covariance in enumerate(covariances):
+        spread = np.einsum("ij,ij->i", matrix @ covariance[2 * SEEN :, 2 * SEEN :], matrix)
+        deviations[k] = np.sqrt(np.maximum(spread, 0.0) + variances)
+    return means[:, None, :2] + radii[..., None] * directions, directions, deviations
+
+
+def _measurement_covariances(covariances_world, tracker: GpEkfParameters) -> np.ndarray:
+    """R: (2, 2) if isotropic, else the scan's own, (n, 2, 2)."""
+    if tracker.measurement_covariance == "isotropic":
+        return tracker.measurement_deviation**2 * np.eye(2)
+    return covariances_world
+
+
+def _associated(points_world, noises, mean, covariance, process, tracker) -> np.ndarray:
+    """Indices of the points in the gate round the predicted contour that have a direction."""
+    turn = rotation(mean[2])
+    centroid, extent = contour_moments(process.basis_angles, mean[2 * SEEN :])
+    indices = associate(
+        points_world,
+        mean[:2] + turn @ centroid,
+        covariance[:2, :2] + turn @ extent @ turn.T + noises,
+        tracker.gate_probability,
+    )
+    offsets = points_world[indices] - mean[:2]
+    return indices[np.hypot(offsets[:, 0], offsets[:, 1]) >= NO_DIRECTION]

@@ -1,0 +1,119 @@
+"""The periodic Gaussian process that a star-convex contour's radius is drawn from.
+
+Frame: angles are in the target's frame, counter-clockwise from the heading, rad; radii in m.
+
+Source: Wahlström & Özkan 2015, *Extended target tracking using Gaussian processes*, section III;
+thesis (53)-(54), (58), (77), as corrected: the length scale divides the whole exponent, and the
+measurement noise is no part of R^f. The recursion on basis points is Huber 2014, *Recursive
+Gaussian process*.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+
+def kernel(angles, other_angles, length_scale: float, sigma_f: float, sigma_r: float) -> np.ndarray:
+    """k(u, u') = sigma_f² exp(-2 sin²((u - u') / 2) / l²) + sigma_r², shape (n, m), m².
+
+    `angles` (n,) and `other_angles` (m,) in rad. The second term is the unknown mean radius.
+    """
+    half = 0.5 * (np.asarray(angles)[:, None] - np.asarray(other_angles)[None, :])
+    return sigma_f**2 * np.exp(-2.0 * np.sin(half) ** 2 / length_scale**2) + sigma_r**2
+
+
+def kernel_derivative(angles, other_angles, length_scale: float, sigma_f: float) -> np.ndarray:
+    """∂k(u, u') / ∂u, shape (n, m), m²/rad: of the exponential part alone, sigma_r² is constant."""
+    exponential = kernel(angles, other_angles, length_scale, sigma_f, 0.0)
+    difference = np.asarray(angles)[:, None] - np.asarray(other_angles)[None, :]
+    return -np.sin(difference) / length_scale**2 * exponential
+
+
+@dataclass(frozen=True)
+class ContourProcess:
+    """The process, and what regression from its basis points needs at every scan.
+
+    Build it with `contour_process`.
+
+    Attributes:
+        basis_angles: (N,) u^f in rad, even in [0, 2 pi).
+        covariance: (N, N) K = k(u^f, u^f) in m², without jitter.
+        inverse: (N, N) (K + jitter I)⁻¹.
+        length_scale, sigma_f, sigma_r: of the kernel; rad, m, m.
+    """
+
+    basis_angles: np.ndarray
+    covariance: np.ndarray
+    inverse: np.ndarray
+    length_scale: float
+    sigma_f: float
+    sigma_r: float
+    _basis_directions: np.ndarray
+    _weights: np.ndarray
+    _offset: np.ndarray
+
+    def correlations(self, directions: np.ndarray) -> np.ndarray:
+        """exp(-2 sin²((u - u^f_i) / 2) / l²), shape (n, N).
+
+        `directions` (n, 2) = (cos u, sin u). As -2 sin²(x / 2) = cos x - 1, the exponent is a
+        matrix product of rank two.
+        """
+        exponent = (directions / self.length_scale**2) @ self._basis_directions.T
+        exponent -= 1.0 / self.length_scale**2
+        return np.exp(exponent, out=exponent)
+
+    def regression(self, directions, correlations, out=None) -> tuple[np.ndarray, np.ndarray]:
+        """H^f(u), shape (n, N), and R^f(u), shape (n,) in m²; thesis (58).
+
+        H^f = k(u, u^f) K⁻¹ and R^f = k(u, u) - k(u, u^f) K⁻¹ k(u^f, u), for what `correlations`
+        gave for `directions`. `out` (n, N) takes H^f.
+        """
+        matrix = np.matmul(correlations, self._weights, out=out)
+        matrix += self._offset
+        explained = self.sigma_f**2 * np.einsum("ij,ij->i", correlations, matrix)
+        explained += self.sigma_r**2 * (matrix @ np.ones(matrix.shape[1]))
+        # Rounding alone makes it negative, at a basis angle.
+        variance = np.maximum(self.sigma_f**2 + self.sigma_r**2 - explained, 0.0)
+        return matrix, variance
+
+    def slope(self, directions, correlations, radii) -> np.ndarray:
+        """(∂H^f / ∂u) x^f, shape (n,) in m/rad, for the basis points' `radii` (N,); thesis (77i).
+
+        sin(u - u_i) = sin u cos u_i - cos u sin u_i, so no second kernel matrix is needed.
+        """
+        weighted = self._basis_directions * (self.inverse @ radii)[:, None]
+        sums = correlations @ weighted
+        cross = directions[:, 1] * sums[:, 0] - directions[:, 0] * sums[:, 1]
+        return -((self.sigma_f / self.length_scale) ** 2) * cross
+
+    def at(self, angles) -> tuple[np.ndarray, np.ndarray]:
+        """H^f (n, N) and R^f (n,) in m² at `angles` (n,) rad."""
+        directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+        return self.regression(directions, self.correlations(directions))
+
+
+def contour_process(
+    basis_points: int, length_scale: float, sigma_f: float, sigma_r: float, jitter: float
+) -> ContourProcess:
+    """The process on `basis_points` even angles; `jitter` (m²) goes into the inverse of K alone.
+
+    Raises:
+        numpy.linalg.LinAlgError: if the jitter is too small for K to be inverted.
+    """
+    angles = 2.0 * np.pi * np.arange(basis_points) / basis_points
+    covariance = kernel(angles, angles, length_scale, sigma_f, sigma_r)
+    identity = np.eye(basis_points)
+    inverse = cho_solve(cho_factor(covariance + jitter * identity), identity)
+    inverse = 0.5 * (inverse + inverse.T)
+    return ContourProcess(
+        basis_angles=angles,
+        covariance=covariance,
+        inverse=inverse,
+        length_scale=length_scale,
+        sigma_f=sigma_f,
+        sigma_r=sigma_r,
+        _basis_directions=np.stack([np.cos(angles), np.sin(angles)], axis=-1),
+        _weights=sigma_f**2 * inverse,
+        _offset=sigma_r**2 * inverse.sum(axis=0),
+    )

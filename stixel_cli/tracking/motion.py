@@ -1,0 +1,55 @@
+"""Constant velocity and turn rate for the pose, forgetting for the radii; thesis (62), (72).
+
+State order: x, y, heading, their three rates, then the N radii. Units m, rad, s.
+"""
+
+import numpy as np
+
+
+def intervals(times: np.ndarray) -> np.ndarray:
+    """Time in s from each scan's predecessor, shape (K,).
+
+    A track is predicted to the first scan too, from one sample before it, so the first interval
+    counts twice. A single scan has no sample time: 0.
+    """
+    times = np.asarray(times, dtype=np.float64)
+    steps = np.diff(times)
+    return np.concatenate([steps[:1] if len(steps) else np.zeros(min(len(times), 1)), steps])
+
+
+def transition(interval: float) -> np.ndarray:
+    """F̄ = [[1, T], [0, 1]] ⊗ I₃, shape (6, 6)."""
+    matrix = np.eye(6)
+    matrix[[0, 1, 2], [3, 4, 5]] = interval
+    return matrix
+
+
+def process_noise(interval: float, sigma_q: float, sigma_q_psi: float) -> np.ndarray:
+    """Q̄ = [[T³/3, T²/2], [T²/2, T]] ⊗ diag(sigma_q², sigma_q², sigma_q_psi²), shape (6, 6)."""
+    noise = np.zeros((6, 6))
+    densities = np.array([sigma_q, sigma_q, sigma_q_psi]) ** 2
+    noise.flat[: 3 * 7 : 7] = interval**3 / 3.0 * densities
+    noise.flat[3 : 3 + 3 * 7 : 7] = interval**2 / 2.0 * densities
+    noise.flat[18 : 18 + 3 * 7 : 7] = interval**2 / 2.0 * densities
+    noise.flat[21::7] = interval * densities
+    return noise
+
+
+def predict(mean, covariance, interval, noise, forgetting_rate, radii_covariance):
+    """Mean (6 + N,) and covariance (6 + N, 6 + N) one `interval` in s later; thesis (71), (75).
+
+    F^f = e^(-alpha T) I and Q^f = (1 - e^(-2 alpha T)) K, with `forgetting_rate` alpha in 1/s and
+    `radii_covariance` K (N, N) in m². `noise` is Q̄. F is never formed: it scales blocks.
+    """
+    decay = np.exp(-forgetting_rate * interval)
+    pose = transition(interval)
+    predicted_mean = np.concatenate([pose @ mean[:6], decay * mean[6:]])
+    predicted = np.empty_like(covariance)
+    predicted[:6, :6] = pose @ covariance[:6, :6] @ pose.T + noise
+    cross = decay * (pose @ covariance[:6, 6:])
+    predicted[:6, 6:] = cross
+    predicted[6:, :6] = cross.T
+    np.multiply(covariance[6:, 6:], decay**2, out=predicted[6:, 6:])
+    if forgetting_rate > 0.0:
+        predicted[6:, 6:] += -np.expm1(-2.0 * forgetting_rate * interval) * radii_covariance
+    return predicted_mean, predicted

@@ -1,0 +1,156 @@
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from stixel_cli.evaluation.evaluate import evaluate
+from stixel_cli.geometry.pose import world_from_target
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.scene.scenario import Scenario
+from stixel_cli.tracking.track import Track
+
+OUTLINE = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]], float)
+COUNT = 5
+TIMES = 0.1 * np.arange(COUNT)
+POSES = np.stack([TIMES, 10.0 + TIMES, 0.5 * TIMES], axis=-1)
+SCENARIO = Scenario(TIMES, np.zeros((COUNT, 3)), POSES, np.zeros((COUNT, 3)), OUTLINE, True)
+SCANS = Scans(
+    times=TIMES,
+    sensor_poses_world=np.zeros((COUNT, 3)),
+    offsets=np.array([0, 2, 2, 4, 6, 8]),
+    points_world=np.zeros((8, 2)),
+    covariances_world=np.tile(np.eye(2), (8, 1, 1)),
+)
+REQUIRED = {
+    "centre_rmse_m",
+    "centre_mean_m",
+    "orientation_rmse_deg",
+    "iou_mean",
+    "iou_second_half",
+    "iou_final",
+    "lost_share",
+    "nees_position_mean",
+    "nis_mean",
+    "scans",
+    "points_per_scan_mean",
+}
+
+
+def track_with(shifts):
+    """A track that is off the truth by `shifts` (K, 3), pose for pose."""
+    poses = POSES + shifts
+    contours = np.stack([world_from_target(OUTLINE, pose) for pose in poses])
+    directions = contours - poses[:, None, :2]
+    return Track(
+        times=TIMES,
+        means=np.concatenate([poses, np.zeros((COUNT, 5))], axis=1),
+        covariances=np.tile(0.25 * np.eye(8), (COUNT, 1, 1)),
+        contours_world=contours,
+        contour_directions=directions / np.linalg.norm(directions, axis=-1, keepdims=True),
+        contour_deviations=np.full((COUNT, 4), 0.1),
+        used_offsets=np.array([0, 2, 2, 3, 5, 7]),
+        used_points=np.array([0, 1, 2, 4, 5, 6, 7]),
+        nis=np.array([1.0, np.nan, 2.0, 4.0, 2.0]),
+        nis_degrees_of_freedom=np.array([2, 0, 1, 2, 2]),
+    )
+
+
+SHIFTS = np.array([[0, 0, 0], [1, 0, 0], [0, 0, 0.1], [0, 0, -0.1], [8, 6, 0]], float)
+
+
+def test_the_summary_is_that_of_pencil_and_paper():
+    scores = evaluate(track_with(SHIFTS), SCENARIO, SCANS)
+    np.testing.assert_allclose(scores.centre_error, [0, 1, 0, 0, 10], atol=1e-12)
+    np.testing.assert_allclose(scores.orientation_error, [0, 0, 0.1, -0.1, 0], atol=1e-12)
+    np.testing.assert_allclose(scores.nees_position, [0, 2, 0, 0, 200], atol=1e-9)
+    np.testing.assert_allclose(scores.nis, [0.5, np.nan, 2.0, 2.0, 1.0])
+    metrics = scores.metrics
+    assert set(metrics) >= REQUIRED
+    # The area that a square of area 1 shares with itself turned by 0.1 rad.
+    turned = 2.0 / (1.0 + np.cos(0.1) + np.sin(0.1))
+    turned_iou = turned / (2.0 - turned)
+    # The second is shifted by half a side, not quite along a side: turned by 0.05 rad.
+    shift = np.cos(0.05), np.sin(0.05)
+    common = (2.0 - shift[0]) * (2.0 - shift[1])
+    assert scores.iou[1] == pytest.approx(common / (8.0 - common), abs=1e-12)
+    np.testing.assert_allclose(scores.iou[[0, 2, 3, 4]], [1, turned_iou, turned_iou, 0], atol=1e-9)
+    expected = {
+        "centre_rmse_m": np.sqrt(101 / 5),
+        "centre_mean_m": 11 / 5,
+        "centre_rmse_second_half_m": np.sqrt(100 / 3),
+        "centre_final_m": 10.0,
+        "orientation_rmse_deg": np.degrees(np.sqrt(0.02 / 5)),
+        "orientation_rmse_second_half_deg": np.degrees(np.sqrt(0.02 / 3)),
+        "iou_mean": (1 + scores.iou[1] + 2 * turned_iou) / 5,
+        "iou_second_half": 2 * turned_iou / 3,
+        "iou_final": 0.0,
+        "lost_share": 0.2,
+        "nees_position_mean": 202 / 5,
+        "nees_heading_mean": 2 * 0.04 / 5,
+        "nis_mean": 5.5 / 4,
+        "scans": 5,
+        "empty_scans": 1,
+        "points_per_scan_mean": 8 / 5,
+        "points_used_mean": 7 / 5,
+    }
+    assert metrics == pytest.approx(expected, abs=1e-12)
+
+
+def test_metrics_are_plain_numbers():
+    metrics = evaluate(track_with(SHIFTS), SCENARIO, SCANS).metrics
+    assert all(type(value) in (int, float) for value in metrics.values())
+    assert json.loads(json.dumps(metrics)) == metrics
+
+
+def test_what_cannot_be_had_is_none_and_not_zero():
+    track = track_with(SHIFTS)
+    track = dataclasses.replace(
+        track,
+        nis=np.full(COUNT, np.nan),
+        nis_degrees_of_freedom=np.zeros(COUNT, np.int64),
+        used_offsets=np.zeros(COUNT + 1, np.int64),
+        used_points=np.zeros(0, np.int64),
+        covariances=np.zeros_like(track.covariances),
+        means=np.where(np.arange(8) == 2, np.nan, track.means),
+    )
+    scores = evaluate(track, SCENARIO, SCANS)
+    for name in ("orientation_rmse_deg", "nees_position_mean", "nees_heading_mean", "nis_mean"):
+        assert scores.metrics[name] is None
+    assert scores.metrics["centre_mean_m"] == pytest.approx(11 / 5)
+    assert scores.metrics["points_used_mean"] == 0.0
+
+
+def test_a_track_that_is_not_finite_is_lost_and_hides_in_no_mean():
+    track = track_with(SHIFTS)
+    track.contours_world[3] = np.nan
+    track.means[3] = np.nan
+    scores = evaluate(track, SCENARIO, SCANS)
+    assert scores.metrics["centre_rmse_m"] is None
+    assert scores.metrics["lost_share"] == pytest.approx(0.4)
+    assert scores.metrics["centre_final_m"] == pytest.approx(10.0)
+
+
+def test_scans_of_another_time_are_refused():
+    with pytest.raises(ValueError, match="times of the scans"):
+        evaluate(track_with(SHIFTS), SCENARIO, dataclasses.replace(SCANS, times=TIMES + 1.0))
+    with pytest.raises(ValueError, match="times of the track"):
+        evaluate(dataclasses.replace(track_with(SHIFTS), times=TIMES[:3]), SCENARIO, SCANS)
+    with pytest.raises(ValueError, match="used points"):
+        few = dataclasses.replace(SCANS, points_world=np.zeros((3, 2)))
+        evaluate(track_with(SHIFTS), SCENARIO, few)
+
+
+def test_a_single_scan_is_scored():
+    short = Scenario(TIMES[:1], np.zeros((1, 3)), POSES[:1], np.zeros((1, 3)), OUTLINE, True)
+    whole = track_with(SHIFTS)
+    track = Track(
+        *(getattr(whole, f.name)[:1] for f in dataclasses.fields(Track)[:6]),
+        used_offsets=whole.used_offsets[:2],
+        used_points=whole.used_points[:2],
+        nis=whole.nis[:1],
+        nis_degrees_of_freedom=whole.nis_degrees_of_freedom[:1],
+    )
+    scans = dataclasses.replace(SCANS, times=TIMES[:1], offsets=SCANS.offsets[:2])
+    metrics = evaluate(track, short, scans).metrics
+    assert metrics["iou_mean"] == metrics["iou_second_half"] == metrics["iou_final"] == 1.0

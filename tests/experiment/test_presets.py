@@ -1,0 +1,65 @@
+"""Every file of conf/ runs: the real command line, few frames."""
+
+import json
+
+import pytest
+from run_cli import FEW, run_json
+
+from stixel_cli.config.folders import group_options
+from stixel_cli.scene.filament import probe_filament
+
+OWN_PRESETS = {"road_user", "pace", "prior"}
+PRESETS = [
+    (group, option)
+    for group, options in group_options().items()
+    for option in options
+    if group not in OWN_PRESETS
+]
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    return tmp_path_factory.mktemp("results")
+
+
+def check(answer: dict) -> None:
+    assert answer["metrics"]["scans"] >= 2
+    assert answer["metrics"]["centre_rmse_m"] is not None
+    assert {stage["status"] for stage in answer["stages"]} <= {"computed", "cached"}
+
+
+@pytest.mark.parametrize(("group", "option"), PRESETS, ids=lambda value: value)
+def test_every_preset_runs(group, option, results, capsys):
+    if (group, option) == ("renderer", "filament"):
+        reason = probe_filament(timeout=60)
+        if reason is not None:
+            pytest.skip(reason)
+    few = FEW if group != "rig" else ("path.duration=0.2", "pictures.frames=[1]")
+    check(run_json(capsys, results, *few, f"{group}={option}"))
+
+
+@pytest.mark.parametrize("road_user", ["car", "cyclist", "pedestrian"])
+@pytest.mark.parametrize("path", group_options()["path"])
+def test_every_road_user_runs_every_path_with_fabricated_measurements(
+    road_user, path, results, capsys
+):
+    choice = (f"road_user={road_user}", f"path={path}", "measurement=fabricated")
+    answer = run_json(capsys, results, *choice, "path.duration=0.5", "pictures.frames=[2]")
+    check(answer)
+    assert answer["metrics"]["points_per_scan_mean"] > 1
+
+
+@pytest.mark.parametrize("road_user", ["car", "cyclist", "pedestrian"])
+def test_every_road_user_is_rendered_and_measured(road_user, results, capsys):
+    answer = run_json(capsys, results, f"road_user={road_user}", "path.duration=0.2")
+    check(answer)
+    assert answer["metrics"]["points_used_mean"] >= 1
+
+
+def test_json_is_all_that_is_on_stdout_and_the_manifest_agrees(results, capsys):
+    answer = run_json(capsys, results, *FEW)
+    assert set(answer) == {"folder", "metrics", "stages"}
+    folder = results / answer["folder"].rpartition("/")[2]
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["stages"] == answer["stages"]
+    assert json.loads((folder / "metrics.json").read_text()) == answer["metrics"]

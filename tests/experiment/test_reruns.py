@@ -1,0 +1,92 @@
+"""What is computed again, and what is not: real stages, real command line, edited code."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SMALL = ["path.duration=0.6", "rig.width=160", "rig.height=120", "pictures.frames=[1,4]"]
+COMMAND = "import sys; from stixel_cli.cli.app import main; sys.exit(main())"
+AFTER_SCANS = {"track", "scores", "track_pictures", "run_pictures"}
+
+
+@pytest.fixture(scope="module")
+def checkout(tmp_path_factory):
+    """A copy of the package whose files a test may edit, with a warm cache."""
+    folder = tmp_path_factory.mktemp("checkout")
+    for name in ("stixel_cli", "conf", "pipelines"):
+        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", folder)
+    computed(folder)
+    return folder
+
+
+def computed(checkout: Path, *overrides: str) -> set[str]:
+    """Names of the steps that a run in `checkout` computes."""
+    stages = stixel(checkout, *overrides)["stages"]
+    return {stage["name"] for stage in stages if stage["status"] == "computed"}
+
+
+def stixel(checkout: Path, *arguments: str) -> dict:
+    environment = os.environ | {
+        "PYTHONPATH": str(checkout),
+        "STIXEL_CACHE": str(checkout / "cache"),
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", COMMAND, "run", "--json", *SMALL, *arguments],
+        cwd=checkout,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.fixture
+def edited(checkout):
+    """A function that edits a file of the checkout until the test is over."""
+    originals = {}
+
+    def edit(file: str, old: str, new: str) -> None:
+        path = checkout / "stixel_cli" / file
+        text = originals.setdefault(path, path.read_text(encoding="utf-8"))
+        assert text.count(old) == 1, f"{file} has {text.count(old)} times {old!r}"
+        path.write_text(text.replace(old, new), encoding="utf-8")
+
+    yield edit
+    for path, text in originals.items():
+        path.write_text(text, encoding="utf-8")
+
+
+def test_a_second_identical_run_computes_nothing(checkout):
+    assert computed(checkout) == set()
+
+
+def test_a_tracker_parameter_recomputes_track_scores_and_the_tracks_pictures(checkout):
+    assert computed(checkout, "tracker.sigma_q=0.7") == AFTER_SCANS
+
+
+def test_the_seed_recomputes_what_draws_and_what_depends_on_it(checkout):
+    again = computed(checkout, "seed=5")
+    assert {"expose", "match", "start", "track"} <= again
+    assert again.isdisjoint({"scenario", "render", "ego_motion"})
+
+
+def test_an_edited_helper_reruns_its_stage_and_what_depends_on_it(checkout, edited):
+    edited("stixels/height.py", "behind = focal_baseline /", "behind = 1.0 * focal_baseline /")
+    assert computed(checkout) == {"stixels", "scans", "camera_pictures"} | AFTER_SCANS
+    # The edit changed no result, but keys do not know that.
+    assert computed(checkout) == set()
+
+
+def test_an_edited_docstring_or_comment_reruns_nothing(checkout, edited):
+    edited("stixels/height.py", '"""Height segmentation: ', '# Why not.\n"""Edited. ')
+    edited("tracking/kernel.py", "import numpy as np", "import numpy as np  # the usual name")
+    assert computed(checkout) == set()

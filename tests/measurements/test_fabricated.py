@@ -1,0 +1,151 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from stixel_cli.geometry.pose import ego_from_world, rotation, world_from_target
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.measurements.fabricated import fabricate_scans
+from stixel_cli.measurements.parameters import FabricatedParameters
+from stixel_cli.scene.scenario import Scenario
+
+RIG = Rig(
+    width=640,
+    height=480,
+    horizontal_fov=60.0,
+    focal_length=None,
+    principal_u=None,
+    principal_v=None,
+    baseline=0.3,
+    camera_height=1.5,
+    pitch=0.0,
+)
+EXACT = FabricatedParameters(
+    kind="fabricated",
+    rays=None,
+    spacing="angle",
+    noise="constant",
+    disparity_deviation=0.1,
+    range_deviation=0.0,
+    clutter_rate=0.0,
+    missed_probability=0.0,
+    range_max=80.0,
+)
+BOX = np.array([[2.25, -0.9], [2.25, 0.9], [-2.25, 0.9], [-2.25, -0.9]])
+
+
+def scenario(count=20, distance=15.0, contour=BOX):
+    times = 0.1 * np.arange(count)
+    target = np.stack([5.0 * times - 5.0, distance + 0.0 * times, 0.3 * times], axis=-1)
+    ego = np.stack([times, 2.0 * times, 0.5 * np.pi + 0.05 * times], axis=-1)
+    rates = np.tile([5.0, 0.0, 0.3], (count, 1))
+    return Scenario(times, ego, target, rates, contour, True)
+
+
+def distance_to_outline(points, polygon):
+    """Distance of points (n, 2) to the nearest edge."""
+    start, end = polygon, np.roll(polygon, -1, axis=0)
+    edge = end - start
+    offset = points[:, None] - start
+    share = np.clip(np.sum(offset * edge, -1) / np.sum(edge**2, -1), 0.0, 1.0)
+    return np.linalg.norm(offset - share[..., None] * edge, axis=-1).min(axis=1)
+
+
+@pytest.mark.parametrize("spacing", ["angle", "tangent"])
+def test_without_noise_the_points_are_on_the_contour_and_on_the_rays(spacing):
+    truth = scenario()
+    scans = fabricate_scans(truth, RIG, dataclasses.replace(EXACT, spacing=spacing), seed=1)
+    assert len(scans.points_world) > 500
+    for k in range(len(scans)):
+        points = scans.points_world[scans.rows(k)]
+        outline = world_from_target(BOX, truth.target_poses_world[k])
+        assert distance_to_outline(points, outline).max() < 1e-9
+        x, y = ego_from_world(points, truth.ego_poses_world[k]).T
+        if spacing == "angle":
+            position = (np.arctan2(y, x) - np.pi / 2 + RIG.fov / 2) / RIG.fov * 639
+        else:
+            position = 0.5 * 639 - (x / y) / np.tan(RIG.fov / 2) * 0.5 * 639
+        np.testing.assert_allclose(position, np.rint(position), atol=1e-6)
+
+
+def test_noise_is_along_the_ray_and_as_its_covariance_says():
+    truth = scenario(count=200)
+    stereo = dataclasses.replace(EXACT, noise="stereo", disparity_deviation=0.3)
+    exact = fabricate_scans(truth, RIG, EXACT, seed=5)
+    noisy = fabricate_scans(truth, RIG, stereo, seed=5)
+    assert len(exact.points_world) == len(noisy.points_world)
+    errors = []
+    for k in range(len(exact)):
+        sensor = truth.ego_poses_world[k]
+        rows = exact.rows(k)
+        true, measured = (
+            exact.points_world[rows] - sensor[:2],
+            noisy.points_world[rows] - sensor[:2],
+        )
+        ranges = np.linalg.norm(true, axis=-1)
+        along = true / ranges[:, None]
+        across = along @ rotation(np.pi / 2).T
+        assert np.all(abs(np.sum(across * (measured - true), -1)) < 1e-9)
+        covariances = noisy.covariances_world[rows]
+        measured_range = np.linalg.norm(measured, axis=-1)
+        depth = measured_range * (along @ np.array([np.cos(sensor[2]), np.sin(sensor[2])]))
+        deviation = depth**2 * 0.3 / (RIG.focal * 0.3) * measured_range / depth
+        spread = np.einsum("ni,nij,nj->n", along, covariances, along)
+        np.testing.assert_allclose(spread, deviation**2)
+        sideways = np.einsum("ni,nij,nj->n", across, covariances, across)
+        np.testing.assert_allclose(sideways, (measured_range * RIG.fov / 639) ** 2 / 12.0)
+        np.testing.assert_allclose(
+            np.einsum("ni,nij,nj->n", across, covariances, along), 0.0, atol=1e-12
+        )
+        errors.append(np.sum(along * (measured - true), -1) / deviation)
+    errors = np.concatenate(errors)
+    assert abs(errors.mean()) < 5.0 / np.sqrt(len(errors))
+    assert abs(errors.std() - 1.0) < 0.03
+
+
+def test_options_leave_the_other_draws_alone():
+    truth = scenario()
+    plain = dataclasses.replace(EXACT, range_deviation=0.1)
+    reference = fabricate_scans(truth, RIG, plain, seed=3)
+    cluttered = fabricate_scans(truth, RIG, dataclasses.replace(plain, clutter_rate=4.0), seed=3)
+    missed = fabricate_scans(truth, RIG, dataclasses.replace(plain, missed_probability=0.3), seed=3)
+    extra = 0
+    for k in range(len(reference)):
+        points = reference.points_world[reference.rows(k)]
+        with_clutter = cluttered.points_world[cluttered.rows(k)]
+        np.testing.assert_array_equal(with_clutter[: len(points)], points)
+        clutter = ego_from_world(with_clutter[len(points) :], truth.ego_poses_world[k])
+        assert np.all(np.abs(clutter[:, 0]) <= np.tan(RIG.fov / 2) * clutter[:, 1])
+        assert np.all(np.linalg.norm(clutter, axis=-1) <= 80.0)
+        extra += len(clutter)
+        left = missed.points_world[missed.rows(k)]
+        assert {tuple(p) for p in left} <= {tuple(p) for p in points}
+    assert 40 < extra < 130
+    share = len(missed.points_world) / len(reference.points_world)
+    assert 0.65 < share < 0.75
+
+
+def test_draws_depend_on_the_seed_and_the_scan_alone():
+    truth = scenario()
+    noisy = dataclasses.replace(EXACT, range_deviation=0.1)
+    first = fabricate_scans(truth, RIG, noisy, seed=3)
+    again = fabricate_scans(truth, RIG, noisy, seed=3)
+    other = fabricate_scans(truth, RIG, noisy, seed=4)
+    assert first.points_world.tobytes() == again.points_world.tobytes()
+    assert not np.array_equal(first.points_world, other.points_world)
+    shorter = fabricate_scans(scenario(count=5), RIG, noisy, seed=3)
+    np.testing.assert_array_equal(shorter.points_world, first.points_world[: shorter.offsets[-1]])
+
+
+def test_a_scan_may_be_empty():
+    scans = fabricate_scans(scenario(distance=-30.0), RIG, EXACT, seed=0)
+    assert len(scans) == 20
+    assert scans.points_world.shape == (0, 2)
+    assert scans.covariances_world.shape == (0, 2, 2)
+    far = fabricate_scans(scenario(distance=90.0), RIG, EXACT, seed=0)
+    assert np.all(np.diff(far.offsets) == 0)
+
+
+def test_more_rays_than_columns_are_refused():
+    with pytest.raises(ValueError, match=r"measurement\.rays: 641 .* 640 columns"):
+        fabricate_scans(scenario(), RIG, dataclasses.replace(EXACT, rays=641), seed=0)

@@ -1,0 +1,87 @@
+"""Rays against contours, beside a brute force of every ray with every edge."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stixel_cli.measurements.rays import first_crossings, spread_rays
+
+
+def every_ray_with_every_edge(contour, angles):
+    """Nearest entering crossing of each ray, by solving 2 x 2 systems; inf where there is none."""
+    ranges = np.full(len(angles), np.inf)
+    for i, angle in enumerate(angles):
+        direction = np.array([np.cos(angle), np.sin(angle)])
+        for start, end in zip(contour, np.roll(contour, -1, axis=0), strict=True):
+            system = np.stack([direction, start - end], axis=-1)
+            if np.linalg.det(system) <= 1e-12:  # parallel, or leaving the contour
+                continue
+            along, share = np.linalg.solve(system, start)
+            if along > 0.0 and -1e-12 <= share <= 1.0 + 1e-12:
+                ranges[i] = min(ranges[i], along)
+    return ranges
+
+
+def concave_star(seed, centre, size):
+    random = np.random.default_rng(seed)
+    count = int(random.integers(3, 25))
+    angles = np.sort(random.uniform(0.0, 2.0 * np.pi, count))
+    gaps = np.diff(np.concatenate([angles, angles[:1] + 2.0 * np.pi]))
+    if gaps.max() >= np.pi - 0.05:  # the centre would be outside
+        angles = 2.0 * np.pi * np.arange(count) / count
+    radii = size * random.uniform(0.2, 1.0, count)
+    return centre + radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+
+
+@settings(derandomize=True, deadline=None, max_examples=60)
+@given(
+    seed=st.integers(0, 2**31),
+    distance=st.floats(0.0, 30.0),
+    bearing=st.floats(-np.pi, np.pi),
+    even_tangent=st.booleans(),
+    field=st.floats(0.2, 2.9),
+)
+def test_crossings_are_those_of_a_brute_force(seed, distance, bearing, even_tangent, field):
+    # Near ones enclose the sensor, or reach round it past the seam behind.
+    centre = distance * np.array([np.cos(bearing), np.sin(bearing)])
+    contour = concave_star(seed, centre, 4.0)
+    rays = spread_rays(41, field, even_tangent)
+    expected = every_ray_with_every_edge(contour, rays.angles)
+    hit, ranges = first_crossings(contour, rays)
+    found = np.full(41, np.inf)
+    found[hit] = ranges
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_a_concave_contour_hides_itself():
+    # A U that opens to the left: its upper arm hides nothing of the lower one.
+    contour = np.array(
+        [[4, -2], [10, -2], [10, 2], [4, 2], [4, 1], [9, 1], [9, -1], [4, -1]], float
+    )
+    rays = spread_rays(5, 2.0 * np.arctan(0.375), True)
+    hit, ranges = first_crossings(contour, rays)
+    assert hit.tolist() == [0, 1, 2, 3, 4]
+    depth = ranges * np.cos(rays.angles)
+    # tan = ±0.375 meet the arms' ends at depth 4, the others look into the U.
+    inner_wall = [1.0 / 0.1875, 9.0, 1.0 / 0.1875]
+    np.testing.assert_allclose(depth, [4.0, *inner_wall, 4.0])
+
+
+@pytest.mark.parametrize("even_tangent", [False, True])
+def test_the_field_of_view_is_spanned_evenly(even_tangent):
+    rays = spread_rays(11, 1.2, even_tangent)
+    values = np.tan(rays.angles) if even_tangent else rays.angles
+    np.testing.assert_allclose(np.diff(values), np.diff(values)[0])
+    np.testing.assert_allclose(rays.angles[[0, -1]], [-0.6, 0.6])
+    np.testing.assert_allclose(rays.position(rays.angles), np.arange(11), atol=1e-9)
+    # The step is the derivative of the angle by the ray's index.
+    np.testing.assert_allclose(rays.steps[1:-1], np.gradient(rays.angles)[1:-1], rtol=0.02)
+
+
+def test_what_lies_beside_or_behind_gives_nothing():
+    rays = spread_rays(64, 1.0, True)
+    square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
+    for centre in ([-10, 0], [0, 10], [0, -10], [0, 0]):
+        hit, ranges = first_crossings(square + centre, rays)
+        assert len(hit) == len(ranges) == 0

@@ -1,0 +1,87 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from stixel_cli.geometry.pose import rotation
+from stixel_cli.measurements.parameters import SimulatedParameters
+from stixel_cli.measurements.simulated import gather_scans
+from stixel_cli.scene.scenario import EgoMotion
+from stixel_cli.stixels.nouns import Stixels
+
+GATES = SimulatedParameters(
+    kind="simulated", height_min=0.3, height_max=2.5, range_min=1.0, range_max=40.0
+)
+
+
+def stixels(first, per_frame, points, heights, covariances=None):
+    count = len(points)
+    whole = np.zeros(count, np.int32)
+    real = np.ones(count)
+    if covariances is None:
+        covariances = np.tile(np.diag([0.01, 0.25]), (count, 1, 1))
+    return Stixels(
+        first=first,
+        offsets=np.concatenate([[0], np.cumsum(per_frame)]).astype(np.int64),
+        left=whole,
+        right=whole + 7,
+        top=whole,
+        base=whole,
+        disparity=real,
+        disparity_variance=real,
+        depth=real,
+        height=np.array(heights, float),
+        points_ego=np.array(points, float).reshape(-1, 2),
+        covariances_ego=covariances,
+    )
+
+
+def ego(poses):
+    return EgoMotion(0.1 * np.arange(len(poses)), np.array(poses, float))
+
+
+def test_points_and_covariances_are_in_the_world():
+    poses = [[0, 0, np.pi / 2], [3, 4, np.pi / 2 + 0.4], [0, 0, 0.0]]
+    chunks = [
+        stixels(0, [1, 2], [[1, 10], [2, 20], [0, 5]], [1, 1, 1]),
+        stixels(2, [1], [[0, 5]], [1]),
+    ]
+    scans = gather_scans(iter(chunks), ego(poses), GATES)
+    assert scans.offsets.tolist() == [0, 1, 3, 4]
+    turn = rotation(0.4)
+    expected = [[1, 10], [3, 4] + turn @ [2, 20], [3, 4] + turn @ [0, 5], [5, 0]]
+    np.testing.assert_allclose(scans.points_world, expected, atol=1e-12)
+    np.testing.assert_allclose(scans.covariances_world[1], turn @ np.diag([0.01, 0.25]) @ turn.T)
+    # Ahead is now along x.
+    np.testing.assert_allclose(scans.covariances_world[3], np.diag([0.25, 0.01]), atol=1e-12)
+
+
+def test_gates_of_height_and_range_are_inclusive_and_look_at_nothing_else():
+    points = [[0, 10]] * 4 + [[0, 0.9], [0, 1], [0, 40], [30, 30]]
+    heights = [0.29, 0.3, 2.5, 2.51, 1, 1, 1, 1]
+    scans = gather_scans([stixels(0, [8, 0], points, heights)], ego([[0, 0, np.pi / 2]] * 2), GATES)
+    np.testing.assert_allclose(scans.points_world, [[0, 10], [0, 10], [0, 1], [0, 40]])
+    assert scans.offsets.tolist() == [0, 4, 4]
+
+
+def test_a_stixel_without_a_finite_place_is_no_candidate():
+    covariances = np.tile(np.eye(2), (3, 1, 1))
+    covariances[1, 0, 0] = np.inf
+    chunk = stixels(0, [3], [[0, 10], [0, 11], [np.nan, 12]], [1, 1, 1], covariances)
+    scans = gather_scans([chunk], ego([[0, 0, np.pi / 2]]), GATES)
+    np.testing.assert_allclose(scans.points_world, [[0, 10]])
+
+
+@pytest.mark.parametrize("firsts", [(0,), (0, 2), (0, 1, 2)])
+def test_frames_must_be_those_of_the_ego_motion(firsts):
+    chunks = [stixels(first, [1], [[0, 10]], [1]) for first in firsts]
+    with pytest.raises(ValueError, match="frame"):
+        gather_scans(chunks, ego([[0, 0, np.pi / 2]] * 2), GATES)
+
+
+def test_shut_gates_are_refused():
+    GATES.check()
+    with pytest.raises(ValueError, match=r"measurement\.height_max"):
+        dataclasses.replace(GATES, height_max=0.2).check()
+    with pytest.raises(ValueError, match=r"measurement\.range_max"):
+        dataclasses.replace(GATES, range_max=0.5).check()

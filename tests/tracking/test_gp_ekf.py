@@ -1,0 +1,255 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tracking_cases import CAR, START, TRACKER, poses_of_turn, scans_of, seen_car
+
+from stixel_cli.geometry.pose import rotation, world_from_target
+from stixel_cli.tracking import gp_ekf
+from stixel_cli.tracking.gp_ekf import contours_of, factor, linearise, track, update
+from stixel_cli.tracking.kernel import contour_process
+from stixel_cli.tracking.parameters import PriorShape
+from stixel_cli.tracking.prior import prior_radii
+from stixel_cli.tracking.track import InitialState
+
+SEEDS = st.integers(0, 2**31)
+PROCESS = contour_process(16, 0.5, 1.0, 0.5, 1e-6)
+
+
+def some_state(random, process=PROCESS):
+    """A state with a contour that is smooth and positive, and points near it."""
+    radii = prior_radii(CAR, process.basis_angles)
+    radii = radii + 0.3 * random.uniform(-1, 1) * np.cos(process.basis_angles)
+    mean = np.concatenate([10.0 * random.standard_normal(2), random.uniform(-4, 4, 4), radii])
+    angles = random.uniform(-np.pi, np.pi, 7)
+    distances = random.uniform(0.5, 4.0, 7)
+    offsets = distances[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    return mean, mean[:2] + offsets
+
+
+def dense_model(points, mean, process):
+    """z_hat (2n,), H (2n, D) and R^f as blocks (n, 2, 2), of the linearisation."""
+    model = linearise(points, mean, process)
+    p = model.directions
+    t = np.stack([-p[:, 1], p[:, 0]], axis=-1)
+    matrix = np.zeros((len(points), 2, len(mean)))
+    seen = np.r_[0:3, 6 : len(mean)]
+    matrix[:, :, seen] = p[:, :, None] * model.radial_matrix[:, None, :]
+    matrix[:, :, :2] += (model.tangential_slopes[:, None] * t)[:, :, None] * t[:, None, :]
+    predicted = points - model.residuals[:, None] * p
+    blocks = model.radius_variances[:, None, None] * p[:, :, None] * p[:, None, :]
+    return predicted.ravel(), matrix.reshape(-1, len(mean)), blocks
+
+
+def measurement(points, mean, process):
+    """h(x; z) of thesis (65)-(67), written out with angles: (2n,)."""
+    offset = points - mean[:2]
+    bearing = np.arctan2(offset[:, 1], offset[:, 0])
+    radius = process.at(bearing - mean[2])[0] @ mean[6:]
+    direction = np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
+    return (mean[:2] + radius[:, None] * direction).ravel()
+
+
+@settings(derandomize=True, deadline=None, max_examples=40)
+@given(seed=SEEDS)
+def test_the_jacobian_is_that_of_finite_differences(seed):
+    mean, points = some_state(np.random.default_rng(seed))
+    predicted, matrix, _ = dense_model(points, mean, PROCESS)
+    np.testing.assert_allclose(predicted, measurement(points, mean, PROCESS), atol=1e-9)
+    step = 1e-5
+    for i, column in enumerate(matrix.T):
+        shift = step * np.eye(len(mean))[i]
+        difference = measurement(points, mean + shift, PROCESS)
+        difference -= measurement(points, mean - shift, PROCESS)
+        np.testing.assert_allclose(column, difference / (2 * step), rtol=1e-4, atol=1e-4)
+
+
+@settings(derandomize=True, deadline=None, max_examples=40)
+@given(seed=SEEDS, each=st.booleans(), rank=st.integers(3, 22))
+def test_the_update_is_the_textbooks(seed, each, rank):
+    """Also with a covariance that is singular: it is never inverted."""
+    random = np.random.default_rng(seed)
+    mean, points = some_state(random)
+    root = 0.3 * random.standard_normal((len(mean), rank))
+    covariance = root @ root.T
+    roots = 0.2 * random.standard_normal((7 if each else 1, 2, 2))
+    noises = roots @ np.swapaxes(roots, 1, 2) + 0.01 * np.eye(2)
+    predicted, matrix, blocks = dense_model(points, mean, PROCESS)
+    noise = np.zeros((14, 14))
+    for i in range(7):
+        noise[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = blocks[i] + noises[i % len(noises)]
+    innovation = points.ravel() - predicted
+    spread = matrix @ covariance @ matrix.T + noise
+    gain = np.linalg.solve(spread, matrix @ covariance).T
+
+    found = update(mean, covariance, points, noises if each else noises[0], PROCESS)
+    np.testing.assert_allclose(found[0], mean + gain @ innovation, atol=1e-7)
+    np.testing.assert_allclose(found[1], covariance - gain @ spread @ gain.T, atol=1e-7)
+    np.testing.assert_array_equal(found[1], found[1].T)
+    assert found[2] == pytest.approx(innovation @ np.linalg.solve(spread, innovation), rel=1e-6)
+
+
+@settings(derandomize=True, deadline=None, max_examples=20)
+@given(seed=SEEDS, rank=st.integers(1, 12))
+def test_semi_definite_covariances_are_factored(seed, rank):
+    root = np.random.default_rng(seed).standard_normal((12, rank))
+    lower = factor(root @ root.T)
+    np.testing.assert_allclose(lower @ lower.T, root @ root.T, atol=1e-11)
+
+
+@settings(derandomize=True, deadline=None, max_examples=15)
+@given(seed=SEEDS)
+def test_the_order_of_the_points_does_not_matter(seed):
+    random = np.random.default_rng(seed)
+    mean, points = some_state(random)
+    root = 0.3 * random.standard_normal((len(mean), len(mean)))
+    noises = np.tile(0.01 * np.eye(2), (7, 1, 1)) * random.uniform(0.5, 2.0, (7, 1, 1))
+    order = random.permutation(7)
+    first = update(mean, root @ root.T, points, noises, PROCESS)
+    second = update(mean, root @ root.T, points[order], noises[order], PROCESS)
+    np.testing.assert_allclose(first[0], second[0], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(first[1], second[1], rtol=0, atol=1e-9)
+
+
+@settings(derandomize=True, deadline=None, max_examples=8)
+@given(
+    angle=st.floats(-np.pi, np.pi),
+    shift=st.tuples(st.floats(-50, 50), st.floats(-50, 50)),
+    covariance=st.sampled_from(["isotropic", "points"]),
+)
+def test_a_world_that_is_turned_and_moved_turns_and_moves_the_track(angle, shift, covariance):
+    parameters = dataclasses.replace(TRACKER, measurement_covariance=covariance)
+    turn, points = rotation(angle), seen_car(6, 25)
+    noises = np.tile(np.diag([0.02, 0.005]), (150, 1, 1))
+    plain = track(scans_of(points, covariances=noises), START, CAR, parameters)
+    whole = np.kron(np.eye(2), np.block([[turn, np.zeros((2, 1))], [np.zeros((1, 2)), np.eye(1)]]))
+    start = InitialState(
+        mean=whole @ START.mean + np.array([*shift, angle, 0, 0, 0]),
+        covariance=whole @ START.covariance @ whole.T,
+    )
+    moved_points = [p @ turn.T + shift for p in points]
+    moved = track(
+        scans_of(moved_points, covariances=turn @ noises @ turn.T), start, CAR, parameters
+    )
+    np.testing.assert_array_equal(moved.used_points, plain.used_points)
+    np.testing.assert_allclose(
+        moved.means[:, :6], plain.means[:, :6] @ whole.T + [*shift, angle, 0, 0, 0], atol=1e-6
+    )
+    np.testing.assert_allclose(moved.means[:, 6:], plain.means[:, 6:], atol=1e-6)
+    np.testing.assert_allclose(
+        moved.contours_world, plain.contours_world @ turn.T + shift, atol=1e-6
+    )
+    np.testing.assert_allclose(moved.contour_deviations, plain.contour_deviations, atol=1e-6)
+    np.testing.assert_allclose(moved.nis, plain.nis, rtol=1e-5)
+
+
+def test_an_empty_scan_is_a_prediction_and_only_grows_the_covariance(tracker):
+    points = seen_car(8, 40)
+    found = track(scans_of([*points, *[np.zeros((0, 2))] * 5]), *tracker)
+    assert np.isnan(found.nis[8:]).all()
+    assert np.isfinite(found.nis[:8]).all()
+    assert found.nis_degrees_of_freedom.tolist() == np.diff(found.used_offsets).tolist()
+    for k in range(8, 13):
+        pose = found.means[k - 1, :3] + 0.1 * found.means[k - 1, 3:6]
+        np.testing.assert_allclose(found.means[k, :3], pose)
+        # Radii are forgotten towards K from below, the pose gains process noise.
+        growth = found.covariances[k, :3, :3] - found.covariances[k - 1, :3, :3]
+        assert np.linalg.eigvalsh(growth).min() > -1e-9
+        radii = found.covariances[k, 6:, 6:] - found.covariances[k - 1, 6:, 6:]
+        assert np.diag(radii).min() > -1e-12
+
+
+def test_it_stays_finite_and_semi_definite_over_a_thousand_scans(tracker):
+    points = [p if k % 7 else np.zeros((0, 2)) for k, p in enumerate(seen_car(1000, 8))]
+    points[500:700] = [np.zeros((0, 2))] * 200
+    found = track(scans_of(points), *tracker)
+    for array in (found.means, found.covariances, found.contours_world, found.contour_deviations):
+        assert np.isfinite(array).all()
+    for covariance in found.covariances[::50]:
+        assert np.linalg.eigvalsh(covariance).min() > -1e-9 * np.trace(covariance)
+
+
+@pytest.mark.parametrize("distance", [0.0, 1e-12, 1e-5, 2e-3, 1e-2])
+def test_a_point_on_the_predicted_centre_does_no_harm(tracker, distance):
+    initial, prior, parameters = tracker
+    points = seen_car(3, 20)
+    centre = initial.mean[:2] + 0.1 * initial.mean[3:5]
+    points[0] = np.concatenate([points[0], centre[None] + [distance, 0.0]])
+    found = track(scans_of(points), initial, prior, parameters)
+    assert np.isfinite(found.means).all()
+    assert np.isfinite(found.covariances).all()
+    assert (20 in found.used_points) == (distance >= 1e-3)
+
+
+def test_a_whole_contour_is_found(tracker):
+    found = track(scans_of(seen_car(60, 80)), *tracker)
+    truth = poses_of_turn(60)
+    assert np.linalg.norm(found.means[20:, :2] - truth[20:, :2], axis=1).max() < 1.0
+    outline = world_from_target(np.array([[2.25, 0.0], [0.0, 0.9]]), truth[-1])
+    nearest = np.linalg.norm(outline[:, None] - found.contours_world[-1], axis=-1).min(axis=1)
+    assert nearest.max() < 0.3
+
+
+def test_the_nis_has_one_degree_of_freedom_a_point():
+    """A circle, all of it seen and known: radial innovations of 0.1 m are what the model says."""
+    random = np.random.default_rng(4)
+    parameters = dataclasses.replace(TRACKER, sigma_q=0.01, sigma_q_psi=0.01, gate_probability=None)
+    circle = PriorShape(3.0, 3.0, "ellipse", 0.0, 1.0, 0.4, 0.1)
+    still = InitialState(np.zeros(6), 1e-4 * np.eye(6))
+    points = []
+    for _ in range(60):
+        angles = random.uniform(0.0, 2.0 * np.pi, 100)
+        outline = 1.5 * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+        points.append(outline + 0.1 * random.standard_normal((100, 2)))
+    found = track(scans_of(points), still, circle, parameters)
+    assert np.mean(found.nis / found.nis_degrees_of_freedom) == pytest.approx(1.0, abs=0.06)
+
+
+def test_the_contour_and_its_deviation_are_those_of_the_regression(tracker):
+    found = track(scans_of(seen_car(4, 30)), *tracker)
+    angles = 2.0 * np.pi * np.arange(60) / 60
+    parameters = tracker[2]
+    process = contour_process(
+        parameters.basis_points, parameters.length_scale, 1.0, 0.4, parameters.jitter
+    )
+    matrix, variances = process.at(angles)
+    mean, covariance = found.means[-1], found.covariances[-1]
+    offsets = found.contours_world[-1] - mean[:2]
+    np.testing.assert_allclose(np.linalg.norm(offsets, axis=1), matrix @ mean[6:])
+    bearings = mean[2] + angles
+    np.testing.assert_allclose(found.contour_directions[-1, :, 0], np.cos(bearings), atol=1e-12)
+    spread = np.diag(matrix @ covariance[6:, 6:] @ matrix.T) + variances
+    np.testing.assert_allclose(found.contour_deviations[-1], np.sqrt(spread), rtol=1e-6)
+
+
+def test_a_radius_below_zero_is_drawn_as_zero():
+    mean = np.concatenate([[1.0, 2.0, 0.3, 0, 0, 0], -np.ones(16)])
+    contours, _, _ = contours_of(mean[None], np.eye(22)[None], PROCESS, 12)
+    np.testing.assert_allclose(contours[0], np.tile([1.0, 2.0], (12, 1)))
+
+
+def test_points_bear_their_own_covariance_or_one_for_all(tracker):
+    initial, prior, parameters = tracker
+    scans = scans_of(seen_car(5, 20), covariances=np.tile(0.04 * np.eye(2), (100, 1, 1)))
+    own = dataclasses.replace(parameters, measurement_covariance="points")
+    same = dataclasses.replace(parameters, measurement_deviation=0.2)
+    first, second = (track(scans, initial, prior, p) for p in (own, same))
+    np.testing.assert_allclose(first.means, second.means, atol=1e-9)
+    other = track(scans, initial, prior, parameters)
+    assert not np.allclose(first.means, other.means)
+
+
+def test_the_same_scans_give_the_same_bytes(tracker):
+    scans = scans_of(seen_car(10, 30))
+    first, second = track(scans, *tracker), track(scans, *tracker)
+    for field in dataclasses.fields(first):
+        one, other = (getattr(t, field.name) for t in (first, second))
+        assert one.tobytes() == other.tobytes()
+
+
+def test_no_scan_at_all_gives_an_empty_track(tracker):
+    found = track(scans_of([]), *tracker)
+    assert found.means.shape == (0, gp_ekf.SEEN * 2 + TRACKER.basis_points)
+    assert found.used_offsets.tolist() == [0]

@@ -1,0 +1,81 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from tracking_cases import CAR
+
+from stixel_cli.scene.scenario import Scenario
+from stixel_cli.tracking.motion import transition
+from stixel_cli.tracking.parameters import PriorShape, StartParameters
+from stixel_cli.tracking.prior import prior_radii
+from stixel_cli.tracking.start import noisy_start
+
+ANGLES = np.linspace(0.0, 2.0 * np.pi, 721)
+
+
+def points(prior):
+    radii = prior_radii(prior, ANGLES)
+    return radii[:, None] * np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=-1)
+
+
+def test_a_rectangle_has_its_size_and_rounded_corners():
+    outline = points(CAR)
+    assert np.abs(outline).max(axis=0) == pytest.approx([2.1, 0.85])
+    # The signed distance to a rounded rectangle is zero all round.
+    inner = np.abs(outline) - (np.array([2.1, 0.85]) - 0.3)
+    distance = np.hypot(*np.maximum(inner, 0.0).T) + np.minimum(inner.max(axis=1), 0.0) - 0.3
+    np.testing.assert_allclose(distance, 0.0, atol=1e-12)
+
+
+def test_sharp_corners_are_corners():
+    sharp = dataclasses.replace(CAR, corner_radius=0.0)
+    corner = prior_radii(sharp, np.array([np.arctan2(0.85, 2.1)]))
+    assert corner == pytest.approx(np.hypot(2.1, 0.85))
+
+
+def test_round_rectangles_are_circles():
+    circle = PriorShape(1.0, 1.0, "rectangle", 0.5, 0.1, 0.1, 0.1)
+    np.testing.assert_allclose(prior_radii(circle, ANGLES), 0.5)
+
+
+def test_an_ellipse_is_one():
+    ellipse = PriorShape(1.8, 0.6, "ellipse", 0.0, 0.1, 0.1, 0.1)
+    x, y = points(ellipse).T
+    np.testing.assert_allclose((x / 0.9) ** 2 + (y / 0.3) ** 2, 1.0)
+
+
+def test_corners_that_do_not_fit_are_refused():
+    CAR.check()
+    with pytest.raises(ValueError, match=r"prior\.corner_radius: 0\.9"):
+        dataclasses.replace(CAR, corner_radius=0.9).check()
+
+
+def scenario():
+    times = 0.2 * np.arange(5)
+    rates = np.tile([3.0, -1.0, 0.4], (5, 1))
+    poses = np.array([4.0, 9.0, 0.3]) + times[:, None] * rates
+    outline = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]], float)
+    return Scenario(times, np.zeros((5, 3)), poses, rates, outline, True)
+
+
+NOISE = StartParameters(position=0.3, heading=0.1, velocity=0.5, heading_rate=0.05)
+
+
+def test_predicted_to_the_first_scan_a_start_without_noise_is_the_truth():
+    quiet = StartParameters(position=1e-12, heading=1e-12, velocity=1e-12, heading_rate=1e-12)
+    start = noisy_start(scenario(), quiet, seed=3)
+    first = transition(0.2) @ start.mean
+    np.testing.assert_allclose(first, [4.0, 9.0, 0.3, 3.0, -1.0, 0.4], atol=1e-9)
+
+
+def test_the_noise_is_as_its_covariance_says_and_the_seeds_alone():
+    exact = transition(-0.2) @ np.array([4.0, 9.0, 0.3, 3.0, -1.0, 0.4])
+    starts = [noisy_start(scenario(), NOISE, seed) for seed in range(800)]
+    normal = np.array([s.mean - exact for s in starts]) / [0.3, 0.3, 0.1, 0.5, 0.5, 0.05]
+    assert np.all(np.abs(normal.mean(axis=0)) < 5.0 / np.sqrt(800))
+    assert np.all(np.abs(normal.std(axis=0) - 1.0) < 0.12)
+    np.testing.assert_allclose(
+        np.diag(starts[0].covariance), np.array([0.3, 0.3, 0.1, 0.5, 0.5, 0.05]) ** 2
+    )
+    again = noisy_start(scenario(), NOISE, 7)
+    np.testing.assert_array_equal(again.mean, starts[7].mean)

@@ -1,0 +1,95 @@
+"""Recursive regression of a fixed contour beside batch regression of all values at once."""
+
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stixel_cli.tracking.kernel import contour_process, kernel
+from stixel_cli.tracking.recursive_gp import radius, start, update
+
+NOISE = 0.05
+EXAMPLE = Path(__file__).parents[2] / "examples" / "recursive_gp.py"
+
+
+def contour(angles):
+    return 1.5 + 0.5 * np.cos(2.0 * angles) + 0.2 * np.sin(3.0 * angles)
+
+
+def batch(angles, radii, at, length_scale, sigma_f, sigma_r):
+    """The textbook's Gaussian process regression, thesis (45)-(46)."""
+    covariance = kernel(angles, angles, length_scale, sigma_f, sigma_r)
+    covariance += NOISE**2 * np.eye(len(angles))
+    cross = kernel(at, angles, length_scale, sigma_f, sigma_r)
+    mean = cross @ np.linalg.solve(covariance, radii)
+    spread = sigma_f**2 + sigma_r**2 - np.sum(cross * np.linalg.solve(covariance, cross.T).T, 1)
+    return mean, np.sqrt(spread)
+
+
+def learn(process, batches):
+    mean, covariance = start(process)
+    for angles, radii in batches:
+        mean, covariance = update(mean, covariance, angles, radii, NOISE, process)
+    return mean, covariance
+
+
+def test_at_the_basis_points_the_recursion_is_exact():
+    """Thesis, below (49): exact where the inputs are a subset of the basis points."""
+    process = contour_process(32, np.pi / 8, 1.0, 0.5, 1e-9)
+    random = np.random.default_rng(1)
+    batches = []
+    for _ in range(6):
+        angles = random.choice(process.basis_angles, 10)
+        batches.append((angles, contour(angles) + NOISE * random.standard_normal(10)))
+    mean, covariance = learn(process, batches)
+    angles, radii = (np.concatenate(part) for part in zip(*batches, strict=True))
+    expected, deviation = batch(angles, radii, process.basis_angles, np.pi / 8, 1.0, 0.5)
+    np.testing.assert_allclose(mean, expected, atol=1e-5)
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), deviation, atol=1e-5)
+
+
+def test_elsewhere_it_agrees_to_a_fraction_of_the_noise_and_finds_the_contour():
+    process = contour_process(50, np.pi / 8, 1.0, 0.5, 1e-6)
+    random = np.random.default_rng(2)
+    batches = []
+    for _ in range(20):
+        angles = random.uniform(0.0, 2.0 * np.pi, 15)
+        batches.append((angles, contour(angles) + NOISE * random.standard_normal(15)))
+    mean, covariance = learn(process, batches)
+    at = np.linspace(0.0, 2.0 * np.pi, 200)
+    found, deviation = radius(mean, covariance, at, process)
+    angles, radii = (np.concatenate(part) for part in zip(*batches, strict=True))
+    expected, expected_deviation = batch(angles, radii, at, np.pi / 8, 1.0, 0.5)
+    np.testing.assert_allclose(found, expected, atol=0.05 * NOISE)
+    np.testing.assert_allclose(deviation, expected_deviation, atol=0.05 * NOISE)
+    assert np.sqrt(np.mean((found - contour(at)) ** 2)) < 0.5 * NOISE
+
+
+def test_what_was_not_seen_keeps_the_priors_deviation():
+    process = contour_process(50, np.pi / 8, 1.0, 0.5, 1e-6)
+    angles = np.linspace(-1.0, 1.0, 40)
+    mean, covariance = learn(process, [(angles, contour(angles))])
+    _, deviation = radius(mean, covariance, np.array([0.0, np.pi]), process)
+    assert deviation[0] < 0.05
+    # The exponential part is unknown there; the mean radius has been learnt in part.
+    assert 1.0 < deviation[1] < np.hypot(1.0, 0.5)
+
+
+def test_the_order_of_the_batches_does_not_matter():
+    process = contour_process(30, np.pi / 8, 1.0, 0.5, 1e-6)
+    random = np.random.default_rng(3)
+    batches = []
+    for _ in range(4):
+        angles = random.uniform(0.0, 2.0 * np.pi, 5)
+        batches.append((angles, contour(angles)))
+    forward, backward = learn(process, batches), learn(process, batches[::-1])
+    assert forward[0] == pytest.approx(backward[0], abs=1e-8)
+    assert forward[1] == pytest.approx(backward[1], abs=1e-8)
+
+
+def test_the_example_draws_its_picture(tmp_path, monkeypatch):
+    picture = tmp_path / "regression.png"
+    monkeypatch.setattr("sys.argv", ["recursive_gp.py", str(picture)])
+    runpy.run_path(str(EXAMPLE), run_name="__main__")
+    assert picture.read_bytes()[:4] == b"\x89PNG"

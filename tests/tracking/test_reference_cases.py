@@ -1,0 +1,126 @@
+"""Two cases of the [GP] model that an independent program ran: agreement to 1e-5."""
+
+import numpy as np
+import pytest
+from tracking_cases import GOLDEN, scans_of
+
+from stixel_cli.tracking import gp_ekf
+from stixel_cli.tracking.kernel import contour_process
+from stixel_cli.tracking.motion import predict, process_noise, transition
+from stixel_cli.tracking.parameters import GpEkfParameters, PriorShape
+from stixel_cli.tracking.track import InitialState
+
+
+@pytest.fixture(params=["car_turn_full", "metu_demo_square"])
+def case(request):
+    with np.load(GOLDEN / f"{request.param}.npz", allow_pickle=False) as arrays:
+        return {name: arrays[name] for name in arrays.files}
+
+
+def process_of(case):
+    return contour_process(
+        len(case["uf"]),
+        float(case["length_scale"]),
+        float(case["sigma_f"]),
+        float(case["sigma_r"]),
+        float(case["jitter"]),
+    )
+
+
+def points_of(case):
+    return np.split(case["meas"], np.cumsum(case["meas_count"])[:-1])
+
+
+def test_basis_and_motion_are_those_of_the_reference(case):
+    process = process_of(case)
+    interval, alpha = float(case["T"]), float(case["alpha"])
+    np.testing.assert_allclose(process.basis_angles, case["uf"], atol=1e-12)
+    np.testing.assert_allclose(process.covariance, case["P0"][6:, 6:], atol=1e-12)
+    np.testing.assert_allclose(transition(interval), case["F"][:6, :6])
+    noise = process_noise(interval, float(case["sigma_q"]), float(case["sigma_q_psi"]))
+    np.testing.assert_allclose(noise, case["Q"][:6, :6], atol=1e-15)
+    _, predicted = predict(case["x0"], case["P0"], interval, noise, alpha, process.covariance)
+    expected = case["F"] @ case["P0"] @ case["F"].T + case["Q"]
+    np.testing.assert_allclose(predicted, expected, atol=1e-12)
+
+
+def test_every_posterior_is_that_of_the_reference(case):
+    process = process_of(case)
+    noise = process_noise(float(case["T"]), float(case["sigma_q"]), float(case["sigma_q_psi"]))
+    measurement = float(case["sigma_meas"]) ** 2 * np.eye(2)
+    mean, covariance = case["x0"], case["P0"]
+    for k, points in enumerate(points_of(case)):
+        mean, covariance = predict(
+            mean, covariance, float(case["T"]), noise, float(case["alpha"]), process.covariance
+        )
+        np.testing.assert_allclose(mean, case["expected_x_predicted"][k], rtol=0, atol=1e-5)
+        mean, covariance, _ = gp_ekf.update(mean, covariance, points, measurement, process)
+        np.testing.assert_allclose(mean, case["expected_x"][k], rtol=0, atol=1e-5)
+        np.testing.assert_allclose(
+            np.diag(covariance), case["expected_P_diag"][k], rtol=0, atol=1e-5
+        )
+        if k == 1:
+            np.testing.assert_allclose(covariance, case["expected_scan1_P"], rtol=0, atol=1e-5)
+    np.testing.assert_allclose(covariance, case["expected_P_final"], rtol=0, atol=1e-5)
+
+
+def test_the_measurement_model_of_the_second_scan_is_that_of_the_reference(case):
+    process, points = process_of(case), points_of(case)[1]
+    mean = case["expected_x_predicted"][1]
+    model = gp_ekf.linearise(points, mean, process)
+    p = model.directions
+    t = np.stack([-p[:, 1], p[:, 0]], axis=-1)
+
+    predicted = points - model.residuals[:, None] * p
+    np.testing.assert_allclose(predicted.ravel(), case["expected_scan1_z_hat"], rtol=0, atol=1e-5)
+
+    matrix = np.zeros((len(points), 2, 6 + len(case["uf"])))
+    seen = np.r_[0:3, 6 : matrix.shape[-1]]
+    matrix[:, :, seen] = p[:, :, None] * model.radial_matrix[:, None, :]
+    matrix[:, :, :2] += (model.tangential_slopes[:, None] * t)[:, :, None] * t[:, None, :]
+    np.testing.assert_allclose(
+        matrix.reshape(-1, matrix.shape[-1]), case["expected_scan1_H"], rtol=0, atol=1e-5
+    )
+
+    blocks = model.radius_variances[:, None, None] * p[:, :, None] * p[:, None, :]
+    blocks += float(case["sigma_meas"]) ** 2 * np.eye(2)
+    expected = case["expected_scan1_R"].reshape(len(points), 2, len(points), 2)
+    np.testing.assert_allclose(blocks, np.einsum("iaib->iab", expected), rtol=0, atol=1e-5)
+
+
+def test_a_whole_track_is_that_of_the_reference(case):
+    """Through `track` itself: the reference starts from radii of zero, so from a point."""
+    tracker = GpEkfParameters(
+        kind="gp_ekf",
+        basis_points=len(case["uf"]),
+        length_scale=float(case["length_scale"]),
+        sigma_f=float(case["sigma_f"]),
+        sigma_r=float(case["sigma_r"]),
+        forgetting_rate=float(case["alpha"]),
+        jitter=float(case["jitter"]),
+        sigma_q=float(case["sigma_q"]),
+        sigma_q_psi=float(case["sigma_q_psi"]),
+        measurement_covariance="isotropic",
+        measurement_deviation=float(case["sigma_meas"]),
+        gate_probability=None,
+        contour_points=90,
+    )
+    point = PriorShape(
+        length=1e-12,
+        width=1e-12,
+        shape="ellipse",
+        corner_radius=0.0,
+        sigma_f=1.0,
+        sigma_r=1.0,
+        measurement_deviation=0.1,
+    )
+    points = points_of(case)
+    scans = scans_of(points, times=float(case["T"]) * np.arange(len(points)))
+    initial = InitialState(mean=case["x0"][:6], covariance=case["P0"][:6, :6])
+    track = gp_ekf.track(scans, initial, point, tracker)
+    np.testing.assert_allclose(track.means, case["expected_x"], rtol=0, atol=1e-5)
+    np.testing.assert_allclose(
+        np.einsum("kii->ki", track.covariances), case["expected_P_diag"], rtol=0, atol=1e-5
+    )
+    np.testing.assert_array_equal(np.diff(track.used_offsets), case["meas_count"])
+    np.testing.assert_array_equal(track.used_points, np.arange(len(case["meas"])))

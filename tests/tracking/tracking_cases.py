@@ -1,0 +1,88 @@
+"""Small cases that the trackers' tests share."""
+
+from pathlib import Path
+
+import numpy as np
+
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.tracking.parameters import GpEkfParameters, PriorShape
+from stixel_cli.tracking.track import InitialState
+
+GOLDEN = Path(__file__).parent / "golden"
+
+CAR = PriorShape(
+    length=4.2,
+    width=1.7,
+    shape="rectangle",
+    corner_radius=0.3,
+    sigma_f=1.0,
+    sigma_r=0.4,
+    measurement_deviation=0.1,
+)
+
+TRACKER = GpEkfParameters(
+    kind="gp_ekf",
+    basis_points=24,
+    length_scale=np.pi / 8,
+    sigma_f=1.0,
+    sigma_r=0.4,
+    forgetting_rate=1e-4,
+    jitter=1e-6,
+    sigma_q=1.0,
+    sigma_q_psi=0.2,
+    measurement_covariance="isotropic",
+    measurement_deviation=0.1,
+    gate_probability=0.99,
+    contour_points=60,
+)
+
+START = InitialState(
+    mean=np.array([7.5, 12.0, 0.1, 5.0, 0.5, 0.2]),
+    covariance=np.diag([0.1, 0.1, 0.01, 0.25, 0.25, 0.01]),
+)
+
+
+def scans_of(points, times=None, covariances=None, sensor_poses=None):
+    """`Scans` of a list of arrays (n_k, 2)."""
+    counts = [len(p) for p in points]
+    flat = np.concatenate([np.zeros((0, 2)), *points])
+    return Scans(
+        times=0.1 * np.arange(len(points)) if times is None else times,
+        sensor_poses_world=(
+            np.tile([0.0, 0.0, np.pi / 2], (len(points), 1))
+            if sensor_poses is None
+            else sensor_poses
+        ),
+        offsets=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+        points_world=flat,
+        covariances_world=(
+            np.tile(0.01 * np.eye(2), (len(flat), 1, 1)) if covariances is None else covariances
+        ),
+    )
+
+
+def poses_of_turn(count, start=START):
+    """True poses (count, 3) of a target that starts one sample after `start`."""
+    pose, rates = start.mean[:3], start.mean[3:]
+    return pose + 0.1 * np.arange(1, count + 1)[:, None] * rates
+
+
+def rectangle_points(random, count, length=4.5, width=1.8):
+    """Points (count, 2) in the target's frame, even over a rectangle's outline."""
+    s = random.uniform(0.0, 2.0 * (length + width), count)
+    a, b = 0.5 * length, 0.5 * width
+    corners = np.cumsum([0.0, length, width, length, width])
+    x = np.interp(s, corners, [-a, a, a, -a, -a])
+    y = np.interp(s, corners, [-b, -b, b, b, -b])
+    return np.stack([x, y], axis=-1)
+
+
+def seen_car(count, points, seed=0, noise=0.1):
+    """Scans (list of (points, 2)) of a whole car's outline that moves as `poses_of_turn` says."""
+    random = np.random.default_rng(seed)
+    scans = []
+    for x, y, heading in poses_of_turn(count):
+        turn = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
+        outline = rectangle_points(random, points) @ turn.T + [x, y]
+        scans.append(outline + noise * random.standard_normal((points, 2)))
+    return scans
