@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 
 from stixel_cli.config.compose import Composition, compose
-from stixel_cli.engine.errors import CacheError, StageFailure
+from stixel_cli.engine.errors import CacheError, CodeChanged, StageFailure
 from stixel_cli.engine.progress import make_progress
 from stixel_cli.engine.store import Store, default_cache_folder
 from stixel_cli.errors import UserError
@@ -71,11 +71,11 @@ def _run(composition: Composition, store: Store, workers: int) -> Outcome:
         return run_experiment(
             composition.configuration, store, workers=workers, progress=make_progress()
         )
-    except CacheError as error:
+    except (CacheError, CodeChanged) as error:
         raise UserError(str(error)) from error
     except StageFailure as failure:
         # What a stage says of its input or of the machine is for the user; the rest is a defect.
-        if isinstance(failure.cause, ValueError) or hasattr(failure.cause, "one_line"):
+        if isinstance(failure.cause, ValueError | UserError) or hasattr(failure.cause, "one_line"):
             raise UserError(f"{failure.label}: {failure.cause}") from failure
         raise
 

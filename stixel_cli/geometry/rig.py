@@ -91,7 +91,7 @@ class Rig:
         return self.focal * self.baseline / disparity
 
     def project(self, points_camera: np.ndarray) -> np.ndarray:
-        """Pixels and disparity (n, 3) = (u, v, d) in px of camera points (n, 3) in m, thesis (3)."""
+        """Pixel and disparity (n, 3) = (u, v, d) in px of camera points (n, 3) in m, thesis (3)."""
         x, y, z = np.moveaxis(np.asarray(points_camera, dtype=np.float64), -1, 0)
         u = self.focal * x / z + self.u0
         v = self.focal * y / z + self.v0

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stixel_cli.images import ImageStack
+from stixel_cli.images import ImageStack, encode_png
 
 SKY_ID, ROAD_ID, TARGET_ID, BACKGROUND_ID = 0, 1, 2, 3
 
@@ -35,18 +35,19 @@ class RenderedFrames:
     @classmethod
     def from_arrays(cls, first, left, right, depth, ids) -> "RenderedFrames":
         """From iterables of arrays; `depth` in m, float, with inf or NaN where there is none."""
-        steps = [
-            np.where(np.isfinite(image), np.rint(image / DEPTH_STEP), 0).astype(np.uint32)
-            for image in map(np.asarray, depth)
-        ]
-        return cls(
-            first=first,
-            left=ImageStack.from_images(left),
-            right=ImageStack.from_images(right),
-            depth_high=ImageStack.from_images((s >> 16).astype(np.uint16) for s in steps),
-            depth_low=ImageStack.from_images((s & 0xFFFF).astype(np.uint16) for s in steps),
-            ids=ImageStack.from_images(ids),
-        )
+        return cls.from_frames(first, zip(left, right, depth, ids, strict=True))
+
+    @classmethod
+    def from_frames(cls, first, frames) -> "RenderedFrames":
+        """From an iterable of (left, right, depth, ids), compressed one frame after the other."""
+        stacks = ([], [], [], [], [])
+        for left, right, depth, ids in frames:
+            depth = np.asarray(depth)
+            steps = np.where(np.isfinite(depth), np.rint(depth / DEPTH_STEP), 0).astype(np.uint32)
+            high, low = (steps >> 16).astype(np.uint16), (steps & 0xFFFF).astype(np.uint16)
+            for stack, image in zip(stacks, (left, right, high, low, ids), strict=True):
+                stack.append(encode_png(image))
+        return cls(first, *(ImageStack(tuple(stack)) for stack in stacks))
 
     def __len__(self) -> int:
         return len(self.left)

@@ -1,0 +1,96 @@
+"""A rendered stereo pair of 640 × 480 px, one thread; beside it 2 × 2 rays everywhere.
+
+The plain reference has the same rays, textures and light, but samples every pixel alike and keeps
+nothing from frame to frame. Run it with `pytest bench/bench_raycast.py`.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from omegaconf import OmegaConf
+from pydantic import TypeAdapter
+
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.scene.camera_rays import rig_cameras
+from stixel_cli.scene.parameters import RoadUser, World
+from stixel_cli.scene.placement import numbered_objects, world_from_target_3d
+from stixel_cli.scene.raycast import StillScene, Target, render_frame
+from stixel_cli.scene.renderer_parameters import RaycastParameters
+from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.scenario import Scenario
+from stixel_cli.scene.surfaces import srgb_from_linear
+from stixel_cli.scene.tracing import Body, nearest, supersampled
+
+CONF = Path(__file__).parents[1] / "conf"
+CHUNK = 10
+
+
+def preset(group: str, option: str, schema):
+    plain = OmegaConf.to_container(OmegaConf.load(CONF / group / f"{option}.yaml"))
+    return TypeAdapter(schema).validate_json(json.dumps(plain))
+
+
+def motion(moving: bool) -> Scenario:
+    k = np.arange(CHUNK)
+    ego = np.tile([0.0, 0.0, 0.5 * np.pi], (CHUNK, 1))
+    if moving:
+        ego[:, 1] = 0.05 * k
+    target = np.stack([-4.0 + 0.3 * k, np.full(CHUNK, 12.0), 0.05 * k - 0.5], axis=1)
+    return Scenario(0.1 * k, ego, target, 0.0 * target, np.zeros((0, 2)), True)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    rig = preset("rig", "default", Rig)
+    renderer = preset("renderer", "raycast", RaycastParameters)
+    still = StillScene(numbered_objects(preset("world", "street", World)), rig, renderer)
+    target = Target(road_user_mesh(preset("road_user", "car", RoadUser)))
+    render_frame(still, target, motion(False), 0)
+    return still, target
+
+
+def forget(still: StillScene) -> None:
+    """Let go of the views that the scene keeps."""
+    still._pose = None
+
+
+@pytest.mark.parametrize("ego", ["parked", "moving"])
+def test_chunk_of_ten_pairs(benchmark, scene, ego):
+    still, target = scene
+    scenario = motion(ego == "moving")
+    pairs = benchmark.pedantic(
+        lambda: [render_frame(still, target, scenario, k) for k in range(CHUNK)],
+        setup=lambda: forget(still),
+        rounds=5,
+    )
+    benchmark.extra_info["seconds_per_pair"] = benchmark.stats.stats.median / CHUNK
+    assert [pair[0].shape for pair in pairs] == [(480, 640, 3)] * CHUNK
+
+
+def test_first_pair(benchmark, scene):
+    still, target = scene
+    scenario = motion(False)
+    benchmark.pedantic(
+        lambda: render_frame(still, target, scenario, 0), setup=lambda: forget(still), rounds=9
+    )
+
+
+def test_plain_pair_with_four_rays_everywhere(benchmark, scene):
+    still, target = scene
+    scenario = motion(False)
+
+    def pair():
+        pose = world_from_target_3d(scenario.target_poses_world[0])
+        bodies = [still.body, Body(target.surfaces, pose)]
+        pictures, light = [], still.renderer.light
+        rows, columns = np.divmod(np.arange(still.rig.height * still.rig.width), still.rig.width)
+        cameras = rig_cameras(still.rig, scenario.ego_poses_world[0])
+        for camera in cameras:
+            linear = supersampled(bodies, camera, rows, columns, still.sun, light, 2)
+            pictures.append(srgb_from_linear(linear))
+        centres = columns.astype(np.float64), rows.astype(np.float64)
+        return pictures, nearest(bodies, cameras[0], *centres).depth
+
+    benchmark.pedantic(pair, rounds=3)

@@ -1,0 +1,200 @@
+"""Open3D's rasteriser, run in a child process that is timed out and started anew if it fails."""
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from stixel_cli.errors import UserError
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.scene.camera_rays import Camera, rig_cameras
+from stixel_cli.scene.filament_process import REASON, main
+from stixel_cli.scene.frames import TARGET_ID, RenderedFrames
+from stixel_cli.scene.parameters import RoadUser, World
+from stixel_cli.scene.placement import (
+    SUN_COLOUR,
+    numbered_objects,
+    sun_direction,
+    world_from_target_3d,
+)
+from stixel_cli.scene.renderer_parameters import FilamentParameters
+from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.scenario import Scenario
+
+COMMAND = (sys.executable, "-m", main.__module__)
+"""The child process; the folder that it works in, or `--probe`, follows."""
+
+LOOK_EVERY = 0.02
+"""How often the parent looks for the child's files, s."""
+
+
+class RendererUnavailable(UserError, RuntimeError):
+    """Filament cannot start, or cannot go on; the message is one line that says why."""
+
+
+def render(
+    scenario: Scenario,
+    road_user: RoadUser,
+    world: World,
+    rig: Rig,
+    renderer: FilamentParameters,
+    frames: range,
+    command: tuple[str, ...] = COMMAND,
+) -> RenderedFrames:
+    """Render `frames` of the scenario without noise, as `raycast.render` does.
+
+    Depth is Filament's own depth image, ids are its own rendering in flat colours.
+
+    Args:
+        scenario: poses of the ego car and the target.
+        road_user: what the target is.
+        world: road and background.
+        rig: the cameras.
+        renderer: light, timeouts and attempts.
+        frames: consecutive frame indices.
+        command: the child process.
+
+    Raises:
+        RendererUnavailable: if the child hung or died `renderer.attempts` times.
+    """
+    objects = [*numbered_objects(world), (TARGET_ID, road_user_mesh(road_user))]
+    scene = describe_scene(scenario, objects, rig, renderer, frames)
+    return RenderedFrames.from_frames(frames.start, rendered(scene, renderer, command))
+
+
+def describe_scene(
+    scenario: Scenario, objects, rig: Rig, renderer: FilamentParameters, frames: range
+) -> dict[str, np.ndarray]:
+    """The arrays that the child reads; `objects` are (id, Mesh), the target in its own frame."""
+    arrays: dict[str, np.ndarray] = {}
+    textures: list[np.ndarray] = []
+    texture_of, ids = [], []
+    for identity, mesh in objects:
+        for part in mesh.parts:
+            number = next((n for n, image in enumerate(textures) if image is part.texture), None)
+            if number is None:
+                number = len(textures)
+                textures.append(part.texture)
+                arrays[f"texture_{number}"] = part.texture
+            arrays[f"corners_{len(ids)}"] = part.vertices[part.triangles]
+            arrays[f"uvs_{len(ids)}"] = part.uvs
+            texture_of.append(number)
+            ids.append(identity)
+    light = renderer.light
+    poses = [rig_cameras(rig, scenario.ego_poses_world[k]) for k in frames]
+    return arrays | {
+        "size": np.array([rig.width, rig.height]),
+        "intrinsics": np.array([rig.focal, rig.u0, rig.v0]),
+        "parts": np.array(len(ids)),
+        "texture_of": np.array(texture_of),
+        "ids": np.array(ids),
+        "moves": np.array(ids) == TARGET_ID,
+        "sun": sun_direction(light),
+        "sun_colour": SUN_COLOUR,
+        "light": light.exposure * np.array([light.sun, light.ambient]),
+        "frames": np.array(frames),
+        "cameras": np.array([[_transform(camera) for camera in pair] for pair in poses]),
+        "target_poses": np.array(
+            [world_from_target_3d(scenario.target_poses_world[k]) for k in frames]
+        ),
+    }
+
+
+def rendered(scene: dict[str, np.ndarray], renderer: FilamentParameters, command):
+    """Yield (left, right, depth, ids) of each frame of `scene`, from as many children as it takes.
+
+    Raises:
+        RendererUnavailable: if the child hung or died `renderer.attempts` times.
+    """
+    with tempfile.TemporaryDirectory(prefix="stixel-filament-") as name:
+        folder = Path(name)
+        np.savez(folder / "scene.npz", **scene)
+        child, failures = None, 0
+        try:
+            for k in scene["frames"]:
+                result = folder / f"frame_{k}.npz"
+                while not result.exists():
+                    if child is None:
+                        child = _start((*command, name), folder)
+                    problem = _await(child, folder / "ready", renderer.start_timeout, "start")
+                    problem = problem or _await(child, result, renderer.frame_timeout, "render")
+                    if problem:
+                        _stop(child)
+                        child, failures = None, failures + 1
+                        if failures == renderer.attempts:
+                            raise RendererUnavailable(_unavailable(problem, failures))
+                with np.load(result, allow_pickle=False) as file:
+                    frame = file["left"], file["right"], file["depth"], file["ids"]
+                # An empty file stays: a child that starts anew must not render the frame again.
+                result.write_bytes(b"")
+                yield frame
+        finally:
+            if child is not None:
+                _stop(child)
+
+
+def probe_filament(timeout: float, command: tuple[str, ...] = COMMAND) -> str | None:
+    """Why Filament cannot start here, in one line; None if it renders within `timeout` s."""
+    with tempfile.TemporaryDirectory(prefix="stixel-filament-") as name:
+        child = _start((*command, "--probe"), Path(name))
+        try:
+            child.wait(timeout=timeout)
+        except subprocess.TimeoutExpired:
+            return f"filament did not start within {timeout:g} s"
+        finally:
+            _stop(child)
+        return _death(child, Path(name)) if child.returncode else None
+
+
+def _start(command: tuple[str, ...], folder: Path) -> subprocess.Popen:
+    (folder / "ready").unlink(missing_ok=True)
+    environment = {**os.environ, "EGL_PLATFORM": "surfaceless"}
+    with (folder / "log").open("wb") as log:
+        return subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=environment
+        )
+
+
+def _await(child: subprocess.Popen, file: Path, timeout: float, task: str) -> str | None:
+    """Wait for `file`; None as soon as it is there, else what went wrong, in one line."""
+    for _ in range(max(1, round(timeout / LOOK_EVERY))):
+        if file.exists():
+            return None
+        try:
+            child.wait(timeout=LOOK_EVERY)
+        except subprocess.TimeoutExpired:
+            continue
+        # It may have finished between the two looks.
+        return None if file.exists() else _death(child, file.parent)
+    return f"filament did not {task} within {timeout:g} s"
+
+
+def _death(child: subprocess.Popen, folder: Path) -> str:
+    """Why the child ended, in one line: the reason that it gave, or its signal and last words."""
+    lines = (folder / "log").read_text(errors="replace").splitlines()
+    lines = [line.strip() for line in lines if line.strip()]
+    for line in lines:
+        if line.startswith(REASON):
+            return f"filament cannot start: {line.removeprefix(REASON)}"
+    code = child.returncode
+    end = f"signal {-code}" if code < 0 else f"exit code {code}"
+    return f"filament's process died with {end}" + (f": {lines[-1]}" if lines else "")
+
+
+def _unavailable(problem: str, failures: int) -> str:
+    return f"{problem} ({failures} attempts); renderer=raycast needs no driver"
+
+
+def _stop(child: subprocess.Popen) -> None:
+    if child.poll() is None:
+        child.kill()
+    child.wait()
+
+
+def _transform(camera: Camera) -> np.ndarray:
+    transform = np.eye(4)
+    transform[:3, :3], transform[:3, 3] = camera.rotation, camera.origin
+    return transform

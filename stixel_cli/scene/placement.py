@@ -1,0 +1,46 @@
+"""What both renderers place in the world: numbered objects, the target, the sun."""
+
+import numpy as np
+
+from stixel_cli.scene.frames import BACKGROUND_ID, ROAD_ID
+from stixel_cli.scene.mesh import Mesh
+from stixel_cli.scene.parameters import World
+from stixel_cli.scene.renderer_parameters import Light
+from stixel_cli.scene.world import world_objects
+
+SUN_COLOUR = np.array([1.0, 0.96, 0.88])
+"""Linear red, green and blue of the sun's light."""
+
+
+def numbered_objects(world: World) -> list[tuple[int, Mesh]]:
+    """Object ids (as in `RenderedFrames.ids`) and meshes in the world of the road and background.
+
+    Raises:
+        ValueError: if there are more objects than ids.
+    """
+    numbered, count = [], 0
+    for item in world_objects(world):
+        if item.kind == "road":
+            numbered.append((ROAD_ID, item.mesh))
+        else:
+            numbered.append((BACKGROUND_ID + count, item.mesh))
+            count += 1
+    if BACKGROUND_ID + count > 256:
+        raise ValueError(f"world: {count} objects, but ids leave room for {256 - BACKGROUND_ID}")
+    return numbered
+
+
+def world_from_target_3d(pose_world: np.ndarray) -> np.ndarray:
+    """Rigid transform (4, 4) to the world from a target at `pose_world` (3,) = x, y, heading."""
+    cosine, sine = np.cos(pose_world[2]), np.sin(pose_world[2])
+    transform = np.eye(4)
+    transform[:2, :2] = [[cosine, -sine], [sine, cosine]]
+    transform[:2, 3] = pose_world[:2]
+    return transform
+
+
+def sun_direction(light: Light) -> np.ndarray:
+    """Unit vector (3,) in the world towards the sun."""
+    azimuth, elevation = np.radians(light.sun_azimuth), np.radians(light.sun_elevation)
+    flat = np.cos(elevation)
+    return np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])

@@ -1,0 +1,111 @@
+"""The default renderer: rays against the meshes on Embree, exact and repeatable to the bit."""
+
+from functools import lru_cache
+from itertools import product
+
+import numpy as np
+
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.scene.camera_rays import Camera, rig_cameras
+from stixel_cli.scene.frames import TARGET_ID, RenderedFrames
+from stixel_cli.scene.mesh import Mesh, bounding_box
+from stixel_cli.scene.parameters import RoadUser, World
+from stixel_cli.scene.placement import numbered_objects, sun_direction, world_from_target_3d
+from stixel_cli.scene.renderer_parameters import RaycastParameters
+from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.scenario import Scenario
+from stixel_cli.scene.surfaces import build_surfaces
+from stixel_cli.scene.tracing import Body
+from stixel_cli.scene.views import StillView, still_view, view_with_target
+
+
+def render(
+    scenario: Scenario,
+    road_user: RoadUser,
+    world: World,
+    rig: Rig,
+    renderer: RaycastParameters,
+    frames: range,
+) -> RenderedFrames:
+    """Render `frames` of the scenario without noise.
+
+    One ray goes through each pixel's centre and tells depth and identity; pixels at an edge get
+    `renderer.samples`² rays for their colour. While the ego car stands, what stands still is
+    rendered once; the bytes are those of a frame that is rendered alone.
+
+    Args:
+        scenario: poses of the ego car and the target.
+        road_user: what the target is.
+        world: road and background.
+        rig: the cameras.
+        renderer: samples and light.
+        frames: consecutive frame indices.
+    """
+    target = Target(road_user_mesh(road_user))
+    still = _still_scene(world, rig, renderer)
+    images = (render_frame(still, target, scenario, k) for k in frames)
+    return RenderedFrames.from_frames(frames.start, images)
+
+
+class StillScene:
+    """The road and the background, ready for rays; keeps the views from the last ego pose.
+
+    `objects` are (object id, Mesh in the world).
+    """
+
+    def __init__(self, objects, rig: Rig, renderer: RaycastParameters):
+        self.rig, self.renderer = rig, renderer
+        self.sun = sun_direction(renderer.light)
+        self.body = Body(build_surfaces(objects), np.eye(4))
+        self._pose, self._views = None, ()
+
+    def views(self, ego_pose_world: np.ndarray) -> list[tuple[Camera, StillView]]:
+        """Left and right camera on the ego car at the pose (3,), and what they see."""
+        if self._pose != ego_pose_world.tobytes():
+            # Let go of the old views first: two pairs need not be in memory.
+            self._pose, self._views = None, ()
+            cameras = rig_cameras(self.rig, ego_pose_world)
+            self._views = [
+                (camera, still_view(self.body, camera, self.sun, self.renderer))
+                for camera in cameras
+            ]
+            self._pose = ego_pose_world.tobytes()
+        return self._views
+
+
+class Target:
+    """The target, ready for rays: its surfaces and the corners of its box, in its own frame."""
+
+    def __init__(self, mesh: Mesh):
+        self.surfaces = build_surfaces([(TARGET_ID, mesh)])
+        self.corners = np.array(list(product(*bounding_box(mesh).T)))
+
+
+# One worker renders many chunks of one scene, and to build it takes as long as ten frames.
+@lru_cache(maxsize=1)
+def _still_scene(world: World, rig: Rig, renderer: RaycastParameters) -> StillScene:
+    return StillScene(numbered_objects(world), rig, renderer)
+
+
+def render_frame(
+    still: StillScene, target: Target, scenario: Scenario, k: int, whole: bool = False
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Left and right RGB (H, W, 3) uint8, depth (H, W) m and ids (H, W) uint8 of frame `k`.
+
+    `whole` renders whole images where a rectangle would do: slower, with the same bytes.
+    """
+    pose = world_from_target_3d(scenario.target_poses_world[k])
+    (left, depth, ids), (right, _, _) = (
+        view_with_target(
+            view,
+            still.body,
+            Body(target.surfaces, pose),
+            target.corners,
+            camera,
+            still.sun,
+            still.renderer,
+            whole,
+        )
+        for camera, view in still.views(scenario.ego_poses_world[k])
+    )
+    return left, right, depth, ids

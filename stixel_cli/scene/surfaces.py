@@ -1,0 +1,192 @@
+"""Triangles as the ray caster wants them: tables of planes, texture gradients and mip-maps."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stixel_cli.scene.open3d_import import import_open3d
+
+NO_TRIANGLE = -1
+
+
+@dataclass(frozen=True)
+class Textures:
+    """Mip-maps of every texture, one after the other.
+
+    Attributes:
+        texels: (n, 3) uint8 sRGB; small, so that what a view needs stays in the processor's cache.
+        decode: (256,) float32, the linear light of an sRGB value; 1 is white.
+        levels: (m, 3) int64, for each level of each texture its first texel, width and height.
+        first_level: (t + 1,) int32, the first row in `levels` of each texture.
+    """
+
+    texels: np.ndarray
+    decode: np.ndarray
+    levels: np.ndarray
+    first_level: np.ndarray
+
+
+class RayTree:
+    """Triangles in the structure that rays ask (Open3D's RaycastingScene), on one thread."""
+
+    def __init__(self, vertices: np.ndarray, triangles: np.ndarray):
+        library = import_open3d()
+        self._tensor = library.core.Tensor
+        self._scene = library.t.geometry.RaycastingScene(nthreads=1)
+        self._scene.add_triangles(
+            self._tensor(vertices.astype(np.float32)), self._tensor(triangles.astype(np.uint32))
+        )
+
+    def first_hits(self, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Parameter (n,) float32 and triangle (n,) int32, -1 for none, of `rays` (n, 6) float32."""
+        if len(rays) == 0:
+            return np.empty(0, dtype=np.float32), np.empty(0, dtype=np.int32)
+        answer = self._scene.cast_rays(self._tensor.from_numpy(rays), nthreads=1)
+        # The caster's mark for "none" is the greatest uint32, which is -1 here.
+        triangles = answer["primitive_ids"].numpy().view(np.int32).copy()
+        return answer["t_hit"].numpy().copy(), triangles
+
+    def blocked(self, rays: np.ndarray) -> np.ndarray:
+        """Whether each of `rays` (n, 6) float32 meets anything; (n,) bool."""
+        if len(rays) == 0:
+            return np.zeros(0, dtype=bool)
+        tensor = self._tensor.from_numpy(np.ascontiguousarray(rays))
+        return self._scene.test_occlusions(tensor, nthreads=1).numpy().copy()
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """One rigid body's triangles in the body's own frame, and the structure that rays ask.
+
+    Attributes:
+        tree: all triangles, in the order of the tables.
+        vertices: (V, 3) float64 m.
+        normals: (T, 3) float64 unit vectors, outward.
+        offsets: (T,) float64 m, a triangle's plane is normal · point = offset.
+        uv_gradients: (T, 2, 4) float64; a row times (x, y, z, 1) is a texture coordinate.
+        texture: (T,) int32, the texture of each triangle.
+        object_ids: (T,) uint8, as in `RenderedFrames.ids`.
+        textures: what `texture` counts.
+    """
+
+    tree: RayTree
+    vertices: np.ndarray
+    normals: np.ndarray
+    offsets: np.ndarray
+    uv_gradients: np.ndarray
+    texture: np.ndarray
+    object_ids: np.ndarray
+    textures: Textures
+
+
+def build_surfaces(objects) -> Surfaces:
+    """Surfaces of `objects`, an iterable of (object id, Mesh), all in one frame."""
+    vertices, triangles, uvs, texture, ids, images = [], [], [], [], [], []
+    count = 0
+    for object_id, mesh in objects:
+        for part in mesh.parts:
+            number = next((n for n, image in enumerate(images) if image is part.texture), None)
+            if number is None:
+                number = len(images)
+                images.append(part.texture)
+            vertices.append(np.asarray(part.vertices, dtype=np.float64))
+            triangles.append(np.asarray(part.triangles, dtype=np.int64) + count)
+            uvs.append(np.asarray(part.uvs, dtype=np.float64))
+            texture.append(np.full(len(part.triangles), number, dtype=np.int32))
+            ids.append(np.full(len(part.triangles), object_id, dtype=np.uint8))
+            count += len(part.vertices)
+    vertices, triangles = np.concatenate(vertices), np.concatenate(triangles)
+    corners = vertices[triangles]
+    normals, offsets = _planes(corners)
+    return Surfaces(
+        RayTree(vertices, triangles),
+        vertices,
+        normals,
+        offsets,
+        _uv_gradients(corners, normals, np.concatenate(uvs)),
+        np.concatenate(texture),
+        np.concatenate(ids),
+        build_textures(images),
+    )
+
+
+def _planes(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals (T, 3) and offsets (T,) m of triangles with `corners` (T, 3, 3)."""
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(cross, axis=1, keepdims=True)
+    normals = cross / np.where(length > 0, length, 1.0)
+    return normals, np.einsum("ij,ij->i", normals, corners[:, 0])
+
+
+def _uv_gradients(corners: np.ndarray, normals: np.ndarray, uvs: np.ndarray) -> np.ndarray:
+    """Affine maps (T, 2, 4) from a point to texture coordinates, constant along the normal."""
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    # Dual basis of the two edges inside the triangle's plane.
+    across_first, across_second = np.cross(second, normals), np.cross(normals, first)
+    area = np.einsum("ij,ij->i", first, across_first)[:, None]
+    area = np.where(np.abs(area) > 0, area, 1.0)
+    dual = np.stack([across_first, across_second], axis=1) / area[:, :, None]
+    change = np.stack([uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0]], axis=2)
+    gradient = change @ dual
+    constant = uvs[:, 0] - np.einsum("tij,tj->ti", gradient, corners[:, 0])
+    return np.ascontiguousarray(np.concatenate([gradient, constant[:, :, None]], axis=2))
+
+
+def build_textures(images) -> Textures:
+    """Mip-maps of `images`, (h, w, 3) uint8 sRGB with sides that are powers of two.
+
+    Averages are taken in linear light, for that is what a pixel collects.
+
+    Raises:
+        ValueError: if a side is no power of two.
+    """
+    texels, levels, first_level, count = [], [], [0], 0
+    for image in images:
+        level = linear_from_srgb(np.asarray(image))
+        for side in level.shape[:2]:
+            if side & (side - 1):
+                raise ValueError(f"a texture has the size {level.shape[:2]}: no powers of two")
+        while True:
+            height, width = level.shape[:2]
+            texels.append(srgb_from_linear(level).reshape(-1, 3))
+            levels.append((count, width, height))
+            count += width * height
+            if width == height == 1:
+                break
+            if height > 1:
+                level = np.float32(0.5) * (level[::2] + level[1::2])
+            if width > 1:
+                level = np.float32(0.5) * (level[:, ::2] + level[:, 1::2])
+        first_level.append(len(levels))
+    return Textures(
+        np.concatenate(texels),
+        _DECODE,
+        np.array(levels, dtype=np.int64),
+        np.array(first_level, dtype=np.int32),
+    )
+
+
+def srgb_from_linear(light: np.ndarray) -> np.ndarray:
+    """sRGB uint8 of linear light, any shape, of which 1 is full scale (IEC 61966-2-1)."""
+    top = np.float32(len(_ENCODE) - 1)
+    return _ENCODE[(np.clip(light, 0.0, 1.0) * top + np.float32(0.5)).astype(np.int32)]
+
+
+def linear_from_srgb(image: np.ndarray) -> np.ndarray:
+    """Linear light, float32 in [0, 1], of sRGB uint8, any shape (IEC 61966-2-1)."""
+    return _DECODE[image]
+
+
+def _decode_table() -> np.ndarray:
+    value = np.arange(256) / 255.0
+    light = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+    return light.astype(np.float32)
+
+
+def _encode_table(size: int = 1 << 16) -> np.ndarray:
+    light = np.arange(size) / (size - 1)
+    value = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    return np.rint(255.0 * value).astype(np.uint8)
+
+
+_DECODE, _ENCODE = _decode_table(), _encode_table()

@@ -1,0 +1,189 @@
+"""One camera's view of the scene: what stands still, and over it the target and its shadow.
+
+A pixel that neither the target nor its shadow touches has the colour of the still view, to the bit;
+so the still view can be kept as long as the camera stands, and only a rectangle is rendered anew.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stixel_cli.scene import tracing
+from stixel_cli.scene.camera_rays import Camera
+from stixel_cli.scene.edges import edge_pixels
+from stixel_cli.scene.frames import SKY_ID
+from stixel_cli.scene.renderer_parameters import RaycastParameters
+from stixel_cli.scene.surfaces import srgb_from_linear
+from stixel_cli.scene.tracing import Body, Hits
+
+THIN_SAMPLES = 2
+"""Rays a pixel along each axis that look for thin parts of the target between pixel centres."""
+
+MARGIN = 3
+"""Pixels round the target's and its shadow's rectangle: samples and neighbours reach one or two."""
+
+
+@dataclass(frozen=True)
+class StillView:
+    """The road, the background and the sky from one camera.
+
+    Attributes:
+        hits: what each pixel's centre meets, in row-major order.
+        lit: (n,) bool, whether it sees the sun.
+        plain: (n, 3) float32, linear light by one ray a pixel.
+        light: (n, 3) float32, linear light with more rays where `plain` has edges.
+        ids: (n,) uint8, as in `RenderedFrames.ids`.
+    """
+
+    hits: Hits
+    lit: np.ndarray
+    plain: np.ndarray
+    light: np.ndarray
+    ids: np.ndarray
+
+
+def still_view(still: Body, camera: Camera, sun, renderer: RaycastParameters) -> StillView:
+    """The view of what stands still."""
+    rows, columns = np.divmod(np.arange(camera.height * camera.width), camera.width)
+    u, v = columns.astype(np.float64), rows.astype(np.float64)
+    hits = tracing.nearest([still], camera, u, v)
+    lit = tracing.sunlit([still], camera, u, v, hits, sun, (0,))
+    plain = tracing.light_of([still], camera, u, v, hits, lit, sun, renderer.light, 1.0)
+    light = plain.copy()
+    edges = edge_pixels([still], hits, lit, plain, camera.height)
+    if renderer.samples > 1 and len(edges):
+        light[edges] = tracing.supersampled(
+            [still], camera, rows[edges], columns[edges], sun, renderer.light, renderer.samples
+        )
+    ids = np.full(len(u), SKY_ID, dtype=np.uint8)
+    ids[hits.body == 0] = still.surfaces.object_ids[hits.triangle[hits.body == 0]]
+    return StillView(hits, lit, plain, light, ids)
+
+
+def view_with_target(
+    view: StillView,
+    still: Body,
+    target: Body,
+    corners_target: np.ndarray,
+    camera: Camera,
+    sun,
+    renderer: RaycastParameters,
+    whole: bool = False,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`view` with the target and its shadow in it.
+
+    Args:
+        view: what stands still, from the same camera.
+        still, target: the bodies.
+        corners_target: (8, 3) m, corners of the target's box in its own frame.
+        camera: the camera in the world.
+        sun: (3,) in the world, towards the sun.
+        renderer: samples and light.
+        whole: render the whole image and not just the rectangle that can change (same bytes).
+
+    Returns:
+        Picture (H, W, 3) uint8 sRGB, depth (H, W) float64 m with inf for the sky, ids (H, W) uint8.
+    """
+    height, width = camera.height, camera.width
+    bodies = [still, target]
+    light, depth, ids = view.light.copy(), view.hits.depth.copy(), view.ids.copy()
+    body_box, box = (0, height, 0, width), (0, height, 0, width)
+    if not whole:
+        body_box, box = _touched_rectangles(still, target, corners_target, camera, sun)
+    top, bottom, left, right = box
+    if top < bottom:
+        pixels = (np.arange(top, bottom)[:, None] * width + np.arange(left, right)).ravel()
+        rows, columns = np.divmod(pixels, width)
+        u, v = columns.astype(np.float64), rows.astype(np.float64)
+        hits = Hits(view.hits.depth[pixels], view.hits.body[pixels], view.hits.triangle[pixels])
+        lit, plain = view.lit[pixels], view.plain[pixels]
+        # The target, where it is nearer than what stands still.
+        near = np.flatnonzero(_inside(rows, columns, body_box))
+        found, triangle = tracing.intersect(target, camera, u[near], v[near])
+        nearer = found < hits.depth[near]
+        over = np.zeros(len(pixels), dtype=bool)
+        over[near] = nearer
+        hits.depth[over], hits.body[over] = found[nearer], 1
+        hits.triangle[over] = triangle[nearer]
+        # Its shadow on what was in the sun.
+        asked = np.flatnonzero(lit & ~over)
+        shadowed = asked[
+            ~tracing.sunlit(bodies, camera, u[asked], v[asked], _at(hits, asked), sun, (1,))
+        ]
+        lit[shadowed] = False
+        covered = np.flatnonzero(over)
+        lit[covered] = tracing.sunlit(
+            bodies, camera, u[covered], v[covered], _at(hits, covered), sun, (1, 0)
+        )
+        changed = over.copy()
+        changed[shadowed] = True
+        fresh = np.flatnonzero(changed)
+        plain[fresh] = tracing.light_of(
+            bodies,
+            camera,
+            u[fresh],
+            v[fresh],
+            _at(hits, fresh),
+            lit[fresh],
+            sun,
+            renderer.light,
+            1.0,
+        )
+        light[pixels[fresh]] = plain[fresh]
+        if renderer.samples > 1:
+            shape = bottom - top, right - left
+            edges = np.zeros(len(pixels), dtype=bool)
+            edges[edge_pixels(bodies, hits, lit, plain, shape[0])] = True
+            edges &= _grown(changed.reshape(shape)).ravel()
+            edges[near] |= _thin(
+                target, camera, u[near], v[near], view.hits.depth[pixels[near]], nearer
+            )
+            again = np.flatnonzero(edges)
+            light[pixels[again]] = tracing.supersampled(
+                bodies, camera, rows[again], columns[again], sun, renderer.light, renderer.samples
+            )
+        depth[pixels[covered]] = hits.depth[covered]
+        ids[pixels[covered]] = target.surfaces.object_ids[hits.triangle[covered]]
+    return (
+        srgb_from_linear(light).reshape(height, width, 3),
+        depth.reshape(height, width),
+        ids.reshape(height, width),
+    )
+
+
+def _touched_rectangles(still: Body, target: Body, corners_target, camera: Camera, sun):
+    """Rectangles of the image that the target can touch, and that it or its shadow can."""
+    corners = corners_target @ target.world_from_body[:3, :3].T + target.world_from_body[:3, 3]
+    floor = min(still.surfaces.vertices[:, 2].min(), corners[:, 2].min())
+    fall = (corners[:, 2] - floor) / sun[2]
+    swept = np.concatenate([corners, corners - fall[:, None] * sun])
+    return camera.rectangle_of(corners, MARGIN), camera.rectangle_of(swept, MARGIN)
+
+
+def _at(hits: Hits, index: np.ndarray) -> Hits:
+    return Hits(hits.depth[index], hits.body[index], hits.triangle[index])
+
+
+def _grown(mask: np.ndarray) -> np.ndarray:
+    """`mask` (h, w) bool and its neighbours (of four)."""
+    grown = mask.copy()
+    grown[1:] |= mask[:-1]
+    grown[:-1] |= mask[1:]
+    grown[:, 1:] |= mask[:, :-1]
+    grown[:, :-1] |= mask[:, 1:]
+    return grown
+
+
+def _thin(target: Body, camera: Camera, u, v, depth, over) -> np.ndarray:
+    """(n,) bool: pixels where only a part of some rays meets the target, as at a thin tube."""
+    thin = np.zeros(len(u), dtype=bool)
+    for right, down in zip(*tracing.sample_offsets(THIN_SAMPLES), strict=True):
+        found, _ = tracing.intersect(target, camera, u + right, v + down)
+        thin |= (found < depth) != over
+    return thin
+
+
+def _inside(rows: np.ndarray, columns: np.ndarray, box: tuple[int, int, int, int]) -> np.ndarray:
+    """(n,) bool: which pixels lie in the rectangle `box`."""
+    top, bottom, left, right = box
+    return (rows >= top) & (rows < bottom) & (columns >= left) & (columns < right)

@@ -1,0 +1,88 @@
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from stixel_cli.images import encode_png
+from stixel_cli.scene import frames
+from stixel_cli.scene.exposure import expose, grey_levels, noise_deviation
+from stixel_cli.scene.frames import RenderedFrames, StereoPairs
+from stixel_cli.scene.renderer_parameters import Sensor
+
+SENSOR = Sensor(read_noise=1.2, shot_noise=1.8, right_gain=1.0)
+
+
+def flat(count: int, value: int, first: int = 0, shape=(120, 160)) -> RenderedFrames:
+    picture = np.full((*shape, 3), value, dtype=np.uint8)
+    depth, ids = np.full(shape, 10.0), np.zeros(shape, dtype=np.uint8)
+    return RenderedFrames.from_frames(first, ((picture, picture, depth, ids),) * count)
+
+
+def test_images_do_not_depend_on_the_chunks():
+    rendered = flat(4, 128, first=10)
+    together = expose(rendered, SENSOR, range(10, 14), seed=3)
+    assert together.first == 10 and len(together) == 4
+    for some in (range(10, 12), range(12, 14)):
+        part = expose(rendered, SENSOR, some, seed=3)
+        at = slice(some.start - 10, some.stop - 10)
+        assert part.first == some.start
+        assert part.left.encoded == together.left.encoded[at]
+        assert part.right.encoded == together.right.encoded[at]
+
+
+def test_every_frame_camera_and_seed_has_noise_of_its_own():
+    rendered = flat(2, 128)
+    pairs = expose(rendered, SENSOR, range(2), seed=3)
+    other = expose(rendered, SENSOR, range(2), seed=4)
+    images = [pairs.left[0], pairs.right[0], pairs.left[1], pairs.right[1], other.left[0]]
+    correlation = np.corrcoef([image.ravel() for image in images])
+    assert np.abs(correlation - np.eye(5)).max() < 0.03
+
+
+@pytest.mark.parametrize("value", [20, 128, 220])
+def test_the_noise_is_as_strong_as_the_parameters_say(value):
+    image = expose(flat(1, value), SENSOR, range(1), seed=0).left[0].astype(float)
+    expected = np.sqrt(1.2**2 + 1.8**2 * value / 255 + 1 / 12)
+    assert abs(image.std() / expected - 1) < 0.03
+    assert abs(image.mean() - value) < 0.06
+
+
+def test_without_noise_the_image_is_the_luma_and_the_gain_is_the_right_cameras():
+    picture = np.random.default_rng(0).integers(0, 256, (40, 50, 3)).astype(np.uint8)
+    depth, ids = np.ones((40, 50)), np.zeros((40, 50), dtype=np.uint8)
+    rendered = RenderedFrames.from_frames(0, [(picture, picture, depth, ids)])
+    pairs = expose(rendered, Sensor(0.0, 0.0, 1.1), range(1), seed=0)
+    exact = picture @ np.array([0.299, 0.587, 0.114])
+    assert np.abs(pairs.left[0] - exact).max() <= 0.5 + 1e-4
+    assert np.abs(pairs.right[0] - np.minimum(1.1 * exact, 255)).max() <= 0.5 + 1e-4
+    assert np.allclose(grey_levels(picture), exact, atol=1e-4)
+
+
+def test_noise_in_the_dark_is_the_read_noise():
+    assert noise_deviation(np.array([-3.0, 0.0]), SENSOR) == pytest.approx(1.2)
+
+
+def test_what_the_cameras_give_holds_no_truth():
+    assert [field.name for field in fields(StereoPairs)] == ["first", "left", "right"]
+
+
+def test_frames_are_compressed_one_after_the_other(monkeypatch):
+    """No frame is asked for before the one before it is stored: memory does not pile up."""
+    picture = np.zeros((8, 8, 3), dtype=np.uint8)
+    events = []
+
+    def encode(image):
+        events.append("store")
+        return encode_png(image)
+
+    def frame_arrays():
+        for k in range(3):
+            events.append("render")
+            yield picture + np.uint8(k), picture, np.full((8, 8), k + 0.5), picture[..., 0]
+
+    monkeypatch.setattr(frames, "encode_png", encode)
+    rendered = RenderedFrames.from_frames(5, frame_arrays())
+    assert events == ["render", *["store"] * 5] * 3
+    assert len(rendered) == 3
+    assert rendered.left[2].max() == 2
+    assert np.all(rendered.depth(1) == 1.5)

@@ -1,0 +1,239 @@
+from dataclasses import replace
+
+import box_scene
+import numpy as np
+import pytest
+from box_scene import LIGHT, RAYCAST, RIG, objects, quad, road, scenario, speckle, target_mesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stixel_cli.scene import raycast
+from stixel_cli.scene.camera_rays import NEAR, rig_cameras
+from stixel_cli.scene.frames import ROAD_ID, SKY_ID, TARGET_ID
+from stixel_cli.scene.mesh import Mesh
+from stixel_cli.scene.placement import sun_direction, world_from_target_3d
+from stixel_cli.scene.raycast import StillScene, Target, render_frame
+from stixel_cli.scene.shading import camera_rays, shade
+from stixel_cli.scene.surfaces import (
+    RayTree,
+    build_textures,
+    linear_from_srgb,
+    srgb_from_linear,
+)
+from stixel_cli.scene.tracing import sample_offsets
+from stixel_cli.scene.world import WorldObject
+
+POSE = np.array([0.0, 0.0, box_scene.AHEAD])
+
+
+@pytest.fixture(scope="module")
+def target():
+    return Target(target_mesh())
+
+
+@pytest.fixture
+def still():
+    return StillScene(objects(), RIG, RAYCAST)
+
+
+def same(one, other) -> bool:
+    return all(a.tobytes() == b.tobytes() for a, b in zip(one, other, strict=True))
+
+
+@pytest.mark.parametrize("moving", [False, True])
+def test_a_frame_has_the_same_bytes_alone_in_a_chunk_and_rendered_whole(target, moving):
+    motion = scenario(4, moving)
+    chunk = StillScene(objects(), RIG, RAYCAST)
+    frames = [render_frame(chunk, target, motion, k) for k in range(4)]
+    alone = [
+        render_frame(StillScene(objects(), RIG, RAYCAST), target, motion, k)
+        for k in reversed(range(4))
+    ][::-1]
+    whole = [render_frame(chunk, target, motion, k, whole=True) for k in range(4)]
+    for k in range(4):
+        assert same(frames[k], alone[k])
+        assert same(frames[k], whole[k])
+
+
+def test_render_gives_the_same_frames_in_any_chunks(monkeypatch):
+    world = tuple(
+        WorldObject(str(i), "road" if i == ROAD_ID else "background", mesh) for i, mesh in objects()
+    )
+    monkeypatch.setattr("stixel_cli.scene.placement.world_objects", lambda _: world)
+    monkeypatch.setattr(raycast, "road_user_mesh", lambda _: target_mesh())
+    rest = {"scenario": scenario(), "road_user": None, "world": None}
+    rest |= {"rig": RIG, "renderer": RAYCAST}
+    raycast._still_scene.cache_clear()
+    together = raycast.render(**rest, frames=range(4))
+    for first, frames in ((0, range(2)), (2, range(2, 4))):
+        part = raycast.render(**rest, frames=frames)
+        assert part.first == first
+        for name in ("left", "right", "depth_high", "depth_low", "ids"):
+            encoded = getattr(together, name).encoded[first : first + 2]
+            assert getattr(part, name).encoded == encoded
+    raycast._still_scene.cache_clear()
+
+
+def test_depth_is_that_of_the_planes_and_ids_are_those_of_the_objects(still, target):
+    left, right, depth, ids = render_frame(still, target, scenario(), 0)
+    assert left.shape == right.shape == (96, 128, 3)
+    assert {SKY_ID, ROAD_ID, TARGET_ID, 3, 4, 5} == set(np.unique(ids))
+    assert np.all(np.isinf(depth) == (ids == SKY_ID))
+    # Camera points to the world: the road at z = 0, the wall's face at y = 20.
+    v, u = np.mgrid[:96, :128]
+    disparity = RIG.disparity_from_depth(np.where(np.isinf(depth), 1.0, depth))
+    camera = RIG.unproject(np.stack([u, v, disparity], axis=-1).reshape(-1, 3))
+    transform = RIG.world_from_camera(POSE)
+    world = (camera @ transform[:3, :3].T + transform[:3, 3]).reshape(96, 128, 3)
+    assert np.abs(world[ids == ROAD_ID][:, 2]).max() < 1e-9
+    wall = world[ids == 3]
+    assert np.abs(wall[wall[:, 2] < 5.9][:, 1] - 20.0).max() < 1e-9
+    # Every point of the target lies on its box or its antenna.
+    pose = world_from_target_3d(scenario().target_poses_world[0])
+    points = (world[ids == TARGET_ID] - pose[:3, 3]) @ pose[:3, :3]
+    low, high = np.array([-1.5, -0.7, 0.2]), np.array([1.5, 0.7, 1.6])
+    assert np.all(points > low - 1e-6) and np.all(points < high + 1e-6)
+    distance = np.abs(np.concatenate([points - low, points - [1.5, 0.7, 0.8]], axis=1)).min(axis=1)
+    on_body = points[:, 2] < 0.8 + 1e-6
+    assert np.all(distance[on_body] < 1e-6)
+    assert on_body.sum() > 300
+
+
+def test_the_right_view_is_the_left_one_shifted_by_the_true_disparity(still, target):
+    left, right, depth, ids = render_frame(still, target, scenario(), 0)
+    v, u = np.mgrid[:96, :128]
+    near = (ids == TARGET_ID) | (ids == ROAD_ID)
+    column = u - np.where(near, RIG.disparity_from_depth(depth), 0.0)
+    inside = near & (column > 1) & (column < 126)
+    start = np.floor(column).astype(int)
+    share = (column - start)[inside][:, None]
+    row, start = v[inside], start[inside]
+    expected = (1 - share) * right[row, start] + share * right[row, start + 1]
+    error = np.abs(left[inside] - expected).mean(axis=1)
+    # Occluded pixels and edges aside, only the interpolation differs.
+    assert np.median(error) < 4.0
+
+
+def test_what_lies_in_the_targets_shadow_is_darker_and_the_rest_is_untouched(still, target):
+    camera = rig_cameras(RIG, POSE)[0]
+    lit = still.views(POSE)[0][1]
+    picture, _, _, ids = render_frame(still, target, scenario(), 0)
+    sun = sun_direction(LIGHT)
+    pose = world_from_target_3d(scenario().target_poses_world[0])
+    above = pose[:3, :3] @ np.array([0.0, 0.0, 0.5]) + pose[:3, 3]
+    # The point of the road whose way to the sun leads through the middle of the body.
+    ground = above - above[2] / sun[2] * sun
+    ground_further = ground - 0.25 * sun * [1, 1, 0]
+    u, v, _ = np.rint(camera.project(np.stack([ground, ground_further]))).astype(int).T
+    empty = srgb_from_linear(lit.light).reshape(96, 128, 3)
+    shadowed = [(r, c) for r, c in zip(v, u, strict=True) if ids[r, c] == ROAD_ID]
+    assert shadowed
+    for r, c in shadowed:
+        assert picture[r, c].mean() < 0.75 * empty[r, c].mean()
+    untouched = np.s_[60:, :20]
+    assert np.array_equal(picture[untouched], empty[untouched])
+
+
+def test_a_plane_in_the_sun_has_no_shadows_of_its_own():
+    still = StillScene([(ROAD_ID, road(speckle(1)))], RIG, RAYCAST)
+    view = still.views(POSE)[0][1]
+    assert np.array_equal(view.lit, view.ids == ROAD_ID)
+
+
+def test_edges_are_blended_and_thin_parts_are_found_between_pixel_centres(target):
+    still = StillScene([(ROAD_ID, road(speckle(1)))], RIG, RAYCAST)
+    plain = StillScene([(ROAD_ID, road(speckle(1)))], RIG, replace(RAYCAST, samples=1))
+    far = scenario()
+    far.target_poses_world[:] = [0.13, 14.0, 0.0]
+    smooth = render_frame(still, target, far, 0)[0]
+    coarse = render_frame(plain, target, far, 0)[0]
+    # At 14 m the antenna is a fifth of a pixel wide.
+    camera = rig_cameras(RIG, POSE)[0]
+    u, v, _ = np.rint(camera.project(np.array([[0.13 - 0.99, 14.0, 1.35]])))[0].astype(int)
+    rows, columns = slice(v - 3, v + 2), slice(u - 2, u + 3)
+    touched = (smooth[rows, columns] != coarse[rows, columns]).any(axis=2)
+    assert touched.any(axis=1).sum() >= 2
+    assert (smooth != coarse).any(axis=2).mean() < 0.1
+
+
+def test_a_distant_chequered_road_is_grey_and_not_moire():
+    cells = np.indices((64, 64)).sum(axis=0) % 2
+    texture = np.repeat((cells * 255).astype(np.uint8)[:, :, None], 3, axis=2)
+    still = StillScene([(ROAD_ID, road(texture, 120.0))], RIG, RAYCAST)
+    view = still.views(POSE)[0][1]
+    light = view.light.reshape(96, 128, 3)[55:, :, 0]
+    # One sample a pixel would make it as large as the mean.
+    assert light.std() < 0.05 * light.mean()
+
+
+def test_a_texture_seen_straight_on_is_averaged_over_the_pixels_area():
+    """Brute force: many unfiltered samples in each pixel have the filter's mean and its values."""
+    texture = speckle(9, 64)
+    still = StillScene(
+        [(3, Mesh((quad([(-9, 12, -6), (9, 12, -6), (9, 12, 8), (-9, 12, 8)], texture, 3.0),)))],
+        replace(RIG, pitch=0.0),
+        RAYCAST,
+    )
+    camera, view = still.views(POSE)[0]
+    pixels = np.flatnonzero(view.ids == 3)[::37]
+    v, u = np.divmod(pixels, 128)
+    offsets = (np.arange(16) + 0.5) / 16 - 0.5
+    du, dv = (array.ravel() for array in np.meshgrid(offsets, offsets))
+    uu, vv = np.add.outer(u, du).ravel(), np.add.outer(v, dv).ravel()
+    rays = camera_rays(uu, vv, camera.rotation, camera.origin, camera.focal, camera.u0, camera.v0)
+    points = rays[:, :3] + rays[:, 3:] * (12.0 / rays[:, 4])[:, None]
+    columns = np.floor((points[:, 0] + 9) / 18 * 3 * 64).astype(int) % 64
+    rows = np.floor((8 - points[:, 2]) / 14 * 3 * 64).astype(int) % 64
+    mean = linear_from_srgb(texture)[rows, columns].reshape(len(pixels), -1, 3).mean(axis=1)
+    ambient = LIGHT.exposure * LIGHT.ambient * 0.5 * (0.86 + 0.36)
+    sun = sun_direction(LIGHT)
+    red = ambient + LIGHT.exposure * LIGHT.sun * max(0.0, -sun[1])
+    seen = view.plain[pixels, 0] / red
+    assert np.corrcoef(seen, mean[:, 0])[0, 1] > 0.97
+    assert abs(seen.mean() / mean[:, 0].mean() - 1.0) < 0.03
+
+
+def test_shading_an_empty_list_is_no_special_case(still):
+    surfaces = still.body.surfaces
+    none, ids = np.empty(0), np.empty(0, dtype=np.int32)
+    one = np.ones(3)
+    light = shade(
+        none, none, none, ids, np.empty(0, dtype=bool), 1.0, np.eye(3), np.zeros(3), 1.0, 0.0, 0.0,
+        surfaces.normals, surfaces.uv_gradients, surfaces.texture, surfaces.textures.texels,
+        surfaces.textures.decode, surfaces.textures.levels, surfaces.textures.first_level, one,
+        one, one, one,
+    )  # fmt: skip
+    assert light.shape == (0, 3)
+    assert len(RayTree(np.eye(3), np.array([[0, 1, 2]])).blocked(np.empty((0, 6)))) == 0
+
+
+@settings(derandomize=True, deadline=None, max_examples=60)
+@given(st.integers(0, 10_000))
+def test_the_rectangle_of_a_hull_holds_every_pixel_that_shows_it(seed):
+    random = np.random.default_rng(seed)
+    camera = rig_cameras(RIG, POSE)[0]
+    centre = random.uniform([-8, -6, 0], [8, 14, 2])
+    points = centre + random.uniform(-4, 4, (8, 3))
+    top, bottom, left, right = camera.rectangle_of(points, 0)
+    weights = random.dirichlet(np.full(8, 0.3), 500)
+    u, v, depth = camera.project(weights @ points).T
+    shown = (depth > NEAR) & (u > -0.5) & (u < 127.5) & (v > -0.5) & (v < 95.5)
+    u, v = np.rint(u[shown]), np.rint(v[shown])
+    assert np.all((u >= left) & (u < right) & (v >= top) & (v < bottom))
+
+
+@pytest.mark.parametrize("samples", [1, 2, 3, 4])
+def test_samples_are_spread_over_the_pixel(samples):
+    right, down = sample_offsets(samples)
+    expected = (np.arange(samples**2) + 0.5) / samples**2 - 0.5
+    assert np.allclose(np.sort(right), expected) and np.allclose(np.sort(down), expected)
+
+
+def test_srgb_survives_the_way_to_light_and_back():
+    values = np.arange(256, dtype=np.uint8)
+    assert np.array_equal(srgb_from_linear(linear_from_srgb(values)), values)
+
+
+def test_a_texture_whose_side_is_no_power_of_two_is_refused():
+    with pytest.raises(ValueError, match="powers of two"):
+        build_textures([np.zeros((64, 48, 3), dtype=np.uint8)])
