@@ -144,10 +144,7 @@ def run(
     results: Annotated[
         Path, typer.Option(metavar="DIR", help="Where the result folder is made.")
     ] = Path("results"),
-    workers: Annotated[
-        int | None,
-        typer.Option(min=1, max=256, help="Processes that compute; if not given, one a core."),
-    ] = None,
+    workers: Annotated[int, typer.Option(min=1, max=256, help="Processes that compute.")] = 2,
     json: Annotated[
         bool, typer.Option("--json", help="Print the result as JSON, and nothing else, on stdout.")
     ] = False,

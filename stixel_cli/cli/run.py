@@ -1,6 +1,5 @@
 """`stixel run`: one experiment, from overrides to a result folder."""
 
-import os
 import shlex
 import sys
 import time
@@ -25,7 +24,7 @@ def run_command(
     overrides: Sequence[str],
     name: str | None,
     results: Path,
-    workers: int | None,
+    workers: int,
     json: bool,
     dry_run: bool,
 ) -> int:
@@ -41,7 +40,6 @@ def run_command(
         return _print_plan(composition, store, json)
     now = datetime.now(UTC)
     folder = reserve_folder(results, name, f"{_choice_name(composition)}-{now:%Y%m%d-%H%M%S}")
-    workers = workers or os.cpu_count() or 1
     outcome = _run(composition, store, workers)
     manifest = {
         "command": shlex.join(["stixel", "run", *overrides]),

@@ -1,0 +1,59 @@
+"""How the stages are wired: what may see the truth, and what the table says of them."""
+
+import inspect
+
+import pytest
+
+from stixel_cli.config.compose import compose
+from stixel_cli.engine.run_task import import_function
+from stixel_cli.engine.stage import GIVEN
+from stixel_cli.experiment.stages import TABLE, pictured_frames, pipeline_stages, scan_count
+
+TRUTH = {"scenario", "render"}
+MAY_SEE_TRUTH = {"render", "expose", "start", "scores"}
+
+
+def stages_of(measurement):
+    composed = compose([f"measurement={measurement}"])
+    return {stage.name: stage for stage in pipeline_stages(composed.configuration)}
+
+
+def test_past_the_images_only_start_scores_and_pictures_see_the_truth():
+    for stage in stages_of("simulated").values():
+        if stage.name not in MAY_SEE_TRUTH and not stage.name.endswith("_pictures"):
+            assert TRUTH.isdisjoint(stage.inputs.values()), stage.name
+
+
+@pytest.mark.parametrize("measurement", ["simulated", "fabricated"])
+def test_the_track_sees_no_truth_and_does_not_depend_on_pictures(measurement):
+    stages = stages_of(measurement)
+    assert stages["track"].inputs == {"scans": "scans", "initial": "start"}
+    for stage in stages.values():
+        assert not any(source.endswith("_pictures") for source in stage.inputs.values())
+
+
+@pytest.mark.parametrize("row", TABLE)
+def test_a_stages_arguments_are_those_of_every_function_it_may_call(row):
+    definition = TABLE[row]
+    wired = [
+        stage
+        for measurement in ("simulated", "fabricated")
+        for stage in stages_of(measurement).values()
+        if stage.function in definition.functions.values()
+    ]
+    assert wired, "no pipeline uses this row"
+    given = {*wired[0].inputs, *wired[0].settings, *GIVEN[definition.pattern]}
+    given |= {"seed"} if definition.seeded else set()
+    for function in definition.functions.values():
+        parameters = inspect.signature(import_function(function)).parameters.values()
+        needed = {p.name for p in parameters if p.default is p.empty}
+        assert needed <= given, function
+        assert given <= {p.name for p in parameters}, function
+
+
+def test_pictured_frames_are_those_chosen_or_four_spread_over_the_run():
+    assert pictured_frames(compose().configuration) == (12, 37, 62, 87)
+    chosen = compose(["pictures.frames=[3,99]"]).configuration
+    assert pictured_frames(chosen) == (3, 99)
+    short = compose(["path.duration=0.2"]).configuration
+    assert (scan_count(short), pictured_frames(short)) == (2, (0, 1))
