@@ -44,7 +44,7 @@ def _check_rig(configuration: Configuration) -> None:
         ("principal_v", rig.principal_v, rig.height),
     ):
         if value is not None and not 0 <= value <= size - 1:
-            raise ValueError(f"rig.{name}: {value:g} is outside the image, 0 to {size - 1}")
+            raise ValueError(f"rig.{name}: {value:g} is outside the image: must be 0 to {size - 1}")
 
 
 def _check_times(configuration: Configuration) -> None:

@@ -19,7 +19,8 @@ def load_mesh(path: str, contrast: float) -> Mesh:
 
     It is shifted so that its footprint's box is centred on the origin and its lowest point is on
     z = 0; its size is what it is. Where the file has textures or vertex colours they are kept (the
-    latter as one mean colour a triangle); otherwise it is painted with `contrast`.
+    latter as one mean colour a triangle); otherwise it is painted with `contrast`. Open3D passes
+    over faces of more than three corners.
 
     Raises:
         ValueError: if there is no such file, Open3D cannot read it, it has no triangles or no
@@ -34,7 +35,10 @@ def load_mesh(path: str, contrast: float) -> Mesh:
     vertices = np.asarray(found.vertices, dtype=np.float64)
     triangles = np.asarray(found.triangles, dtype=np.int32)
     if len(triangles) == 0:
-        raise ValueError(f"road_user.mesh: Open3D finds no triangles in {path!r}")
+        raise ValueError(
+            f"road_user.mesh: Open3D finds no triangles in {path!r} (it passes over faces of four "
+            "and more corners: triangulate them)"
+        )
     if not np.isfinite(vertices).all():
         raise ValueError(f"road_user.mesh: a coordinate in {path!r} is not finite")
     mesh = grounded(Mesh(tuple(_parts(found, vertices, triangles, contrast))))

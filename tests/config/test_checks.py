@@ -26,7 +26,7 @@ IMPOSSIBLE = {
     "no focal length": (["rig.horizontal_fov=null"], "rig.horizontal_fov and rig.focal_length"),
     "principal point outside": (
         ["rig.principal_v=480"],
-        "rig.principal_v: 480 is outside the image, 0 to 479",
+        "rig.principal_v: 480 is outside the image: must be 0 to 479",
     ),
     "more disparities than columns": (
         ["rig.width=100", "stereo.disparities=112"],

@@ -176,6 +176,7 @@ def test_code_that_is_edited_on_the_way_is_not_stored_under_the_old_key(project)
 
 
 SCRIPT = """
+    import signal
     import sys
     from pathlib import Path
     from stixel_cli.engine.execute import execute
@@ -185,6 +186,8 @@ SCRIPT = """
     from stixel_cli.engine.store import Store
 
     sys.path.insert(0, {folder!r})
+    # Where the tests run in the background of a shell, Ctrl-C is ignored from the start.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
     class Planned(Silent):
         def begin(self, nodes, cached):
