@@ -21,7 +21,8 @@ from stixel_cli.scene.renderer_parameters import RaycastParameters
 from stixel_cli.scene.road_user import road_user_mesh
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.scene.surfaces import srgb_from_linear
-from stixel_cli.scene.tracing import Body, nearest, supersampled
+from stixel_cli.scene.tracing import Body, light_of, nearest, sample_offsets, sunlit
+from stixel_cli.scene.views import CENTRE
 
 CONF = Path(__file__).parents[1] / "conf"
 CHUNK = 10
@@ -86,11 +87,14 @@ def test_plain_pair_with_four_rays_everywhere(benchmark, scene):
         bodies = [still.body, Body(target.surfaces, pose)]
         pictures, light = [], still.renderer.light
         rows, columns = np.divmod(np.arange(still.rig.height * still.rig.width), still.rig.width)
+        right, down = sample_offsets(2)
+        u, v = np.add.outer(columns, right).ravel(), np.add.outer(rows, down).ravel()
         cameras = rig_cameras(still.rig, scenario.ego_poses_world[0])
         for camera in cameras:
-            linear = supersampled(bodies, camera, rows, columns, still.sun, light, 2)
-            pictures.append(srgb_from_linear(linear))
-        centres = columns.astype(np.float64), rows.astype(np.float64)
-        return pictures, nearest(bodies, cameras[0], *centres).depth
+            hits = nearest(bodies, camera, rows, columns, right, down)
+            lit = sunlit(bodies, camera, u, v, hits, still.sun, (0, 1))
+            linear = light_of(bodies, camera, u, v, hits, lit, still.sun, light, 0.5)
+            pictures.append(srgb_from_linear(linear.reshape(len(rows), 4, 3).mean(axis=1)))
+        return pictures, nearest(bodies, cameras[0], rows, columns, *CENTRE).depth
 
     benchmark.pedantic(pair, rounds=3)

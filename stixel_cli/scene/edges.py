@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from stixel_cli.scene.surfaces import srgb_from_linear
+from stixel_cli.scene.surfaces import ENCODE
 from stixel_cli.scene.tracing import Body, Hits
 
 EDGE_CONTRAST = 5
@@ -15,77 +15,207 @@ EDGE_BEND = 0.9
 EDGE_JUMP = 0.05
 """Neighbours of one texture whose depths differ by more than this share make an edge."""
 
+FLAT = 0.99
+"""Neighbours whose normals' scalar product is less do not stand for each other in the sun."""
+
 
 def edge_pixels(
-    bodies: list[Body], hits: Hits, lit: np.ndarray, plain: np.ndarray, rows: int
-) -> np.ndarray:
-    """Indices of the pixels that show an edge of surface or shadow.
+    bodies: list[Body], hits: Hits, lit: np.ndarray, light: np.ndarray, rows: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Pixels that show an edge of surface or shadow, and pixels where a shadow's edge may be.
 
     Args:
-        bodies: what `hits` counts.
+        bodies: the one or two that `hits` counts.
         hits, lit: what the pixels' centres (n,) meet, and whether it sees the sun.
-        plain: (n, 3) linear light there.
+        light: (n, 3) float32, linear light there.
         rows: of the image, in row-major order.
+
+    Returns:
+        Two masks (n,) bool.
     """
-    label = np.full(len(lit), -1, dtype=np.int64)
-    normals = np.zeros((len(lit), 3), dtype=np.float32)
-    for index, body in enumerate(bodies):
-        mine = np.flatnonzero(hits.body == index)
-        triangle = hits.triangle[mine]
-        label[mine] = (body.surfaces.texture[triangle] * len(bodies) + index) * 2 + lit[mine]
-        normals[mine] = body.surfaces.normals[triangle]
-    shape = rows, len(lit) // rows
-    mask = edge_mask(
-        label.reshape(shape),
-        hits.triangle.reshape(shape),
-        normals.reshape(*shape, 3),
-        hits.depth.reshape(shape),
-        srgb_from_linear(plain).reshape(*shape, 3),
+    return edge_masks(
+        len(lit) // rows,
+        hits.body,
+        hits.triangle,
+        hits.depth,
+        lit,
+        light,
+        ENCODE,
+        *_tables(bodies),
         EDGE_CONTRAST,
         EDGE_BEND,
         EDGE_JUMP,
     )
-    return np.flatnonzero(mask)
+
+
+def unclear_pixels(bodies: list[Body], hits: Hits, lit: np.ndarray, rows: int) -> np.ndarray:
+    """Let the odd fields of a chequer-board take `lit` from their neighbours.
+
+    Args:
+        bodies, hits, rows: as for `edge_pixels`.
+        lit: (n,) bool, right on the even fields; where all four neighbours of an odd field
+            continue its surface and agree, theirs is written.
+
+    Returns:
+        Indices of the odd fields that meet something and stay unknown.
+    """
+    return spread_light(
+        len(lit) // rows,
+        hits.body,
+        hits.triangle,
+        hits.depth,
+        lit,
+        *_tables(bodies),
+        FLAT,
+        EDGE_JUMP,
+    )
+
+
+def _tables(bodies: list[Body]) -> tuple:
+    first, last = bodies[0].surfaces, bodies[-1].surfaces
+    return first.texture, first.normals, last.texture, last.normals
 
 
 @njit(cache=True, nogil=True)
-def edge_mask(label, triangle, normals, depth, grey, contrast, bend, jump):
-    """(h, w) bool: pixels that differ from a neighbour (of four) in more than texture.
+def _continues(one, two, body, triangle, depth, texture0, normals0, texture1, normals1, bend, jump):
+    """Whether pixels `one` and `two` show one surface: no other body or texture, no bend or gap."""
+    if body[one] != body[two]:
+        return False
+    a, b = triangle[one], triangle[two]
+    texture, normals = texture0, normals0
+    if body[one] == 1:
+        texture, normals = texture1, normals1
+    if texture[a] != texture[b]:
+        return False
+    product = (
+        normals[a, 0] * normals[b, 0]
+        + normals[a, 1] * normals[b, 1]
+        + normals[a, 2] * normals[b, 2]
+    )
+    near, far = min(depth[one], depth[two]), max(depth[one], depth[two])
+    return product >= bend and far - near <= jump * near
+
+
+@njit(cache=True, nogil=True)
+def _contrasts(one, two, light, encode, contrast):
+    """Whether the colours of two pixels differ by more than `contrast` grey levels."""
+    top = np.float32(len(encode) - 1)
+    half, unit, none = np.float32(0.5), np.float32(1.0), np.float32(0.0)
+    for channel in range(3):
+        a = min(max(light[one, channel], none), unit)
+        b = min(max(light[two, channel], none), unit)
+        difference = np.int64(encode[np.int64(a * top + half)])
+        difference -= np.int64(encode[np.int64(b * top + half)])
+        if abs(difference) > contrast:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def edge_masks(
+    width,
+    body,
+    triangle,
+    depth,
+    lit,
+    light,
+    encode,
+    texture0,
+    normals0,
+    texture1,
+    normals1,
+    contrast,
+    bend,
+    jump,
+):
+    """Two masks (n,) bool, of the pixels of `edge_pixels`.
 
     Inside one surface the texture's own filter is enough, and an edge that nobody sees needs no
-    further samples. So it takes another label, or another triangle that is bent against this one or
-    lies apart from it; and colours that differ.
+    further samples. So it takes another surface or another light than that of a neighbour (of
+    four), and colours that differ. Where lit and unlit pixels meet there may be a shadow's edge.
 
     Args:
-        label: (h, w) int64, tells textures, bodies and light from shadow apart.
-        triangle: (h, w) int32.
-        normals: (h, w, 3) float32.
-        depth: (h, w) float64 m.
-        grey: (h, w, 3) uint8.
+        width: of the image.
+        body, triangle, depth, lit, light: (n,) and (n, 3), of the pixels in row-major order.
+        encode: (m,) uint8, sRGB of linear light.
+        texture0, normals0, texture1, normals1: tables of the first and the second body.
         contrast: least difference of colours, grey levels.
         bend: neighbours whose normals' scalar product is below this are bent.
         jump: least relative difference of depths that lie apart.
     """
-    rows, columns = label.shape
-    mask = np.zeros((rows, columns), dtype=np.bool_)
-    for row in range(rows):
-        for column in range(columns):
-            for down, right in ((0, 1), (1, 0)):
-                r, c = row + down, column + right
-                if r >= rows or c >= columns:
+    count = len(body)
+    edge = np.zeros(count, dtype=np.bool_)
+    at_shadow = np.zeros(count, dtype=np.bool_)
+    column = -1
+    for one in range(count):
+        column = column + 1 if column < width - 1 else 0
+        for step in (1, width):
+            two = one + step
+            if two >= count or (step == 1 and column == width - 1):
+                continue
+            other_light = lit[one] != lit[two]
+            if body[one] == body[two] and triangle[one] == triangle[two] and not other_light:
+                continue
+            same = _continues(
+                one,
+                two,
+                body,
+                triangle,
+                depth,
+                texture0,
+                normals0,
+                texture1,
+                normals1,
+                bend,
+                jump,
+            )
+            if other_light and body[one] >= 0 and body[two] >= 0:
+                at_shadow[one] = at_shadow[two] = True
+            if (other_light or not same) and _contrasts(one, two, light, encode, contrast):
+                edge[one] = edge[two] = True
+    return edge, at_shadow
+
+
+@njit(cache=True, nogil=True)
+def spread_light(
+    width, body, triangle, depth, lit, texture0, normals0, texture1, normals1, bend, jump
+):
+    """Indices for `unclear_pixels`, whose arguments are as in `edge_masks`; writes to `lit`."""
+    count = len(body)
+    unclear = np.empty(count, dtype=np.int64)
+    found = 0
+    column, row = -1, 0
+    for one in range(count):
+        column += 1
+        if column == width:
+            column, row = 0, row + 1
+        if (row + column) & 1 == 0 or body[one] < 0:
+            continue
+        agreed = lit[one - 1]
+        clear = 0 < column < width - 1 and width <= one < count - width
+        if clear:
+            for step in (-1, 1, -width, width):
+                two = one + step
+                if lit[two] == agreed and triangle[one] == triangle[two] and body[one] == body[two]:
                     continue
-                if label[row, column] == label[r, c]:
-                    if triangle[row, column] == triangle[r, c]:
-                        continue
-                    one, two = normals[row, column], normals[r, c]
-                    near, far = depth[row, column], depth[r, c]
-                    if one[0] * two[0] + one[1] * two[1] + one[2] * two[2] >= bend and abs(
-                        near - far
-                    ) <= jump * min(near, far):
-                        continue
-                for channel in range(3):
-                    difference = np.int64(grey[row, column, channel]) - grey[r, c, channel]
-                    if abs(difference) > contrast:
-                        mask[row, column] = True
-                        mask[r, c] = True
-    return mask
+                if lit[two] != agreed or not _continues(
+                    one,
+                    two,
+                    body,
+                    triangle,
+                    depth,
+                    texture0,
+                    normals0,
+                    texture1,
+                    normals1,
+                    bend,
+                    jump,
+                ):
+                    clear = False
+                    break
+        if clear:
+            lit[one] = agreed
+        else:
+            unclear[found] = one
+            found += 1
+    return unclear[:found]

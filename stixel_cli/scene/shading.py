@@ -1,4 +1,4 @@
-"""Compiled kernels of the ray caster: rays, hit points, filtered textures, light.
+"""Compiled kernels of the ray caster: rays to the sun, filtered textures, light.
 
 A sample is a point (u, v) in px on the image of a camera, given by `rotation` (3, 3) from the
 camera to the frame, `origin` (3,) m, `focal`, `u0`, `v0` px. Directions have depth 1 along the
@@ -10,6 +10,12 @@ from numba import njit
 
 MOST_PROBES = 16
 """At most this many look-ups along a footprint's long axis; a longer footprint gets blurred."""
+
+RED, GREEN, FIELD = np.uint64(42), np.uint64(21), np.uint64((1 << 21) - 1)
+"""A packed colour is three fields of 21 bits: 13 of a texel and 8 of the weights of four."""
+
+TEXEL_STEP = 1.0 / 8191.0
+"""Linear light of one step of a packed texel."""
 
 SHADOW_OFFSET = 2e-3
 """Rays to the sun start this far off the surface, m: single precision at 100 m is a tenth of it."""
@@ -54,8 +60,8 @@ def exact_depths(u, v, triangle, hit, rotation, origin, focal, u0, v0, normals, 
 
 
 @njit(cache=True, nogil=True)
-def sun_rays(u, v, depth, triangle, rotation, origin, focal, u0, v0, normals, sun):
-    """Rays (m, 6) float32 from the hits that face the sun towards it, and their samples (m,).
+def sun_rays(u, v, depth, body, triangle, index, rotation, origin, focal, u0, v0, normals, sun):
+    """Rays (m, 6) float32 from the hits on body `index` that face the sun; their samples (m,).
 
     `sun` (3,) is the unit vector towards the sun. A back face counts as if it were turned round.
     """
@@ -64,9 +70,9 @@ def sun_rays(u, v, depth, triangle, rotation, origin, focal, u0, v0, normals, su
     count = 0
     direction = np.empty(3)
     for i in range(len(u)):
-        t = triangle[i]
-        if t < 0:
+        if body[i] != index:
             continue
+        t = triangle[i]
         x, y = (u[i] - u0) / focal, (v[i] - v0) / focal
         towards, facing = 0.0, 0.0
         for axis in range(3):
@@ -100,35 +106,25 @@ def moved_rays(rays, transform):
     return moved
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _bilinear(texels, decode, start, width, height, s, t):
-    """The colour (red, green, blue) at (s, t) texels of a level that repeats."""
-    column, row = np.floor(s - 0.5), np.floor(t - 0.5)
-    a, b = np.float32(s - 0.5 - column), np.float32(t - 0.5 - row)
-    left, top = np.int64(column) & (width - 1), np.int64(row) & (height - 1)
+@njit(cache=True, nogil=True)
+def _bilinear(texels, start, width, height, s, t):
+    """The packed colour, times 256, at (s, t) of a level that repeats; 65536 is one texel."""
+    left, top = (s >> 16) & (width - 1), (t >> 16) & (height - 1)
     right, bottom = (left + 1) & (width - 1), (top + 1) & (height - 1)
     upper, lower = start + top * width, start + bottom * width
-    i00, i10, i01, i11 = upper + left, upper + right, lower + left, lower + right
-    one = np.float32(1.0)
-    w00, w10, w01, w11 = (one - a) * (one - b), a * (one - b), (one - a) * b, a * b
+    a, b = (s >> 8) & 255, (t >> 8) & 255
+    both = (a * b + 128) >> 8
+    # The weights are whole and add up to 256, so no field of the packed sum runs over.
     return (
-        w00 * decode[texels[i00, 0]]
-        + w10 * decode[texels[i10, 0]]
-        + w01 * decode[texels[i01, 0]]
-        + w11 * decode[texels[i11, 0]],
-        w00 * decode[texels[i00, 1]]
-        + w10 * decode[texels[i10, 1]]
-        + w01 * decode[texels[i01, 1]]
-        + w11 * decode[texels[i11, 1]],
-        w00 * decode[texels[i00, 2]]
-        + w10 * decode[texels[i10, 2]]
-        + w01 * decode[texels[i01, 2]]
-        + w11 * decode[texels[i11, 2]],
+        texels[np.uint64(upper + left)] * np.uint64(256 - a - b + both)
+        + texels[np.uint64(upper + right)] * np.uint64(a - both)
+        + texels[np.uint64(lower + left)] * np.uint64(b - both)
+        + texels[np.uint64(lower + right)] * np.uint64(both)
     )
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _filtered(texels, decode, levels, first, past, s, t, sx, tx, sy, ty):
+def _filtered(texels, levels, first, past, s, t, sx, tx, sy, ty):
     """The texture's colour round (s, t), averaged over a pixel's footprint.
 
     (sx, tx) and (sy, ty) are the steps of (s, t) to the next pixel, in texture widths. The
@@ -155,36 +151,46 @@ def _filtered(texels, decode, levels, first, past, s, t, sx, tx, sy, ty):
         probes = min(int(np.ceil(longest / max(shortest, 1.0) - 1e-6)), MOST_PROBES)
     level = min(max(np.log2(shortest), 0.0), np.float64(past - first - 1))
     lower = first + int(level)
-    blend = np.float32(level - int(level))
+    blend = level - int(level)
     upper = min(lower + 1, past - 1)
-    near_start, near_width, near_height = levels[lower, 0], levels[lower, 1], levels[lower, 2]
-    far_start, far_width, far_height = levels[upper, 0], levels[upper, 1], levels[upper, 2]
-    red = green = blue = np.float32(0.0)
-    for probe in range(probes):
-        shift = ((probe + 0.5) / probes - 0.5) * longest
-        p, q = s + shift * along_s, t + shift * along_t
-        near = _bilinear(
-            texels, decode, near_start, near_width, near_height, p * near_width, q * near_height
-        )
-        far = near
-        if blend > 0.0:
-            far = _bilinear(
-                texels, decode, far_start, far_width, far_height, p * far_width, q * far_height
-            )
-        red += near[0] + blend * (far[0] - near[0])
-        green += near[1] + blend * (far[1] - near[1])
-        blue += near[2] + blend * (far[2] - near[2])
-    share = np.float32(1.0 / probes)
+    step = longest / probes
+    begin = -0.5 * step * (probes - 1)
+    red = green = blue = 0.0
+    for k in range(2):
+        number, share = (lower, 1.0 - blend) if k == 0 else (upper, blend)
+        if share == 0.0:
+            continue
+        start, width, height = levels[number, 0], levels[number, 1], levels[number, 2]
+        # Whole numbers from here on, 65536 to a texel.
+        p = np.int64(np.floor(((s + begin * along_s) * width - 0.5) * 65536.0))
+        q = np.int64(np.floor(((t + begin * along_t) * height - 0.5) * 65536.0))
+        step_p = np.int64(step * along_s * width * 65536.0)
+        step_q = np.int64(step * along_t * height * 65536.0)
+        reds = greens = blues = np.uint64(0)
+        for _ in range(probes):
+            packed = _bilinear(texels, start, width, height, p, q)
+            reds += packed >> RED
+            greens += (packed >> GREEN) & FIELD
+            blues += packed & FIELD
+            p += step_p
+            q += step_q
+        red += share * reds
+        green += share * greens
+        blue += share * blues
+    share = TEXEL_STEP / 256.0 / probes
     return red * share, green * share, blue * share
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def shade(
+    light,
     u,
     v,
     depth,
+    body,
     triangle,
     lit,
+    index,
     spread,
     rotation,
     origin,
@@ -195,7 +201,6 @@ def shade(
     uv_gradients,
     texture,
     texels,
-    decode,
     levels,
     first_level,
     sun,
@@ -203,29 +208,30 @@ def shade(
     skylight,
     groundlight,
 ):
-    """Linear light (n, 3) float32 of hits: Lambert's law, textured; zeros where there is no hit.
+    """Write the linear light of the hits on one body: Lambert's law, textured.
 
     Args:
-        u, v, depth, triangle: (n,) samples and what they hit.
+        light: (n, 3) float32, written where the body is hit.
+        u, v, depth, body, triangle: (n,) samples and what they hit.
         lit: (n,) bool, whether the sun is seen from there.
+        index: of the body.
         spread: width of the area that one sample stands for, px.
         sun: (3,) towards the sun.
         sunlight, skylight, groundlight: (3,) light of the sun, the sky above, the ground below.
         rotation, origin, focal, u0, v0: the camera.
-        normals, uv_gradients, texture, texels, decode, levels, first_level: as in `Surfaces`.
+        normals, uv_gradients, texture, texels, levels, first_level: as in `Surfaces`.
     """
-    light = np.zeros((len(u), 3), dtype=np.float32)
-    step = spread / focal
+    step, inverse = spread / focal, 1.0 / focal
     # Columns of the rotation: the camera's right, down and forward. Written out in coordinates,
     # for small arrays cost more than what is computed with them.
     rx, ry, rz = rotation[0, 0], rotation[1, 0], rotation[2, 0]
     dx, dy, dz = rotation[0, 1], rotation[1, 1], rotation[2, 1]
     fx, fy, fz = rotation[0, 2], rotation[1, 2], rotation[2, 2]
     for i in range(len(u)):
-        t = triangle[i]
-        if t < 0:
+        if body[i] != index:
             continue
-        x, y, z = (u[i] - u0) / focal, (v[i] - v0) / focal, depth[i]
+        t = triangle[i]
+        x, y, z = (u[i] - u0) * inverse, (v[i] - v0) * inverse, depth[i]
         ax, ay, az = rx * x + dx * y + fx, ry * x + dy * y + fy, rz * x + dz * y + fz
         nx, ny, nz = normals[t, 0], normals[t, 1], normals[t, 2]
         slope = nx * ax + ny * ay + nz * az
@@ -243,7 +249,6 @@ def shade(
         g10, g11, g12 = uv_gradients[t, 1, 0], uv_gradients[t, 1, 1], uv_gradients[t, 1, 2]
         red, green, blue = _filtered(
             texels,
-            decode,
             levels,
             first_level[texture[t]],
             first_level[texture[t] + 1],
@@ -262,18 +267,20 @@ def shade(
         light[i, 0] = red * (direct * sunlight[0] + above * skylight[0] + below * groundlight[0])
         light[i, 1] = green * (direct * sunlight[1] + above * skylight[1] + below * groundlight[1])
         light[i, 2] = blue * (direct * sunlight[2] + above * skylight[2] + below * groundlight[2])
-    return light
 
 
 @njit(cache=True, nogil=True)
-def sky_light(u, v, rotation, focal, u0, v0, zenith, horizon):
-    """Linear light (n, 3) float32 of the sky in the samples' directions; frames with z up."""
-    light = np.empty((len(u), 3), dtype=np.float32)
+def sky_light(light, u, v, body, rotation, focal, u0, v0, zenith, horizon):
+    """Write the linear light of the sky into `light` (n, 3) float32 where no body is hit.
+
+    `rotation` leads to a frame with z up.
+    """
     for i in range(len(u)):
+        if body[i] >= 0:
+            continue
         x, y = (u[i] - u0) / focal, (v[i] - v0) / focal
         upwards = rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2]
         height = max(upwards / np.sqrt(x * x + y * y + 1.0), 0.0)
         share = 1.0 - (1.0 - height) ** 4
         for channel in range(3):
             light[i, channel] = horizon[channel] + share * (zenith[channel] - horizon[channel])
-    return light

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stixel_cli.scene.open3d_import import import_open3d
-
-NO_TRIANGLE = -1
+from stixel_cli.scene.shading import GREEN, RED, TEXEL_STEP
 
 
 @dataclass(frozen=True)
@@ -14,14 +13,12 @@ class Textures:
     """Mip-maps of every texture, one after the other.
 
     Attributes:
-        texels: (n, 3) uint8 sRGB; small, so that what a view needs stays in the processor's cache.
-        decode: (256,) float32, the linear light of an sRGB value; 1 is white.
+        texels: (n,) uint64, red, green and blue linear light packed as `shading` adds them up.
         levels: (m, 3) int64, for each level of each texture its first texel, width and height.
         first_level: (t + 1,) int32, the first row in `levels` of each texture.
     """
 
     texels: np.ndarray
-    decode: np.ndarray
     levels: np.ndarray
     first_level: np.ndarray
 
@@ -148,7 +145,7 @@ def build_textures(images) -> Textures:
                 raise ValueError(f"a texture has the size {level.shape[:2]}: no powers of two")
         while True:
             height, width = level.shape[:2]
-            texels.append(srgb_from_linear(level).reshape(-1, 3))
+            texels.append(_packed(level).ravel())
             levels.append((count, width, height))
             count += width * height
             if width == height == 1:
@@ -160,16 +157,21 @@ def build_textures(images) -> Textures:
         first_level.append(len(levels))
     return Textures(
         np.concatenate(texels),
-        _DECODE,
         np.array(levels, dtype=np.int64),
         np.array(first_level, dtype=np.int32),
     )
 
 
+def _packed(light: np.ndarray) -> np.ndarray:
+    """Linear light (h, w, 3) in [0, 1] as the packed colours (h, w) uint64 of `Textures`."""
+    red, green, blue = np.moveaxis(np.rint(light / np.float32(TEXEL_STEP)).astype(np.uint64), 2, 0)
+    return red << RED | green << GREEN | blue
+
+
 def srgb_from_linear(light: np.ndarray) -> np.ndarray:
     """sRGB uint8 of linear light, any shape, of which 1 is full scale (IEC 61966-2-1)."""
-    top = np.float32(len(_ENCODE) - 1)
-    return _ENCODE[(np.clip(light, 0.0, 1.0) * top + np.float32(0.5)).astype(np.int32)]
+    top = np.float32(len(ENCODE) - 1)
+    return ENCODE[(np.clip(light, 0.0, 1.0) * top + np.float32(0.5)).astype(np.int32)]
 
 
 def linear_from_srgb(image: np.ndarray) -> np.ndarray:
@@ -189,4 +191,4 @@ def _encode_table(size: int = 1 << 16) -> np.ndarray:
     return np.rint(255.0 * value).astype(np.uint8)
 
 
-_DECODE, _ENCODE = _decode_table(), _encode_table()
+_DECODE, ENCODE = _decode_table(), _encode_table()

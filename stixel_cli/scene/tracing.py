@@ -8,7 +8,7 @@ from stixel_cli.scene import shading
 from stixel_cli.scene.camera_rays import Camera
 from stixel_cli.scene.placement import SUN_COLOUR
 from stixel_cli.scene.renderer_parameters import Light
-from stixel_cli.scene.surfaces import NO_TRIANGLE, Surfaces
+from stixel_cli.scene.surfaces import Surfaces
 
 SKY_COLOUR = np.array([0.86, 0.94, 1.10])
 GROUND_COLOUR = np.array([0.36, 0.35, 0.33])
@@ -31,16 +31,24 @@ class Hits:
     Attributes:
         depth: (n,) float64 m along the optical axis, inf where nothing is met.
         body: (n,) int8, index of the body; -1 for none.
-        triangle: (n,) int32 of that body's surfaces; `NO_TRIANGLE` for none.
+        triangle: (n,) int32 of that body's surfaces; -1 for none.
     """
 
     depth: np.ndarray
     body: np.ndarray
     triangle: np.ndarray
 
+    def at(self, index: np.ndarray) -> "Hits":
+        """Those of the samples with the indices `index`."""
+        return Hits(self.depth[index], self.body[index], self.triangle[index])
 
-def intersect(body: Body, camera: Camera, u, v) -> tuple[np.ndarray, np.ndarray]:
-    """Depths (n,) m (inf if none) and triangles (n,) int32 of `body` behind samples (n,)."""
+
+def intersect(body: Body, camera: Camera, rows, columns, right, down):
+    """Depths (n s,) m (inf if none) and triangles (n s,) int32 of `body` behind samples.
+
+    Pixels (n,) have s samples each, which lie `right` and `down` (s,) px from the centre.
+    """
+    u, v = np.add.outer(columns, right).ravel(), np.add.outer(rows, down).ravel()
     surfaces = body.surfaces
     pinhole = _pinhole(camera.seen_from(body.world_from_body))
     hit, triangle = surfaces.tree.first_hits(shading.camera_rays(u, v, *pinhole))
@@ -48,15 +56,12 @@ def intersect(body: Body, camera: Camera, u, v) -> tuple[np.ndarray, np.ndarray]
     return depth, triangle
 
 
-def nearest(bodies: list[Body], camera: Camera, u, v) -> Hits:
-    """What samples (u, v), each (n,) px, meet first."""
-    hits = Hits(
-        np.full(len(u), np.inf),
-        np.full(len(u), -1, dtype=np.int8),
-        np.full(len(u), NO_TRIANGLE, dtype=np.int32),
-    )
-    for index, body in enumerate(bodies):
-        depth, triangle = intersect(body, camera, u, v)
+def nearest(bodies: list[Body], camera: Camera, rows, columns, right, down) -> Hits:
+    """What the samples of `intersect` meet first."""
+    depth, triangle = intersect(bodies[0], camera, rows, columns, right, down)
+    hits = Hits(depth, np.where(triangle >= 0, 0, -1).astype(np.int8), triangle)
+    for index in range(1, len(bodies)):
+        depth, triangle = intersect(bodies[index], camera, rows, columns, right, down)
         closer = depth < hits.depth
         hits.depth[closer] = depth[closer]
         hits.body[closer] = index
@@ -71,30 +76,27 @@ def sunlit(bodies: list[Body], camera: Camera, u, v, hits: Hits, sun, blockers) 
     """
     lit = np.zeros(len(u), dtype=bool)
     for index, body in enumerate(bodies):
-        mine = np.flatnonzero(hits.body == index)
-        if len(mine) == 0:
-            continue
-        turn = body.world_from_body[:3, :3]
         rays, facing = shading.sun_rays(
-            u[mine],
-            v[mine],
-            hits.depth[mine],
-            hits.triangle[mine],
+            u,
+            v,
+            hits.depth,
+            hits.body,
+            hits.triangle,
+            index,
             *_pinhole(camera.seen_from(body.world_from_body)),
             body.surfaces.normals,
-            turn.T @ sun,
+            body.world_from_body[:3, :3].T @ sun,
         )
-        free = np.ones(len(rays), dtype=bool)
         for blocker in blockers:
             other = bodies[blocker]
-            asked = np.flatnonzero(free)
-            moved = rays[asked]
+            asked = rays
             if blocker != index:
-                moved = shading.moved_rays(
-                    moved, np.linalg.inv(other.world_from_body) @ body.world_from_body
+                asked = shading.moved_rays(
+                    rays, np.linalg.inv(other.world_from_body) @ body.world_from_body
                 )
-            free[asked] = ~other.surfaces.tree.blocked(moved)
-        lit[mine[facing[free]]] = True
+            free = ~other.surfaces.tree.blocked(asked)
+            rays, facing = rays[free], facing[free]
+        lit[facing] = True
     return lit
 
 
@@ -104,23 +106,22 @@ def light_of(
     """Linear light (n, 3) float32 of samples that each stand for a square of `spread` px."""
     result = np.empty((len(u), 3), dtype=np.float32)
     for index, body in enumerate(bodies):
-        mine = np.flatnonzero(hits.body == index)
-        if len(mine) == 0:
-            continue
         surfaces = body.surfaces
-        result[mine] = shading.shade(
-            u[mine],
-            v[mine],
-            hits.depth[mine],
-            hits.triangle[mine],
-            lit[mine],
+        shading.shade(
+            result,
+            u,
+            v,
+            hits.depth,
+            hits.body,
+            hits.triangle,
+            lit,
+            index,
             spread,
             *_pinhole(camera.seen_from(body.world_from_body)),
             surfaces.normals,
             surfaces.uv_gradients,
             surfaces.texture,
             surfaces.textures.texels,
-            surfaces.textures.decode,
             surfaces.textures.levels,
             surfaces.textures.first_level,
             body.world_from_body[:3, :3].T @ sun,
@@ -128,18 +129,18 @@ def light_of(
             light.exposure * light.ambient * SKY_COLOUR,
             light.exposure * light.ambient * GROUND_COLOUR,
         )
-    sky = np.flatnonzero(hits.body < 0)
-    if len(sky):
-        result[sky] = shading.sky_light(
-            u[sky],
-            v[sky],
-            camera.rotation,
-            camera.focal,
-            camera.u0,
-            camera.v0,
-            light.exposure * ZENITH,
-            light.exposure * HORIZON,
-        )
+    shading.sky_light(
+        result,
+        u,
+        v,
+        hits.body,
+        camera.rotation,
+        camera.focal,
+        camera.u0,
+        camera.v0,
+        light.exposure * ZENITH,
+        light.exposure * HORIZON,
+    )
     return result
 
 
@@ -156,17 +157,59 @@ def sample_offsets(samples: int) -> tuple[np.ndarray, np.ndarray]:
     return right, down
 
 
+@dataclass(frozen=True)
+class Centres:
+    """What is known of pixels (n,) from the ray through the centre of each.
+
+    Attributes:
+        rows, columns: (n,) int64.
+        hits: what is met.
+        lit: (n,) bool, whether it sees the sun.
+        light: (n, 3) float32, linear light.
+        at_shadow: (n,) bool, whether a shadow's edge may lie in the pixel.
+    """
+
+    rows: np.ndarray
+    columns: np.ndarray
+    hits: Hits
+    lit: np.ndarray
+    light: np.ndarray
+    at_shadow: np.ndarray
+
+
 def supersampled(
-    bodies: list[Body], camera: Camera, rows, columns, sun, light: Light, samples: int
+    bodies: list[Body], camera: Camera, centres: Centres, sun, light: Light, samples: int
 ) -> np.ndarray:
-    """Linear light (n, 3) float32 of pixels (n,), the mean of `samples`² rays through each."""
+    """Linear light (n, 3) float32 of pixels (n,), the mean of `samples`² rays through each.
+
+    A sample on the centre's triangle has the centre's light, whose filter is a pixel wide; only
+    where a shadow's edge may run between them is the sun asked for.
+    """
     right, down = sample_offsets(samples)
-    u = np.add.outer(columns, right).ravel()
-    v = np.add.outer(rows, down).ravel()
-    hits = nearest(bodies, camera, u, v)
+    hits = nearest(bodies, camera, centres.rows, centres.columns, right, down)
+    pixel = np.repeat(np.arange(len(centres.rows)), len(right))
+    alike = (hits.body == centres.hits.body[pixel]) & (
+        hits.triangle == centres.hits.triangle[pixel]
+    )
+    colours = centres.light[pixel]
+    asked = np.flatnonzero(~alike | (centres.at_shadow[pixel] & (hits.body >= 0)))
+    u = np.add.outer(centres.columns, right).ravel()[asked]
+    v = np.add.outer(centres.rows, down).ravel()[asked]
+    hits = hits.at(asked)
     lit = sunlit(bodies, camera, u, v, hits, sun, range(len(bodies)))
-    colours = light_of(bodies, camera, u, v, hits, lit, sun, light, 1.0 / samples)
-    return colours.reshape(len(rows), samples * samples, 3).mean(axis=1)
+    other = np.flatnonzero(~alike[asked] | (lit != centres.lit[pixel[asked]]))
+    colours[asked[other]] = light_of(
+        bodies,
+        camera,
+        u[other],
+        v[other],
+        hits.at(other),
+        lit[other],
+        sun,
+        light,
+        1.0 / samples,
+    )
+    return colours.reshape(len(centres.rows), len(right), 3).mean(axis=1)
 
 
 def _pinhole(camera: Camera) -> tuple:

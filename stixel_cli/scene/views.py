@@ -10,14 +10,17 @@ import numpy as np
 
 from stixel_cli.scene import tracing
 from stixel_cli.scene.camera_rays import Camera
-from stixel_cli.scene.edges import edge_pixels
+from stixel_cli.scene.edges import edge_pixels, unclear_pixels
 from stixel_cli.scene.frames import SKY_ID
 from stixel_cli.scene.renderer_parameters import RaycastParameters
 from stixel_cli.scene.surfaces import srgb_from_linear
-from stixel_cli.scene.tracing import Body, Hits
+from stixel_cli.scene.tracing import Body, Centres, Hits
 
 THIN_SAMPLES = 2
 """Rays a pixel along each axis that look for thin parts of the target between pixel centres."""
+
+CENTRE = np.zeros(1), np.zeros(1)
+"""The one sample in the middle of a pixel."""
 
 MARGIN = 3
 """Pixels round the target's and its shadow's rectangle: samples and neighbours reach one or two."""
@@ -46,18 +49,35 @@ def still_view(still: Body, camera: Camera, sun, renderer: RaycastParameters) ->
     """The view of what stands still."""
     rows, columns = np.divmod(np.arange(camera.height * camera.width), camera.width)
     u, v = columns.astype(np.float64), rows.astype(np.float64)
-    hits = tracing.nearest([still], camera, u, v)
-    lit = tracing.sunlit([still], camera, u, v, hits, sun, (0,))
+    hits = tracing.nearest([still], camera, rows, columns, *CENTRE)
+    lit = _sunlit_still(still, camera, u, v, hits, sun)
     plain = tracing.light_of([still], camera, u, v, hits, lit, sun, renderer.light, 1.0)
     light = plain.copy()
-    edges = edge_pixels([still], hits, lit, plain, camera.height)
-    if renderer.samples > 1 and len(edges):
-        light[edges] = tracing.supersampled(
-            [still], camera, rows[edges], columns[edges], sun, renderer.light, renderer.samples
+    if renderer.samples > 1:
+        edge, at_shadow = edge_pixels([still], hits, lit, plain, camera.height)
+        again = np.flatnonzero(edge)
+        centres = Centres(
+            rows[again], columns[again], hits.at(again), lit[again], plain[again], at_shadow[again]
+        )
+        light[again] = tracing.supersampled(
+            [still], camera, centres, sun, renderer.light, renderer.samples
         )
     ids = np.full(len(u), SKY_ID, dtype=np.uint8)
     ids[hits.body == 0] = still.surfaces.object_ids[hits.triangle[hits.body == 0]]
     return StillView(hits, lit, plain, light, ids)
+
+
+def _sunlit_still(still: Body, camera: Camera, u, v, hits: Hits, sun) -> np.ndarray:
+    """(n,) bool, whether each pixel's hit sees the sun.
+
+    Asked on every second field of a chequer-board, and between them where the neighbours disagree.
+    """
+    lit = np.zeros(len(u), dtype=bool)
+    even = np.flatnonzero((u + v) % 2 == 0)
+    lit[even] = tracing.sunlit([still], camera, u[even], v[even], hits.at(even), sun, (0,))
+    odd = unclear_pixels([still], hits, lit, camera.height)
+    lit[odd] = tracing.sunlit([still], camera, u[odd], v[odd], hits.at(odd), sun, (0,))
+    return lit
 
 
 def view_with_target(
@@ -99,7 +119,7 @@ def view_with_target(
         lit, plain = view.lit[pixels], view.plain[pixels]
         # The target, where it is nearer than what stands still.
         near = np.flatnonzero(_inside(rows, columns, body_box))
-        found, triangle = tracing.intersect(target, camera, u[near], v[near])
+        found, triangle = tracing.intersect(target, camera, rows[near], columns[near], *CENTRE)
         nearer = found < hits.depth[near]
         over = np.zeros(len(pixels), dtype=bool)
         over[near] = nearer
@@ -108,12 +128,12 @@ def view_with_target(
         # Its shadow on what was in the sun.
         asked = np.flatnonzero(lit & ~over)
         shadowed = asked[
-            ~tracing.sunlit(bodies, camera, u[asked], v[asked], _at(hits, asked), sun, (1,))
+            ~tracing.sunlit(bodies, camera, u[asked], v[asked], hits.at(asked), sun, (1,))
         ]
         lit[shadowed] = False
         covered = np.flatnonzero(over)
         lit[covered] = tracing.sunlit(
-            bodies, camera, u[covered], v[covered], _at(hits, covered), sun, (1, 0)
+            bodies, camera, u[covered], v[covered], hits.at(covered), sun, (1, 0)
         )
         changed = over.copy()
         changed[shadowed] = True
@@ -123,7 +143,7 @@ def view_with_target(
             camera,
             u[fresh],
             v[fresh],
-            _at(hits, fresh),
+            hits.at(fresh),
             lit[fresh],
             sun,
             renderer.light,
@@ -132,15 +152,22 @@ def view_with_target(
         light[pixels[fresh]] = plain[fresh]
         if renderer.samples > 1:
             shape = bottom - top, right - left
-            edges = np.zeros(len(pixels), dtype=bool)
-            edges[edge_pixels(bodies, hits, lit, plain, shape[0])] = True
-            edges &= _grown(changed.reshape(shape)).ravel()
-            edges[near] |= _thin(
-                target, camera, u[near], v[near], view.hits.depth[pixels[near]], nearer
+            edge, at_shadow = edge_pixels(bodies, hits, lit, plain, shape[0])
+            edge &= _grown(changed.reshape(shape)).ravel()
+            edge[near] |= _thin(
+                target, camera, rows[near], columns[near], view.hits.depth[pixels[near]], nearer
             )
-            again = np.flatnonzero(edges)
+            again = np.flatnonzero(edge)
+            centres = Centres(
+                rows[again],
+                columns[again],
+                hits.at(again),
+                lit[again],
+                plain[again],
+                at_shadow[again],
+            )
             light[pixels[again]] = tracing.supersampled(
-                bodies, camera, rows[again], columns[again], sun, renderer.light, renderer.samples
+                bodies, camera, centres, sun, renderer.light, renderer.samples
             )
         depth[pixels[covered]] = hits.depth[covered]
         ids[pixels[covered]] = target.surfaces.object_ids[hits.triangle[covered]]
@@ -160,10 +187,6 @@ def _touched_rectangles(still: Body, target: Body, corners_target, camera: Camer
     return camera.rectangle_of(corners, MARGIN), camera.rectangle_of(swept, MARGIN)
 
 
-def _at(hits: Hits, index: np.ndarray) -> Hits:
-    return Hits(hits.depth[index], hits.body[index], hits.triangle[index])
-
-
 def _grown(mask: np.ndarray) -> np.ndarray:
     """`mask` (h, w) bool and its neighbours (of four)."""
     grown = mask.copy()
@@ -174,13 +197,12 @@ def _grown(mask: np.ndarray) -> np.ndarray:
     return grown
 
 
-def _thin(target: Body, camera: Camera, u, v, depth, over) -> np.ndarray:
+def _thin(target: Body, camera: Camera, rows, columns, depth, over) -> np.ndarray:
     """(n,) bool: pixels where only a part of some rays meets the target, as at a thin tube."""
-    thin = np.zeros(len(u), dtype=bool)
-    for right, down in zip(*tracing.sample_offsets(THIN_SAMPLES), strict=True):
-        found, _ = tracing.intersect(target, camera, u + right, v + down)
-        thin |= (found < depth) != over
-    return thin
+    right, down = tracing.sample_offsets(THIN_SAMPLES)
+    found, _ = tracing.intersect(target, camera, rows, columns, right, down)
+    met = found.reshape(len(rows), len(right)) < depth[:, None]
+    return (met != over[:, None]).any(axis=1)
 
 
 def _inside(rows: np.ndarray, columns: np.ndarray, box: tuple[int, int, int, int]) -> np.ndarray:

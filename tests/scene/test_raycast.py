@@ -196,14 +196,13 @@ def test_a_texture_seen_straight_on_is_averaged_over_the_pixels_area():
 def test_shading_an_empty_list_is_no_special_case(still):
     surfaces = still.body.surfaces
     none, ids = np.empty(0), np.empty(0, dtype=np.int32)
-    one = np.ones(3)
-    light = shade(
-        none, none, none, ids, np.empty(0, dtype=bool), 1.0, np.eye(3), np.zeros(3), 1.0, 0.0, 0.0,
-        surfaces.normals, surfaces.uv_gradients, surfaces.texture, surfaces.textures.texels,
-        surfaces.textures.decode, surfaces.textures.levels, surfaces.textures.first_level, one,
-        one, one, one,
+    one, light = np.ones(3), np.empty((0, 3), dtype=np.float32)
+    shade(
+        light, none, none, none, ids.astype(np.int8), ids, np.empty(0, dtype=bool), 0, 1.0,
+        np.eye(3), np.zeros(3), 1.0, 0.0, 0.0, surfaces.normals, surfaces.uv_gradients,
+        surfaces.texture, surfaces.textures.texels, surfaces.textures.levels,
+        surfaces.textures.first_level, one, one, one, one,
     )  # fmt: skip
-    assert light.shape == (0, 3)
     assert len(RayTree(np.eye(3), np.array([[0, 1, 2]])).blocked(np.empty((0, 6)))) == 0
 
 
