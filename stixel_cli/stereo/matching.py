@@ -76,8 +76,9 @@ def cancel_errors(raw: np.ndarray, moved: np.ndarray) -> np.ndarray:
     """Mean (H, W) int16 of a raw disparity and of that to the right image moved half a pixel.
 
     A sub-pixel parabola is drawn towards whole pixels; half a pixel on it is drawn the other way,
-    so that the mean of both has little of the error (Shimizu, Okutomi 2001, estimation error
-    cancellation). Where the two are more than a pixel apart, or one is invalid, `raw` stays.
+    so that the mean of both has little of the error (Shimizu, Okutomi 2005, *Sub-pixel estimation
+    error cancellation on area-based matching*). Where the two are more than a pixel apart, or one
+    is invalid, `raw` stays.
     """
     first = raw.astype(np.int32)
     second = moved.astype(np.int32) + SUBPIXELS // 2

@@ -74,6 +74,7 @@ def stixels_of_frame(
         obstacle,
         window,
         tops,
+        foot_rows(obstacle, base_row, rig, extraction.least_height),
         base_row,
         scale,
         extraction.width,
@@ -87,6 +88,18 @@ def stixels_of_frame(
     share = np.minimum(1.0, extraction.correlated_pixels / np.maximum(values[:, 2], 1.0))
     measured[:, 1] = extraction.least_deviation**2 + values[:, 1] * share
     return group_fields(areas, measured, line, rig, extraction.relief)
+
+
+def foot_rows(
+    obstacle: np.ndarray, base_row: np.ndarray, rig: Rig, least_height: float
+) -> np.ndarray:
+    """Rows (W,) int32 that see the obstacles `least_height` m above the road; -1 where free.
+
+    Where an obstacle stands on the road a matcher blends the two, and the road there is behind it.
+    A height h has f h / z = h d / B rows.
+    """
+    rows = np.rint(least_height / rig.baseline * np.nan_to_num(obstacle)).astype(np.int32)
+    return np.where(base_row >= 0, np.maximum(base_row - rows, -1), -1).astype(np.int32)
 
 
 def smoothing_kernel(deviation: float) -> np.ndarray:

@@ -10,6 +10,7 @@ def group_columns(
     obstacle,
     window,
     tops,
+    foot,
     base_row,
     scale,
     stixel_width,
@@ -23,12 +24,13 @@ def group_columns(
     A group of columns is a stixel if at least half of them have an obstacle. The columns of the
     group whose obstacle lies within `window` of the median one's, in disparity, make it up: its
     top is the median of theirs, its disparity the maximum of the histogram of the disparities
-    within the window in their areas.
+    within the window in their areas, from the top down to `foot`.
 
     Args:
         columns: (W, H) int16 raw disparities; levelled disparity is raw * scale[v] px.
         obstacle, window: (W,) float32 px; obstacle is NaN in free columns.
         tops, base_row: (W,) int32 rows of the obstacle, both inclusive.
+        foot: (W,) int32 lowest row whose pixels count, inclusive.
         scale: (H,) float32.
         stixel_width: columns of a group.
         bins, bins_per_pixel: of the histogram.
@@ -67,7 +69,7 @@ def group_columns(
         least, most, pixels, rows = bins, -1, 0, 0
         for i in range(kept):
             u = members[i]
-            for v in range(tops[u], base_row[u] + 1):
+            for v in range(tops[u], foot[u] + 1):
                 raw = columns[u, v]
                 if raw < 0:
                     continue

@@ -219,6 +219,8 @@ class ExtractionParameters:
     Attributes:
         width: columns of a stixel, px.
         smoothing: standard deviation of the kernel that smooths the histogram, px.
+        least_height: pixels that stand lower above the road do not count, m: at the foot of an
+            obstacle a matcher blends it with the road.
         least_pixels: fewer pixels of the obstacle's disparity make no stixel.
         least_deviation: part of the disparity's standard deviation that no averaging removes, px.
         correlated_pixels: that many neighbouring pixels count as one independent measurement.
@@ -229,6 +231,7 @@ class ExtractionParameters:
 
     width: Annotated[int, Ge(1), Le(64)]
     smoothing: Annotated[float, Ge(0.1), Le(4)]
+    least_height: Height
     least_pixels: Annotated[int, Ge(1), Le(10000)]
     least_deviation: Annotated[float, Ge(0), Le(5)]
     correlated_pixels: Annotated[float, Ge(1), Le(10000)]

@@ -108,6 +108,7 @@ def extraction():
     return ExtractionParameters(
         width=5,
         smoothing=0.35,
+        least_height=0.25,
         least_pixels=10,
         least_deviation=0.1,
         correlated_pixels=25.0,

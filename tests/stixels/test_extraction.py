@@ -2,11 +2,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from stixel_cli.scene.scenario import EgoMotion
-from stixel_cli.stixels.extraction import BINS_PER_PIXEL, extract_stixels, smoothing_kernel
+from stixel_cli.stixels.extraction import (
+    BINS_PER_PIXEL,
+    extract_stixels,
+    foot_rows,
+    smoothing_kernel,
+)
 from stixel_cli.stixels.free_space import find_free_space
 from stixel_cli.stixels.grouping import group_columns, histogram_peak
+from stixel_cli.stixels.road import base_rows, road_line
 
 BOXES = [(-2.0, 9.0, 1.6, 1.5), (2.5, 16.0, 2.0, 1.7)]
 
@@ -123,33 +131,110 @@ def test_peak_is_the_parabola_through_the_smoothed_maximum():
         assert histogram_peak(histogram, kernel) == pytest.approx(expected, abs=1e-6)
 
 
+GROUPING = {
+    "scale": np.full(40, 1 / 16, dtype=np.float32),
+    "stixel_width": 5,
+    "bins": 32 * BINS_PER_PIXEL + 1,
+    "bins_per_pixel": BINS_PER_PIXEL,
+    "kernel": smoothing_kernel(0.35),
+    "least_pixels": 10,
+}
+
+
 def test_a_group_follows_its_median_column():
     """Two columns of a near box, three of what stands behind: the far ones make the stixel."""
     columns = np.full((5, 40), -1, dtype=np.int16)
     columns[:2, 10:35], columns[2:, 8:30] = 16 * 20, 16 * 10 + 4
     obstacle = np.array([20, 20, 10, 10, 10], dtype=np.float32)
+    window = np.full(5, 2.0, dtype=np.float32)
+    tops = np.array([10, 10, 8, 9, 8], dtype=np.int32)
     base = np.array([34, 34, 29, 29, 29], dtype=np.int32)
-    areas, values = group_columns(
-        columns,
-        obstacle,
-        np.full(5, 2.0, dtype=np.float32),
-        np.array([10, 10, 8, 9, 8], dtype=np.int32),
-        base,
-        np.full(40, 1 / 16, dtype=np.float32),
-        5,
-        32 * BINS_PER_PIXEL + 1,
-        BINS_PER_PIXEL,
-        smoothing_kernel(0.35),
-        10,
-    )
+    areas, values = group_columns(columns, obstacle, window, tops, base, base, **GROUPING)
     assert areas.tolist() == [[0, 5, 8, 29]]
     assert values[0, 0] == pytest.approx(10.25, abs=1e-3)
     assert values[0, 2] == 22 + 21 + 22
     base[1:4] = -1
     obstacle[1:4] = np.nan
-    few, _ = group_columns(
-        columns, obstacle, np.full(5, 2.0, dtype=np.float32), base - 20, base,
-        np.full(40, 1 / 16, dtype=np.float32), 5, 32 * BINS_PER_PIXEL + 1, BINS_PER_PIXEL,
-        smoothing_kernel(0.35), 10,
-    )  # fmt: skip
+    few, _ = group_columns(columns, obstacle, window, base - 20, base, base, **GROUPING)
     assert len(few) == 0
+
+
+def brute_groups(columns, obstacle, window, tops, foot, base, grouping):
+    """The stixels one by one, straight from the definition: areas, and (disparity, n, mean row)."""
+    found = []
+    for left in range(0, len(columns), grouping["stixel_width"]):
+        group = np.arange(left, min(left + grouping["stixel_width"], len(columns)))
+        standing = group[base[group] >= 0]
+        if 2 * len(standing) < len(group) or len(standing) == 0:
+            continue
+        order = sorted(standing, key=lambda u: obstacle[u])
+        middle = order[len(order) // 2]
+        members = [u for u in standing if abs(obstacle[u] - obstacle[middle]) <= window[middle]]
+        pixels = [
+            (columns[u, v] * grouping["scale"][v], v)
+            for u in members
+            for v in range(tops[u], foot[u] + 1)
+            if columns[u, v] >= 0
+        ]
+        pixels = [(d, v) for d, v in pixels if abs(d - obstacle[middle]) < window[middle]]
+        if len(pixels) < grouping["least_pixels"]:
+            continue
+        bins = np.array([int(d * BINS_PER_PIXEL + 0.5) for d, _ in pixels])
+        histogram = np.bincount(bins - bins.min()).astype(np.int32)
+        disparity = (histogram_peak(histogram, grouping["kernel"]) + bins.min()) / BINS_PER_PIXEL
+        top = sorted(tops[members])[len(members) // 2]
+        area = (group[0], group[-1] + 1, top, base[middle])
+        found.append((area, (disparity, len(pixels), np.mean([v for _, v in pixels]))))
+    return found
+
+
+@settings(derandomize=True, deadline=None, max_examples=40)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 6), st.integers(1, 23))
+def test_groups_are_those_of_a_brute_force(seed, stixel_width, width):
+    rng = np.random.default_rng(seed)
+    columns = rng.integers(16 * 8, 16 * 14, (width, 40)).astype(np.int16)
+    columns[rng.random(columns.shape) < 0.2] = -1
+    obstacle = rng.uniform(9.0, 13.0, width).astype(np.float32)
+    window = rng.uniform(0.5, 3.0, width).astype(np.float32)
+    tops = rng.integers(0, 15, width).astype(np.int32)
+    foot = rng.integers(10, 38, width).astype(np.int32)
+    base = (foot + 2).astype(np.int32)
+    free = rng.random(width) < 0.3
+    obstacle[free], tops[free], foot[free], base[free] = np.nan, -1, -1, -1
+    grouping = {**GROUPING, "stixel_width": stixel_width}
+    areas, values = group_columns(columns, obstacle, window, tops, foot, base, **grouping)
+    expected = brute_groups(columns, obstacle, window, tops, foot, base, grouping)
+    assert areas.tolist() == [list(area) for area, _ in expected]
+    got = values[:, [0, 2, 3]].reshape(-1, 3)
+    np.testing.assert_allclose(got, np.reshape([v for _, v in expected], (-1, 3)), rtol=1e-6)
+
+
+@pytest.mark.parametrize("pitch", [0.0, 3.0])
+def test_the_foot_that_is_blended_with_the_road_does_not_count(rig, pitch):
+    """Rows of an upright obstacle that `foot_rows` leaves out are those below the height."""
+    rig = replace(rig, pitch=pitch)
+    line = road_line(rig.pitch_radians, rig.camera_height, rig)
+    depth = np.array([5.0, 9.0, 20.0])
+    obstacle = (rig.focal * rig.baseline / depth).astype(np.float32)
+    base = np.rint(base_rows(obstacle, line, rig)).astype(np.int32)
+    at_height = np.stack([0 * depth, np.full(3, rig.camera_height - 0.25), depth], axis=1)
+    _, rows, _ = rig.project(at_height @ rig.level_from_camera).T
+    found = foot_rows(np.append(obstacle, np.nan), np.append(base, -1), rig, 0.25)
+    assert np.all(np.abs(found[:3] - rows) <= 1.5)
+    assert found[3] == -1
+    assert np.array_equal(foot_rows(obstacle, base, rig, 0.0), base)
+
+
+def test_a_blended_foot_does_not_move_the_stixel(pipeline, rig, render, as_disparities):
+    box = (0.0, 15.0, 2.0, 1.5)
+    raw = render(rig, boxes=[box])
+    left, right = np.rint(columns_of(rig, box)).astype(int)
+    base = round(rig.v0 + rig.focal * rig.camera_height / 15.0)
+    blended = raw.copy()
+    # Over 0.25 m the disparity falls to that of the road one metre behind.
+    rows = round(0.25 * rig.focal / 15.0)
+    fall = np.linspace(0.0, 16.0 * rig.focal * rig.baseline * (1 / 15 - 1 / 16), rows)
+    blended[base - rows + 1 : base + 1, left:right] -= np.rint(fall)[:, None].astype(np.int16)
+    sharp, soft = (pipeline(as_disparities(image), rig) for image in (raw, blended))
+    assert np.array_equal(sharp.left, soft.left)
+    np.testing.assert_allclose(soft.depth, sharp.depth, rtol=1e-3)

@@ -128,6 +128,24 @@ def test_temporal_term_holds_what_is_not_seen(find, rig, render, as_disparities,
         np.testing.assert_allclose(depth, expected, rtol=0.03)
 
 
+@pytest.mark.parametrize("step", [(0.0, -0.5), (0.0, 0.5), (0.5, 0.0)])
+def test_temporal_term_does_not_drag_a_moving_target(
+    find, rig, render, as_disparities, free_space, step
+):
+    """It expects a world that stands still; a box at 5 m/s at 10 Hz is measured where it is."""
+    places = [np.array([-1.0, 14.0]) + k * np.array(step) for k in range(5)]
+    images = [render(rig, boxes=[(*place, 2.0, 1.5)], wall=30.0) for place in places]
+    with_term, without = (
+        find(as_disparities(*images), rig, free_space=replace(free_space, temporal_cost=cost))
+        for cost in (free_space.temporal_cost, 0.0)
+    )
+    np.testing.assert_array_equal(with_term.disparity, without.disparity)
+    for (at, distance), disparity in zip(places[1:], with_term.disparity[1:], strict=True):
+        edges = rig.u0 + rig.focal * (at + np.array([-1.0, 1.0])) / distance
+        depth = rig.focal * rig.baseline / disparity[int(edges[0]) + 2 : int(edges[1]) - 1]
+        np.testing.assert_allclose(depth, distance, rtol=0.03)
+
+
 def test_no_frames_give_an_empty_result(find, rig, as_disparities):
     empty = find(as_disparities(), rig)
     assert empty.disparity.shape == empty.base_row.shape == (0, rig.width)
