@@ -1,4 +1,4 @@
-"""What the engine costs beside the work: a node (goal 5 ms), a plan, the hash of the code.
+"""What the engine costs beside the work: a node (goal 5 ms), a plan, upkeep, the hash of code.
 
 pytest bench/bench_engine.py
 """
@@ -6,16 +6,19 @@ pytest bench/bench_engine.py
 import itertools
 import sys
 import time
+from dataclasses import replace
 
 import pytest
 
 from stixel_cli.engine import code_hash, source
 from stixel_cli.engine.code_hash import CodeIndex
 from stixel_cli.engine.execute import execute
-from stixel_cli.engine.graph import build_graph
+from stixel_cli.engine.explain import explain
+from stixel_cli.engine.graph import GraphBuilder, build_graph, merge
 from stixel_cli.engine.plan import plan
 from stixel_cli.engine.stage import Stage
 from stixel_cli.engine.store import Store
+from stixel_cli.engine.upkeep import entries, keep_limit
 
 NODES = 200
 STAGES = """
@@ -56,9 +59,12 @@ def test_plain_calls(benchmark, graph):
 
 
 @pytest.mark.benchmark(group="200 empty nodes")
-@pytest.mark.parametrize("executor", ["serial", "threads", "local"])
-def test_overhead_of_a_node(benchmark, graph, tmp_path, executor):
+@pytest.mark.parametrize("executor", ["serial", "threads", "local", "dask"])
+def test_overhead_of_a_node(benchmark, graph, tmp_path, executor, monkeypatch):
     """The time includes the start of the workers; milliseconds a node are in the extra info."""
+    if executor == "dask":
+        pytest.importorskip("distributed")
+        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     folders = (Store(tmp_path / f"cache-{i}") for i in itertools.count())
     # Unknown durations, so that `local` starts its workers.
     benchmark.pedantic(
@@ -66,7 +72,106 @@ def test_overhead_of_a_node(benchmark, graph, tmp_path, executor):
         setup=lambda: ((next(folders),), {}),
         rounds=3,
     )
-    benchmark.extra_info["ms a node"] = 1e3 * benchmark.stats.stats.median / NODES
+    benchmark.extra_info["ms a node, start included"] = 1e3 * benchmark.stats.stats.median / NODES
+
+
+@pytest.mark.benchmark(group="400 more nodes")
+@pytest.mark.parametrize("executor", ["serial", "threads", "local", "dask"])
+def test_overhead_beside_the_start(benchmark, tmp_path, executor, monkeypatch, graph):
+    """What 600 nodes take longer than 200, by the node: the start of the workers falls out."""
+    if executor == "dask":
+        pytest.importorskip("distributed")
+        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+
+    def seconds(nodes, seed):
+        stages = [
+            replace(node.stage, seed=seed) if node.stage.name == "make" else node.stage
+            for node in (graph.of_stage("make")[0], graph.of_stage("add")[0])
+        ]
+        store = Store(tmp_path / f"cache-{nodes}-{seed}")
+        started = time.perf_counter()
+        execute(build_graph(stages, nodes // 2, 1), ["add"], store, executor=executor)
+        return time.perf_counter() - started
+
+    found = [(seconds(600, i) - seconds(200, i)) / 400 for i in range(3)]
+    benchmark.extra_info["ms a node"] = 1e3 * sorted(found)[1]
+    benchmark.pedantic(lambda: None, rounds=1)
+
+
+POINTS = 1000
+
+
+@pytest.fixture
+def points(tmp_path, monkeypatch):
+    """Stages of 1,000 points that differ in their last stage's seed alone: 15 stages, 65 nodes."""
+    text = STAGES + "\n\ndef last(added, seed):\n    return seed\n"
+    (tmp_path / "bench_points.py").write_text(text)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    sys.modules.pop("bench_points", None)
+
+    def stages(i):
+        first = [
+            Stage(f"make{j}", "bench_points:make", "map", {}, {}, packages=("numpy",), seed=j)
+            for j in range(5)
+        ]
+        second = [
+            Stage(f"add{j}", "bench_points:add", "fold", {"made": f"make{j}"}, {}) for j in range(5)
+        ]
+        third = [
+            Stage(f"last{j}", "bench_points:last", "once", {"added": f"add{j}"}, {}, seed=i)
+            for j in range(5)
+        ]
+        return [*first, *second, *third]
+
+    return [stages(i) for i in range(POINTS)]
+
+
+@pytest.mark.benchmark(group="plan of 1,000 points, 65 nodes each, all cached")
+@pytest.mark.parametrize("how", ["one by one", "merged"])
+def test_plan_of_many_points(benchmark, points, tmp_path, how):
+    """From stages to what is missing (goal 3 s with the configurations composed as well)."""
+    store = Store(tmp_path / "cache")
+    if how == "merged":
+        builder = GraphBuilder()
+        graph = merge(builder.build(stages, 60, 10) for stages in points)
+        for key, node in graph.nodes.items():
+            store.save(key, 0, stage=node.stage.name)
+
+    def merged():
+        builder = GraphBuilder()
+        graph = merge(builder.build(stages, 60, 10) for stages in points)
+        return plan(graph, graph.stage_names, store, verify=False)
+
+    def one_by_one():
+        index = CodeIndex()
+        for stages in points[:50]:
+            graph = build_graph(stages, 60, 10, index)
+            plan(graph, graph.stage_names, store, verify=False)
+
+    if how == "merged":
+        planned = benchmark.pedantic(merged, rounds=3)
+        assert not planned.missing
+        benchmark.extra_info["nodes"] = len(planned.needed)
+    else:
+        # Of 50 points only; the time of all is twenty times as long.
+        benchmark.pedantic(one_by_one, rounds=1)
+        benchmark.extra_info["s for 1,000 points"] = 20 * benchmark.stats.stats.median
+
+
+@pytest.mark.benchmark(group="look at 5,000 entries")
+@pytest.mark.parametrize("what", ["limit", "list", "explain"])
+def test_upkeep(benchmark, graph, tmp_path, what):
+    store = Store(tmp_path / "cache", max_size=10**12)
+    parts = {f"package.module{i % 40}:function{i}": f"{i:020x}" for i in range(200)}
+    for i in range(5000):
+        stage = f"stage{i % 16}" if i % 16 else "make"
+        store.save(f"{i:064x}"[::-1], 0, stage=stage, label="x", code_parts=parts, created=0.0)
+    run = {
+        "limit": lambda: keep_limit(store),
+        "list": lambda: entries(store),
+        "explain": lambda: explain(graph, store, ["make"]),
+    }[what]
+    benchmark.pedantic(run, rounds=3)
 
 
 @pytest.mark.benchmark(group="200 cached nodes")

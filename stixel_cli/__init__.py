@@ -1,3 +1,16 @@
-"""Experiments in extended target tracking on stixels."""
+"""Experiments in extended target tracking on stixels.
+
+From Python: `from stixel_cli import compose, run, sweep`, see `stixel_cli.api`.
+"""
 
 __version__ = "0.1.0"
+__all__ = ["__version__", "compose", "run", "sweep"]
+
+
+def __getattr__(name):
+    # Importing this package costs nothing: what these need is imported when they are asked for.
+    if name in __all__:
+        from stixel_cli import api
+
+        return getattr(api, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -12,7 +12,7 @@ from stixel_cli.config.folders import group_options
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 RUNS = [
     shlex.split(line, comments=True)[1:]
-    for line in re.findall(r"^stixel run.*$", README, flags=re.MULTILINE)
+    for line in re.findall(r"^stixel (?:run|sweep) .*$", README, flags=re.MULTILINE)
 ]
 
 

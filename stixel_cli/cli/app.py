@@ -1,6 +1,7 @@
 """The command `stixel`. Nothing heavy is imported before a command's body runs."""
 
 import sys
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -8,8 +9,21 @@ from typing import Annotated, Any
 import typer
 
 from stixel_cli import __version__
-from stixel_cli.cli.completion import complete_override
+from stixel_cli.cli import cache_commands, folder_commands
+from stixel_cli.cli.completion import complete_folder, complete_run_or_override
 from stixel_cli.cli.errors import guarded, interruptible
+from stixel_cli.cli.options import (
+    DryRun,
+    FromFile,
+    Json,
+    Name,
+    Overrides,
+    Pictures,
+    Results,
+    Shuffle,
+    SweepOverrides,
+    Workers,
+)
 from stixel_cli.config.folders import group_options
 from stixel_cli.errors import UserError
 
@@ -107,7 +121,9 @@ def _run_help() -> str:
             "\b",
             "Groups, each with its options:",
             *many,
-            f"  and one option each in {alone}",
+            *textwrap.wrap(
+                f"and one option each in {alone}", 76, initial_indent="  ", subsequent_indent="    "
+            ),
             "",
             "\b",
             "Keys of the chosen options, such as:",
@@ -128,26 +144,11 @@ def _run_help() -> str:
 
 @app.command(short_help="Run one experiment.", help=_run_help())
 def run(
-    overrides: Annotated[
-        list[str] | None,
-        typer.Argument(
-            help="What differs from the default: GROUP=OPTION or KEY=VALUE, in Hydra's grammar.",
-            metavar="OVERRIDES",
-            autocompletion=complete_override,
-            show_default=False,
-        ),
-    ] = None,
-    name: Annotated[
-        str | None,
-        typer.Option(help="Name of the result folder; if not given, from time and choices."),
-    ] = None,
-    results: Annotated[
-        Path, typer.Option(metavar="DIR", help="Where the result folder is made.")
-    ] = Path("results"),
-    workers: Annotated[int, typer.Option(min=1, max=256, help="Processes that compute.")] = 2,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print the result as JSON, and nothing else, on stdout.")
-    ] = False,
+    overrides: Overrides = None,
+    name: Name = None,
+    results: Results = Path("results"),
+    workers: Workers = None,
+    json: Json = False,
     dry_run: Annotated[
         bool,
         typer.Option("--dry-run", help="Print the configuration and what would run; do nothing."),
@@ -161,25 +162,104 @@ def run(
     raise typer.Exit(code)
 
 
-@app.command(short_help="Put runs side by side on one page.")
-def report(
-    folders: Annotated[
-        list[Path],
-        typer.Argument(help="Result folders of two or more runs.", show_default=False),
-    ],
-    output: Annotated[
+@app.command(short_help="Run many experiments, what they share once.")
+def sweep(
+    overrides: SweepOverrides = None,
+    file: FromFile = None,
+    name: Name = None,
+    results: Results = Path("results"),
+    workers: Workers = None,
+    shuffle: Shuffle = None,
+    resume: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="The page to write; if not given, named by the runs."),
+        typer.Option(
+            metavar="FOLDER",
+            help="Go on with a sweep: run what is missing or has failed.",
+            autocompletion=complete_folder,
+        ),
     ] = None,
+    pictures: Pictures = False,
+    dry_run: DryRun = False,
+    json: Json = False,
 ) -> None:
-    """Put two or more runs side by side on one page.
+    """Run all combinations of several values; what points share is computed once.
 
-    The page shows the settings that differ, the metrics, and the errors over time.
+    A point that fails fails alone. The folder holds a row a point, statistics over the seeds, and a
+    figure for each axis.
 
-    Example: stixel report results/simulated results/fabricated
+    \b
+    Examples:
+      stixel sweep tracker.length_scale=0.2,0.4,0.8 seed='range(0,10)'
+      stixel sweep road_user='glob(*)' path=turn,s_curve measurement=fabricated
+      stixel sweep --resume results/sweep-20260101-120000
     """
     with interruptible():
-        from stixel_cli.cli.report import report_command
+        from stixel_cli.cli.sweep import sweep_command
 
-        code = report_command(folders, output)
+        code = sweep_command(
+            overrides or [], file, name, results, workers, json, dry_run, resume, shuffle, pictures
+        )
+    raise typer.Exit(code)
+
+
+@app.command(short_help="What a run or a sweep would compute.")
+def plan(
+    overrides: SweepOverrides = None,
+    file: FromFile = None,
+    workers: Workers = None,
+    pictures: Pictures = False,
+    json: Json = False,
+) -> None:
+    """Print points, nodes, nodes cached and nodes to run, by stage, with an estimate of the time.
+
+    Example: stixel plan tracker.length_scale=0.2,0.4,0.8 seed=0,1,2
+    """
+    with interruptible():
+        from stixel_cli.cli.plan import plan_command
+
+        code = plan_command(overrides or [], file, json, workers, pictures)
+    raise typer.Exit(code)
+
+
+@app.command(short_help="Why a run would compute what it would.")
+def explain(
+    what: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="A result folder, or overrides.",
+            metavar="FOLDER|OVERRIDES",
+            autocompletion=complete_run_or_override,
+            show_default=False,
+        ),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Say of each node that would run why: new, a setting, a function, a version, evicted, input.
+
+    \b
+    Examples:
+      stixel explain tracker.length_scale=0.5
+      stixel explain results/wide-prior
+    """
+    with interruptible():
+        from stixel_cli.cli.explain import explain_command
+
+        code = explain_command(what or [], json)
+    raise typer.Exit(code)
+
+
+folder_commands.register(app)
+app.add_typer(cache_commands.app, name="cache", short_help="See and tidy up the cache.")
+
+
+@app.command(short_help="What this machine has of what is needed.")
+def doctor(json: Json = False) -> None:
+    """Look at versions, cores, threads, renderers, cache and disk.
+
+    The exit code is 0 if the default experiment can run here, 1 if not.
+    """
+    with interruptible():
+        from stixel_cli.cli.doctor import doctor_command
+
+        code = doctor_command(json)
     raise typer.Exit(code)

@@ -5,6 +5,8 @@ import os
 from stixel_cli.config.folders import default_option, group_options, option_values
 from stixel_cli.errors import ConfigurationError
 
+MANIFEST = "manifest.json"
+
 
 def complete_override(incomplete: str) -> list[str]:
     """What `incomplete` can become: groups with their options, or keys with what stands there.
@@ -18,6 +20,46 @@ def complete_override(incomplete: str) -> list[str]:
     except (OSError, ConfigurationError):
         return []
     return [word.removeprefix(before) for word in found if word != before]
+
+
+def complete_sweep(incomplete: str) -> list[str]:
+    """As `complete_override`, and after a comma a further option of the group."""
+    before, comma, last = incomplete.rpartition(",")
+    if not comma:
+        return complete_override(incomplete)
+    _, group = _words_in_bash(incomplete)
+    name, _, values = f"{group}={before}".partition("=") if group else before.partition("=")
+    try:
+        options = group_options().get(name, ())
+    except (OSError, ConfigurationError):
+        return []
+    given = values.split(",")
+    return [f"{before},{o}" for o in options if o.startswith(last) and o not in given]
+
+
+def complete_folder(incomplete: str) -> list[str]:
+    """Result folders that `incomplete` can become, and folders in which there may be some."""
+    folder, slash, name = incomplete.rpartition("/")
+    found: list[str] = []
+    try:
+        # `results/` is where they are if nobody said otherwise.
+        places = [f"{folder}{slash}"] if incomplete else ["", "results/"]
+        for place in places:
+            with os.scandir(os.path.expanduser(place) or ".") as entries:
+                folders = sorted(entry.name for entry in entries if entry.is_dir())
+            for one in folders:
+                if one.startswith(name) and (name or not one.startswith(".")):
+                    path = place + one
+                    is_run = os.path.isfile(os.path.join(os.path.expanduser(path), MANIFEST))
+                    found.append(path if is_run else f"{path}/")
+    except OSError:
+        pass
+    return found
+
+
+def complete_run_or_override(incomplete: str) -> list[str]:
+    """Result folders and overrides."""
+    return [*complete_override(incomplete), *complete_folder(incomplete)]
 
 
 def _words_in_bash(incomplete: str) -> tuple[list[str], str]:

@@ -1,30 +1,29 @@
 """`stixel run`: one experiment, from overrides to a result folder."""
 
-import shlex
 import sys
-import time
 from collections.abc import Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from stixel_cli.config.compose import Composition, compose
-from stixel_cli.engine.errors import CacheError, CodeChanged, StageFailure
 from stixel_cli.engine.progress import make_progress
-from stixel_cli.engine.store import Store, default_cache_folder
-from stixel_cli.errors import UserError
-from stixel_cli.experiment.folder import json_text, reserve_folder, write_folder
-from stixel_cli.experiment.provenance import git_state, machine, package_versions
-from stixel_cli.experiment.run import Outcome, plan_experiment, run_experiment
+from stixel_cli.engine.store import Store, open_store
+from stixel_cli.experiment.recorded_run import (
+    RecordedRun,
+    record_run,
+    told_in_one_line,
+)
+from stixel_cli.experiment.run import Outcome, plan_experiment
+from stixel_cli.experiment.text import json_text
 
 
 def run_command(
     overrides: Sequence[str],
     name: str | None,
     results: Path,
-    workers: int,
+    workers: int | None,
     json: bool,
     dry_run: bool,
 ) -> int:
@@ -33,54 +32,27 @@ def run_command(
     Raises:
         UserError: for whatever the user can put right, before anything is written.
     """
-    started = time.perf_counter()
-    composition = compose(overrides)
-    store = Store(default_cache_folder())
+    composition = compose(with_workers(overrides, workers))
     if dry_run:
-        return _print_plan(composition, store, json)
-    now = datetime.now(UTC)
-    folder = reserve_folder(results, name, f"{_choice_name(composition)}-{now:%Y%m%d-%H%M%S}")
-    outcome = _run(composition, store, workers)
-    manifest = {
-        "command": shlex.join(["stixel", "run", *overrides]),
-        "overrides": list(overrides),
-        "choices": composition.choices,
-        "seed": composition.configuration.seed,
-        "created": now.isoformat(timespec="seconds"),
-        "seconds": round(time.perf_counter() - started, 3),
-        "workers": workers,
-        "git": git_state(),
-        "versions": package_versions(),
-        "machine": machine(),
-        "star_convex": outcome.scenario.star_convex,
-        "stages": outcome.stages,
-    }
-    write_folder(folder, outcome, composition.resolved, manifest)
-    if json:
-        answer = {"folder": str(folder), "metrics": outcome.scores.metrics}
-        sys.stdout.write(json_text(answer | {"stages": outcome.stages}))
-    else:
-        _print_outcome(folder, outcome, manifest["seconds"])
+        return _print_plan(composition, open_store(composition.configuration.cache), json)
+    command = ["stixel", "run", *composition.overrides]
+    made = record_run(composition, command, results, name, progress=make_progress())
+    print_run(made, json)
     return 0
 
 
-def _run(composition: Composition, store: Store, workers: int) -> Outcome:
-    try:
-        return run_experiment(
-            composition.configuration, store, workers=workers, progress=make_progress()
-        )
-    except (CacheError, CodeChanged) as error:
-        raise UserError(str(error)) from error
-    except StageFailure as failure:
-        # What a stage says of its input or of the machine is for the user; the rest is a defect.
-        if isinstance(failure.cause, ValueError | UserError) or hasattr(failure.cause, "one_line"):
-            raise UserError(f"{failure.label}: {failure.cause}") from failure
-        raise
+def with_workers(overrides: Sequence[str], workers: int | None) -> list[str]:
+    """`overrides`, and `--workers` as the override that it stands for."""
+    return [*overrides, *([] if workers is None else [f"executor.workers={workers}"])]
 
 
-def _choice_name(composition: Composition) -> str:
-    groups = ("road_user", "path", "measurement", "tracker")
-    return "-".join(composition.choices[group] for group in groups)
+def print_run(made: RecordedRun, json: bool) -> None:
+    """Print scores and folder of a run, as JSON or for the eye."""
+    if json:
+        answer = {"folder": str(made.folder), "metrics": made.outcome.scores.metrics}
+        sys.stdout.write(json_text(answer | {"stages": made.outcome.stages}))
+    else:
+        _print_outcome(made.folder, made.outcome, made.manifest["seconds"])
 
 
 def _print_outcome(folder: Path, outcome: Outcome, seconds: float) -> None:
@@ -101,10 +73,8 @@ def _print_outcome(folder: Path, outcome: Outcome, seconds: float) -> None:
 
 def _print_plan(composition: Composition, store: Store, json: bool) -> int:
     """Print the configuration and, by stage, how many nodes there are and how many would run."""
-    try:
+    with told_in_one_line():
         planned = plan_experiment(composition.configuration, store)
-    except CacheError as error:
-        raise UserError(str(error)) from error
     missing = set(planned.missing)
     stages: list[dict[str, Any]] = []
     for name in planned.graph.stage_names:

@@ -3,6 +3,7 @@
 import dataclasses
 import inspect
 import math
+from functools import cache
 from typing import Any
 
 from stixel_cli.config.schema import Configuration
@@ -33,7 +34,13 @@ def _check_part(configuration: Configuration, part: Any) -> None:
     """Call the part's own `check`; its arguments are named as the groups that it looks at."""
     own = getattr(part, "check", None)
     if own is not None:
-        own(**{group: getattr(configuration, group) for group in inspect.signature(own).parameters})
+        own(**{group: getattr(configuration, group) for group in _groups_of(type(part))})
+
+
+@cache
+def _groups_of(part: type) -> tuple[str, ...]:
+    """The groups that the check of a part looks at beside itself."""
+    return tuple(inspect.signature(part.check).parameters)[1:]
 
 
 def _check_rig(configuration: Configuration) -> None:

@@ -3,8 +3,13 @@
 This is the one module that touches Hydra's parser; it is not public, hence the pin in the project.
 """
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+import copy
+import itertools
+import re
+from collections.abc import Iterator, Sequence
+from decimal import Decimal
+from functools import cache, lru_cache
+from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config import messages
 from stixel_cli.config.folders import group_options
@@ -14,6 +19,12 @@ from stixel_cli.errors import ConfigurationError
 if TYPE_CHECKING:
     from hydra.core.override_parser.types import Override
 
+MOST_VALUES = 100_000
+"""Values of one key, and points of a sweep, beyond which somebody must have mistyped."""
+
+_PLAIN_WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_./-]*")
+_WORDS_WITH_MEANING = {"null", "true", "false", "nan", "inf"}
+
 
 def parse_overrides(texts: Sequence[str]) -> "list[Override]":
     """Overrides (`key=value`, `group=option`, with `+`, `++`, `~`, sweeps) by Hydra's grammar.
@@ -21,19 +32,30 @@ def parse_overrides(texts: Sequence[str]) -> "list[Override]":
     Raises:
         ConfigurationError: where a text is none.
     """
-    from hydra.core.override_parser.overrides_parser import OverridesParser
     from hydra.errors import HydraException
 
-    parser = OverridesParser.create()
     parsed = []
     for text in texts:
         # Hydra would write its own errors of several lines for these, or none at all.
         _refuse_malformed(text)
         try:
-            parsed.append(parser.parse_override(text))
+            parsed.append(_parse(text))
         except (HydraException, ValueError, RecursionError):
             raise ConfigurationError(_unreadable(text)) from None
     return parsed
+
+
+@cache
+def _parser() -> Any:
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+
+    return OverridesParser.create()
+
+
+@lru_cache(maxsize=8192)
+def _parse(text: str) -> "Override":
+    """What Hydra's parser makes of a text. Nobody changes it, so it is used again."""
+    return _parser().parse_override(text)
 
 
 def _refuse_malformed(text: str) -> None:
@@ -167,3 +189,98 @@ def refuse_sweeps(parsed: "Sequence[Override]") -> None:
             raise ConfigurationError(
                 f"{name}: {value} stands for several values: one run needs one{hint}"
             )
+
+
+def single_overrides(override: "Override", shuffled: bool) -> list[str]:
+    """The overrides of one value each, in order, that one with several values stands for.
+
+    Args:
+        override: a choice `a,b`, `choice(…)`, `range(…)` or `glob(…)`; or one value, which gives
+            one text.
+        shuffled: whether the points' order will be drawn with a seed, so that `shuffle(…)` may be
+            given. It is not drawn here.
+
+    Raises:
+        ConfigurationError: for a sweep that has no values, too many, or no end of them.
+    """
+    from hydra.core.override_parser.types import FloatRange, Glob, IntervalSweep, RangeSweep
+    from hydra.errors import HydraException
+
+    line, name = messages.printable(str(override.input_line)), override.key_or_group
+    if not override.is_sweep_override():
+        return [str(override.input_line)]
+    value = override.value()
+    if isinstance(value, IntervalSweep):
+        raise ConfigurationError(
+            f"{line}: an interval has no end of values: write a range with a step, "
+            f"{name}=range({value.start:g},{value.end:g},STEP), or the values, separated by commas"
+        )
+    if getattr(value, "shuffle", False):
+        if not shuffled:
+            raise ConfigurationError(f"{line}: an order that is drawn needs --shuffle SEED")
+        override = copy.deepcopy(override)
+        value = override.value()
+        value.shuffle = False
+    before = override.get_key_element()
+    try:
+        if isinstance(value, Glob):
+            if name not in group_options():
+                raise ConfigurationError(f"{line}: glob is for options of a group")
+            texts = value.filter(list(group_options()[name]))
+        else:
+            numbers = value.range() if isinstance(value, RangeSweep) else None
+            if isinstance(numbers, FloatRange):
+                texts = [repr(number) for number in _decimal_range(value)]
+            else:
+                values = override.sweep_string_iterator()
+                texts = list(itertools.islice(values, MOST_VALUES + 1))
+    except (HydraException, ValueError, ArithmeticError):
+        raise ConfigurationError(f"{line}: no such range: the step must not be 0") from None
+    if not texts:
+        options = (
+            f" (options: {', '.join(group_options()[name])})" if isinstance(value, Glob) else ""
+        )
+        raise ConfigurationError(f"{line}: stands for no value at all{options}")
+    if len(texts) > MOST_VALUES:
+        raise ConfigurationError(f"{line}: stands for more than {MOST_VALUES} values")
+    return [f"{before}={text}" for text in texts]
+
+
+def _decimal_range(sweep: Any) -> Iterator[float]:
+    """The numbers of a range, counted in decimals as they are typed.
+
+    Hydra counts with the binary numbers that stand for them: range(0.2,0.8,0.2) would give
+    0.6000000000000001, and a fourth value.
+    """
+    start, stop, step = (Decimal(repr(n)) for n in (sweep.start, sweep.stop, sweep.step))
+    if step == 0:
+        raise ValueError("the step is 0")
+    for i in range(MOST_VALUES + 1):
+        number = start + i * step
+        if number >= stop if step > 0 else number <= stop:
+            return
+        yield float(number)
+
+
+def override_text(name: str, value: Any) -> str:
+    """The override that gives the key or group `name` a plain value, as one would type it."""
+    return f"{name}={_value_text(value)}"
+
+
+def _value_text(value: Any) -> str:
+    from hydra.core.override_parser.types import Quote, QuotedString
+
+    match value:
+        case None:
+            return "null"
+        case bool():
+            return str(value).lower()
+        case str():
+            if _PLAIN_WORD.fullmatch(value) and value.lower() not in _WORDS_WITH_MEANING:
+                return value
+            return QuotedString(text=value, quote=Quote.single).with_quotes()
+        case list():
+            return f"[{','.join(map(_value_text, value))}]"
+        case dict():
+            return "{" + ",".join(f"{key}:{_value_text(item)}" for key, item in value.items()) + "}"
+    return str(value)

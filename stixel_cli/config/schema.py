@@ -11,6 +11,7 @@ from typing import Annotated
 from annotated_types import Ge, Le
 from pydantic import Field, TypeAdapter
 
+from stixel_cli.engine.parameters import CacheParameters, Executor
 from stixel_cli.geometry.rig import STRICT, Rig
 from stixel_cli.measurements.parameters import MeasurementParameters
 from stixel_cli.report.parameters import PicturesParameters
@@ -35,6 +36,7 @@ class Configuration:
 
     Attributes:
         seed: of everything that is drawn at random.
+        executor, cache: where it runs and where results are kept. No result depends on them.
         others: the parameters of one group each, see the class of each.
     """
 
@@ -60,6 +62,8 @@ class Configuration:
     start: StartParameters
     tracker: GpEkfParameters
     pictures: PicturesParameters
+    executor: Annotated[Executor, _BY_KIND]
+    cache: CacheParameters
 
 
 @cache

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from stixel_cli.engine.graph import Node
+from stixel_cli.engine.graph import Graph, Node
 
 
 class Durations:
@@ -29,9 +29,12 @@ class Durations:
             total += seconds
         return total
 
-    def learn(self, seconds: Mapping[str, list[float]]) -> None:
-        """Take up what nodes took, by function; half of an older figure fades away each time."""
-        for function, values in seconds.items():
+    def learn(self, graph: Graph, seconds: Mapping[str, float]) -> None:
+        """Take up what nodes of `graph` took, by key; half of an older figure fades each time."""
+        by_function: dict[str, list[float]] = {}
+        for key, value in seconds.items():
+            by_function.setdefault(graph.nodes[key].stage.function, []).append(value)
+        for function, values in by_function.items():
             mean = sum(values) / len(values)
             old = self._seconds.get(function, mean)
             self._seconds[function] = round(0.5 * (old + mean), 4)

@@ -10,10 +10,11 @@ class CacheError(Exception):
 class MissingEntry(CacheError):
     """An entry is not there, or was damaged and has been set aside."""
 
-    def __init__(self, key: str, reason: str):
-        super().__init__(key, reason)
+    def __init__(self, key: str, reason: str, set_aside: bool = False):
+        super().__init__(key, reason, set_aside)
         self.key = key
         self.reason = reason
+        self.set_aside = set_aside
 
     def __str__(self) -> str:
         return f"cache entry {self.key[:12]}: {self.reason}"
@@ -27,6 +28,18 @@ class CodeChanged(Exception):
 
 class WorkerDied(Exception):
     """A node killed its worker twice, the second time with nothing else running."""
+
+    one_line = True
+
+
+class TimeLimitExceeded(Exception):
+    """A node took longer than it may, and was killed."""
+
+    one_line = True
+
+
+class ExecutorError(Exception):
+    """The workers cannot be had, or were lost for good."""
 
     one_line = True
 

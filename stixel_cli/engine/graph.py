@@ -1,7 +1,9 @@
 """From stages to nodes: the units that are computed, stored and looked up by their keys."""
 
-from collections.abc import Mapping, Sequence
+import pickle
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
 
 from stixel_cli.engine.code_hash import CodeIndex
 from stixel_cli.engine.keys import Identity, node_key, stage_identity
@@ -94,28 +96,92 @@ class Graph:
         return found
 
 
+def merge(graphs: Iterable[Graph]) -> Graph:
+    """One graph of all nodes; those that several graphs share are there once.
+
+    The nodes of each graph have the same ids in it, so what belongs to one experiment is looked
+    up in the graph of that experiment.
+    """
+    nodes: dict[str, Node] = {}
+    stages: dict[str, dict[str, None]] = {}
+    before: dict[str, dict[str, None]] = {}
+    for graph in graphs:
+        nodes.update(graph.nodes)
+        for name, ids in graph.stages.items():
+            stages.setdefault(name, {}).update(dict.fromkeys(ids))
+            sources = before.setdefault(name, {})
+            for node in ids[:1]:
+                sources.update(dict.fromkeys(graph.nodes[node].stage.inputs.values()))
+    try:
+        order = list(TopologicalSorter(before).static_order())
+    except CycleError:
+        # The same names wired the other way round: the order is for show, the ids are not.
+        order = list(stages)
+    return Graph(nodes, {name: tuple(stages[name]) for name in order})
+
+
 def build_graph(
     stages: Sequence[Stage], frame_count: int, chunk_size: int, index: CodeIndex | None = None
 ) -> Graph:
     """The graph of `stages` over the frames 0 … `frame_count` - 1, cut in chunks of `chunk_size`.
 
     Nothing of the stages is imported or computed. `index` may be shared by graphs that are built
-    at one time, so that each file is read once.
+    at one time, so that each file is read once; for many graphs, see `GraphBuilder`.
 
     Raises:
         ValueError: stages that contradict themselves or each other, in one line.
         LookupError, TypeError, OSError: see `stage_identity`.
     """
-    if frame_count < 1 or chunk_size < 1:
-        raise ValueError(f"no frames to run over: {frame_count} frames, chunks of {chunk_size}")
-    index = CodeIndex() if index is None else index
-    builder = _Builder(frame_count, chunk_size)
-    for stage in _in_order(stages):
-        builder.add(stage, stage_identity(stage, index))
-    return Graph(builder.nodes, builder.ids)
+    return GraphBuilder(index).build(stages, frame_count, chunk_size)
 
 
-class _Builder:
+class GraphBuilder:
+    """Builds many graphs at one time: what they have in common is looked at once.
+
+    Code and outside files are taken as they are at first sight; make a new one to see them later.
+    """
+
+    def __init__(self, index: CodeIndex | None = None):
+        self._index = CodeIndex() if index is None else index
+        self._identities: dict[bytes, Identity] = {}
+        self._nodes: dict[tuple, dict[str, Node]] = {}
+
+    def build(self, stages: Sequence[Stage], frame_count: int, chunk_size: int) -> Graph:
+        """As `build_graph`."""
+        if frame_count < 1 or chunk_size < 1:
+            raise ValueError(f"no frames to run over: {frame_count} frames, chunks of {chunk_size}")
+        one = _OneGraph(frame_count, chunk_size)
+        for stage in _in_order(stages):
+            identity = self._identity(stage)
+            sources = {name: one.ids[name] for name in stage.inputs.values()}
+            key = (
+                identity.digest,
+                tuple(sorted(stage.inputs.items())),
+                tuple(sources.values()),
+                stage.frames,
+                frame_count,
+                chunk_size,
+            )
+            if key not in self._nodes:
+                self._nodes[key] = one.make(stage, identity)
+            one.add(stage, self._nodes[key])
+        return Graph(one.nodes, one.ids)
+
+    def _identity(self, stage: Stage) -> Identity:
+        # A pickle tells apart all that a key does, types and the last bit of floats among it.
+        what = (stage.name, stage.function, stage.pattern, stage.packages, stage.seed)
+        files = [str(path) for path in stage.files]
+        try:
+            known = pickle.dumps((what, files, dict(stage.settings)))
+        except Exception:
+            # It cannot be part of a key either, which is said better there.
+            return stage_identity(stage, self._index)
+        if known not in self._identities:
+            self._identities[known] = stage_identity(stage, self._index)
+        return self._identities[known]
+
+
+class _OneGraph:
     """Adds one stage after the other, each after those that it takes inputs from."""
 
     def __init__(self, frame_count: int, chunk_size: int):
@@ -125,19 +191,24 @@ class _Builder:
         self.frame_count = frame_count
         self.chunk_size = chunk_size
 
-    def add(self, stage: Stage, identity: Identity) -> None:
-        ids: list[str] = []
+    def add(self, stage: Stage, nodes: dict[str, Node]) -> None:
+        self.nodes.update(nodes)
+        self.ids[stage.name] = tuple(nodes)
+        self.added[stage.name] = stage
+
+    def make(self, stage: Stage, identity: Identity) -> dict[str, Node]:
+        """The nodes of a stage, by their keys."""
+        made: dict[str, Node] = {}
         for first, stop in self.frames_of(stage):
             inputs = {
                 argument: self.givers(stage, self.added[source], first)
                 for argument, source in sorted(stage.inputs.items())
             }
-            previous = ids[-1] if stage.pattern == "fold" and ids else None
+            previous = next(reversed(made)) if stage.pattern == "fold" and made else None
             key = node_key(identity, first, stop, inputs, previous)
-            sources = [key for keys in inputs.values() for key in keys]
-            sources += [previous] if previous else []
-            ids.append(key)
-            self.nodes[key] = Node(
+            depths = [self.nodes[key].depth for keys in inputs.values() for key in keys]
+            depths += [made[previous].depth] if previous else []
+            made[key] = Node(
                 key=key,
                 stage=stage,
                 identity=identity,
@@ -151,10 +222,9 @@ class _Builder:
                     if stage.pattern == "once" and self.added[source].pattern != "once"
                 ),
                 previous=previous,
-                depth=1 + max((self.nodes[source].depth for source in sources), default=-1),
+                depth=1 + max(depths, default=-1),
             )
-        self.ids[stage.name] = tuple(ids)
-        self.added[stage.name] = stage
+        return made
 
     def frames_of(self, stage: Stage) -> list[tuple[int | None, int | None]]:
         if stage.pattern == "once":

@@ -58,8 +58,8 @@ def stage_identity(stage: Stage, index: CodeIndex) -> Identity:
         "pattern": stage.pattern,
         "settings": {name: canonical(stage.settings[name]) for name in sorted(stage.settings)},
         "code": code.digest,
-        "python": f"{sys.version_info.major}.{sys.version_info.minor}",
-        "versions": {name: _installed_version(name) for name in sorted(stage.packages)},
+        "python": python_version(),
+        "versions": {name: installed_version(name) for name in sorted(stage.packages)},
         "seed": stage.seed,
         "files": [_content_digest(path) for path in stage.files],
     }
@@ -88,8 +88,14 @@ def node_key(
     )
 
 
+def python_version() -> str:
+    """As it counts in keys: without the last part."""
+    return f"{sys.version_info.major}.{sys.version_info.minor}"
+
+
 @cache
-def _installed_version(name: str) -> str | None:
+def installed_version(name: str) -> str | None:
+    """Version of a distribution, None if it is not installed. Looked up once a process."""
     try:
         return version(name)
     except PackageNotFoundError:

@@ -4,12 +4,15 @@ A key stands for the code as it was on the disk when the graph was built. A proc
 module before an edit, or imports it after one, would store the result of other code under that key.
 """
 
+import socket
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 from stixel_cli.engine.code_hash import CodeHash, CodeIndex, same_files
 from stixel_cli.engine.errors import CodeChanged
+from stixel_cli.engine.keys import installed_version, python_version
 
 _started = time.time()
 _parts: dict[str, str] = {}
@@ -41,6 +44,23 @@ def check_imported(function: str, types: Iterable[tuple[str, str]], code: CodeHa
         )
     _parts.update(code.parts)
     _modules.update({module: digest for module, (_, digest) in new.items()})
+
+
+def check_versions(notes: Mapping[str, Any]) -> None:
+    """Raise CodeChanged unless Python and the packages are here what they were in the plan.
+
+    Where they differ is another machine's worker.
+    """
+    here = {"python": python_version()} | {
+        name: installed_version(name) for name in notes["versions"]
+    }
+    planned = {"python": notes["python"], **notes["versions"]}
+    for name, version in planned.items():
+        if here[name] != version:
+            raise CodeChanged(
+                f"worker on {socket.gethostname()}: it has {name} {here[name]}, this run was "
+                f"planned with {version}"
+            )
 
 
 def _is_stale(code: CodeHash) -> bool:

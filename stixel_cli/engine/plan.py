@@ -24,28 +24,31 @@ class Plan:
     missing: tuple[str, ...]
 
 
-def plan(graph: Graph, targets: Sequence[str], store: Store) -> Plan:
+def plan(graph: Graph, targets: Sequence[str], store: Store, verify: bool = True) -> Plan:
     """What is to be computed for `targets` (stage names or node ids): what they need and only that.
 
     Targets that are there are read and believed only if their digest is right, since they will
-    be loaded; of what lies before them it is enough that it is there.
+    be loaded; of what lies before them it is enough that it is there. Without `verify` this is
+    enough of the targets too: a forecast for many is made in no time.
 
     Raises:
         KeyError: no such target.
         CacheError: the store cannot be read.
     """
     ids = graph.expand(targets)
-    missing = missing_nodes(graph, [key for key in ids if not store.verify(key)], store)
+    there = store.verify if verify else store.has
+    missing = missing_nodes(graph, [key for key in ids if not there(key)], store)
     return Plan(graph, tuple(ids), frozenset(graph.ancestors(ids)), tuple(missing))
 
 
 def missing_nodes(graph: Graph, wanted: Collection[str], store: Store) -> list[str]:
     """`wanted` and those of their ancestors that have to be computed first, in such an order."""
-    found: set[str] = set()
-    pending = list(wanted)
+    found: dict[str, None] = {}
+    # Among equals, who is wanted first comes first: the points of a sweep run in their order.
+    pending = list(wanted)[::-1]
     while pending:
         key = pending.pop()
         if key not in found:
-            found.add(key)
+            found[key] = None
             pending += [s for s in graph.nodes[key].sources if s not in found and not store.has(s)]
-    return sorted(found, key=lambda key: (graph.nodes[key].depth, graph.nodes[key].first or 0, key))
+    return sorted(found, key=lambda key: (graph.nodes[key].depth, graph.nodes[key].first or 0))

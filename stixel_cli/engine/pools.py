@@ -2,23 +2,55 @@
 
 A pool has `limit` (how many tasks to hand it at a time: one more than it runs, so that no worker
 waits for the next), `submit(function, *arguments)` that gives a `concurrent.futures.Future`,
-`renew()` after its workers died, and `close()`.
+`died(error)` that tells whether a future's error is the death of its worker, `all_die_together`,
+`kills` (whether a task may end the process that it runs in), `renew()` after workers died, and
+`close()`. Dask's is in a module of its own.
 """
 
+import os
 import signal
+import time
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import BrokenExecutor, Future
 from queue import SimpleQueue
 from threading import Thread
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 from stixel_cli.engine.one_thread import ENVIRONMENT
+from stixel_cli.engine.parameters import DaskExecutor, Executor, LocalExecutor, ThreadsExecutor
 
-ExecutorName = Literal["local", "threads", "serial"]
+ExecutorName = Literal["local", "threads", "dask", "serial"]
+ORPHAN_INTERVAL = 0.5
+"""Seconds between two looks of a worker at whether its parent lives."""
+
+NAMES = ("local", "threads", "dask", "serial")
+
+
+class Pool(Protocol):
+    """What the loop of `execute` needs."""
+
+    limit: int
+    all_die_together: bool
+    kills: bool
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
+        """Have a worker run `function`."""
+
+    def died(self, error: BaseException | None) -> bool:
+        """Whether a future ended with `error` because its worker died."""
+
+    def renew(self) -> None:
+        """Workers died: see that there are others."""
+
+    def close(self) -> None:
+        """End the workers, with what they still run."""
 
 
 class ProcessPool:
-    """Processes of loky, started with the first task."""
+    """Processes of loky, started with the first task. When one dies, all tasks in flight fail."""
+
+    all_die_together = True
+    kills = True
 
     def __init__(self, workers: int):
         self.limit = workers + 1
@@ -26,14 +58,27 @@ class ProcessPool:
         self._executor = None
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
-        """Run `function` in a process; a BrokenExecutor error tells that the process died."""
+        """Run `function` in a process."""
         if self._executor is None:
             from joblib.externals.loky import ProcessPoolExecutor
 
             self._executor = ProcessPoolExecutor(
-                self._workers, initializer=_prepare_worker, env=ENVIRONMENT
+                self._workers,
+                initializer=_prepare_worker,
+                initargs=(os.getpid(),),
+                env=ENVIRONMENT,
             )
-        return self._executor.submit(function, *arguments)
+        try:
+            return self._executor.submit(function, *arguments)
+        except BrokenExecutor as error:
+            # A worker died just now. This task is as suspect as those in flight, no more.
+            future: Future = Future()
+            future.set_exception(error)
+            return future
+
+    def died(self, error: BaseException | None) -> bool:
+        """Whether a process died."""
+        return isinstance(error, BrokenExecutor)
 
     def renew(self) -> None:
         """Leave what remains of the processes; the next task starts new ones."""
@@ -49,6 +94,9 @@ class ProcessPool:
 class ThreadPool:
     """Threads of this process. They do not hold up its end, as the standard library's would."""
 
+    all_die_together = False
+    kills = False
+
     def __init__(self, workers: int):
         self.limit = workers + 1
         self._tasks: SimpleQueue = SimpleQueue()
@@ -62,8 +110,12 @@ class ThreadPool:
         self._tasks.put((future, function, arguments))
         return future
 
-    def renew(self) -> None:
+    def died(self, error: BaseException | None) -> bool:
         """Threads do not die."""
+        return False
+
+    def renew(self) -> None:
+        """There is nothing to renew."""
 
     def close(self) -> None:
         """Send the threads home. Those that still run something, after an interrupt, are left."""
@@ -81,12 +133,18 @@ class SerialPool:
     """This thread: each task is done when `submit` comes back."""
 
     limit = 1
+    all_die_together = False
+    kills = False
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
         """Run `function` now."""
         future: Future = Future()
         _settle(future, function, arguments)
         return future
+
+    def died(self, error: BaseException | None) -> bool:
+        """It would be this process."""
+        return False
 
     def renew(self) -> None:
         """There is nothing to renew."""
@@ -95,27 +153,38 @@ class SerialPool:
         """There is nothing to close."""
 
 
-Pool = ProcessPool | ThreadPool | SerialPool
+def executor_of(executor: Executor | ExecutorName, workers: int) -> Executor | None:
+    """The executor of a name with `workers` and no time limit, or itself; None for "serial".
 
-
-POOLS = {
-    "local": ProcessPool,
-    "threads": ThreadPool,
-    "serial": lambda workers: SerialPool(),
-}
-
-
-def check_pool(executor: str, workers: int) -> None:
-    """Raise ValueError, in one line, if there is no such pool."""
-    if executor not in POOLS:
-        raise ValueError(f"executor: there is no {executor!r}, only {', '.join(POOLS)}")
+    Raises:
+        ValueError: in one line, if there is no such executor or there are no workers.
+    """
+    if not isinstance(executor, str):
+        return executor
+    if executor not in NAMES:
+        raise ValueError(f"executor: there is no {executor!r}, only {', '.join(NAMES)}")
     if workers < 1:
         raise ValueError(f"workers: {workers} is too few, at least 1")
+    if executor == "local":
+        return LocalExecutor("local", workers, None)
+    if executor == "threads":
+        return ThreadsExecutor("threads", workers)
+    return DaskExecutor("dask", workers, None, None) if executor == "dask" else None
 
 
-def make_pool(executor: ExecutorName, workers: int) -> Pool:
-    """The pool of a name, see `check_pool`."""
-    return POOLS[executor](workers)
+def make_pool(executor: Executor) -> Pool:
+    """The pool of an executor.
+
+    Raises:
+        ExecutorError: in one line, if its workers cannot be had.
+    """
+    if isinstance(executor, LocalExecutor):
+        return ProcessPool(executor.workers)
+    if isinstance(executor, ThreadsExecutor):
+        return ThreadPool(executor.workers)
+    from stixel_cli.engine.dask_pool import make_dask_pool
+
+    return make_dask_pool(executor)
 
 
 def _settle(future: Future, function: Callable[..., Any], arguments: tuple) -> None:
@@ -125,11 +194,19 @@ def _settle(future: Future, function: Callable[..., Any], arguments: tuple) -> N
         future.set_exception(error)
 
 
-def _prepare_worker() -> None:
+def _prepare_worker(parent: int) -> None:
     # Ctrl-C reaches the whole group of processes; the parent alone answers it, and kills these.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    Thread(target=_end_with, args=(parent,), daemon=True).start()
     from joblib.externals.loky import process_executor
 
     # With psutil installed, loky replaces a worker that has grown by 300 MB, taking it for a leak.
     # Loading Open3D and compiled kernels grows it by as much.
     process_executor._MAX_MEMORY_LEAK_SIZE = float("inf")
+
+
+def _end_with(parent: int) -> None:
+    """End this worker when its parent was killed, which loky's would outlive, waiting for work."""
+    while os.getppid() == parent:
+        time.sleep(ORPHAN_INTERVAL)
+    os._exit(1)

@@ -5,6 +5,7 @@ import time
 from collections.abc import Sequence
 from typing import Protocol
 
+from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.graph import Node
 
 PATIENCE = 1.0
@@ -27,6 +28,9 @@ class Progress(Protocol):
 
     def finished(self, node: Node, seconds: float) -> None:
         """The node is in the store."""
+
+    def failed(self, node: Node, failure: StageFailure, skipped: Sequence[Node]) -> None:
+        """The node failed while the rest goes on; `skipped` depend on it and will not be tried."""
 
     def tick(self) -> None:
         """A little time has passed."""
@@ -51,11 +55,15 @@ class Silent:
         self.done: dict[str, int] = {}
         self.seconds: dict[str, float] = {}
         self.running: dict[str, str] = {}
+        self.failures = 0
+        self.skipped = 0
+        self.cached = 0
         self.began = time.monotonic()
 
     def begin(self, nodes: Sequence[Node], cached: int) -> None:
         """Begin to count, and to measure the time."""
         self.began = time.monotonic()
+        self.cached = cached
         self.extend(nodes)
 
     def extend(self, nodes: Sequence[Node]) -> None:
@@ -73,6 +81,15 @@ class Silent:
         self.running.pop(node.key, None)
         self.done[name] = self.done.get(name, 0) + 1
         self.seconds[name] = self.seconds.get(name, 0.0) + seconds
+
+    def failed(self, node: Node, failure: StageFailure, skipped: Sequence[Node]) -> None:
+        """Count them, and say what failed."""
+        self.running.pop(node.key, None)
+        self.failures += 1
+        self.skipped += len(skipped)
+        for one in (node, *skipped):
+            self.total[one.stage.name] -= 1
+        self.note(f"failed: {' '.join(str(failure).split())}")
 
     def tick(self) -> None:
         """Show nothing."""

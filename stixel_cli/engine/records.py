@@ -1,21 +1,25 @@
 """What an execution did, node by node and stage by stage."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from stixel_cli.engine.canonical import digest
+from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.graph import Graph
+
+Status = Literal["computed", "cached", "failed", "skipped"]
+"""`skipped` is what depends on a node that failed."""
 
 
 @dataclass(frozen=True)
 class NodeRecord:
-    """One node: computed in this execution, or had from the cache (then `seconds` is 0)."""
+    """One node; `seconds` is 0 if it was not computed in this execution."""
 
     key: str
     stage: str
     label: str
-    status: Literal["computed", "cached"]
+    status: Status
     seconds: float
 
 
@@ -26,14 +30,14 @@ class StageRecord:
     Attributes:
         name: of the stage.
         key: of its node; of several nodes, a digest of their keys.
-        status: `computed` if any node was.
+        status: `failed` if any node has, else `skipped` if any was, else `computed` if any was.
         seconds: spent in this execution, over all workers.
         nodes, nodes_computed: how many there are, and how many were computed.
     """
 
     name: str
     key: str
-    status: Literal["computed", "cached"]
+    status: Status
     seconds: float
     nodes: int
     nodes_computed: int
@@ -46,10 +50,19 @@ class Execution:
     Attributes:
         graph: what was executed.
         records: by node id, of the targets and all that they depend on.
+        failures: by node id, of the nodes that failed; only where that did not end the execution.
     """
 
     graph: Graph
     records: Mapping[str, NodeRecord]
+    failures: Mapping[str, StageFailure] = field(default_factory=dict)
+
+    def failure_of(self, target: str) -> StageFailure | None:
+        """Why a node is not there: its own failure, or the first of what it depends on; or None."""
+        ancestors = self.graph.ancestors([target]) if self.failures else set()
+        failed = [key for key in self.failures if key in ancestors]
+        first = min(failed, key=lambda key: (self.graph.nodes[key].depth, key), default=None)
+        return None if first is None else self.failures[first]
 
     def of_stage(self, name: str) -> StageRecord:
         """The record of a stage.
@@ -62,10 +75,11 @@ class Execution:
             raise KeyError(name)
         nodes = [self.records[key] for key in keys]
         computed = sum(node.status == "computed" for node in nodes)
+        found = {node.status for node in nodes}
         return StageRecord(
             name=name,
             key=keys[0] if len(keys) == 1 else digest(keys),
-            status="computed" if computed else "cached",
+            status=next(s for s in ("failed", "skipped", "computed", "cached") if s in found),
             seconds=round(sum(node.seconds for node in nodes), 4),
             nodes=len(nodes),
             nodes_computed=computed,

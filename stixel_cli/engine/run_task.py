@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from stixel_cli.engine.errors import MissingEntry
-from stixel_cli.engine.loaded_code import check_imported
+from stixel_cli.engine.loaded_code import check_imported, check_versions
 from stixel_cli.engine.one_thread import one_thread
 from stixel_cli.engine.store import Store
 from stixel_cli.engine.task import Outcome, Task
+from stixel_cli.engine.time_limit import limited
 
 
 class ChunkSequence(Sequence):
@@ -41,25 +42,32 @@ def run_task(task: Task, folder: Path) -> Outcome:
             if store.has(task.key):
                 return Outcome("cached")
             started = time.perf_counter()
-            function = import_function(task.function)
-            check_imported(task.function, task.types, task.code)
-            with one_thread():
-                value = function(**_arguments(task, inputs))
-            seconds = time.perf_counter() - started
-            store.save(
-                task.key,
-                value,
-                **task.notes,
-                code_parts=task.code.parts,
-                seconds=round(seconds, 4),
-                created=round(time.time(), 3),
-            )
-            return Outcome("computed", time.perf_counter() - started)
+            with limited(task.limit):
+                size = _compute(task, inputs, store)
+            return Outcome("computed", time.perf_counter() - started, size)
     except Exception as error:
         seconds = time.perf_counter() - started
         if inputs.missing:
             return Outcome("missing", seconds, missing=tuple(inputs.missing.items()))
         return Outcome("failed", seconds, error=_portable(error), traceback_text=_own_part(error))
+
+
+def _compute(task: Task, inputs: "_Inputs", store: Store) -> int:
+    """Load, call and store; the size of the result in bytes."""
+    started = time.perf_counter()
+    check_versions(task.notes)
+    function = import_function(task.function)
+    check_imported(task.function, task.types, task.code)
+    with one_thread():
+        value = function(**_arguments(task, inputs))
+    return store.save(
+        task.key,
+        value,
+        **task.notes,
+        code_parts=task.code.parts,
+        seconds=round(time.perf_counter() - started, 4),
+        created=round(time.time(), 3),
+    )
 
 
 def import_function(name: str) -> Callable[..., Any]:
@@ -96,9 +104,13 @@ def _arguments(task: Task, inputs: _Inputs) -> dict[str, Any]:
 
 
 def _own_part(error: Exception) -> str:
-    """The traceback without this module's own frame."""
+    """The traceback without this module's own frames at its beginning."""
     trace = error.__traceback__
-    if trace is not None and trace.tb_next is not None:
+    while (
+        trace is not None
+        and trace.tb_next is not None
+        and trace.tb_frame.f_code.co_filename == __file__
+    ):
         trace = trace.tb_next
     return "".join(traceback.format_exception(type(error), error, trace))
 

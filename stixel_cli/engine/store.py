@@ -21,6 +21,8 @@ import joblib
 from filelock import FileLock
 
 from stixel_cli.engine.errors import CacheError, MissingEntry
+from stixel_cli.engine.parameters import CacheParameters
+from stixel_cli.engine.units import parse_size
 
 VALUE = "value.joblib"
 META = "meta.json"
@@ -36,11 +38,25 @@ def default_cache_folder() -> Path:
     return platformdirs.user_cache_path("stixel", appauthor=False)
 
 
-class Store:
-    """Results in a folder that several processes may share; it is made when it is needed."""
+def open_store(parameters: CacheParameters) -> "Store":
+    """The store that the configuration names, with its limit; nothing is touched yet."""
+    folder = parameters.folder
+    limit = parameters.max_size
+    return Store(
+        default_cache_folder() if folder is None else Path(folder).expanduser().absolute(),
+        None if limit is None else parse_size(limit),
+    )
 
-    def __init__(self, folder: Path | str):
+
+class Store:
+    """Results in a folder that several processes may share; it is made when it is needed.
+
+    `max_size` in bytes is kept by `execute`, see `stixel_cli.engine.upkeep`.
+    """
+
+    def __init__(self, folder: Path | str, max_size: int | None = None):
         self.folder = Path(folder)
+        self.max_size = max_size
 
     def entry(self, key: str) -> Path:
         """The folder of a key's entry, whether there is one or not."""
@@ -86,6 +102,10 @@ class Store:
             return False
         return True
 
+    def check(self, key: str) -> None:
+        """Raise MissingEntry unless there is an entry with the content that was stored."""
+        self._content(key)
+
     def save(self, key: str, value: Any, **notes: Any) -> int:
         """Store a value with notes (JSON) about it; its size in bytes.
 
@@ -125,6 +145,11 @@ class Store:
             lock.acquire()
         except OSError as error:
             raise self._unwritable(error) from error
+        except NotImplementedError as error:
+            raise CacheError(
+                f"the file system of the cache {self.folder} knows no locks (flock): mount it "
+                "with them, or take another folder"
+            ) from error
         try:
             yield
         finally:
@@ -167,11 +192,12 @@ class Store:
 
     def _set_aside(self, key: str, reason: str) -> MissingEntry:
         """Move a bad entry out of the way; the exception to raise."""
-        aside = self.folder / "quarantine" / f"{key}-{time.time_ns():x}"
+        aside = self.folder / "quarantine" / f"{key}-{time.time_ns()}"
         with suppress(OSError):
             # Where this fails, the entry stays, and whoever wants to replace it says why it cannot.
             aside.parent.mkdir(parents=True, exist_ok=True)
             self.entry(key).rename(aside)
+            return MissingEntry(key, reason, set_aside=True)
         return MissingEntry(key, reason)
 
     def _put_in_place(self, partial: Path, entry: Path) -> None:

@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 from stixel_cli.engine.code_hash import CodeHash
 from stixel_cli.engine.graph import Node
+from stixel_cli.engine.time_limit import TimeLimit
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,7 @@ class Task:
             is such an argument.
         code, types: the code as it was planned, and the settings' classes that belong to it.
         notes: stored beside the value.
+        limit: on the time it takes, None for none.
     """
 
     key: str
@@ -33,6 +35,7 @@ class Task:
     code: CodeHash
     types: tuple[tuple[str, str], ...]
     notes: Mapping[str, Any]
+    limit: TimeLimit | None
 
 
 @dataclass(frozen=True)
@@ -43,18 +46,20 @@ class Outcome:
         status: `computed`, `cached` (someone else was first), `missing` (an input is not there,
             or was damaged and is set aside), or `failed`.
         seconds: spent on loading, computing and storing, not on waiting for the lock.
+        size: bytes that were stored.
         missing: (key, reason) of the inputs that are not there.
         error, traceback_text: what the stage raised.
     """
 
     status: Literal["computed", "cached", "missing", "failed"]
     seconds: float = 0.0
+    size: int = 0
     missing: tuple[tuple[str, str], ...] = ()
     error: BaseException | None = None
     traceback_text: str = ""
 
 
-def task_of(node: Node) -> Task:
+def task_of(node: Node, limit: TimeLimit | None = None) -> Task:
     """The task that computes `node`."""
     stage = node.stage
     arguments = dict(stage.settings)
@@ -83,4 +88,5 @@ def task_of(node: Node) -> Task:
         code=node.identity.code,
         types=node.identity.types,
         notes=notes,
+        limit=limit,
     )

@@ -2,7 +2,6 @@
 
 import csv
 import io
-import json
 import os
 import re
 import shutil
@@ -16,7 +15,9 @@ import yaml
 
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import Scores
+from stixel_cli.experiment import lineage
 from stixel_cli.experiment.run import Outcome
+from stixel_cli.experiment.text import json_text
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.track import Track
 
@@ -65,7 +66,11 @@ def write_folder(
         _write_files(partial, outcome, resolved, manifest)
         # A rename onto an empty folder would succeed; mkdir claims the name for us alone.
         folder.mkdir()
-        partial.rename(folder)
+        try:
+            partial.rename(folder)
+        except OSError:
+            folder.rmdir()
+            raise
     except OSError as error:
         raise UserError(f"{folder}: cannot be written: {error.strerror}") from error
     finally:
@@ -81,6 +86,9 @@ def _write_files(
     (folder / "config.yaml").write_text(text, encoding="utf-8")
     (folder / "manifest.json").write_text(json_text(manifest), encoding="utf-8")
     (folder / "metrics.json").write_text(json_text(outcome.scores.metrics), encoding="utf-8")
+    (folder / lineage.FILE).write_text(
+        json_text(lineage.lineage_tree(outcome.lineage)), encoding="utf-8"
+    )
     for stem, columns in (
         ("scans", scan_columns(outcome.scans)),
         ("track", track_columns(outcome.track)),
@@ -88,17 +96,12 @@ def _write_files(
     ):
         (folder / f"{stem}.csv").write_text(_csv_text(columns), encoding="utf-8")
     np.savez_compressed(folder / "scans.npz", **scan_columns(outcome.scans))
-    np.savez_compressed(folder / "track.npz", **_arrays(outcome.track))
+    np.savez_compressed(folder / "track.npz", **track_arrays(outcome.track))
     np.savez_compressed(folder / "scores.npz", **score_columns(outcome.scores))
     for path, data in sorted(outcome.pictures.items()):
         file = folder / "figures" / path
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_bytes(data)
-
-
-def json_text(value: Any) -> str:
-    """JSON with two spaces of indent and a newline at its end; NaN is refused."""
-    return json.dumps(value, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
 
 def scan_columns(scans: Scans) -> dict[str, np.ndarray]:
@@ -143,8 +146,9 @@ def score_columns(scores: Scores) -> dict[str, np.ndarray]:
     }
 
 
-def _arrays(noun: Any) -> dict[str, np.ndarray]:
-    return {name: value for name, value in vars(noun).items() if isinstance(value, np.ndarray)}
+def track_arrays(track: Track) -> dict[str, np.ndarray]:
+    """All arrays of the track by name; shapes as in `Track`."""
+    return {name: value for name, value in vars(track).items() if isinstance(value, np.ndarray)}
 
 
 def _csv_text(columns: Mapping[str, Sequence]) -> str:

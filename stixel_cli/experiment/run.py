@@ -6,10 +6,12 @@ from typing import Any
 from stixel_cli.config.schema import Configuration
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.graph import Graph, build_graph
+from stixel_cli.engine.leases import lease
 from stixel_cli.engine.plan import Plan, plan
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store
 from stixel_cli.evaluation.scores import Scores
+from stixel_cli.experiment.lineage import Lineage, lineage_of
 from stixel_cli.experiment.stages import CHUNK_SIZE, pipeline_stages, scan_count
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
@@ -28,6 +30,7 @@ class Outcome:
         pictures: path below the figures' folder to the file's bytes.
         stages: a record a step: name, key, status ("computed" or "cached"), seconds, nodes,
             nodes_computed.
+        lineage: what the steps were made of.
     """
 
     scenario: Scenario
@@ -36,6 +39,7 @@ class Outcome:
     scores: Scores
     pictures: dict[str, bytes]
     stages: list[dict[str, Any]]
+    lineage: Lineage
 
 
 def plan_experiment(configuration: Configuration, store: Store) -> Plan:
@@ -46,7 +50,7 @@ def plan_experiment(configuration: Configuration, store: Store) -> Plan:
         CacheError: if the store cannot be read.
     """
     graph = experiment_graph(configuration)
-    return plan(graph, _targets(graph), store)
+    return plan(graph, targets(graph), store)
 
 
 def experiment_graph(configuration: Configuration) -> Graph:
@@ -57,29 +61,38 @@ def experiment_graph(configuration: Configuration) -> Graph:
 def run_experiment(
     configuration: Configuration,
     store: Store,
-    workers: int = 2,
     progress: Progress | None = None,
+    pictures: bool = True,
 ) -> Outcome:
     """Compute what `store` does not hold yet of an experiment, and load its results.
+
+    It runs on the executor that the configuration names; `pictures` tells whether to draw any.
 
     Raises:
         StageFailure: if a stage fails; what was finished stays in the store.
         CacheError: if the store cannot be read or written.
     """
     graph = experiment_graph(configuration)
-    execution = execute(graph, _targets(graph), store, workers=workers, progress=progress)
-    results = {name: store.load(graph.of_stage(name)[0].key) for name in RESULTS}
-    pictures = {
-        path: data
-        for name in _picture_steps(graph)
-        for node in graph.of_stage(name)
-        for path, data in store.load(node.key).files.items()
-    }
-    return Outcome(**results, pictures=pictures, stages=execution.stage_records())
+    wanted = targets(graph, pictures)
+    # Held until all is loaded: another process, or the size limit, may tidy up in between.
+    with lease(store.folder, sorted(graph.ancestors(graph.expand(wanted)))):
+        execution = execute(
+            graph, wanted, store, executor=configuration.executor, progress=progress
+        )
+        results = {name: store.load(graph.of_stage(name)[0].key) for name in RESULTS}
+        files = {
+            path: data
+            for name in (_picture_steps(graph) if pictures else ())
+            for node in graph.of_stage(name)
+            for path, data in store.load(node.key).files.items()
+        }
+        lineage = lineage_of(graph, execution.records, store)
+    return Outcome(**results, pictures=files, stages=execution.stage_records(), lineage=lineage)
 
 
-def _targets(graph: Graph) -> list[str]:
-    return [*RESULTS, *_picture_steps(graph)]
+def targets(graph: Graph, pictures: bool = True) -> list[str]:
+    """Names of the stages whose results are an experiment's: `RESULTS`, and the pictures."""
+    return [*RESULTS, *(_picture_steps(graph) if pictures else ())]
 
 
 def _picture_steps(graph: Graph) -> list[str]:

@@ -7,6 +7,7 @@ how the stage runs over the frames, and which packages' versions matter to its r
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -174,12 +175,18 @@ def pictured_frames(configuration: Configuration) -> tuple[int, ...]:
 
 def _read(path: Path) -> dict[str, dict[str, str] | None]:
     try:
-        wiring = yaml.safe_load(path.read_text(encoding="utf-8"))
+        stat = path.stat()
+        return _parse(path, stat.st_mtime_ns, stat.st_size)
     except OSError as error:
         raise UserError(f"{path}: cannot be read: {error.strerror}") from error
     except yaml.YAMLError as error:
         raise UserError(f"{path}: not a YAML file: {str(error).splitlines()[0]}") from error
-    return wiring
+
+
+@lru_cache(maxsize=16)
+def _parse(path: Path, *state: int) -> dict[str, dict[str, str] | None]:
+    """Content of the file, parsed once for all points of a sweep while its `state` is the same."""
+    return yaml.safe_load(path.read_text(encoding="utf-8"))
 
 
 def _stage(configuration: Configuration, path: Path, name: str, wiring: dict[str, str]) -> Stage:

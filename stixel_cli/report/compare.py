@@ -46,7 +46,7 @@ def default_page(folders: Sequence[Path]) -> Path:
 def page_html(runs: Sequence[RunFolder], command: Sequence[str]) -> str:
     """The page of two or more runs; `command` is the command line which makes it."""
     labels = run_labels([run.path for run in runs])
-    differing, same = _settings(runs)
+    differing, same = differing_settings(runs)
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
     )
@@ -60,7 +60,7 @@ def page_html(runs: Sequence[RunFolder], command: Sequence[str]) -> str:
         run_colours=style.RUNS,
         differing=differing,
         same=same,
-        metrics=_metric_rows(runs),
+        metrics=metric_rows(runs),
         curves=[(title, Markup(svg)) for title, svg in error_curves(runs)],
         pictures=[_data_uri(run.path_picture) for run in runs],
         provenance=_provenance(runs),
@@ -85,7 +85,9 @@ def write_page(page: Path, html: str) -> None:
         raise UserError(f"{page}: cannot be written: {error.strerror}") from error
 
 
-def _settings(runs: Sequence[RunFolder]) -> tuple[list[Any], list[tuple[str, str]]]:
+def differing_settings(
+    runs: Sequence[RunFolder],
+) -> tuple[list[Any], list[tuple[str, str]]]:
     """Settings that differ, (key, value of each run), and those that do not, (key, value)."""
     tables = [_choices(run) | run.settings for run in runs]
     keys = list(dict.fromkeys(key for table in tables for key in table))
@@ -113,7 +115,8 @@ def _choices(run: RunFolder) -> dict[str, str]:
     }
 
 
-def _metric_rows(runs: Sequence[RunFolder]) -> list[dict[str, Any]]:
+def metric_rows(runs: Sequence[RunFolder]) -> list[dict[str, Any]]:
+    """A row a metric: name, label, unit; of each run the value as text and whether it is best."""
     rows = []
     for name in dict.fromkeys(name for run in runs for name in run.metrics):
         values = [run.metrics.get(name) for run in runs]

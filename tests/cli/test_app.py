@@ -41,6 +41,19 @@ def test_help_of_report(capsys):
     assert "side by side" in capsys.readouterr().out
 
 
+COMMANDS = "run sweep plan explain rerun verify ls show compare report doctor cache"
+
+
+@pytest.mark.parametrize(
+    "command", [*COMMANDS.split(), "cache ls", "cache gc", "cache verify", "cache clear"]
+)
+def test_every_command_has_a_help(command, capsys):
+    assert main([*command.split(), "--help"]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith(f"Usage: stixel {command} ")
+    assert max(map(len, said.splitlines())) <= 100
+
+
 def test_version(capsys):
     assert main(["--version"]) == 0
     assert capsys.readouterr().out == f"stixel {__version__}\n"
@@ -76,7 +89,7 @@ def test_run_hands_over_what_was_typed(stand_in, tmp_path):
     assert list(defaults[0]) == []
     assert defaults[1] is None
     assert str(defaults[2]) == "results"
-    assert defaults[4:] == (False, False)
+    assert defaults[3:] == (None, False, False)
     assert given == (["seed=1", "rig=kitti"], "a", tmp_path, 3, True, True)
 
 

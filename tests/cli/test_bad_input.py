@@ -92,8 +92,8 @@ SENTENCES = {
 }
 
 
-def say_one_line(words, capsys):
-    assert main(["run", *words]) == 2
+def say_one_line(words, capsys, command="run"):
+    assert main([command, *words]) == 2
     said = capsys.readouterr()
     assert said.out == ""
     assert said.err.count("\n") == 1
@@ -159,6 +159,144 @@ def test_wrong_values(name, capsys):
     said = say_one_line([*choice, f"{name}={wrong_value(key)}"], capsys)
     assert said.startswith(f"stixel: {name}")
     assert "must be" in said
+
+
+OVERRIDES = ("run", "sweep", "plan", "explain")
+FOLDERS = ("rerun", "verify", "show", "compare", "report")
+COMMANDS = (*OVERRIDES, *FOLDERS, "ls", "doctor")
+
+
+@pytest.mark.parametrize("name", list(known_keys())[1::6])
+@pytest.mark.parametrize("command", ["sweep", "plan"])
+def test_one_wrong_value_of_many_is_named_before_anything_runs(command, name, capsys):
+    key = known_keys()[name][0]
+    choice = [f"{name.partition('.')[0]}={key.kind}"] if key.kind else []
+    wrong = wrong_value(key)
+    said = say_one_line([*choice, "seed=0,1", f"{name}={wrong},{wrong}1"], capsys, command)
+    assert name in said
+
+
+@pytest.mark.parametrize("name", list(known_keys())[2::6])
+def test_near_misses_of_keys_with_several_values(name, capsys):
+    miss = name[:-2] + name[-1] + name[-2] if name[-1] != name[-2] else name + "q"
+    said = say_one_line(["seed=0,1", f"{miss}=1,2"], capsys, "sweep")
+    assert "there is no such key" in said
+    assert say_one_line([f"{name}=1,1"], capsys, "sweep").startswith(f"stixel: {name}")
+
+
+@pytest.mark.parametrize("group", [g for g, options in group_options().items() if len(options) > 1])
+def test_sweeps_of_options(group, capsys):
+    first, second = group_options()[group][:2]
+    assert f"{group}=" in say_one_line([f"{group}={first},{second}x"], capsys, "sweep")
+    assert group in say_one_line([f"{group}={first},{first}"], capsys, "sweep")
+    assert group in say_one_line([f"{group}={first},{second}", f"{group}={first}"], capsys, "sweep")
+    assert group in say_one_line([f"{group}=glob(nothing*)"], capsys, "sweep")
+
+
+@pytest.mark.parametrize("command", ["sweep", "plan"])
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["seed=0,1", "seed=2"], "seed: is given twice"),
+        (["seed=0,0"], "seed"),
+        (["seed=range(3,3)"], "no value"),
+        (["seed=range(0,9,0)"], "range"),
+        (["seed=interval(0,1)"], "interval"),
+        (["seed=shuffle(0,1)"], "--shuffle"),
+        (["seed=0,1", "~rig"], "nothing can be left out"),
+        (["+seed=0,1"], "leave out the +"),
+        (["+tracker.news=0,1"], "there is no such key"),
+        (["seed=choice("], "do not match"),
+        (["rig.width=64,wide"], "rig.width"),
+        (["rig=kitti,default", "rig.focal_length=3", "rig.horizontal_fov=50"], "rig.focal_length"),
+        (["path=turn,waypoints", "path.points=[[0,9],[0,19]]"], "path.points"),
+        (["executor.workers=0", "seed=0,1"], "executor.workers: 0 is out of range"),
+        (["cache.max_size=much", "seed=0,1"], "cache.max_size: 'much' is no size"),
+        (["--from", "nowhere.yaml"], "nowhere.yaml"),
+        (["hydra.sweep.dir=x", "seed=0,1"], "Hydra's own settings"),
+        (["seed=1,-2"], "seed: -2 is out of range"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_sweeps_that_cannot_be_meant(command, words, said, capsys):
+    assert said in say_one_line(words, capsys, command)
+
+
+@pytest.mark.parametrize("command", OVERRIDES)
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["rig.widht=3"],
+        ["rig.width=wide"],
+        ["road_user=bike"],
+        ["seed=1", "seed=1"],
+        ["executor=dusk"],
+        ["executor=local", "executor.address=tcp://a:1"],
+        ["executor.time_limit=0"],
+        ["cache.folder=3"],
+        ["=3"],
+        ["rig"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_every_command_that_takes_overrides_refuses_them_alike(command, words, capsys):
+    say_one_line(words, capsys, command)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_options_that_there_are_not(command, capsys):
+    said = say_one_line(["--jsno"], capsys, command)
+    assert "no such option --jsno" in said
+    assert "no such option -z" in say_one_line(["-z"], capsys, command)
+
+
+@pytest.mark.parametrize("command", FOLDERS)
+def test_folders_that_are_none(command, tmp_path_factory, capsys):
+    there = tmp_path_factory.mktemp("there")
+    file, empty = there / "file", there / "empty"
+    file.write_text("text")
+    empty.mkdir()
+    more = [str(empty)] if command in ("compare", "report") else []
+    for folder in (there / "nowhere", file, empty / ".." / "empty", "", "\0", "a\nb"):
+        say_one_line([str(folder), *more], capsys, command)
+    assert "missing argument" in say_one_line([], capsys, command)
+    assert "no result folder of a run" in say_one_line(
+        [str(empty), *([str(there)] if more else [])], capsys, command
+    )
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["run", "--workers", "0"],
+        ["run", "--workers", "2", "executor.workers=3"],
+        ["rerun", "x", "--workers", "-1"],
+        ["verify", "x", "--workers", "two"],
+        ["sweep", "--workers", "0", "seed=0,1"],
+        ["sweep", "--shuffle", "-1", "seed=0,1"],
+        ["sweep", "--shuffle", "x", "seed=0,1"],
+        ["sweep", "--resume", "nowhere"],
+        ["sweep", "--resume", "nowhere", "seed=1"],
+        ["sweep", "--from"],
+        ["plan", "--from", "."],
+        ["ls", "nowhere"],
+        ["ls", "one", "two"],
+        ["doctor", "me"],
+        ["explain", "no/such/folder"],
+        ["explain", ".", "seed=1"],
+        ["cache"],
+        ["cache", "rm"],
+        ["cache", "gc", "--max-size", "big"],
+        ["cache", "gc", "--older-than", "-3d"],
+        ["cache", "clear", "all"],
+        ["run", "--name", "../x"],
+        ["run", "--name", ""],
+        ["swep", "seed=0,1"],
+    ],
+    ids=" ".join,
+)
+def test_words_of_every_command(words, capsys):
+    say_one_line(words[1:], capsys, words[0])
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,15 @@
+import os
+import subprocess
+import sys
+
 import pytest
 
-from stixel_cli.cli.completion import complete_override
+from stixel_cli.cli.completion import (
+    complete_folder,
+    complete_override,
+    complete_run_or_override,
+    complete_sweep,
+)
 from stixel_cli.config.folders import group_options
 
 
@@ -59,6 +68,68 @@ def test_bash_takes_the_equals_sign_for_a_break(in_bash):
     assert in_bash("rig", "=", "kitti", "road_user", "=", "ped") == ["pedestrian"]
     assert in_bash("rig.width", "=") == ["640"]
     assert in_bash("path", "=", "turn", "") == [f"{group}=" for group in group_options()]
+
+
+def test_further_values_of_a_sweep(in_bash, monkeypatch):
+    assert complete_sweep("road_user=car,") == ["road_user=car,cyclist", "road_user=car,pedestrian"]
+    assert complete_sweep("road_user=car,cyclist,") == ["road_user=car,cyclist,pedestrian"]
+    assert complete_sweep("road_user=car,c") == ["road_user=car,cyclist"]
+    assert complete_sweep("road_user=") == complete_override("road_user=")
+    assert complete_sweep("seed=0,") == []
+    monkeypatch.setenv("COMP_WORDS", "stixel sweep road_user = car,")
+    monkeypatch.setenv("COMP_CWORD", "4")
+    assert complete_sweep("car,") == ["car,cyclist", "car,pedestrian"]
+
+
+def test_result_folders(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for run in ("results/one", "results/other"):
+        (tmp_path / run).mkdir(parents=True)
+        (tmp_path / run / "manifest.json").touch()
+    (tmp_path / "results" / ".hidden").mkdir()
+    (tmp_path / "results" / "file").touch()
+    (tmp_path / "else").mkdir()
+    runs = ["results/one", "results/other"]
+    assert complete_folder("") == ["else/", "results/", *runs]
+    assert complete_folder("results/o") == runs
+    assert complete_folder("res") == ["results/"]
+    assert complete_folder("nowhere/") == []
+    assert complete_folder(f"{tmp_path}/results/one") == [f"{tmp_path}/results/one"]
+    assert "results/one" in complete_run_or_override("results/o")
+    assert "road_user=car" in complete_run_or_override("road_u")
+
+
+def test_the_shell_is_answered_fast_and_without_heavy_imports(tmp_path):
+    """As Bash asks: for commands, for overrides of `sweep`, for folders."""
+    program = (
+        "import sys, time; from stixel_cli.cli.app import main; code = main(); "
+        "heavy = {'numpy', 'hydra', 'pydantic', 'yaml', 'rich'} & sys.modules.keys(); "
+        "sys.exit(str(heavy) if heavy else code)"
+    )
+    for line, offered in (
+        ("stixel ex", "explain"),
+        ("stixel cache ve", "verify"),
+        ("stixel sweep road_user=car,c", "cyclist"),
+        ("stixel show resul", "results/"),
+        ("stixel run --wor", "--workers"),
+    ):
+        (tmp_path / "results").mkdir(exist_ok=True)
+        words = line.split()
+        asked = {
+            "_STIXEL_COMPLETE": "complete_bash",
+            "COMP_WORDS": line,
+            "COMP_CWORD": str(len(words) - 1),
+        }
+        done = subprocess.run(
+            [sys.executable, "-c", program],
+            env=os.environ | asked,
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        assert offered in done.stdout
 
 
 def test_no_folder_is_no_error(monkeypatch):

@@ -11,8 +11,9 @@ import pytest
 from stixel_cli.engine import loaded_code
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.graph import build_graph
+from stixel_cli.engine.progress import Silent
 from stixel_cli.engine.stage import Stage
-from stixel_cli.engine.store import Store
+from stixel_cli.engine.store import VALUE, Store
 
 FRAMES, CHUNK = 10, 4
 
@@ -92,6 +93,17 @@ MODULES = {
 _numbers = itertools.count()
 
 
+class Notes(Silent):
+    """Keeps the notes instead of printing them."""
+
+    def __init__(self):
+        super().__init__()
+        self.notes = []
+
+    def note(self, text):
+        self.notes.append(text)
+
+
 class Project:
     """A package in a folder, its stages, a store, and the calls that were made."""
 
@@ -113,6 +125,18 @@ class Project:
         text = path.read_text()
         assert old in text
         path.write_text(text.replace(old, new))
+
+    def add_line(self, function: str, line: str) -> None:
+        """Put a line at the beginning of a stage's body."""
+        self.edit("steps", f'log.called("{function}")', f'log.called("{function}"); {line}')
+
+    def contents(self, graph) -> dict[str, bytes]:
+        """The stored bytes of every node that is there."""
+        return {
+            node.label: (self.store.entry(key) / VALUE).read_bytes()
+            for key, node in graph.nodes.items()
+            if self.store.has(key)
+        }
 
     def forget(self) -> None:
         """Let this process import the package anew, as a new process would."""
@@ -172,6 +196,11 @@ class Project:
         self.forget()
         graph = self.graph() if graph is None else graph
         return execute(graph, targets, self.store, executor=executor, **options)
+
+
+@pytest.fixture
+def notes():
+    return Notes()
 
 
 @pytest.fixture

@@ -11,28 +11,12 @@ from textwrap import dedent
 import pytest
 
 from stixel_cli.engine.errors import CacheError, StageFailure, WorkerDied
-from stixel_cli.engine.progress import Silent
 from stixel_cli.engine.store import VALUE, Store
-
-
-class Notes(Silent):
-    """Keeps the notes instead of printing them."""
-
-    def __init__(self):
-        super().__init__()
-        self.notes = []
-
-    def note(self, text):
-        self.notes.append(text)
-
-
-def add_line(project, function, line):
-    """Put a line at the beginning of a stage's body."""
-    project.edit("steps", f'log.called("{function}")', f'log.called("{function}"); {line}')
+from stixel_cli.engine.upkeep import collect, entries, verify_all
 
 
 def test_a_stage_that_raises(project):
-    add_line(project, "gather", "raise ValueError('no such thing')")
+    project.add_line("gather", "raise ValueError('no such thing')")
     with pytest.raises(StageFailure, match=r"^gather: ValueError: no such thing$") as caught:
         project.run(executor="local")
     failure = caught.value
@@ -47,7 +31,7 @@ def test_a_stage_that_raises(project):
 
 
 def test_an_error_that_cannot_travel_arrives_as_text(project):
-    add_line(project, "gather", "raise type('Own', (Exception,), {})('of its own')")
+    project.add_line("gather", "raise type('Own', (Exception,), {})('of its own')")
     with pytest.raises(StageFailure, match="Own: of its own"):
         project.run(executor="local")
 
@@ -61,22 +45,21 @@ def test_a_result_that_cannot_be_stored_is_the_stages_failure(project):
 KILL = "import os; os.kill(os.getpid(), 9)"
 
 
-def test_a_stage_that_always_kills_its_worker(project):
-    add_line(project, "gather", KILL)
-    progress = Notes()
+def test_a_stage_that_always_kills_its_worker(project, notes):
+    project.add_line("gather", KILL)
     with pytest.raises(StageFailure, match=r"gather: WorkerDied: .*twice") as caught:
-        project.run(executor="local", progress=progress)
+        project.run(executor="local", progress=notes)
     assert isinstance(caught.value.cause, WorkerDied)
-    assert len(progress.notes) == 2 and "gather" in progress.notes[1]
+    assert len(notes.notes) == 2 and "gather" in notes.notes[1]
     assert project.calls().count("gather") == 2
     project.edit("steps", KILL, "pass")
     project.run()
     assert "numbers" not in project.calls()
 
 
-def test_a_worker_that_is_killed_once_costs_nothing_but_time(project):
+def test_a_worker_that_is_killed_once_costs_nothing_but_time(project, notes):
     marker = project.folder / "killed"
-    add_line(project, "gather", f"open({str(marker)!r}, 'x') and None")
+    project.add_line("gather", f"open({str(marker)!r}, 'x') and None")
     project.edit(
         "steps",
         f"open({str(marker)!r}, 'x') and None",
@@ -84,10 +67,9 @@ def test_a_worker_that_is_killed_once_costs_nothing_but_time(project):
         "p.exists() or (p.touch(), __import__('os').kill(__import__('os').getpid(), 9))",
     )
     graph = project.graph()
-    progress = Notes()
-    project.run(graph, executor="local", progress=progress)
+    project.run(graph, executor="local", progress=notes)
     assert all(project.store.verify(node.key) for node in graph.nodes.values())
-    assert len(progress.notes) == 1 and progress.notes[0].startswith("a worker died")
+    assert len(notes.notes) == 1 and notes.notes[0].startswith("a worker died")
     assert project.calls().count("double 0") == 1, "what was in the store is not made again"
 
 
@@ -115,7 +97,7 @@ def test_a_damaged_target_is_made_again(project, cut):
 
 
 @pytest.mark.parametrize("executor", ["serial", "local"])
-def test_a_damaged_input_is_made_again(project, executor):
+def test_a_damaged_input_is_made_again(project, executor, notes):
     graph = project.graph()
     project.run(graph)
     expected = project.store.load(graph.of_stage("show")[0].key)
@@ -123,36 +105,34 @@ def test_a_damaged_input_is_made_again(project, executor):
     # `show` is damaged and needs `double`, which is found damaged only then.
     damage(project, graph, "show")
     damage(project, graph, "double")
-    progress = Notes()
-    execution = project.run(graph, executor=executor, progress=progress)
+    execution = project.run(graph, executor=executor, progress=notes)
     assert set(project.calls()) == {"double 0", "show 2"}
-    assert progress.notes == [
+    assert notes.notes == [
         "cached result of double[0:4] is not usable: its content is not what was stored; made again"
     ]
     assert execution.of_stage("double").nodes_computed == 1
     assert project.store.load(graph.of_stage("show")[0].key) == expected
 
 
-def test_a_damaged_input_of_a_lazy_sequence_is_made_again(project):
+def test_a_damaged_input_of_a_lazy_sequence_is_made_again(project, notes):
     graph = project.graph()
     project.run(graph)
     project.calls()
     damage(project, graph, "gather")
     damage(project, graph, "double", 1)
     damage(project, graph, "running", 2, cut=True)
-    project.run(graph, progress=Notes())
+    project.run(graph, progress=notes)
     assert set(project.calls()) == {"double 4", "running 8", "gather"}
 
 
-def test_a_damaged_entry_that_cannot_be_set_aside(project, monkeypatch):
+def test_a_damaged_entry_that_cannot_be_set_aside(project, monkeypatch, notes):
     graph = project.graph()
     project.run(graph)
     damage(project, graph, "double")
     monkeypatch.setattr(Path, "rename", lambda *args: (_ for _ in ()).throw(OSError("no")))
-    progress = Notes()
     graph = project.graph(seed=2)
     with pytest.raises(CacheError, match=r"double\[0:4\] in .* cannot be used nor replaced"):
-        project.run(graph, progress=progress)
+        project.run(graph, progress=notes)
 
 
 def test_a_cache_that_cannot_be_written_is_said_before_anything_runs(project):
@@ -265,6 +245,20 @@ def test_a_killed_process_leaves_nothing_that_blocks_or_misleads(project):
     process = start(project, "serial")
     assert process.communicate(timeout=60) == ("", "")
     assert project.calls() == ["wait 0", "wait 0", "wait 1"]
+
+
+def test_kill_9_of_a_process_with_workers(project):
+    process = start(project, "local")
+    wait_for_calls(project, 2)
+    process.kill()
+    # Its workers hold the locks while they live; they end or store, and neither misleads.
+    (project.folder / "go").touch()
+    process.communicate(timeout=60)
+    process = start(project, "local")
+    assert process.communicate(timeout=60) == ("", "")
+    assert verify_all(project.store) == [] and len(entries(project.store)) == 2
+    assert collect(project.store, max_size=10**9).in_use == 0
+    assert list((project.store.folder / "leases").iterdir()) == []
 
 
 @pytest.mark.parametrize("executor", ["local", "threads", "serial"])

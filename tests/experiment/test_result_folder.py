@@ -25,6 +25,7 @@ def test_the_folder_holds_what_the_readme_lists(results, capsys):
     folder = results / "mine"
     run_json(capsys, results, *FEW, "--name", "mine")
     assert {path.name for path in folder.iterdir()} == {
+        "lineage.json",
         "config.yaml",
         "manifest.json",
         "metrics.json",
@@ -93,6 +94,45 @@ def test_a_folder_that_cannot_be_written_is_refused(arguments, said, tmp_path, c
     assert error.count("\n") == 1
     assert os.listdir(tmp_path / "results") == ["taken"]
     assert not os.listdir(tmp_path / "results" / "taken")
+
+
+def _full(*_, **__):
+    raise OSError(28, "No space left on device")
+
+
+def _read_only(*_, **__):
+    raise OSError(30, "Read-only file system")
+
+
+@pytest.mark.parametrize(
+    ("place", "fault", "said"),
+    [
+        ("numpy.savez_compressed", _full, "No space left on device"),
+        ("pathlib.Path.write_text", _full, "No space left on device"),
+        ("pathlib.Path.write_bytes", _read_only, "Read-only file system"),
+        ("pathlib.Path.rename", _read_only, "Read-only file system"),
+    ],
+)
+def test_a_disk_that_is_full_leaves_no_half_folder(
+    place, fault, said, results, capsys, monkeypatch
+):
+    run_json(capsys, results, *FABRICATED, "--name", "there")  # so that all is cached
+    monkeypatch.setattr(place, fault)
+    assert main(["run", *FABRICATED, "--results", str(results), "--name", "new"]) == 2
+    error = capsys.readouterr().err
+    assert f"stixel: {results}/new: cannot be written: {said}\n" in error
+    assert os.listdir(results) == ["there"]
+
+
+def test_results_that_are_read_only_are_refused_before_anything_runs(
+    results, capsys, monkeypatch, tmp_path
+):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+    results.mkdir()
+    monkeypatch.setattr("os.access", lambda path, mode, **_: not mode & os.W_OK)
+    assert main(["run", *FABRICATED, "--results", str(results)]) == 2
+    assert "not writable; name another folder" in capsys.readouterr().err
+    assert not (tmp_path / "cache").exists()
 
 
 def test_dry_run_prints_the_plan_and_writes_nothing(results, capsys):

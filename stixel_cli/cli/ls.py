@@ -1,0 +1,40 @@
+"""`stixel ls`: the result folders below a folder."""
+
+import sys
+from pathlib import Path
+
+from stixel_cli.cli.errors import tell
+from stixel_cli.cli.terminal import print_table
+from stixel_cli.experiment.run_list import ListedRun, list_runs
+from stixel_cli.experiment.text import json_text
+from stixel_cli.report.metrics import format_value
+
+SHOWN = {"centre_rmse_m": "centre RMSE, m", "iou_mean": "IoU"}
+
+
+def ls_command(folder: Path, json: bool) -> int:
+    """Print the result folders below `folder`, oldest first; the exit code.
+
+    Raises:
+        UserError: if there is no such folder.
+    """
+    runs = list_runs(folder)
+    if json:
+        sys.stdout.write(json_text([vars(run) | {"path": str(run.path)} for run in runs]))
+        return 0
+    for run in runs:
+        if run.fault is not None:
+            tell(run.fault)
+    if not runs:
+        tell(f"{folder}: no result folders")
+        return 0
+    columns = ["folder", "created", "choices", "seed", *SHOWN.values()]
+    print_table(columns, map(_row, runs), right="345")
+    return 0
+
+
+def _row(run: ListedRun) -> list[str]:
+    what = "a sweep" if run.kind == "sweep" else run.choices
+    seed = "" if run.seed is None else str(run.seed)
+    shown = [format_value(run.metrics[name]) if name in run.metrics else "" for name in SHOWN]
+    return [str(run.path), run.created[:19].replace("T", " "), what, seed, *shown]

@@ -1,0 +1,104 @@
+"""`stixel plan`: what a run or a sweep would compute, and how long it would take."""
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from stixel_cli.cli.run import with_workers
+from stixel_cli.experiment.folder import json_text
+from stixel_cli.sweep.design import Design
+from stixel_cli.sweep.graphs import SweepPlan
+from stixel_cli.sweep.points import design_points, sweep_design
+from stixel_cli.sweep.progress import duration
+from stixel_cli.sweep.whole import planned_sweep
+
+
+def plan_command(
+    overrides: Sequence[str],
+    file: str | None,
+    json: bool,
+    workers: int | None = None,
+    pictures: bool = False,
+) -> int:
+    """Print what a sweep, or a run, would compute; the exit code. Nothing is written.
+
+    Raises:
+        UserError: for whatever the user can put right.
+    """
+    design = sweep_design(with_workers(overrides, workers), file, one_is_enough=True)
+    plan, notes = planned_sweep(design_points(design), None, pictures)
+    print_plan(plan, design, notes, json)
+    return 0
+
+
+def print_plan(plan: SweepPlan, design: Design, notes: Sequence[str], json: bool) -> None:
+    """Print a plan, as JSON or for the eye."""
+    content = plan_content(plan, design, notes)
+    if json:
+        sys.stdout.write(json_text(content))
+        return
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(highlight=False, soft_wrap=True)
+    for axis in design.axes:
+        values = [" ".join(step) for step in axis.steps]
+        shown = ", ".join(values[:6]) + (", …" if len(values) > 6 else "")
+        console.print(f"{axis.name}: {len(values)} values: {shown}", markup=False)
+    for note in notes:
+        console.print(f"note: {note}", markup=False)
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
+    table.add_column("stage")
+    for name in ("nodes", "cached", "to run", "time"):
+        table.add_column(name, justify="right")
+    for stage in plan.stages:
+        table.add_row(
+            stage.name,
+            str(stage.nodes),
+            str(stage.cached),
+            str(stage.to_run),
+            "" if not stage.to_run else "?" if stage.seconds is None else duration(stage.seconds),
+        )
+    console.print(table)
+    counts = content["nodes"]
+    console.print(
+        f"{_many(content['points'], 'point')}, {content['points_cached']} complete; "
+        f"{_many(counts['all'], 'node')}, {counts['cached']} cached, {counts['to_run']} to run"
+        f"{_estimate(plan, content)}"
+    )
+
+
+def plan_content(plan: SweepPlan, design: Design, notes: Sequence[str]) -> dict[str, Any]:
+    """A plan in plain types."""
+    configuration = plan.points[0].point.composition.configuration
+    seconds = plan.seconds(configuration.executor.workers)
+    return {
+        "points": len(plan.points),
+        "points_cached": plan.complete_points(),
+        "nodes": {
+            "all": len(plan.needed),
+            "cached": len(plan.needed) - len(plan.missing),
+            "to_run": len(plan.missing),
+        },
+        "seconds": None if seconds is None else round(seconds, 1),
+        "workers": configuration.executor.workers,
+        "axes": [{"keys": list(axis.keys), "values": len(axis.steps)} for axis in design.axes],
+        "notes": list(notes),
+        "stages": [
+            vars(stage) | {"seconds": None if stage.seconds is None else round(stage.seconds, 2)}
+            for stage in plan.stages
+        ],
+    }
+
+
+def _estimate(plan: SweepPlan, content: dict[str, Any]) -> str:
+    if not plan.missing:
+        return ""
+    if content["seconds"] is None:
+        return "; how long is not known yet"
+    return f", about {duration(content['seconds'])} with {_many(content['workers'], 'worker')}"
+
+
+def _many(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"

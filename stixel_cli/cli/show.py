@@ -1,0 +1,115 @@
+"""`stixel show`: what a result folder tells of its run, or of its sweep."""
+
+import csv
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+from stixel_cli.cli.terminal import print_table
+from stixel_cli.experiment.text import json_text
+from stixel_cli.report.folder_reader import (
+    SWEEP_FILE,
+    check_folder,
+    flat_settings,
+    read_config,
+    read_manifest,
+    read_metrics,
+    read_text,
+)
+from stixel_cli.report.metrics import format_value, metric
+
+MOST_SECTIONS = 4
+
+
+def show_command(folder: Path, json: bool) -> int:
+    """Print where a result folder comes from, its scores and its stages; the exit code.
+
+    Raises:
+        UserError: if it is no result folder, or a file of it is not what it must be.
+    """
+    if (folder / SWEEP_FILE).is_file():
+        return _show_sweep(folder, json)
+    check_folder(folder)
+    manifest, metrics = read_manifest(folder), read_metrics(folder)
+    settings = flat_settings(read_config(folder))
+    if json:
+        answer = {"folder": str(folder), "settings": settings, "metrics": metrics}
+        sys.stdout.write(json_text(answer | {"manifest": manifest}))
+        return 0
+    print_table(("of the run", str(folder)), _provenance(manifest))
+    sys.stdout.write("\n")
+    rows = [(metric(name).label, format_value(v), metric(name).unit) for name, v in metrics.items()]
+    print_table(("score", "value", "unit"), rows, right="1")
+    sys.stdout.write("\n")
+    print_table(("stage", "status", "nodes", "seconds", "key"), _stages(manifest), right="23")
+    return 0
+
+
+def _show_sweep(folder: Path, json: bool) -> int:
+    """Print what was asked of a sweep, what became of its points, and its statistics."""
+    from stixel_cli.sweep.folder import RUNS, SweepFolder
+
+    notes = SweepFolder(folder).request().notes
+    with_status = _read_rows(folder / RUNS)
+    statuses = Counter(row.get("status") or "missing" for row in with_status)
+    if json:
+        answer = {"folder": str(folder), "notes": dict(notes), "points": with_status}
+        sys.stdout.write(json_text(answer))
+        return 0
+    points = ", ".join(f"{count} {status}" for status, count in statuses.items())
+    rows = [("points", points or "none has run")]
+    rows += [(name, str(notes[name])) for name in ("command", "created") if name in notes]
+    print_table(("of the sweep", str(folder)), rows)
+    summary = folder / "summary.md"
+    if summary.is_file():
+        head, *sections = read_text(summary).split("\n## ")
+        sys.stdout.write("\n## ".join([f"\n{head}", *sections[:MOST_SECTIONS]]))
+        if len(sections) > MOST_SECTIONS:
+            sys.stdout.write(f"\n{len(sections) - MOST_SECTIONS} more metrics: {summary}\n")
+    return 0
+
+
+def _read_rows(file: Path) -> list[dict[str, str]]:
+    if not file.is_file():
+        return []
+    lines = read_text(file).splitlines()
+    return [dict(row) for row in csv.DictReader(lines)]
+
+
+def _provenance(manifest: dict[str, Any]) -> list[tuple[str, str]]:
+    rows = [
+        (name, str(manifest[name]))
+        for name in ("command", "rerun_of", "created", "seconds", "seed", "workers")
+        if name in manifest
+    ]
+    choices = _mapping(manifest, "choices")
+    rows.append(("choices", " ".join(f"{group}={option}" for group, option in choices.items())))
+    git = _mapping(manifest, "git")
+    if git.get("revision") is not None:
+        changes = " with uncommitted changes" if git.get("dirty") else ""
+        rows.append(("git", f"{str(git['revision'])[:12]}{changes}"))
+    for name in ("versions", "machine"):
+        rows.append((name, ", ".join(f"{k} {v}" for k, v in _mapping(manifest, name).items())))
+    return rows
+
+
+def _stages(manifest: dict[str, Any]) -> list[tuple[str, ...]]:
+    stages = manifest.get("stages")
+    stages = stages if isinstance(stages, list) else []
+    return [
+        (
+            str(stage.get("name", "?")),
+            str(stage.get("status", "?")),
+            str(stage.get("nodes", "")),
+            str(stage.get("seconds", "")),
+            str(stage.get("key", ""))[:12],
+        )
+        for stage in stages
+        if isinstance(stage, dict)
+    ]
+
+
+def _mapping(manifest: dict[str, Any], name: str) -> dict[str, Any]:
+    value = manifest.get(name)
+    return value if isinstance(value, dict) else {}

@@ -1,0 +1,177 @@
+"""`stixel sweep`: many points, from overrides or a file to a sweep's folder."""
+
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from stixel_cli.cli.errors import tell
+from stixel_cli.cli.plan import print_plan
+from stixel_cli.cli.run import with_workers
+from stixel_cli.errors import UserError
+from stixel_cli.experiment.folder import json_text
+from stixel_cli.sweep.points import design_points, sweep_design
+from stixel_cli.sweep.results import FAILED, SKIPPED, SweepResult
+from stixel_cli.sweep.run import resume_command
+from stixel_cli.sweep.whole import new_sweep, planned_sweep, resumed_sweep
+
+INCOMPLETE = 1
+_MOST_SHOWN = 10
+
+
+def sweep_command(
+    overrides: Sequence[str],
+    file: str | None,
+    name: str | None,
+    results: Path,
+    workers: int | None,
+    json: bool,
+    dry_run: bool,
+    resume: Path | None,
+    shuffle: int | None,
+    pictures: bool = False,
+) -> int:
+    """Run a sweep, or go on with one; the exit code is 1 if a point is not there in the end.
+
+    Args:
+        overrides: in Hydra's grammar, with its sweeps.
+        file: that describes axes, see `stixel_cli.sweep.file`.
+        name: of the sweep's folder; None for one made of the file's name and the time.
+        results: the folder in which that is made.
+        workers: short for the override `executor.workers`.
+        json: print the result as JSON.
+        dry_run: print what would be computed, and write nothing.
+        resume: the folder of a sweep to go on with; then nothing else is given but `workers`.
+        shuffle: seed of the order in which the points run; None for theirs.
+        pictures: draw every point's pictures.
+
+    Raises:
+        UserError: for whatever the user can put right, before anything is computed.
+        SweepInterrupted: by Ctrl-C.
+    """
+    started = time.perf_counter()
+    if resume is not None:
+        _refuse_beside_resume(overrides, file, name, shuffle, pictures, dry_run)
+        result = resumed_sweep(resume, workers, visible=True)
+    else:
+        overrides = with_workers(overrides, workers)
+        if dry_run:
+            design = sweep_design(overrides, file, shuffle)
+            plan, notes = planned_sweep(design_points(design), shuffle, pictures)
+            print_plan(plan, design, notes, json)
+            return 0
+        result = new_sweep(
+            overrides, file, results, name, shuffle, pictures, visible=True, tell=tell
+        )
+    _report(result, json, time.perf_counter() - started)
+    return 0 if result.complete else INCOMPLETE
+
+
+def _refuse_beside_resume(
+    overrides: Sequence[str],
+    file: str | None,
+    name: str | None,
+    shuffle: int | None,
+    pictures: bool,
+    dry_run: bool,
+) -> None:
+    given = {
+        "overrides": bool(overrides),
+        "--from": file is not None,
+        "--name": name is not None,
+        "--shuffle": shuffle is not None,
+        "--pictures": pictures,
+        "--dry-run": dry_run,
+    }
+    for what, is_given in given.items():
+        if is_given:
+            raise UserError(f"--resume goes on with what the folder asks for: leave out {what}")
+
+
+def _report(result: SweepResult, json: bool, seconds: float) -> None:
+    if json:
+        sys.stdout.write(json_text(_answer(result)))
+    else:
+        from rich.console import Console
+
+        console = Console(highlight=False, soft_wrap=True)
+        if result.complete:
+            _print_statistics(console, result)
+        console.print(
+            f"{result.count('done')} of {len(result.points)} points done; nodes: "
+            f"{result.computed} computed, {result.cached} cached; {seconds:.1f} s"
+        )
+        console.print(str(result.folder), markup=False)
+    sys.stdout.flush()
+    if not result.complete:
+        _tell_what_is_missing(result)
+
+
+def _answer(result: SweepResult) -> dict[str, Any]:
+    from stixel_cli.sweep.tables import summary_records
+
+    return {
+        "folder": str(result.folder),
+        "complete": result.complete,
+        "nodes": {"computed": result.computed, "cached": result.cached},
+        "points": result.records,
+        "summary": summary_records(result.statistics),
+    }
+
+
+def _print_statistics(console: Any, result: SweepResult) -> None:
+    """The first of the shown metrics by setting; all of it is in the summary."""
+    from rich import box
+    from rich.table import Table
+
+    from stixel_cli.report.metrics import format_value, metric
+    from stixel_cli.sweep.figures import SHOWN
+
+    by_setting: dict[tuple, dict[str, Any]] = {}
+    for one in result.statistics:
+        by_setting.setdefault(tuple(one.setting.items()), {})[one.metric] = one
+    names = [name for name in SHOWN if any(name in row for row in by_setting.values())]
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
+    for key in result.points[0].planned.point.setting:
+        table.add_column(key)
+    table.add_column("n", justify="right")
+    for name in names:
+        shown = metric(name)
+        table.add_column(
+            f"{shown.label}{f' ({shown.unit})' if shown.unit else ''}", justify="right"
+        )
+    for setting, row in list(by_setting.items())[: 2 * _MOST_SHOWN]:
+        cells = []
+        for name in names:
+            one = row[name]
+            spread = "" if one.low is None else f" ± {format_value(one.mean - one.low)}"
+            cells.append(f"{format_value(one.mean)}{spread}")
+        n = max((row[name].n for name in names), default=0)
+        table.add_row(*(value for _, value in setting), str(n), *cells)
+    console.print(table)
+    more = len(by_setting) - 2 * _MOST_SHOWN
+    console.print(
+        "Mean over seeds ± half of the 95 % interval"
+        + (f"; {more} more settings, and" if more > 0 else ";")
+        + " all metrics: summary.csv, .md, .tex"
+    )
+
+
+def _tell_what_is_missing(result: SweepResult) -> None:
+    lines = []
+    for status in (FAILED, SKIPPED):
+        points = [point for point in result.points if point.status == status]
+        for one in points[:_MOST_SHOWN]:
+            point = one.planned.point
+            reason = " ".join(str(one.failure).split())
+            lines.append(f"point {point.index} {status} ({point.label}): {reason}")
+        if len(points) > _MOST_SHOWN:
+            lines.append(f"{len(points) - _MOST_SHOWN} more points {status}, see runs.csv")
+    lines.append(
+        f"no statistics: {len(result.points) - result.count('done')} of {len(result.points)} "
+        "points are not there"
+    )
+    for line in lines:
+        tell(line)
+    print(resume_command(result.folder), file=sys.stderr)  # noqa: T201

@@ -1,0 +1,82 @@
+"""`stixel verify`: whether a result folder comes out again."""
+
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from stixel_cli.cli.run import with_workers
+from stixel_cli.engine.progress import make_progress
+from stixel_cli.engine.store import Store, open_store
+from stixel_cli.errors import UserError
+from stixel_cli.experiment.recorded_run import provenance
+from stixel_cli.experiment.stored_run import read_stored_run
+from stixel_cli.experiment.text import json_text
+from stixel_cli.experiment.verify import StageDifference, Verification, verify_run
+
+
+def verify_command(folder: Path, cached: bool, workers: int | None, json: bool) -> int:
+    """Run a folder's configuration again and compare: 0 if all is identical, 1 if not.
+
+    Nothing is written but the cache; and where `cached` is false not even that.
+
+    Raises:
+        UserError: if it is no result folder, or cannot be run.
+    """
+    stored = read_stored_run(folder, tuple(with_workers((), workers)))
+    own = open_store(stored.composition.configuration.cache)
+    progress = make_progress()
+    if cached:
+        found = verify_run(stored, own, own, provenance(), progress)
+    else:
+        try:
+            temporary = tempfile.TemporaryDirectory(prefix="stixel-verify-")
+        except OSError as error:
+            raise UserError(f"no folder for the results to compare: {error.strerror}") from error
+        with temporary as scratch:
+            found = verify_run(stored, Store(scratch), own, provenance(), progress)
+    if json:
+        sys.stdout.write(json_text(_as_json(folder, found)))
+    else:
+        sys.stdout.write("".join(f"{line}\n" for line in _as_text(found, stored.lineage is None)))
+    return 0 if found.identical else 1
+
+
+def _as_json(folder: Path, found: Verification) -> dict[str, Any]:
+    return {
+        "folder": str(folder),
+        "identical": found.identical,
+        "files_compared": found.compared,
+        "files": [vars(file) for file in found.files],
+        "first_by_key": None if found.by_key is None else vars(found.by_key),
+        "first_by_value": None if found.by_value is None else vars(found.by_value),
+        "changes": list(found.changes),
+        "stages": found.stages,
+    }
+
+
+def _as_text(found: Verification, no_record: bool) -> list[str]:
+    computed = sum(stage["nodes_computed"] for stage in found.stages)
+    nodes = sum(stage["nodes"] for stage in found.stages)
+    again = f"{computed} of {nodes} nodes computed again"
+    if found.identical:
+        lines = [f"identical: {found.compared} files compared, {again}"]
+    else:
+        lines = [f"differs: {len(found.files)} of {found.compared} files, {again}"]
+        lines += [f"  {file.file}: {file.what}" for file in found.files]
+    if found.by_key is not None:
+        lines += _stage_lines("first stage made of something else", found.by_key)
+    if found.by_value is not None:
+        lines += _stage_lines("first stage with another result", found.by_value)
+    if no_record:
+        lines.append(
+            "the folder does not say what its stages were made of (lineage.json is missing)"
+        )
+    if found.changes:
+        lines.append("since then:")
+        lines += [f"  {change}" for change in found.changes]
+    return lines
+
+
+def _stage_lines(title: str, stage: StageDifference) -> list[str]:
+    return [f"{title}: {stage.stage}: {stage.what}", *(f"  {cause}" for cause in stage.causes)]

@@ -1,0 +1,295 @@
+"""Why a node would run: what differs from the nearest result of its stage that is in the cache."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from stixel_cli.engine.graph import Graph, Node
+from stixel_cli.engine.plan import plan
+from stixel_cli.engine.removal import evicted
+from stixel_cli.engine.store import Store
+from stixel_cli.engine.upkeep import stored_notes
+
+Kind = Literal[
+    "new", "evicted", "damaged", "needed", "setting", "seed", "file", "code", "version", "input"
+]
+
+WORDS = {"size": "for space", "age": "for age", "cleared": "by stixel cache clear"}
+
+
+@dataclass(frozen=True)
+class Change:
+    """One reason for a node to run.
+
+    Attributes:
+        kind: `new` (nothing of the stage is stored), `evicted` or `damaged` (it was stored once),
+            `needed` (nothing changed, but what it gives is to be loaded and is not there),
+            or what differs: a `setting`, the `seed`, a `file`, the `code`, a `version` or an
+            `input`.
+        what: `tracker.sigma_f`; `function scale of project.helpers`; a package; the input's stage.
+        before, after: of the nearest stored result, and now; "" where there is none.
+    """
+
+    kind: Kind
+    what: str
+    before: str = ""
+    after: str = ""
+
+    def __str__(self) -> str:
+        match self.kind:
+            case "new":
+                return f"new: no result of {self.what} is stored"
+            case "evicted":
+                return f"removed from the cache {self.before}"
+            case "damaged":
+                return "its stored result was damaged and set aside"
+            case "needed":
+                return "its result is not stored"
+            case "code" if self.before == "changed":
+                return f"code: {self.what} changed"
+            case "code":
+                return f"code: {self.what} is {self.before}"
+            case "input":
+                return f"input changed: {self.what}"
+            case "file":
+                return f"the content of {self.what} changed"
+            case _:
+                return f"{self.what} changed from {self.before} to {self.after}"
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Why one node would run.
+
+    Attributes:
+        key, stage, label: of the node.
+        changes: the reasons; what is the input's own doing is told there, see `roots`.
+        roots: what changed in the stages before it, where that stage itself would not run:
+            its result with the other setting is stored already.
+    """
+
+    key: str
+    stage: str
+    label: str
+    changes: tuple[Change, ...]
+    roots: tuple[Change, ...] = ()
+
+    def __str__(self) -> str:
+        return f"{self.label}: " + "; ".join(map(str, (*self.changes, *self.roots)))
+
+
+def explain(graph: Graph, store: Store, targets: Sequence[str] | None = None) -> list[Explanation]:
+    """Why each node would run that `targets` (of all stages, where None) need, in their order.
+
+    Raises:
+        KeyError: no such target.
+        CacheError: the store cannot be read.
+    """
+    wanted = list(graph.nodes) if targets is None else targets
+    missing = plan(graph, wanted, store, verify=False).missing
+    if not missing:
+        return []
+    nodes = [graph.nodes[key] for key in missing]
+    memory = _Memory(store, {node.stage.name for node in graph.nodes.values()})
+    return [_explain(graph, node, memory) for node in nodes]
+
+
+def by_stage(explanations: Iterable[Explanation]) -> list[tuple[list[Explanation], str]]:
+    """Explanations that say the same of a stage's nodes put together, with what they say."""
+    groups: dict[tuple[str, str], list[Explanation]] = {}
+    for one in explanations:
+        text = "; ".join(map(str, (*one.changes, *one.roots)))
+        groups.setdefault((one.stage, text), []).append(one)
+    return [(group, text) for (_, text), group in groups.items()]
+
+
+class _Memory:
+    """The notes of what is stored, and what was removed."""
+
+    def __init__(self, store: Store, stages: set[str]):
+        self.by_key: dict[str, dict[str, Any]] = {}
+        self.by_stage: dict[str, list[dict[str, Any]]] = {}
+        for notes in stored_notes(store, stages):
+            self.by_key[notes["key"]] = notes
+            self.by_stage.setdefault(notes["stage"], []).append(notes)
+        self.evicted = evicted(store)
+
+
+def _explain(graph: Graph, node: Node, memory: _Memory) -> Explanation:
+    name = node.stage.name
+    known = memory.by_stage.get(name, [])
+    if node.key in memory.evicted:
+        reason, _ = memory.evicted[node.key]
+        kind = "damaged" if reason == "damaged" else "evicted"
+        change = Change(kind, name, WORDS.get(reason, reason))
+        return Explanation(node.key, name, node.label, (change,))
+    if not known:
+        return Explanation(node.key, name, node.label, (Change("new", name),))
+    nearest = min(known, key=lambda notes: _distance(node, notes))
+    changes = _identity_changes(node, nearest)
+    roots = _roots(graph, node, nearest, memory, set())
+    if nearest.get("frames") == _frames(node):
+        changes += _input_changes(graph, node, nearest) or ([] if changes else [NEEDED])
+    elif not changes:
+        # Other frames have other inputs: what is new are the frames.
+        changes = _input_changes(graph, node, nearest) if roots else [Change("new", node.label)]
+    return Explanation(node.key, name, node.label, tuple(changes), tuple(dict.fromkeys(roots)))
+
+
+NEEDED = Change("needed", "")
+
+
+def _frames(node: Node) -> list[int | None] | None:
+    return None if node.first is None else [node.first, node.stop]
+
+
+def _distance(node: Node, notes: Mapping[str, Any]) -> tuple:
+    """The less, the nearer: the same frames, the same function, few differences, lately stored."""
+    content = node.identity.content
+    differing = len(_differences(notes.get("settings"), content["settings"]))
+    differing += sum(notes.get(one) != content[one] for one in ("code", "python", "seed", "files"))
+    differing += notes.get("versions") != content["versions"]
+    inputs = {name: list(keys) for name, keys in node.inputs.items()}
+    stored = notes.get("inputs", {})
+    differing += sum(stored.get(name) != keys for name, keys in inputs.items())
+    return (
+        notes.get("frames") != _frames(node),
+        notes.get("function") != content["function"],
+        differing,
+        -float(notes.get("created", 0.0)),
+    )
+
+
+def _identity_changes(node: Node, notes: Mapping[str, Any]) -> list[Change]:
+    """What differs in the stage itself."""
+    content = node.identity.content
+    changes = [
+        Change("setting", path, before, after)
+        for path, before, after in _differences(notes.get("settings"), content["settings"])
+    ]
+    if notes.get("function") != content["function"]:
+        changes.append(
+            Change("setting", "its function", str(notes.get("function")), content["function"])
+        )
+    elif notes.get("code") != content["code"]:
+        changes += _code_changes(notes.get("code_parts", {}), node.identity.code.parts)
+    if notes.get("seed") != content["seed"]:
+        changes.append(Change("seed", "seed", _plain(notes.get("seed")), _plain(content["seed"])))
+    if notes.get("files") != content["files"]:
+        named = ", ".join(str(path) for path in node.stage.files) or "a file"
+        changes.append(Change("file", named))
+    before, after = notes.get("versions", {}), content["versions"]
+    pairs = {name: (before.get(name), after.get(name)) for name in sorted({*before, *after})}
+    pairs = {"Python": (notes.get("python"), content["python"]), **pairs}
+    changes += [
+        Change("version", name, old or "not installed", new or "not installed")
+        for name, (old, new) in pairs.items()
+        if old != new
+    ]
+    if notes.get("layout") != content["layout"]:
+        changes.append(
+            Change(
+                "version", "the cache's layout", str(notes.get("layout")), str(content["layout"])
+            )
+        )
+    return changes
+
+
+def _code_changes(before: Mapping[str, str], after: Mapping[str, str]) -> list[Change]:
+    changes = []
+    for part in sorted({*before, *after}):
+        if before.get(part) != after.get(part):
+            module, _, name = part.partition(":")
+            what = f"{name} of {module}" if not name.startswith("<") else f"the top of {module}"
+            word = (
+                "changed"
+                if part in before and part in after
+                else ("no longer reached" if part in before else "reached now")
+            )
+            changes.append(Change("code", what, word))
+    # What is reached or no more follows from what changed; told only where it stands alone.
+    return [one for one in changes if one.before == "changed"] or changes
+
+
+def _input_changes(graph: Graph, node: Node, notes: Mapping[str, Any]) -> list[Change]:
+    stored = notes.get("inputs", {})
+    names = [
+        graph.nodes[keys[0]].stage.name
+        for name, keys in node.inputs.items()
+        if keys and stored.get(name) != list(keys)
+    ]
+    if node.previous != notes.get("previous") and not names:
+        names.append(f"{node.stage.name} of the frames before")
+    return [Change("input", name) for name in dict.fromkeys(names)]
+
+
+def _roots(
+    graph: Graph, node: Node, notes: Mapping[str, Any], memory: _Memory, seen: set[str]
+) -> list[Change]:
+    """What differs between the inputs then and now, where the inputs are stored now."""
+    found: list[Change] = []
+    stored = notes.get("inputs", {})
+    for name, keys in node.inputs.items():
+        for key, old in zip(keys[:1], stored.get(name, [])[:1], strict=False):
+            if key == old or key in seen:
+                continue
+            seen.add(key)
+            # What would run has an explanation of its own.
+            if key in memory.by_key and old in memory.by_key:
+                giver = graph.nodes[key]
+                found += _identity_changes(giver, memory.by_key[old])
+                found += _roots(graph, giver, memory.by_key[old], memory, seen)
+    return found
+
+
+Difference = tuple[str, str, str]
+"""Dotted path of a setting, what it was, what it is; "" for what is not there."""
+
+
+def _differences(before: Any, after: Mapping[str, Any]) -> list[Difference]:
+    """The settings in which two canonical trees differ."""
+    before = before if isinstance(before, Mapping) else {}
+    return list(_of_fields(before, after, ""))
+
+
+def _of_fields(before: Mapping, after: Mapping, prefix: str) -> Iterator[Difference]:
+    for name in sorted({*before, *after}):
+        path = prefix + name
+        if name not in before:
+            yield path, "", _plain(after[name])
+        elif name not in after:
+            yield path, _plain(before[name]), ""
+        elif before[name] != after[name]:
+            (kind, old), (new_kind, new) = _content(before[name]), _content(after[name])
+            if kind and kind == new_kind:
+                yield from _of_fields(old, new, f"{path}.")
+            else:
+                yield path, _plain(before[name]), _plain(after[name])
+
+
+def _content(tree: Any) -> tuple[str, Mapping[str, Any]]:
+    """Type and fields of a dataclass, or of a mapping, in the canonical spelling; else "", {}."""
+    if isinstance(tree, dict) and len(tree) == 1:
+        ((kind, fields),) = tree.items()
+        if isinstance(fields, dict):
+            return kind, fields
+    return "", {}
+
+
+def _plain(tree: Any) -> str:
+    """A canonical tree as people write it."""
+    if tree is None:
+        return "null"
+    if isinstance(tree, bool):
+        return str(tree).lower()
+    if isinstance(tree, list):
+        return f"[{', '.join(map(_plain, tree))}]"
+    if isinstance(tree, dict):
+        if set(tree) == {"float"}:
+            return str(tree["float"])
+        ((name, content),) = tree.items()
+        if isinstance(content, list):
+            return _plain(content)
+        # A variant of a group by its kind, anything else by its class.
+        return str(content.get("kind", name.rpartition(".")[2]))
+    return str(tree)

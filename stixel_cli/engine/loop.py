@@ -1,0 +1,299 @@
+"""The one loop that drives every pool: hands out what is ready, takes in what became of it."""
+
+import heapq
+import os
+import socket
+import time
+import traceback
+from collections import defaultdict, deque
+from collections.abc import Collection
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from graphlib import TopologicalSorter
+
+from stixel_cli.engine.errors import (
+    CacheError,
+    CodeChanged,
+    ExecutorError,
+    StageFailure,
+    WorkerDied,
+)
+from stixel_cli.engine.leases import Lease
+from stixel_cli.engine.plan import Plan, missing_nodes
+from stixel_cli.engine.pools import Pool
+from stixel_cli.engine.progress import Progress
+from stixel_cli.engine.records import NodeRecord, Status
+from stixel_cli.engine.run_task import run_task
+from stixel_cli.engine.store import Store
+from stixel_cli.engine.task import Outcome, task_of
+from stixel_cli.engine.time_limit import TimeLimit, mark_text
+from stixel_cli.engine.upkeep import keep_limit
+
+TICK = 0.25
+"""Seconds between two looks at the progress."""
+
+TRIES = 3
+"""How often a node is tried whose inputs turn out to be missing or damaged."""
+
+SLACK = 0.05
+"""Share of the store's limit after whose writing it is kept, while the execution goes on."""
+
+FATAL = (CacheError, CodeChanged, ExecutorError)
+"""What would befall the next node as well."""
+
+
+class Run:
+    """The state of one execution.
+
+    Attributes:
+        planned, store, progress, keep_going: see `execute`.
+        lease: on what is needed, taken by now.
+        pool: where tasks run.
+        time_limit: of a node, seconds; None for none.
+        seconds: of the nodes that were computed; what someone else computed meanwhile is not among.
+        failures: by key, of the nodes that failed while the rest went on.
+    """
+
+    def __init__(
+        self,
+        planned: Plan,
+        store: Store,
+        pool: Pool,
+        progress: Progress,
+        time_limit: float | None,
+        keep_going: bool,
+        lease: Lease,
+    ):
+        self.graph = planned.graph
+        self.planned = planned
+        self.store = store
+        self.pool = pool
+        self.progress = progress
+        self.time_limit = time_limit
+        self.keep_going = keep_going
+        self._lease = lease
+        self.seconds: dict[str, float] = {}
+        self._written = 0
+        self.failures: dict[str, StageFailure] = {}
+        self._name = f"{socket.gethostname()}-{os.getpid()}-{time.monotonic_ns():x}"
+        self._done: set[str] = set()
+        self._skipped: set[str] = set()
+        self._tries: dict[str, int] = defaultdict(int)
+        self._deaths: dict[str, int] = defaultdict(int)
+        self._in_flight: dict[Future, str] = {}
+        self._ready: list[tuple[int, int, str]] = []
+        self._order: dict[str, int] = {}
+        self._suspects: deque[str] = deque()
+        """Nodes that were in flight when a worker died: tried again, each with nothing beside."""
+        self._fatal: BaseException | None = None
+
+    def all(self) -> None:
+        """Compute all that is missing. Inputs that turn out damaged make for another round."""
+        missing: Collection[str] = self.planned.missing
+        cached = len(self.planned.needed) - len(missing)
+        self.progress.begin([self.graph.nodes[key] for key in missing], cached)
+        while missing:
+            self._round(missing)
+            if self._fatal is not None:
+                raise self._fatal
+            over = self._done | self._skipped | self.failures.keys()
+            undone = [key for key in missing if key not in over]
+            missing = missing_nodes(self.graph, undone, self.store)
+            again = set(missing).difference(undone)
+            self._done -= again
+            self.progress.extend([self.graph.nodes[key] for key in again])
+
+    def keep_limit(self) -> None:
+        """Keep the limit of the store, if it has one and something was stored."""
+        if self.store.max_size is not None and self._written:
+            self._written = 0
+            self._lease.take(sorted(self._wanted()))
+            keep_limit(self.store)
+
+    def _wanted(self) -> set[str]:
+        """Keys that must stay in the store: of the targets, and what is to be read still."""
+        over = self._done | self._skipped | self.failures.keys()
+        undone = self.planned.needed.intersection(self.planned.missing).difference(over)
+        sources = {source for key in undone for source in self.graph.nodes[key].sources}
+        return sources.union(undone, self.planned.targets)
+
+    def records(self) -> dict[str, NodeRecord]:
+        """What became of each node that the targets need."""
+        return {
+            key: NodeRecord(
+                key=key,
+                stage=node.stage.name,
+                label=node.label,
+                status=self._status(key),
+                seconds=round(self.seconds.get(key, 0.0), 4),
+            )
+            for key, node in self.graph.nodes.items()
+            if key in self.planned.needed
+        }
+
+    def _status(self, key: str) -> Status:
+        if key in self.failures:
+            return "failed"
+        if key in self._skipped:
+            return "skipped"
+        return "computed" if key in self.seconds else "cached"
+
+    def _round(self, keys: Collection[str]) -> None:
+        """Compute `keys`, but for those whose inputs fail or are found missing."""
+        wanted = set(keys)
+        nodes = self.graph.nodes
+        sorter = TopologicalSorter(
+            {key: [s for s in nodes[key].sources if s in wanted] for key in keys}
+        )
+        sorter.prepare()
+        self._ready = []
+        self._order = {key: position for position, key in enumerate(keys)}
+        while True:
+            for key in sorter.get_ready():
+                self._push(key)
+            self._hand_out()
+            if not self._in_flight:
+                return
+            finished, _ = wait(self._in_flight, timeout=TICK, return_when=FIRST_COMPLETED)
+            for key in self._collect(finished):
+                sorter.done(key)
+            if self.store.max_size and self._written > self.store.max_size * SLACK:
+                self.keep_limit()
+            self.progress.tick()
+
+    def _push(self, key: str) -> None:
+        # What lies deepest first: chunks come to their end early.
+        heapq.heappush(self._ready, (-self.graph.nodes[key].depth, self._order[key], key))
+
+    def _hand_out(self) -> None:
+        """Give the pool what it can take."""
+        if self._fatal is not None:
+            return
+        if self._suspects:
+            if not self._in_flight:
+                self._submit(self._suspects.popleft())
+            return
+        limit = self.pool.limit
+        while self._ready and len(self._in_flight) < limit and self._fatal is None:
+            self._submit(heapq.heappop(self._ready)[2])
+
+    def _submit(self, key: str) -> None:
+        node = self.graph.nodes[key]
+        self.progress.started(node)
+        task = task_of(node, self._limit(key))
+        try:
+            self._in_flight[self.pool.submit(run_task, task, self.store.folder)] = key
+        except ExecutorError as error:
+            self._fatal = error
+
+    def _limit(self, key: str) -> TimeLimit | None:
+        if self.time_limit is None:
+            return None
+        mark = self.store.folder / "tmp" / f"limit-{self._name}-{key[:16]}"
+        return TimeLimit(self.time_limit, mark if self.pool.kills else None)
+
+    def _collect(self, finished: Collection[Future]) -> list[str]:
+        """Take in what has finished; the keys of the nodes that are in the store now."""
+        if self.pool.all_die_together and any(self._died(future) for future in finished):
+            # All in flight fail with a worker, but for those that were through before it died.
+            finished, _ = wait(self._in_flight)
+        done, dead = [], []
+        for future in [future for future in self._in_flight if future in finished]:
+            key = self._in_flight.pop(future)
+            error = _error(future)
+            if self._died(future):
+                dead.append(key)
+            elif isinstance(error, CancelledError) and self._fatal is not None:
+                continue
+            elif error is not None:
+                self._fail(key, error, "".join(traceback.format_exception(error)))
+            elif self._take(key, future.result()):
+                done.append(key)
+        if dead:
+            self.pool.renew()
+            self._bury(dead)
+        if self._fatal is not None:
+            for future in self._in_flight:
+                future.cancel()
+        return done
+
+    def _died(self, future: Future) -> bool:
+        try:
+            return self.pool.died(_error(future))
+        except ExecutorError as error:
+            self._fatal = self._fatal or error
+            return False
+
+    def _take(self, key: str, outcome: Outcome) -> bool:
+        """Take in what became of a node; whether it is in the store now."""
+        node = self.graph.nodes[key]
+        if outcome.status == "failed":
+            self._fail(key, outcome.error, outcome.traceback_text)
+            return False
+        if outcome.status == "missing":
+            self._tries[key] += 1
+            labels = [(self.graph.nodes[k].label, reason) for k, reason in outcome.missing]
+            for label, reason in labels:
+                self.progress.note(f"cached result of {label} is not usable: {reason}; made again")
+            if self._tries[key] >= TRIES:
+                label, reason = labels[0]
+                self._fatal = CacheError(
+                    f"the cached result of {label} in {self.store.folder} cannot be used "
+                    f"nor replaced: {reason}"
+                )
+            return False
+        if outcome.status == "computed":
+            self.seconds[key] = self.seconds.get(key, 0.0) + outcome.seconds
+            self._written += outcome.size
+        self._done.add(key)
+        self.progress.finished(node, outcome.seconds)
+        return True
+
+    def _bury(self, dead: list[str]) -> None:
+        """A worker died with these in flight. The culprit is who took longer than it may, or who
+        dies alone, and did before."""
+        over = {key: text for key in dead if (text := mark_text(self._limit(key))) is not None}
+        for key, text in over.items():
+            self._fail(key, self._limit(key).error, text)
+        innocents = [key for key in dead if key not in over]
+        if over:
+            for key in innocents:
+                self._push(key)
+            return
+        for key in dead:
+            self._deaths[key] += 1
+            if len(dead) == 1 and self._deaths[key] > 1:
+                self._fail(key, WorkerDied("it killed the process that ran it, twice"), "")
+            else:
+                self._suspects.append(key)
+        labels = ", ".join(self.graph.nodes[key].label for key in dead)
+        self.progress.note(f"a worker died while these were running: {labels}")
+
+    def _fail(self, key: str, error: BaseException, traceback_text: str) -> None:
+        if self._fatal is not None:
+            return
+        if isinstance(error, FATAL):
+            self._fatal = error
+            return
+        node = self.graph.nodes[key]
+        failure = StageFailure(node.stage.name, node.label, error, traceback_text)
+        failure.__cause__ = error
+        if not self.keep_going:
+            self._fatal = failure
+            return
+        self.failures[key] = failure
+        skipped = self._dependents(key) - self._skipped
+        self._skipped |= skipped
+        self.progress.failed(node, failure, [self.graph.nodes[key] for key in sorted(skipped)])
+
+    def _dependents(self, key: str) -> set[str]:
+        """Nodes to be computed that depend on a node."""
+        found = {key}
+        for other in sorted(self.planned.missing, key=lambda k: self.graph.nodes[k].depth):
+            if not found.isdisjoint(self.graph.nodes[other].sources):
+                found.add(other)
+        return found - {key} - self._done
+
+
+def _error(future: Future) -> BaseException | None:
+    """What a finished future ended with, None if with a result."""
+    return CancelledError() if future.cancelled() else future.exception()

@@ -1,0 +1,99 @@
+"""The result folders below a folder, told in a line each."""
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from stixel_cli.errors import UserError
+from stixel_cli.report.folder_reader import SWEEP_FILE, read_manifest, read_metrics
+
+DEEPEST = 4
+"""How far below the folder result folders are looked for."""
+
+
+@dataclass(frozen=True)
+class ListedRun:
+    """One result folder in a list.
+
+    Attributes:
+        path: the folder.
+        kind: `run`, or `sweep` for the folder of many.
+        created: date and time, "" if it is not known.
+        choices: the options of the main groups.
+        seed: None if it is not known.
+        metrics: all of the run's; none of a sweep.
+        fault: why it cannot be read, in one line; None if it can.
+    """
+
+    path: Path
+    kind: str
+    created: str
+    choices: str
+    seed: int | None
+    metrics: dict[str, float | int | None]
+    fault: str | None
+
+
+def list_runs(root: Path) -> list[ListedRun]:
+    """The result folders below `root`, oldest first; of a sweep below it the folder alone.
+
+    Raises:
+        UserError: if there is no such folder, or it cannot be read.
+    """
+    if not root.is_dir():
+        raise UserError(f"{root}: there is no such folder")
+    try:
+        os.listdir(root)
+    except OSError as error:
+        raise UserError(f"{root}: cannot be read: {error.strerror}") from error
+    found = [_listed(folder, kind) for folder, kind in _find(root, 0)]
+    return sorted(found, key=lambda run: (run.created, run.path))
+
+
+def _find(folder: Path, depth: int) -> Iterator[tuple[Path, str]]:
+    try:
+        with os.scandir(folder) as entries:
+            inside = {entry.name: entry.is_dir(follow_symlinks=False) for entry in entries}
+    except OSError:
+        return
+    if "manifest.json" in inside:
+        yield folder, "run"
+    elif SWEEP_FILE in inside and depth > 0:
+        yield folder, "sweep"
+    elif depth < DEEPEST:
+        for name in sorted(name for name, is_folder in inside.items() if is_folder):
+            # What begins with a dot is not finished, or somebody else's.
+            if not name.startswith("."):
+                yield from _find(folder / name, depth + 1)
+
+
+def _listed(folder: Path, kind: str) -> ListedRun:
+    if kind == "sweep":
+        return ListedRun(folder, kind, _modified(folder / SWEEP_FILE), "", None, {}, None)
+    try:
+        manifest, metrics = read_manifest(folder), read_metrics(folder)
+    except UserError as fault:
+        return ListedRun(folder, kind, "", "", None, {}, str(fault))
+    choices = manifest.get("choices")
+    choices = choices if isinstance(choices, dict) else {}
+    groups = ("road_user", "path", "measurement", "tracker")
+    seed = manifest.get("seed")
+    return ListedRun(
+        folder,
+        kind,
+        str(manifest.get("created", "")),
+        " ".join(str(choices[group]) for group in groups if group in choices),
+        seed if isinstance(seed, int) else None,
+        metrics,
+        None,
+    )
+
+
+def _modified(file: Path) -> str:
+    from datetime import UTC, datetime
+
+    try:
+        return datetime.fromtimestamp(file.stat().st_mtime, UTC).isoformat(timespec="seconds")
+    except OSError:
+        return ""

@@ -1,0 +1,236 @@
+"""Whether a result folder comes out again, and if not, where it first differs and why."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from stixel_cli.engine.errors import CacheError
+from stixel_cli.engine.progress import Progress
+from stixel_cli.engine.store import Store
+from stixel_cli.errors import UserError
+from stixel_cli.experiment.differences import first_difference
+from stixel_cli.experiment.folder import scan_columns, score_columns, track_arrays
+from stixel_cli.experiment.lineage import Lineage, StageLineage
+from stixel_cli.experiment.recorded_run import told_in_one_line
+from stixel_cli.experiment.run import Outcome, experiment_graph, run_experiment
+from stixel_cli.experiment.stored_run import StoredRun
+from stixel_cli.report.folder_reader import read_arrays
+
+MOST_CAUSES = 8
+
+
+@dataclass(frozen=True)
+class StageDifference:
+    """A stage that is not what it was.
+
+    Attributes:
+        stage: its name.
+        what: how its key, or its result, differs, in words.
+        causes: why, as far as it can be told; one line each.
+    """
+
+    stage: str
+    what: str
+    causes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class FileDifference:
+    """A file of the folder that is not what comes out now."""
+
+    file: str
+    stage: str
+    what: str
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What became of running a folder's configuration again.
+
+    Attributes:
+        files: those that differ, in the order of the data.
+        compared: how many files were compared.
+        by_key: the first stage that was made of something else; None if none was, or if the
+            folder does not say.
+        by_value: the first stage whose result differs; None if none does.
+        changes: versions, revision and machine that are not what they were; one line each.
+        stages: records of the new run, as in a manifest.
+    """
+
+    files: tuple[FileDifference, ...]
+    compared: int
+    by_key: StageDifference | None
+    by_value: StageDifference | None
+    changes: tuple[str, ...]
+    stages: list[dict[str, Any]]
+
+    @property
+    def identical(self) -> bool:
+        """Whether every file that holds results is what comes out now."""
+        return not self.files
+
+
+def verify_run(
+    stored: StoredRun,
+    store: Store,
+    old_store: Store,
+    now: Mapping[str, Any],
+    progress: Progress | None = None,
+) -> Verification:
+    """Run a folder's configuration again, in `store`, and compare.
+
+    Args:
+        stored: the folder.
+        store: where the new results go; an empty one to compute all of them.
+        old_store: where results of the old run may still be, to tell by how much they differ.
+        now: `git`, `versions` and `machine` as a manifest holds them, of this moment.
+        progress: told how far it is.
+
+    Raises:
+        UserError: if a file of the folder is not what it must be, or the run cannot be made.
+        StageFailure: if a stage fails.
+    """
+    with told_in_one_line():
+        # The folder of a sweep's point has no pictures.
+        pictures = (stored.path / "figures").is_dir()
+        outcome = run_experiment(stored.composition.configuration, store, progress, pictures)
+    compared = list(_compared_files(stored, outcome))
+    files = tuple(
+        FileDifference(file, stage, what) for file, stage, what in compared if what is not None
+    )
+    by_key = by_value = None
+    if stored.lineage is not None:
+        by_key = _first_by_key(stored, outcome.lineage)
+        by_value = _first_by_digest(stored.lineage, outcome.lineage, old_store, store)
+    if by_value is None and files:
+        by_value = _first_by_file(files, stored.lineage is not None)
+    if by_value is not None and by_key is not None and not by_value.causes:
+        by_value = replace(by_value, causes=by_key.causes)
+    return Verification(
+        files=files,
+        compared=len(compared),
+        by_key=by_key,
+        by_value=by_value,
+        changes=tuple(_changes(stored.manifest, now)),
+        stages=outcome.stages,
+    )
+
+
+def _compared_files(stored: StoredRun, outcome: Outcome) -> Iterator[tuple[str, str, str | None]]:
+    """(file, stage, difference or None) of every file with results that the folder has."""
+    for file, stage, columns in (
+        ("scans.npz", "scans", scan_columns(outcome.scans)),
+        ("track.npz", "track", track_arrays(outcome.track)),
+        ("scores.npz", "scores", score_columns(outcome.scores)),
+    ):
+        if (stored.path / file).exists():
+            yield file, stage, first_difference(read_arrays(stored.path / file), columns)
+    metrics = dict(outcome.scores.metrics)
+    yield "metrics.json", "scores", first_difference(stored.metrics, metrics)
+    for name, data in outcome.pictures.items():
+        picture = stored.path / "figures" / name
+        if picture.exists():
+            yield f"figures/{name}", "pictures", first_difference(_bytes(picture), data)
+
+
+def _bytes(file: Path) -> bytes:
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise UserError(f"{file}: cannot be read: {error.strerror}") from error
+
+
+def _first_by_key(stored: StoredRun, new: Lineage) -> StageDifference | None:
+    old = stored.lineage
+    for name, stage in new.stages.items():
+        before = old.stages.get(name)
+        if before is None:
+            return StageDifference(name, "the folder's run had no such stage", ())
+        if before.keys != stage.keys:
+            graph = experiment_graph(stored.composition.configuration)
+            reached = graph.of_stage(name)[0].identity.code.parts
+            causes = tuple(_causes(before, stage, old.code, reached))
+            return StageDifference(name, "it has other keys", causes)
+    return None
+
+
+def _causes(
+    before: StageLineage, after: StageLineage, code: Mapping[str, str], reached: Mapping[str, str]
+) -> Iterator[str]:
+    """Why a stage that takes the same inputs has another key."""
+    for package, version in after.versions.items():
+        then = before.versions.get(package)
+        if then != version:
+            yield f"{package} {then or 'none'} → {version or 'none'}"
+    if before.settings != after.settings:
+        yield "its settings are not those of the run: was config.yaml altered?"
+    changes = _code_changes(code, reached)
+    yield from changes[:MOST_CAUSES]
+    if len(changes) > MOST_CAUSES:
+        yield f"and {len(changes) - MOST_CAUSES} more functions"
+
+
+def _code_changes(old: Mapping[str, str], reached: Mapping[str, str]) -> list[str]:
+    """Which functions, of those that a stage reaches, were edited or are new."""
+    changed = {part for part, digest in reached.items() if old.get(part) != digest}
+    changes = []
+    for part in sorted(changed):
+        # A class counts with its methods: those that were edited say more.
+        if not any(other.startswith(f"{part}.") for other in changed):
+            module, _, name = part.partition(":")
+            changes.append(f"{name} of {module} {'was edited' if part in old else 'is new'}")
+    return changes
+
+
+def _first_by_digest(
+    old: Lineage, new: Lineage, old_store: Store, new_store: Store
+) -> StageDifference | None:
+    """The first stage with a node whose stored bytes differ, and whose value does."""
+    for name, stage in new.stages.items():
+        before = old.stages.get(name)
+        if before is None or len(before.keys) != len(stage.keys):
+            continue
+        for i, (then, now) in enumerate(zip(before.digests, stage.digests, strict=True)):
+            if then is None or now is None or then == now:
+                continue
+            try:
+                # Equal values may be stored in other bytes: the values themselves decide.
+                what = first_difference(
+                    old_store.load(before.keys[i]), new_store.load(stage.keys[i])
+                )
+            except CacheError:
+                what = "other bytes; by how much is not known, the old result is not cached"
+            if what is not None:
+                part = f"part {i + 1} of {len(stage.keys)}: " if len(stage.keys) > 1 else ""
+                return StageDifference(name, part + what, ())
+    return None
+
+
+def _first_by_file(files: tuple[FileDifference, ...], recorded: bool) -> StageDifference:
+    """The first file that differs, where the run's own record shows no difference."""
+    file = files[0]
+    causes = (
+        (f"{file.file} was altered after the run: its lineage.json tells of what comes out now",)
+        if recorded
+        else ()
+    )
+    return StageDifference(file.stage, f"{file.file}: {file.what}", causes)
+
+
+def _changes(manifest: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
+    """What is not as it was when the folder was made."""
+    for name in ("versions", "machine"):
+        old = manifest.get(name)
+        old = old if isinstance(old, dict) else {}
+        for key in dict.fromkeys((*old, *now[name])):
+            if old.get(key) != now[name].get(key):
+                yield f"{key} {old.get(key, 'none')} → {now[name].get(key, 'none')}"
+    git = manifest.get("git")
+    git = git if isinstance(git, dict) else {}
+    old, new = git.get("revision"), now["git"]["revision"]
+    if old != new:
+        yield f"git revision {str(old)[:12]} → {str(new)[:12]}"
+    if git.get("dirty") or now["git"]["dirty"]:
+        when = [w for w, d in (("then", git.get("dirty")), ("now", now["git"]["dirty"])) if d]
+        yield f"git: uncommitted changes {' and '.join(when)}"

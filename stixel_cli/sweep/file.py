@@ -1,0 +1,191 @@
+"""A sweep from a file: YAML with `fixed`, `axes`, `zipped`, `seeds` and `leave_out`."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from stixel_cli.config import messages
+from stixel_cli.config.folders import shipped_folder
+from stixel_cli.config.overrides import (
+    check_overrides,
+    override_text,
+    parse_overrides,
+    single_overrides,
+)
+from stixel_cli.errors import ConfigurationError
+from stixel_cli.sweep.design import SEED, Axis, Design, check_each
+
+ENTRIES = ("fixed", "axes", "zipped", "seeds", "leave_out")
+
+
+def find_file(name: str) -> Path:
+    """The file that is meant: a path, or the bare name of one that is shipped in `pipelines/`.
+
+    Raises:
+        ConfigurationError: if there is neither.
+    """
+    path = Path(name)
+    if path.is_file():
+        return path
+    shipped = shipped_folder("pipelines") / "studies"
+    inside = shipped / f"{name.removesuffix('.yaml')}.yaml"
+    if path.name == name and inside.is_file():
+        return inside
+    known = sorted(file.stem for file in shipped.glob("*.yaml"))
+    hint = messages.suggestion(name, known) or (f" (shipped: {', '.join(known)})" if known else "")
+    raise ConfigurationError(f"--from: {messages.printable(name)}: there is no such file{hint}")
+
+
+def read_design(path: Path, shuffled: bool) -> Design:
+    """The design that a file describes.
+
+    Raises:
+        ConfigurationError: in one line that names the file and the entry.
+    """
+    try:
+        content = _read(path)
+        _refuse_unknown(content)
+        fixed = tuple(override_text(k, v) for k, v in _mapping(content, "fixed").items())
+        parsed = parse_overrides(fixed)
+        check_overrides(parsed)
+        for override in parsed:
+            if override.is_sweep_override():
+                raise ConfigurationError(f"fixed: {override.input_line}: one value is needed")
+        axes = [
+            _axis(f"axes: {key}", {key: values}, shuffled)
+            for key, values in _mapping(content, "axes").items()
+        ]
+        for number, keys in enumerate(_list(content, "zipped"), start=1):
+            where = f"zipped: entry {number}"
+            if not isinstance(keys, dict) or len(keys) < 2:
+                raise ConfigurationError(f"{where}: two keys or more with their values are needed")
+            axes.append(_axis(where, keys, shuffled))
+        if content.get("seeds") is not None:
+            axes.append(_axis("seeds", {SEED: _seeds(content["seeds"])}, shuffled))
+        _refuse_repeated(fixed, axes)
+        left_out = tuple(_left_out(content, axes))
+    except ConfigurationError as fault:
+        raise ConfigurationError(f"{messages.printable(str(path), 200)}: {fault}") from None
+    return Design(fixed, tuple(axes), left_out)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+    from yaml import YAMLError
+
+    try:
+        # Its YAML takes 1e-6 for a number and refuses a key that is given twice.
+        content = OmegaConf.to_container(OmegaConf.load(path), resolve=False)
+    except OSError as error:
+        raise ConfigurationError(f"cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError:
+        raise ConfigurationError("is not UTF-8 text") from None
+    except YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        line = f"line {mark.line + 1}: " if mark is not None else ""
+        reason = getattr(error, "problem", None) or "is no YAML"
+        raise ConfigurationError(f"{line}{messages.printable(str(reason), 200)}") from None
+    except (OmegaConfBaseException, ValueError, TypeError) as error:
+        reason = (str(error).splitlines() or ["is no YAML"])[0]
+        raise ConfigurationError(messages.printable(reason, 200)) from None
+    if not isinstance(content, dict):
+        raise ConfigurationError(f"must have the entries {', '.join(ENTRIES)}, as KEY: VALUE")
+    return content
+
+
+def _refuse_unknown(content: Mapping[Any, Any]) -> None:
+    for name in content:
+        if name not in ENTRIES:
+            hint = messages.suggestion(str(name), ENTRIES) or f" (entries: {', '.join(ENTRIES)})"
+            raise ConfigurationError(f"{messages.printable(str(name))}: no such entry{hint}")
+
+
+def _mapping(content: Mapping[str, Any], name: str) -> dict[str, Any]:
+    value = content.get(name)
+    if value is None:
+        return {}
+    if not isinstance(value, dict) or not all(isinstance(key, str) for key in value):
+        raise ConfigurationError(f"{name}: must be keys of the configuration with their values")
+    return value
+
+
+def _list(content: Mapping[str, Any], name: str) -> list[Any]:
+    value = content.get(name)
+    if value is None:
+        return []
+    if not isinstance(value, list):
+        raise ConfigurationError(f"{name}: must be a list, each entry keys with their values")
+    return value
+
+
+def _seeds(value: Any) -> Any:
+    if isinstance(value, int) and not isinstance(value, bool):
+        if not 1 <= value <= 100_000:
+            raise ConfigurationError(f"seeds: {value} of them: must be 1 to 100000, or a list")
+        return list(range(value))
+    return value
+
+
+def _axis(where: str, keys: Mapping[str, Any], shuffled: bool) -> Axis:
+    columns = []
+    for key, values in keys.items():
+        texts = _values(where, key, values, shuffled)
+        check_each(texts if len(keys) == 1 else list(dict.fromkeys(texts)))
+        columns.append(texts)
+    lengths = {len(column) for column in columns}
+    if len(lengths) > 1:
+        counts = ", ".join(f"{k} {len(c)}" for k, c in zip(keys, columns, strict=True))
+        raise ConfigurationError(f"{where}: keys that go together need as many values: {counts}")
+    steps = list(zip(*columns, strict=True))
+    if len(set(steps)) < len(steps):
+        twice = next(step for step in steps if steps.count(step) > 1)
+        raise ConfigurationError(
+            f"{where}: {' '.join(twice)} is given twice: two points would be equal"
+        )
+    return Axis(tuple(keys), tuple(steps))
+
+
+def _values(where: str, key: Any, values: Any, shuffled: bool) -> list[str]:
+    if not isinstance(key, str):
+        raise ConfigurationError(f"{where}: {messages.show(key)} is no key")
+    if isinstance(values, list):
+        if not values:
+            raise ConfigurationError(f"{where}: {key} has no values")
+        return [override_text(key, value) for value in values]
+    if isinstance(values, str):
+        # As on the line: a,b or choice(…), range(…), glob(…).
+        parsed = parse_overrides([f"{key}={values}"])
+        check_overrides(parsed)
+        if parsed[0].is_sweep_override():
+            return single_overrides(parsed[0], shuffled)
+    raise ConfigurationError(
+        f"{where}: {key}: {messages.show(values)} is one value: write a list [a, b], or a sweep "
+        "such as range(0,1,0.1)"
+    )
+
+
+def _refuse_repeated(fixed: tuple[str, ...], axes: list[Axis]) -> None:
+    seen = {text.partition("=")[0] for text in fixed}
+    for axis in axes:
+        for key in axis.keys:
+            if key in seen:
+                raise ConfigurationError(f"{key}: is given twice: give it once")
+            seen.add(key)
+
+
+def _left_out(content: Mapping[str, Any], axes: list[Axis]) -> list[dict[str, Any]]:
+    swept = [key for axis in axes for key in axis.keys]
+    entries = _list(content, "leave_out")
+    for number, entry in enumerate(entries, start=1):
+        if not isinstance(entry, dict) or not entry:
+            raise ConfigurationError(
+                f"leave_out: entry {number}: must be keys with the value that is left out"
+            )
+        for key in entry:
+            if key not in swept:
+                hint = messages.suggestion(str(key), swept)
+                raise ConfigurationError(
+                    f"leave_out: entry {number}: {messages.printable(str(key))} is on no axis{hint}"
+                )
+    return entries

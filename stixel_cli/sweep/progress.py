@@ -1,0 +1,193 @@
+"""How far a sweep is: points and nodes, on stderr; a bar on a terminal, lines elsewhere."""
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+
+from stixel_cli.engine.errors import StageFailure
+from stixel_cli.engine.graph import Node
+from stixel_cli.engine.progress import LINE_INTERVAL, PATIENCE, Silent
+from stixel_cli.sweep.graphs import PlannedPoint
+
+
+class SweepProgress(Silent):
+    """Counts points beside nodes, and hands each point on as soon as all it asks for is there."""
+
+    def __init__(
+        self,
+        waiting: Sequence[PlannedPoint],
+        there: int,
+        workers: int,
+        known_seconds: Mapping[str, float],
+        on_point: Callable[[PlannedPoint, Mapping[str, float]], None],
+        visible: bool = True,
+    ):
+        """Begin with no point of `waiting` done.
+
+        Args:
+            waiting: the points to be computed.
+            there: how many points are done already.
+            workers: among whom the work is divided.
+            known_seconds: stage name to the seconds that a node took formerly.
+            on_point: called with a point that is complete, and the seconds of all nodes computed
+                so far, by key.
+            visible: whether anything but notes is shown.
+        """
+        super().__init__()
+        self.points_total = there + len(waiting)
+        self.points_done = there
+        self.points_failed = 0
+        self.node_seconds: dict[str, float] = {}
+        self._workers = workers
+        self._known = known_seconds
+        self._on_point = on_point
+        self._left = {one.point.index: set(one.targets) for one in waiting}
+        self._points = {one.point.index: one for one in waiting}
+        self._asking: dict[str, list[int]] = {}
+        for one in waiting:
+            for target in one.targets:
+                self._asking.setdefault(target, []).append(one.point.index)
+        self._display = _display() if visible else None
+
+    def begin(self, nodes: Sequence[Node], cached: int) -> None:
+        """Count the nodes; points all of whose nodes are there are handed on."""
+        super().begin(nodes, cached)
+        to_run = {node.key for node in nodes}
+        for target in [target for target in self._asking if target not in to_run]:
+            self._have(target)
+
+    def finished(self, node: Node, seconds: float) -> None:
+        """Count the node, and hand on the points that waited for it alone."""
+        super().finished(node, seconds)
+        self.node_seconds[node.key] = seconds
+        self._have(node.key)
+
+    def failed(self, node: Node, failure: StageFailure, skipped: Sequence[Node]) -> None:
+        """Say what failed, and count the points that will not be complete."""
+        super().failed(node, failure, skipped)
+        for one in (node, *skipped):
+            for index in self._asking.get(one.key, ()):
+                if self._left.pop(index, None) is not None:
+                    self.points_failed += 1
+
+    def tick(self) -> None:
+        """Show how far it is."""
+        if self._display is not None and self.elapsed > PATIENCE:
+            self._display.show(self)
+
+    def note(self, text: str) -> None:
+        """Print a line on stderr, above a bar."""
+        if self._display is None or not self._display.note(text):
+            super().note(text)
+
+    def close(self) -> None:
+        """Take a bar away."""
+        if self._display is not None:
+            self._display.close()
+
+    def seconds_left(self) -> float | None:
+        """What remains, by what nodes of each stage took; None while that is not known."""
+        total = 0.0
+        for name, count in self.total.items():
+            done = self.done.get(name, 0)
+            if count <= done:
+                continue
+            each = self.seconds[name] / done if done else self._known.get(name)
+            if each is None:
+                return None
+            total += (count - done) * each
+        return total / self._workers
+
+    @property
+    def text(self) -> str:
+        """All counts in one line."""
+        failed = f", {self.points_failed} failed" if self.points_failed else ""
+        parts = [
+            f"{self.points_done}/{self.points_total} points{failed}",
+            f"nodes: {self.all_done}/{self.all_total} done, {self.cached} cached, "
+            f"{len(self.running)} running" + (f", {self.failures} failed" if self.failures else ""),
+        ]
+        left = self.seconds_left()
+        if left is not None and self.all_done < self.all_total:
+            parts.append(f"about {duration(left)} left")
+        return "; ".join(parts)
+
+    def _have(self, target: str) -> None:
+        for index in self._asking.get(target, ()):
+            left = self._left.get(index)
+            if left is None:
+                continue
+            left.discard(target)
+            if not left:
+                del self._left[index]
+                self.points_done += 1
+                self._on_point(self._points[index], self.node_seconds)
+
+
+def duration(seconds: float) -> str:
+    """A time as one says it: `40 s`, `12 min`, `3 h 20 min`."""
+    if seconds < 90:
+        return f"{max(1, round(seconds))} s"
+    minutes = round(seconds / 60)
+    if minutes < 90:
+        return f"{minutes} min"
+    return f"{minutes // 60} h {minutes % 60} min"
+
+
+def _display() -> "_Lines | _Bar":
+    return _Bar() if sys.stderr.isatty() else _Lines()
+
+
+class _Lines:
+    """A line every few seconds."""
+
+    def __init__(self):
+        self._last = 0.0
+
+    def show(self, progress: SweepProgress) -> None:
+        if progress.elapsed - self._last > LINE_INTERVAL:
+            self._last = progress.elapsed
+            progress.note(progress.text)
+
+    def note(self, text: str) -> bool:
+        return False
+
+    def close(self) -> None:
+        pass
+
+
+class _Bar:
+    """A bar of rich that goes away at the end."""
+
+    def __init__(self):
+        self._bar = None
+
+    def show(self, progress: SweepProgress) -> None:
+        if self._bar is None:
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress, TextColumn
+
+            self._bar = Progress(
+                BarColumn(),
+                TextColumn("{task.description}"),
+                console=Console(stderr=True),
+                transient=True,
+            )
+            self._task = self._bar.add_task("")
+            self._bar.start()
+        self._bar.update(
+            self._task,
+            completed=progress.all_done,
+            total=progress.all_total,
+            description=progress.text,
+        )
+
+    def note(self, text: str) -> bool:
+        if self._bar is None:
+            return False
+        self._bar.console.print(f"stixel: {text}", markup=False, highlight=False)
+        return True
+
+    def close(self) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+            self._bar = None

@@ -1,0 +1,292 @@
+"""A sweep from its points to its folder, without a command line."""
+
+import json
+import shlex
+import traceback
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from stixel_cli.engine.durations import Durations
+from stixel_cli.engine.errors import MissingEntry, StageFailure
+from stixel_cli.engine.execute import execute
+from stixel_cli.engine.records import Execution
+from stixel_cli.engine.store import Store
+from stixel_cli.errors import UserError
+from stixel_cli.experiment.recorded_run import told_in_one_line
+from stixel_cli.sweep.folder import FIGURES, RUNS, SweepFolder, yaml_text
+from stixel_cli.sweep.graphs import PlannedPoint, SweepPlan
+from stixel_cli.sweep.point_files import point_files
+from stixel_cli.sweep.progress import SweepProgress
+from stixel_cli.sweep.results import DONE, FAILED, MISSING, SKIPPED, PointResult, SweepResult
+from stixel_cli.sweep.statistics import Statistic, summarise
+
+SUMMARIES = ("summary.csv", "summary.md", "summary.tex")
+
+
+class SweepInterrupted(UserError):
+    """Ctrl-C during a sweep."""
+
+    exit_code = 130
+
+
+def run_sweep(
+    plan: SweepPlan,
+    axes: Sequence[Sequence[str]],
+    store: Store,
+    folder: Path | None = None,
+    notes: Mapping[str, Any] | None = None,
+    visible: bool = True,
+) -> SweepResult:
+    """Compute what the points of a sweep lack, each failing alone, and write what they give.
+
+    Args:
+        plan: the points, in the order in which they are to run.
+        axes: the keys of each axis.
+        store: where results are kept.
+        folder: of the sweep; it is there, with its `sweep.yaml`. None to write nothing.
+        notes: what every point's manifest says of the sweep and the machine.
+        visible: whether progress is shown on stderr.
+
+    Raises:
+        SweepInterrupted: by Ctrl-C; the folder says what is there.
+        UserError: if the cache or the folder cannot be written, or there are no workers.
+    """
+    sweep = _Sweep(plan, store, None if folder is None else SweepFolder(folder), notes or {})
+    try:
+        with told_in_one_line():
+            sweep.take_what_is_there()
+            sweep.compute(visible)
+    except KeyboardInterrupt:
+        done = len(sweep.metrics)
+        again = "" if folder is None else f"; go on with: {resume_command(folder)}"
+        # What is in the folder counts, not whether its table could be written as well.
+        with suppress(UserError):
+            sweep.write_runs()
+        raise SweepInterrupted(
+            f"interrupted: {done} of {len(plan.points)} points are done, and what was computed "
+            f"is kept{again}"
+        ) from None
+    except UserError as error:
+        with suppress(UserError):
+            sweep.write_runs()
+        if folder is None:
+            raise
+        raise type(error)(f"{error}; go on with: {resume_command(folder)}") from error
+    return sweep.finish(axes)
+
+
+def resume_command(folder: Path) -> str:
+    """The command line that goes on with a sweep."""
+    return shlex.join(["stixel", "sweep", "--resume", str(folder)])
+
+
+class _Sweep:
+    """The state of one sweep."""
+
+    def __init__(
+        self, plan: SweepPlan, store: Store, folder: SweepFolder | None, notes: Mapping[str, Any]
+    ):
+        self.plan = plan
+        self.store = store
+        self.folder = folder
+        self.notes = notes
+        self.metrics: dict[int, Mapping[str, Any]] = {}
+        """Of the points that are done, by index."""
+        self.failures: dict[int, StageFailure] = {}
+        self.failed_nodes: dict[str, int] = {}
+        """Index of the first point that needed each node that failed."""
+        self.skipped: set[int] = set()
+        self.computed = 0
+        self.cached = len(plan.needed)
+
+    def take_what_is_there(self) -> None:
+        """Take up the points whose folder is complete, or whose results are all in the store."""
+        if self.folder is not None:
+            self.folder.remove([*SUMMARIES, FIGURES])
+            self.folder.remove_unfinished()
+        missing = set(self.plan.missing)
+        for planned in self.plan.points:
+            index = planned.point.index
+            if self.folder is not None:
+                stored = self.folder.stored(index, planned.targets)
+                if stored is not None:
+                    self.metrics[index] = stored
+                    continue
+            if missing.isdisjoint(planned.targets):
+                # One that turns out damaged is set aside, and computed with the rest.
+                with suppress(MissingEntry):
+                    self.take(planned, {})
+
+    def compute(self, visible: bool) -> None:
+        """Compute what the other points lack."""
+        waiting = [p for p in self.plan.points if p.point.index not in self.metrics]
+        if not waiting:
+            return
+        executor = waiting[0].point.composition.configuration.executor
+        progress = SweepProgress(
+            waiting,
+            len(self.metrics),
+            executor.workers,
+            self._known_seconds(),
+            self.take,
+            visible,
+        )
+        targets = list(dict.fromkeys(target for one in waiting for target in one.targets))
+        execution = execute(
+            self.plan.graph,
+            targets,
+            self.store,
+            executor=executor,
+            progress=progress,
+            keep_going=True,
+        )
+        self.computed = sum(r.status == "computed" for r in execution.records.values())
+        self.cached = sum(r.status == "cached" for r in execution.records.values())
+        for planned in waiting:
+            if planned.point.index in self.metrics:
+                continue
+            failure = self._failure_of(planned, execution)
+            if failure is None:
+                self.take(planned, progress.node_seconds)
+            else:
+                self.note_failure(planned, *failure)
+
+    def take(self, planned: PlannedPoint, seconds: Mapping[str, float]) -> None:
+        """Load a point's scores, and write its folder."""
+        scores = self.store.load(planned.scores)
+        if self.folder is not None:
+            pictures = {
+                f"figures/{path}": data
+                for key in planned.targets[1:]
+                for path, data in self.store.load(key).files.items()
+            }
+            files = point_files(planned, scores, seconds, self.notes)
+            self.folder.write_point(planned.point.index, {**files, **pictures})
+        self.metrics[planned.point.index] = scores.metrics
+
+    def note_failure(self, planned: PlannedPoint, node: str, failure: StageFailure) -> None:
+        """Keep in mind, and in the folder, why a point is not there."""
+        index = planned.point.index
+        first = self.failed_nodes.setdefault(node, index)
+        self.failures[index] = failure
+        if first != index:
+            self.skipped.add(index)
+        if self.folder is None:
+            return
+        text = failure.traceback_text or "".join(traceback.format_exception(failure.cause))
+        content = {
+            "point": index,
+            "status": FAILED if first == index else SKIPPED,
+            "failed_in_point": first,
+            "overrides": list(planned.point.overrides),
+            "stage": failure.stage,
+            "node": failure.label,
+            "key": node,
+            "error": f"{type(failure.cause).__name__}: {failure.cause}",
+        }
+        self.folder.write_failure(
+            index,
+            {
+                "config.yaml": yaml_text(planned.point.composition.resolved),
+                "failure.json": json.dumps(content, indent=2, ensure_ascii=False) + "\n",
+                "traceback.txt": text,
+            },
+        )
+
+    def finish(self, axes: Sequence[Sequence[str]]) -> SweepResult:
+        """Write the tables and, of a sweep that is complete, the statistics and figures."""
+        records = self.write_runs()
+        points = tuple(self._result(one) for one in self._in_order())
+        statistics: list[Statistic] = []
+        if all(point.status == DONE for point in points):
+            settings = [point.planned.point.setting for point in points]
+            metrics = [point.metrics for point in points]
+            statistics = summarise(settings, metrics)
+            if self.folder is not None:
+                self._write_summary(settings, metrics, statistics, axes)
+        return SweepResult(
+            folder=None if self.folder is None else self.folder.path,
+            points=points,
+            records=records,
+            statistics=statistics,
+            computed=self.computed,
+            cached=self.cached,
+        )
+
+    def write_runs(self) -> list[dict[str, Any]]:
+        """Write `runs.csv` as things stand; its rows."""
+        from stixel_cli.sweep.tables import csv_text
+
+        results = [self._result(one) for one in self._in_order()]
+        records = [self._record(result) for result in results]
+        if self.folder is not None:
+            columns = dict.fromkeys(name for record in records for name in record)
+            self.folder.write_table(RUNS, csv_text(list(columns), records))
+        return records
+
+    def _record(self, result: PointResult) -> dict[str, Any]:
+        point, failure = result.planned.point, result.failure
+        at = FAILED if failure is not None else "points" if result.status == DONE else None
+        return {
+            "point": point.index,
+            "status": result.status,
+            **{key: value for key, value in point.setting.items()},
+            "seed": point.seed,
+            "overrides": " ".join(map(shlex.quote, point.overrides)),
+            "folder": None if at is None or self.folder is None else f"{at}/{point.index:04d}",
+            "failed_stage": None if failure is None else failure.stage,
+            "error": None if failure is None else " ".join(str(failure).split()),
+            **result.metrics,
+        }
+
+    def _result(self, planned: PlannedPoint) -> PointResult:
+        index = planned.point.index
+        if index in self.metrics:
+            return PointResult(planned, DONE, self.metrics[index])
+        if index in self.failures:
+            status = SKIPPED if index in self.skipped else FAILED
+            return PointResult(planned, status, failure=self.failures[index])
+        return PointResult(planned, MISSING)
+
+    def _in_order(self) -> list[PlannedPoint]:
+        return sorted(self.plan.points, key=lambda one: one.point.index)
+
+    def _write_summary(
+        self,
+        settings: Sequence[Mapping[str, str]],
+        metrics: Sequence[Mapping[str, Any]],
+        statistics: Sequence[Statistic],
+        axes: Sequence[Sequence[str]],
+    ) -> None:
+        from stixel_cli.sweep.figures import axis_figures
+        from stixel_cli.sweep.tables import summary_csv, summary_latex, summary_markdown
+
+        title = str(self.notes.get("sweep", self.folder.path.name))
+        self.folder.write_table("summary.csv", summary_csv(statistics))
+        self.folder.write_table("summary.md", summary_markdown(statistics, title))
+        self.folder.write_table("summary.tex", summary_latex(statistics, title))
+        figures = axis_figures(settings, metrics, axes)
+        if figures:
+            self.folder.write_figures(figures)
+
+    def _failure_of(
+        self, planned: PlannedPoint, execution: Execution
+    ) -> tuple[str, StageFailure] | None:
+        """The node that failed, of those that a point needs the first in the data's way."""
+        if not execution.failures:
+            return None
+        ancestors = planned.graph.ancestors(planned.targets)
+        failed = [key for key in execution.failures if key in ancestors]
+        if not failed:
+            return None
+        first = min(failed, key=lambda key: (planned.graph.nodes[key].depth, key))
+        return first, execution.failures[first]
+
+    def _known_seconds(self) -> dict[str, float]:
+        durations = Durations(self.store.folder)
+        graph = self.plan.graph
+        firsts = {name: graph.nodes[keys[0]] for name, keys in graph.stages.items() if keys}
+        estimates = {name: durations.estimate([node]) for name, node in firsts.items()}
+        return {name: seconds for name, seconds in estimates.items() if seconds is not None}

@@ -1,0 +1,138 @@
+"""The tables of a sweep's folder: rows of points, and statistics as CSV, Markdown and LaTeX."""
+
+import csv
+import io
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from stixel_cli.report.metrics import format_value, metric
+from stixel_cli.sweep.statistics import Statistic
+
+_LATEX = {
+    "\\": r"\textbackslash{}",
+    "&": r"\&",
+    "%": r"\%",
+    "$": r"\$",
+    "#": r"\#",
+    "_": r"\_",
+    "{": r"\{",
+    "}": r"\}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "°": r"\textdegree{}",
+    "±": r"$\pm$",
+    "–": "--",
+}
+
+
+def csv_text(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
+    """Comma-separated rows; empty where there is no value, floats with all their digits."""
+    buffer = io.StringIO()
+    writer = csv.DictWriter(buffer, columns, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return buffer.getvalue()
+
+
+def summary_records(statistics: Sequence[Statistic]) -> list[dict[str, Any]]:
+    """One record a setting and metric, as they stand in `summary.csv`."""
+    return [
+        {
+            **one.setting,
+            "metric": one.metric,
+            "unit": metric(one.metric).unit,
+            "n": one.n,
+            "mean": one.mean,
+            "standard_deviation": one.deviation,
+            "interval_low": one.low,
+            "interval_high": one.high,
+        }
+        for one in statistics
+    ]
+
+
+def summary_csv(statistics: Sequence[Statistic]) -> str:
+    """The statistics, one row a setting and metric."""
+    records = summary_records(statistics)
+    return csv_text(list(records[0]) if records else [], records)
+
+
+def summary_markdown(statistics: Sequence[Statistic], title: str) -> str:
+    """The statistics in Markdown, one table a metric."""
+    lines = [f"# {title}", "", _explanation(), ""]
+    for name, rows in _by_metric(statistics):
+        header, *body = _cells(rows)
+        lines += [f"## {_heading(name)}", ""]
+        keys = len(rows[0].setting)
+        lines += [_markdown_row(header)]
+        lines += ["|" + " --- |" * keys + " ---: |" * (len(header) - keys)]
+        lines += [*map(_markdown_row, body), ""]
+    return "\n".join(lines)
+
+
+def summary_latex(statistics: Sequence[Statistic], title: str) -> str:
+    """The statistics in LaTeX, one table a metric; it needs no package."""
+    lines = [f"% {' '.join(title.split())}", f"% {_explanation()}"]
+    for name, rows in _by_metric(statistics):
+        header, *body = _cells(rows)
+        keys = len(rows[0].setting)
+        lines += [
+            r"\begin{table}",
+            rf"\caption{{{_latex(_heading(name))}}}",
+            rf"\begin{{tabular}}{{{'l' * keys}{'r' * (len(header) - keys)}}}",
+            r"\hline",
+            _latex_row(header),
+            r"\hline",
+            *map(_latex_row, body),
+            r"\hline",
+            r"\end{tabular}",
+            r"\end{table}",
+            "",
+        ]
+    return "\n".join(lines)
+
+
+def _explanation() -> str:
+    return (
+        "Over the seeds of each setting: n values, their mean, standard deviation, and the 95 % "
+        "interval of the mean (Student's t)."
+    )
+
+
+def _by_metric(statistics: Sequence[Statistic]) -> list[tuple[str, list[Statistic]]]:
+    names = dict.fromkeys(one.metric for one in statistics)
+    return [(name, [one for one in statistics if one.metric == name]) for name in names]
+
+
+def _heading(name: str) -> str:
+    shown = metric(name)
+    return f"{shown.label} ({shown.unit})" if shown.unit else shown.label
+
+
+def _cells(rows: Sequence[Statistic]) -> list[list[str]]:
+    header = [*rows[0].setting, "n", "mean", "standard deviation", "95 % interval"]
+    return [
+        header,
+        *(
+            [
+                *row.setting.values(),
+                str(row.n),
+                format_value(row.mean),
+                format_value(row.deviation),
+                "–" if row.low is None else f"{format_value(row.low)} … {format_value(row.high)}",
+            ]
+            for row in rows
+        ),
+    ]
+
+
+def _markdown_row(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |"
+
+
+def _latex_row(cells: Sequence[str]) -> str:
+    return " & ".join(_latex(cell).replace("…", r"\ldots{}") for cell in cells) + r" \\"
+
+
+def _latex(text: str) -> str:
+    return "".join(_LATEX.get(character, character) for character in text)

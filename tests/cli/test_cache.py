@@ -1,0 +1,125 @@
+"""`stixel cache …`, on a cache with a few entries made by hand."""
+
+import json
+import os
+import time
+
+import numpy as np
+import pytest
+
+from stixel_cli.cli.app import main
+from stixel_cli.engine.store import VALUE, Store
+
+DAY = 86400.0
+
+
+@pytest.fixture
+def store(tmp_path, monkeypatch):
+    """Six entries of two stages; the older a day after the other, least recently used first."""
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+    store = Store(tmp_path / "cache")
+    for i in range(6):
+        key = f"{i:x}" * 64
+        stage = "render" if i < 4 else "track"
+        value = np.random.default_rng(i).bytes(1000)
+        store.save(key, value, stage=stage, label=f"{stage}[{i}]", created=0.0)
+        moment = time.time() - (10 - i) * DAY
+        os.utime(store.entry(key), (moment, moment))
+    return store
+
+
+def answer(capsys, *words, code=0):
+    capsys.readouterr()
+    assert main(["cache", *words, "--json"]) == code
+    return json.loads(capsys.readouterr().out)
+
+
+def left(store):
+    return [i for i in range(6) if store.has(f"{i:x}" * 64)]
+
+
+def test_ls(store, capsys):
+    found = answer(capsys, "ls")
+    assert found["folder"] == str(store.folder)
+    assert found["entries"] == 6
+    assert found["stages"]["render"]["entries"] == 4
+    assert main(["cache", "ls"]) == 0
+    said = capsys.readouterr().out
+    assert "render" in said
+    assert "7 d ago" in said
+    assert "6 results" in said
+
+
+def test_ls_of_no_cache(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "none"))
+    assert answer(capsys, "ls")["entries"] == 0
+    assert main(["cache", "ls"]) == 0
+    assert not (tmp_path / "none").exists()
+
+
+def test_gc_by_age_and_size(store, capsys):
+    would = answer(capsys, "gc", "--older-than", "7.5d", "--dry-run")
+    assert len(would["removed"]) == 3
+    assert left(store) == [0, 1, 2, 3, 4, 5]
+    assert answer(capsys, "gc", "--older-than", "7.5d")["kept"] == 3
+    assert left(store) == [3, 4, 5]
+    assert main(["cache", "gc", "--max-size", "2KB"]) == 0
+    assert "removed" in capsys.readouterr().out
+    assert left(store)[-1] == 5
+    assert 3 not in left(store)
+
+
+def test_gc_without_anything_keeps_the_limit(store, capsys):
+    assert answer(capsys, "gc")["removed"] == []
+
+
+def test_verify_names_what_is_bad_and_sets_it_aside(store, capsys):
+    assert answer(capsys, "verify")["bad"] == []
+    file = store.entry("4" * 64) / VALUE
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 1
+    file.write_bytes(content)
+    assert main(["cache", "verify"]) == 1
+    said = capsys.readouterr().out
+    assert "bad: track[4] 444444444444: " in said
+    assert "6 results read, 1 are bad" in said
+    assert left(store) == [0, 1, 2, 3, 5]
+    assert answer(capsys, "verify")["bad"] == []
+
+
+def test_clear(store, capsys):
+    assert len(answer(capsys, "clear")["removed"]) == 6
+    assert left(store) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("gc", "--max-size", "much"), "--max-size: 'much' is no size: write 500MB"),
+        (("gc", "--max-size", "-1GB"), "--max-size: '-1GB' is no size"),
+        (("gc", "--older-than", "old"), "--older-than: 'old' is no age: write"),
+        (("gc", "--older-than", "30"), "--older-than: '30' is no age"),
+        ((), "missing command"),
+        (("lss",), "did you mean 'ls'?"),
+        (("verify", "all"), "unexpected extra argument"),
+    ],
+)
+def test_wrong_words(store, words, said, capsys):
+    assert main(["cache", *words]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert said in error
+    assert left(store) == [0, 1, 2, 3, 4, 5]
+
+
+def test_a_cache_that_is_no_folder(tmp_path, capsys, monkeypatch):
+    (tmp_path / "file").write_text("mine")
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "file"))
+    for words in (["ls"], ["gc"], ["verify"], ["clear"]):
+        capsys.readouterr()
+        code = main(["cache", *words])
+        said = capsys.readouterr()
+        assert "Traceback" not in said.err + said.out
+        assert code in (0, 2)
+        assert said.err.count("\n") == (1 if code else 0)
+    assert (tmp_path / "file").read_text() == "mine"

@@ -1,0 +1,93 @@
+"""`stixel doctor`, with stand-ins for renderers that die or hang."""
+
+import json
+import sys
+from collections import namedtuple
+
+import pytest
+
+from stixel_cli.cli.app import main
+from stixel_cli.engine.store import Store
+from stixel_cli.experiment import health
+from stixel_cli.scene.filament import probe_filament
+
+HANGS = (sys.executable, "-c", "import time; time.sleep(60)")
+DIES = (sys.executable, "-c", "import os; os.abort()")
+SAYS = (sys.executable, "-c", "import sys; sys.exit('\\nlibusb-1.0.so.0: no such file\\n')")
+
+
+def works():
+    return None
+
+
+@pytest.fixture
+def renderers(monkeypatch):
+    """Stand-ins for the renderers: both work, if nothing else is said."""
+
+    def stand_in(raycast=works, filament=works):
+        monkeypatch.setattr(health, "probe_raycast", raycast)
+        monkeypatch.setattr(health, "_probe_filament", filament)
+
+    stand_in()
+    return stand_in
+
+
+def doctor(capsys):
+    capsys.readouterr()
+    code = main(["doctor", "--json"])
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["ok"] == (code == 0)
+    return code, {check["name"]: check for check in answer["checks"]}
+
+
+def test_all_is_well(renderers, capsys, tmp_path, monkeypatch):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+    code, checks = doctor(capsys)
+    assert code == 0
+    assert {"stixel", "Python", "cores", "threads", "renderer raycast", "renderer filament"} <= set(
+        checks
+    )
+    assert {"numpy", "cache folder", "cache size", "disk free"} <= set(checks)
+    assert not (tmp_path / "cache").exists()
+    assert main(["doctor"]) == 0
+    assert "the default experiment can run here" in capsys.readouterr().out
+
+
+def test_filament_may_be_absent_and_rays_may_not(renderers, capsys):
+    renderers(filament=lambda: "filament did not start within 60 s")
+    code, checks = doctor(capsys)
+    assert (code, checks["renderer filament"]["status"]) == (0, "absent")
+    renderers(raycast=lambda: "libusb-1.0.so.0: no such file")
+    code, checks = doctor(capsys)
+    assert (code, checks["renderer raycast"]["status"]) == (1, "fails")
+    assert main(["doctor"]) == 1
+    assert "renderer raycast fails: libusb-1.0.so.0" in capsys.readouterr().out
+
+
+def test_a_renderer_that_hangs_is_left():
+    assert "within 0.5 s" in health.probe_raycast(0.5, HANGS)
+    assert "within 0.5 s" in probe_filament(0.5, HANGS)
+
+
+def test_a_renderer_that_dies_is_survived():
+    assert "-6" in health.probe_raycast(30.0, DIES)
+    assert health.probe_raycast(30.0, SAYS) == "libusb-1.0.so.0: no such file"
+
+
+def test_rays_are_cast_in_a_process_of_their_own():
+    assert health.probe_raycast() is None
+
+
+def test_a_cache_that_cannot_be_written_fails(renderers, tmp_path):
+    (tmp_path / "file").write_text("mine")
+    checks = {one.name: one for one in health.examine(Store(tmp_path / "file"), works, works)}
+    assert checks["cache folder"].status == "fails"
+    below = {one.name: one for one in health.examine(Store(tmp_path / "file" / "a"), works, works)}
+    assert below["cache folder"].status == "fails"
+
+
+def test_a_full_disk_fails(renderers, tmp_path, monkeypatch):
+    usage = namedtuple("usage", "total used free")
+    monkeypatch.setattr("shutil.disk_usage", lambda folder: usage(10, 9, 1))
+    checks = {one.name: one for one in health.examine(Store(tmp_path), works, works)}
+    assert checks["disk free"].status == "fails"

@@ -1,0 +1,130 @@
+"""`stixel ls`, `show`, `compare`: folders made by hand, so nothing is computed."""
+
+import json
+
+import pytest
+from result_folders import CONFIG, make_folder
+
+from stixel_cli.cli.app import main
+
+
+@pytest.fixture
+def results(tmp_path):
+    root = tmp_path / "results"
+    root.mkdir()
+    first = make_folder(root / "first", metrics={"centre_rmse_m": 0.25, "iou_mean": 0.8})
+    other = {**CONFIG, "tracker": {"kind": "gp_ekf", "basis_points": 20}}
+    make_folder(root / "second", metrics={"centre_rmse_m": 0.5, "iou_mean": 0.8}, config=other)
+    manifest = json.loads((first / "manifest.json").read_text())
+    manifest |= {"created": "2025-01-01T00:00:00+00:00", "choices": {"path": "turn"}}
+    (first / "manifest.json").write_text(json.dumps(manifest))
+    return root
+
+
+def answer(capsys, *words):
+    capsys.readouterr()
+    assert main([*words, "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_ls_lists_runs_oldest_first(results, capsys):
+    make_folder(results / "deep" / "er" / "third")
+    make_folder(results / ".half.partial-7")
+    (results / "mine").mkdir()
+    sweep = results / "sweep"
+    make_folder(sweep / "points" / "0000")
+    (sweep / "sweep.yaml").write_text("points: []\n")
+    found = answer(capsys, "ls", str(results))
+    runs = [one for one in found if one["kind"] == "run"]
+    assert [one["path"].rpartition("/")[2] for one in runs] == ["first", "third", "second"]
+    assert [one["path"] for one in found if one["kind"] == "sweep"] == [str(sweep)]
+    assert runs[0]["metrics"]["centre_rmse_m"] == 0.25
+    assert [one["path"] for one in answer(capsys, "ls", str(sweep))] == [f"{sweep}/points/0000"]
+    assert main(["ls", str(results)]) == 0
+    said = capsys.readouterr().out
+    assert said.index("first") < said.index("second")
+    assert "0.250" in said
+    assert "a sweep" in said
+
+
+def test_ls_names_what_cannot_be_read(results, capsys):
+    (results / "second" / "metrics.json").write_text("{")
+    assert main(["ls", str(results)]) == 0
+    said = capsys.readouterr()
+    assert said.err == f"stixel: {results}/second/metrics.json: not valid JSON\n"
+    assert "second" in said.out
+
+
+def test_ls_of_an_empty_folder(tmp_path, capsys):
+    assert main(["ls", str(tmp_path)]) == 0
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "no result folders" in said.err
+
+
+def test_show(results, capsys):
+    folder = results / "first"
+    shown = answer(capsys, "show", str(folder))
+    assert shown["settings"]["tracker.basis_points"] == "50"
+    assert shown["metrics"]["centre_rmse_m"] == 0.25
+    assert main(["show", str(folder)]) == 0
+    said = capsys.readouterr().out
+    for text in (
+        "stixel run seed=0",
+        "path=turn",
+        "0123456789ab with uncommitted",
+        "0.250",
+        "2025",
+    ):
+        assert text in said
+
+
+def test_show_survives_a_manifest_of_anything(results, capsys):
+    (results / "first" / "manifest.json").write_text(
+        '{"stages": [1, {"name": null}], "git": 3, "versions": [], "choices": "x"}'
+    )
+    assert main(["show", str(results / "first")]) == 0
+
+
+def test_show_of_a_sweep(tmp_path, capsys):
+    folder = tmp_path / "sweep"
+    words = ["measurement=fabricated", "path.duration=0.3", "seed=0,1", "--name", "sweep"]
+    assert main(["sweep", *words, "--results", str(tmp_path)]) == 0
+    shown = answer(capsys, "show", str(folder))
+    assert [row["status"] for row in shown["points"]] == ["done", "done"]
+    assert main(["show", str(folder)]) == 0
+    said = capsys.readouterr().out
+    assert "2 done" in said
+    assert "centre error, RMSE" in said
+    assert main(["verify", str(folder)]) == 2
+    assert f"name one of its points, such as {folder}/points/0000" in capsys.readouterr().err
+    assert main(["verify", f"{folder}/points/0001", "--cached"]) == 0
+    assert "identical: 2 files" in capsys.readouterr().out
+
+
+def test_compare_shows_what_differs(results, capsys):
+    folders = [str(results / name) for name in ("first", "second")]
+    found = answer(capsys, "compare", *folders)
+    assert found["settings"]["tracker.basis_points"] == {"first": "50", "second": "20"}
+    assert found["metrics"] == {"centre_rmse_m": {"first": 0.25, "second": 0.5}}
+    assert main(["compare", *folders]) == 0
+    said = capsys.readouterr().out
+    assert "tracker.basis_points" in said
+    assert "0.250 *" in said
+    assert "road_user.length" not in said
+
+
+def test_compare_of_two_that_are_alike(results, capsys):
+    make_folder(results / "alike", metrics={"centre_rmse_m": 0.5, "iou_mean": 0.8})
+    make_folder(results / "too", metrics={"centre_rmse_m": 0.5, "iou_mean": 0.8})
+    assert main(["compare", str(results / "alike"), str(results / "too")]) == 0
+    said = capsys.readouterr().out
+    assert "the settings are the same" in said
+    assert "the metrics are the same" in said
+
+
+def test_brackets_in_names_are_no_markup(results, capsys):
+    folder = make_folder(results / "[bold]x[")
+    assert main(["show", str(folder)]) == 0
+    assert main(["ls", str(results)]) == 0
+    assert "[bold]x[" in capsys.readouterr().out

@@ -1,0 +1,273 @@
+"""A real Dask scheduler with two worker processes on loopback; the same loop, the same bytes."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from textwrap import dedent
+
+import pytest
+
+from stixel_cli.engine.errors import CodeChanged, ExecutorError, StageFailure
+from stixel_cli.engine.execute import execute
+from stixel_cli.engine.graph import build_graph
+from stixel_cli.engine.parameters import DaskExecutor
+from stixel_cli.engine.stage import Stage
+
+distributed = pytest.importorskip("distributed", reason="Dask is not installed")
+
+FRAMES = 12
+
+SLOW = """
+    import os
+    import time
+    import numpy as np
+
+    def slow(frames, folder, seed):
+        with open(os.path.join(folder, f"running-{frames.start}-{os.getpid()}"), "w"):
+            time.sleep(0.15)
+        return np.random.default_rng([seed, frames.start]).normal(size=1000)
+
+    def total(slow, frames, previous):
+        return slow.sum() + (0.0 if previous is None else previous)
+
+    def hang(frames):
+        if frames.start == 2:
+            time.sleep(60.0)
+        return frames.start
+
+    def kill(frames):
+        if frames.start == 2:
+            os.kill(os.getpid(), 9)
+        return frames.start
+    """
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory):
+    """A scheduler and two workers; their packages are found in `folder`."""
+    import logging
+
+    folder = tmp_path_factory.mktemp("packages")
+    package = folder / "dask_steps"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    (package / "steps.py").write_text(dedent(SLOW))
+    path = os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")])
+    sys.path.insert(0, str(folder))
+    with distributed.LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        processes=True,
+        host="127.0.0.1",
+        dashboard_address="127.0.0.1:0",
+        memory_limit=0,
+        scheduler_kwargs={"allowed_failures": 0},
+        env={"PYTHONPATH": path},
+        silence_logs=logging.CRITICAL,
+    ) as cluster:
+        yield cluster
+    sys.path.remove(str(folder))
+
+
+def graph_of(folder):
+    stages = [
+        Stage("slow", "dask_steps.steps:slow", "map", {}, {"folder": str(folder)}, seed=3),
+        Stage("total", "dask_steps.steps:total", "fold", {"slow": "slow"}, {}),
+    ]
+    return build_graph(stages, FRAMES, 1)
+
+
+def executor_at(cluster, time_limit=30.0):
+    return DaskExecutor("dask", 2, time_limit, cluster.scheduler_address)
+
+
+def alone(name):
+    return build_graph([Stage(name, f"dask_steps.steps:{name}", "map", {}, {})], 4, 1)
+
+
+def pids_of(cluster):
+    with distributed.Client(cluster, set_as_default=False) as client:
+        return set(client.run(os.getpid).values())
+
+
+def test_a_worker_is_killed_in_the_midst_and_the_bytes_are_those_of_local(
+    cluster, project, notes, tmp_path
+):
+    graph = graph_of(tmp_path)
+    killed = []
+
+    def kill_one():
+        deadline = time.monotonic() + 20.0
+        while time.monotonic() < deadline and not killed:
+            running = [p.name.split("-") for p in tmp_path.glob("running-*")]
+            for _, first, pid in running:
+                if int(first) >= 3 and int(pid) != os.getpid():
+                    os.kill(int(pid), signal.SIGKILL)
+                    killed.append(int(pid))
+                    return
+            time.sleep(0.005)
+
+    killer = threading.Thread(target=kill_one)
+    killer.start()
+    execution = execute(
+        graph, ["total"], project.store, executor=executor_at(cluster), progress=notes
+    )
+    killer.join()
+    assert len(killed) == 1
+    assert {record.status for record in execution.records.values()} == {"computed"}
+    assert len(notes.notes) == 1 and notes.notes[0].startswith("a worker died while")
+    by_dask = project.contents(graph)
+    project.store.folder = tmp_path / "other"
+    execute(graph, ["total"], project.store, executor="local")
+    assert by_dask == project.contents(graph) and len(by_dask) == 2 * FRAMES
+
+
+def test_a_stage_over_its_time_limit(cluster, project, notes):
+    graph = alone("hang")
+    execution = execute(
+        graph,
+        ["hang"],
+        project.store,
+        executor=executor_at(cluster, 1.0),
+        progress=notes,
+        keep_going=True,
+    )
+    ((key, failure),) = execution.failures.items()
+    assert key == graph.of_stage("hang")[2].key
+    assert "over its time limit of 1 s" in str(failure) and "in hang" in failure.traceback_text
+    assert sum(project.store.has(node.key) for node in graph.of_stage("hang")) == 3
+
+
+def test_a_stage_that_always_kills_its_worker(cluster, project, notes):
+    with pytest.raises(StageFailure, match=r"kill\[2:3\]: WorkerDied: .*twice"):
+        execute(
+            alone("kill"), ["kill"], project.store, executor=executor_at(cluster), progress=notes
+        )
+
+
+def test_a_worker_with_other_versions_is_refused(cluster, project, monkeypatch):
+    monkeypatch.setattr("stixel_cli.engine.keys.installed_version", lambda name: "0.0")
+    stage = Stage("hang", "dask_steps.steps:hang", "map", {}, {}, packages=("numpy",))
+    with pytest.raises(CodeChanged, match=r"it has numpy .*, this run was planned with 0\.0"):
+        execute(build_graph([stage], 1, 1), ["hang"], project.store, executor=executor_at(cluster))
+
+
+def test_a_scheduler_that_is_lost(project, tmp_path):
+    script = tmp_path / "scheduler.py"
+    script.write_text(
+        dedent(
+            """
+            import sys, time
+            from distributed import LocalCluster
+            if __name__ == "__main__":
+                cluster = LocalCluster(n_workers=1, threads_per_worker=1, processes=False, protocol="tcp://",
+                                       host="127.0.0.1", dashboard_address="127.0.0.1:0")
+                print(cluster.scheduler_address, flush=True)
+                time.sleep(60.0)
+            """
+        )
+    )
+    (tmp_path / "lost_steps.py").write_text(
+        "import time\n\ndef wait(frames, folder):\n"
+        "    open(folder + '/running', 'w').close()\n    time.sleep(60.0)\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    process = subprocess.Popen(
+        [sys.executable, str(script)], stdout=subprocess.PIPE, text=True, env=environment
+    )
+    address = process.stdout.readline().strip()
+
+    def kill():
+        deadline = time.monotonic() + 20.0
+        while not (tmp_path / "running").exists() and time.monotonic() < deadline:
+            time.sleep(0.02)
+        process.kill()
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    stage = Stage("wait", "lost_steps:wait", "map", {}, {"folder": str(tmp_path)})
+    try:
+        with pytest.raises(ExecutorError, match=f"the Dask scheduler at {address} was lost"):
+            executor = DaskExecutor("dask", 1, None, address)
+            execute(build_graph([stage], 2, 1), ["wait"], project.store, executor=executor)
+    finally:
+        killer.join()
+        process.communicate(timeout=10)
+
+
+def test_no_scheduler_there(project, monkeypatch):
+    monkeypatch.setattr("stixel_cli.engine.dask_pool.PATIENCE", 0.5)
+    executor = DaskExecutor("dask", 2, None, "tcp://127.0.0.1:9")
+    with pytest.raises(ExecutorError, match=r"no Dask scheduler at tcp://127.0.0.1:9 \("):
+        execute(project.graph(), ["numbers"], project.store, executor=executor)
+
+
+def test_dask_is_not_installed(project, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(ExecutorError, match=r"needs Dask: pip install 'stixel\[dask\]'"):
+        execute(project.graph(), ["numbers"], project.store, executor="dask")
+
+
+OWN = """
+    import os
+    import signal
+    import sys
+    import threading
+    from stixel_cli.engine.execute import execute
+    from stixel_cli.engine.graph import build_graph
+    from stixel_cli.engine.parameters import DaskExecutor
+    from stixel_cli.engine.stage import Stage
+    from stixel_cli.engine.store import Store
+    from stixel_cli.engine.progress import Silent
+
+    sys.path.insert(0, {folder!r})
+    os.environ["PYTHONPATH"] = {folder!r}
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    if __name__ == "__main__":
+        stage = Stage("hang", "own_steps:hang", "map", {{}}, {{"folder": {folder!r}}})
+        try:
+            execute(build_graph([stage], 2, 1), ["hang"], Store({cache!r}),
+                    executor=DaskExecutor("dask", 2, 60.0, None))
+        except KeyboardInterrupt:
+            print("interrupted", flush=True)
+    """
+
+
+def test_ctrl_c_ends_a_cluster_of_its_own(tmp_path):
+    (tmp_path / "own_steps.py").write_text(
+        dedent(
+            """
+            import os, time
+            def hang(folder, frames):
+                open(os.path.join(folder, f"running-{os.getpid()}"), "w").close()
+                time.sleep(60.0)
+            """
+        )
+    )
+    script = dedent(OWN).format(folder=str(tmp_path), cache=str(tmp_path / "cache"))
+    (tmp_path / "own.py").write_text(script)
+    process = subprocess.Popen(
+        [sys.executable, str(tmp_path / "own.py")],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 25.0
+    while len(list(tmp_path.glob("running-*"))) < 2:
+        assert time.monotonic() < deadline and process.poll() is None, process.communicate()
+        time.sleep(0.02)
+    started = time.monotonic()
+    os.killpg(process.pid, signal.SIGINT)
+    assert process.stdout.readline() == "interrupted\n"
+    took = time.monotonic() - started
+    _, errors = process.communicate(timeout=15)
+    assert errors == ""
+    assert took < 8.0, "2 s on a machine that has nothing else to do"
+    for path in tmp_path.glob("running-*"):
+        with pytest.raises(ProcessLookupError):
+            os.kill(int(path.name.partition("-")[2]), 0)

@@ -1,0 +1,134 @@
+"""Why a node would run: the key that changed, the function, the version, or the cache's doing."""
+
+from dataclasses import replace
+
+import pytest
+
+from stixel_cli.engine.explain import by_stage, explain
+from stixel_cli.engine.graph import build_graph
+from stixel_cli.engine.store import VALUE
+from stixel_cli.engine.upkeep import clear, collect
+
+FRAMES, CHUNK = 10, 4
+
+
+@pytest.fixture
+def said(project):
+    """What is said of each node that would run, after a first run."""
+    project.run()
+
+    def said(graph, targets=None):
+        return {one.label: str(one) for one in explain(graph, project.store, targets)}
+
+    return said
+
+
+def test_nothing_to_explain(project, said):
+    assert said(project.graph()) == {}
+
+
+def test_an_empty_cache(project):
+    explanations = explain(project.graph(), project.store, ["double"])
+    assert [str(one) for one in explanations] == [
+        "numbers: new: no result of numbers is stored",
+        "double[0:4]: new: no result of double is stored",
+        "double[4:8]: new: no result of double is stored",
+        "double[8:10]: new: no result of double is stored",
+    ]
+
+
+def test_a_setting_and_what_depends_on_it(project, said):
+    answer = said(project.graph(factor=2.5))
+    assert answer["double[4:8]"] == "double[4:8]: gain.factor changed from 2.0 to 2.5"
+    assert answer["running[0:4]"] == "running[0:4]: input changed: double"
+    assert answer["show[9]"] == "show[9]: input changed: double; input changed: grid"
+    assert "numbers" not in answer
+
+
+def test_the_seed(project, said):
+    assert said(project.graph(seed=7)) == {"gather": "gather: seed changed from 1 to 7"}
+
+
+def test_the_code(project, said):
+    project.edit("helpers", "FACTOR * values", "values * FACTOR")
+    project.edit("helpers", "FACTOR = 3.0", "FACTOR = 3.5")
+    project.forget()
+    name = project.name
+    assert said(project.graph(), ["double"])["double[0:4]"] == (
+        f"double[0:4]: code: FACTOR of {name}.helpers changed; "
+        f"code: scale of {name}.helpers changed"
+    )
+
+
+def test_code_that_is_reached_anew(project, said):
+    project.edit("steps", "np.arange(count, dtype=np.float64)", "scale(np.arange(count) / 1.0)")
+    project.forget()
+    # What is reached by the change is not a second reason.
+    assert (
+        said(project.graph())["numbers"]
+        == f"numbers: code: numbers of {project.name}.steps changed"
+    )
+
+
+def test_a_version(project, said, monkeypatch):
+    monkeypatch.setattr("stixel_cli.engine.keys.installed_version", lambda name: "0.0")
+    answer = said(project.graph(), ["double"])
+    assert "numpy changed from " in answer["double[0:4]"]
+    assert answer["double[0:4]"].endswith(" to 0.0")
+
+
+def test_a_file(project, tmp_path):
+    mesh = tmp_path / "mesh"
+    mesh.write_text("a")
+    stage = replace(project.stages()[0], files=(mesh,))
+    project.run(build_graph([stage], FRAMES, CHUNK), ["numbers"])
+    mesh.write_text("b")
+    (one,) = explain(build_graph([stage], FRAMES, CHUNK), project.store)
+    assert str(one) == f"numbers: the content of {mesh} changed"
+
+
+def test_the_nearest_is_what_it_is_compared_with(project, said):
+    project.run(project.graph(factor=9.0, offset=1.0))
+    answer = said(project.graph(factor=9.0, offset=2.0))
+    assert answer["double[0:4]"] == "double[0:4]: gain.offset changed from 1.0 to 2.0"
+
+
+def test_an_input_that_is_stored_already_is_followed_to_what_changed(project, said):
+    other = project.graph(factor=4.0)
+    project.run(other, ["double"])
+    answer = said(project.graph(factor=4.0))
+    assert answer["running[0:4]"] == (
+        "running[0:4]: input changed: double; gain.factor changed from 2.0 to 4.0"
+    )
+
+
+def test_what_was_removed(project, said):
+    graph = project.graph()
+    collect(project.store, max_size=0)
+    assert said(graph, ["numbers"]) == {"numbers": "numbers: removed from the cache for space"}
+    project.run(graph)
+    clear(project.store)
+    assert said(graph, ["numbers"]) == {
+        "numbers": "numbers: removed from the cache by stixel cache clear"
+    }
+
+
+def test_what_was_damaged(project, said):
+    graph = project.graph()
+    path = project.store.entry(graph.of_stage("gather")[0].key) / VALUE
+    path.write_bytes(path.read_bytes()[:-1])
+    assert not project.store.verify(path.parent.name)
+    assert said(graph) == {"gather": "gather: its stored result was damaged and set aside"}
+
+
+def test_other_frames(project, said):
+    answer = said(project.graph(frames=(2, 5)))
+    assert answer["grid[5]"] == "grid[5]: new: no result of grid[5] is stored"
+
+
+def test_nodes_of_a_stage_that_say_the_same(project, said):
+    groups = by_stage(explain(project.graph(factor=2.5), project.store, ["double", "running"]))
+    assert [(len(group), text) for group, text in groups] == [
+        (3, "gain.factor changed from 2.0 to 2.5"),
+        (3, "input changed: double"),
+    ]

@@ -1,0 +1,110 @@
+"""A full disk, a read-only cache: one clear message, no half result, nothing lost."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from stixel_cli.engine.errors import CacheError
+from stixel_cli.engine.parameters import LocalExecutor
+from stixel_cli.engine.store import VALUE, Store
+from stixel_cli.engine.upkeep import collect, entries, verify_all
+
+
+@pytest.fixture
+def disk(tmp_path):
+    """A small file system of its own, and a way to change how it is mounted."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+
+    def mount(*options):
+        done = subprocess.run(
+            ["mount", "-t", "tmpfs", "-o", ",".join(options), "tmpfs", str(folder)],
+            capture_output=True,
+            text=True,
+        )
+        if done.returncode:
+            pytest.skip(f"no file system can be mounted here: {done.stderr.strip()}")
+
+    if not sys.platform.startswith("linux") or os.geteuid() != 0:
+        pytest.skip("mounting a small file system takes root on Linux")
+    mount("size=200k")
+    yield folder, lambda option: mount("remount", option)
+    subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+@pytest.mark.parametrize(
+    "executor", ["serial", LocalExecutor("local", 2, 60.0)], ids=["serial", "local"]
+)
+def test_a_full_disk(project, disk, executor):
+    folder, _ = disk
+    project.store.folder = folder / "cache"
+    project.edit("steps", "np.arange(count, dtype=np.float64)", "np.arange(200_000.0)")
+    with pytest.raises(CacheError, match=r"^cannot write in the cache .*: No space left on device"):
+        project.run(executor=executor, keep_going=True)
+    assert entries(project.store) == []
+    assert list((project.store.folder / "tmp").glob("*/*")) == []
+    # With a smaller result all goes on, from what is there.
+    project.edit("steps", "np.arange(200_000.0)", "np.arange(count, dtype=np.float64)")
+    project.run(executor=executor)
+    assert verify_all(project.store) == [] and len(entries(project.store)) == 12
+
+
+def test_a_read_only_cache(project, disk):
+    folder, remount = disk
+    project.store.folder = folder / "cache"
+    graph = project.graph()
+    project.run(graph)
+    project.calls()
+    remount("ro")
+    assert project.run(graph).of_stage("gather").status == "cached"
+    assert project.store.load(graph.of_stage("show")[0].key)[0] == 0
+    with pytest.raises(CacheError, match=r"^cannot write in the cache .*: Read-only file system$"):
+        project.run(project.graph(seed=2))
+    assert project.calls() == [], "said before anything runs"
+    with pytest.raises(CacheError, match="Read-only file system"):
+        collect(project.store, max_size=0)
+    remount("rw")
+    project.run(project.graph(seed=2))
+    assert project.calls() == ["gather"]
+
+
+STORING = """
+import sys
+from stixel_cli.engine.store import Store
+
+class Slow:
+    def __reduce__(self):
+        # Half of the entry is written by now.
+        print("storing", flush=True)
+        sys.stdin.read()
+        return (int, ())
+
+store, key = Store(sys.argv[1]), sys.argv[2]
+with store.lock(key):
+    store.save(key, [b"x" * 100_000, Slow()], stage="any")
+"""
+
+
+def test_kill_9_in_a_store(tmp_path):
+    store, key = Store(tmp_path / "cache"), "ab" * 32
+    process = subprocess.Popen(
+        [sys.executable, "-c", STORING, str(store.folder), key],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout.readline() == "storing\n"
+    process.send_signal(signal.SIGKILL)
+    process.communicate(timeout=10)
+    assert not store.has(key) and len(list((store.folder / "tmp").iterdir())) == 1
+    started = time.monotonic()
+    with store.lock(key):
+        store.save(key, 1)
+    assert time.monotonic() - started < 5.0 and store.load(key) == 1
+    (orphan,) = collect(store).removed
+    assert orphan.reason == "orphan" and list((store.folder / "tmp").iterdir()) == []
+    assert (store.entry(key) / VALUE).exists()

@@ -1,0 +1,116 @@
+"""A node that fails alone: the rest goes on, what depends on it is skipped."""
+
+import pytest
+
+from stixel_cli.engine.errors import CacheError, StageFailure
+from stixel_cli.engine.graph import merge
+
+
+def statuses(execution):
+    return {record.label: record.status for record in execution.records.values()}
+
+
+@pytest.mark.parametrize("executor", ["serial", "threads", "local"])
+def test_a_failed_node_fails_alone(project, notes, executor):
+    project.edit(
+        "steps", "return doubled.total()", "assert frames.start != 4; return doubled.total()"
+    )
+    graph = project.graph()
+    execution = project.run(graph, executor=executor, keep_going=True, progress=notes)
+    found = statuses(execution)
+    assert found.pop("running[4:8]") == "failed"
+    assert (found.pop("running[8:10]"), found.pop("gather")) == ("skipped", "skipped")
+    assert set(found.values()) == {"computed"}
+    (failure,) = execution.failures.values()
+    assert isinstance(failure, StageFailure) and failure.label == "running[4:8]"
+    assert "in running" in failure.traceback_text
+    running, gather = graph.of_stage("running"), graph.of_stage("gather")[0]
+    assert execution.failure_of(gather.key) is failure
+    assert execution.failure_of(running[0].key) is None
+    assert [record["status"] for record in execution.stage_records()] == [
+        *("computed", "computed", "failed", "skipped", "computed", "computed")
+    ]
+    assert notes.notes == ["failed: running[4:8]: AssertionError: "[:-1].strip()]
+    assert (notes.failures, notes.skipped, notes.all_done, notes.all_total) == (1, 2, 9, 9)
+
+
+def test_what_is_missing_or_failed_is_run_the_next_time(project, notes):
+    project.add_line("gather", "raise ValueError('once')")
+    project.run(keep_going=True, progress=notes)
+    project.calls()
+    project.edit("steps", "; raise ValueError('once')", "")
+    execution = project.run(keep_going=True)
+    assert project.calls() == ["gather"] and execution.failures == {}
+
+
+def test_two_failures_with_a_common_successor(project, notes):
+    project.edit(
+        "steps", "values = numbers[", "assert frames.start == 8, frames; values = numbers["
+    )
+    execution = project.run(keep_going=True, progress=notes)
+    found = statuses(execution)
+    assert [label for label, status in found.items() if status == "failed"] == [
+        "double[0:4]",
+        "double[4:8]",
+    ]
+    assert [label for label, status in found.items() if status == "computed"] == [
+        "numbers",
+        "double[8:10]",
+        "grid[9]",
+        "show[9]",
+    ]
+    graph = execution.graph
+    first = execution.failure_of(graph.of_stage("gather")[0].key)
+    assert first.label in ("double[0:4]", "double[4:8]")
+    assert execution.failure_of(graph.of_stage("show")[1].key) is None
+
+
+def test_a_killer_of_workers_fails_alone(project, notes):
+    project.add_line("gather", "import os; os.kill(os.getpid(), 9)")
+    execution = project.run(executor="local", keep_going=True, progress=notes)
+    assert {label for label, status in statuses(execution).items() if status != "computed"} == {
+        "gather"
+    }
+    assert str(execution.failures[execution.graph.of_stage("gather")[0].key]) == (
+        "gather: WorkerDied: it killed the process that ran it, twice"
+    )
+
+
+def test_what_would_befall_the_next_node_as_well_ends_all(project):
+    project.add_line("gather", "raise CacheError('cannot write')")
+    project.edit(
+        "steps",
+        "import numpy as np",
+        "import numpy as np\nfrom stixel_cli.engine.errors import CacheError",
+    )
+    with pytest.raises(CacheError, match="cannot write"):
+        project.run(keep_going=True)
+
+
+def test_merged_graphs_run_shared_nodes_once(project):
+    graphs = [project.graph(seed=seed) for seed in (1, 2, 3)] + [project.graph(frames=(2, 5))]
+    merged = merge(graphs)
+    assert len(merged.nodes) == 1 + 3 + 3 + 3 + 3 + 3
+    assert merged.stage_names.index("double") < merged.stage_names.index("running")
+    assert len(merged.stages["gather"]) == 3 and len(merged.stages["show"]) == 3
+    project.run(merged)
+    calls = project.calls()
+    assert calls.count("gather") == 3 and calls.count("numbers") == 1 and len(calls) == 16
+    for graph in graphs:
+        assert all(project.store.has(key) for key in graph.nodes)
+    assert merge([]).nodes == {}
+
+
+def test_merging_knows_stages_that_no_frame_is_picked_for(project):
+    merged = merge([project.graph(frames=())])
+    assert merged.stages["show"] == ()
+    assert merged.expand(["show"]) == []
+
+
+def test_a_failure_of_a_shared_node_is_every_points(project, notes):
+    project.add_line("numbers", "raise ValueError('shared')")
+    graphs = [project.graph(seed=seed) for seed in (1, 2)]
+    execution = project.run(merge(graphs), keep_going=True, progress=notes)
+    assert len(execution.failures) == 1
+    for graph in graphs:
+        assert execution.failure_of(graph.of_stage("gather")[0].key).label == "numbers"

@@ -1,0 +1,96 @@
+"""A stage over its time limit is killed and has failed; what ran beside it has not."""
+
+import time
+
+import pytest
+
+from stixel_cli.engine import time_limit
+from stixel_cli.engine.errors import StageFailure, TimeLimitExceeded
+from stixel_cli.engine.parameters import LocalExecutor
+from stixel_cli.engine.time_limit import TimeLimit, limited
+
+LIMIT = 1.0
+LOCAL = LocalExecutor("local", 2, LIMIT)
+HANG = "import time; time.sleep(30)"
+
+
+def hang(project, function):
+    project.add_line(function, HANG)
+
+
+def test_it_is_killed_and_named_and_not_tried_again(project, notes):
+    hang(project, "gather")
+    started = time.monotonic()
+    with pytest.raises(StageFailure, match=r"gather: .*over its time limit of 1 s") as caught:
+        project.run(executor=LOCAL, progress=notes)
+    assert time.monotonic() - started < 15.0
+    assert isinstance(caught.value.cause, TimeLimitExceeded)
+    assert "in gather" in caught.value.traceback_text, "where it hung"
+    assert project.calls().count("gather") == 1
+    assert notes.notes == []
+
+
+def test_what_ran_beside_it_is_handed_out_again(project, notes):
+    hang(project, "gather")
+    graph = project.graph()
+    execution = project.run(graph, executor=LOCAL, keep_going=True, progress=notes)
+    assert [failure.label for failure in execution.failures.values()] == ["gather"]
+    others = [record.status for record in execution.records.values() if record.label != "gather"]
+    assert set(others) == {"computed"}
+    assert project.calls().count("gather") == 1
+    assert list((project.store.folder / "tmp").glob("limit-*")) != [], "the mark, for a look"
+
+
+def test_what_stays_below_it_leaves_no_mark(project):
+    project.run(executor=LOCAL)
+    assert list((project.store.folder / "tmp").iterdir()) == []
+
+
+def test_small_work_in_this_process_is_interrupted(project, monkeypatch):
+    project.run()
+    monkeypatch.setattr("stixel_cli.engine.execute.make_pool", None)
+    hang(project, "gather")
+    project.forget()
+    started = time.monotonic()
+    with pytest.raises(StageFailure, match=r"gather: .*over its time limit of 0\.2 s"):
+        project.run(executor=LocalExecutor("local", 2, 0.2))
+    assert time.monotonic() - started < 10.0
+
+
+def test_the_time_a_lock_is_held_by_another_does_not_count(project):
+    graph = project.graph()
+    import threading
+
+    held, gone = threading.Event(), threading.Event()
+
+    def hold():
+        with project.store.lock(graph.of_stage("numbers")[0].key):
+            held.set()
+            gone.wait(1.5)
+
+    thread = threading.Thread(target=hold)
+    thread.start()
+    held.wait()
+    project.run(graph, ["numbers"], executor=LocalExecutor("local", 1, 1.0))
+    thread.join()
+
+
+def test_a_mark_of_before_counts(tmp_path):
+    # As with Dask, which hands what a lost worker ran to the next.
+    limit = TimeLimit(5.0, tmp_path / "mark")
+    limit.mark.write_text("Timeout")
+    with pytest.raises(TimeLimitExceeded), limited(limit):
+        raise AssertionError("not reached")
+    limit.mark.write_text("")
+    with limited(limit):
+        pass
+    assert not limit.mark.exists()
+
+
+def test_where_nothing_can_be_interrupted_workers_are_started(project, monkeypatch):
+    project.run()
+    monkeypatch.setattr("stixel_cli.engine.execute.can_interrupt", lambda: False)
+    monkeypatch.setattr("stixel_cli.engine.execute.make_pool", None)
+    with pytest.raises(TypeError, match="NoneType"):
+        project.run(project.graph(seed=2), executor=LOCAL)
+    assert time_limit.can_interrupt()

@@ -1,0 +1,274 @@
+"""Upkeep: what is listed, what goes first, and what never goes."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from stixel_cli.engine.errors import CacheError
+from stixel_cli.engine.leases import Lease, lease, leased_keys
+from stixel_cli.engine.parameters import CacheParameters
+from stixel_cli.engine.removal import evicted
+from stixel_cli.engine.store import VALUE, Store, default_cache_folder, open_store
+from stixel_cli.engine.units import parse_age, parse_size, show_size
+from stixel_cli.engine.upkeep import clear, collect, entries, keep_limit, verify_all
+
+KEYS = [f"{i:02x}" * 32 for i in range(1, 6)]
+
+
+@pytest.fixture
+def store(tmp_path):
+    """Five entries of some 8 KB, the first used the longest ago, one day apart."""
+    store = Store(tmp_path / "cache")
+    for i, key in enumerate(KEYS):
+        store.save(key, np.zeros(1000), stage=f"stage{i % 2}", label=f"label{i}", created=1e9 + i)
+        used = time.time() - 86400.0 * (len(KEYS) - i)
+        os.utime(store.entry(key), (used, used))
+    return store
+
+
+def left(store):
+    return [key for key in KEYS if store.has(key)]
+
+
+def test_entries(store):
+    found = entries(store)
+    assert [one.key for one in found] == KEYS
+    assert [one.stage for one in found] == ["stage0", "stage1"] * 2 + ["stage0"]
+    assert found[2].label == "label2" and found[2].created == 1e9 + 2
+    assert all(8000 < one.size < 9000 for one in found)
+    assert found[0].last_use == pytest.approx(time.time() - 5 * 86400.0, abs=60.0)
+    assert entries(Store(store.folder / "nothing")) == []
+
+
+def test_the_least_recently_used_go_first(store):
+    size = entries(store)[0].size
+    store.load(KEYS[0])
+    collection = collect(store, max_size=3 * size + 100)
+    assert left(store) == [KEYS[0], KEYS[3], KEYS[4]]
+    assert [(one.name, one.stage, one.reason) for one in collection.removed] == [
+        (KEYS[1], "stage1", "size"),
+        (KEYS[2], "stage0", "size"),
+    ]
+    assert (collection.kept, collection.in_use) == (3, 0)
+    assert collection.kept_size == sum(one.size for one in entries(store))
+    assert set(evicted(store)) == {KEYS[1], KEYS[2]}
+    assert list((store.folder / "tmp").iterdir()) == []
+
+
+def test_by_age(store):
+    collection = collect(store, older_than=parse_age("60h"))
+    assert [one.reason for one in collection.removed] == ["age"] * 3
+    assert left(store) == KEYS[3:]
+
+
+def test_a_dry_run_removes_nothing(store):
+    collection = collect(store, max_size=0, dry_run=True)
+    assert len(collection.removed) == 5 and collection.removed_size > 40_000
+    assert left(store) == KEYS
+    assert evicted(store) == {}
+
+
+def test_what_is_in_use_stays(store):
+    with lease(store.folder, KEYS[:2]):
+        collection = collect(store, max_size=0)
+        assert left(store) == KEYS[:2] and collection.in_use == 2
+        assert clear(store).removed == ()
+        assert left(store) == KEYS[:2]
+    assert leased_keys(store.folder) == set()
+    clear(store)
+    assert left(store) == []
+    assert list((store.folder / "leases").iterdir()) == []
+
+
+def test_a_lease_that_is_taken_again_lets_the_others_go(store):
+    own = Lease(store.folder)
+    own.take(KEYS)
+    own.take(KEYS[2:3])
+    collect(store, max_size=0)
+    assert left(store) == KEYS[2:3]
+    own.end()
+    own.end()
+
+
+HOLD = """
+import sys, time
+from stixel_cli.engine.leases import Lease
+from pathlib import Path
+own = Lease(Path(sys.argv[1]))
+own.take(sys.argv[2:])
+print("taken", flush=True)
+time.sleep(60)
+"""
+
+
+def test_the_lease_of_another_process_holds_until_it_is_killed(store):
+    process = subprocess.Popen(
+        [sys.executable, "-c", HOLD, str(store.folder), *KEYS[:3]],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout.readline() == "taken\n"
+    collect(store, max_size=0)
+    assert left(store) == KEYS[:3]
+    process.send_signal(signal.SIGKILL)
+    process.communicate(timeout=10)
+    collect(store, max_size=0)
+    assert left(store) == []
+
+
+def ended_process():
+    process = subprocess.Popen([sys.executable, "-c", ""])
+    process.wait()
+    return process.pid
+
+
+def test_orphans_of_killed_processes(store):
+    import socket
+
+    folder, host = store.folder / "tmp", socket.gethostname()
+    gone = folder / f"{KEYS[0][:16]}-{host}-{ended_process()}-1f"
+    running = folder / f"{KEYS[0][:16]}-{host}-{os.getpid()}-1f"
+    elsewhere = folder / f"{KEYS[0][:16]}-elsewhere-{ended_process()}-1f"
+    for path in (gone, running, elsewhere):
+        path.mkdir()
+        (path / VALUE).write_bytes(b"half")
+    long_ago = time.time() - 2 * 86400.0
+    old = folder / f"{KEYS[0][:16]}-elsewhere-1-2f"
+    old.mkdir()
+    os.utime(old, (long_ago, long_ago))
+    (store.folder / "locks").mkdir(exist_ok=True)
+    lock = store.folder / "locks" / f"{KEYS[0]}.lock"
+    lock.touch()
+    held = store.folder / "locks" / f"{KEYS[1]}.lock"
+    with store.lock(KEYS[1]):
+        removed = collect(store).removed
+        assert {(one.name, one.reason) for one in removed} == {
+            (gone.name, "orphan"),
+            (old.name, "orphan"),
+        }
+        assert not gone.exists() and not old.exists() and not lock.exists()
+        assert running.exists() and elsewhere.exists() and held.exists()
+    assert left(store) == KEYS
+
+
+def test_bad_entries_are_named_and_set_aside(store):
+    flipped = store.entry(KEYS[1]) / VALUE
+    flipped.write_bytes(flipped.read_bytes()[:-1] + b"x")
+    cut = store.entry(KEYS[3]) / VALUE
+    cut.write_bytes(cut.read_bytes()[:-9])
+    (store.entry(KEYS[4]) / VALUE).unlink()
+    seen = []
+    bad = verify_all(store, lambda done, total: seen.append((done, total)))
+    assert [(one.key, one.stage, one.label) for one, _ in bad] == [
+        (KEYS[1], "stage1", "label1"),
+        (KEYS[3], "stage1", "label3"),
+        (KEYS[4], "stage0", "label4"),
+    ]
+    assert [reason.partition(" (")[0] for _, reason in bad] == [
+        "its content is not what was stored",
+        "it is cut short",
+        "value.joblib is missing",
+    ]
+    assert seen == [(i, 5) for i in range(1, 6)]
+    assert left(store) == [KEYS[0], KEYS[2]]
+    assert verify_all(store) == []
+    assert {one.reason for one in collect(store, max_size=10**9).removed} == {"set aside"}
+
+
+def test_a_bad_entry_that_cannot_be_set_aside(store, monkeypatch):
+    (store.entry(KEYS[1]) / VALUE).write_bytes(b"")
+    from pathlib import Path
+
+    monkeypatch.setattr(Path, "rename", lambda *args: (_ for _ in ()).throw(OSError("no")))
+    with pytest.raises(CacheError, match=r"label1 in .* is bad \(it is cut short"):
+        verify_all(store)
+
+
+def test_clear(store):
+    collection = clear(store)
+    assert (len(collection.removed), collection.kept) == (5, 0)
+    assert {one.reason for one in collection.removed} == {"cleared"}
+    assert entries(store) == []
+    assert clear(Store(store.folder / "nothing")).removed == ()
+
+
+def test_a_cache_that_cannot_be_written(store, monkeypatch):
+    def refuse(*arguments, **options):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("pathlib.Path.touch", refuse)
+    for action in (lambda: collect(store, max_size=0), lambda: clear(store)):
+        with pytest.raises(CacheError, match=r"cannot write in the cache .*: Permission denied"):
+            action()
+    assert left(store) == KEYS
+    store.max_size = 1
+    assert keep_limit(store) is None, "left as it is, with no word"
+
+
+def test_the_limit_is_kept_without_being_asked(project):
+    graph = project.graph()
+    project.store.max_size = 1
+    project.run(graph)
+    found = {one.label for one in entries(project.store)}
+    assert found == {"gather", "show[2]", "show[9]"}, "the targets are about to be loaded"
+    project.store.max_size = 10**9
+    project.calls()
+    project.run(project.graph(seed=5), ["gather"])
+    assert len(entries(project.store)) > 3
+
+
+def test_the_limit_is_kept_on_the_way(project, monkeypatch):
+    monkeypatch.setattr("stixel_cli.engine.execute.Run.keep_limit", lambda run: None)
+    project.run(project.graph(factor=7.0))
+    old = {one.key for one in entries(project.store)}
+    monkeypatch.undo()
+    monkeypatch.syspath_prepend(str(project.folder))
+    monkeypatch.setenv("CALLS", str(project.calls_file))
+    project.store.max_size = 1
+    project.edit("steps", 'log.called("gather")', "raise ValueError")
+    with pytest.raises(Exception, match="ValueError"):
+        project.run(project.graph())
+    assert not old & {one.key for one in entries(project.store)}
+
+
+def test_the_store_of_the_configuration(monkeypatch, tmp_path):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "named"))
+    store = open_store(CacheParameters(None, "2GB"))
+    assert (store.folder, store.max_size) == (default_cache_folder(), 2_000_000_000)
+    store = open_store(CacheParameters(str(tmp_path / "own"), None))
+    assert (store.folder, store.max_size) == (tmp_path / "own", None)
+    with pytest.raises(ValueError, match=r"^cache.max_size: '2 XB' is no size: .*, or null$"):
+        CacheParameters(None, "2 XB").check()
+
+
+def test_sizes_and_ages():
+    assert [parse_size(text) for text in ("1kB", "1.5 GB", "2GiB", "7", "0")] == [
+        1000,
+        1_500_000_000,
+        2 * 2**30,
+        7,
+        0,
+    ]
+    assert [parse_age(text) for text in ("90s", "10min", "12h", "30d", "2w")] == [
+        90.0,
+        600.0,
+        43200.0,
+        2_592_000.0,
+        1_209_600.0,
+    ]
+    for parse in (parse_size, parse_age):
+        for text in ("", "x", "-1GB", "1 m", "1e3", "nan", "10 G B", "1d2h", "١GB"):
+            with pytest.raises(ValueError, match="write "):
+                parse(text)
+    assert [show_size(size) for size in (0, 999, 4200, 99_960, 4_249_000_000)] == [
+        "0 B",
+        "999 B",
+        "4.2 KB",
+        "100 KB",
+        "4.2 GB",
+    ]

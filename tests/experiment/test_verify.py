@@ -1,0 +1,319 @@
+"""`stixel rerun` and `stixel verify`: what is the same, what differs, and folders to distrust."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from run_cli import run_json
+
+from stixel_cli import __version__
+from stixel_cli.cli.app import main
+from stixel_cli.experiment.lineage import Lineage, StageLineage, lineage_tree, read_lineage
+
+ROOT = Path(__file__).resolve().parents[2]
+FABRICATED = ("measurement=fabricated", "path.duration=0.5", "pictures.frames=[0]")
+REPEATED = ("metrics.json", "scans.csv", "scans.npz", "track.csv", "track.npz", "scores.npz")
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory, shared_cache):
+    """A result folder; not to be changed."""
+    folder = tmp_path_factory.mktemp("results") / "original"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STIXEL_CACHE", str(shared_cache))
+        assert (
+            main(["run", *FABRICATED, "--results", str(folder.parent), "--name", "original"]) == 0
+        )
+    return folder
+
+
+@pytest.fixture
+def folder(original, tmp_path):
+    """A copy of it, to be tampered with."""
+    return Path(shutil.copytree(original, tmp_path / "copy"))
+
+
+def verified(capsys, folder, *options):
+    """Exit code and answer of `stixel verify`, with what is cached taken from there."""
+    capsys.readouterr()
+    code = main(["verify", str(folder), "--json", "--cached", *options])
+    said = capsys.readouterr()
+    return code, json.loads(said.out)
+
+
+def refused(capsys, *words) -> str:
+    """The one line with which a command refuses."""
+    capsys.readouterr()
+    assert main(list(words)) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+    assert "Traceback" not in said.err
+    return said.err
+
+
+def into(folder) -> tuple[str, str]:
+    return ("--results", str(folder))
+
+
+def edit_json(file, change):
+    content = json.loads(file.read_text())
+    change(content)
+    file.write_text(json.dumps(content))
+
+
+def test_a_rerun_gives_the_same_bytes(folder, tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "empty"))
+    assert main(["rerun", str(folder), *into(tmp_path), "--name", "again", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    again = tmp_path / "again"
+    assert answer["folder"] == str(again)
+    assert {stage["status"] for stage in answer["stages"]} == {"computed"}
+    for file in (*REPEATED, "config.yaml", "lineage.json", "figures/path.png"):
+        assert (folder / file).read_bytes() == (again / file).read_bytes(), file
+    manifest = json.loads((again / "manifest.json").read_text())
+    assert manifest["rerun_of"] == str(folder)
+    assert manifest["choices"]["measurement"] == "fabricated"
+
+
+def test_a_rerun_s_name_follows_the_folder_s(folder, capsys, tmp_path):
+    assert main(["rerun", str(folder), *into(tmp_path), "--workers", "1"]) == 0
+    (again,) = folder.parent.glob("copy-rerun-*")
+    assert json.loads((again / "manifest.json").read_text())["workers"] == 1
+
+
+def test_an_untouched_folder_is_identical_computed_anew(folder, capsys, tmp_path, monkeypatch):
+    # There is no cache, and none is made.
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "missing"))
+    assert main(["verify", str(folder), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["identical"]
+    assert found["files_compared"] >= 8
+    assert found["first_by_key"] is found["first_by_value"] is None
+    assert {stage["status"] for stage in found["stages"]} == {"computed"}
+    assert not (tmp_path / "missing").exists()
+
+
+def test_text_for_the_eye(folder, capsys):
+    assert main(["verify", str(folder), "--cached"]) == 0
+    assert capsys.readouterr().out.startswith("identical: ")
+    edit_json(folder / "metrics.json", lambda metrics: metrics.update(iou_mean=0.5))
+    assert main(["verify", str(folder), "--cached"]) == 1
+    said = capsys.readouterr().out
+    assert said.startswith("differs: 1 of ")
+    assert "  metrics.json: iou_mean: 0.5 became 0." in said
+    assert "metrics.json was altered after the run" in said
+
+
+def test_altered_arrays_are_named_with_the_amount(folder, capsys):
+    with np.load(folder / "track.npz") as arrays:
+        track = dict(arrays)
+    track["means"][2, 0] += 0.25
+    np.savez(folder / "track.npz", **track)
+    code, found = verified(capsys, folder)
+    assert code == 1
+    assert [file["file"] for file in found["files"]] == ["track.npz"]
+    assert found["first_by_value"]["stage"] == "track"
+    assert "means: 1 of" in found["first_by_value"]["what"]
+    assert "by up to 0.25" in found["first_by_value"]["what"]
+    assert "altered after the run" in found["first_by_value"]["causes"][0]
+
+
+def test_an_altered_picture_differs(folder, capsys):
+    (folder / "figures" / "path.png").write_bytes(b"no picture")
+    code, found = verified(capsys, folder)
+    assert code == 1
+    assert [file["file"] for file in found["files"]] == ["figures/path.png"]
+
+
+def test_an_altered_configuration_is_seen_by_the_keys(folder, capsys):
+    config = yaml.safe_load((folder / "config.yaml").read_text())
+    config["tracker"]["sigma_f"] *= 2
+    (folder / "config.yaml").write_text(yaml.safe_dump(config))
+    code, found = verified(capsys, folder)
+    assert code == 1
+    assert found["first_by_key"]["stage"] == "track"
+    assert "config.yaml" in found["first_by_key"]["causes"][0]
+    # The result of the old run is cached, so by how much it differs is told.
+    assert found["first_by_value"]["stage"] == "track"
+    assert "by up to" in found["first_by_value"]["what"]
+    assert found["first_by_value"]["causes"] == found["first_by_key"]["causes"]
+
+
+def test_changed_versions_and_revision_are_told(folder, capsys):
+    def change(manifest):
+        manifest["versions"]["numpy"] = "1.0"
+        manifest["git"] = {"revision": "0" * 40, "dirty": False}
+
+    edit_json(folder / "manifest.json", change)
+    code, found = verified(capsys, folder)
+    assert code == 0
+    assert f"numpy 1.0 → {np.__version__}" in found["changes"]
+    assert any(change.startswith("git revision 000000000000 → ") for change in found["changes"])
+
+
+def test_a_folder_of_an_older_version(folder, capsys, tmp_path):
+    """It says nothing of executor, cache and lineage, and can be run and compared all the same."""
+    config = yaml.safe_load((folder / "config.yaml").read_text())
+    del config["executor"], config["cache"]
+    (folder / "config.yaml").write_text(yaml.safe_dump(config))
+    (folder / "lineage.json").unlink()
+    (folder / "manifest.json").write_text('{"versions": {"stixel": "0.0.1"}}')
+    code, found = verified(capsys, folder)
+    assert code == 0
+    assert f"stixel 0.0.1 → {__version__}" in found["changes"]
+    assert main(["rerun", str(folder), *into(tmp_path), "--name", "again"]) == 0
+    capsys.readouterr()
+    assert main(["verify", str(folder), "--cached"]) == 0
+    assert "the folder does not say what its stages were made of" in capsys.readouterr().out
+    del config["tracker"]["sigma_f"]
+    (folder / "config.yaml").write_text(yaml.safe_dump(config))
+    said = refused(capsys, "verify", str(folder))
+    assert "tracker.sigma_f: is missing" in said
+    assert f"made by stixel 0.0.1, this is {__version__}" in said
+
+
+def test_a_small_folder_is_compared_by_what_it_has(folder, capsys):
+    for name in ("scans.npz", "track.npz"):
+        (folder / name).unlink()
+    shutil.rmtree(folder / "figures")
+    code, found = verified(capsys, folder)
+    assert (code, found["files_compared"]) == (0, 2)
+
+
+class Trap:
+    """Leaves a mark if it is unpickled."""
+
+    def __reduce__(self):
+        return (os.mkdir, ("unpickled",))
+
+
+def _pickled_track(folder):
+    np.savez(folder / "track.npz", means=np.array([Trap()], dtype=object))
+
+
+def _lost_metrics(folder):
+    (folder / "metrics.json").unlink()
+
+
+def _replace(name, text):
+    return lambda folder: (folder / name).write_text(text)
+
+
+def _strange_key(folder):
+    def change(lineage):
+        lineage["stages"]["track"]["keys"] = ["../../../etc"]
+
+    edit_json(folder / "lineage.json", change)
+
+
+@pytest.mark.parametrize(
+    ("tamper", "said"),
+    [
+        (_pickled_track, "track.npz: not a file of numeric arrays"),
+        (_lost_metrics, "metrics.json is missing"),
+        (_strange_key, "lineage.json: not the lineage of a run"),
+        (_replace("lineage.json", "[]"), "lineage.json: must hold names and values"),
+        (_replace("manifest.json", "{"), "manifest.json: not valid JSON"),
+        (_replace("metrics.json", '{"iou_mean": "high"}'), "iou_mean must be a number"),
+        (_replace("track.npz", "PK"), "track.npz: not a file of numeric arrays"),
+        (_replace("config.yaml", "!!python/object/apply:os.mkdir [unpickled]"), "not valid YAML"),
+        (_replace("config.yaml", "- 1"), "must hold the groups"),
+        (_replace("config.yaml", "a: &a [*a]"), "too many settings"),
+        (_replace("config.yaml", "seed: 0"), "is missing"),
+        (_replace("config.yaml", "seed: 2020-01-01"), "more than plain values"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_folders_to_distrust(tamper, said, folder, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    tamper(folder)
+    assert said in refused(capsys, "verify", str(folder), "--cached")
+    assert not (tmp_path / "unpickled").exists()
+
+
+def test_aliases_that_multiply_are_refused_at_once(folder, capsys):
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 12)]
+    (folder / "config.yaml").write_text("\n".join(lines))
+    for command in ("show", "rerun", "verify"):
+        assert "too many settings" in refused(capsys, command, str(folder))
+
+
+def test_a_place_that_cannot_be_written(folder, capsys, monkeypatch):
+    def read_only(self, *_, **__):
+        raise OSError(30, "Read-only file system")
+
+    monkeypatch.setattr(Path, "mkdir", read_only)
+    said = refused(capsys, "rerun", str(folder), *into(folder.parent / "new"))
+    assert "Read-only file system" in said
+    monkeypatch.undo()
+    monkeypatch.setattr("tempfile.mkdtemp", read_only)
+    assert "Read-only file system" in refused(capsys, "verify", str(folder))
+
+
+def test_lineage_goes_through_a_file(tmp_path):
+    stage = StageLineage("0f", {"numpy": "2.0", "x": None}, ("a" * 64,), (None,))
+    lineage = Lineage({"track": stage}, {"package.module:Class.method": "12"})
+    (tmp_path / "lineage.json").write_text(json.dumps(lineage_tree(lineage)))
+    assert read_lineage(tmp_path) == lineage
+    assert read_lineage(tmp_path / "nothing") is None
+
+
+def test_edited_code_is_named(tmp_path):
+    """A helper edited in a checkout: first one that changes no result, then one that does."""
+    for name in ("stixel_cli", "conf", "pipelines"):
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    environment = os.environ | {"PYTHONPATH": str(tmp_path), "STIXEL_CACHE": str(tmp_path / "c")}
+    program = "import sys; from stixel_cli.cli.app import main; sys.exit(main())"
+
+    def stixel(*words):
+        return subprocess.run(
+            [sys.executable, "-c", program, *words],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    done = stixel("run", *FABRICATED, "--name", "first")
+    assert done.returncode == 0, done.stderr
+    motion = tmp_path / "stixel_cli" / "tracking" / "motion.py"
+    text = motion.read_text()
+    name = next(line for line in text.splitlines() if line.startswith("def "))[4:].partition("(")[0]
+    head, mark, rest = text.partition(f"def {name}(")
+    body = rest.index('"""', rest.index('"""') + 3) + 3
+    motion.write_text(head + mark + rest[:body] + "\n    pass" + rest[body:])
+    done = stixel("verify", "results/first", "--cached")
+    assert done.returncode == 0, done.stderr + done.stdout
+    assert f"{name} of stixel_cli.tracking.motion was edited" in done.stdout
+    motion.write_text(text)
+
+    scores = tmp_path / "stixel_cli" / "tracking" / "start.py"
+    text = scores.read_text()
+    assert "def noisy_start(" in text
+    scores.write_text(text.replace("generator(seed,", "generator(seed + 1,"))
+    done = stixel("verify", "results/first", "--cached", "--json")
+    assert done.returncode == 1, done.stderr + done.stdout
+    found = json.loads(done.stdout)
+    assert found["first_by_key"]["stage"] == found["first_by_value"]["stage"] == "start"
+    assert found["first_by_value"]["causes"] == [
+        "noisy_start of stixel_cli.tracking.start was edited"
+    ]
+    assert "values differ, by up to" in found["first_by_value"]["what"]
+    assert {"track.npz", "metrics.json"} <= {file["file"] for file in found["files"]}
+
+
+def test_rerun_answers_as_run_does(folder, capsys, tmp_path):
+    answer = run_json(capsys, tmp_path / "results", *FABRICATED)
+    assert main(["rerun", str(folder), "--json", *into(tmp_path / "new")]) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert again["metrics"] == answer["metrics"]

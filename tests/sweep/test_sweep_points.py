@@ -1,0 +1,211 @@
+"""From overrides and files to points: the grammar, and what is refused."""
+
+import pytest
+
+from stixel_cli.config.compose import compose
+from stixel_cli.errors import ConfigurationError
+from stixel_cli.sweep.checks import check_axes
+from stixel_cli.sweep.graphs import plan_points
+from stixel_cli.sweep.points import sweep_points
+
+FABRICATED = "measurement=fabricated"
+
+
+def labels(*overrides, **options):
+    return [point.label for point in sweep_points(overrides, **options)]
+
+
+@pytest.mark.parametrize(
+    ("override", "expected"),
+    [
+        ("seed=0,1,2", ["seed=0", "seed=1", "seed=2"]),
+        ("seed=choice(3,1)", ["seed=3", "seed=1"]),
+        ("seed=range(3)", ["seed=0", "seed=1", "seed=2"]),
+        ("seed=range(4,0,-2)", ["seed=4", "seed=2"]),
+        ("tracker.sigma_f=range(0.1,0.4,0.1)", [f"tracker.sigma_f=0.{i}" for i in (1, 2, 3)]),
+        ("road_user=glob(*,exclude=car)", ["road_user=cyclist", "road_user=pedestrian"]),
+        ("path=glob([t*,c*])", ["path=circle", "path=crossing", "path=turn"]),
+        ("rig=kitti,default", ["rig=kitti", "rig=default"]),
+        ("++seed=1,2", ["seed=1", "seed=2"]),
+        ("pictures.frames=null,[0,1]", ["pictures.frames=null", "pictures.frames=[0,1]"]),
+        ("tracker.sigma_f=sort(0.3,0.1)", ["tracker.sigma_f=0.1", "tracker.sigma_f=0.3"]),
+    ],
+)
+def test_the_sweep_grammar(override, expected):
+    assert labels(override) == expected
+
+
+def test_all_combinations_with_the_seed_running_fastest():
+    points = sweep_points(["seed=0,1", FABRICATED, "path=turn,circle"])
+    assert [point.label for point in points] == [
+        "path=turn seed=0",
+        "path=turn seed=1",
+        "path=circle seed=0",
+        "path=circle seed=1",
+    ]
+    for index, point in enumerate(points):
+        assert point.index == index
+        assert point.composition == compose(point.overrides)
+    assert points[1].setting == {"path": "turn"}
+
+
+def test_the_order_is_drawn_with_the_seed_that_is_given():
+    in_order = labels("seed=range(20)")
+    drawn = labels("seed=range(20)", shuffle_seed=1)
+    assert drawn != in_order
+    assert sorted(drawn) == sorted(in_order)
+    assert drawn == labels("seed=shuffle(range(20))", shuffle_seed=1)
+    assert drawn != labels("seed=range(20)", shuffle_seed=2)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        (["seed=0,1", "seed=2"], "seed: is given twice, seed=0,1 and seed=2"),
+        (["seed=0,1,0"], "seed: 0 is given twice"),
+        (["tracker.sigma_f=0.1,0.10"], "0.1 is given twice"),
+        (["tracker.sigma_f=1,1.0"], "is given twice"),
+        (["seed=1"], "nothing to sweep"),
+        ([], "nothing to sweep"),
+        (["seed=range(3,3)"], "stands for no value"),
+        (["path=glob(x*)"], "stands for no value at all (options: approach"),
+        (["seed=glob(*)"], "glob is for options of a group"),
+        (["seed=range(0,3,0)"], "the step must not be 0"),
+        (["tracker.sigma_f=range(0,1,0)"], "the step must not be 0"),
+        (["tracker.sigma_f=interval(0.1,0.5)"], "tracker.sigma_f=range(0.1,0.5,STEP)"),
+        (["seed=shuffle(0,1)"], "--shuffle SEED"),
+        (["seed=range(1000000000)"], "more than 100000 values"),
+        (["seed=range(1000)", "tracker.sigma_q=range(1,2,0.001)"], "would have 1000000 points"),
+        (["path=turn,trun"], "did you mean path=turn?"),
+        (["seed=0,-1"], "out of range: must be ≥ 0 and ≤ 9223372036854775807 (point 1: seed=-1)"),
+        (["path=turn,approach", "path.radius=5,6"], "(point 2: path=approach path.radius=5)"),
+        (["~seed=1,2"], "nothing can be left out"),
+        (["+seed=1,2"], "leave out the +"),
+        (["rig.width=640,640,'${rig.height}'"], "given twice"),
+        (["rig.width='${rig.height}',480"], "are the same configuration"),
+        (["hydra.job.name=a,b"], "no effect here"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(line, said):
+    with pytest.raises(ConfigurationError) as error:
+        sweep_points(line)
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        (["sensor.read_noise=0,1"], "sensor.read_noise: no stage reads it"),
+        (["executor.workers=1,2"], "no result depends on it"),
+        (["executor=local,threads", "seed=1,2"], "no result depends on it"),
+        (["cache.max_size=null,1GB"], "no result depends on it"),
+        (["pictures.frames=[0],[1]"], "unless --pictures is given"),
+    ],
+)
+def test_an_axis_that_no_stage_reads_is_refused(line, said):
+    planned = plan_points(sweep_points([FABRICATED, *line]))
+    with pytest.raises(ConfigurationError) as error:
+        check_axes(planned)
+    assert said in str(error.value)
+
+
+def test_an_axis_that_some_stages_read_is_noted():
+    line = ["measurement=fabricated,simulated", "sensor.read_noise=0,1"]
+    (note,) = check_axes(plan_points(sweep_points(line)))
+    assert "no stage reads it in 1 of 2 settings" in note
+    assert "measurement=fabricated" in note
+    assert check_axes(plan_points(sweep_points([FABRICATED, "seed=0,1"]))) == []
+    pictured = plan_points(sweep_points([FABRICATED, "pictures.frames=[0],[1]"]), pictures=True)
+    assert check_axes(pictured) == []
+
+
+FILE = """
+fixed: {measurement: fabricated, path.duration: 0.5}
+axes:
+  tracker.sigma_f: [0.1, 1e-1, 0.3]
+  tracker.length_scale: range(0.2,0.5,0.1)
+zipped:
+  - road_user: [car, cyclist]
+    path: [turn, crossing]
+seeds: 2
+leave_out:
+  - {road_user: cyclist, tracker.sigma_f: 0.3}
+  - {seed: 1, tracker.length_scale: 0.2}
+""".replace("0.1, 1e-1, ", "1e-1, ")
+
+
+def test_a_file_names_axes_seeds_zipped_axes_and_what_is_left_out(tmp_path):
+    file = tmp_path / "study.yaml"
+    file.write_text(FILE, encoding="utf-8")
+    points = sweep_points(["start.position=0.2"], file=str(file))
+    settings = [point.settings for point in points]
+    assert len(settings) == 2 * 3 * 2 * 2 - 3 * 2 - 1 * 3
+    assert {(s["road_user"], s["path"]) for s in settings} == {
+        ("car", "turn"),
+        ("cyclist", "crossing"),
+    }
+    assert not any(s["road_user"] == "cyclist" and s["tracker.sigma_f"] == "0.3" for s in settings)
+    assert not any(s["seed"] == "1" and s["tracker.length_scale"] == "0.2" for s in settings)
+    assert all(p.composition.configuration.start.position == 0.2 for p in points)
+    assert all(p.composition.configuration.path.duration == 0.5 for p in points)
+
+
+def test_the_shipped_study_is_valid():
+    assert len(sweep_points([], file="prior_width")) == 3 * 3 * 3 * 5 - 3 * 5
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("axes: {seed: 3}", "axes: seed: seed: 3 is one value: write a list"),
+        ("axes: {seed: []}", "seed has no values"),
+        ("axes: {sede: [1, 2]}", "did you mean seed?"),
+        ("axes: {seed: [1, 1]}", "1 is given twice"),
+        ("axes: {seed: [1, 2]}\nseeds: 3", "seed: is given twice"),
+        ("axes: {seed: [1, 2]}\naxes: {path: [turn, circle]}", "line 2: found duplicate key axes"),
+        ("axis: {seed: [1, 2]}", "axis: no such entry; did you mean axes?"),
+        ("axes: [seed]", "axes: must be keys of the configuration"),
+        ("axes: {path: [turn, trun]}", "did you mean path=turn?"),
+        ("axes:\n  tracker.sigma_f: interval(0.1,1)", "STEP"),
+        ("fixed: {seed: '0,1'}\naxes: {path: [turn, circle]}", "'0,1' is text"),
+        ("fixed: {path: [turn]}\nseeds: 2", "one option is needed"),
+        ("seeds: 0", "seeds: 0 of them: must be 1 to 100000"),
+        ("seeds: a", "'a' is one value"),
+        ("zipped: [{seed: [1, 2]}]", "zipped: entry 1: two keys or more"),
+        ("zipped: {seed: [1, 2]}", "zipped: must be a list"),
+        ("zipped: [{seed: [1, 2], path: [turn]}]", "need as many values: seed 2, path 1"),
+        ("zipped: [{seed: [1, 1], path: [turn, turn]}]", "seed=1 path=turn is given twice"),
+        ("seeds: 2\nleave_out: [{path: turn}]", "path is on no axis"),
+        ("seeds: 2\nleave_out: [{seed: 7}]", "no point has seed=7"),
+        ("seeds: 2\nleave_out: [{seed: 0}, {seed: 1}]", "every point is left out"),
+        ("seeds: 2\nleave_out: [seed]", "must be keys with the value"),
+        ("- 1", "must have the entries"),
+        ("", "nothing to sweep"),
+        ("axes: {seed: [1, 2", "line 1"),
+        ("seeds: 2\nfixed: {rig.width: wide}", "rig.width: 'wide' is text"),
+        ("\t", "line 1"),
+    ],
+)
+def test_a_wrong_file_is_one_line(tmp_path, text, said):
+    file = tmp_path / "study.yaml"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigurationError) as error:
+        sweep_points([], file=str(file))
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_key_in_the_file_and_on_the_line_is_refused(tmp_path):
+    file = tmp_path / "study.yaml"
+    file.write_text("fixed: {path.duration: 1}\nseeds: 2", encoding="utf-8")
+    for again in ("seed=3", "seed=1,2", "path.duration=2"):
+        with pytest.raises(ConfigurationError, match=r"is given twice, in .*study.yaml and on"):
+            sweep_points([again], file=str(file))
+
+
+@pytest.mark.parametrize("name", ["nowhere.yaml", "prior_widht", "", "a\nb"])
+def test_no_such_file(name):
+    with pytest.raises(ConfigurationError, match="there is no such file") as error:
+        sweep_points([], file=name)
+    assert "\n" not in str(error.value)

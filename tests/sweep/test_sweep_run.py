@@ -1,0 +1,360 @@
+"""Sweeps of real stages by the real command line: sharing, failing, going on, tables."""
+
+import csv
+import json
+import math
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from stixel_cli.cli.app import main
+from stixel_cli.config.compose import compose, from_resolved
+from stixel_cli.report.folder_reader import read_folder
+from stixel_cli.sweep import figures
+from stixel_cli.sweep.statistics import statistic
+from stixel_cli.sweep.whole import new_sweep
+
+FEW = ("measurement=fabricated", "path.duration=0.3")
+STATISTICS = ("summary.csv", "summary.md", "summary.tex")
+
+
+def stages_of(plan):
+    return {stage["name"]: stage["nodes"] for stage in plan["stages"]}
+
+
+def test_points_share_what_they_have_in_common(sweeps, capsys):
+    line = [*FEW, "seed=0,1", "tracker.sigma_q=0.5,0.6,0.7"]
+    assert main(["plan", "--json", *line]) == 0
+    planned = json.loads(capsys.readouterr().out)
+    shared = {"ego_motion": 1, "scenario": 1, "scans": 2, "start": 2}
+    assert stages_of(planned) == shared | {"track": 6, "scores": 6}
+    assert planned["points"] == 6
+    assert planned["nodes"] == {"all": 18, "cached": 0, "to_run": 18}
+    swept = sweeps.run(*line, "--name", "a")
+    assert swept["nodes"] == {"computed": 18, "cached": 0}
+    assert swept["complete"]
+    # One more value computes its own nodes alone; all of it again computes none.
+    more = sweeps.run(*FEW, "seed=0,1", "tracker.sigma_q=0.5,0.6,0.7,0.8")
+    assert more["nodes"]["computed"] == 2 * 2
+    assert sweeps.run(*line)["nodes"]["computed"] == 0
+    assert main(["plan", "--json", *line]) == 0
+    planned = json.loads(capsys.readouterr().out)
+    assert planned["nodes"] == {"all": 18, "cached": 18, "to_run": 0}
+    assert planned["points_cached"] == 6
+
+
+def test_two_hundred_tracker_points_compute_their_scans_once():
+    from stixel_cli.sweep.graphs import plan_points, plan_sweep
+    from stixel_cli.sweep.points import sweep_points
+
+    points = sweep_points(["tracker.sigma_q=range(0.5,2.5,0.01)"])
+    plan = plan_sweep(plan_points(points), store=_Empty())
+    counts = {stage.name: stage.nodes for stage in plan.stages}
+    assert len(points) == 200
+    assert counts["render"] == counts["match"] == counts["stixels"] == 10
+    assert counts["scans"] == counts["start"] == 1
+    assert counts["track"] == counts["scores"] == 200
+    assert not {name for name in counts if "pictures" in name}
+
+
+class _Empty:
+    folder = Path("nowhere")
+
+    def has(self, key):
+        return False
+
+
+def test_the_folder(sweeps):
+    swept = sweeps.run(*FEW, "tracker.sigma_f=0.1,0.3", "seed=0,1,2", "--name", "mine")
+    folder = sweeps.results / "mine"
+    assert swept["folder"] == str(folder)
+    assert {path.name for path in folder.iterdir()} == {
+        "sweep.yaml",
+        "runs.csv",
+        *STATISTICS,
+        "figures",
+        "points",
+    }
+    assert [path.name for path in (folder / "figures").iterdir()] == ["tracker.sigma_f.png"]
+    rows = sweeps.rows("mine")
+    assert len(rows) == 6
+    for index, row in enumerate(rows):
+        assert row["status"] == "done"
+        assert row["folder"] == f"points/{index:04d}"
+        point = folder / row["folder"]
+        metrics = json.loads((point / "metrics.json").read_text())
+        assert {name: float(row[name]) for name in metrics} == metrics
+        configuration = from_resolved(yaml.safe_load((point / "config.yaml").read_text()))
+        assert configuration == compose(row["overrides"].split()).configuration
+        assert configuration.seed == int(row["seed"]) == index % 3
+        assert configuration.tracker.sigma_f == float(row["tracker.sigma_f"])
+        # A point's folder is read as any run's is, and small.
+        read = read_folder(point)
+        assert read.metrics == metrics
+        keys = {stage["name"]: stage["key"] for stage in read.manifest["stages"]}
+        assert {"scans", "track", "scores"} <= keys.keys()
+        assert sum(file.stat().st_size for file in point.iterdir()) < 30_000
+    request = yaml.safe_load((folder / "sweep.yaml").read_text())
+    assert request["command"].startswith("stixel sweep measurement=fabricated")
+    assert len(request["points"]) == 6
+
+
+def test_the_statistics_are_those_of_the_seeds(sweeps):
+    swept = sweeps.run(*FEW, "tracker.sigma_f=0.1,0.3", "seed=0,1,2", "--name", "mine")
+    with (sweeps.results / "mine" / "summary.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(swept["summary"]) == 2 * 17
+    for row in rows:
+        values = [
+            float(run[row["metric"]])
+            for run in sweeps.rows("mine")
+            if run["tracker.sigma_f"] == row["tracker.sigma_f"]
+        ]
+        assert int(row["n"]) == len(values) == 3
+        mean, deviation = np.mean(values), np.std(values, ddof=1)
+        assert float(row["mean"]) == pytest.approx(mean)
+        assert float(row["standard_deviation"]) == pytest.approx(deviation, abs=1e-12)
+        half = 4.302652729911275 * deviation / math.sqrt(3)  # t of 2 degrees of freedom
+        assert float(row["interval_low"]) == pytest.approx(mean - half)
+        assert float(row["interval_high"]) == pytest.approx(mean + half)
+    markdown = (sweeps.results / "mine" / "summary.md").read_text()
+    assert "## centre error, RMSE (m)" in markdown
+    assert re.search(r"^\| 0\.1 \| 3 \| [\d.]+ \| [\d.]+ \| [\d.]+ … [\d.]+ \|$", markdown, re.M)
+    latex = (sweeps.results / "mine" / "summary.tex").read_text()
+    assert latex.count(r"\begin{tabular}") == latex.count(r"\end{tabular}") == 17
+    assert r"tracker.sigma\_f & n & mean" in latex
+
+
+def test_statistics_of_few_values():
+    assert statistic({}, "iou_mean", [None, None]).mean is None
+    one = statistic({}, "iou_mean", [0.5, None])
+    assert (one.n, one.mean, one.deviation, one.low) == (1, 0.5, None, None)
+    same = statistic({}, "iou_mean", [0.5, 0.5])
+    assert (same.deviation, same.low, same.high) == (0.0, 0.5, 0.5)
+    # Known by hand: 1, 2, 3, 4 has mean 2.5, s = 1.29099, t(3) = 3.18245.
+    four = statistic({}, "x", [4, 1, 3, 2])
+    assert four.high - four.mean == pytest.approx(3.182446305284263 * 1.2909944487358056 / 2)
+
+
+def test_a_point_that_fails_fails_alone_and_resume_goes_on(sweeps, bad_mesh):
+    axes = (f"road_user.mesh=null,{bad_mesh}", "seed=0,1", "tracker.sigma_q=0.5,0.6")
+    swept = sweeps.run(*FEW, *axes, "--name", "mine", code=1)
+    folder = sweeps.results / "mine"
+    assert not swept["complete"]
+    assert swept["summary"] == []
+    statuses = [row["status"] for row in swept["points"]]
+    assert statuses == ["done"] * 4 + ["failed"] + ["skipped"] * 3
+    assert sweeps.error.splitlines()[-1] == f"stixel sweep --resume {folder}"
+    assert "no statistics: 4 of 8 points are not there" in sweeps.error
+    assert "point 4 failed" in sweeps.error
+    # Neither statistics nor figures of what is not complete.
+    assert {path.name for path in folder.iterdir()} == {
+        "sweep.yaml",
+        "runs.csv",
+        "points",
+        "failed",
+    }
+    failed = folder / swept["points"][4]["folder"]
+    assert failed == folder / "failed" / "0004"
+    told = json.loads((failed / "failure.json").read_text())
+    assert told["stage"] == swept["points"][4]["failed_stage"] == "scenario"
+    assert told["status"] == "failed"
+    assert json.loads((folder / "failed/0005/failure.json").read_text())["failed_in_point"] == 4
+    assert "Traceback" in (failed / "traceback.txt").read_text()
+    assert yaml.safe_load((failed / "config.yaml").read_text())["road_user"]["mesh"] == str(
+        bad_mesh
+    )
+    # Nothing has changed: it fails again, and the rest is not looked at.
+    again = sweeps.run("--resume", folder, code=1)
+    assert [row["status"] for row in again["points"]] == statuses
+    assert again["nodes"]["computed"] == 0
+    bad_mesh.write_text(TETRAHEDRON, encoding="utf-8")
+    mended = sweeps.run("--resume", folder)
+    assert mended["complete"]
+    assert mended["points"][:4] == swept["points"][:4]
+    assert mended["nodes"]["computed"] == 1 + 4 + 4 + 2 * 2
+    assert not list((folder / "failed").iterdir())
+    assert {path.name for path in folder.iterdir()} >= {*STATISTICS, "figures"}
+    assert sweeps.run("--resume", folder)["nodes"]["computed"] == 0
+
+
+TETRAHEDRON = """
+v -2 -1 0
+v 2 -1 0
+v 2 1 0
+v -2 1 0
+v 0 0 1.5
+f 1 3 2
+f 1 4 3
+f 1 2 5
+f 2 3 5
+f 3 4 5
+f 4 1 5
+"""
+
+
+def test_resume_makes_again_what_was_removed_or_damaged(sweeps):
+    first = sweeps.run(*FEW, "seed=0,1,2", "--name", "mine")
+    folder = sweeps.results / "mine"
+    shutil.rmtree(folder / "points" / "0001")
+    (folder / "points" / "0002" / "metrics.json").write_text("{")
+    (folder / "points" / ".0000.partial-1").mkdir()
+    (folder / "runs.csv").unlink()
+    again = sweeps.run("--resume", folder, "--workers", "1")
+    for one, other in zip(again["points"], first["points"], strict=True):
+        # The workers of the second are among its overrides, and change nothing.
+        assert one | {"overrides": other["overrides"]} == other
+    assert again["nodes"]["computed"] == 0
+    assert sorted(path.name for path in (folder / "points").iterdir()) == ["0000", "0001", "0002"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--resume", "nowhere"], "nowhere: there is no such folder"),
+        (["--resume", "."], "no folder of a sweep (sweep.yaml is missing)"),
+        (["--resume", ".", "seed=1,2"], "leave out overrides"),
+        (["--resume", ".", "--from", "x"], "leave out --from"),
+        (["--resume", ".", "--dry-run"], "leave out --dry-run"),
+        (["seed=0,1", "seed=2"], "seed: is given twice"),
+        ([*FEW, "sensor.read_noise=0,1"], "no stage reads it"),
+        (["seed=3"], "nothing to sweep"),
+        ([*FEW, "seed=0,1", "--name", "a/b"], "is no folder name"),
+        (["--from", "nowhere"], "there is no such file"),
+    ],
+)
+def test_what_is_refused_is_one_line_and_writes_nothing(sweeps, arguments, said, monkeypatch):
+    sweeps.results.mkdir()
+    monkeypatch.chdir(sweeps.results)
+    assert said in sweeps.refused(*arguments)
+
+
+def test_a_wrong_sweep_yaml_is_one_line(sweeps):
+    sweeps.run(*FEW, "seed=0,1", "--name", "mine")
+    file = sweeps.results / "mine" / "sweep.yaml"
+    for text in ("", "[]", "points: 3", "a: [", "axes: []\npoints: []\nshuffle: 1\npictures: no"):
+        file.write_text(text)
+        assert "not what a sweep was asked for" in sweeps.refused("--resume", file.parent)
+
+
+def test_dry_run_writes_nothing(sweeps, capsys):
+    line = [*FEW, "seed=0,1", "--dry-run", "--results", str(sweeps.results)]
+    assert main(["sweep", *line]) == 0
+    said = capsys.readouterr().out
+    assert "2 points, 0 complete" in said
+    assert "seed: 2 values: seed=0, seed=1" in said
+    assert not sweeps.results.exists()
+
+
+def test_pictures_only_where_they_are_asked_for(sweeps):
+    plain = sweeps.run(*FEW, "seed=0,1", "--name", "plain")
+    assert not (sweeps.results / "plain" / "points" / "0000" / "figures").exists()
+    asked = sweeps.run(*FEW, "pictures.frames=[1]", "seed=0,1", "--name", "asked", "--pictures")
+    drawn = sweeps.results / "asked" / "points" / "0001" / "figures"
+    assert (drawn / "path.png").is_file()
+    assert (drawn / "k0001" / "birds_eye.png").is_file()
+    assert asked["summary"] == plain["summary"]
+
+
+def test_the_summary_for_the_eye(sweeps, capsys):
+    line = [*FEW, "seed=0,1", "tracker.sigma_q=1,2", "--results", str(sweeps.results)]
+    assert main(["sweep", *line, "--name", "mine", "--shuffle", "3"]) == 0
+    said = capsys.readouterr().out
+    assert "4 of 4 points done" in said
+    assert said.splitlines()[-1] == str(sweeps.results / "mine")
+    assert "Mean over seeds" in said
+
+
+def test_from_python_nothing_is_written(sweeps, tmp_path):
+    result = new_sweep([*FEW, "seed=0,1"])
+    assert result.complete
+    assert result.folder is None
+    assert [record["seed"] for record in result.records] == [0, 1]
+    assert not sweeps.results.exists()
+
+
+def test_figures_of_words_of_numbers_and_of_many_lines():
+    settings, metrics = [], []
+    for i in range(12):
+        for user in ("car", "cyclist"):
+            settings.append({"tracker.sigma_q": str(i), "road_user": user})
+            metrics.append({"iou_mean": 0.1 * i, "centre_rmse_m": None})
+    drawn = figures.axis_figures(settings, metrics, [["tracker.sigma_q"], ["road_user"], ["seed"]])
+    assert list(drawn) == ["tracker.sigma_q.png", "road_user.png"]
+    assert drawn == figures.axis_figures(settings, metrics, [["tracker.sigma_q"], ["road_user"]])
+    together = figures.axis_figures(settings, metrics, [["tracker.sigma_q", "road_user"]])
+    assert list(together) == ["tracker.sigma_q+road_user.png"]
+
+
+COMMAND = "import sys; from stixel_cli.cli.app import main; sys.exit(main())"
+
+
+def test_ctrl_c_says_what_is_kept_and_resume_goes_on(sweeps):
+    """A real process with workers, which the signal meets in the midst of its points."""
+    line = ["measurement=fabricated", "tracker.sigma_q=range(1,61)", "tracker.basis_points=80"]
+    where = ["--results", str(sweeps.results), "--name", "mine"]
+    process = subprocess.Popen(
+        [sys.executable, "-c", COMMAND, "sweep", *line, "--workers", "2", *where],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
+        start_new_session=True,
+        env=os.environ | {"PYTHONUNBUFFERED": "1"},
+    )
+    folder = sweeps.results / "mine"
+    while process.poll() is None and not list(folder.glob("points/0*")):
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGINT)
+    _, error = process.communicate(timeout=30)
+    assert process.returncode == 130, error
+    last = error.splitlines()[-1]
+    told = re.search(r"interrupted: (\d+) of 60 points are done, and what was computed", last)
+    assert told, error
+    assert last.endswith(f"go on with: stixel sweep --resume {folder}")
+    assert "Traceback" not in error
+    done = int(told[1])
+    assert 1 <= done < 60
+    rows = sweeps.rows("mine")
+    assert [row["status"] for row in rows].count("done") == done
+    assert [row["status"] for row in rows].count("missing") == 60 - done
+    assert not (folder / "summary.csv").exists()
+    # A few of them are enough to see that it goes on.
+    request = yaml.safe_load((folder / "sweep.yaml").read_text())
+    request["points"] = request["points"][: done + 2]
+    (folder / "sweep.yaml").write_text(yaml.safe_dump(request))
+    again = sweeps.run("--resume", folder)
+    assert again["complete"]
+    assert again["nodes"]["computed"] <= 4
+
+
+def test_a_folder_that_cannot_be_written_ends_it_in_one_line(sweeps, monkeypatch):
+    from stixel_cli.sweep.folder import SweepFolder
+
+    def full(self, *_):
+        with self._written():
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(SweepFolder, "write_point", full)
+    assert sweeps.run(*FEW, "seed=0,1", "--name", "mine", code=2) is None
+    assert sweeps.error.count("\n") == 1
+    assert "cannot be written: No space left on device; go on with: stixel sweep" in sweeps.error
+    monkeypatch.undo()
+
+
+def test_code_that_changed_makes_the_points_again(sweeps, monkeypatch):
+    from stixel_cli.engine import keys
+
+    sweeps.run(*FEW, "seed=0,1", "--name", "mine")
+    monkeypatch.setattr(keys, "LAYOUT", keys.LAYOUT + 1)
+    again = sweeps.run("--resume", sweeps.results / "mine")
+    assert again["nodes"]["computed"] > 0
+    assert again["complete"]

@@ -1,0 +1,94 @@
+"""`from stixel_cli import compose, run, sweep`: as from a notebook."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import stixel_cli
+from stixel_cli import compose, run, sweep
+from stixel_cli.errors import ConfigurationError, UserError
+
+FABRICATED = ["measurement=fabricated", "path.duration=0.5", "pictures.frames=[0]"]
+
+
+def test_the_package_imports_nothing():
+    program = (
+        "import sys; before = set(sys.modules); import stixel_cli; "
+        "sys.exit(sorted(set(sys.modules) - before - {'stixel_cli'}) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    with pytest.raises(AttributeError, match="no attribute 'walk'"):
+        stixel_cli.walk  # noqa: B018
+    assert {"compose", "run", "sweep"} <= set(stixel_cli.__all__)
+
+
+def test_run_gives_nouns_records_and_tables(tmp_path):
+    result = run([*FABRICATED, "tracker.sigma_f=0.5"])
+    assert result.folder is None
+    assert result.metrics["scans"] == 5
+    assert result.record["tracker.sigma_f"] == 0.5
+    assert result.record["measurement"] == "fabricated"
+    assert result.record["seed"] == 0
+    assert result.record["centre_rmse_m"] == result.metrics["centre_rmse_m"]
+    json.dumps(result.record)
+    for table in result.tables.values():
+        assert len({len(column) for column in table.values()}) == 1
+    assert np.array_equal(result.tables["track"]["x"], result.track.means[:, 0])
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_result_folder_is_as_that_of_the_command_line(tmp_path):
+    result = run(FABRICATED, results=tmp_path, name="mine")
+    assert result.folder == tmp_path / "mine"
+    assert json.loads((tmp_path / "mine" / "metrics.json").read_text()) == result.metrics
+    assert "stixel run measurement=fabricated" in (tmp_path / "mine" / "manifest.json").read_text()
+    with pytest.raises(UserError, match="exists, and is not written over"):
+        run(FABRICATED, results=str(tmp_path), name="mine")
+
+
+def test_calls_leave_nothing_behind(tmp_path):
+    """The same call gives the same, whatever was called, and failed, between."""
+    environment, folder = dict(os.environ), os.getcwd()
+    first = run(FABRICATED)
+    for wrong in (["rig.widht=3"], ["seed=0,1"], "seed", ["rig=kitti", "rig=kitti"]):
+        with pytest.raises(ConfigurationError):
+            compose(wrong)
+    other = run([*FABRICATED, "seed=1"], cache=tmp_path / "cache", workers=1)
+    again = run(compose(FABRICATED))
+    assert again.metrics == first.metrics != other.metrics
+    assert {stage["status"] for stage in again.stages} == {"cached"}
+    assert {stage["status"] for stage in other.stages} == {"computed"}
+    assert (dict(os.environ), os.getcwd()) == (environment, folder)
+
+
+def test_threads_may_call_at_once():
+    from concurrent.futures import ThreadPoolExecutor
+
+    with ThreadPoolExecutor(3) as threads:
+        results = list(threads.map(lambda seed: run([*FABRICATED, f"seed={seed}"]), (0, 0, 1)))
+    assert results[0].metrics == results[1].metrics != results[2].metrics
+
+
+def test_a_composition_says_what_it_is():
+    composition = compose("rig=kitti")
+    assert composition.choices["rig"] == "kitti"
+    assert compose().configuration.seed == 0
+    with pytest.raises(ConfigurationError, match=r"executor\.workers"):
+        run(FABRICATED, workers=0)
+
+
+def test_a_sweep_gives_a_record_a_point(tmp_path):
+    result = sweep([*FABRICATED, "tracker.sigma_f=0.1,0.2"], cache=tmp_path / "cache", workers=1)
+    assert result.complete
+    assert result.folder is None
+    assert len(result.records) == 2
+    assert os.listdir(tmp_path) == ["cache"]
+    alone = run([*FABRICATED, "tracker.sigma_f=0.2"])
+    assert result.records[1]["centre_rmse_m"] == alone.metrics["centre_rmse_m"]
+    with pytest.raises(UserError):
+        sweep([*FABRICATED, "tracker.sigma_f=0.1,wide"])
