@@ -13,9 +13,9 @@ from stixel_cli.cli.plan import plan_command
 from stixel_cli.config.compose import compose
 from stixel_cli.config.compose_many import Composer
 from stixel_cli.engine.store import Store
-from stixel_cli.sweep.graphs import plan_points, plan_sweep
-from stixel_cli.sweep.points import design_points, sweep_design
-from stixel_cli.sweep.whole import new_sweep
+from stixel_cli.sweeps.graphs import plan_points, plan_sweep
+from stixel_cli.sweeps.points import design_points, sweep_design
+from stixel_cli.sweeps.whole import new_sweep
 
 LINES = {
     "100 settings × 10 seeds, simulated": ["tracker.sigma_q=range(1,101)", "seed=range(10)"],

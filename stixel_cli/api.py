@@ -22,7 +22,7 @@ from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track
 
 if TYPE_CHECKING:
-    from stixel_cli.sweep.run import SweepResult
+    from stixel_cli.sweeps.run import SweepResult
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ def sweep(
         UserError: for whatever the user can put right, before anything is computed.
     """
     from stixel_cli.config.overrides import override_text
-    from stixel_cli.sweep.whole import new_sweep
+    from stixel_cli.sweeps.whole import new_sweep
 
     texts = [overrides] if isinstance(overrides, str) else list(overrides)
     if workers is not None:

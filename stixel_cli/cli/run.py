@@ -10,6 +10,7 @@ import yaml
 from stixel_cli.config.compose import Composition, compose
 from stixel_cli.engine.progress import make_progress
 from stixel_cli.engine.store import Store, open_store
+from stixel_cli.experiment.folder import check_name
 from stixel_cli.experiment.recorded_run import (
     RecordedRun,
     record_run,
@@ -34,6 +35,7 @@ def run_command(
     """
     composition = compose(with_workers(overrides, workers))
     if dry_run:
+        check_name(results, name)
         return _print_plan(composition, open_store(composition.configuration.cache), json)
     command = ["stixel", "run", *composition.overrides]
     made = record_run(composition, command, results, name, progress=make_progress())
@@ -66,6 +68,8 @@ def _print_outcome(folder: Path, outcome: Outcome, seconds: float) -> None:
         console.print(
             "The true contour is not star-convex about its centre: no track can match it exactly."
         )
+    if outcome.scores.metrics["empty_scans"] == outcome.scores.metrics["scans"]:
+        console.print("The road user was never measured: every scan is empty.")
     computed = [stage["name"] for stage in outcome.stages if stage["status"] == "computed"]
     console.print(f"computed: {', '.join(computed) or 'nothing, all was cached'}; {seconds:.1f} s")
     console.print(str(folder), markup=False)

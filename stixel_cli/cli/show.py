@@ -48,7 +48,7 @@ def show_command(folder: Path, json: bool) -> int:
 
 def _show_sweep(folder: Path, json: bool) -> int:
     """Print what was asked of a sweep, what became of its points, and its statistics."""
-    from stixel_cli.sweep.folder import RUNS, SweepFolder
+    from stixel_cli.sweeps.folder import RUNS, SweepFolder
 
     notes = SweepFolder(folder).request().notes
     with_status = _read_rows(folder / RUNS)

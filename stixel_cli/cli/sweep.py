@@ -11,10 +11,10 @@ from stixel_cli.cli.plan import print_plan
 from stixel_cli.cli.run import with_workers
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.folder import json_text
-from stixel_cli.sweep.points import design_points, sweep_design
-from stixel_cli.sweep.results import FAILED, SKIPPED, SweepResult
-from stixel_cli.sweep.run import resume_command
-from stixel_cli.sweep.whole import new_sweep, planned_sweep, resumed_sweep
+from stixel_cli.sweeps.points import design_points, sweep_design
+from stixel_cli.sweeps.results import FAILED, SKIPPED, SweepResult
+from stixel_cli.sweeps.run import resume_command
+from stixel_cli.sweeps.whole import new_sweep, planned_sweep, resumed_sweep
 
 INCOMPLETE = 1
 _MOST_SHOWN = 10
@@ -36,7 +36,7 @@ def sweep_command(
 
     Args:
         overrides: in Hydra's grammar, with its sweeps.
-        file: that describes axes, see `stixel_cli.sweep.file`.
+        file: that describes axes, see `stixel_cli.sweeps.file`.
         name: of the sweep's folder; None for one made of the file's name and the time.
         results: the folder in which that is made.
         workers: short for the override `executor.workers`.
@@ -109,7 +109,7 @@ def _report(result: SweepResult, json: bool, seconds: float) -> None:
 
 
 def _answer(result: SweepResult) -> dict[str, Any]:
-    from stixel_cli.sweep.tables import summary_records
+    from stixel_cli.sweeps.tables import summary_records
 
     return {
         "folder": str(result.folder),
@@ -126,7 +126,7 @@ def _print_statistics(console: Any, result: SweepResult) -> None:
     from rich.table import Table
 
     from stixel_cli.report.metrics import format_value, metric
-    from stixel_cli.sweep.figures import SHOWN
+    from stixel_cli.sweeps.figures import SHOWN
 
     by_setting: dict[tuple, dict[str, Any]] = {}
     for one in result.statistics:

@@ -2,6 +2,7 @@
 
 import copy
 import json
+import os
 import re
 import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -57,8 +58,16 @@ def compose(overrides: Sequence[str] = ()) -> Composition:
     check_overrides(parsed)
     refuse_sweeps(parsed)
     resolved, choices = _compose(parsed)
+    name_files_in_full(resolved)
     typed = [override.key_or_group for override in parsed]
     return Composition(_validate(resolved, typed), choices, texts, resolved)
+
+
+def name_files_in_full(resolved: dict[str, Any]) -> None:
+    """Make the names of the user's files absolute, so that they hold in any working directory."""
+    mesh = resolved["road_user"]["mesh"]
+    if isinstance(mesh, str):
+        resolved["road_user"]["mesh"] = os.path.abspath(mesh)
 
 
 def from_resolved(resolved: Mapping[str, Any]) -> Configuration:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config.checks import check
-from stixel_cli.config.compose import Composition, compose
+from stixel_cli.config.compose import Composition, compose, name_files_in_full
 from stixel_cli.config.folders import configuration_folder, group_options
 from stixel_cli.config.overrides import check_overrides, parse_overrides, refuse_sweeps
 from stixel_cli.config.schema import Configuration, adapter
@@ -55,6 +55,7 @@ class Composer:
             check_overrides(parsed)
             refuse_sweeps(parsed)
             resolved, choices = self._resolved(parsed)
+            name_files_in_full(resolved)
             text = json.dumps(resolved)
             configuration = adapter().validate_json(text)
             check(configuration)

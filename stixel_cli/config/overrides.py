@@ -187,7 +187,8 @@ def refuse_sweeps(parsed: "Sequence[Override]") -> None:
             value = messages.printable(str(override.input_line)).partition("=")[2]
             hint = " (a list is written in brackets)" if name in known_keys() else ""
             raise ConfigurationError(
-                f"{name}: {value} stands for several values: one run needs one{hint}"
+                f"{name}: {value} stands for several values: one run needs one{hint}; "
+                "`stixel sweep` takes several"
             )
 
 

@@ -32,8 +32,7 @@ def reserve_folder(results: Path, name: str | None, default_name: str) -> Path:
     Raises:
         UserError: if the name is no plain folder name or is taken, or `results` is not writable.
     """
-    if name is not None and not _NAME.fullmatch(name):
-        raise UserError(f"--name: {name!r} is no folder name: use letters, digits and _ . + = , -")
+    check_name(results, name)
     try:
         results.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -41,13 +40,21 @@ def reserve_folder(results: Path, name: str | None, default_name: str) -> Path:
     if not os.access(results, os.W_OK | os.X_OK):
         raise UserError(f"--results: {results}: not writable; name another folder")
     if name is not None:
-        if (results / name).exists():
-            raise UserError(f"--name: {results / name} exists, and is not written over")
         return results / name
     folder, number = results / default_name, 2
     while folder.exists():
         folder, number = results / f"{default_name}-{number}", number + 1
     return folder
+
+
+def check_name(results: Path, name: str | None) -> None:
+    """Raise UserError if a name that was given is no plain folder name, or is taken."""
+    if name is None:
+        return
+    if not _NAME.fullmatch(name):
+        raise UserError(f"--name: {name!r} is no folder name: use letters, digits and _ . + = , -")
+    if (results / name).exists():
+        raise UserError(f"--name: {results / name} exists, and is not written over")
 
 
 def write_folder(

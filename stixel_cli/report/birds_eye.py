@@ -101,9 +101,9 @@ def _draw_surroundings(
     x, y = points.T
     hidden = np.sum((x < left) | (x > right) | (y < bottom) | (y > top))
     if hidden:
-        text = f"{hidden} point{'s' if hidden > 1 else ''} of the scan outside this picture"
+        text = f"{hidden} point{'s' if hidden > 1 else ''} outside"
         place = {"ha": "right", "va": "bottom", "transform": axes.transAxes}
-        axes.text(0.99, 0.01, text, size=7.5, color="#444444", **place)
+        axes.text(1.0, 1.015, text, size=7.5, color="#444444", **place)
     ground.draw_field_of_view(axes, ego, rig.fov)
     ground.draw_ego(axes, ego)
     axes.plot(*scenario.target_poses_world[: k + 1, :2].T, color=style.TRUTH, linewidth=0.9)

@@ -85,7 +85,7 @@ def _straight_on(path, length):
 def _turn(path: Turn | Circle, times):
     radius = path.radius
     if radius is None:
-        radius = path.speed * path.duration / (2.0 * np.pi)
+        radius = path.closing_radius
     curvature = (1.0 if path.side == "left" else -1.0) / radius
     first = np.radians(path.heading)
     heading = first + path.speed * times * curvature

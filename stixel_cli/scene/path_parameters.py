@@ -20,7 +20,8 @@ Degrees = Annotated[float, Ge(-360), Le(360)]
 Speed = Annotated[float, Gt(0), Le(60)]
 Duration = Annotated[float, Gt(0), Le(3600)]
 SampleTime = Annotated[float, Ge(0.001), Le(10)]
-Radius = Annotated[float, Ge(0.5), Le(1000)]
+LEAST_RADIUS, GREATEST_RADIUS = 0.5, 1000.0
+Radius = Annotated[float, Ge(LEAST_RADIUS), Le(GREATEST_RADIUS)]
 Side = Literal["left", "right"]
 
 
@@ -219,7 +220,8 @@ class Circle:
 
     Attributes:
         start: first position, m. heading: first heading, degrees. side: where it turns to.
-        radius: m; null is the radius with which the circle closes in `duration`.
+        radius: m; null is the radius with which the circle closes in `duration`, which must then
+            be one that could be given.
         speed: m/s. duration, sample_time: s.
     """
 
@@ -234,10 +236,21 @@ class Circle:
     duration: Duration
     sample_time: SampleTime
 
+    @property
+    def closing_radius(self) -> float:
+        """Radius in m with which the circle closes in `duration`."""
+        return self.speed * self.duration / (2.0 * math.pi)
+
     def check(self) -> None:
         """Raise ValueError where the values do not go together."""
         _check_times(self.duration, self.sample_time)
         _check_start(self.start, "path.start")
+        if self.radius is None and not LEAST_RADIUS <= self.closing_radius <= GREATEST_RADIUS:
+            raise ValueError(
+                f"path.duration: {self.duration:g} s at path.speed {self.speed:g} m/s closes a "
+                f"circle of radius {self.closing_radius:.2g} m: must be {LEAST_RADIUS:g} to "
+                f"{GREATEST_RADIUS:g} m; or give path.radius"
+            )
 
 
 @dataclass(frozen=True)

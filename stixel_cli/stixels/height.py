@@ -1,4 +1,4 @@
-"""Height segmentation: where each column's obstacle ends upwards, model.md (12)-(15).
+"""Height segmentation: where each column's obstacle ends upwards, thesis (12)-(15).
 
 After Badino, Franke, Pfeiffer 2009, *The Stixel World*.
 """
@@ -65,7 +65,7 @@ def _power_of_two(y):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def membership_costs(columns, obstacle, window, base_row, scale):
-    """Costs (W, H) float32 of a top in row v: C(u, v) of model.md, in rows 0 … base_row.
+    """Costs (W, H) float32 of a top in row v: C(u, v) of thesis (14), in rows 0 … base_row.
 
     Membership is 2 ** (1 - ((d - obstacle[u]) / window[u]) ** 2) - 1, d = raw * scale[v], and zero
     where there is no disparity. Other rows and free columns (base_row < 0) are not written.

@@ -1,4 +1,4 @@
-"""Occupancy grids, Badino, Franke, Mester 2007: model.md (6)-(8).
+"""Occupancy grids, Badino, Franke, Mester 2007: thesis (6)-(8).
 
 Every obstacle pixel (u, v, d) adds its normalised likelihood G to the cells; the value of a cell is
 the mean of G over the cell, so that coarse cells miss no pixel. Disparities are levelled ones

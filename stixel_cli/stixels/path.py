@@ -1,4 +1,4 @@
-"""Free space as the cheapest path through an occupancy grid: model.md (9)-(11).
+"""Free space as the cheapest path through an occupancy grid: thesis (9)-(11).
 
 One row for each column; the row after the last stands for "no obstacle". Grids are held column by
 column, nearest row first. The depths of the rows need not be even.

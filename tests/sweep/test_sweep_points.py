@@ -4,9 +4,9 @@ import pytest
 
 from stixel_cli.config.compose import compose
 from stixel_cli.errors import ConfigurationError
-from stixel_cli.sweep.checks import check_axes
-from stixel_cli.sweep.graphs import plan_points
-from stixel_cli.sweep.points import sweep_points
+from stixel_cli.sweeps.checks import check_axes
+from stixel_cli.sweeps.graphs import plan_points
+from stixel_cli.sweeps.points import sweep_points
 
 FABRICATED = "measurement=fabricated"
 

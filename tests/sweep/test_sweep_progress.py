@@ -1,9 +1,9 @@
 """What is shown of a sweep on its way."""
 
 from stixel_cli.engine.errors import StageFailure
-from stixel_cli.sweep.graphs import plan_points
-from stixel_cli.sweep.points import sweep_points
-from stixel_cli.sweep.progress import SweepProgress, duration
+from stixel_cli.sweeps.graphs import plan_points
+from stixel_cli.sweeps.points import sweep_points
+from stixel_cli.sweeps.progress import SweepProgress, duration
 
 
 def test_points_and_nodes_are_counted(capsys):

@@ -19,9 +19,9 @@ import yaml
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import compose, from_resolved
 from stixel_cli.report.folder_reader import read_folder
-from stixel_cli.sweep import figures
-from stixel_cli.sweep.statistics import statistic
-from stixel_cli.sweep.whole import new_sweep
+from stixel_cli.sweeps import figures
+from stixel_cli.sweeps.statistics import statistic
+from stixel_cli.sweeps.whole import new_sweep
 
 FEW = ("measurement=fabricated", "path.duration=0.3")
 STATISTICS = ("summary.csv", "summary.md", "summary.tex")
@@ -53,8 +53,8 @@ def test_points_share_what_they_have_in_common(sweeps, capsys):
 
 
 def test_two_hundred_tracker_points_compute_their_scans_once():
-    from stixel_cli.sweep.graphs import plan_points, plan_sweep
-    from stixel_cli.sweep.points import sweep_points
+    from stixel_cli.sweeps.graphs import plan_points, plan_sweep
+    from stixel_cli.sweeps.points import sweep_points
 
     points = sweep_points(["tracker.sigma_q=range(0.5,2.5,0.01)"])
     plan = plan_sweep(plan_points(points), store=_Empty())
@@ -295,7 +295,13 @@ def test_figures_of_words_of_numbers_and_of_many_lines():
     assert list(together) == ["tracker.sigma_q+road_user.png"]
 
 
-COMMAND = "import sys; from stixel_cli.cli.app import main; sys.exit(main())"
+# Where the tests run in the background of a shell, Ctrl-C is ignored from the start.
+COMMAND = """
+import signal, sys
+from stixel_cli.cli.app import main
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.exit(main())
+"""
 
 
 def test_ctrl_c_says_what_is_kept_and_resume_goes_on(sweeps):
@@ -337,7 +343,7 @@ def test_ctrl_c_says_what_is_kept_and_resume_goes_on(sweeps):
 
 
 def test_a_folder_that_cannot_be_written_ends_it_in_one_line(sweeps, monkeypatch):
-    from stixel_cli.sweep.folder import SweepFolder
+    from stixel_cli.sweeps.folder import SweepFolder
 
     def full(self, *_):
         with self._written():

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from stixel_cli.engine.errors import StageFailure
-from stixel_cli.sweep.graphs import PlannedPoint
-from stixel_cli.sweep.statistics import Statistic
+from stixel_cli.sweeps.graphs import PlannedPoint
+from stixel_cli.sweeps.statistics import Statistic
 
 DONE, FAILED, SKIPPED, MISSING = "done", "failed", "skipped", "missing"
 """What becomes of a point: `skipped` is one that needs what failed in another, `missing` one that

@@ -4,8 +4,8 @@ from collections import defaultdict
 from collections.abc import Sequence
 
 from stixel_cli.errors import ConfigurationError
-from stixel_cli.sweep.design import SEED
-from stixel_cli.sweep.graphs import PlannedPoint
+from stixel_cli.sweeps.design import SEED
+from stixel_cli.sweeps.graphs import PlannedPoint
 
 
 def check_axes(planned: Sequence[PlannedPoint]) -> list[str]:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from stixel_cli.report.metrics import format_value, metric
-from stixel_cli.sweep.statistics import Statistic
+from stixel_cli.sweeps.statistics import Statistic
 
 _LATEX = {
     "\\": r"\textbackslash{}",

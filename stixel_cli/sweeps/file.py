@@ -13,7 +13,7 @@ from stixel_cli.config.overrides import (
     single_overrides,
 )
 from stixel_cli.errors import ConfigurationError
-from stixel_cli.sweep.design import SEED, Axis, Design, check_each
+from stixel_cli.sweeps.design import SEED, Axis, Design, check_each
 
 ENTRIES = ("fixed", "axes", "zipped", "seeds", "leave_out")
 

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 
 from stixel_cli.report import style
 from stixel_cli.report.metrics import metric
-from stixel_cli.sweep.design import SEED
-from stixel_cli.sweep.statistics import Statistic, statistic
+from stixel_cli.sweeps.design import SEED
+from stixel_cli.sweeps.statistics import Statistic, statistic
 
 SHOWN = ("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "lost_share")
 MOST_LINES = 8

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.graph import Node
 from stixel_cli.engine.progress import LINE_INTERVAL, PATIENCE, Silent
-from stixel_cli.sweep.graphs import PlannedPoint
+from stixel_cli.sweeps.graphs import PlannedPoint
 
 
 class SweepProgress(Silent):

@@ -9,7 +9,7 @@ from stixel_cli.engine.plan import plan
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.experiment.stages import CHUNK_SIZE, pipeline_stages, scan_count
-from stixel_cli.sweep.points import Point
+from stixel_cli.sweeps.points import Point
 
 SCORES = "scores"
 _PICTURES = "_pictures"

@@ -15,12 +15,12 @@ from stixel_cli.engine.records import Execution
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.recorded_run import told_in_one_line
-from stixel_cli.sweep.folder import FIGURES, RUNS, SweepFolder, yaml_text
-from stixel_cli.sweep.graphs import PlannedPoint, SweepPlan
-from stixel_cli.sweep.point_files import point_files
-from stixel_cli.sweep.progress import SweepProgress
-from stixel_cli.sweep.results import DONE, FAILED, MISSING, SKIPPED, PointResult, SweepResult
-from stixel_cli.sweep.statistics import Statistic, summarise
+from stixel_cli.sweeps.folder import FIGURES, RUNS, SweepFolder, yaml_text
+from stixel_cli.sweeps.graphs import PlannedPoint, SweepPlan
+from stixel_cli.sweeps.point_files import point_files
+from stixel_cli.sweeps.progress import SweepProgress
+from stixel_cli.sweeps.results import DONE, FAILED, MISSING, SKIPPED, PointResult, SweepResult
+from stixel_cli.sweeps.statistics import Statistic, summarise
 
 SUMMARIES = ("summary.csv", "summary.md", "summary.tex")
 
@@ -217,7 +217,7 @@ class _Sweep:
 
     def write_runs(self) -> list[dict[str, Any]]:
         """Write `runs.csv` as things stand; its rows."""
-        from stixel_cli.sweep.tables import csv_text
+        from stixel_cli.sweeps.tables import csv_text
 
         results = [self._result(one) for one in self._in_order()]
         records = [self._record(result) for result in results]
@@ -260,8 +260,8 @@ class _Sweep:
         statistics: Sequence[Statistic],
         axes: Sequence[Sequence[str]],
     ) -> None:
-        from stixel_cli.sweep.figures import axis_figures
-        from stixel_cli.sweep.tables import summary_csv, summary_latex, summary_markdown
+        from stixel_cli.sweeps.figures import axis_figures
+        from stixel_cli.sweeps.tables import summary_csv, summary_latex, summary_markdown
 
         title = str(self.notes.get("sweep", self.folder.path.name))
         self.folder.write_table("summary.csv", summary_csv(statistics))

@@ -9,19 +9,19 @@ from typing import Any
 from stixel_cli.engine.store import open_store
 from stixel_cli.experiment.folder import reserve_folder
 from stixel_cli.experiment.recorded_run import provenance, stamp, told_in_one_line
-from stixel_cli.sweep.checks import check_axes
-from stixel_cli.sweep.design import Design
-from stixel_cli.sweep.folder import SweepFolder, SweepRequest
-from stixel_cli.sweep.graphs import SweepPlan, plan_points, plan_sweep
-from stixel_cli.sweep.points import (
+from stixel_cli.sweeps.checks import check_axes
+from stixel_cli.sweeps.design import Design
+from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
+from stixel_cli.sweeps.graphs import SweepPlan, plan_points, plan_sweep
+from stixel_cli.sweeps.points import (
     Point,
     compose_points,
     design_points,
     shuffled_points,
     sweep_design,
 )
-from stixel_cli.sweep.results import SweepResult
-from stixel_cli.sweep.run import run_sweep
+from stixel_cli.sweeps.results import SweepResult
+from stixel_cli.sweeps.run import run_sweep
 
 
 def new_sweep(

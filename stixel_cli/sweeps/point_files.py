@@ -10,8 +10,8 @@ import numpy as np
 from stixel_cli.engine.records import Execution, NodeRecord
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.experiment.folder import json_text, score_columns
-from stixel_cli.sweep.folder import yaml_text
-from stixel_cli.sweep.graphs import PlannedPoint
+from stixel_cli.sweeps.folder import yaml_text
+from stixel_cli.sweeps.graphs import PlannedPoint
 
 
 def point_files(

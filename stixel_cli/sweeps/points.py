@@ -9,8 +9,8 @@ from typing import Any
 from stixel_cli.config.compose import Composition
 from stixel_cli.config.compose_many import Composer
 from stixel_cli.errors import ConfigurationError
-from stixel_cli.sweep.design import SEED, Design, check_size, design_from_line, joined
-from stixel_cli.sweep.file import find_file, read_design
+from stixel_cli.sweeps.design import SEED, Design, check_size, design_from_line, joined
+from stixel_cli.sweeps.file import find_file, read_design
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def sweep_design(
 
     Args:
         overrides: in Hydra's grammar, with its sweeps.
-        file: a path, or the name of one in `pipelines/studies`; see `stixel_cli.sweep.file`.
+        file: a path, or the name of one in `pipelines/studies`; see `stixel_cli.sweeps.file`.
         shuffle_seed: of the order in which the points will run, None for theirs.
         one_is_enough: whether a design of a single point will do.
 
