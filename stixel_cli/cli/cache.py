@@ -6,6 +6,7 @@ from typing import Any
 
 from stixel_cli.cli.terminal import print_table
 from stixel_cli.config.compose import compose
+from stixel_cli.engine.listing import scan
 from stixel_cli.engine.store import Store, open_store
 from stixel_cli.engine.units import parse_age, parse_size, show_size
 from stixel_cli.engine.upkeep import Collection, clear, collect, entries, verify_all
@@ -82,7 +83,8 @@ def check_command(json: bool) -> int:
     """Read every result: 0 if all are what was stored, 1 if not; bad ones are named, set aside."""
     store = _store()
     with told_in_one_line():
-        count = len(entries(store))
+        # `entries` would set aside, unnamed, what `verify_all` is to name.
+        count = len(scan(store))
         bad = verify_all(store)
     if json:
         answer = [vars(entry) | {"reason": reason} for entry, reason in bad]

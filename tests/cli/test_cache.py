@@ -123,3 +123,16 @@ def test_a_cache_that_is_no_folder(tmp_path, capsys, monkeypatch):
         assert code in (0, 2)
         assert said.err.count("\n") == (1 if code else 0)
     assert (tmp_path / "file").read_text() == "mine"
+
+
+def test_verify_names_an_entry_whose_notes_are_damaged(capsys, tmp_path, monkeypatch):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+    few = ("measurement=fabricated", "path.duration=0.3", "pictures.frames=[0]")
+    assert main(["run", *few, "--results", str(tmp_path / "results")]) == 0
+    notes = sorted((tmp_path / "cache").glob("*/*/meta.json"))
+    notes[0].write_text("{")
+    capsys.readouterr()
+    assert main(["cache", "verify"]) == 1
+    told = capsys.readouterr().out
+    assert f"{len(notes)} results read, 1 are bad" in told
+    assert notes[0].parent.name[:12] in told
