@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
+from matplotlib.patheffects import withStroke
 
 from stixel_cli.geometry.pose import target_from_world, world_from_target
 from stixel_cli.geometry.rig import Rig
@@ -18,6 +19,9 @@ CONTOURS = 8
 LEGEND, LEFT, BOTTOM, TOP, STRIP_TITLE = 1.95, 0.65, 0.6, 0.4, 0.35  # margins, in
 CELL = (3.0, 3.2)
 """Room for one contour in its own frame, in multiples of the target's greatest radius."""
+HALO = withStroke(linewidth=2.5, foreground="white")
+"""Keeps a label readable where it meets a line."""
+
 SCALE = 0.5
 """Room for the scale beside the contours, in cells."""
 
@@ -57,7 +61,7 @@ def path_figure(track: Track, scenario: Scenario, rig: Rig) -> Figure:
     axes.set(xlabel="x in the world (m)", ylabel="y in the world (m)")
     axes.set_title(f"Path of the target, {track.times[-1] - track.times[0]:.1f} s")
     _legend(figure, axes)
-    _draw_strip(strip, track, scenario, chosen, size)
+    _draw_strip(strip, track, scenario, chosen, _room(track, poses, chosen, size))
     return figure
 
 
@@ -98,7 +102,7 @@ def _label_times(axes: Axes, times, poses, chosen, distance: float) -> None:
     """Times beside the contours: on the outer side of the path, or the other if that is taken."""
     middle = poses[:, :2].mean(axis=0)
     height = np.diff(axes.get_ylim()).item()
-    distance = max(distance, 0.04 * height)
+    distance = distance + 0.03 * height
     room = np.array([0.08, 0.035]) * height  # of a label
     places: list[np.ndarray] = []
     for k in chosen:
@@ -112,7 +116,16 @@ def _label_times(axes: Axes, times, poses, chosen, distance: float) -> None:
             place = 2.0 * poses[k, :2] - place
         places.append(place)
         text = f"{times[k]:.1f} s"
-        axes.text(*place, text, ha="center", va="center", size=7.5, color="#444444", zorder=6)
+        label = {"ha": "center", "va": "center", "size": 7.5, "color": "#444444", "zorder": 6}
+        axes.text(*place, text, path_effects=[HALO], **label)
+
+
+def _room(track: Track, poses: np.ndarray, chosen, size: float) -> float:
+    """Greatest radius (m) to be drawn at `chosen`, the bands included; at most twice `size`."""
+    frames = list(chosen)
+    away = np.linalg.norm(track.contours_world[frames] - poses[frames, None, :2], axis=2)
+    reach = away + 2.0 * track.contour_deviations[frames]
+    return float(np.clip(np.nanmax(reach, initial=size), size, 2.0 * size))
 
 
 def _draw_strip(axes: Axes, track: Track, scenario: Scenario, chosen, size: float) -> None:
