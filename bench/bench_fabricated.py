@@ -3,13 +3,15 @@
 `pytest bench/bench_fabricated.py`.
 """
 
+import dataclasses
+
 import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import fabricate_scan
-from stixel_cli.measurements.parameters import FabricatedParameters
+from stixel_cli.measurements.parameters import FabricatedParameters, FittedNoise, StereoNoise
 from stixel_cli.measurements.rays import first_crossings, spread_rays
 from stixel_cli.randomness import generator
 
@@ -18,12 +20,17 @@ STEREO = FabricatedParameters(
     kind="fabricated",
     rays=None,
     spacing="tangent",
-    noise="stereo",
-    disparity_deviation=0.1,
-    range_deviation=0.1,
+    noise=StereoNoise("stereo", disparity_deviation=0.1),
     clutter_rate=0.0,
     missed_probability=0.0,
     range_max=80.0,
+)
+# As fitted to a cyclist; every ray gives a point, which is the most there can be.
+FITTED = dataclasses.replace(
+    STEREO,
+    noise=FittedNoise(
+        "fitted", 1, 0.005, 0.13, 0.17, 0.067, 7.0, 0.0, 1.0, -0.1, 0.1, 0.09, 0.016, 6.0
+    ),
 )
 RAYS = spread_rays(640, RIG.fov, True)
 SENSOR = np.array([0.0, 0.0, np.pi / 2])
@@ -60,11 +67,13 @@ def every_ray_with_every_edge(contour_sensor, rays):
     return hit, nearest[hit]
 
 
-def test_scan(benchmark, contour_world):
+@pytest.mark.parametrize("measurement", [STEREO, FITTED], ids=["stereo", "fitted"])
+def test_scan(benchmark, contour_world, measurement):
     """A whole scan: generator, crossings, noise, points and covariances."""
 
     def scan():
-        return fabricate_scan(contour_world, SENSOR, RAYS, RIG, STEREO, generator(0, "fabricate"))
+        random = generator(0, "fabricate")
+        return fabricate_scan(contour_world, SENSOR, RAYS, RIG, measurement, random)
 
     points, _ = benchmark(scan)
     assert len(points) > 150

@@ -1,6 +1,7 @@
 """What every test may use: a cache of its own, away from the user's."""
 
 import pytest
+from browser import open_page as open_page
 
 
 @pytest.fixture(scope="session")

@@ -26,7 +26,7 @@ def test_the_examples_are_accepted(arguments, capsys):
 
 
 def test_every_option_in_the_readme_exists_and_none_is_missing():
-    table = re.findall(r"^\| `(\w+)` \| (.*) \|$", README, flags=re.MULTILINE)
+    table = re.findall(r"^\| `([\w/]+)` \| (`.*) \|$", README, flags=re.MULTILINE)
     named = {group: set(re.findall(r"`(\w+)`", options)) for group, options in table}
     known = group_options()
     assert named.keys() <= known.keys()

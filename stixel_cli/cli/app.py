@@ -14,6 +14,7 @@ from stixel_cli.cli.completion import complete_folder, complete_run_or_override
 from stixel_cli.cli.errors import guarded, interruptible
 from stixel_cli.cli.options import (
     DryRun,
+    Fresh,
     FromFile,
     Json,
     Name,
@@ -21,6 +22,7 @@ from stixel_cli.cli.options import (
     Pictures,
     Results,
     Shuffle,
+    StudyWords,
     SweepOverrides,
     Workers,
 )
@@ -174,7 +176,8 @@ def sweep(
         Path | None,
         typer.Option(
             metavar="FOLDER",
-            help="Go on with a sweep: run what is missing or has failed.",
+            help="Go on with a sweep: run what is missing or has failed; executor… and cache… can "
+            "be others.",
             autocompletion=complete_folder,
         ),
     ] = None,
@@ -202,6 +205,34 @@ def sweep(
     raise typer.Exit(code)
 
 
+@app.command(short_help="Answer a research question: its sweeps, and a report.")
+def study(
+    words: StudyWords = None,
+    name: Name = None,
+    results: Results = Path("results"),
+    workers: Workers = None,
+    fresh: Fresh = False,
+    dry_run: DryRun = False,
+    json: Json = False,
+) -> None:
+    """Run a study of pipelines/studies and write its report, tables and figures.
+
+    One that was interrupted, or of which points failed, is gone on with by the same command. The
+    statistics are refused until all of it is there.
+
+    \b
+    Examples:
+      stixel study rq2
+      stixel study rq2 road_user=car 'seed=range(0,3)' --name rq2-car
+      stixel study all
+    """
+    with interruptible():
+        from stixel_cli.cli.study import study_command
+
+        code = study_command(words or [], name, results, workers, json, dry_run, fresh)
+    raise typer.Exit(code)
+
+
 @app.command(short_help="What a run or a sweep would compute.")
 def plan(
     overrides: SweepOverrides = None,
@@ -221,7 +252,7 @@ def plan(
     raise typer.Exit(code)
 
 
-@app.command(short_help="Why a run would compute what it would.")
+@app.command(short_help="Why a run or a sweep would compute what it would.")
 def explain(
     what: Annotated[
         list[str] | None,
@@ -232,19 +263,24 @@ def explain(
             show_default=False,
         ),
     ] = None,
+    file: FromFile = None,
     json: Json = False,
 ) -> None:
     """Say of each node that would run why: new, a setting, a function, a version, evicted, input.
 
+    Of several values, a file or the folder of a sweep, for all points together: each node once,
+    with the points that need it.
+
     \b
     Examples:
       stixel explain tracker.length_scale=0.5
+      stixel explain tracker.length_scale=0.5,0.6 seed=0,1
       stixel explain results/wide-prior
     """
     with interruptible():
         from stixel_cli.cli.explain import explain_command
 
-        code = explain_command(what or [], json)
+        code = explain_command(what or [], json, file)
     raise typer.Exit(code)
 
 

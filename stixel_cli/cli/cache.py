@@ -2,10 +2,13 @@
 
 import sys
 import time
+from collections.abc import Sequence
 from typing import Any
 
+from stixel_cli.cli.errors import tell
 from stixel_cli.cli.terminal import print_table
 from stixel_cli.config.compose import compose
+from stixel_cli.engine.errors import MissingEntry
 from stixel_cli.engine.listing import scan
 from stixel_cli.engine.store import Store, open_store
 from stixel_cli.engine.units import parse_age, parse_size, show_size
@@ -22,8 +25,11 @@ def _store() -> Store:
 def list_command(json: bool) -> int:
     """Print, by stage, how many results there are, their size and last use; the exit code."""
     store = _store()
+    damaged: list[MissingEntry] = []
     with told_in_one_line():
-        found = entries(store)
+        found = entries(store, damaged.append)
+    if damaged:
+        tell(_damage(damaged))
     stages: dict[str, dict[str, Any]] = {}
     for entry in found:
         row = stages.setdefault(entry.stage, {"entries": 0, "size": 0, "last_use": 0.0})
@@ -34,7 +40,8 @@ def list_command(json: bool) -> int:
     total = sum(entry.size for entry in found)
     if json:
         answer = {"folder": str(store.folder), "max_size": store.max_size, "size": total}
-        sys.stdout.write(json_text(answer | {"entries": len(found), "stages": stages}))
+        counts = {"entries": len(found), "damaged": len(damaged)}
+        sys.stdout.write(json_text({**answer, **counts, "stages": stages}))
         return 0
     rows = [
         (name, str(row["entries"]), show_size(row["size"]), _ago(row["last_use"]))
@@ -70,9 +77,24 @@ def collect_command(max_size: str | None, older_than: str | None, dry_run: bool,
     return 0
 
 
-def clear_command(json: bool) -> int:
-    """Remove all but what a running process uses; the exit code."""
+def _damage(damaged: Sequence[MissingEntry]) -> str:
+    count = "1 entry is" if len(damaged) == 1 else f"{len(damaged)} entries are"
+    aside = " and set aside" if all(one.set_aside for one in damaged) else ""
+    return f"{count} damaged or of an older version{aside}; made again when needed"
+
+
+def clear_command(yes: bool, json: bool) -> int:
+    """Remove all but what a running process uses; the exit code.
+
+    On a terminal it asks before, unless `yes`.
+
+    Raises:
+        UserError: where there is neither a terminal nor `yes`, or the cache cannot be written.
+    """
     store = _store()
+    if not yes and not _confirmed(store):
+        tell("nothing was removed")
+        return 1
     with told_in_one_line():
         done = clear(store)
     _print_collection(store, done, "removed", json)
@@ -95,6 +117,18 @@ def check_command(json: bool) -> int:
         told = f"{len(bad)} are bad, and made again when needed" if bad else "all are good"
         sys.stdout.write(f"{store.folder}: {count} results read, {told}\n")
     return 1 if bad else 0
+
+
+def _confirmed(store: Store) -> bool:
+    """The answer of who sits at the terminal."""
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        raise UserError("this removes all results of the cache: add --yes, there is no one to ask")
+    with told_in_one_line():
+        found = scan(store)
+    size = show_size(sum(one.size for one in found))
+    sys.stderr.write(f"remove {len(found)} results, {size}, from {store.folder}? [y/N] ")
+    sys.stderr.flush()
+    return sys.stdin.readline().strip().lower() in ("y", "yes")
 
 
 def _print_collection(store: Store, done: Collection, verb: str, json: bool) -> None:

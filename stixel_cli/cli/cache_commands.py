@@ -70,10 +70,18 @@ def verify(json: Json = False) -> None:
 
 
 @app.command("clear", short_help="Remove all but what is in use.")
-def clear(json: Json = False) -> None:
-    """Remove all results but those that a running process uses."""
+def clear(
+    yes: Annotated[
+        bool, typer.Option("--yes", help="Do not ask, as is done on a terminal.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Remove all results but those that a running process uses.
+
+    It asks before; where there is no terminal to ask at, --yes is needed.
+    """
     with interruptible():
         from stixel_cli.cli.cache import clear_command
 
-        code = clear_command(json)
+        code = clear_command(yes, json)
     raise typer.Exit(code)

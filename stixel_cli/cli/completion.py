@@ -2,7 +2,13 @@
 
 import os
 
-from stixel_cli.config.folders import default_option, group_options, option_values
+from stixel_cli.config.folders import (
+    default_option,
+    group_options,
+    inner_options,
+    option_values,
+    shipped_folder,
+)
 from stixel_cli.errors import ConfigurationError
 
 MANIFEST = "manifest.json"
@@ -35,6 +41,19 @@ def complete_sweep(incomplete: str) -> list[str]:
         return []
     given = values.split(",")
     return [f"{before},{o}" for o in options if o.startswith(last) and o not in given]
+
+
+def complete_study(incomplete: str) -> list[str]:
+    """Names of the studies that `incomplete` can become, and overrides as in a sweep."""
+    folder = shipped_folder("pipelines") / "studies"
+    try:
+        files = sorted(folder.glob("*.yaml"))
+        # Plain sweeps are in the same folder.
+        names = [file.stem for file in files if "\nparts:" in file.read_text("utf-8")]
+    except (OSError, ConfigurationError):
+        names = []
+    studies = [name for name in (*names, "all") if name.startswith(incomplete)]
+    return studies + (complete_sweep(incomplete) if incomplete else [])
 
 
 def complete_folder(incomplete: str) -> list[str]:
@@ -95,10 +114,12 @@ def _keys(group: str, typed: str, words: list[str]) -> list[str]:
     option = chosen[-1] if chosen else default_option(group)
     if option not in group_options()[group]:
         return []
-    values = {f"{group}.{key}": text for key, text in option_values(group, option).items()}
-    values.pop(f"{group}.kind", None)
+    within = group.replace("/", ".")
+    values = {f"{within}.{key}": text for key, text in option_values(group, option).items()}
+    values.pop(f"{within}.kind", None)
+    inner = [key for name in inner_options(group, option) for key in _keys(name, typed, words)]
     found = [key for key in values if key.startswith(typed)]
     if len(found) != 1:
-        return [f"{key}=" for key in found]
+        return [f"{key}=" for key in found] + inner
     plain = values[found[0]]
     return [f"{found[0]}="] + ([f"{found[0]}={plain}"] if plain and plain[0] not in "$[{" else [])

@@ -1,62 +1,141 @@
-"""`stixel explain`: why a run would compute what it would."""
+"""`stixel explain`: why a run or a sweep would compute what it would."""
 
 import os
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 
-from stixel_cli.config.compose import Composition, compose
+from stixel_cli.config.compose import Composition
 from stixel_cli.engine.explain import Explanation, by_stage, explain
-from stixel_cli.engine.store import open_store
+from stixel_cli.engine.graph import Graph
+from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.recorded_run import told_in_one_line
 from stixel_cli.experiment.run import experiment_graph, targets
 from stixel_cli.experiment.stored_run import read_stored_run
 from stixel_cli.experiment.text import json_text
+from stixel_cli.report.folder_reader import SWEEP_FILE
+from stixel_cli.sweeps.folder import SweepFolder
+from stixel_cli.sweeps.graphs import PlannedPoint, SweepPlan
+from stixel_cli.sweeps.points import compose_points, design_points, sweep_design
+from stixel_cli.sweeps.whole import planned_sweep
 
 
-def explain_command(what: Sequence[str], json: bool) -> int:
-    """Print why each node of a run would be computed; the exit code.
+@dataclass(frozen=True)
+class _Asked:
+    """What is to be explained.
 
-    `what` is one result folder, or overrides.
+    Attributes:
+        graph, targets, store: of the nodes.
+        points: those of a sweep; none of a run.
+    """
+
+    graph: Graph
+    targets: list[str]
+    store: Store
+    points: tuple[PlannedPoint, ...] = ()
+
+
+def explain_command(what: Sequence[str], json: bool, file: str | None = None) -> int:
+    """Print why each node of a run, or of all points of a sweep, would be computed; the exit code.
+
+    `what` is one result folder, or overrides; `file` describes a sweep's axes.
 
     Raises:
-        UserError: for what `stixel run` would refuse.
+        UserError: for what `stixel run` or `stixel sweep` would refuse.
     """
-    composition = _composition(what)
+    asked = _asked(what, file)
     with told_in_one_line():
-        graph = experiment_graph(composition.configuration)
-        store = open_store(composition.configuration.cache)
-        found = explain(graph, store, targets(graph))
+        found = explain(asked.graph, asked.store, asked.targets)
+    needed_by = _needed_by(asked.points, {one.key for one in found})
     if json:
-        sys.stdout.write(json_text([_as_json(one) for one in found]))
+        sys.stdout.write(json_text([_as_json(one, needed_by.get(one.key)) for one in found]))
         return 0
     for group, text in by_stage(found):
         first, last = group[0].label, group[-1].label
-        labels = first if len(group) == 1 else f"{first} … {last}, {len(group)} nodes"
-        sys.stdout.write(f"{labels}: {text}\n")
+        labels = first if first == last else f"{first} … {last}"
+        labels += f", {len(group)} nodes" if len(group) > 1 else ""
+        points = sorted({index for one in group for index in needed_by.get(one.key, ())})
+        where = f" ({shown_points(points, len(asked.points))})" if asked.points else ""
+        sys.stdout.write(f"{labels}{where}: {text}\n")
     if not found:
         sys.stdout.write("nothing would run: all is cached\n")
     return 0
 
 
-def _composition(what: Sequence[str]) -> Composition:
+def _asked(what: Sequence[str], file: str | None) -> _Asked:
     if len(what) == 1 and os.path.isdir(what[0]):
-        return read_stored_run(Path(what[0])).composition
+        if file is not None:
+            raise UserError(f"{what[0]}: name one result folder, or --from FILE, not both")
+        folder = Path(what[0])
+        if (folder / SWEEP_FILE).is_file():
+            request = SweepFolder(folder).request()
+            points = compose_points(request.points, request.keys)
+            return _of_points(*planned_sweep(points, None, request.pictures, request.steps))
+        stored = read_stored_run(folder)
+        return _of_run(stored.composition, stored.pictures)
     folders = [text for text in what if "=" not in text and os.path.isdir(text)]
     if folders:
         raise UserError(f"{folders[0]}: name one result folder, or overrides, not both")
     lost = [text for text in what if "=" not in text and os.sep in text]
     if lost:
         raise UserError(f"{lost[0]}: there is no such folder")
-    return compose(what)
+    design = sweep_design(what, file, one_is_enough=True)
+    points = design_points(design)
+    if not design.axes:
+        return _of_run(points[0].composition, pictures=True)
+    return _of_points(*planned_sweep(points, None, False))
 
 
-def _as_json(one: Explanation) -> dict:
+def _of_run(composition: Composition, pictures: bool) -> _Asked:
+    with told_in_one_line():
+        graph = experiment_graph(composition.configuration)
+    store = open_store(composition.configuration.cache)
+    return _Asked(graph, targets(graph, pictures), store)
+
+
+def _of_points(plan: SweepPlan, _: Sequence[str]) -> _Asked:
+    store = open_store(plan.points[0].point.composition.configuration.cache)
+    wanted = dict.fromkeys(target for one in plan.points for target in one.targets)
+    return _Asked(plan.graph, list(wanted), store, plan.points)
+
+
+def _needed_by(points: Sequence[PlannedPoint], missing: set[str]) -> dict[str, list[int]]:
+    """Indices of the points for which each node that is missing would run."""
+    needed: dict[str, list[int]] = {}
+    for one in points:
+        found: set[str] = set()
+        pending = [key for key in one.targets if key in missing]
+        while pending:
+            key = pending.pop()
+            if key not in found:
+                found.add(key)
+                # What a stored result was made of is not needed, be it missing or not.
+                pending += [s for s in one.graph.nodes[key].sources if s in missing]
+        for key in found:
+            needed.setdefault(key, []).append(one.point.index)
+    return needed
+
+
+def shown_points(points: Sequence[int], count: int) -> str:
+    """Indices in ascending order, as `points 0-4, 7`; `all 8 points` where none is left out."""
+    if len(points) == count:
+        return f"all {count} points"
+    # Consecutive numbers differ from their places by the same amount.
+    runs = [list(run) for _, run in groupby(enumerate(points), lambda at: at[1] - at[0])]
+    ends = [(run[0][1], run[-1][1]) for run in runs]
+    shown = ", ".join(str(a) if a == b else f"{a}-{b}" for a, b in ends)
+    return f"point{'' if len(points) == 1 else 's'} {shown}"
+
+
+def _as_json(one: Explanation, points: Sequence[int] | None) -> dict:
     return {
         "key": one.key,
         "stage": one.stage,
         "node": one.label,
+        **({} if points is None else {"points": sorted(points)}),
         "why": [
             {"kind": c.kind, "what": c.what, "before": c.before, "after": c.after, "text": str(c)}
             for c in (*one.changes, *one.roots)

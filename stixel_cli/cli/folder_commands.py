@@ -109,6 +109,38 @@ def report(
     raise typer.Exit(code)
 
 
+def play(
+    folders: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Result folders of runs, or points of a sweep; several must be of one scene.",
+            metavar="FOLDER...",
+            autocompletion=complete_folder,
+            show_default=False,
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="The page to write; if not given, named by the runs."),
+    ] = None,
+    workers: Workers = None,
+) -> None:
+    """Write a page that plays a run back, or several runs of one scene over each other.
+
+    What the cache lacks is computed. The page of one run is in its folder already, as index.html.
+
+    \b
+    Examples:
+      stixel play results/gp results/point
+      stixel play results/sweep/points/0003
+    """
+    with interruptible():
+        from stixel_cli.cli.play import play_command
+
+        code = play_command(folders, output, workers)
+    raise typer.Exit(code)
+
+
 def register(app: typer.Typer) -> None:
     """Add the commands to the application."""
     for command, help_line in (
@@ -118,5 +150,6 @@ def register(app: typer.Typer) -> None:
         (show, "Show one result folder."),
         (compare, "Settings and metrics of runs that differ."),
         (report, "Put runs side by side on one page."),
+        (play, "A page that plays runs back."),
     ):
         app.command(short_help=help_line)(command)

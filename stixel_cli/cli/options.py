@@ -5,7 +5,12 @@ from typing import Annotated
 
 import typer
 
-from stixel_cli.cli.completion import complete_folder, complete_override, complete_sweep
+from stixel_cli.cli.completion import (
+    complete_folder,
+    complete_override,
+    complete_study,
+    complete_sweep,
+)
 
 Overrides = Annotated[
     list[str] | None,
@@ -22,6 +27,15 @@ SweepOverrides = Annotated[
         help="As for `stixel run`, with several values: KEY=1,2 KEY=range(1,9,2) GROUP=glob(*).",
         metavar="OVERRIDES",
         autocompletion=complete_sweep,
+        show_default=False,
+    ),
+]
+StudyWords = Annotated[
+    list[str] | None,
+    typer.Argument(
+        help="A study of pipelines/studies, or all; then what differs, as for `stixel sweep`.",
+        metavar="STUDY [OVERRIDES]",
+        autocompletion=complete_study,
         show_default=False,
     ),
 ]
@@ -68,3 +82,6 @@ Shuffle = Annotated[
     typer.Option(min=0, metavar="SEED", help="Run the points in an order drawn with this seed."),
 ]
 Pictures = Annotated[bool, typer.Option("--pictures", help="Draw the pictures of every point.")]
+Fresh = Annotated[
+    bool, typer.Option("--fresh", help="Begin anew, and take away what the study's folder holds.")
+]

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from typing import Any
 
 from stixel_cli.cli.run import with_workers
+from stixel_cli.engine.progress import duration
 from stixel_cli.experiment.folder import json_text
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.graphs import SweepPlan
 from stixel_cli.sweeps.points import design_points, sweep_design
-from stixel_cli.sweeps.progress import duration
 from stixel_cli.sweeps.whole import planned_sweep
 
 

@@ -51,7 +51,7 @@ def with_workers(overrides: Sequence[str], workers: int | None) -> list[str]:
 def print_run(made: RecordedRun, json: bool) -> None:
     """Print scores and folder of a run, as JSON or for the eye."""
     if json:
-        answer = {"folder": str(made.folder), "metrics": made.outcome.scores.metrics}
+        answer = {"folder": str(made.folder.absolute()), "metrics": made.outcome.scores.metrics}
         sys.stdout.write(json_text(answer | {"stages": made.outcome.stages}))
     else:
         _print_outcome(made.folder, made.outcome, made.manifest["seconds"])

@@ -20,6 +20,8 @@ from stixel_cli.report.folder_reader import (
 from stixel_cli.report.metrics import format_value, metric
 
 MOST_SECTIONS = 4
+WIDTH = 100
+"""Characters of a line where there is no terminal: the longest values are lists."""
 
 
 def show_command(folder: Path, json: bool) -> int:
@@ -37,7 +39,7 @@ def show_command(folder: Path, json: bool) -> int:
         answer = {"folder": str(folder), "settings": settings, "metrics": metrics}
         sys.stdout.write(json_text(answer | {"manifest": manifest}))
         return 0
-    print_table(("of the run", str(folder)), _provenance(manifest))
+    print_table(("of the run", str(folder)), _provenance(manifest), width=WIDTH)
     sys.stdout.write("\n")
     rows = [(metric(name).label, format_value(v), metric(name).unit) for name, v in metrics.items()]
     print_table(("score", "value", "unit"), rows, right="1")
@@ -60,7 +62,7 @@ def _show_sweep(folder: Path, json: bool) -> int:
     points = ", ".join(f"{count} {status}" for status, count in statuses.items())
     rows = [("points", points or "none has run")]
     rows += [(name, str(notes[name])) for name in ("command", "created") if name in notes]
-    print_table(("of the sweep", str(folder)), rows)
+    print_table(("of the sweep", str(folder)), rows, width=WIDTH)
     summary = folder / "summary.md"
     if summary.is_file():
         head, *sections = read_text(summary).split("\n## ")

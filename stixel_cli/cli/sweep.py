@@ -42,7 +42,8 @@ def sweep_command(
         workers: short for the override `executor.workers`.
         json: print the result as JSON.
         dry_run: print what would be computed, and write nothing.
-        resume: the folder of a sweep to go on with; then nothing else is given but `workers`.
+        resume: the folder of a sweep to go on with; then nothing else is given but `workers`, and
+            overrides of executor and cache.
         shuffle: seed of the order in which the points run; None for theirs.
         pictures: draw every point's pictures.
 
@@ -52,8 +53,8 @@ def sweep_command(
     """
     started = time.perf_counter()
     if resume is not None:
-        _refuse_beside_resume(overrides, file, name, shuffle, pictures, dry_run)
-        result = resumed_sweep(resume, workers, visible=True)
+        _refuse_beside_resume(file, name, shuffle, pictures, dry_run)
+        result = resumed_sweep(resume, workers, visible=True, overrides=overrides, tell=tell)
     else:
         overrides = with_workers(overrides, workers)
         if dry_run:
@@ -69,15 +70,9 @@ def sweep_command(
 
 
 def _refuse_beside_resume(
-    overrides: Sequence[str],
-    file: str | None,
-    name: str | None,
-    shuffle: int | None,
-    pictures: bool,
-    dry_run: bool,
+    file: str | None, name: str | None, shuffle: int | None, pictures: bool, dry_run: bool
 ) -> None:
     given = {
-        "overrides": bool(overrides),
         "--from": file is not None,
         "--name": name is not None,
         "--shuffle": shuffle is not None,
@@ -96,7 +91,7 @@ def _report(result: SweepResult, json: bool, seconds: float) -> None:
         from rich.console import Console
 
         console = Console(highlight=False, soft_wrap=True)
-        if result.complete:
+        if result.statistics:
             _print_statistics(console, result)
         console.print(
             f"{result.count('done')} of {len(result.points)} points done; nodes: "
@@ -112,11 +107,12 @@ def _answer(result: SweepResult) -> dict[str, Any]:
     from stixel_cli.sweeps.tables import summary_records
 
     return {
-        "folder": str(result.folder),
+        "folder": str(result.folder.absolute()),
         "complete": result.complete,
         "nodes": {"computed": result.computed, "cached": result.cached},
         "points": result.records,
         "summary": summary_records(result.statistics),
+        "incomplete": [vars(one) for one in result.incomplete],
     }
 
 
@@ -168,10 +164,19 @@ def _tell_what_is_missing(result: SweepResult) -> None:
             lines.append(f"point {point.index} {status} ({point.label}): {reason}")
         if len(points) > _MOST_SHOWN:
             lines.append(f"{len(points) - _MOST_SHOWN} more points {status}, see runs.csv")
-    lines.append(
-        f"no statistics: {len(result.points) - result.count('done')} of {len(result.points)} "
-        "points are not there"
-    )
+    lacking = len(result.points) - result.count("done")
+    where = f"{lacking} of {len(result.points)} points are not there"
+    if result.statistics:
+        named = "; ".join(one.label for one in result.incomplete[:_MOST_SHOWN])
+        more = len(result.incomplete) - _MOST_SHOWN
+        named += f"; and {more} more" if more > 0 else ""
+        settings = "setting" if len(result.incomplete) == 1 else "settings"
+        lines.append(
+            f"{where}: no statistics of {len(result.incomplete)} {settings} that they belong to: "
+            f"{named}"
+        )
+    else:
+        lines.append(f"no statistics: {where}")
     for line in lines:
         tell(line)
     print(resume_command(result.folder), file=sys.stderr)  # noqa: T201

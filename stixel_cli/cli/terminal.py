@@ -3,11 +3,20 @@
 import sys
 from collections.abc import Iterable, Sequence
 
+LONGEST_LINE = 400
+"""Characters of a line where there is no terminal."""
 
-def print_table(columns: Sequence[str], rows: Iterable[Sequence[str]], right: str = "") -> None:
+
+def print_table(
+    columns: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    right: str = "",
+    width: int = LONGEST_LINE,
+) -> None:
     """Print a table; `right` names the columns, by their place, whose cells end in a line.
 
-    What the cells hold is printed as it is: brackets mean nothing.
+    What the cells hold is printed as it is: brackets mean nothing. `width` is that of the longest
+    line where there is no terminal; what is longer goes on in the next.
     """
     from rich import box
     from rich.console import Console
@@ -20,6 +29,4 @@ def print_table(columns: Sequence[str], rows: Iterable[Sequence[str]], right: st
         table.add_column(Text(column), justify=side, overflow="fold")
     for row in rows:
         table.add_row(*(Text(cell) for cell in row))
-    # Where there is no terminal, a line is as long as it takes.
-    width = None if sys.stdout.isatty() else 400
-    Console(highlight=False, width=width).print(table)
+    Console(highlight=False, width=None if sys.stdout.isatty() else width).print(table)

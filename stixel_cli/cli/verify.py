@@ -15,6 +15,12 @@ from stixel_cli.experiment.text import json_text
 from stixel_cli.experiment.verify import StageDifference, Verification, verify_run
 
 
+class VerifyInterrupted(UserError):
+    """Ctrl-C while everything is computed anew, away from the cache."""
+
+    exit_code = 130
+
+
 def verify_command(folder: Path, cached: bool, workers: int | None, json: bool) -> int:
     """Run a folder's configuration again and compare: 0 if all is identical, 1 if not.
 
@@ -33,8 +39,11 @@ def verify_command(folder: Path, cached: bool, workers: int | None, json: bool) 
             temporary = tempfile.TemporaryDirectory(prefix="stixel-verify-")
         except OSError as error:
             raise UserError(f"no folder for the results to compare: {error.strerror}") from error
-        with temporary as scratch:
-            found = verify_run(stored, Store(scratch), own, provenance(), progress)
+        try:
+            with temporary as scratch:
+                found = verify_run(stored, Store(scratch), own, provenance(), progress)
+        except KeyboardInterrupt:
+            raise VerifyInterrupted("interrupted; nothing is kept of it (--cached would)") from None
     if json:
         sys.stdout.write(json_text(_as_json(folder, found)))
     else:

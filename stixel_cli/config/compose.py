@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config import messages
 from stixel_cli.config.folders import conf_state, configuration_folder, group_options
-from stixel_cli.config.keys import known_keys
+from stixel_cli.config.keys import chosen_kinds, known_keys
 from stixel_cli.config.overrides import check_overrides, parse_overrides, refuse_sweeps
 from stixel_cli.config.schema import Configuration, adapter
 from stixel_cli.errors import ConfigurationError
@@ -118,8 +118,9 @@ def _compose(parsed: "Sequence[Override]") -> tuple[dict[str, Any], dict[str, st
                 OmegaConf.update(composed, name, override.value(), merge=True)
             except (ConfigAttributeError, ConfigKeyError):
                 # The schema knows the key, so it belongs to another variant of its group.
-                kind = composed[name.partition(".")[0]].get("kind")
-                raise ConfigurationError(messages.unknown_key(name, kind)) from None
+                raise ConfigurationError(
+                    messages.unknown_key(name, chosen_kinds(composed))
+                ) from None
         plain = OmegaConf.to_container(composed, resolve=True, throw_on_missing=True)
     except OmegaConfBaseException as fault:
         raise ConfigurationError(_unresolved(fault)) from None

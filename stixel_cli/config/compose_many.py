@@ -107,9 +107,7 @@ class Composer:
 
     def _put_together(self, chosen: dict[str, str]) -> tuple[dict[str, Any], dict[str, str]]:
         defaults = self._read_defaults()
-        options = dict(defaults) | chosen
-        if not chosen.keys() <= dict(defaults).keys():
-            raise _Beyond
+        options = {group: chosen.get(group, option) for group, option in defaults}
         tree: dict[str, Any] = {}
         for group, _ in defaults:
             if group == "_self_":
@@ -119,7 +117,9 @@ class Composer:
             follows = _INTERPOLATION.fullmatch(option)
             if follows:
                 option = options[group] = options[follows[1]]
-            tree[group] = self._option(group, option)
+            tree[group] = self._with_inner(group, option, chosen, options)
+        if not chosen.keys() <= options.keys():
+            raise _Beyond
         choices = {group: options[group] for group in group_options() if group in options}
         return tree, choices
 
@@ -141,12 +141,37 @@ class Composer:
             self._own, self._defaults = content, defaults
         return self._defaults
 
+    def _with_inner(
+        self, group: str, option: str, chosen: dict[str, str], options: dict[str, str]
+    ) -> dict[str, Any]:
+        """Content of an option with the groups in it, whose options are put into `options`.
+
+        Hydra puts what the defaults name in their order, the file's own keys where `_self_` is.
+        """
+        content = dict(self._option(group, option))
+        defaults = content.pop("defaults", ["_self_"])
+        tree: dict[str, Any] = {}
+        for item in defaults:
+            if item == "_self_":
+                tree.update(content)
+            elif isinstance(item, dict) and len(item) == 1:
+                ((inner, its),) = item.items()
+                name = f"{group}/{inner}"
+                if name not in group_options() or inner in content or not isinstance(its, str):
+                    raise _Beyond
+                options[name] = chosen.get(name, its)
+                if "${" in options[name]:
+                    raise _Beyond
+                tree[inner] = self._with_inner(name, options[name], chosen, options)
+            else:
+                raise _Beyond
+        if "_self_" not in defaults:
+            raise _Beyond
+        return tree
+
     def _option(self, group: str, option: str) -> dict[str, Any]:
         if (group, option) not in self._files:
-            content = _load(configuration_folder() / group / f"{option}.yaml")
-            if "defaults" in content:
-                raise _Beyond
-            self._files[group, option] = content
+            self._files[group, option] = _load(configuration_folder() / group / f"{option}.yaml")
         return self._files[group, option]
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import types
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
@@ -18,33 +19,48 @@ class Key:
     Attributes:
         name: with dots, as it is typed.
         annotation: the type with its range.
-        kind: the variant of its group that has it; None where the group has no variants.
+        owners: the variants that have it, as (group, kind), the outer group first; () where no
+            group on the way has variants.
     """
 
     name: str
     annotation: Any
-    kind: str | None
+    owners: tuple[tuple[str, str], ...]
 
 
 @cache
 def known_keys() -> dict[str, tuple[Key, ...]]:
-    """Every key that can be given a value, by name; with the variants of its group that have it.
+    """Every key that can be given a value, by name; with the variants of its groups that have it.
 
     Groups are no keys, nor are their `kind`s, which follow from the option that is chosen.
     """
     keys: dict[str, list[Key]] = {}
-    _collect(Configuration, "", None, keys)
+    _collect(Configuration, "", (), keys)
     return {name: tuple(variants) for name, variants in keys.items()}
 
 
-def _collect(schema: type, prefix: str, kind: str | None, keys: dict[str, list[Key]]) -> None:
+def _collect(
+    schema: type, prefix: str, owners: tuple[tuple[str, str], ...], keys: dict[str, list[Key]]
+) -> None:
     for name, annotation in _fields(schema).items():
         variants = _dataclasses(annotation)
         for variant in variants:
-            own = _kind(variant) if len(variants) > 1 else kind
-            _collect(variant, f"{prefix}{name}.", own, keys)
+            kind = _kind(variant) if len(variants) > 1 else None
+            own = () if kind is None else (((prefix + name).replace(".", "/"), kind),)
+            _collect(variant, f"{prefix}{name}.", (*owners, *own), keys)
         if not variants and name != "kind":
-            keys.setdefault(prefix + name, []).append(Key(prefix + name, annotation, kind))
+            keys.setdefault(prefix + name, []).append(Key(prefix + name, annotation, owners))
+
+
+def chosen_kinds(plain: Any, prefix: str = "") -> dict[str, str]:
+    """The kind of each group of a configuration in plain types, by the group's name."""
+    kinds: dict[str, str] = {}
+    for name, section in plain.items():
+        if isinstance(section, Mapping):
+            if isinstance(section.get("kind"), str):
+                kinds[prefix + name] = section["kind"]
+            kinds |= chosen_kinds(section, f"{prefix}{name}/")
+    return kinds
 
 
 @cache

@@ -1,12 +1,12 @@
 """What is wrong with a configuration, each fault in one line: the key, the fault, what is right."""
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from difflib import SequenceMatcher
 from typing import Any
 
 from stixel_cli.config import keys
-from stixel_cli.config.folders import group_options
+from stixel_cli.config.folders import group_options, innermost_group, options_of_kind
 
 _OUT_OF_RANGE = {
     "greater_than",
@@ -65,39 +65,65 @@ def suggestion(word: str, candidates: Iterable[str], form: str = "{}") -> str:
     return f"; did you mean {' or '.join(near)}?"
 
 
-def unknown_key(name: str, kind: str | None = None) -> str:
+def unknown_key(name: str, kinds: Mapping[str, str] | None = None) -> str:
     """That there is no such key, and which is the nearest.
 
     Args:
         name: what was typed, with dots.
-        kind: the variant that is chosen of the key's group, where that is known.
+        kinds: the variant that is chosen of each group, where that is known.
     """
+    kinds = kinds or {}
     variants = keys.known_keys().get(name)
     name = printable(name)
-    group = name.partition(".")[0]
     if variants:
-        owners = ", ".join(f"{group}={variant.kind}" for variant in variants)
-        chosen = f" with {group}={kind}" if kind else " in the chosen option"
-        return f"{name}: there is no such key{chosen}; it belongs to {owners}"
+        return f"{name}: there is no such key{_owners(variants, kinds)}"
+    group = innermost_group(name) or name.partition(".")[0]
+    within = group.replace("/", ".") + "."
     inner = [key for key in keys.known_keys() if key.startswith(name + ".")]
     if inner and name not in group_options():
         return f"{name}: holds several keys: give one of them, as {inner[0]}=VALUE"
     candidates = [
         key
         for key, variants in keys.known_keys().items()
-        if kind is None or not key.startswith(group + ".") or _belongs(variants, kind)
+        if not key.startswith(within) or any(_belongs(variant, kinds) for variant in variants)
     ]
     hint = suggestion(name, candidates if "." in name else [*group_options(), *candidates])
     if not hint and group in group_options():
-        its = [key.partition(".")[2] for key in candidates if key.startswith(group + ".")]
+        its = [key.removeprefix(within) for key in candidates if key.startswith(within)]
         hint = f"; {group} has {', '.join(its)}"
     elif not hint:
         hint = "; `stixel run --help` lists the groups, `stixel run --dry-run` every key"
     return f"{name}: there is no such key{hint}"
 
 
-def _belongs(variants: Sequence[keys.Key], kind: str) -> bool:
-    return any(variant.kind in (None, kind) for variant in variants)
+def _belongs(variant: keys.Key, kinds: Mapping[str, str]) -> bool:
+    return all(kinds.get(group, kind) == kind for group, kind in variant.owners)
+
+
+def _owners(variants: Sequence[keys.Key], kinds: Mapping[str, str]) -> str:
+    """To which options a key belongs, and which of another kind is chosen."""
+    apart = [
+        [(group, kind) for group, kind in variant.owners if kinds.get(group) != kind]
+        for variant in variants
+    ]
+    group = apart[0][0][0]
+    chosen = f" with {group}={kinds[group]}" if group in kinds else " in the chosen option"
+    owners = [
+        " ".join(f"{group}={'|'.join(options_of_kind(group, kind))}" for group, kind in others)
+        for others in apart
+    ]
+    return f"{chosen}; it belongs to {', '.join(owners)}"
+
+
+def owners_of(name: str) -> str:
+    """The options that a key belongs to, as `path=turn or path=circle`; "" if it is in all."""
+    variants = keys.known_keys().get(name, ())
+    if not all(variant.owners for variant in variants):
+        return ""
+    return " or ".join(
+        " ".join(f"{group}={'|'.join(options_of_kind(group, kind))}" for group, kind in one.owners)
+        for one in variants
+    )
 
 
 def unknown_option(group: str, option: str) -> str:
@@ -151,15 +177,13 @@ def describe_fault(fault: dict[str, Any], plain: dict[str, Any]) -> str:
     kind, value = fault["type"], fault["input"]
     name, annotation = keys.locate(fault["loc"])
     if kind in ("unexpected_keyword_argument", "extra_forbidden"):
-        group = name.partition(".")[0]
-        section = plain.get(group)
-        return unknown_key(name, section.get("kind") if isinstance(section, dict) else None)
+        return unknown_key(name, keys.chosen_kinds(plain))
     if kind == "missing":
         needed = f": must be {keys.describe(annotation)}" if annotation is not None else ""
         return f"{name}: is missing{needed}"
     if kind.startswith("union_tag"):
-        group = name.partition(".")[0]
-        return f"{name}: its kind is unknown (options: {', '.join(group_options()[group])})"
+        options = ", ".join(group_options()[innermost_group(name)])
+        return f"{name}: its kind is unknown (options: {options})"
     if kind == "json_invalid":
         return "the configuration holds text that is not UTF-8"
     if annotation is None:

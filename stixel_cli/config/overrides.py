@@ -11,7 +11,7 @@ from decimal import Decimal
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any
 
-from stixel_cli.config import messages
+from stixel_cli.config import inner_groups, messages
 from stixel_cli.config.folders import group_options
 from stixel_cli.config.keys import known_keys
 from stixel_cli.errors import ConfigurationError
@@ -23,6 +23,13 @@ MOST_VALUES = 100_000
 """Values of one key, and points of a sweep, beyond which somebody must have mistyped."""
 
 _PLAIN_WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_./-]*")
+_SWEEPS = {
+    "choice": "choice(A,B)",
+    "range": "range(START,STOP,STEP)",
+    "glob": "glob(PATTERN)",
+    "sort": "sort(A,B)",
+    "interval": "range(START,STOP,STEP)",
+}
 _WORDS_WITH_MEANING = {"null", "true", "false", "nan", "inf"}
 
 
@@ -74,6 +81,8 @@ def _refuse_malformed(text: str) -> None:
         raise ConfigurationError(f"{bare}: an option is missing: write {bare}={options}")
     if bare in known_keys():
         raise ConfigurationError(f"{bare}: a value is missing: write {bare}=VALUE")
+    if bare.replace(".", "/") in group_options():
+        raise ConfigurationError(inner_groups.group_by_dots(bare, None))
     if groups and bare != "default":
         raise ConfigurationError(f"{bare}: is an option: write {groups[0]}={bare}")
     hint = messages.suggestion(bare, [*group_options(), *known_keys()], form="{}=…")
@@ -93,6 +102,11 @@ def _unreadable(text: str) -> str:
     for quote in "'\"":
         if value.count(quote) % 2:
             return f"{shown}: the quote {quote} is not closed"
+    sweep = value.strip().partition("(")[0]
+    if sweep in _SWEEPS and not value.strip().removeprefix(sweep)[1:-1].strip():
+        return f"{shown}: stands for no value at all: write {name}={_SWEEPS[sweep]}"
+    if value.strip().startswith(",") or value.strip().endswith(",") or ",," in value:
+        return f"{shown}: a value is missing beside a comma"
     return f"""{shown}: cannot be read; quote text with special characters: KEY='"text"'"""
 
 
@@ -113,11 +127,12 @@ def check_overrides(parsed: "Sequence[Override]") -> None:
         if override.key_or_group in group_options():
             _check_group(override)
         elif override.is_add():
-            raise ConfigurationError(
-                f"{messages.printable(str(override.input_line))}: {override.key_or_group} is "
-                "there already: leave out the +"
-            )
+            line, name = messages.printable(str(override.input_line)), override.key_or_group
+            owners = messages.owners_of(name)
+            there = f"belongs to {owners}, and is there with it" if owners else "is there already"
+            raise ConfigurationError(f"{line}: {name} {there}: leave out the +")
     _refuse_repeated(parsed)
+    inner_groups.refuse_without_outer(parsed)
 
 
 def _check_name(override: "Override") -> None:
@@ -133,12 +148,7 @@ def _check_name(override: "Override") -> None:
         raise ConfigurationError(
             f"{name}: there is no such key; did you mean {name.replace('/', '.')}?"
         )
-    group, _, last = name.partition(".")
-    if last == "kind" and group in group_options():
-        options = ", ".join(group_options()[group])
-        raise ConfigurationError(
-            f"{name}: follows from the option of {group}: write {group}=… (options: {options})"
-        )
+    inner_groups.refuse_group_as_key(name, None if override.is_delete() else override.value())
     raise ConfigurationError(messages.unknown_key(name))
 
 
@@ -152,7 +162,8 @@ def _check_group(override: "Override") -> None:
         return
     value = override.value()
     if isinstance(value, dict | list):
-        example = next(key for key in known_keys() if key.startswith(group + "."))
+        within = group.replace("/", ".") + "."
+        example = next(key for key in known_keys() if key.startswith(within))
         raise ConfigurationError(
             f"{group}: {messages.show(value)}: one option is needed (options: "
             f"{', '.join(options)}), or single keys as {example}=VALUE"

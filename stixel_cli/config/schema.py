@@ -25,7 +25,7 @@ from stixel_cli.stixels.parameters import (
     OccupancyParameters,
     RoadParameters,
 )
-from stixel_cli.tracking.parameters import GpEkfParameters, PriorShape, StartParameters
+from stixel_cli.tracking.parameters import PriorShape, StartParameters, Tracker
 
 _BY_KIND = Field(discriminator="kind")
 
@@ -60,7 +60,7 @@ class Configuration:
     extraction: ExtractionParameters
     measurement: Annotated[MeasurementParameters, _BY_KIND]
     start: StartParameters
-    tracker: GpEkfParameters
+    tracker: Annotated[Tracker, _BY_KIND]
     pictures: PicturesParameters
     executor: Annotated[Executor, _BY_KIND]
     cache: CacheParameters

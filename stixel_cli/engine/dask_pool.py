@@ -5,18 +5,15 @@ the cache, which all workers must share.
 """
 
 import logging
-import os
-import signal
 import time
 from collections.abc import Callable
 from concurrent.futures import CancelledError, Future
 from contextlib import suppress
-from multiprocessing import resource_tracker
-from threading import Event, Thread
+from types import ModuleType
 from typing import Any
 
+from stixel_cli.engine.dask_cluster import Cluster
 from stixel_cli.engine.errors import ExecutorError
-from stixel_cli.engine.one_thread import ENVIRONMENT
 from stixel_cli.engine.parameters import DaskExecutor
 
 PATIENCE = 20.0
@@ -25,6 +22,13 @@ PATIENCE = 20.0
 COUNT_INTERVAL = 2.0
 """Seconds between two looks at how many workers there are."""
 
+LONG_PATIENCE = 600.0
+"""Seconds to wait for a scheduler's first worker, or for another when all are gone."""
+
+
+UNREACHABLE = (OSError, ValueError, RuntimeError, TypeError)
+"""What a client raises for a scheduler that does not answer, or an address that is none."""
+
 
 class DaskPool:
     """Tasks by a client of a scheduler; the loop sees futures of the standard library."""
@@ -32,9 +36,14 @@ class DaskPool:
     all_die_together = False
     kills = True
 
-    def __init__(self, client: Any, cluster: Any, workers: int, restore: Callable[[], None]):
+    def __init__(
+        self, client: Any, cluster: Cluster | None, workers: int, restore: Callable[[], None]
+    ):
         from distributed.scheduler import KilledWorker
 
+        with suppress(AttributeError):
+            # Dask's client gathers messages for 10 ms, which is longer than an empty node takes.
+            client.scheduler_comm.interval = 0.001
         self._client = client
         self._cluster = cluster
         self._executor = client.get_executor(pure=False)
@@ -42,6 +51,8 @@ class DaskPool:
         self._restore = restore
         self._counted = 0.0
         self._threads = 0
+        self._alone_since: float | None = None
+        self._told = False
         self._death = KilledWorker
 
     @property
@@ -50,12 +61,41 @@ class DaskPool:
 
         Workers come and go; and a cluster that grows with its work must see some.
         """
+        self._count()
+        return max(self._workers, self._threads) + 1
+
+    def tend(self, note: Callable[[str], None]) -> None:
+        """Say that there are no workers, if so for some seconds. They may come: of a queue, or by a
+        cluster that grows with its work.
+
+        Raises:
+            ExecutorError: none came for long.
+        """
+        self._count()
+        if self._threads or self._cluster is not None:
+            self._alone_since, self._told = None, False
+            return
+        now = time.monotonic()
+        if self._alone_since is None:
+            self._alone_since = now
+        elif now - self._alone_since > LONG_PATIENCE:
+            raise ExecutorError(
+                f"no worker at the Dask scheduler {self._address} for {LONG_PATIENCE / 60:.0f} min"
+            )
+        elif now - self._alone_since > COUNT_INTERVAL and not self._told:
+            note(f"waiting for workers at {self._address}, {LONG_PATIENCE / 60:.0f} min at most")
+            self._told = True
+
+    def _count(self) -> None:
         if self._cluster is None and time.monotonic() - self._counted > COUNT_INTERVAL:
             with suppress(Exception):
                 # Where it cannot be told, the tasks in flight fail by themselves.
                 self._threads = sum(self._client.nthreads().values())
             self._counted = time.monotonic()
-        return max(self._workers, self._threads) + 1
+
+    @property
+    def _address(self) -> str:
+        return self._client.scheduler.address
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
         """Run `function` at a worker.
@@ -90,13 +130,12 @@ class DaskPool:
         with suppress(Exception):
             self._client.close(timeout=1.0)
         if self._cluster is not None:
-            _end(self._cluster)
+            self._cluster.close()
         self._restore()
 
     def _lost(self) -> ExecutorError:
         return ExecutorError(
-            f"the Dask scheduler at {self._client.scheduler.address} was lost; what was computed "
-            "is kept"
+            f"the Dask scheduler at {self._address} was lost; what was computed is kept"
         )
 
 
@@ -106,80 +145,60 @@ def make_dask_pool(executor: DaskExecutor) -> DaskPool:
     Raises:
         ExecutorError: in one line, if Dask is not installed or no scheduler answers.
     """
+    # It imports Dask while this process does.
+    cluster = Cluster(executor.workers) if executor.address is None else None
+    try:
+        distributed = _distributed()
+        restore = _hush()
+        try:
+            address = executor.address if cluster is None else cluster.address()
+            client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+        except UNREACHABLE as error:
+            restore()
+            raise _no_scheduler(executor, error) from error
+    except BaseException:
+        # Ctrl-C among them, which does not wait for workers that are being started.
+        if cluster is not None:
+            cluster.close()
+        raise
+    return DaskPool(client, cluster, executor.workers, restore)
+
+
+def probe_scheduler(executor: DaskExecutor) -> None:
+    """See whether Dask is installed and, at an address, that a scheduler answers.
+
+    Raises:
+        ExecutorError: in one line, if not.
+    """
+    distributed = _distributed()
+    if executor.address is None:
+        return
+    restore = _hush()
+    try:
+        distributed.Client(executor.address, timeout=PATIENCE, set_as_default=False).close()
+    except UNREACHABLE as error:
+        raise _no_scheduler(executor, error) from error
+    finally:
+        restore()
+
+
+def _distributed() -> ModuleType:
     try:
         import distributed
     except ImportError as error:
         raise ExecutorError("executor=dask needs Dask: pip install 'stixel[dask]'") from error
-    cluster = None
-    # What it has to say of lost workers, the engine says in its own words.
+    return distributed
+
+
+def _hush() -> Callable[[], None]:
+    """Silence Dask, which would tell of lost workers; the function that lets it speak again."""
     logger = logging.getLogger("distributed")
     level = logger.level
     logger.setLevel(logging.CRITICAL)
-    try:
-        if executor.address is None:
-            cluster = _start_cluster(executor.workers)
-        address = cluster if cluster is not None else executor.address
-        client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
-    except (OSError, ValueError, RuntimeError, TypeError) as error:
-        if cluster is not None:
-            _end(cluster)
-        logger.setLevel(level)
-        where = "on this machine" if executor.address is None else f"at {executor.address}"
-        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        raise ExecutorError(f"executor.address: no Dask scheduler {where} ({reason})") from error
-    return DaskPool(client, cluster, executor.workers, lambda: logger.setLevel(level))
+    return lambda: logger.setLevel(level)
 
 
-def _start_cluster(workers: int) -> Any:
-    """A cluster of processes that Ctrl-C does not reach: the parent alone answers it."""
-    import distributed
-
-    made: list[Any] = []
-    abandoned = Event()
-
-    def start() -> None:
-        # What is started here, now or when a worker is replaced, inherits the blocked signal. The
-        # tracker that comes with the first process would unblock it.
-        resource_tracker.ensure_running()
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            cluster = distributed.LocalCluster(
-                n_workers=workers,
-                threads_per_worker=1,
-                processes=True,
-                host="127.0.0.1",
-                dashboard_address="127.0.0.1:0",
-                memory_limit=0,
-                scheduler_kwargs={"allowed_failures": 0},
-                env=ENVIRONMENT,
-                silence_logs=logging.CRITICAL,
-            )
-        except Exception as error:
-            made.append(error)
-            return
-        if abandoned.is_set():
-            _end(cluster)
-        made.append(cluster)
-
-    thread = Thread(target=start, daemon=True, name="stixel-dask")
-    thread.start()
-    try:
-        while thread.is_alive():
-            thread.join(0.1)
-    except BaseException:
-        # Ctrl-C does not wait for workers that are being started.
-        abandoned.set()
-        raise
-    if isinstance(made[0], Exception):
-        raise RuntimeError(str(made[0])) from made[0]
-    return made[0]
-
-
-def _end(cluster: Any) -> None:
-    """End a cluster at once: what its workers run is not wanted any more."""
-    for worker in list(cluster.workers.values()):
-        pid = getattr(getattr(worker, "process", None), "pid", None)
-        with suppress(OSError, TypeError):
-            os.kill(pid, signal.SIGKILL)
-    with suppress(Exception):
-        cluster.close(timeout=2.0)
+def _no_scheduler(executor: DaskExecutor, error: Exception) -> ExecutorError:
+    where = "on this machine" if executor.address is None else f"at {executor.address}"
+    reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+    return ExecutorError(f"executor.address: no Dask scheduler {where} ({reason})")

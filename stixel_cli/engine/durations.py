@@ -29,6 +29,11 @@ class Durations:
             total += seconds
         return total
 
+    def by_stage(self, nodes: Iterable[Node]) -> dict[str, float]:
+        """Seconds that a node of each stage takes, by the stage's name, where that is known."""
+        names = {node.stage.name: self._seconds.get(node.stage.function) for node in nodes}
+        return {name: seconds for name, seconds in names.items() if seconds is not None}
+
     def learn(self, graph: Graph, seconds: Mapping[str, float]) -> None:
         """Take up what nodes of `graph` took, by key; half of an older figure fades each time."""
         by_function: dict[str, list[float]] = {}

@@ -10,6 +10,7 @@ from stixel_cli.engine.loop import Run
 from stixel_cli.engine.parameters import Executor, LocalExecutor
 from stixel_cli.engine.plan import plan
 from stixel_cli.engine.pools import ExecutorName, SerialPool, executor_of, make_pool
+from stixel_cli.engine.probe import check_writable
 from stixel_cli.engine.progress import Progress, Silent
 from stixel_cli.engine.records import Execution
 from stixel_cli.engine.store import Store
@@ -54,10 +55,10 @@ def execute(
         lease.take(sorted(graph.ancestors(graph.expand(targets))))
         planned = plan(graph, targets, store)
         nodes = [graph.nodes[key] for key in planned.missing]
-        if nodes:
-            store.check_writable()
+        check_writable(len(nodes), store)
         here = not nodes or _runs_here(chosen, nodes, durations)
         pool = SerialPool() if here else make_pool(chosen)
+        progress.expect(durations.by_stage(nodes), 1 if here else chosen.workers)
         time_limit = getattr(chosen, "time_limit", None)
         run = Run(planned, store, pool, progress, time_limit, keep_going, lease)
         try:

@@ -1,12 +1,13 @@
 """Why a node would run: what differs from the nearest result of its stage that is in the cache."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from stixel_cli.engine.graph import Graph, Node
 from stixel_cli.engine.plan import plan
 from stixel_cli.engine.removal import evicted
+from stixel_cli.engine.setting_differences import differences, plain
 from stixel_cli.engine.store import Store
 from stixel_cli.engine.upkeep import stored_notes
 
@@ -27,7 +28,8 @@ class Change:
             or what differs: a `setting`, the `seed`, a `file`, the `code`, a `version` or an
             `input`.
         what: `tracker.sigma_f`; `function scale of project.helpers`; a package; the input's stage.
-        before, after: of the nearest stored result, and now; "" where there is none.
+        before, after: of the nearest stored result, and now; "" where there is none, as for a
+            setting that is read now and was not, or the other way round.
     """
 
     kind: Kind
@@ -53,6 +55,10 @@ class Change:
                 return f"input changed: {self.what}"
             case "file":
                 return f"the content of {self.what} changed"
+            case "setting" if not self.before:
+                return f"{self.what} is read now"
+            case "setting" if not self.after:
+                return f"{self.what} is no longer read"
             case _:
                 return f"{self.what} changed from {self.before} to {self.after}"
 
@@ -144,17 +150,17 @@ def _frames(node: Node) -> list[int | None] | None:
 
 
 def _distance(node: Node, notes: Mapping[str, Any]) -> tuple:
-    """The less, the nearer: the same frames, the same function, few differences, lately stored."""
+    """The less, the nearer: the same function, the same frames, few differences, lately stored."""
     content = node.identity.content
-    differing = len(_differences(notes.get("settings"), content["settings"]))
+    differing = len(differences(notes.get("settings"), content["settings"]))
     differing += sum(notes.get(one) != content[one] for one in ("code", "python", "seed", "files"))
     differing += notes.get("versions") != content["versions"]
     inputs = {name: list(keys) for name, keys in node.inputs.items()}
     stored = notes.get("inputs", {})
     differing += sum(stored.get(name) != keys for name, keys in inputs.items())
     return (
-        notes.get("frames") != _frames(node),
         notes.get("function") != content["function"],
+        notes.get("frames") != _frames(node),
         differing,
         -float(notes.get("created", 0.0)),
     )
@@ -164,17 +170,19 @@ def _identity_changes(node: Node, notes: Mapping[str, Any]) -> list[Change]:
     """What differs in the stage itself."""
     content = node.identity.content
     changes = [
-        Change("setting", path, before, after)
-        for path, before, after in _differences(notes.get("settings"), content["settings"])
+        Change("setting", _key(node, path), before, after)
+        for path, before, after in differences(notes.get("settings"), content["settings"])
     ]
     if notes.get("function") != content["function"]:
+        # What the other function reads or does not read follows from that.
+        changes = [one for one in changes if one.before and one.after]
         changes.append(
             Change("setting", "its function", str(notes.get("function")), content["function"])
         )
     elif notes.get("code") != content["code"]:
         changes += _code_changes(notes.get("code_parts", {}), node.identity.code.parts)
     if notes.get("seed") != content["seed"]:
-        changes.append(Change("seed", "seed", _plain(notes.get("seed")), _plain(content["seed"])))
+        changes.append(Change("seed", "seed", plain(notes.get("seed")), plain(content["seed"])))
     if notes.get("files") != content["files"]:
         named = ", ".join(str(path) for path in node.stage.files) or "a file"
         changes.append(Change("file", named))
@@ -193,6 +201,12 @@ def _identity_changes(node: Node, notes: Mapping[str, Any]) -> list[Change]:
             )
         )
     return changes
+
+
+def _key(node: Node, path: str) -> str:
+    """A setting as the user knows it, for its dotted path from the stage's argument on."""
+    argument, dot, rest = path.partition(".")
+    return f"{node.stage.keys.get(argument, argument)}{dot}{rest}"
 
 
 def _code_changes(before: Mapping[str, str], after: Mapping[str, str]) -> list[Change]:
@@ -240,56 +254,3 @@ def _roots(
                 found += _identity_changes(giver, memory.by_key[old])
                 found += _roots(graph, giver, memory.by_key[old], memory, seen)
     return found
-
-
-Difference = tuple[str, str, str]
-"""Dotted path of a setting, what it was, what it is; "" for what is not there."""
-
-
-def _differences(before: Any, after: Mapping[str, Any]) -> list[Difference]:
-    """The settings in which two canonical trees differ."""
-    before = before if isinstance(before, Mapping) else {}
-    return list(_of_fields(before, after, ""))
-
-
-def _of_fields(before: Mapping, after: Mapping, prefix: str) -> Iterator[Difference]:
-    for name in sorted({*before, *after}):
-        path = prefix + name
-        if name not in before:
-            yield path, "", _plain(after[name])
-        elif name not in after:
-            yield path, _plain(before[name]), ""
-        elif before[name] != after[name]:
-            (kind, old), (new_kind, new) = _content(before[name]), _content(after[name])
-            if kind and kind == new_kind:
-                yield from _of_fields(old, new, f"{path}.")
-            else:
-                yield path, _plain(before[name]), _plain(after[name])
-
-
-def _content(tree: Any) -> tuple[str, Mapping[str, Any]]:
-    """Type and fields of a dataclass, or of a mapping, in the canonical spelling; else "", {}."""
-    if isinstance(tree, dict) and len(tree) == 1:
-        ((kind, fields),) = tree.items()
-        if isinstance(fields, dict):
-            return kind, fields
-    return "", {}
-
-
-def _plain(tree: Any) -> str:
-    """A canonical tree as people write it."""
-    if tree is None:
-        return "null"
-    if isinstance(tree, bool):
-        return str(tree).lower()
-    if isinstance(tree, list):
-        return f"[{', '.join(map(_plain, tree))}]"
-    if isinstance(tree, dict):
-        if set(tree) == {"float"}:
-            return str(tree["float"])
-        ((name, content),) = tree.items()
-        if isinstance(content, list):
-            return _plain(content)
-        # A variant of a group by its kind, anything else by its class.
-        return str(content.get("kind", name.rpartition(".")[2]))
-    return str(tree)

@@ -13,7 +13,7 @@ from stixel_cli.engine.canonical import canonical, digest, settings_types
 from stixel_cli.engine.code_hash import CodeHash, CodeIndex
 from stixel_cli.engine.stage import Stage
 
-LAYOUT = 1
+LAYOUT = 2
 """Goes up when entries are stored in another way, so that older ones are not read."""
 
 

@@ -83,10 +83,20 @@ def collector_lock(folder: Path) -> Iterator[None]:
         raise CacheError(
             f"cannot write in the cache {folder}: {error.strerror or error}"
         ) from error
+    except NotImplementedError as error:
+        raise no_locks(folder) from error
     try:
         yield
     finally:
         lock.release()
+
+
+def no_locks(folder: Path) -> CacheError:
+    """What is said of a file system without locks."""
+    return CacheError(
+        f"the file system of the cache {folder} knows no locks (flock): mount it with them, or "
+        "take another folder"
+    )
 
 
 def leased_keys(folder: Path) -> set[str]:

@@ -20,7 +20,7 @@ from stixel_cli.engine.errors import (
 from stixel_cli.engine.leases import Lease
 from stixel_cli.engine.plan import Plan, missing_nodes
 from stixel_cli.engine.pools import Pool
-from stixel_cli.engine.progress import Progress
+from stixel_cli.engine.progress import Progress, obituary
 from stixel_cli.engine.records import NodeRecord, Status
 from stixel_cli.engine.run_task import run_task
 from stixel_cli.engine.store import Store
@@ -158,6 +158,7 @@ class Run:
                 sorter.done(key)
             if self.store.max_size and self._written > self.store.max_size * SLACK:
                 self.keep_limit()
+            self.pool.tend(self.progress.note)
             self.progress.tick()
 
     def _push(self, key: str) -> None:
@@ -249,8 +250,7 @@ class Run:
         return True
 
     def _bury(self, dead: list[str]) -> None:
-        """A worker died with these in flight. The culprit is who took longer than it may, or who
-        dies alone, and did before."""
+        """A worker died with these: of who took too long, or who dies alone and did before."""
         over = {key: text for key in dead if (text := mark_text(self._limit(key))) is not None}
         for key, text in over.items():
             self._fail(key, self._limit(key).error, text)
@@ -265,8 +265,8 @@ class Run:
                 self._fail(key, WorkerDied("it killed the process that ran it, twice"), "")
             else:
                 self._suspects.append(key)
-        labels = ", ".join(self.graph.nodes[key].label for key in dead)
-        self.progress.note(f"a worker died while these were running: {labels}")
+        again = any(key in self._suspects for key in dead)
+        self.progress.note(obituary([self.graph.nodes[key].label for key in dead], again))
 
     def _fail(self, key: str, error: BaseException, traceback_text: str) -> None:
         if self._fatal is not None:

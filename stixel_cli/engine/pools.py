@@ -3,8 +3,9 @@
 A pool has `limit` (how many tasks to hand it at a time: one more than it runs, so that no worker
 waits for the next), `submit(function, *arguments)` that gives a `concurrent.futures.Future`,
 `died(error)` that tells whether a future's error is the death of its worker, `all_die_together`,
-`kills` (whether a task may end the process that it runs in), `renew()` after workers died, and
-`close()`. Dask's is in a module of its own.
+`kills` (whether a task may end the process that it runs in), `renew()` after workers died,
+`tend(note)` now and then while tasks are in flight, and `close()`. Dask's is in a module of its
+own.
 """
 
 import os
@@ -41,6 +42,13 @@ class Pool(Protocol):
 
     def renew(self) -> None:
         """Workers died: see that there are others."""
+
+    def tend(self, note: Callable[[str], None]) -> None:
+        """Say by `note` what keeps the workers from work.
+
+        Raises:
+            ExecutorError: there are none, and none will come.
+        """
 
     def close(self) -> None:
         """End the workers, with what they still run."""
@@ -84,6 +92,9 @@ class ProcessPool:
         """Leave what remains of the processes; the next task starts new ones."""
         self.close()
 
+    def tend(self, note: Callable[[str], None]) -> None:
+        """They come with the first task."""
+
     def close(self) -> None:
         """Kill the processes."""
         if self._executor is not None:
@@ -117,6 +128,9 @@ class ThreadPool:
     def renew(self) -> None:
         """There is nothing to renew."""
 
+    def tend(self, note: Callable[[str], None]) -> None:
+        """They are always there."""
+
     def close(self) -> None:
         """Send the threads home. Those that still run something, after an interrupt, are left."""
         for _ in self._threads:
@@ -148,6 +162,9 @@ class SerialPool:
 
     def renew(self) -> None:
         """There is nothing to renew."""
+
+    def tend(self, note: Callable[[str], None]) -> None:
+        """They are always there."""
 
     def close(self) -> None:
         """There is nothing to close."""

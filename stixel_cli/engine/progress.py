@@ -2,7 +2,8 @@
 
 import sys
 import time
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from stixel_cli.engine.errors import StageFailure
@@ -16,6 +17,9 @@ LINE_INTERVAL = 5.0
 
 class Progress(Protocol):
     """What an execution tells; all calls come from its own thread."""
+
+    def expect(self, known: Mapping[str, float], workers: int) -> None:
+        """A node took `known` seconds formerly, by the stage's name; `workers` share the work."""
 
     def begin(self, nodes: Sequence[Node], cached: int) -> None:
         """`nodes` are to be computed, `cached` more are not."""
@@ -59,6 +63,12 @@ class Silent:
         self.skipped = 0
         self.cached = 0
         self.began = time.monotonic()
+        self.known: Mapping[str, float] = {}
+        self.workers = 1
+
+    def expect(self, known: Mapping[str, float], workers: int) -> None:
+        """Keep them, see `seconds_left`."""
+        self.known, self.workers = known, workers
 
     def begin(self, nodes: Sequence[Node], cached: int) -> None:
         """Begin to count, and to measure the time."""
@@ -116,10 +126,54 @@ class Silent:
         """Seconds since the beginning."""
         return time.monotonic() - self.began
 
+    def seconds_left(self) -> float | None:
+        """What remains, by what nodes of each stage took; None while that is not known."""
+        total = 0.0
+        for name, count in self.total.items():
+            done = self.done.get(name, 0)
+            if count <= done:
+                continue
+            each = self.seconds[name] / done if done else self.known.get(name)
+            if each is None:
+                return None
+            total += (count - done) * each
+        return total / self.workers
+
+    @property
+    def text_left(self) -> str:
+        """`; about 40 s left`, or nothing where that is not known, or nothing is left."""
+        left = self.seconds_left()
+        if left is None or self.all_done >= self.all_total:
+            return ""
+        return f"; about {duration(left)} left"
+
     @property
     def running_stages(self) -> str:
         """The stages that have nodes with the workers."""
         return ", ".join(dict.fromkeys(self.running.values()))
+
+
+def obituary(labels: Sequence[str], again: bool) -> str:
+    """What is said of a worker that died with nodes of these labels, to be tried again or not."""
+    counts = Counter(labels).items()
+    told = ", ".join(
+        label if count == 1 else f"{label} ({count} points)" for label, count in counts
+    )
+    if not again:
+        return f"a worker died of {told}"
+    if len(labels) == 1:
+        return f"a worker died while it ran {told}, which is tried once more, alone"
+    return f"a worker died while these were running: {told}; each is tried again, alone"
+
+
+def duration(seconds: float) -> str:
+    """A time as one says it: `40 s`, `12 min`, `3 h 20 min`."""
+    if seconds < 90:
+        return f"{max(1, round(seconds))} s"
+    minutes = round(seconds / 60)
+    if minutes < 90:
+        return f"{minutes} min"
+    return f"{minutes // 60} h {minutes % 60} min"
 
 
 class Lines(Silent):
@@ -140,7 +194,7 @@ class Lines(Silent):
     def tick(self) -> None:
         """Print a line if there was none for some time."""
         if self.running and self.elapsed - self._last_line > LINE_INTERVAL:
-            self._line(f"running {self.running_stages}")
+            self._line(f"running {self.running_stages}{self.text_left}")
 
     def _line(self, text: str) -> None:
         self._last_line = self.elapsed
@@ -164,7 +218,7 @@ class Bar(Silent):
                 self._task,
                 completed=self.all_done,
                 total=self.all_total,
-                description=self.running_stages,
+                description=self.running_stages + self.text_left,
             )
 
     def note(self, text: str) -> None:

@@ -7,12 +7,13 @@ import shutil
 import socket
 import time
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from filelock import FileLock, Timeout
 
+from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.leases import collector_lock, leased_keys
 from stixel_cli.engine.listing import Found, scan, stage_and_label
 from stixel_cli.engine.store import META, Store
@@ -75,7 +76,7 @@ def remove(
         return Collection((), 0, 0, 0)
     if not dry_run:
         store.check_writable()
-    with collector_lock(store.folder):
+    with _collecting(store.folder, dry_run):
         used = leased_keys(store.folder)
         removed = [*_orphans(store, dry_run), *_set_aside(store, older_than, max_size, dry_run)]
         found = scan(store)
@@ -94,10 +95,32 @@ def remove(
                     size -= one.size
                     continue
             kept += 1
+        if not dry_run:
+            _remove_empty(store)
         if gone and not dry_run:
             _remember(store, gone, now)
         in_use = sum(one.key in used for one in found)
     return Collection((*removed, *gone), kept, size, in_use)
+
+
+@contextmanager
+def _collecting(folder: Path, dry_run: bool) -> Iterator[None]:
+    """Hold the collector's lock; to look only, as in a cache that is read-only, do without."""
+    with ExitStack() as held:
+        try:
+            held.enter_context(collector_lock(folder))
+        except CacheError:
+            if not dry_run:
+                raise
+        yield
+
+
+def _remove_empty(store: Store) -> None:
+    """Remove the folders of the keys' first digits that hold nothing. Who stores makes them."""
+    for folder in _inside(store.folder):
+        if len(folder.name) == 2:
+            with suppress(OSError):
+                folder.rmdir()
 
 
 def _remove_entry(store: Store, one: Found) -> bool:

@@ -1,7 +1,7 @@
 """A stage: one step of a pipeline, named and bound to its slice of the configuration."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -37,6 +37,8 @@ class Stage:
         seed: given as `seed` and part of the key; None for a stage that draws nothing.
         frames: the chosen frames of a `pick` stage.
         files: outside files; the digest of their content is part of the key.
+        keys: argument name -> what its setting is called where the user sets it, if otherwise
+            than the argument; to tell what changed, and no part of the key.
     """
 
     name: str
@@ -48,6 +50,7 @@ class Stage:
     seed: int | None = None
     frames: tuple[int, ...] = ()
     files: tuple[Path, ...] = ()
+    keys: Mapping[str, str] = field(default_factory=dict)
 
     def check(self) -> None:
         """Raise ValueError, in one line, if the stage contradicts itself."""

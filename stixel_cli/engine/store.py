@@ -2,7 +2,8 @@
 
 An entry is written in a folder of its own beside the others and renamed into place when it is
 complete, so that readers see all of it or nothing, and what a killed process leaves is never taken
-for a result. Nothing is flushed to the disk by force: what a power cut tears fails its digest.
+for a result. Nothing is flushed to the disk by force: what a power cut tears fails its digest. The
+notes on an entry hold the digest of its value, and begin with one of their own.
 """
 
 import io
@@ -21,6 +22,7 @@ import joblib
 from filelock import FileLock
 
 from stixel_cli.engine.errors import CacheError, MissingEntry
+from stixel_cli.engine.leases import no_locks
 from stixel_cli.engine.parameters import CacheParameters
 from stixel_cli.engine.units import parse_size
 
@@ -63,8 +65,14 @@ class Store:
         return self.folder / key[:2] / key
 
     def has(self, key: str) -> bool:
-        """Whether there is an entry. Its content is not looked at, see `verify`."""
-        return os.path.isfile(self.entry(key) / META)
+        """Whether there is an entry, with notes that are what was stored. Nothing is set aside.
+
+        Its value is not looked at, see `verify`.
+        """
+        try:
+            return _notes_fault((self.entry(key) / META).read_bytes(), key) is None
+        except OSError:
+            return False
 
     def load(self, key: str) -> Any:
         """The value of an entry, each time a new object.
@@ -86,13 +94,11 @@ class Store:
         Raises:
             MissingEntry, CacheError: as `load` does.
         """
-        try:
-            notes = json.loads(self._read(key, META))
-        except ValueError:
-            notes = None
-        if not isinstance(notes, dict):
-            raise self._set_aside(key, "its notes are damaged")
-        return notes
+        content = self._read(key, META)
+        fault = _notes_fault(content, key)
+        if fault is not None:
+            raise self._set_aside(key, fault)
+        return json.loads(content)
 
     def verify(self, key: str) -> bool:
         """Whether there is an entry with the content that was stored; if not, it is set aside."""
@@ -121,7 +127,7 @@ class Store:
                 joblib.dump(value, writer)
             size = writer.tell()
             meta = {**notes, "key": key, "size": size, "digest": writer.digest()}
-            (partial / META).write_text(json.dumps(meta, indent=1), encoding="utf-8")
+            (partial / META).write_bytes(_notes_content(meta))
             self._put_in_place(partial, self.entry(key))
         except OSError as error:
             shutil.rmtree(partial, ignore_errors=True)
@@ -146,10 +152,7 @@ class Store:
         except OSError as error:
             raise self._unwritable(error) from error
         except NotImplementedError as error:
-            raise CacheError(
-                f"the file system of the cache {self.folder} knows no locks (flock): mount it "
-                "with them, or take another folder"
-            ) from error
+            raise no_locks(self.folder) from error
         try:
             yield
         finally:
@@ -201,20 +204,53 @@ class Store:
         return MissingEntry(key, reason)
 
     def _put_in_place(self, partial: Path, entry: Path) -> None:
-        entry.parent.mkdir(parents=True, exist_ok=True)
         try:
-            partial.rename(entry)
+            _move(partial, entry)
         except OSError:
-            if (entry / META).is_file():
+            if self.has(entry.name):
                 # Someone else stored the same result first.
                 shutil.rmtree(partial, ignore_errors=True)
                 return
-            # What is left of an entry that was not removed to the end.
+            # What is left of an entry that was not removed to the end, or was damaged.
             self._set_aside(entry.name, "it is not complete")
-            partial.rename(entry)
+            _move(partial, entry)
 
     def _unwritable(self, error: OSError) -> CacheError:
         return CacheError(f"cannot write in the cache {self.folder}: {error.strerror or error}")
+
+
+def _move(partial: Path, entry: Path) -> None:
+    try:
+        entry.parent.mkdir(parents=True, exist_ok=True)
+        partial.rename(entry)
+    except FileNotFoundError:
+        # A collector removed the folder in between, empty as it was.
+        entry.parent.mkdir(parents=True, exist_ok=True)
+        partial.rename(entry)
+
+
+_OWN_DIGEST = b'{\n "notes_digest": "'
+_OWN_DIGEST_END = b'",'
+
+
+def _notes_content(meta: dict[str, Any]) -> bytes:
+    """Notes as they are stored: JSON whose first entry is the digest of the text that follows."""
+    rest = json.dumps(meta, indent=1).encode("ascii").removeprefix(b"{")
+    return _OWN_DIGEST + sha256(rest).hexdigest().encode() + _OWN_DIGEST_END + rest
+
+
+def _notes_fault(content: bytes, key: str) -> str | None:
+    """What is wrong with the stored notes of a key's entry, or None."""
+    begin = len(_OWN_DIGEST)
+    stop = begin + 64 + len(_OWN_DIGEST_END)
+    if not content.startswith(_OWN_DIGEST) or content[stop - 2 : stop] != _OWN_DIGEST_END:
+        return "its notes are damaged, or of an older version"
+    rest = content[stop:]
+    if content[begin : begin + 64] != sha256(rest).hexdigest().encode():
+        return "its notes are not what was stored"
+    if f'\n "key": "{key}",'.encode() not in rest:
+        return "it is the entry of another key"
+    return None
 
 
 class _HashingWriter:

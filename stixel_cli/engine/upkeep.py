@@ -30,26 +30,34 @@ class Entry:
     created: float
 
 
-def entries(store: Store) -> list[Entry]:
-    """All results in the cache, least recently used first. Those with damaged notes are left out.
+def entries(store: Store, on_damaged: Callable[[MissingEntry], None] | None = None) -> list[Entry]:
+    """All results in the cache, least recently used first.
+
+    Those with damaged notes are left out, and set aside where that can be done; `on_damaged` is
+    told of each.
 
     Raises:
         CacheError: it cannot be read.
     """
     found = []
     for one in scan(store):
-        with suppress(MissingEntry):
+        try:
             notes = store.meta(one.key)
-            found.append(
-                Entry(
-                    key=one.key,
-                    stage=str(notes.get("stage", "?")),
-                    label=str(notes.get("label", "?")),
-                    size=one.size,
-                    last_use=one.last_use,
-                    created=float(notes.get("created", one.last_use)),
-                )
+        except MissingEntry as fault:
+            # One that was removed meanwhile is not damaged.
+            if on_damaged is not None and (fault.set_aside or store.entry(one.key).exists()):
+                on_damaged(fault)
+            continue
+        found.append(
+            Entry(
+                key=one.key,
+                stage=str(notes.get("stage", "?")),
+                label=str(notes.get("label", "?")),
+                size=one.size,
+                last_use=one.last_use,
+                created=float(notes.get("created", one.last_use)),
             )
+        )
     return found
 
 

@@ -21,6 +21,9 @@ from stixel_cli.experiment.text import json_text
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.track import Track
 
+PAGE = "index.html"
+"""The page that plays a run back."""
+
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+=,-]*")
 
 
@@ -32,19 +35,24 @@ def reserve_folder(results: Path, name: str | None, default_name: str) -> Path:
     Raises:
         UserError: if the name is no plain folder name or is taken, or `results` is not writable.
     """
-    check_name(results, name)
+    check_results(results, name)
     try:
         results.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise UserError(f"--results: {results}: cannot be made: {error.strerror}") from error
-    if not os.access(results, os.W_OK | os.X_OK):
-        raise UserError(f"--results: {results}: not writable; name another folder")
     if name is not None:
         return results / name
     folder, number = results / default_name, 2
     while folder.exists():
         folder, number = results / f"{default_name}-{number}", number + 1
     return folder
+
+
+def check_results(results: Path, name: str | None) -> None:
+    """Raise UserError if `name` is no plain folder name or is taken, or `results` not writable."""
+    check_name(results, name)
+    if results.is_dir() and not os.access(results, os.W_OK | os.X_OK):
+        raise UserError(f"--results: {results}: not writable; name another folder")
 
 
 def check_name(results: Path, name: str | None) -> None:
@@ -62,15 +70,18 @@ def write_folder(
     outcome: Outcome,
     resolved: Mapping[str, Any],
     manifest: Mapping[str, Any],
+    page: str,
 ) -> None:
     """Write a result folder: it appears whole, under its name, or not at all.
+
+    `page` is what plays the run back.
 
     Raises:
         UserError: if it cannot be written (disk full, no permission, name taken meanwhile).
     """
     partial = folder.with_name(f".{folder.name}.partial-{os.getpid()}")
     try:
-        _write_files(partial, outcome, resolved, manifest)
+        _write_files(partial, outcome, resolved, manifest, page)
         # A rename onto an empty folder would succeed; mkdir claims the name for us alone.
         folder.mkdir()
         try:
@@ -86,7 +97,11 @@ def write_folder(
 
 
 def _write_files(
-    folder: Path, outcome: Outcome, resolved: Mapping[str, Any], manifest: Mapping[str, Any]
+    folder: Path,
+    outcome: Outcome,
+    resolved: Mapping[str, Any],
+    manifest: Mapping[str, Any],
+    page: str,
 ) -> None:
     folder.mkdir(parents=True)
     text = yaml.safe_dump(dict(resolved), sort_keys=False, allow_unicode=True)
@@ -96,6 +111,7 @@ def _write_files(
     (folder / lineage.FILE).write_text(
         json_text(lineage.lineage_tree(outcome.lineage)), encoding="utf-8"
     )
+    (folder / PAGE).write_text(page, encoding="utf-8")
     for stem, columns in (
         ("scans", scan_columns(outcome.scans)),
         ("track", track_columns(outcome.track)),

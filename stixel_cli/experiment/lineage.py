@@ -1,6 +1,7 @@
 """What every stage of a run was made of and what it gave: what tells later why a rerun differs."""
 
-from collections.abc import Iterable, Mapping
+import json
+from collections.abc import Iterable, Mapping, MutableMapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,11 @@ from stixel_cli.errors import UserError
 from stixel_cli.report.folder_reader import read_json
 
 FILE = "lineage.json"
+CODE_FOLDER = "code"
+"""Of a sweep: what its points' lineages say of the code, once for all that say the same."""
+
 _KEY_DIGITS = 64
+_CODE_DIGITS = 16
 
 
 @dataclass(frozen=True)
@@ -25,12 +30,15 @@ class StageLineage:
         versions: version of each package that matters to it, and of Python.
         keys: of its nodes, in the order of their frames.
         digests: of what is stored under each key; None where it had been evicted.
+        files: path of each of the user's files that it reads -> digest of its content; None in a
+            folder of an older version, which does not say.
     """
 
     settings: str
     versions: Mapping[str, str | None]
     keys: tuple[str, ...]
     digests: tuple[str | None, ...]
+    files: Mapping[str, str] | None = None
 
 
 @dataclass(frozen=True)
@@ -39,72 +47,124 @@ class Lineage:
 
     Attributes:
         stages: by name.
-        code: "module:name" of all code that the stages reach -> digest of its text.
+        code: "module:name" of all code that the stages reach -> digest of its text; None if it is
+            not there, as where a point's folder was taken out of its sweep's.
     """
 
     stages: Mapping[str, StageLineage]
-    code: Mapping[str, str]
+    code: Mapping[str, str] | None
 
 
-def lineage_of(graph: Graph, keys: Iterable[str], store: Store) -> Lineage:
+def lineage_of(
+    graph: Graph,
+    keys: Iterable[str],
+    store: Store | None,
+    known: MutableMapping[str, str] | None = None,
+) -> Lineage:
     """The lineage of the nodes `keys` of a graph, all of them computed or had from `store`.
+
+    Args:
+        graph: of one experiment.
+        keys: of its nodes.
+        store: None to leave out the digests of what is stored.
+        known: digests by key, so that what several experiments share is looked up once.
 
     Raises:
         CacheError: the store cannot be read.
     """
     wanted = set(keys)
+    known = {} if known is None else known
     stages, code = {}, {}
     for name in graph.stage_names:
         nodes = [node for node in graph.of_stage(name) if node.key in wanted]
         if nodes:
-            stages[name] = _stage_lineage(nodes, store)
+            stages[name] = _stage_lineage(nodes, store, known)
             code |= nodes[0].identity.code.parts
     return Lineage(stages, code)
 
 
-def _stage_lineage(nodes: list[Node], store: Store) -> StageLineage:
+def _stage_lineage(
+    nodes: list[Node], store: Store | None, known: MutableMapping[str, str]
+) -> StageLineage:
     content = nodes[0].identity.content
+    paths = map(str, nodes[0].stage.files)
     return StageLineage(
         settings=settings_digest(content),
         versions={"python": content["python"], **content["versions"]},
         keys=tuple(node.key for node in nodes),
-        digests=tuple(_stored_digest(node.key, store) for node in nodes),
+        digests=tuple(_stored_digest(node.key, store, known) for node in nodes),
+        files=dict(zip(paths, content["files"], strict=True)),
     )
 
 
-def settings_digest(content: Mapping[str, Any]) -> str:
-    """Digest of what a stage was given, from the content of its identity."""
+def settings_digest(content: Mapping[str, Any], files: Iterable[str] | None = None) -> str:
+    """Digest of what a stage was given, from the content of its identity.
+
+    `files` are the digests of its files; None for those that they have now.
+    """
     names = ("function", "pattern", "settings", "seed", "files")
-    return digest({name: content[name] for name in names})[:16]
+    given = {name: content[name] for name in names}
+    return digest(given if files is None else given | {"files": list(files)})[:16]
 
 
-def _stored_digest(key: str, store: Store) -> str | None:
+def _stored_digest(key: str, store: Store | None, known: MutableMapping[str, str]) -> str | None:
+    if key in known or store is None:
+        return known.get(key)
     try:
-        return str(store.meta(key)["digest"])[:16] if store.has(key) else None
+        if store.has(key):
+            known[key] = str(store.meta(key)["digest"])[:16]
     except (MissingEntry, KeyError):
         return None
+    return known.get(key)
 
 
 def lineage_tree(lineage: Lineage) -> dict[str, Any]:
     """The lineage as JSON, for the file of a result folder; code by module."""
-    stages = {
+    return {"stages": stages_tree(lineage), "code": code_tree(lineage)}
+
+
+def stages_tree(lineage: Lineage) -> dict[str, Any]:
+    """The stages as JSON."""
+    return {
         name: {
             "settings": stage.settings,
             "versions": dict(stage.versions),
             "keys": list(stage.keys),
             "digests": list(stage.digests),
+            "files": None if stage.files is None else dict(stage.files),
         }
         for name, stage in lineage.stages.items()
     }
+
+
+def code_tree(lineage: Lineage) -> dict[str, dict[str, str]]:
+    """The code as JSON, by module."""
     code: dict[str, dict[str, str]] = {}
-    for part, value in sorted(lineage.code.items()):
+    for part, value in sorted((lineage.code or {}).items()):
         module, _, name = part.partition(":")
         code.setdefault(module, {})[name] = value
-    return {"stages": stages, "code": code}
+    return code
+
+
+def shared_code(lineage: Lineage) -> tuple[str, str]:
+    """What a point's lineage refers to its code by, and the text of that file of the sweep's."""
+    text = _compact(code_tree(lineage))
+    return digest(text)[:_CODE_DIGITS], text
+
+
+def point_lineage_text(lineage: Lineage, code: str) -> str:
+    """The lineage of a sweep's point, which refers to its code, see `shared_code`."""
+    return _compact({"stages": stages_tree(lineage), "code": code})
+
+
+def _compact(tree: Any) -> str:
+    return json.dumps(tree, separators=(",", ":"), ensure_ascii=False) + "\n"
 
 
 def read_lineage(folder: Path) -> Lineage | None:
     """The lineage that a result folder holds; None where there is none, as in older folders.
+
+    That of a sweep's point has its code in the sweep's folder.
 
     Raises:
         UserError: if the file is not what it must be.
@@ -115,14 +175,28 @@ def read_lineage(folder: Path) -> Lineage | None:
     tree = read_json(file)
     try:
         stages = {name: _read_stage(stage) for name, stage in tree["stages"].items()}
-        code = {
-            f"{module}:{name}": str(value)
-            for module, parts in tree["code"].items()
-            for name, value in parts.items()
-        }
+        code = tree["code"]
+        if isinstance(code, str):
+            file = _code_file(folder, code)
+            code = read_json(file) if file.is_file() else None
+        parts = None if code is None else _read_code(code)
     except (KeyError, TypeError, AttributeError, ValueError):
         raise UserError(f"{file}: not the lineage of a run") from None
-    return Lineage(stages, code)
+    return Lineage(stages, parts)
+
+
+def _code_file(folder: Path, code: str) -> Path:
+    if len(code) != _CODE_DIGITS or not set(code) <= set("0123456789abcdef"):
+        raise ValueError("no name of a file of code")
+    return folder.resolve().parent.parent / CODE_FOLDER / f"{code}.json"
+
+
+def _read_code(tree: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
+    return {
+        f"{module}:{name}": str(value)
+        for module, parts in tree.items()
+        for name, value in parts.items()
+    }
 
 
 def _read_stage(stage: Mapping[str, Any]) -> StageLineage:
@@ -138,4 +212,5 @@ def _read_stage(stage: Mapping[str, Any]) -> StageLineage:
         versions=dict(stage["versions"].items()),
         keys=keys,
         digests=digests,
+        files=None if stage.get("files") is None else dict(stage["files"].items()),
     )

@@ -11,12 +11,14 @@ from typing import Any
 
 from stixel_cli.config.compose import Composition
 from stixel_cli.engine.errors import CacheError, CodeChanged, ExecutorError, StageFailure
+from stixel_cli.engine.probe import probe
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.folder import reserve_folder, write_folder
+from stixel_cli.experiment.folder import check_results, reserve_folder, write_folder
+from stixel_cli.experiment.played_run import run_page
 from stixel_cli.experiment.provenance import git_state, machine, package_versions
-from stixel_cli.experiment.run import Outcome, run_experiment
+from stixel_cli.experiment.run import Outcome, plan_experiment, run_experiment
 
 
 @dataclass(frozen=True)
@@ -59,8 +61,14 @@ def record_run(
         StageFailure: if a stage fails for another reason.
     """
     started = time.perf_counter()
+    if results is not None:
+        check_results(results, name)
     store = open_store(composition.configuration.cache)
     now = datetime.now(UTC)
+    with told_in_one_line():
+        # A cache or a scheduler that is refused leaves no folder behind.
+        planned = plan_experiment(composition.configuration, store)
+        probe(len(planned.missing), store, composition.configuration.executor)
     stem = choice_name(composition) if stem is None else stem
     folder = None if results is None else reserve_folder(results, name, f"{stem}-{stamp(now)}")
     with told_in_one_line():
@@ -79,7 +87,8 @@ def record_run(
         "stages": outcome.stages,
     }
     if folder is not None:
-        write_folder(folder, outcome, composition.resolved, manifest)
+        page = run_page(folder.name, composition, outcome)
+        write_folder(folder, outcome, composition.resolved, manifest, page)
     return RecordedRun(folder, outcome, manifest)
 
 

@@ -111,9 +111,27 @@ TABLE: dict[str, Definition] = {
         _same("rig", "measurement"),
         seeded=True,
     ),
+    "cast_lidar": Definition(
+        _only("measurements.lidar:cast_lidar"),
+        "once",
+        {
+            "road_user": "road_user",
+            "world": "world",
+            "scanner": "measurement.scanner",
+            "camera_fov": "rig.fov",
+        },
+        packages=("numpy", *OPEN3D),
+        reads_mesh=True,
+    ),
+    "lidar_scans": Definition(
+        _only("measurements.lidar:lidar_scans"), "once", _same("measurement"), seeded=True
+    ),
     "start": Definition(_only("tracking.start:noisy_start"), "once", _same("start"), seeded=True),
     "track": Definition(
-        {"gp_ekf": "stixel_cli.tracking.gp_ekf:track"},
+        {
+            "gp_ekf": "stixel_cli.tracking.gp_ekf:track",
+            "point": "stixel_cli.tracking.point:track",
+        },
         "once",
         _same("prior", "tracker"),
         packages=("numpy", "scipy"),
@@ -122,6 +140,13 @@ TABLE: dict[str, Definition] = {
     "scores": Definition(
         _only("evaluation.evaluate:evaluate"), "once", packages=("numpy", "scipy", "shapely")
     ),
+    "stage_errors": Definition(
+        _only("evaluation.stage_errors:stage_errors"),
+        "map",
+        _same("rig", "road", "occupancy", "free_space"),
+        packages=("numpy", "numba", "scipy", "opencv-python-headless"),
+    ),
+    "point_errors": Definition(_only("evaluation.point_errors:point_errors"), "once", _same("rig")),
     "occupancy": Definition(
         _only("stixels.occupancy:picture_grid"),
         "pick",
@@ -133,6 +158,11 @@ TABLE: dict[str, Definition] = {
         "pick",
         _same("rig"),
         packages=("numpy", "matplotlib"),
+    ),
+    "camera_frames": Definition(
+        _only("report.camera_frames:camera_frames"),
+        "map",
+        packages=("numpy", "opencv-python-headless"),
     ),
     "track_pictures": Definition(
         _only("report.birds_eye:track_pictures"),
@@ -207,6 +237,7 @@ def _stage(configuration: Configuration, path: Path, name: str, wiring: dict[str
         seed=configuration.seed if definition.seeded else None,
         frames=pictured_frames(configuration) if definition.pattern == "pick" else (),
         files=(Path(mesh),) if definition.reads_mesh and mesh is not None else (),
+        keys=definition.reads,
     )
 
 

@@ -36,6 +36,11 @@ class StoredRun:
     metrics: dict[str, float | int | None]
     lineage: Lineage | None
 
+    @property
+    def pictures(self) -> bool:
+        """Whether it has pictures: those of a sweep's points have none, unless asked for."""
+        return (self.path / "figures").is_dir()
+
 
 def read_stored_run(path: Path, overrides: tuple[str, ...] = ()) -> StoredRun:
     """Read the result folder `path`; `overrides` are of the groups `OF_THE_MACHINE` alone.

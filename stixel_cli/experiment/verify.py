@@ -9,15 +9,14 @@ from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
+from stixel_cli.experiment.causes import first_other_stage
 from stixel_cli.experiment.differences import first_difference
 from stixel_cli.experiment.folder import scan_columns, score_columns, track_arrays
-from stixel_cli.experiment.lineage import Lineage, StageLineage
+from stixel_cli.experiment.lineage import Lineage
 from stixel_cli.experiment.recorded_run import told_in_one_line
 from stixel_cli.experiment.run import Outcome, experiment_graph, run_experiment
 from stixel_cli.experiment.stored_run import StoredRun
 from stixel_cli.report.folder_reader import read_arrays
-
-MOST_CAUSES = 8
 
 
 @dataclass(frozen=True)
@@ -92,9 +91,7 @@ def verify_run(
         StageFailure: if a stage fails.
     """
     with told_in_one_line():
-        # The folder of a sweep's point has no pictures.
-        pictures = (stored.path / "figures").is_dir()
-        outcome = run_experiment(stored.composition.configuration, store, progress, pictures)
+        outcome = run_experiment(stored.composition.configuration, store, progress, stored.pictures)
     compared = list(_compared_files(stored, outcome))
     files = tuple(
         FileDifference(file, stage, what) for file, stage, what in compared if what is not None
@@ -142,45 +139,12 @@ def _bytes(file: Path) -> bytes:
 
 
 def _first_by_key(stored: StoredRun, new: Lineage) -> StageDifference | None:
-    old = stored.lineage
-    for name, stage in new.stages.items():
-        before = old.stages.get(name)
-        if before is None:
-            return StageDifference(name, "the folder's run had no such stage", ())
-        if before.keys != stage.keys:
-            graph = experiment_graph(stored.composition.configuration)
-            reached = graph.of_stage(name)[0].identity.code.parts
-            causes = tuple(_causes(before, stage, old.code, reached))
-            return StageDifference(name, "it has other keys", causes)
-    return None
-
-
-def _causes(
-    before: StageLineage, after: StageLineage, code: Mapping[str, str], reached: Mapping[str, str]
-) -> Iterator[str]:
-    """Why a stage that takes the same inputs has another key."""
-    for package, version in after.versions.items():
-        then = before.versions.get(package)
-        if then != version:
-            yield f"{package} {then or 'none'} → {version or 'none'}"
-    if before.settings != after.settings:
-        yield "its settings are not those of the run: was config.yaml altered?"
-    changes = _code_changes(code, reached)
-    yield from changes[:MOST_CAUSES]
-    if len(changes) > MOST_CAUSES:
-        yield f"and {len(changes) - MOST_CAUSES} more functions"
-
-
-def _code_changes(old: Mapping[str, str], reached: Mapping[str, str]) -> list[str]:
-    """Which functions, of those that a stage reaches, were edited or are new."""
-    changed = {part for part, digest in reached.items() if old.get(part) != digest}
-    changes = []
-    for part in sorted(changed):
-        # A class counts with its methods: those that were edited say more.
-        if not any(other.startswith(f"{part}.") for other in changed):
-            module, _, name = part.partition(":")
-            changes.append(f"{name} of {module} {'was edited' if part in old else 'is new'}")
-    return changes
+    graph = experiment_graph(stored.composition.configuration)
+    found = first_other_stage(stored.lineage, new, graph)
+    if found is None:
+        return None
+    what = "it has other keys" if found.known else "the folder's run had no such stage"
+    return StageDifference(found.stage, what, found.causes)
 
 
 def _first_by_digest(

@@ -4,6 +4,7 @@ import numpy as np
 
 from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.geometry.rig import Rig
+from stixel_cli.measurements.noise import columns_per_point, measure, range_deviations
 from stixel_cli.measurements.parameters import FabricatedParameters
 from stixel_cli.measurements.rays import Rays, first_crossings, spread_rays
 from stixel_cli.measurements.scans import Scans
@@ -18,9 +19,10 @@ def fabricate_scans(
 
     The nearest crossing of each ray is measured, with noise along the ray. Its deviation is a
     constant, or that of stereo: sigma_z = z² sigma_d / (f_u B) at the depth z, and
-    sigma_z / cos(theta - tau) along the ray. Across the ray the variance is (r dtheta)² / 12. The
-    covariance that a point bears is what a sensor could know: it comes from the measured range.
-    Clutter points follow the target's.
+    sigma_z / cos(theta - tau) along the ray; or it is fitted to simulated points, see
+    `FittedNoise`. Across the ray the variance is (r dtheta)² / 12, dtheta the angle that belongs
+    to one point. The covariance that a point bears is what a sensor could know: it comes from the
+    measured range. Clutter points follow the target's.
 
     Raises:
         ValueError: if there are more rays than columns.
@@ -65,13 +67,12 @@ def fabricate_scan(
     """Points (n, 2) m and covariances (n, 2, 2) m² in the world of one scan of `contour_world`."""
     contour_sensor = (contour_world - sensor_pose_world[:2]) @ rotation(sensor_pose_world[2])
     hit, ranges = first_crossings(contour_sensor, rays)
-    deviations = _range_deviations(ranges, rays.angles[hit], rig, measurement)
     # Noise is drawn first, and for every hit, so that neither option changes the points it leaves.
-    measured = ranges + deviations * random.standard_normal(len(hit))
+    ray, ranges, measured = measure(measurement.noise, hit, ranges, rays, rig, random)
     keep = (ranges <= measurement.range_max) & (measured > 0.0)
     if measurement.missed_probability > 0.0:
-        keep &= random.random(len(hit)) >= measurement.missed_probability
-    angles, steps, measured = rays.angles[hit][keep], rays.steps[hit][keep], measured[keep]
+        keep &= random.random(len(ray)) >= measurement.missed_probability
+    angles, steps, measured = rays.angles[ray][keep], rays.steps[ray][keep], measured[keep]
     if measurement.clutter_rate > 0.0:
         count = random.poisson(measurement.clutter_rate)
         clutter = random.uniform(-rays.half_field, rays.half_field, count)
@@ -85,8 +86,8 @@ def fabricate_scan(
     bearings = sensor_pose_world[2] + angles
     along = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
     points = sensor_pose_world[:2] + measured[:, None] * along
-    along_variance = _range_deviations(measured, angles, rig, measurement) ** 2
-    across_variance = (measured * steps) ** 2 / 12.0
+    along_variance = range_deviations(measurement.noise, measured, angles, rig) ** 2
+    across_variance = (measured * steps * columns_per_point(measurement.noise)) ** 2 / 12.0
     # R = s_across² I + (s_along² - s_across²) d dᵀ
     covariances = (along_variance - across_variance)[:, None, None] * (
         along[:, :, None] * along[:, None, :]
@@ -94,14 +95,3 @@ def fabricate_scan(
     covariances[:, 0, 0] += across_variance
     covariances[:, 1, 1] += across_variance
     return points, covariances
-
-
-def _range_deviations(
-    ranges: np.ndarray, angles: np.ndarray, rig: Rig, measurement: FabricatedParameters
-) -> np.ndarray:
-    """Standard deviation (n,) m along rays `angles` (n,) rad off the optical axis, thesis (17)."""
-    if measurement.noise == "constant":
-        return np.full(len(ranges), measurement.range_deviation)
-    cosine = np.cos(angles)
-    depth = ranges * cosine
-    return depth**2 * (measurement.disparity_deviation / (rig.focal * rig.baseline)) / cosine

@@ -30,12 +30,12 @@ def run_labels(folders: Sequence[Path]) -> list[str]:
     raise UserError("a folder is named twice; name each run once")
 
 
-def default_page(folders: Sequence[Path]) -> Path:
-    """A page's name that is free: beside the first folder, made of the folders' names."""
+def default_page(folders: Sequence[Path], what: str = "report") -> Path:
+    """A page's name that is free: beside the first folder, of `what` and the folders' names."""
     names = [folder.resolve().name for folder in folders]
-    stem = "report-" + "-".join(names)
+    stem = f"{what}-" + "-".join(names)
     if len(stem) > _LONGEST_NAME:
-        stem = f"report-{names[0]}"[:_LONGEST_NAME] + f"-and-{len(names) - 1}-more"
+        stem = f"{what}-{names[0]}"[:_LONGEST_NAME] + f"-and-{len(names) - 1}-more"
     parent = folders[0].parent if folders[0].name not in ("", "..") else folders[0].resolve().parent
     page, number = parent / f"{stem}.html", 2
     while page.exists():

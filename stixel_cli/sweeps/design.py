@@ -45,11 +45,18 @@ class Design:
         fixed: overrides that all points have.
         axes: of which the points are all combinations, the last running fastest.
         left_out: points that are not wanted: keys of axes with the value that is left out.
+        file: which names those; "" where none does.
     """
 
     fixed: tuple[str, ...]
     axes: tuple[Axis, ...]
     left_out: tuple[Mapping[str, Any], ...] = ()
+    file: str = ""
+
+    @property
+    def leave_out(self) -> str:
+        """Where points are left out, as messages name it."""
+        return f"{messages.printable(self.file, 200)}: leave_out" if self.file else "leave_out"
 
     @property
     def keys(self) -> list[str]:
@@ -77,8 +84,8 @@ class Design:
             for key, value in entry.items():
                 if not any(one.key_or_group == key and same(one.value(), value) for one in swept):
                     raise ConfigurationError(
-                        f"leave_out: no point has {key}={messages.show(value)}, so nothing would "
-                        "be left out"
+                        f"{self.leave_out}: no point has {key}={messages.show(value)}, so nothing "
+                        "would be left out"
                     )
 
 
@@ -152,6 +159,7 @@ def joined(one: Design, other: Design, where: str) -> Design:
         (*one.fixed, *other.fixed),
         (*(axis for axis in axes if axis not in last), *last),
         (*one.left_out, *other.left_out),
+        one.file or other.file,
     )
 
 

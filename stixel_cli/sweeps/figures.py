@@ -1,10 +1,13 @@
 """A figure for each axis of a sweep: how the metrics go with its values."""
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 from stixel_cli.report import style
-from stixel_cli.report.metrics import metric
+from stixel_cli.report.metrics import METRICS, metric
 from stixel_cli.sweeps.design import SEED
 from stixel_cli.sweeps.statistics import Statistic, statistic
 
@@ -12,7 +15,12 @@ SHOWN = ("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "lost_share")
 MOST_LINES = 8
 """Combinations of the other axes that get a line each; of more, their points are taken together."""
 
+SHARES = ("iou_mean", "iou_second_half", "iou_final", "lost_share")
+"""Metrics that lie in [0, 1] by what they are; all others that are known are not negative."""
+
+_DODGED = 0.25
 _LONGEST_LABEL = 28
+_LONGEST_NAME = 100
 _LEGEND_WIDTH = 150
 """Characters that fit beside each other."""
 
@@ -21,54 +29,79 @@ def axis_figures(
     settings: Sequence[Mapping[str, str]],
     metrics: Sequence[Mapping[str, float | int | None]],
     axes: Sequence[Sequence[str]],
+    left_out: int = 0,
 ) -> dict[str, bytes]:
     """PNGs by file name, one an axis but for the seed's.
+
+    An axis of which only means over the other axes could be drawn has no figure where settings are
+    left out: its values would stand for different ones.
 
     Args:
         settings: of each point, without the seed.
         metrics: of each point, name to value.
         axes: the keys of each axis.
+        left_out: how many settings are not among them, for they are not complete.
     """
     figures = {}
     for keys in axes:
         keys = [key for key in keys if key != SEED]
-        if keys:
-            figures[f"{'+'.join(keys)}.png"] = _figure(keys, settings, metrics)
+        others = list(dict.fromkeys(_label(setting, keys) for setting in settings))
+        if keys and (len(others) <= MOST_LINES or not left_out):
+            lines = others if len(others) <= MOST_LINES else []
+            figures[f"{_file_stem(keys)}.png"] = _figure(keys, settings, metrics, lines, left_out)
     return figures
+
+
+def _file_stem(keys: Sequence[str]) -> str:
+    """The keys as one file's name: of many that go together the first, and how many follow."""
+    name = "+".join(keys).replace("/", ".")
+    return name if len(name) <= _LONGEST_NAME else _joined(keys).replace("/", ".")
+
+
+def _joined(keys: Sequence[str]) -> str:
+    """The keys of an axis in words that are not too long."""
+    text = " + ".join(keys)
+    return text if len(text) <= _LONGEST_NAME else f"{keys[0]} + {len(keys) - 1} more"
 
 
 def _figure(
     keys: Sequence[str],
     settings: Sequence[Mapping[str, str]],
     metrics: Sequence[Mapping[str, float | int | None]],
+    others: Sequence[str],
+    left_out: int,
 ) -> bytes:
+    """A figure of `keys`, with a line for each label in `others`; of all points where none is."""
     known = {name for point in metrics for name in point}
     names = [name for name in SHOWN if name in known] or sorted(known)[:4]
-    others = list(dict.fromkeys(_label(setting, keys, inside=False) for setting in settings))
-    together = len(others) > MOST_LINES
     values = list(dict.fromkeys(tuple(setting[key] for key in keys) for setting in settings))
     numbers = _numbers(values)
     if numbers is not None:
         values = [value for _, value in sorted(zip(numbers, values, strict=True))]
         numbers = sorted(numbers)
+    places = list(range(len(values))) if numbers is None else numbers
+    steps = dodges(places, max(1, len(others)))
+    clipped = False
     with style.drawing():
         figure = style.new_figure(9.0, 2.9 * math.ceil(len(names) / 2), layout="constrained")
         for number, name in enumerate(names):
             axes = figure.add_subplot(math.ceil(len(names) / 2), 2, number + 1)
-            for line, other in enumerate([""] if together else others):
+            for line, other in enumerate(others or [""]):
                 rows = []
                 for value in values:
                     members = [
                         i
                         for i, setting in enumerate(settings)
                         if tuple(setting[key] for key in keys) == value
-                        and (together or _label(setting, keys, inside=False) == other)
+                        and (not others or _label(setting, keys) == other)
                     ]
                     rows.append(statistic({}, name, [metrics[i].get(name) for i in members]))
-                _draw_line(axes, numbers, values, rows, style.RUNS[line], other)
+                shifted = [place + steps[line] for place in places]
+                drawn = Line(shifted, rows, style.RUNS[line], other, numbers is not None)
+                clipped |= drawn.draw(axes)
             shown = metric(name)
             axes.set_title(f"{shown.label} ({shown.unit})" if shown.unit else shown.label)
-            axes.set_xlabel(" + ".join(keys))
+            axes.set_xlabel(_joined(keys))
             axes.grid(True, axis="y")
             if numbers is None:
                 axes.set_xticks(range(len(values)), [_shortened(" ".join(v)) for v in values])
@@ -84,40 +117,83 @@ def _figure(
         if len(legend) > 1:
             columns = max(1, _LEGEND_WIDTH // (8 + max(map(len, legend))))
             figure.legend(legend.values(), legend, loc="outside lower center", ncols=columns)
-        what = "mean over seeds" + (" and all other axes" if together else "")
-        figure.suptitle(f"{what}, with the 95 % interval", fontsize=9.0, x=0.01, ha="left")
+        text = caption(not others, len(others), clipped, left_out)
+        figure.suptitle(text, fontsize=9.0, x=0.01, ha="left")
         return style.png(figure)
 
 
-def _draw_line(
-    axes,
-    numbers: Sequence[float] | None,
-    values: Sequence[tuple[str, ...]],
-    rows: Sequence[Statistic],
-    colour: str,
-    label: str,
-) -> None:
-    places = range(len(values)) if numbers is None else numbers
-    drawn = [(x, row) for x, row in zip(places, rows, strict=True) if row.mean is not None]
-    if not drawn:
-        return
-    halves = [0.0 if row.low is None else row.mean - row.low for _, row in drawn]
-    axes.errorbar(
-        [x for x, _ in drawn],
-        [row.mean for _, row in drawn],
-        yerr=halves if any(halves) else None,
-        marker="o",
-        markersize=3.5,
-        capsize=2.5,
-        linewidth=1.2 if numbers is not None else 0.0,
-        elinewidth=1.0,
-        color=colour,
-        label=_shortened(label, 3 * _LONGEST_LABEL),
-    )
+def caption(together: bool, lines: int, clipped: bool, left_out: int) -> str:
+    """What a figure shows, and what was done to it so that it can be read."""
+    what = "mean over seeds" + (" and all other axes" if together else "")
+    notes = ["lines moved apart sideways"] if lines > 1 else []
+    notes += ["intervals cut where no value can be"] if clipped else []
+    settings = "setting that is" if left_out == 1 else "settings that are"
+    notes += [f"without {left_out} {settings} not complete"] if left_out else []
+    return "; ".join([f"{what}, with the 95 % interval", *notes])
 
 
-def _label(setting: Mapping[str, str], keys: Sequence[str], inside: bool) -> str:
-    return " ".join(f"{k}={v}" for k, v in setting.items() if (k in keys) == inside)
+def dodges(places: Sequence[float], lines: int) -> list[float]:
+    """How far to the right each line is moved, so that error bars do not lie over each other.
+
+    All of them together take a quarter of the least distance between two places.
+    """
+    least = min((b - a for a, b in itertools.pairwise(sorted(places))), default=1.0)
+    width = _DODGED * least
+    return [width * ((line + 0.5) / lines - 0.5) for line in range(lines)]
+
+
+@dataclass(frozen=True)
+class Line:
+    """Means and intervals at some places, with how they are drawn."""
+
+    places: Sequence[float]
+    rows: Sequence[Statistic]
+    colour: str
+    label: str
+    joined: bool
+
+    def draw(self, axes: Any) -> bool:
+        """Draw it; whether an interval was clipped."""
+        drawn = [
+            (x, row) for x, row in zip(self.places, self.rows, strict=True) if row.mean is not None
+        ]
+        if not drawn:
+            return False
+        bounds = [drawn_interval(row) for _, row in drawn]
+        errors = [
+            [row.mean - low for (_, row), (low, _) in zip(drawn, bounds, strict=True)],
+            [high - row.mean for (_, row), (_, high) in zip(drawn, bounds, strict=True)],
+        ]
+        axes.errorbar(
+            [x for x, _ in drawn],
+            [row.mean for _, row in drawn],
+            yerr=errors if any(map(any, errors)) else None,
+            marker="o",
+            markersize=3.5,
+            capsize=2.5,
+            linewidth=1.2 if self.joined else 0.0,
+            elinewidth=1.0,
+            color=self.colour,
+            label=_shortened(self.label, 3 * _LONGEST_LABEL),
+        )
+        return any(
+            (low, high) != (row.low, row.high)
+            for (_, row), (low, high) in zip(drawn, bounds, strict=True)
+            if row.low is not None
+        )
+
+
+def drawn_interval(row: Statistic) -> tuple[float, float]:
+    """The ends of the interval as they are drawn: a share cannot leave [0, 1], its interval can."""
+    if row.low is None:
+        return row.mean, row.mean
+    low = max(0.0, row.low) if row.metric in METRICS else row.low
+    return low, min(1.0, row.high) if row.metric in SHARES else row.high
+
+
+def _label(setting: Mapping[str, str], keys: Sequence[str]) -> str:
+    """The keys of a setting that are not among `keys`."""
+    return " ".join(f"{k}={v}" for k, v in setting.items() if k not in keys)
 
 
 def _numbers(values: Sequence[tuple[str, ...]]) -> list[float] | None:

@@ -1,6 +1,7 @@
 """A sweep from a file: YAML with `fixed`, `axes`, `zipped`, `seeds` and `leave_out`."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -43,33 +44,48 @@ def read_design(path: Path, shuffled: bool) -> Design:
         ConfigurationError: in one line that names the file and the entry.
     """
     try:
-        content = _read(path)
-        _refuse_unknown(content)
-        fixed = tuple(override_text(k, v) for k, v in _mapping(content, "fixed").items())
-        parsed = parse_overrides(fixed)
-        check_overrides(parsed)
-        for override in parsed:
-            if override.is_sweep_override():
-                raise ConfigurationError(f"fixed: {override.input_line}: one value is needed")
-        axes = [
-            _axis(f"axes: {key}", {key: values}, shuffled)
-            for key, values in _mapping(content, "axes").items()
-        ]
-        for number, keys in enumerate(_list(content, "zipped"), start=1):
-            where = f"zipped: entry {number}"
-            if not isinstance(keys, dict) or len(keys) < 2:
-                raise ConfigurationError(f"{where}: two keys or more with their values are needed")
-            axes.append(_axis(where, keys, shuffled))
-        if content.get("seeds") is not None:
-            axes.append(_axis("seeds", {SEED: _seeds(content["seeds"])}, shuffled))
-        _refuse_repeated(fixed, axes)
-        left_out = tuple(_left_out(content, axes))
+        content = read_mapping(path, ENTRIES)
+        if "parts" in content:
+            raise ConfigurationError(f"is a study, not a sweep: stixel study {path.stem}")
+        return replace(design_of(content, shuffled), file=str(path))
     except ConfigurationError as fault:
         raise ConfigurationError(f"{messages.printable(str(path), 200)}: {fault}") from None
+
+
+def design_of(content: Mapping[Any, Any], shuffled: bool) -> Design:
+    """The design that the entries of a file describe.
+
+    Raises:
+        ConfigurationError: in one line that names the entry.
+    """
+    refuse_unknown(content, ENTRIES)
+    fixed = tuple(override_text(k, v) for k, v in _mapping(content, "fixed").items())
+    parsed = parse_overrides(fixed)
+    check_overrides(parsed)
+    for override in parsed:
+        if override.is_sweep_override():
+            raise ConfigurationError(f"fixed: {override.input_line}: one value is needed")
+    axes = [
+        _axis("axes", {key: values}, shuffled) for key, values in _mapping(content, "axes").items()
+    ]
+    for number, keys in enumerate(_list(content, "zipped"), start=1):
+        where = f"zipped: entry {number}"
+        if not isinstance(keys, dict) or len(keys) < 2:
+            raise ConfigurationError(f"{where}: two keys or more with their values are needed")
+        axes.append(_axis(where, keys, shuffled))
+    if content.get("seeds") is not None:
+        axes.append(_axis("seeds", {SEED: _seeds(content["seeds"])}, shuffled))
+    _refuse_repeated(fixed, axes)
+    left_out = tuple(_left_out(content, axes))
     return Design(fixed, tuple(axes), left_out)
 
 
-def _read(path: Path) -> dict[str, Any]:
+def read_mapping(path: Path, entries: Sequence[str]) -> dict[str, Any]:
+    """The content of a YAML file that is to have some of `entries`, in plain types.
+
+    Raises:
+        ConfigurationError: in one line, without the file's name.
+    """
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
     from yaml import YAMLError
@@ -90,14 +106,15 @@ def _read(path: Path) -> dict[str, Any]:
         reason = (str(error).splitlines() or ["is no YAML"])[0]
         raise ConfigurationError(messages.printable(reason, 200)) from None
     if not isinstance(content, dict):
-        raise ConfigurationError(f"must have the entries {', '.join(ENTRIES)}, as KEY: VALUE")
+        raise ConfigurationError(f"must have the entries {', '.join(entries)}, as KEY: VALUE")
     return content
 
 
-def _refuse_unknown(content: Mapping[Any, Any]) -> None:
+def refuse_unknown(content: Mapping[Any, Any], entries: Sequence[str]) -> None:
+    """Refuse a name that is none of `entries`; ConfigurationError with the nearest."""
     for name in content:
-        if name not in ENTRIES:
-            hint = messages.suggestion(str(name), ENTRIES) or f" (entries: {', '.join(ENTRIES)})"
+        if name not in entries:
+            hint = messages.suggestion(str(name), entries) or f" (entries: {', '.join(entries)})"
             raise ConfigurationError(f"{messages.printable(str(name))}: no such entry{hint}")
 
 

@@ -2,9 +2,10 @@
 
 sweep.yaml         what was asked for, and the overrides of every point
 runs.csv           one row a point
-summary.csv .md .tex   statistics over the seeds of each setting, once all points are there
-figures/           one an axis, once all points are there
-points/0000/ …     config.yaml, manifest.json, metrics.json, scores.npz
+summary.csv .md .tex   statistics over the seeds of each setting all of whose points are there
+figures/           one an axis, of the same settings
+points/0000/ …     config.yaml, manifest.json, metrics.json, scores.npz, lineage.json
+code/              what the points' lineage.json refer to: digests of the code they reach
 failed/0007/ …     config.yaml, failure.json, traceback.txt
 """
 
@@ -38,13 +39,15 @@ class SweepRequest:
         points: overrides of each point, in the order of their indices.
         shuffle: seed of the order in which they run; None for theirs.
         pictures: whether pictures are drawn.
-        notes: command, time, revision, versions, machine.
+        steps: of the pipelines, whose results are wanted beside the scores.
+        notes: command, time, revision, versions, machine; and `resumed`, when it was gone on with.
     """
 
     axes: tuple[tuple[str, ...], ...]
     points: tuple[tuple[str, ...], ...]
     shuffle: int | None
     pictures: bool
+    steps: tuple[str, ...]
     notes: Mapping[str, Any]
 
     @property
@@ -63,14 +66,19 @@ class SweepFolder:
         """Make the folder, and say in it what was asked for."""
         with self._written():
             self.path.mkdir(parents=True)
-            content = {
-                **request.notes,
-                "shuffle": request.shuffle,
-                "pictures": request.pictures,
-                "axes": [list(keys) for keys in request.axes],
-                "points": [list(overrides) for overrides in request.points],
-            }
-            self._write(PLAN, yaml_text(content))
+        self.write_request(request)
+
+    def write_request(self, request: SweepRequest) -> None:
+        """Write `sweep.yaml`."""
+        content = {
+            **request.notes,
+            "shuffle": request.shuffle,
+            "pictures": request.pictures,
+            "steps": list(request.steps),
+            "axes": [list(keys) for keys in request.axes],
+            "points": [list(overrides) for overrides in request.points],
+        }
+        self.write_table(PLAN, yaml_text(content))
 
     def request(self) -> SweepRequest:
         """What was asked for.
@@ -86,6 +94,7 @@ class SweepFolder:
             axes = tuple(tuple(map(str, keys)) for keys in content.pop("axes"))
             points = tuple(tuple(map(str, overrides)) for overrides in content.pop("points"))
             shuffle, pictures = content.pop("shuffle"), content.pop("pictures")
+            steps = tuple(map(str, content.pop("steps", ())))
         except FileNotFoundError:
             raise UserError(f"{self.path}: no folder of a sweep ({PLAN} is missing)") from None
         except OSError as error:
@@ -94,7 +103,7 @@ class SweepFolder:
             raise UserError(f"{file}: not what a sweep was asked for") from None
         if not points or not isinstance(shuffle, int | None) or not isinstance(pictures, bool):
             raise UserError(f"{file}: not what a sweep was asked for")
-        return SweepRequest(axes, points, shuffle, pictures, content)
+        return SweepRequest(axes, points, shuffle, pictures, steps, content)
 
     def point(self, index: int) -> Path:
         """The folder of a point, whether it is there or not."""
@@ -102,15 +111,25 @@ class SweepFolder:
 
     def stored(self, index: int, results: Sequence[str]) -> dict[str, Any] | None:
         """The metrics of a point that is complete with these results, by their keys; else None."""
+        found = self._read_point(index)
+        return found[1] if found is not None and found[0] == list(results) else None
+
+    def results(self, index: int) -> list[str] | None:
+        """The keys of the results that a point has; None if it is not complete."""
+        found = self._read_point(index)
+        return None if found is None else found[0]
+
+    def _read_point(self, index: int) -> tuple[list[str], dict[str, Any]] | None:
         folder = self.point(index)
         try:
             manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
             metrics = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return None
-        if not isinstance(manifest, dict) or not isinstance(metrics, dict):
+        results = manifest.get("results") if isinstance(manifest, dict) else None
+        if not isinstance(results, list) or not isinstance(metrics, dict):
             return None
-        return metrics if manifest.get("results") == list(results) else None
+        return results, metrics
 
     def write_point(
         self, index: int, files: Mapping[str, str | bytes | Callable[[Path], None]]
@@ -176,10 +195,13 @@ class SweepFolder:
                 shutil.rmtree(partial, ignore_errors=True)
 
     def _write(self, name: str, text: str) -> None:
-        partial = self.path / f".{name}.partial-{os.getpid()}"
+        file = self.path / name
+        partial = file.with_name(f".{file.name}.partial-{os.getpid()}")
         try:
+            if "/" in name:
+                file.parent.mkdir(exist_ok=True)
             partial.write_text(text, encoding="utf-8")
-            partial.replace(self.path / name)
+            partial.replace(file)
         finally:
             partial.unlink(missing_ok=True)
 

@@ -34,6 +34,19 @@ class PlannedPoint:
         """Key of its scores."""
         return self.targets[0]
 
+    @property
+    def pictures(self) -> tuple[str, ...]:
+        """Keys of its pictures, none unless it asks for them."""
+        return tuple(
+            key for key in self.targets if self.graph.nodes[key].stage.name.endswith(_PICTURES)
+        )
+
+    @property
+    def beside(self) -> tuple[str, ...]:
+        """Keys of what it asks for that is in the store alone: neither scores nor pictures."""
+        others = {self.scores, *self.pictures}
+        return tuple(key for key in self.targets if key not in others)
+
 
 @dataclass(frozen=True)
 class StagePlan:
@@ -85,8 +98,13 @@ class SweepPlan:
         return sum(known) / workers
 
 
-def plan_points(points: Sequence[Point], pictures: bool = False) -> list[PlannedPoint]:
+def plan_points(
+    points: Sequence[Point], pictures: bool = False, steps: Sequence[str] = ()
+) -> list[PlannedPoint]:
     """The graphs of the points; what they have in common is worked out once.
+
+    Beside the scores each point asks for its pictures, where wanted, and for those of `steps` that
+    its pipeline has.
 
     Raises:
         UserError: if the pipeline's file is wrong, or a file of the user's cannot be read.
@@ -107,6 +125,7 @@ def plan_points(points: Sequence[Point], pictures: bool = False) -> list[Planned
         names = [SCORES]
         if pictures:
             names += [name for name in graph.stage_names if name.endswith(_PICTURES)]
+        names += [name for name in steps if name in graph.stages and name not in names]
         planned.append(PlannedPoint(point, graph, tuple(graph.expand(names))))
     return planned
 

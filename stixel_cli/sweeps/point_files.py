@@ -1,17 +1,22 @@
 """The files of a point's folder: small, for what is large stays in the cache under its key."""
 
 import shlex
+import traceback
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.records import Execution, NodeRecord
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.experiment.folder import json_text, score_columns
+from stixel_cli.experiment.lineage import FILE
 from stixel_cli.sweeps.folder import yaml_text
 from stixel_cli.sweeps.graphs import PlannedPoint
+from stixel_cli.sweeps.points import Point
+from stixel_cli.sweeps.results import FAILED, SKIPPED
 
 
 def point_files(
@@ -19,10 +24,12 @@ def point_files(
     scores: Scores,
     seconds: Mapping[str, float],
     notes: Mapping[str, Any],
+    lineage: str,
 ) -> dict[str, str | Callable[[Path], None]]:
-    """Configuration, manifest, metrics and scores of a point, by name.
+    """Configuration, manifest, metrics, lineage and scores of a point, by name.
 
-    `seconds` are those of the nodes that were computed, by key; `notes` go into the manifest.
+    `seconds` are those of the nodes that were computed, by key; `notes` go into the manifest;
+    `lineage` is the text of its file.
     """
     point = planned.point
     manifest = {
@@ -40,7 +47,31 @@ def point_files(
         "config.yaml": yaml_text(point.composition.resolved),
         "manifest.json": json_text(manifest),
         "metrics.json": json_text(scores.metrics),
+        FILE: lineage,
         "scores.npz": lambda file: np.savez_compressed(file, **columns),
+    }
+
+
+def failure_files(point: Point, node: str, failure: StageFailure, first: int) -> dict[str, str]:
+    """What became of a point that is not there, by name.
+
+    `node` is the key of the node that failed, and `first` the first point that needed it.
+    """
+    content = {
+        "point": point.index,
+        "status": FAILED if first == point.index else SKIPPED,
+        "failed_in_point": first,
+        "overrides": list(point.overrides),
+        "stage": failure.stage,
+        "node": failure.label,
+        "key": node,
+        "error": f"{type(failure.cause).__name__}: {failure.cause}",
+    }
+    text = failure.traceback_text or "".join(traceback.format_exception(failure.cause))
+    return {
+        "config.yaml": yaml_text(point.composition.resolved),
+        "failure.json": json_text(content),
+        "traceback.txt": text,
     }
 
 

@@ -93,7 +93,9 @@ def design_points(design: Design) -> list[Point]:
     composer = Composer()
     texts = [(*design.fixed, *changes) for changes in design.combinations(composer)]
     if not texts:
-        raise ConfigurationError("leave_out: every point is left out: nothing remains to sweep")
+        raise ConfigurationError(
+            f"{design.leave_out}: every point is left out: nothing remains to sweep"
+        )
     points = compose_points(texts, design.keys, composer)
     _refuse_equal(points)
     return points

@@ -20,6 +20,7 @@ class SweepProgress(Silent):
         known_seconds: Mapping[str, float],
         on_point: Callable[[PlannedPoint, Mapping[str, float]], None],
         visible: bool = True,
+        label: str = "",
     ):
         """Begin with no point of `waiting` done.
 
@@ -31,15 +32,16 @@ class SweepProgress(Silent):
             on_point: called with a point that is complete, and the seconds of all nodes computed
                 so far, by key.
             visible: whether anything but notes is shown.
+            label: what the counts are of, put before them.
         """
         super().__init__()
         self.points_total = there + len(waiting)
         self.points_done = there
         self.points_failed = 0
         self.node_seconds: dict[str, float] = {}
-        self._workers = workers
-        self._known = known_seconds
+        self.expect(known_seconds, workers)
         self._on_point = on_point
+        self._label = f"{label}: " if label else ""
         self._left = {one.point.index: set(one.targets) for one in waiting}
         self._points = {one.point.index: one for one in waiting}
         self._asking: dict[str, list[int]] = {}
@@ -84,32 +86,16 @@ class SweepProgress(Silent):
         if self._display is not None:
             self._display.close()
 
-    def seconds_left(self) -> float | None:
-        """What remains, by what nodes of each stage took; None while that is not known."""
-        total = 0.0
-        for name, count in self.total.items():
-            done = self.done.get(name, 0)
-            if count <= done:
-                continue
-            each = self.seconds[name] / done if done else self._known.get(name)
-            if each is None:
-                return None
-            total += (count - done) * each
-        return total / self._workers
-
     @property
     def text(self) -> str:
         """All counts in one line."""
         failed = f", {self.points_failed} failed" if self.points_failed else ""
         parts = [
-            f"{self.points_done}/{self.points_total} points{failed}",
+            f"{self._label}{self.points_done}/{self.points_total} points{failed}",
             f"nodes: {self.all_done}/{self.all_total} done, {self.cached} cached, "
             f"{len(self.running)} running" + (f", {self.failures} failed" if self.failures else ""),
         ]
-        left = self.seconds_left()
-        if left is not None and self.all_done < self.all_total:
-            parts.append(f"about {duration(left)} left")
-        return "; ".join(parts)
+        return "; ".join(parts) + self.text_left
 
     def _have(self, target: str) -> None:
         for index in self._asking.get(target, ()):
@@ -121,16 +107,6 @@ class SweepProgress(Silent):
                 del self._left[index]
                 self.points_done += 1
                 self._on_point(self._points[index], self.node_seconds)
-
-
-def duration(seconds: float) -> str:
-    """A time as one says it: `40 s`, `12 min`, `3 h 20 min`."""
-    if seconds < 90:
-        return f"{max(1, round(seconds))} s"
-    minutes = round(seconds / 60)
-    if minutes < 90:
-        return f"{minutes} min"
-    return f"{minutes // 60} h {minutes % 60} min"
 
 
 def _display() -> "_Lines | _Bar":

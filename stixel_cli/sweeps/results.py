@@ -32,6 +32,27 @@ class PointResult:
 
 
 @dataclass(frozen=True)
+class IncompleteSetting:
+    """A setting that has no statistics, for not all of its points are done.
+
+    Attributes:
+        setting: keys that differ between points, without the seed, with their values as typed.
+        points: how many it has.
+        done: how many of them are done.
+    """
+
+    setting: Mapping[str, str]
+    points: int
+    done: int
+
+    @property
+    def label(self) -> str:
+        """`key=value …`, and how many points are done."""
+        named = " ".join(f"{key}={value}" for key, value in self.setting.items())
+        return f"{named or 'the one setting'} ({self.done} of {self.points} points done)"
+
+
+@dataclass(frozen=True)
 class SweepResult:
     """What a sweep gave.
 
@@ -39,14 +60,17 @@ class SweepResult:
         folder: where it was written, None if nowhere.
         points: one a point, in the order of their indices.
         records: the rows of `runs.csv`, plain values.
-        statistics: over the seeds of each setting; empty unless every point is done.
-        computed, cached: how many nodes this call computed, and how many it had.
+        statistics: over the seeds of each setting all of whose points are done.
+        incomplete: the other settings, which have none.
+        computed: how many nodes this call computed.
+        cached: how many of those that the points need were in the store before.
     """
 
     folder: Path | None
     points: tuple[PointResult, ...]
     records: list[dict[str, Any]]
     statistics: list[Statistic]
+    incomplete: tuple[IncompleteSetting, ...]
     computed: int
     cached: int
 

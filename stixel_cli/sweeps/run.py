@@ -1,8 +1,6 @@
 """A sweep from its points to its folder, without a command line."""
 
-import json
 import shlex
-import traceback
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -15,14 +13,14 @@ from stixel_cli.engine.records import Execution
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.recorded_run import told_in_one_line
-from stixel_cli.sweeps.folder import FIGURES, RUNS, SweepFolder, yaml_text
+from stixel_cli.sweeps.folder import FIGURES, RUNS, SweepFolder
 from stixel_cli.sweeps.graphs import PlannedPoint, SweepPlan
-from stixel_cli.sweeps.point_files import point_files
+from stixel_cli.sweeps.lineages import PointLineages
+from stixel_cli.sweeps.point_files import failure_files, point_files
 from stixel_cli.sweeps.progress import SweepProgress
 from stixel_cli.sweeps.results import DONE, FAILED, MISSING, SKIPPED, PointResult, SweepResult
-from stixel_cli.sweeps.statistics import Statistic, summarise
-
-SUMMARIES = ("summary.csv", "summary.md", "summary.tex")
+from stixel_cli.sweeps.resume import resume_words
+from stixel_cli.sweeps.summary import SUMMARIES, summary_of, write_summary
 
 
 class SweepInterrupted(UserError):
@@ -38,6 +36,7 @@ def run_sweep(
     folder: Path | None = None,
     notes: Mapping[str, Any] | None = None,
     visible: bool = True,
+    label: str = "",
 ) -> SweepResult:
     """Compute what the points of a sweep lack, each failing alone, and write what they give.
 
@@ -48,6 +47,7 @@ def run_sweep(
         folder: of the sweep; it is there, with its `sweep.yaml`. None to write nothing.
         notes: what every point's manifest says of the sweep and the machine.
         visible: whether progress is shown on stderr.
+        label: what stands before it.
 
     Raises:
         SweepInterrupted: by Ctrl-C; the folder says what is there.
@@ -57,7 +57,7 @@ def run_sweep(
     try:
         with told_in_one_line():
             sweep.take_what_is_there()
-            sweep.compute(visible)
+            sweep.compute(visible, label)
     except KeyboardInterrupt:
         done = len(sweep.metrics)
         again = "" if folder is None else f"; go on with: {resume_command(folder)}"
@@ -79,7 +79,7 @@ def run_sweep(
 
 def resume_command(folder: Path) -> str:
     """The command line that goes on with a sweep."""
-    return shlex.join(["stixel", "sweep", "--resume", str(folder)])
+    return resume_words(folder)
 
 
 class _Sweep:
@@ -99,7 +99,9 @@ class _Sweep:
         """Index of the first point that needed each node that failed."""
         self.skipped: set[int] = set()
         self.computed = 0
-        self.cached = len(plan.needed)
+        self.there = set(plan.needed).difference(plan.missing)
+        """Nodes that are in the store and were not computed by this call."""
+        self.lineages = None if folder is None else PointLineages(store, folder)
 
     def take_what_is_there(self) -> None:
         """Take up the points whose folder is complete, or whose results are all in the store."""
@@ -111,7 +113,7 @@ class _Sweep:
             index = planned.point.index
             if self.folder is not None:
                 stored = self.folder.stored(index, planned.targets)
-                if stored is not None:
+                if stored is not None and missing.isdisjoint(planned.beside):
                     self.metrics[index] = stored
                     continue
             if missing.isdisjoint(planned.targets):
@@ -119,7 +121,7 @@ class _Sweep:
                 with suppress(MissingEntry):
                     self.take(planned, {})
 
-    def compute(self, visible: bool) -> None:
+    def compute(self, visible: bool, label: str) -> None:
         """Compute what the other points lack."""
         waiting = [p for p in self.plan.points if p.point.index not in self.metrics]
         if not waiting:
@@ -132,6 +134,7 @@ class _Sweep:
             self._known_seconds(),
             self.take,
             visible,
+            label,
         )
         targets = list(dict.fromkeys(target for one in waiting for target in one.targets))
         execution = execute(
@@ -143,7 +146,8 @@ class _Sweep:
             keep_going=True,
         )
         self.computed = sum(r.status == "computed" for r in execution.records.values())
-        self.cached = sum(r.status == "cached" for r in execution.records.values())
+        self.there.update(execution.records)
+        self.there -= {key for key, r in execution.records.items() if r.status != "cached"}
         for planned in waiting:
             if planned.point.index in self.metrics:
                 continue
@@ -159,10 +163,11 @@ class _Sweep:
         if self.folder is not None:
             pictures = {
                 f"figures/{path}": data
-                for key in planned.targets[1:]
+                for key in planned.pictures
                 for path, data in self.store.load(key).files.items()
             }
-            files = point_files(planned, scores, seconds, self.notes)
+            lineage = self.lineages.text(planned)
+            files = point_files(planned, scores, seconds, self.notes, lineage)
             self.folder.write_point(planned.point.index, {**files, **pictures})
         self.metrics[planned.point.index] = scores.metrics
 
@@ -175,44 +180,24 @@ class _Sweep:
             self.skipped.add(index)
         if self.folder is None:
             return
-        text = failure.traceback_text or "".join(traceback.format_exception(failure.cause))
-        content = {
-            "point": index,
-            "status": FAILED if first == index else SKIPPED,
-            "failed_in_point": first,
-            "overrides": list(planned.point.overrides),
-            "stage": failure.stage,
-            "node": failure.label,
-            "key": node,
-            "error": f"{type(failure.cause).__name__}: {failure.cause}",
-        }
-        self.folder.write_failure(
-            index,
-            {
-                "config.yaml": yaml_text(planned.point.composition.resolved),
-                "failure.json": json.dumps(content, indent=2, ensure_ascii=False) + "\n",
-                "traceback.txt": text,
-            },
-        )
+        self.folder.write_failure(index, failure_files(planned.point, node, failure, first))
 
     def finish(self, axes: Sequence[Sequence[str]]) -> SweepResult:
-        """Write the tables and, of a sweep that is complete, the statistics and figures."""
+        """Write the tables, and of the settings that are complete the statistics and figures."""
         records = self.write_runs()
         points = tuple(self._result(one) for one in self._in_order())
-        statistics: list[Statistic] = []
-        if all(point.status == DONE for point in points):
-            settings = [point.planned.point.setting for point in points]
-            metrics = [point.metrics for point in points]
-            statistics = summarise(settings, metrics)
-            if self.folder is not None:
-                self._write_summary(settings, metrics, statistics, axes)
+        summary = summary_of(points)
+        if self.folder is not None:
+            title = str(self.notes.get("sweep", self.folder.path.name))
+            write_summary(self.folder, summary, title, axes)
         return SweepResult(
             folder=None if self.folder is None else self.folder.path,
             points=points,
             records=records,
-            statistics=statistics,
+            statistics=summary.statistics,
+            incomplete=summary.incomplete,
             computed=self.computed,
-            cached=self.cached,
+            cached=len(self.there),
         )
 
     def write_runs(self) -> list[dict[str, Any]]:
@@ -252,24 +237,6 @@ class _Sweep:
 
     def _in_order(self) -> list[PlannedPoint]:
         return sorted(self.plan.points, key=lambda one: one.point.index)
-
-    def _write_summary(
-        self,
-        settings: Sequence[Mapping[str, str]],
-        metrics: Sequence[Mapping[str, Any]],
-        statistics: Sequence[Statistic],
-        axes: Sequence[Sequence[str]],
-    ) -> None:
-        from stixel_cli.sweeps.figures import axis_figures
-        from stixel_cli.sweeps.tables import summary_csv, summary_latex, summary_markdown
-
-        title = str(self.notes.get("sweep", self.folder.path.name))
-        self.folder.write_table("summary.csv", summary_csv(statistics))
-        self.folder.write_table("summary.md", summary_markdown(statistics, title))
-        self.folder.write_table("summary.tex", summary_latex(statistics, title))
-        figures = axis_figures(settings, metrics, axes)
-        if figures:
-            self.folder.write_figures(figures)
 
     def _failure_of(
         self, planned: PlannedPoint, execution: Execution

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from stixel_cli.report.metrics import format_value, metric
+from stixel_cli.sweeps.results import IncompleteSetting
 from stixel_cli.sweeps.statistics import Statistic
 
 _LATEX = {
@@ -51,39 +52,52 @@ def summary_records(statistics: Sequence[Statistic]) -> list[dict[str, Any]]:
     ]
 
 
-def summary_csv(statistics: Sequence[Statistic]) -> str:
-    """The statistics, one row a setting and metric."""
-    records = summary_records(statistics)
-    return csv_text(list(records[0]) if records else [], records)
+def summary_csv(
+    statistics: Sequence[Statistic], incomplete: Sequence[IncompleteSetting] = ()
+) -> str:
+    """The statistics, one row a setting and metric; one row of each setting that has none."""
+    records = [record | {"status": "complete"} for record in summary_records(statistics)]
+    columns = list(records[0]) if records else []
+    others = [one.setting | {"n": one.done, "status": "incomplete"} for one in incomplete]
+    return csv_text(columns, [*records, *others])
 
 
-def summary_markdown(statistics: Sequence[Statistic], title: str) -> str:
+def summary_markdown(
+    statistics: Sequence[Statistic], incomplete: Sequence[IncompleteSetting], title: str
+) -> str:
     """The statistics in Markdown, one table a metric."""
     lines = [f"# {title}", "", _explanation(), ""]
+    if incomplete:
+        lines += [f"{_refusal(incomplete)}:", "", *(f"- {one.label}" for one in incomplete), ""]
     for name, rows in _by_metric(statistics):
-        header, *body = _cells(rows)
+        header, *body = _cells(rows, incomplete)
         lines += [f"## {_heading(name)}", ""]
         keys = len(rows[0].setting)
-        lines += [_markdown_row(header)]
+        lines += [markdown_row(header)]
         lines += ["|" + " --- |" * keys + " ---: |" * (len(header) - keys)]
-        lines += [*map(_markdown_row, body), ""]
+        lines += [*map(markdown_row, body), ""]
     return "\n".join(lines)
 
 
-def summary_latex(statistics: Sequence[Statistic], title: str) -> str:
+def summary_latex(
+    statistics: Sequence[Statistic], incomplete: Sequence[IncompleteSetting], title: str
+) -> str:
     """The statistics in LaTeX, one table a metric; it needs no package."""
     lines = [f"% {' '.join(title.split())}", f"% {_explanation()}"]
+    if incomplete:
+        lines += [f"% {_refusal(incomplete)}:"]
+        lines += [f"%   {' '.join(one.label.split())}" for one in incomplete]
     for name, rows in _by_metric(statistics):
-        header, *body = _cells(rows)
+        header, *body = _cells(rows, incomplete)
         keys = len(rows[0].setting)
         lines += [
             r"\begin{table}",
-            rf"\caption{{{_latex(_heading(name))}}}",
+            rf"\caption{{{latex_text(_heading(name))}}}",
             rf"\begin{{tabular}}{{{'l' * keys}{'r' * (len(header) - keys)}}}",
             r"\hline",
-            _latex_row(header),
+            latex_row(header),
             r"\hline",
-            *map(_latex_row, body),
+            *map(latex_row, body),
             r"\hline",
             r"\end{tabular}",
             r"\end{table}",
@@ -99,6 +113,11 @@ def _explanation() -> str:
     )
 
 
+def _refusal(incomplete: Sequence[IncompleteSetting]) -> str:
+    what = "1 setting that is" if len(incomplete) == 1 else f"{len(incomplete)} settings that are"
+    return f"No statistics of {what} not complete"
+
+
 def _by_metric(statistics: Sequence[Statistic]) -> list[tuple[str, list[Statistic]]]:
     names = dict.fromkeys(one.metric for one in statistics)
     return [(name, [one for one in statistics if one.metric == name]) for name in names]
@@ -109,7 +128,7 @@ def _heading(name: str) -> str:
     return f"{shown.label} ({shown.unit})" if shown.unit else shown.label
 
 
-def _cells(rows: Sequence[Statistic]) -> list[list[str]]:
+def _cells(rows: Sequence[Statistic], incomplete: Sequence[IncompleteSetting]) -> list[list[str]]:
     header = [*rows[0].setting, "n", "mean", "standard deviation", "95 % interval"]
     return [
         header,
@@ -123,16 +142,20 @@ def _cells(rows: Sequence[Statistic]) -> list[list[str]]:
             ]
             for row in rows
         ),
+        *([*one.setting.values(), str(one.done), "incomplete", "–", "–"] for one in incomplete),
     ]
 
 
-def _markdown_row(cells: Sequence[str]) -> str:
+def markdown_row(cells: Sequence[str]) -> str:
+    """A row of a table in Markdown."""
     return "| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |"
 
 
-def _latex_row(cells: Sequence[str]) -> str:
-    return " & ".join(_latex(cell).replace("…", r"\ldots{}") for cell in cells) + r" \\"
+def latex_row(cells: Sequence[str]) -> str:
+    """A row of a table in LaTeX."""
+    return " & ".join(latex_text(cell).replace("…", r"\ldots{}") for cell in cells) + r" \\"
 
 
-def _latex(text: str) -> str:
+def latex_text(text: str) -> str:
+    """Text with LaTeX's own characters escaped."""
     return "".join(_LATEX.get(character, character) for character in text)

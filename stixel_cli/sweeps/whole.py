@@ -6,13 +6,15 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from stixel_cli.engine.probe import probe
 from stixel_cli.engine.store import open_store
-from stixel_cli.experiment.folder import reserve_folder
+from stixel_cli.experiment.folder import check_results, reserve_folder
 from stixel_cli.experiment.recorded_run import provenance, stamp, told_in_one_line
 from stixel_cli.sweeps.checks import check_axes
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
 from stixel_cli.sweeps.graphs import SweepPlan, plan_points, plan_sweep
+from stixel_cli.sweeps.older import older_points
 from stixel_cli.sweeps.points import (
     Point,
     compose_points,
@@ -21,6 +23,7 @@ from stixel_cli.sweeps.points import (
     sweep_design,
 )
 from stixel_cli.sweeps.results import SweepResult
+from stixel_cli.sweeps.resume import note_resumed, on_this_machine, resume_words
 from stixel_cli.sweeps.run import run_sweep
 
 
@@ -56,26 +59,62 @@ def new_sweep(
     for note in notes:
         tell(note)
     now = datetime.now(UTC)
-    origin = {
-        "command": _command(overrides, file, shuffle, pictures),
-        "created": now.isoformat(timespec="seconds"),
-        **provenance(),
-    }
+    origin = _origin(_command(overrides, file, shuffle, pictures), now)
     folder = None
     if results is not None:
         stem = "sweep" if file is None else Path(file).stem
+        check_results(results, name)
+        _probe(plan)
         folder = SweepFolder(reserve_folder(results, name, f"{stem}-{stamp(now)}"))
-        folder.create(_request(design, points, shuffle, pictures, origin))
+        folder.create(_request(design, points, shuffle, pictures, (), origin))
     return _run(plan, [axis.keys for axis in design.axes], folder, origin, visible)
 
 
-def resumed_sweep(path: Path, workers: int | None = None, visible: bool = False) -> SweepResult:
+def designed_sweep(
+    design: Design,
+    path: Path,
+    command: str,
+    steps: Sequence[str] = (),
+    visible: bool = False,
+    label: str = "",
+) -> SweepResult:
+    """Run the sweep of a design in the new folder `path`.
+
+    Args:
+        design: of its points.
+        path: the folder to make.
+        command: the command line that stands for it.
+        steps: of the pipelines, whose results are kept in the store beside the scores.
+        visible: show progress on stderr, with `label` before it.
+
+    Raises:
+        UserError, SweepInterrupted: as `new_sweep` does.
+    """
+    points = design_points(design)
+    plan, _ = planned_sweep(points, None, False, steps)
+    origin = _origin(command, datetime.now(UTC))
+    _probe(plan)
+    folder = SweepFolder(path)
+    folder.create(_request(design, points, None, False, steps, origin))
+    return _run(plan, [axis.keys for axis in design.axes], folder, origin, visible, label)
+
+
+def resumed_sweep(
+    path: Path,
+    workers: int | None = None,
+    visible: bool = False,
+    label: str = "",
+    overrides: Sequence[str] = (),
+    tell: Callable[[str], Any] = lambda note: None,
+) -> SweepResult:
     """Go on with the sweep in a folder: run what is missing, has failed, or is of older code.
 
     Args:
         path: the sweep's folder.
         workers: None for those it began with.
-        visible: show progress on stderr.
+        visible: show progress on stderr, with `label` before it.
+        overrides: of executor and cache, in the place of those it began with.
+        tell: called with how many finished points are computed again, and why.
 
     Raises:
         UserError: in one line, if it is no such folder or cannot be gone on with.
@@ -83,29 +122,37 @@ def resumed_sweep(path: Path, workers: int | None = None, visible: bool = False)
     """
     folder = SweepFolder(path)
     request = folder.request()
-    points = compose_points(_with_workers(request.points, workers), request.keys)
-    plan, _ = planned_sweep(points, request.shuffle, request.pictures)
-    origin = {
-        "command": str(request.notes.get("command", path.name)),
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        **provenance(),
-    }
-    return _run(plan, request.axes, folder, origin, visible)
+    overrides = [*overrides, *([] if workers is None else [f"executor.workers={workers}"])]
+    points = compose_points(on_this_machine(request.points, overrides), request.keys)
+    plan, _ = planned_sweep(points, request.shuffle, request.pictures, request.steps)
+    origin = _origin(str(request.notes.get("command", path.name)), datetime.now(UTC))
+    older = older_points(folder, plan.points)
+    if older is not None:
+        tell(older)
+    note_resumed(folder, request, plan, resume_words(path, overrides), origin)
+    return _run(plan, request.axes, folder, origin, visible, label)
 
 
 def planned_sweep(
-    points: Sequence[Point], shuffle: int | None, pictures: bool
+    points: Sequence[Point], shuffle: int | None, pictures: bool, steps: Sequence[str] = ()
 ) -> tuple[SweepPlan, list[str]]:
     """The plan of points, in the order in which they are to run, and notes on their axes.
 
     Raises:
         UserError: if no stage reads an axis, or the cache cannot be read.
     """
-    planned = plan_points(points, pictures)
+    planned = plan_points(points, pictures, steps)
     notes = check_axes(planned)
     store = open_store(points[0].composition.configuration.cache)
     with told_in_one_line():
         return plan_sweep(shuffled_points(planned, shuffle), store), notes
+
+
+def _probe(plan: SweepPlan) -> None:
+    """Raise UserError if the cache or the scheduler is refused, before a folder is made."""
+    configuration = plan.points[0].point.composition.configuration
+    with told_in_one_line():
+        probe(len(plan.missing), open_store(configuration.cache), configuration.executor)
 
 
 def _run(
@@ -114,11 +161,17 @@ def _run(
     folder: SweepFolder | None,
     origin: dict[str, Any],
     visible: bool,
+    label: str = "",
 ) -> SweepResult:
     store = open_store(plan.points[0].point.composition.configuration.cache)
     notes = {"sweep": origin["command"], **origin}
     del notes["command"]
-    return run_sweep(plan, axes, store, None if folder is None else folder.path, notes, visible)
+    path = None if folder is None else folder.path
+    return run_sweep(plan, axes, store, path, notes, visible, label)
+
+
+def _origin(command: str, now: datetime) -> dict[str, Any]:
+    return {"command": command, "created": now.isoformat(timespec="seconds"), **provenance()}
 
 
 def _request(
@@ -126,6 +179,7 @@ def _request(
     points: Sequence[Point],
     shuffle: int | None,
     pictures: bool,
+    steps: Sequence[str],
     origin: dict[str, Any],
 ) -> SweepRequest:
     return SweepRequest(
@@ -133,18 +187,9 @@ def _request(
         points=tuple(point.overrides for point in points),
         shuffle=shuffle,
         pictures=pictures,
+        steps=tuple(steps),
         notes=origin,
     )
-
-
-def _with_workers(points: Sequence[Sequence[str]], workers: int | None) -> list[tuple[str, ...]]:
-    if workers is None:
-        return [tuple(overrides) for overrides in points]
-    key = "executor.workers="
-    return [
-        (*(text for text in overrides if not text.lstrip("+").startswith(key)), f"{key}{workers}")
-        for overrides in points
-    ]
 
 
 def _command(

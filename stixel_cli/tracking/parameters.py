@@ -94,3 +94,31 @@ class GpEkfParameters:
     measurement_deviation: Annotated[float, Gt(0), Le(10)]
     gate_probability: Annotated[float, Gt(0), Lt(1)] | None
     contour_points: Annotated[int, Ge(8), Le(1000)]
+
+
+@dataclass(frozen=True)
+class PointParameters:
+    """The centroid of a scan in a Kalman filter of constant velocity: the floor to compare with.
+
+    Attributes:
+        sigma_q: process noise of the position, a white acceleration's root density, m/s^1.5.
+        measurement_deviation: standard deviation of a point along each axis, m.
+        centroid_offset: standard deviation, along each axis, of the distance from the centre to the
+            centroid of what is seen, in radii of the circle.
+        gate_probability: chi-square probability of the association's gate; null takes every point.
+        least_speed: below this speed, m/s, the heading is kept as it was.
+        contour_points: number M of points of the circle that is reported.
+    """
+
+    __pydantic_config__ = STRICT
+
+    kind: Literal["point"]
+    sigma_q: Annotated[float, Ge(0), Le(100)]
+    measurement_deviation: Annotated[float, Gt(0), Le(10)]
+    centroid_offset: Annotated[float, Ge(0), Le(10)]
+    gate_probability: Annotated[float, Gt(0), Lt(1)] | None
+    least_speed: Annotated[float, Gt(0), Le(100)]
+    contour_points: Annotated[int, Ge(8), Le(1000)]
+
+
+Tracker = GpEkfParameters | PointParameters

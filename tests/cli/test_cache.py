@@ -1,5 +1,6 @@
 """`stixel cache …`, on a cache with a few entries made by hand."""
 
+import io
 import json
 import os
 import time
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.cli.app import main
-from stixel_cli.engine.store import VALUE, Store
+from stixel_cli.engine.store import META, VALUE, Store
 
 DAY = 86400.0
 
@@ -87,9 +88,62 @@ def test_verify_names_what_is_bad_and_sets_it_aside(store, capsys):
     assert answer(capsys, "verify")["bad"] == []
 
 
+def test_ls_counts_what_is_damaged(store, capsys):
+    for i in (1, 4):
+        notes = store.entry(f"{i:x}" * 64) / META
+        notes.write_bytes(notes.read_bytes().replace(b"[", b"{"))
+    assert main(["cache", "ls", "--json"]) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)["damaged"] == 2
+    assert json.loads(said.out)["entries"] == 4
+    assert said.err == (
+        "stixel: 2 entries are damaged or of an older version and set aside; "
+        "made again when needed\n"
+    )
+    assert main(["cache", "ls"]) == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_notes_that_were_altered_are_bad_though_they_are_valid(store, capsys):
+    notes = store.entry("2" * 64) / META
+    content = json.loads(notes.read_bytes())
+    notes.write_text(json.dumps(content | {"label": "other"}, indent=1))
+    assert main(["cache", "verify"]) == 1
+    said = capsys.readouterr().out
+    assert "bad: other 222222222222: its notes are not what was stored; set aside" in said
+    assert left(store) == [0, 1, 3, 4, 5]
+
+
 def test_clear(store, capsys):
-    assert len(answer(capsys, "clear")["removed"]) == 6
+    assert len(answer(capsys, "clear", "--yes")["removed"]) == 6
     assert left(store) == []
+    assert [path for path in store.folder.iterdir() if len(path.name) == 2] == []
+
+
+def test_clear_asks_nobody_where_there_is_no_terminal(store, capsys):
+    assert main(["cache", "clear"]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "add --yes" in said
+    assert left(store) == [0, 1, 2, 3, 4, 5]
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "kept"), [("\n", 1, 6), ("no\n", 1, 6), ("", 1, 6), ("Y\n", 0, 0)]
+)
+def test_clear_asks_on_a_terminal(store, monkeypatch, words, code, kept):
+    screen = Terminal()
+    monkeypatch.setattr("sys.stdin", Terminal(words))
+    monkeypatch.setattr("sys.stderr", screen)
+    assert main(["cache", "clear"]) == code
+    assert screen.getvalue().startswith("remove 6 results, ")
+    assert ("nothing was removed" in screen.getvalue()) == (code == 1)
+    assert len(left(store)) == kept
 
 
 @pytest.mark.parametrize(
@@ -115,7 +169,7 @@ def test_wrong_words(store, words, said, capsys):
 def test_a_cache_that_is_no_folder(tmp_path, capsys, monkeypatch):
     (tmp_path / "file").write_text("mine")
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "file"))
-    for words in (["ls"], ["gc"], ["verify"], ["clear"]):
+    for words in (["ls"], ["gc"], ["verify"], ["clear", "--yes"]):
         capsys.readouterr()
         code = main(["cache", *words])
         said = capsys.readouterr()

@@ -53,6 +53,18 @@ def test_keys():
     assert "seed=" in complete_override("se")
 
 
+def test_keys_of_a_group_within_another(in_bash):
+    assert "measurement.noise.disparity_deviation=" in in_bash(
+        "measurement", "=", "fabricated", "measurement."
+    )
+    line = ("measurement", "=", "fabricated", "measurement/noise", "=", "constant")
+    assert in_bash(*line, "measurement.noise.") == [
+        "measurement.noise.range_deviation=",
+        "measurement.noise.range_deviation=0.1",
+    ]
+    assert "measurement/noise=constant" in complete_override("measurement/")
+
+
 def test_keys_of_the_option_in_the_line(in_bash, monkeypatch):
     assert "path.points=" in in_bash("path", "=", "waypoints", "path.p")
     assert in_bash("path", "=", "nothing", "path.p") == []

@@ -6,11 +6,17 @@ import pytest
 import yaml
 
 from stixel_cli.config.compose import compose, from_resolved
-from stixel_cli.config.folders import configuration_folder, group_options
+from stixel_cli.config.folders import configuration_folder, group_options, outer_options
 from stixel_cli.config.schema import Configuration
 from stixel_cli.errors import ConfigurationError
 
 OPTIONS = [(group, option) for group, options in group_options().items() for option in options]
+
+
+def around(group):
+    """What has to be chosen for a group within another to be there."""
+    outer = group.rpartition("/")[0]
+    return [f"{outer}={outer_options(group)[0]}"] if outer else []
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +26,7 @@ def default():
 
 @pytest.mark.parametrize(("group", "option"), OPTIONS)
 def test_every_preset_is_valid(group, option):
-    composition = compose([f"{group}={option}"])
+    composition = compose([*around(group), f"{group}={option}"])
     assert composition.choices[group] == option
     assert isinstance(composition.configuration, Configuration)
 
@@ -38,7 +44,7 @@ def test_default_is_what_the_readme_says(default):
         "tracker": "gp_ekf",
     }
     assert expected.items() <= default.choices.items()
-    assert default.choices.keys() == group_options().keys()
+    assert default.choices.keys() == {group for group in group_options() if "/" not in group}
     assert default.configuration.seed == 0
     assert default.overrides == ()
 
@@ -162,6 +168,8 @@ def test_hydra_makes_no_folder(tmp_path, monkeypatch):
         ["road_user=cyclist", "path=s_curve", "path.swing=3", "seed=9"],
         ["path=waypoints", "path.points=[[0,12],[3,15.5]]", "path.speed=${pace.turn_speed}"],
         ["++rig.width=800", "rig=kitti", "pictures.frames=null", "road_user.contrast=0.25"],
+        ["measurement=fabricated", "measurement/noise=constant", "measurement.rays=9"],
+        ["measurement.noise.disparity_deviation=0.2", "measurement=fabricated"],
     ],
 )
 def test_it_is_what_hydra_composes(overrides):
@@ -191,3 +199,36 @@ def test_an_edited_file_is_seen(tmp_path, monkeypatch):
 def test_a_configuration_is_nobody_else_s(default):
     compose().resolved["rig"]["width"] = 1
     assert compose() == default
+
+
+def test_a_group_within_another_follows_its_option_or_is_chosen():
+    noise = compose(["measurement=fabricated"]).configuration.measurement.noise
+    assert noise.kind == "stereo"
+    chosen = compose(["measurement=fabricated", "measurement/noise=constant"])
+    assert chosen.configuration.measurement.noise.kind == "constant"
+    assert chosen.choices["measurement/noise"] == "constant"
+    stored = yaml.safe_load(yaml.safe_dump(chosen.resolved))
+    assert from_resolved(stored) == chosen.configuration
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda noise: noise.update(kind="white"), "measurement.noise: its kind is unknown"),
+        (lambda noise: noise.pop("kind"), "measurement.noise: its kind is unknown"),
+        (lambda noise: noise.pop("range_deviation"), "measurement.noise.range_deviation: is miss"),
+        (lambda noise: noise.update(range_deviation=-1), "must be ≥ 0 and ≤ 10"),
+        (lambda noise: noise.update(range_devation=1), "mean measurement.noise.range_deviation?"),
+        (
+            lambda noise: noise.update(disparity_deviation=0.1),
+            "with measurement/noise=constant; it belongs to measurement/noise=stereo",
+        ),
+    ],
+)
+def test_a_stored_group_within_another_that_is_wrong(change, message):
+    plain = compose(["measurement=fabricated", "measurement/noise=constant"]).resolved
+    change(plain["measurement"]["noise"])
+    with pytest.raises(ConfigurationError) as error:
+        from_resolved(plain)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)

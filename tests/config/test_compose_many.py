@@ -5,7 +5,7 @@ import pytest
 from stixel_cli.config import compose_many
 from stixel_cli.config.compose import compose
 from stixel_cli.config.compose_many import Composer
-from stixel_cli.config.folders import group_options
+from stixel_cli.config.folders import group_options, outer_options
 from stixel_cli.errors import ConfigurationError
 
 OPTIONS = [(group, option) for group, options in group_options().items() for option in options]
@@ -16,9 +16,15 @@ LINES = [
     ["pace=pedestrian", "path=circle", "road_user.contrast=0.25", "pictures.frames=[0,3]"],
     ["path=waypoints", "path.points=[[0,12],[3,15.5]]", "++renderer.light.sun=1"],
     ["rig.height=${rig.width}", "measurement=fabricated", "measurement.rays=null"],
+    ["measurement=fabricated", "measurement/noise=constant", "measurement.noise.range_deviation=1"],
+    ["measurement.noise.disparity_deviation=0.2", "measurement=fabricated", "seed=3"],
     ["path=crossing", "road_user=pedestrian", "tracker.jitter=1e-7", "measurement='fabricated'"],
 ]
 WRONG = [
+    ["measurement/noise=constant"],
+    ["measurement=fabricated", "measurement.noise=constant"],
+    ["measurement=fabricated", "measurement/noise=constant", "measurement.noise.edge_shift=1"],
+    ["measurement.noise.range_deviation=1"],
     ["path=turn", "path.swing=3"],
     ["seed=-1"],
     ["seed=a"],
@@ -34,12 +40,19 @@ WRONG = [
 ]
 
 
+def alone(group, option):
+    """An option, within another group with one that has it."""
+    outer = group.rpartition("/")[0]
+    around = [f"{outer}={outer_options(group)[0]}"] if outer else []
+    return [*around, f"{group}={option}"]
+
+
 @pytest.fixture(scope="module")
 def composer():
     return Composer()
 
 
-@pytest.mark.parametrize("line", [*LINES, *([f"{group}={option}"] for group, option in OPTIONS)])
+@pytest.mark.parametrize("line", [*LINES, *(alone(*one) for one in OPTIONS)])
 def test_it_is_what_compose_gives(line, composer, monkeypatch):
     monkeypatch.setattr(compose_many, "compose", None)  # the slow way is not needed
     fast, slow = composer.compose(line), compose(line)

@@ -4,7 +4,16 @@ import pytest
 import yaml
 
 from stixel_cli.config import folders
-from stixel_cli.config.folders import default_option, group_options, option_values, shipped_folder
+from stixel_cli.config.folders import (
+    default_option,
+    group_options,
+    inner_options,
+    innermost_group,
+    option_values,
+    options_of_kind,
+    outer_options,
+    shipped_folder,
+)
 from stixel_cli.errors import ConfigurationError
 
 
@@ -20,7 +29,9 @@ def flatten(plain, prefix=""):
 def test_values_are_those_of_the_yaml(group):
     for option in group_options()[group]:
         text = (shipped_folder("conf") / group / f"{option}.yaml").read_text(encoding="utf-8")
-        expected = dict(flatten(yaml.safe_load(text)))
+        content = yaml.safe_load(text)
+        content.pop("defaults", None)
+        expected = dict(flatten(content))
         found = option_values(group, option)
         assert list(found) == list(expected)
         for key, value in found.items():
@@ -51,3 +62,18 @@ def test_a_missing_folder_is_said(tmp_path, monkeypatch):
     monkeypatch.setattr(folders, "_PACKAGE", tmp_path / "stixel_cli")
     with pytest.raises(ConfigurationError, match="conf: the folder is missing"):
         shipped_folder("conf")
+
+
+def test_a_group_within_another():
+    assert inner_options("measurement", "fabricated") == {"measurement/noise": "stereo"}
+    assert inner_options("measurement", "simulated") == {}
+    assert outer_options("measurement/noise") == ("fabricated",)
+    assert outer_options("measurement") == ()
+    assert default_option("measurement/noise") == "stereo"
+    assert innermost_group("measurement.noise.range_deviation") == "measurement/noise"
+    assert innermost_group("measurement.noise") == "measurement/noise"
+    assert innermost_group("measurement.rays") == "measurement"
+    assert innermost_group("nothing.rays") == ""
+    assert options_of_kind("measurement/noise", "constant") == ("constant",)
+    fitted = options_of_kind("measurement/noise", "fitted")
+    assert {"fitted_car", "fitted_cyclist", "fitted_pedestrian"} <= set(fitted)

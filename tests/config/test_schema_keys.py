@@ -9,7 +9,7 @@ from annotated_types import Ge, Gt, Le, Lt
 
 from stixel_cli.config import messages
 from stixel_cli.config.compose import compose, from_resolved
-from stixel_cli.config.folders import group_options
+from stixel_cli.config.folders import group_options, options_of_kind
 from stixel_cli.config.keys import describe, known_keys, locate
 from stixel_cli.errors import ConfigurationError
 
@@ -17,12 +17,13 @@ from stixel_cli.errors import ConfigurationError
 @pytest.fixture(scope="module")
 def plain_of():
     """The resolved configuration in which a group's variant is chosen."""
-    composed: dict[tuple[str, str | None], dict[str, Any]] = {}
+    composed: dict[tuple[tuple[str, str], ...], dict[str, Any]] = {}
 
-    def resolved(group, kind):
-        if (group, kind) not in composed:
-            composed[group, kind] = compose([f"{group}={kind}"] if kind else []).resolved
-        return copy.deepcopy(composed[group, kind])
+    def resolved(key):
+        if key.owners not in composed:
+            chosen = [f"{group}={options_of_kind(group, kind)[0]}" for group, kind in key.owners]
+            composed[key.owners] = compose(chosen).resolved
+        return copy.deepcopy(composed[key.owners])
 
     return resolved
 
@@ -43,6 +44,11 @@ def limits(annotation):
 
 def of_numbers(key):
     return describe(key.annotation).startswith(("a number", "a whole number"))
+
+
+def named(key):
+    """A key's name with the variants that have it."""
+    return "-".join([key.name, *(kind for _, kind in key.owners)])
 
 
 KEYS = [key for variants in known_keys().values() for key in variants]
@@ -67,18 +73,18 @@ def fault(plain):
     return text
 
 
-@pytest.mark.parametrize("key", KEYS, ids=lambda key: f"{key.name}-{key.kind}")
+@pytest.mark.parametrize("key", KEYS, ids=named)
 def test_wrong_type_names_key_and_type(key, plain_of):
-    plain = plain_of(key.name.partition(".")[0], key.kind)
+    plain = plain_of(key)
     text = fault(with_value(plain, key.name, {"a": 1}))
     assert text.startswith(f"{key.name}: ")
     assert describe(key.annotation) in text
 
 
-@pytest.mark.parametrize("key", NUMBERS, ids=lambda key: f"{key.name}-{key.kind}")
+@pytest.mark.parametrize("key", NUMBERS, ids=named)
 def test_out_of_range_says_the_range(key, plain_of):
     for value in limits(key.annotation):
-        plain = plain_of(key.name.partition(".")[0], key.kind)
+        plain = plain_of(key)
         text = fault(with_value(plain, key.name, value))
         assert re.match(rf"{key.name}: {value} (is out of range|does not fit): must be ", text)
         assert any(sign in text for sign in "<>≤≥")
@@ -101,9 +107,13 @@ def test_a_slip_finds_the_group(group):
 
 def test_every_key_is_found_again():
     for key in KEYS:
-        group, *rest = key.name.split(".")
-        path = (group, key.kind, *rest) if key.kind else (group, *rest)
-        assert locate(path) == (key.name, key.annotation)
+        kinds = dict(key.owners)
+        path: list[str] = []
+        *groups, last = key.name.split(".")
+        for i, part in enumerate(groups):
+            group = "/".join(groups[: i + 1])
+            path += [part, kinds[group]] if group in kinds else [part]
+        assert locate((*path, last)) == (key.name, key.annotation)
 
 
 def test_unknown_place():
@@ -114,7 +124,9 @@ def test_unknown_place():
 def test_words_for_types():
     def words(name, kind=None):
         return next(
-            describe(key.annotation) for key in known_keys()[name] if kind in (None, key.kind)
+            describe(key.annotation)
+            for key in known_keys()[name]
+            if kind is None or kind in dict(key.owners).values()
         )
 
     assert words("rig.baseline") == "a number > 0 and ≤ 5"

@@ -10,13 +10,17 @@ from textwrap import dedent
 
 import pytest
 
+from stixel_cli.engine.dask_cluster import Cluster
 from stixel_cli.engine.errors import CodeChanged, ExecutorError, StageFailure
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.graph import build_graph
 from stixel_cli.engine.parameters import DaskExecutor
+from stixel_cli.engine.probe import probe
 from stixel_cli.engine.stage import Stage
+from stixel_cli.engine.store import Store
 
 distributed = pytest.importorskip("distributed", reason="Dask is not installed")
+psutil = pytest.importorskip("psutil", reason="it comes with Dask")
 
 FRAMES = 12
 
@@ -269,5 +273,86 @@ def test_ctrl_c_ends_a_cluster_of_its_own(tmp_path):
     assert errors == ""
     assert took < 8.0, "2 s on a machine that has nothing else to do"
     for path in tmp_path.glob("running-*"):
-        with pytest.raises(ProcessLookupError):
-            os.kill(int(path.name.partition("-")[2]), 0)
+        assert not runs(int(path.name.partition("-")[2]))
+
+
+def runs(pid):
+    """Whether a process is there, and not dead with its parent yet to look at it."""
+    try:
+        os.kill(pid, 0)
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    except (ProcessLookupError, psutil.NoSuchProcess):
+        return False
+
+
+def test_ctrl_c_while_a_cluster_of_its_own_starts(project, monkeypatch):
+    made = []
+
+    class Slow(Cluster):
+        def address(self):
+            made.append(self)
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("stixel_cli.engine.dask_pool.Cluster", Slow)
+    with pytest.raises(KeyboardInterrupt):
+        execute(project.graph(), ["numbers"], project.store, executor="dask")
+    (cluster,) = made
+    # It was importing Dask, and would have told its address in a second.
+    assert cluster._process.returncode == -signal.SIGKILL
+    assert not os.path.exists(cluster._folder)
+
+
+def test_a_cluster_ends_with_who_started_it():
+    script = """
+        import os, signal
+        from stixel_cli.engine.dask_cluster import Cluster
+        if __name__ == "__main__":
+            cluster = Cluster(1)
+            print(cluster._process.pid, cluster.address(), flush=True)
+            os.kill(os.getpid(), signal.SIGKILL)
+        """
+    done = subprocess.run(
+        [sys.executable, "-c", dedent(script)], capture_output=True, text=True, timeout=60
+    )
+    pid, address = done.stdout.split()
+    assert address.startswith("tcp://127.0.0.1:")
+    deadline = time.monotonic() + 20.0
+    while runs(int(pid)):
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def test_a_cluster_that_cannot_be_started(project, monkeypatch, tmp_path):
+    (tmp_path / "distributed.py").write_text("raise ImportError('broken')")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    with pytest.raises(ExecutorError, match=r"no Dask scheduler on this machine \(.*broken"):
+        execute(project.graph(), ["numbers"], project.store, executor="dask")
+
+
+@pytest.fixture
+def scheduler():
+    """The address of a scheduler without workers."""
+    with distributed.LocalCluster(
+        n_workers=0, host="127.0.0.1", dashboard_address="127.0.0.1:0", protocol="tcp://"
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
+def test_a_scheduler_without_workers(scheduler, project, notes, monkeypatch):
+    monkeypatch.setattr("stixel_cli.engine.dask_pool.COUNT_INTERVAL", 0.2)
+    monkeypatch.setattr("stixel_cli.engine.dask_pool.LONG_PATIENCE", 0.6)
+    executor = DaskExecutor("dask", 2, None, scheduler)
+    with pytest.raises(ExecutorError, match=f"^no worker at the Dask scheduler {scheduler} for "):
+        execute(project.graph(), ["numbers"], project.store, executor=executor, progress=notes)
+    assert [note.partition(",")[0] for note in notes.notes] == [
+        f"waiting for workers at {scheduler}"
+    ]
+
+
+def test_what_is_probed(scheduler, tmp_path, monkeypatch):
+    monkeypatch.setattr("stixel_cli.engine.dask_pool.PATIENCE", 0.5)
+    store, nobody = Store(tmp_path / "cache"), DaskExecutor("dask", 2, None, "tcp://127.0.0.1:9")
+    probe(3, store, DaskExecutor("dask", 2, None, scheduler))
+    probe(0, store, nobody)
+    with pytest.raises(ExecutorError, match=r"no Dask scheduler at tcp://127\.0\.0\.1:9"):
+        probe(3, store, nobody)

@@ -1,5 +1,6 @@
 """Why a node would run: the key that changed, the function, the version, or the cache's doing."""
 
+import shutil
 from dataclasses import replace
 
 import pytest
@@ -43,6 +44,72 @@ def test_a_setting_and_what_depends_on_it(project, said):
     assert answer["running[0:4]"] == "running[0:4]: input changed: double"
     assert answer["show[9]"] == "show[9]: input changed: double; input changed: grid"
     assert "numbers" not in answer
+
+
+def test_a_setting_by_the_name_that_the_user_gave_it(project, said):
+    stages = project.stages(factor=2.5)
+    named = [
+        replace(stages[1], keys={"gain": "world.gain"}) if one is stages[1] else one
+        for one in stages
+    ]
+    graph = build_graph(named, FRAMES, CHUNK)
+    assert graph.nodes.keys() == project.graph(factor=2.5).nodes.keys(), "no part of the key"
+    assert said(graph, ["double"])["double[4:8]"] == (
+        "double[4:8]: world.gain.factor changed from 2.0 to 2.5"
+    )
+
+
+def test_a_setting_that_only_one_of_the_two_has(project, said):
+    project.edit("steps", "def numbers(count)", "def numbers(count, start=0.0)")
+    project.forget()
+    (stage, *_) = project.stages()
+    with_start = replace(stage, settings={"count": FRAMES, "start": 1.0})
+    graph = build_graph([with_start], FRAMES, CHUNK)
+    assert said(graph)["numbers"].startswith("numbers: start is read now; code: ")
+    project.run(graph, ["numbers"])
+    forget_numbers_without_start(project)
+    graph = build_graph([replace(stage, settings={"count": 7})], FRAMES, CHUNK)
+    assert said(graph)["numbers"] == (
+        "numbers: count changed from 10 to 7; start is no longer read"
+    )
+
+
+def forget_numbers_without_start(project):
+    for path in project.store.folder.glob("??/*"):
+        notes = project.store.meta(path.name)
+        if notes["stage"] == "numbers" and "start" not in notes["settings"]:
+            shutil.rmtree(path)
+
+
+def test_another_function(project, said):
+    project.edit("steps", "def double(", "def other(rig):\n    return rig\n\ndef double(")
+    project.forget()
+    name = project.name
+    stage = project.stages()[0]
+    other = replace(stage, function=project.function("other"), settings={"rig": 3})
+    graph = build_graph([other], FRAMES, CHUNK)
+    # What the other function reads is no change of its own.
+    assert said(graph) == {
+        "numbers": f"numbers: its function changed from {name}.steps:numbers to {name}.steps:other"
+    }
+
+
+def test_the_nearest_has_the_same_function(project):
+    stage = project.stages()[1]
+    project.edit(
+        "steps",
+        "def running(",
+        "def twin(numbers, gain: Gain, frames):\n    return 1\n\ndef running(",
+    )
+    project.forget()
+    numbers = project.stages()[0]
+    twin = replace(project.stages()[1], function=project.function("twin"))
+    project.run(build_graph([numbers, twin], FRAMES, CHUNK), ["double"])
+    project.run(build_graph([numbers, project.stages(factor=9.0)[1]], 4, CHUNK), ["double"])
+    graph = build_graph([numbers, stage], FRAMES, CHUNK)
+    found = {one.label: str(one) for one in explain(graph, project.store, ["double"])}
+    # Other frames of the same function are nearer than the same frames of another.
+    assert "its function" not in found["double[4:8]"]
 
 
 def test_the_seed(project, said):

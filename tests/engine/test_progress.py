@@ -5,7 +5,7 @@ import io
 import pytest
 
 from stixel_cli.engine import progress as module
-from stixel_cli.engine.progress import Bar, Lines, make_progress
+from stixel_cli.engine.progress import Bar, Lines, Silent, make_progress, obituary
 
 
 @pytest.fixture
@@ -49,6 +49,38 @@ def test_lines(project, clock, capsys):
     ]
 
 
+def test_the_time_left(project, clock, capsys):
+    lines = Lines()
+    lines.expect({"double": 30.0, "running": 60.0}, 2)
+    graph = project.graph()
+    nodes = [*graph.of_stage("double"), *graph.of_stage("running")]
+    lines.begin(nodes, cached=0)
+    assert lines.seconds_left() == 135.0
+    lines.started(nodes[0])
+    clock[0] += 20.0
+    lines.tick()
+    lines.finished(nodes[0], 20.0)
+    assert lines.seconds_left() == 110.0, "by what was seen, where there is some"
+    assert capsys.readouterr().err == "stixel: [0/6] running double; about 2 min left\n"
+    lines.expect({"double": 30.0}, 2)
+    assert lines.seconds_left() is None
+    assert lines.text_left == ""
+
+
+def test_an_execution_tells_what_nodes_took_before(project):
+    class Kept(Silent):
+        def begin(self, nodes, cached):
+            super().begin(nodes, cached)
+            self.at_first = self.seconds_left()
+
+    first, second = Kept(), Kept()
+    project.add_line("gather", "import time; time.sleep(0.02)")
+    project.run(progress=first)
+    project.run(project.graph(seed=2), progress=second)
+    assert first.at_first is None
+    assert 0.02 < second.at_first < 5.0
+
+
 @pytest.mark.parametrize("make", [Lines, Bar])
 def test_what_is_short_is_not_shown(project, clock, capsys, make):
     feed(make(), project, clock, 0.01)
@@ -61,16 +93,29 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_a_bar_on_a_terminal(project, clock, capsys, monkeypatch):
+def test_a_bar_on_a_terminal(project, clock, capsys):
     terminal = Terminal()
-    monkeypatch.setattr("sys.stderr", terminal)
-    monkeypatch.setenv("TERM", "xterm")
-    bar = make_progress()
-    assert isinstance(bar, Bar)
-    feed(bar, project, clock, 2.0)
+    # Undone before capsys is, which keeps what stderr was at its beginning.
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sys.stderr", terminal)
+        patch.setenv("TERM", "xterm")
+        bar = make_progress()
+        assert isinstance(bar, Bar)
+        bar.expect({stage: 60.0 for stage in project.graph().stages}, 1)
+        feed(bar, project, clock, 2.0)
+    assert "grid; about 2 s left" in terminal.getvalue()
     assert "/10" in terminal.getvalue() and "made again" in terminal.getvalue()
     assert capsys.readouterr().out == ""
 
 
-def test_lines_where_there_is_no_terminal():
+def test_lines_where_there_is_no_terminal(capsys):
     assert isinstance(make_progress(), Lines)
+
+
+def test_what_is_said_of_a_worker_that_died():
+    assert obituary(["track", "track", "match[0:10]"], True) == (
+        "a worker died while these were running: track (2 points), match[0:10]; "
+        "each is tried again, alone"
+    )
+    assert obituary(["track"], True).endswith("it ran track, which is tried once more, alone")
+    assert obituary(["track"], False) == "a worker died of track"

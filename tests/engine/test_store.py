@@ -67,6 +67,19 @@ def flip(path):
     path.write_bytes(content)
 
 
+def change_notes(entry, **notes):
+    """Other notes, as valid as those before, under the digest of those before."""
+    found = json.loads((entry / META).read_text())
+    (entry / META).write_text(json.dumps(found | notes, indent=1))
+
+
+def old_notes(entry):
+    """Notes as they were stored before they had a digest of their own."""
+    found = json.loads((entry / META).read_text())
+    del found["notes_digest"]
+    return json.dumps(found, indent=1)
+
+
 @pytest.mark.parametrize(
     ("spoil", "reason"),
     [
@@ -77,6 +90,9 @@ def flip(path):
         (lambda entry: (entry / META).write_text("{"), "notes are damaged"),
         (lambda entry: (entry / META).write_text("[]"), "notes are damaged"),
         (lambda entry: (entry / META).unlink(), "meta.json is missing"),
+        (lambda entry: flip(entry / META), "notes are not what was stored"),
+        (lambda entry: change_notes(entry, size=7), "notes are not what was stored"),
+        (lambda entry: (entry / META).write_text(old_notes(entry)), "of an older version"),
     ],
 )
 def test_a_damaged_entry_is_set_aside(store, spoil, reason):
@@ -93,6 +109,43 @@ def test_a_damaged_entry_is_set_aside(store, spoil, reason):
 def test_notes_are_json(store):
     store.save(KEY, 1, settings={"a": [0.1, None, "é"]})
     assert json.loads((store.entry(KEY) / META).read_text("utf-8"))["settings"]["a"][2] == "é"
+
+
+def test_damaged_notes_are_no_entry_and_do_not_stand_in_the_way(store):
+    store.save(KEY, 1)
+    change_notes(store.entry(KEY), digest="0" * 64)
+    assert not store.has(KEY)
+    assert store.entry(KEY).exists(), "nothing is set aside by a look"
+    store.save(KEY, 2)
+    assert store.load(KEY) == 2
+
+
+def test_the_entry_of_another_key_is_not_believed(store):
+    store.save(KEY, 1)
+    other = "cd" + KEY[2:]
+    store.entry(other).parent.mkdir(parents=True)
+    store.entry(KEY).rename(store.entry(other))
+    assert not store.has(other)
+    with pytest.raises(MissingEntry, match="of another key"):
+        store.load(other)
+
+
+def test_a_folder_that_a_collector_removes_on_the_way(store, monkeypatch):
+    from pathlib import Path
+
+    store.save("cd" + KEY[2:], 1)
+    rename, removed = Path.rename, []
+
+    def rename_late(path, target):
+        if not removed:
+            removed.append(target.parent)
+            target.parent.rmdir()
+        return rename(path, target)
+
+    monkeypatch.setattr(Path, "rename", rename_late)
+    store.save(KEY, 1)
+    assert removed == [store.entry(KEY).parent]
+    assert store.load(KEY) == 1
 
 
 def test_what_cannot_be_stored_leaves_nothing(store):

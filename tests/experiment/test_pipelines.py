@@ -10,7 +10,7 @@ from stixel_cli.engine.stage import GIVEN
 from stixel_cli.experiment.stages import TABLE, pictured_frames, pipeline_stages, scan_count
 
 TRUTH = {"scenario", "render"}
-MAY_SEE_TRUTH = {"render", "expose", "start", "scores"}
+MAY_SEE_TRUTH = {"render", "expose", "start", "scores", "stage_errors", "point_errors"}
 
 
 def stages_of(measurement):
@@ -24,7 +24,14 @@ def test_past_the_images_only_start_scores_and_pictures_see_the_truth():
             assert TRUTH.isdisjoint(stage.inputs.values()), stage.name
 
 
-@pytest.mark.parametrize("measurement", ["simulated", "fabricated"])
+def test_past_its_returns_a_lidars_scans_see_no_truth_and_the_returns_see_no_noise():
+    stages = stages_of("lidar")
+    assert stages["scans"].inputs == {"returns": "cast_lidar", "ego_motion": "ego_motion"}
+    assert stages["cast_lidar"].seed is None
+    assert set(stages["cast_lidar"].settings) == {"road_user", "world", "scanner", "camera_fov"}
+
+
+@pytest.mark.parametrize("measurement", ["simulated", "fabricated", "lidar"])
 def test_the_track_sees_no_truth_and_does_not_depend_on_pictures(measurement):
     stages = stages_of(measurement)
     assert stages["track"].inputs == {"scans": "scans", "initial": "start"}
@@ -37,7 +44,7 @@ def test_a_stages_arguments_are_those_of_every_function_it_may_call(row):
     definition = TABLE[row]
     wired = [
         stage
-        for measurement in ("simulated", "fabricated")
+        for measurement in ("simulated", "fabricated", "lidar")
         for stage in stages_of(measurement).values()
         if stage.function in definition.functions.values()
     ]

@@ -5,7 +5,7 @@ import json
 import pytest
 from run_cli import FEW, run_json
 
-from stixel_cli.config.folders import group_options
+from stixel_cli.config.folders import group_options, outer_options
 from stixel_cli.scene.filament import probe_filament
 
 OWN_PRESETS = {"road_user", "pace", "prior"}
@@ -40,7 +40,9 @@ def test_every_preset_runs(group, option, results, capsys):
         if reason is not None:
             pytest.skip(reason)
     few = FEW if group != "rig" else ("path.duration=0.2", "pictures.frames=[1]")
-    check(run_json(capsys, results, *few, *few_seconds(option), f"{group}={option}"))
+    outer = group.rpartition("/")[0]
+    around = (f"{outer}={outer_options(group)[0]}",) if outer else ()
+    check(run_json(capsys, results, *few, *few_seconds(option), *around, f"{group}={option}"))
 
 
 @pytest.mark.parametrize("road_user", ["car", "cyclist", "pedestrian"])

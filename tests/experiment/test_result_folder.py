@@ -36,6 +36,7 @@ def test_the_folder_holds_what_the_readme_lists(results, capsys):
         "track.csv",
         "track.npz",
         "figures",
+        "index.html",
     }
     resolved = yaml.safe_load((folder / "config.yaml").read_text())
     assert from_resolved(resolved) == compose(FEW).configuration

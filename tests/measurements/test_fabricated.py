@@ -6,7 +6,7 @@ import pytest
 from stixel_cli.geometry.pose import ego_from_world, rotation, world_from_target
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import fabricate_scans
-from stixel_cli.measurements.parameters import FabricatedParameters
+from stixel_cli.measurements.parameters import ConstantNoise, FabricatedParameters, StereoNoise
 from stixel_cli.scene.scenario import Scenario
 
 RIG = Rig(
@@ -24,9 +24,7 @@ EXACT = FabricatedParameters(
     kind="fabricated",
     rays=None,
     spacing="angle",
-    noise="constant",
-    disparity_deviation=0.1,
-    range_deviation=0.0,
+    noise=ConstantNoise("constant", range_deviation=0.0),
     clutter_rate=0.0,
     missed_probability=0.0,
     range_max=80.0,
@@ -70,7 +68,7 @@ def test_without_noise_the_points_are_on_the_contour_and_on_the_rays(spacing):
 
 def test_noise_is_along_the_ray_and_as_its_covariance_says():
     truth = scenario(count=200)
-    stereo = dataclasses.replace(EXACT, noise="stereo", disparity_deviation=0.3)
+    stereo = dataclasses.replace(EXACT, noise=StereoNoise("stereo", 0.3))
     exact = fabricate_scans(truth, RIG, EXACT, seed=5)
     noisy = fabricate_scans(truth, RIG, stereo, seed=5)
     assert len(exact.points_world) == len(noisy.points_world)
@@ -105,7 +103,7 @@ def test_noise_is_along_the_ray_and_as_its_covariance_says():
 
 def test_options_leave_the_other_draws_alone():
     truth = scenario()
-    plain = dataclasses.replace(EXACT, range_deviation=0.1)
+    plain = dataclasses.replace(EXACT, noise=ConstantNoise("constant", 0.1))
     reference = fabricate_scans(truth, RIG, plain, seed=3)
     cluttered = fabricate_scans(truth, RIG, dataclasses.replace(plain, clutter_rate=4.0), seed=3)
     missed = fabricate_scans(truth, RIG, dataclasses.replace(plain, missed_probability=0.3), seed=3)
@@ -127,7 +125,7 @@ def test_options_leave_the_other_draws_alone():
 
 def test_draws_depend_on_the_seed_and_the_scan_alone():
     truth = scenario()
-    noisy = dataclasses.replace(EXACT, range_deviation=0.1)
+    noisy = dataclasses.replace(EXACT, noise=ConstantNoise("constant", 0.1))
     first = fabricate_scans(truth, RIG, noisy, seed=3)
     again = fabricate_scans(truth, RIG, noisy, seed=3)
     other = fabricate_scans(truth, RIG, noisy, seed=4)
@@ -149,3 +147,43 @@ def test_a_scan_may_be_empty():
 def test_more_rays_than_columns_are_refused():
     with pytest.raises(ValueError, match=r"measurement\.rays: 641 .* 640 columns"):
         fabricate_scans(scenario(), RIG, dataclasses.replace(EXACT, rays=641), seed=0)
+
+
+BEFORE = {
+    "stereo": (
+        StereoNoise("stereo", 0.3),
+        [
+            [-2.664173033370039, 15.278003479146129],
+            [-5.2554971105468855, 13.948876597756906],
+            [-12.67561967407739, 66.80826385185473],
+        ],
+        [-3763.2590128999004, 14997.539721045583],
+        [27.730118550153925, -61.09845726498956, -61.09845726498956, 286.7459537870353],
+    ),
+    "constant": (
+        ConstantNoise("constant", 0.1),
+        [
+            [-2.731156743420923, 15.662129188094172],
+            [-5.297581274697873, 14.06057427356455],
+            [-12.67561967407739, 66.80826385185473],
+        ],
+        [-3760.5041489970936, 14989.486733478145],
+        [0.9000680580903725, -2.6294895612297062, -2.6294895612297062, 9.592937180521007],
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", BEFORE)
+def test_points_are_those_from_before_the_noise_was_a_group(kind):
+    noise, some, points, covariances = BEFORE[kind]
+    options = {"spacing": "tangent", "clutter_rate": 2.0, "missed_probability": 0.1}
+    scans = fabricate_scans(
+        scenario(count=6), RIG, dataclasses.replace(EXACT, noise=noise, **options), seed=4
+    )
+    assert scans.points_world.shape == (1044, 2)
+    # Bytes on one machine; another's sine may round otherwise.
+    exact = {"rtol": 1e-13, "atol": 0.0}
+    np.testing.assert_allclose(scans.points_world[[0, 100, -1]], some, **exact)
+    np.testing.assert_allclose(scans.points_world.sum(axis=0), points, **exact)
+    total = scans.covariances_world.sum(axis=0).ravel()
+    np.testing.assert_allclose(total, covariances, rtol=1e-11)

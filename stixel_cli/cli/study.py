@@ -1,0 +1,176 @@
+"""`stixel study`: a research question, from its sweeps to its report."""
+
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from stixel_cli.cli.errors import tell
+from stixel_cli.cli.plan import plan_content, print_plan
+from stixel_cli.errors import ConfigurationError, UserError
+from stixel_cli.experiment.text import json_text
+from stixel_cli.studies.file import ALL, find_study, read_study, shipped_studies
+from stixel_cli.studies.folder import StudyFolder, study_folder
+from stixel_cli.studies.plan import StudyPlan, plan_study
+from stixel_cli.studies.run import StudyResult, run_study
+from stixel_cli.sweeps.run import SweepInterrupted
+
+INCOMPLETE = 1
+
+
+def study_command(
+    words: Sequence[str],
+    name: str | None,
+    results: Path,
+    workers: int | None,
+    json: bool,
+    dry_run: bool,
+    fresh: bool,
+) -> int:
+    """Run one study, or all of them; the exit code is 1 if one is not complete in the end.
+
+    Args:
+        words: the study, and overrides in Hydra's grammar.
+        name: of the study's folder; None for the study's own.
+        results: the folder in which that is.
+        workers: short for the override `executor.workers`.
+        json: print the result as JSON.
+        dry_run: print what would be computed, and write nothing.
+        fresh: begin anew in the place of a folder that is there.
+
+    Raises:
+        UserError: for whatever the user can put right, before anything is computed.
+        SweepInterrupted: by Ctrl-C.
+    """
+    shipped = shipped_studies()
+    if not words or "=" in words[0]:
+        raise ConfigurationError(f"name a study first: {', '.join(shipped)}, or {ALL}")
+    study, *overrides = words
+    options = _options(name, results, workers)
+    if study != ALL:
+        one = _Command(study, overrides, options, workers, dry_run, fresh)
+        answer, code = one.run(study_folder(results, name or Path(study).stem), json)
+        if json:
+            sys.stdout.write(json_text(answer))
+        return code
+    if name is not None:
+        raise UserError(f"--name: names the folder of one study: leave it out with {ALL}")
+    answers, codes = [], []
+    for one in shipped:
+        command = _Command(one, overrides, options, workers, dry_run, fresh)
+        try:
+            answer, code = command.run(study_folder(results, one), json)
+        except SweepInterrupted:
+            raise
+        except UserError as error:
+            tell(f"{one}: {error}")
+            answer, code = {"study": one, "complete": False, "error": str(error)}, error.exit_code
+        answers.append(answer)
+        codes.append(code)
+    if json:
+        sys.stdout.write(json_text({"studies": answers}))
+    return max(codes, default=0)
+
+
+def _options(name: str | None, results: Path, workers: int | None) -> list[str]:
+    options = [] if name is None else ["--name", name]
+    options += [] if results == Path("results") else ["--results", str(results)]
+    return options + ([] if workers is None else ["--workers", str(workers)])
+
+
+class _Command:
+    """One study as it was asked for."""
+
+    def __init__(
+        self,
+        study: str,
+        overrides: Sequence[str],
+        options: Sequence[str],
+        workers: int | None,
+        dry_run: bool,
+        fresh: bool,
+    ):
+        self.study = study
+        self.overrides = list(overrides)
+        self.text = shlex.join(["stixel", "study", study, *overrides, *options])
+        self.workers = workers
+        self.dry_run = dry_run
+        self.fresh = fresh
+
+    def run(self, folder: Path, json: bool) -> tuple[dict[str, Any], int]:
+        """What came of it in plain types, printed for the eye unless `json`, and the exit code."""
+        plan = plan_study(read_study(find_study(self.study)), self.overrides)
+        if self.dry_run:
+            StudyFolder(folder).check(plan, self.fresh)
+            return _planned(plan, json), 0
+        result = run_study(plan, folder, self.text, self.fresh, self.workers, True, tell)
+        if not json:
+            _print(plan, result)
+        missing = [state for state in result.parts if not state.complete]
+        for state in missing:
+            for fault in state.faults:
+                tell(f"part {state.name}: {fault}")
+        if missing:
+            counts = ", ".join(
+                f"{state.name} {state.done} of {state.points if state.points else '?'}"
+                for state in missing
+            )
+            tell(f"no statistics: points are not there: {counts}; {result.page} says so")
+            print(self.text, file=sys.stderr)  # noqa: T201
+        return _answer(plan, result), INCOMPLETE if missing else 0
+
+
+def _planned(plan: StudyPlan, json: bool) -> dict[str, Any]:
+    parts: dict[str, Any] = {}
+    for one in plan.parts:
+        name = one.part.name
+        if not json:
+            print(f"part {name}")  # noqa: T201
+        if one.plan is None:
+            parts[name] = None
+            if not json:
+                print("its axes follow from the results of the parts before\n")  # noqa: T201
+            continue
+        parts[name] = plan_content(one.plan, one.design, one.notes)
+        if not json:
+            print_plan(one.plan, one.design, one.notes, json=False)
+            print()  # noqa: T201
+    return {"study": plan.study.name, "parts": parts}
+
+
+def _answer(plan: StudyPlan, result: StudyResult) -> dict[str, Any]:
+    return {
+        "study": plan.study.name,
+        "folder": str(result.folder),
+        "report": str(result.page),
+        "complete": result.findings is not None,
+        "answer": None if result.findings is None else list(result.findings.answer),
+        "nodes": {"computed": result.computed, "cached": result.cached},
+        "parts": {
+            state.name: {
+                "points": state.points,
+                "done": state.done,
+                "folder": str(state.folder),
+                "faults": list(state.faults),
+            }
+            for state in result.parts
+        },
+    }
+
+
+def _print(plan: StudyPlan, result: StudyResult) -> None:
+    from rich.console import Console
+
+    console = Console(highlight=False, soft_wrap=True)
+    if result.findings is not None:
+        console.print(plan.study.title, markup=False, style="bold")
+        for text in result.findings.answer:
+            console.print(text, markup=False)
+    done = sum(state.done for state in result.parts)
+    console.print(
+        f"{done} points done; nodes: {result.computed} computed, {result.cached} cached; "
+        f"{result.seconds:.1f} s"
+    )
+    console.print(str(result.page), markup=False)
+    sys.stdout.flush()

@@ -1,0 +1,224 @@
+"""Errors of a scan's points against the true contour, one by one.
+
+Conventions: everything is seen from the sensor. A *column* is a real number, px: the place in the
+row of the left image, from its principal point to the right, -f tan(bearing). The silhouette is the
+contour's interval of columns, cut at the image's borders. A point is the *target's* if its column
+is in the silhouette widened by `BESIDE` px, and it is no farther than `DISPARITY_REACH` px and
+`RANGE_REACH` m from where the ray meets the contour first; a point beside the silhouette is
+compared with the nearest ray that meets it. Points of the silhouette's columns that are not the
+target's are clutter. Others belong to the rest of the scene. Errors are measured minus true.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stixel_cli.geometry.pose import rotation, world_from_target
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.measurements.noise import range_per_disparity
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.scene.scenario import Scenario
+
+BESIDE = 10.0
+DISPARITY_REACH = 3.0
+RANGE_REACH = 2.0
+_BEHIND = 0.1
+"""A contour that comes nearer to the sensor's plane than this depth, m, has no silhouette."""
+
+
+@dataclass(frozen=True)
+class PointErrors:
+    """Errors of N points of the target, of C columns that see it, and of K scans.
+
+    Attributes:
+        times: (K,) s.
+        spacing: columns from one point to its neighbour, px: the median; NaN where there is none.
+        scans: (N,) int64, the scan of each point; within a scan by column.
+        columns: (N,) px.
+        true_ranges: (N,) m, along the point's ray to the contour.
+        along: (N,) m, error of the range.
+        disparities: (N,) px, error of the disparity.
+        levers: (N,) m, the range that a pixel of disparity is worth there.
+        incidences: (N,) cosine of the angle between the ray and the contour's normal.
+        inside: (N,) px from the nearer end of the silhouette; negative beside it.
+        across: (N,) m beside the silhouette, across the ray; 0 inside, negative left of it.
+        column_scans: (C,) int64, the scan of each column of the image that sees the target.
+        column_inside: (C,) px, as `inside`.
+        column_incidences: (C,), as `incidences`.
+        covered: (C,) whether a point of the target is within half of `spacing`.
+        reach_left, reach_right: (K,) px, how far the scan's points, half of `spacing` round the
+            outermost, go beyond either end of the silhouette; negative if they fall short; NaN
+            where that end is not in the image, or no point is the target's.
+        columns_per_metre: (K,) px that a metre across the rays is worth at the silhouette's ends,
+            their mean; NaN where the target is not seen.
+        clutter: (K,) int64, points in front of or behind the target in its columns.
+    """
+
+    times: np.ndarray
+    spacing: float
+    scans: np.ndarray
+    columns: np.ndarray
+    true_ranges: np.ndarray
+    along: np.ndarray
+    disparities: np.ndarray
+    levers: np.ndarray
+    incidences: np.ndarray
+    inside: np.ndarray
+    across: np.ndarray
+    column_scans: np.ndarray
+    column_inside: np.ndarray
+    column_incidences: np.ndarray
+    covered: np.ndarray
+    reach_left: np.ndarray
+    reach_right: np.ndarray
+    columns_per_metre: np.ndarray
+    clutter: np.ndarray
+
+
+def point_errors(scans: Scans, scenario: Scenario, rig: Rig) -> PointErrors:
+    """Errors of the points of all scans; for the conventions see the module.
+
+    Raises:
+        ValueError: unless the scans' times are the scenario's.
+    """
+    if not np.array_equal(scans.times, scenario.times):
+        raise ValueError("the times of the scans are not those of the scenario")
+    count = len(scans)
+    points, columns, spans = [], [], []
+    clutter = np.zeros(count, dtype=np.int64)
+    for k in range(count):
+        pose = scenario.ego_poses_world[k]
+        turn = rotation(pose[2])
+        contour = world_from_target(scenario.contour_target, scenario.target_poses_world[k])
+        seen = _of_scan(
+            (contour - pose[:2]) @ turn, (scans.points_world[scans.rows(k)] - pose[:2]) @ turn, rig
+        )
+        if seen is None:
+            points.append(np.zeros((9, 0)))
+            columns.append(np.zeros((4, 0)))
+            spans.append((np.nan, np.nan, np.nan))
+            continue
+        rows, its_columns, span, clutter[k] = seen
+        points.append(np.vstack([np.full((1, rows.shape[1]), k), rows]))
+        columns.append(np.vstack([np.full((1, its_columns.shape[1]), k), its_columns]))
+        spans.append(span)
+    rows, its_columns = np.hstack(points), np.hstack(columns)
+    scan, column = rows[0].astype(np.int64), rows[1]
+    apart = np.diff(column)[np.diff(scan) == 0]
+    spacing = float(np.median(apart)) if len(apart) else np.nan
+    reach = _reach(spans, scan, column, spacing)
+    return PointErrors(
+        times=np.array(scenario.times, dtype=np.float64),
+        spacing=spacing,
+        scans=scan,
+        columns=column,
+        true_ranges=rows[2],
+        along=rows[3],
+        disparities=rows[4],
+        levers=rows[5],
+        incidences=rows[6],
+        inside=rows[7],
+        across=rows[8],
+        column_scans=its_columns[0].astype(np.int64),
+        column_inside=its_columns[2],
+        column_incidences=its_columns[3],
+        covered=_covered(its_columns[0], its_columns[1], scan, column, spacing),
+        reach_left=reach[0],
+        reach_right=reach[1],
+        columns_per_metre=np.array([span[2] for span in spans], dtype=np.float64),
+        clutter=clutter,
+    )
+
+
+def _of_scan(contour, points, rig):
+    """Rows of the target's points (8, n) and columns (3, c), the silhouette's span, clutter."""
+    if contour[:, 0].min() < _BEHIND:
+        return None
+    border = rig.focal * np.tan(0.5 * rig.fov)
+    outline = -rig.focal * contour[:, 1] / contour[:, 0]
+    first, last = outline.min(), outline.max()
+    low, high = max(first, -border), min(last, border)
+    seeing = np.arange(np.ceil(low), np.floor(high) + 1.0)
+    if len(seeing) == 0:
+        return None
+    points = points[points[:, 0] > _BEHIND]
+    column = -rig.focal * points[:, 1] / points[:, 0]
+    order = np.argsort(column, kind="stable")
+    points, column = points[order], column[order]
+    near = (column > low - BESIDE) & (column < high + BESIDE)
+    points, column = points[near], column[near]
+
+    met = np.clip(column, seeing[0], seeing[-1])
+    met = np.where((column > low) & (column < high), column, met)
+    bearing = -np.arctan(column / rig.focal)
+    true, incidence = ranges_along(contour, -np.arctan(met / rig.focal))
+    measured = np.hypot(points[:, 0], points[:, 1])
+    along = measured - true
+    disparity = rig.disparity_from_depth(points[:, 0]) - rig.disparity_from_depth(
+        true * np.cos(bearing)
+    )
+    lever = range_per_disparity(true, bearing, rig)
+    inside = np.minimum(column - low, high - column)
+    beside = np.where(column < low, column - low, np.where(column > high, column - high, 0.0))
+    across = beside * true * np.cos(bearing) ** 2 / rig.focal
+    own = (np.abs(disparity) <= DISPARITY_REACH) & (np.abs(along) <= RANGE_REACH)
+    rows = np.vstack([column, true, along, disparity, lever, incidence, inside, across])[:, own]
+
+    depths, facing = ranges_along(contour, -np.arctan(seeing / rig.focal))
+    # f / (r cos²) at a bearing, the inverse of the metres r cos² / f across one column.
+    per_metre = (rig.focal + seeing**2 / rig.focal)[[0, -1]] / depths[[0, -1]]
+    its_columns = np.vstack([seeing, np.minimum(seeing - low, high - seeing), facing])
+    span = (
+        first if first > -border else np.nan,
+        last if last < border else np.nan,
+        float(per_metre.mean()),
+    )
+    return rows, its_columns, span, np.count_nonzero(~own & (inside > 0.0))
+
+
+def ranges_along(contour_sensor: np.ndarray, bearings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Range (n,) m to the first crossing along `bearings` (n,) rad, and the incidence's cosine.
+
+    `contour_sensor` (M, 2) m is a polygon, counter-clockwise. Infinite, and 0, where there is no
+    crossing. Every ray is cut with every edge: bearings need no order here, unlike those of
+    `measurements.rays`, which this is independent of.
+    """
+    direction = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
+    start = contour_sensor
+    edge = np.roll(contour_sensor, -1, axis=0) - start
+    rate = direction[:, :1] * edge[:, 1] - direction[:, 1:] * edge[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ranges = (start[:, 0] * edge[:, 1] - start[:, 1] * edge[:, 0]) / rate
+        share = (start[:, 0] * direction[:, 1:] - start[:, 1] * direction[:, :1]) / rate
+        facing = -rate / np.hypot(edge[:, 0], edge[:, 1])
+    # A ray through a vertex must not slip between two edges.
+    ranges[~((rate < 0.0) & (share >= -1e-9) & (share <= 1.0 + 1e-9) & (ranges > 0.0))] = np.inf
+    nearest = np.argmin(ranges, axis=1)
+    rows = np.arange(len(bearings))
+    found = ranges[rows, nearest]
+    return found, np.where(np.isfinite(found), facing[rows, nearest], 0.0)
+
+
+def _reach(spans, scan, column, spacing):
+    """How far the outermost points go beyond the silhouette's ends, (2, K) px."""
+    reach = np.full((2, len(spans)), np.nan)
+    for k, span in enumerate(spans):
+        its = column[scan == k]
+        if len(its) and np.isfinite(spacing):
+            reach[:, k] = span[0] - its[0] + 0.5 * spacing, its[-1] + 0.5 * spacing - span[1]
+    return reach
+
+
+def _covered(column_scan, seeing, scan, column, spacing):
+    """Whether a point of the same scan is within half of `spacing` of each column."""
+    if len(column) == 0 or not np.isfinite(spacing):
+        return np.zeros(len(seeing), dtype=bool)
+    # One row of scans far apart, so that a neighbour is one of the same scan.
+    far = 4.0 * (np.abs(column).max() + np.abs(seeing).max() + 1.0)
+    points = np.sort(column + far * scan)
+    places = seeing + far * column_scan
+    after = np.clip(np.searchsorted(points, places), 0, len(points) - 1)
+    before = np.maximum(after - 1, 0)
+    distance = np.minimum(np.abs(points[after] - places), np.abs(points[before] - places))
+    # Half a column of rounding: the columns are the pixels' middles.
+    return distance <= 0.5 * spacing + 0.5

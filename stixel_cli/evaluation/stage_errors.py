@@ -1,0 +1,217 @@
+"""Errors of the steps from disparity to stixels against the rendered truth, frame by frame.
+
+The records are compact and additive, so that frames of many runs can be pooled and binned by range
+afterwards (`stage_summary`). Errors are found minus true.
+"""
+
+from dataclasses import dataclass, fields, replace
+
+import cv2
+import numpy as np
+
+from stixel_cli.evaluation.stage_stixels import StixelErrors, stixel_errors
+from stixel_cli.evaluation.stage_truth import FrameTruth, frame_truth
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.scene.frames import ROAD_ID, SKY_ID, TARGET_ID, RenderedFrames
+from stixel_cli.stereo.disparities import Disparities
+from stixel_cli.stixels.free_space import nearest_obstacle
+from stixel_cli.stixels.nouns import FreeSpace, Stixels
+from stixel_cli.stixels.occupancy import Layout, layout
+from stixel_cli.stixels.parameters import (
+    FreeSpaceParameters,
+    OccupancyParameters,
+    RoadParameters,
+)
+
+GROSS = 1.0
+"""An error of more than this is gross, px."""
+
+BORDER = 2
+"""Pixels this near to another object are the border: half the default matcher's block, px."""
+
+ZONES = ("target, inside", "target, border", "other obstacles, inside")
+PHASES = 10
+HISTOGRAM_EDGES = np.linspace(-2.0, 2.0, 129)
+"""Bins of the disparity errors, 1/32 px; what lies outside is in the first and the last one."""
+
+
+@dataclass(frozen=True)
+class DisparityErrors:
+    """Sums over the pixels of each zone of `ZONES`, for n frames.
+
+    Attributes:
+        pixels, valid, gross: (n, 3) int64; pixels of the zone, those with a disparity, and those
+            of them that are off by more than `GROSS`.
+        total, squares: (n, 3) px and px², sums over the valid pixels that are not gross.
+        histogram: (n, 3, 128) int32 of the valid pixels' errors, see `HISTOGRAM_EDGES`.
+        phase_count, phase_total, phase_squares: (n, 3, `PHASES`) the same sums by the fractional
+            part of the true disparity.
+    """
+
+    pixels: np.ndarray
+    valid: np.ndarray
+    gross: np.ndarray
+    total: np.ndarray
+    squares: np.ndarray
+    histogram: np.ndarray
+    phase_count: np.ndarray
+    phase_total: np.ndarray
+    phase_squares: np.ndarray
+
+
+@dataclass(frozen=True)
+class ColumnErrors:
+    """Each column's nearest obstacle in n frames; levelled disparities in px, NaN where free.
+
+    Attributes:
+        of_target: (n, W) bool, whether the true nearest obstacle is the target.
+        true: (n, W) float32.
+        grid: (n, W) float32, the cell that the occupancy grid alone would choose, column by column,
+            without the path's ties to the neighbours and to the last frame.
+        path: (n, W) float32, what free space says.
+    """
+
+    of_target: np.ndarray
+    true: np.ndarray
+    grid: np.ndarray
+    path: np.ndarray
+
+
+@dataclass(frozen=True)
+class StageErrors:
+    """Errors of all stages in frames `first`, `first` + 1, ….
+
+    Attributes:
+        first: index k of the first frame.
+        target_depth: (n,) m, true levelled depth of the target's nearest column; NaN where no
+            column's nearest obstacle is the target.
+        target_pixels: (n,) int64, how many pixels show the target.
+        disparity, columns, stixels: of the steps.
+    """
+
+    first: int
+    target_depth: np.ndarray
+    target_pixels: np.ndarray
+    disparity: DisparityErrors
+    columns: ColumnErrors
+    stixels: StixelErrors
+
+
+def stage_errors(
+    rendered: RenderedFrames,
+    disparities: Disparities,
+    obstacles: FreeSpace,
+    stixels: Stixels,
+    rig: Rig,
+    road: RoadParameters,
+    occupancy: OccupancyParameters,
+    free_space: FreeSpaceParameters,
+    frames: range,
+) -> StageErrors:
+    """Errors of `frames` of disparities, grid, free space (`obstacles`), height and stixels."""
+    grid = layout(occupancy, rig, disparities.count)
+    truths, disparity, columns, of_stixels = [], [], [], []
+    for k in frames:
+        i = k - rendered.first
+        truth = frame_truth(rendered.depth(i), rendered.ids[i], rig, road, occupancy, free_space)
+        raw = disparities.raw(k - disparities.first)
+        found = disparities.pixels(k - disparities.first)
+        line = obstacles.road[k - obstacles.first]
+        alone = grid_choice(raw, line, rig, road, grid, occupancy, free_space)
+        truths.append((_nearest(truth), int(np.sum(truth.ids == TARGET_ID))))
+        disparity.append(disparity_errors(found, truth))
+        columns.append(column_errors(alone, obstacles.disparity[k - obstacles.first], truth, rig))
+        of_stixels.append(stixel_errors(stixels, k - stixels.first, truth, rig, GROSS))
+    return StageErrors(
+        first=frames.start,
+        target_depth=np.array([depth for depth, _ in truths], dtype=np.float64),
+        target_pixels=np.array([pixels for _, pixels in truths], dtype=np.int64),
+        disparity=_stacked(DisparityErrors, disparity),
+        columns=_stacked(ColumnErrors, columns),
+        stixels=StixelErrors.joined(of_stixels),
+    )
+
+
+def zones(ids: np.ndarray) -> np.ndarray:
+    """Index in `ZONES` (H, W) int8 of each pixel, -1 for road, sky and other objects' borders.
+
+    A pixel is inside an object if all within `BORDER` rows and columns show the same one.
+    """
+    side = np.ones((2 * BORDER + 1, 2 * BORDER + 1), dtype=np.uint8)
+    inside = cv2.erode(ids, side) == cv2.dilate(ids, side)
+    of_target = ids == TARGET_ID
+    other = inside & ~of_target & (ids != ROAD_ID) & (ids != SKY_ID)
+    return np.select([of_target & inside, of_target, other], [0, 1, 2], -1).astype(np.int8)
+
+
+def disparity_errors(found: np.ndarray, truth: FrameTruth) -> DisparityErrors:
+    """Sums for one frame, without the leading n. `found` (H, W) px, NaN where invalid."""
+    zone = zones(truth.ids)
+    count, bins = len(ZONES), len(HISTOGRAM_EDGES) - 1
+    looked_at = zone >= 0
+    zone, true = zone[looked_at].astype(np.int64), truth.disparity[looked_at]
+    error = found[looked_at].astype(np.float64) - true
+    valid = np.isfinite(error)
+    pixels = np.bincount(zone, minlength=count)
+    zone, true, error = zone[valid], true[valid], error[valid]
+    gross = np.abs(error) > GROSS
+    bin_ = np.clip(np.searchsorted(HISTOGRAM_EDGES, error, side="right") - 1, 0, bins - 1)
+    fine, small = zone[~gross], error[~gross]
+    phase = np.minimum((true[~gross] % 1.0 * PHASES).astype(np.int64), PHASES - 1)
+
+    def by_phase(weights=None):
+        flat = np.bincount(fine * PHASES + phase, weights, minlength=count * PHASES)
+        return flat.reshape(count, PHASES)
+
+    return DisparityErrors(
+        pixels=pixels,
+        valid=np.bincount(zone, minlength=count),
+        gross=np.bincount(zone[gross], minlength=count),
+        total=np.bincount(fine, small, minlength=count),
+        squares=np.bincount(fine, small**2, minlength=count),
+        histogram=np.bincount(zone * bins + bin_, minlength=count * bins)
+        .reshape(count, bins)
+        .astype(np.int32),
+        phase_count=by_phase(),
+        phase_total=by_phase(small),
+        phase_squares=by_phase(small**2),
+    )
+
+
+def grid_choice(
+    raw: np.ndarray,
+    line: np.ndarray,
+    rig: Rig,
+    road: RoadParameters,
+    grid: Layout,
+    occupancy: OccupancyParameters,
+    free_space: FreeSpaceParameters,
+) -> np.ndarray:
+    """Levelled disparity (W,) px that the grid alone chooses in every column; NaN where free.
+
+    Free space without its ties: E_s of Badino, Franke, Mester 2007 set to zero, no last frame.
+    `raw` (H, W) int16 disparities, `line` (2,) the road's disparity a v + b.
+    """
+    untied = replace(free_space, spatial_cost=0.0)
+    columns = cv2.transpose(raw)
+    return nearest_obstacle(columns, line, None, rig, road, grid, occupancy, untied)
+
+
+def column_errors(grid: np.ndarray, path: np.ndarray, truth: FrameTruth, rig: Rig) -> ColumnErrors:
+    """The columns (W,) of one frame: choices of the grid and of the path beside the truth."""
+    return ColumnErrors(
+        of_target=truth.of_target,
+        true=rig.disparity_from_depth(truth.nearest_depth).astype(np.float32),
+        grid=grid.astype(np.float32),
+        path=path.astype(np.float32),
+    )
+
+
+def _nearest(truth: FrameTruth) -> float:
+    depths = truth.nearest_depth[truth.of_target]
+    return float(depths.min()) if len(depths) else float("nan")
+
+
+def _stacked(kind, records):
+    names = [field.name for field in fields(kind)]
+    return kind(**{name: np.stack([getattr(r, name) for r in records]) for name in names})

@@ -1,0 +1,163 @@
+"""Errors of the stixels on the target, of one frame after the other."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from stixel_cli.evaluation.stage_truth import FrameTruth
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.scene.frames import TARGET_ID
+from stixel_cli.stixels.nouns import Stixels
+from stixel_cli.stixels.road import base_rows, road_line
+
+
+@dataclass(frozen=True)
+class StixelErrors:
+    """The stixels on the target, n frames concatenated, and how the target's columns are covered.
+
+    A stixel is on the target if the target is the nearest obstacle in at least half of its columns;
+    its truth is the median over those. Errors are found minus true.
+
+    Attributes:
+        offsets: (n + 1,) int64, frame i has the rows offsets[i]:offsets[i + 1].
+        true_depth: (S,) m, levelled, of the nearest surface.
+        disparity: (S,) px, error of the levelled disparity.
+        depth: (S,) m, error against the nearest surface.
+        area_depth: (S,) m, error against the median depth of the target's pixels in the stixel's
+            area, which a slanted or stepped surface sets apart; NaN if there are none.
+        sigma: (S,) m, the stixel's stated standard deviation in depth.
+        lateral: (S,) m, error of the point to the right.
+        top, base: (S,) px, errors of the rows, downwards. The true top is the target's topmost row
+            in the column; the true base is where its nearest surface meets the road.
+        height: (S,) m, error of the top's height above the road.
+        columns, covered, matched: (n,) int64, columns whose nearest obstacle is the target; those
+            of them in a stixel; those in a stixel whose disparity is not off by a gross error.
+        overhang: (n, 2) int64, columns beside the target, on its left and right, that a stixel with
+            the target's disparity covers although what is there is elsewhere.
+        hanging: (n,) int64, stixels that cover such a column.
+    """
+
+    offsets: np.ndarray
+    true_depth: np.ndarray
+    disparity: np.ndarray
+    depth: np.ndarray
+    area_depth: np.ndarray
+    sigma: np.ndarray
+    lateral: np.ndarray
+    top: np.ndarray
+    base: np.ndarray
+    height: np.ndarray
+    columns: np.ndarray
+    covered: np.ndarray
+    matched: np.ndarray
+    overhang: np.ndarray
+    hanging: np.ndarray
+
+    @classmethod
+    def joined(cls, parts: "list[StixelErrors]") -> "StixelErrors":
+        """All frames of `parts`, at least one, in their order."""
+        arrays = {
+            field.name: np.concatenate([getattr(part, field.name) for part in parts])
+            for field in fields(cls)
+            if field.name != "offsets"
+        }
+        counts = np.concatenate([np.diff(part.offsets) for part in parts])
+        return cls(offsets=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), **arrays)
+
+
+ROW_FIELDS = (
+    "true_depth",
+    "disparity",
+    "depth",
+    "area_depth",
+    "sigma",
+    "lateral",
+    "top",
+    "base",
+    "height",
+)
+
+
+def stixel_errors(
+    stixels: Stixels, index: int, truth: FrameTruth, rig: Rig, gross: float
+) -> StixelErrors:
+    """Errors of the `index`-th frame of `stixels`; beyond `gross` px a disparity is elsewhere."""
+    rows = stixels.rows(index)
+    found = np.full(rig.width, np.nan)
+    owner = np.full(rig.width, -1)
+    for s in range(rows.start, rows.stop):
+        found[stixels.left[s] : stixels.right[s]] = stixels.disparity[s]
+        owner[stixels.left[s] : stixels.right[s]] = s
+    true = rig.disparity_from_depth(truth.nearest_depth)
+    line = road_line(rig.pitch_radians, rig.camera_height, rig)
+    on_target = truth.ids == TARGET_ID
+    records = [
+        _errors_of(stixels, s, truth, on_target, true, line, rig)
+        for s in range(rows.start, rows.stop)
+        if 2 * truth.of_target[stixels.left[s] : stixels.right[s]].sum()
+        >= stixels.right[s] - stixels.left[s]
+    ]
+    beside = overhang(found, true, truth.of_target, gross)
+    with np.errstate(invalid="ignore"):
+        matched = truth.of_target & (np.abs(found - true) <= gross)
+    return StixelErrors(
+        offsets=np.array([0, len(records)]),
+        **dict(zip(ROW_FIELDS, np.array(records).reshape(-1, len(ROW_FIELDS)).T, strict=True)),
+        columns=np.array([truth.of_target.sum()]),
+        covered=np.array([np.sum(truth.of_target & np.isfinite(found))]),
+        matched=np.array([matched.sum()]),
+        overhang=np.array([[len(side) for side in beside]]),
+        hanging=np.array([len({int(owner[u]) for side in beside for u in side})]),
+    )
+
+
+def overhang(
+    found: np.ndarray, true: np.ndarray, of_target: np.ndarray, gross: float
+) -> tuple[list[int], list[int]]:
+    """Columns on the left and on the right of the target that are given the target's disparity.
+
+    From the target's outermost column on, as long as the stixel's disparity is within `gross` px of
+    that column's true one and more than `gross` px from the truth of its own (a free column is
+    always so). `found` and `true` (W,) px are NaN where there is none.
+    """
+    columns = np.flatnonzero(of_target)
+    if len(columns) == 0:
+        return [], []
+    sides: tuple[list[int], list[int]] = ([], [])
+    ends = ((columns[0], -1), (columns[-1], 1))
+    for side, (edge, step) in zip(sides, ends, strict=True):
+        u = int(edge) + step
+        while 0 <= u < len(found) and abs(found[u] - true[edge]) <= gross:
+            if abs(found[u] - true[u]) <= gross:
+                break
+            side.append(u)
+            u += step
+    return sides
+
+
+def _errors_of(stixels: Stixels, s: int, truth: FrameTruth, on_target, true, line, rig: Rig):
+    """The values of `ROW_FIELDS` of stixel `s`; `true` (W,) px, `on_target` (H, W) bool."""
+    left, right = stixels.left[s], stixels.right[s]
+    u = np.arange(left, right)[truth.of_target[left:right]]
+    area = slice(stixels.top[s], stixels.base[s] + 1), slice(left, right)
+    surface = truth.depth[area][on_target[area]]
+    tops = np.argmax(on_target[:, u], axis=0)
+    # The upper edge of the topmost row that shows it, upright at that pixel's own depth.
+    down = (tops - 0.5 - rig.v0) / rig.focal
+    cosine, sine = np.cos(rig.pitch_radians), np.sin(rig.pitch_radians)
+    below = (cosine * down + sine) / (cosine - sine * down)
+    edge = rig.camera_height - below * truth.depth[tops, u]
+    depth = float(np.median(truth.nearest_depth[u]))
+    disparity = float(np.median(true[u]))
+    base = np.clip(np.rint(base_rows(np.float64(disparity), line, rig)), 0, rig.height - 1)
+    return (
+        depth,
+        stixels.disparity[s] - disparity,
+        stixels.depth[s] - depth,
+        stixels.depth[s] - np.median(surface) if surface.size else np.nan,
+        np.sqrt(stixels.covariances_ego[s, 1, 1]),
+        stixels.points_ego[s, 0] - truth.nearest_lateral[u].mean(),
+        stixels.top[s] - np.median(tops),
+        stixels.base[s] - base,
+        stixels.height[s] - np.median(edge),
+    )

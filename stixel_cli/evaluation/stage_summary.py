@@ -1,0 +1,199 @@
+"""Pooled stage errors: frames of any number of runs of one rig, summed up over a choice of them.
+
+Errors are found minus true. Bias and RMS leave gross errors out, whose share is told beside them.
+NaN is what cannot be had.
+"""
+
+from collections.abc import Iterable
+from dataclasses import fields
+
+import numpy as np
+
+from stixel_cli.evaluation.stage_errors import (
+    GROSS,
+    HISTOGRAM_EDGES,
+    PHASES,
+    ColumnErrors,
+    DisparityErrors,
+    StageErrors,
+)
+from stixel_cli.evaluation.stage_stixels import StixelErrors
+from stixel_cli.geometry.rig import Rig
+
+
+def pooled(records: Iterable[StageErrors]) -> StageErrors:
+    """The frames of all records one after the other; `first` is 0 and means nothing.
+
+    Raises:
+        ValueError: if there is no record, or they are of images of different widths.
+    """
+    records = list(records)
+    if not records:
+        raise ValueError("no record to pool")
+    if len({record.columns.true.shape[1] for record in records}) > 1:
+        raise ValueError("records of images of different widths are not pooled")
+
+    def joined(kind, parts):
+        names = [field.name for field in fields(kind)]
+        return kind(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in names})
+
+    return StageErrors(
+        first=0,
+        target_depth=np.concatenate([record.target_depth for record in records]),
+        target_pixels=np.concatenate([record.target_pixels for record in records]),
+        disparity=joined(DisparityErrors, [record.disparity for record in records]),
+        columns=joined(ColumnErrors, [record.columns for record in records]),
+        stixels=StixelErrors.joined([record.stixels for record in records]),
+    )
+
+
+def in_range(depth: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Which depths (n,) m lie in [low, high)."""
+    return (depth >= low) & (depth < high)
+
+
+def disparity_summary(errors: DisparityErrors, frames: np.ndarray, zone: int) -> dict[str, float]:
+    """Sum up the chosen `frames` (n,) bool in a zone of `stage_errors.ZONES`.
+
+    Returns:
+        pixels; density: share of pixels with a disparity; gross: share of those that are off by
+        more than `GROSS` px; bias, rms: px, of the others; median: px, of all valid ones, from the
+        histogram.
+    """
+    pixels, valid, gross, total, squares = (
+        float(getattr(errors, name)[frames, zone].sum())
+        for name in ("pixels", "valid", "gross", "total", "squares")
+    )
+    histogram = errors.histogram[frames, zone].sum(axis=0)
+    return {
+        "pixels": pixels,
+        "density": _ratio(valid, pixels),
+        "gross": _ratio(gross, valid),
+        "bias": _ratio(total, valid - gross),
+        "rms": float(np.sqrt(_ratio(squares, valid - gross))),
+        "median": histogram_median(histogram),
+    }
+
+
+def histogram_median(histogram: np.ndarray) -> float:
+    """Median px of a histogram over `HISTOGRAM_EDGES`, even inside a bin; NaN if it is empty."""
+    before = np.concatenate([[0], np.cumsum(histogram)])
+    if before[-1] == 0:
+        return float("nan")
+    half = 0.5 * before[-1]
+    b = int(np.searchsorted(before, half, side="left")) - 1
+    share = (half - before[b]) / (before[b + 1] - before[b])
+    return float(HISTOGRAM_EDGES[b] + share * (HISTOGRAM_EDGES[b + 1] - HISTOGRAM_EDGES[b]))
+
+
+def phase_bias(errors: DisparityErrors, zone: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Centres of the fractional parts (P,) px, mean error (P,) px, pixels (P,) of a zone."""
+    count = errors.phase_count[:, zone].sum(axis=0)
+    total = errors.phase_total[:, zone].sum(axis=0)
+    mean = np.divide(total, count, out=np.full(PHASES, np.nan), where=count > 0)
+    return (np.arange(PHASES) + 0.5) / PHASES, mean, count
+
+
+def column_summary(true: np.ndarray, found: np.ndarray, rig: Rig) -> dict[str, float]:
+    """Sum up columns (any shape) of levelled disparities in px, NaN where free.
+
+    Returns:
+        columns; missed: share of the columns with an obstacle in which none is found, or one that
+        is more than `GROSS` px farther; invented: share of all columns in which an obstacle is
+        found where none is, or more than `GROSS` px nearer; bias, rms: px, and bias_m, rms_m: m in
+        depth, of the columns with an obstacle that is found within `GROSS` px.
+    """
+    true, found = true.astype(np.float64).ravel(), found.astype(np.float64).ravel()
+    real, any_ = np.isfinite(true), np.isfinite(found)
+    error = found - true
+    with np.errstate(invalid="ignore"):
+        hit = np.abs(error) <= GROSS
+        missed = real & (~any_ | (error < -GROSS))
+        invented = any_ & (~real | (error > GROSS))
+    metres = rig.depth_from_disparity(found[hit]) - rig.depth_from_disparity(true[hit])
+    return {
+        "columns": float(len(true)),
+        "missed": _ratio(missed.sum(), real.sum()),
+        "invented": _ratio(invented.sum(), len(true)),
+        "bias": _mean(error[hit]),
+        "rms": _root_mean_square(error[hit]),
+        "bias_m": _mean(metres),
+        "rms_m": _root_mean_square(metres),
+    }
+
+
+def stixel_summary(
+    errors: StixelErrors, low: float = 0.0, high: float = np.inf
+) -> dict[str, float]:
+    """Sum up the stixels whose true depth lies in [low, high) m.
+
+    Returns:
+        stixels; gross: share whose disparity is off by more than `GROSS` px; of the others: bias,
+        rms, spread (standard deviation round the bias), median_abs: m in depth; bias_px, rms_px;
+        area_bias, area_rms: m against the stixel's own area; sigma: mean stated, m; nees: mean
+        square of error / σ (1 is consistent); within_1, within_2: share within one and two σ;
+        lateral_bias, lateral_rms: m; top_bias, top_rms, base_bias, base_rms: px; height_bias,
+        height_rms: m.
+    """
+    chosen = in_range(errors.true_depth, low, high)
+    fine = chosen & (np.abs(errors.disparity) <= GROSS)
+    depth, sigma = errors.depth[fine], errors.sigma[fine]
+    ratio = depth / sigma
+    area = errors.area_depth[fine & np.isfinite(errors.area_depth)]
+    return {
+        "stixels": float(chosen.sum()),
+        "gross": _ratio(chosen.sum() - fine.sum(), chosen.sum()),
+        "bias": _mean(depth),
+        "rms": _root_mean_square(depth),
+        "spread": float(depth.std()) if len(depth) else float("nan"),
+        "median_abs": float(np.median(np.abs(depth))) if len(depth) else float("nan"),
+        "bias_px": _mean(errors.disparity[fine]),
+        "rms_px": _root_mean_square(errors.disparity[fine]),
+        "area_bias": _mean(area),
+        "area_rms": _root_mean_square(area),
+        "sigma": _mean(sigma),
+        "nees": _mean(ratio**2),
+        "within_1": _mean(np.abs(ratio) <= 1.0),
+        "within_2": _mean(np.abs(ratio) <= 2.0),
+        "lateral_bias": _mean(errors.lateral[fine]),
+        "lateral_rms": _root_mean_square(errors.lateral[fine]),
+        "top_bias": _mean(errors.top[fine]),
+        "top_rms": _root_mean_square(errors.top[fine]),
+        "base_bias": _mean(errors.base[fine]),
+        "base_rms": _root_mean_square(errors.base[fine]),
+        "height_bias": _mean(errors.height[fine]),
+        "height_rms": _root_mean_square(errors.height[fine]),
+    }
+
+
+def coverage_summary(errors: StixelErrors, frames: np.ndarray) -> dict[str, float]:
+    """Sum up how the target is covered in the chosen `frames` (n,) bool.
+
+    Returns:
+        columns: the target's, a frame; stixels: on it, a frame; missed: share of its columns in no
+        stixel; elsewhere: share in a stixel that is off by more than `GROSS` px; overhang: columns
+        beside it a frame that get its disparity; hanging: stixels a frame that cover such.
+    """
+    seen = frames & (errors.columns > 0)
+    count, columns = float(seen.sum()), float(errors.columns[seen].sum())
+    covered, matched = float(errors.covered[seen].sum()), float(errors.matched[seen].sum())
+    return {
+        "columns": _ratio(columns, count),
+        "stixels": _ratio(float(np.diff(errors.offsets)[seen].sum()), count),
+        "missed": _ratio(columns - covered, columns),
+        "elsewhere": _ratio(covered - matched, columns),
+        "overhang": _ratio(float(errors.overhang[seen].sum()), count),
+        "hanging": _ratio(float(errors.hanging[seen].sum()), count),
+    }
+
+
+def _ratio(part: float, whole: float) -> float:
+    return float(part) / float(whole) if whole > 0 else float("nan")
+
+
+def _mean(values: np.ndarray) -> float:
+    return float(np.mean(values)) if len(values) else float("nan")
+
+
+def _root_mean_square(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else float("nan")

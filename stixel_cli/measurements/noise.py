@@ -1,0 +1,124 @@
+"""What lies between the crossings of rays with a contour and the points that a sensor gives."""
+
+import numpy as np
+
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.measurements.parameters import FittedNoise, Noise
+from stixel_cli.measurements.rays import Rays
+
+
+def range_deviations(noise: Noise, ranges: np.ndarray, angles: np.ndarray, rig: Rig) -> np.ndarray:
+    """Standard deviation (n,) m along rays `angles` (n,) rad off the optical axis, thesis (17)."""
+    if noise.kind == "constant":
+        return np.full(len(ranges), noise.range_deviation)
+    stereo = range_per_disparity(ranges, angles, rig, noise.disparity_deviation)
+    if noise.kind == "stereo":
+        return stereo
+    return np.hypot(stereo, noise.range_deviation)
+
+
+def columns_per_point(noise: Noise) -> int:
+    """How many neighbouring rays make one point."""
+    return noise.columns_per_point if noise.kind == "fitted" else 1
+
+
+def range_per_disparity(
+    ranges: np.ndarray, angles: np.ndarray, rig: Rig, disparity: float = 1.0
+) -> np.ndarray:
+    """By how much (n,) m the range grows where the disparity is less by `disparity` px.
+
+    To first order: z = f B / d, so dz = -(z² / f B) dd at z = r cos(angle), dr = dz / cos(angle).
+    """
+    cosine = np.cos(angles)
+    depth = ranges * cosine
+    return depth**2 * (disparity / (rig.focal * rig.baseline)) / cosine
+
+
+def measure(
+    noise: Noise,
+    hit: np.ndarray,
+    ranges: np.ndarray,
+    rays: Rays,
+    rig: Rig,
+    random: np.random.Generator,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rays (n,) that give a point, the ranges (n,) m that they should measure, and those they do.
+
+    Args:
+        noise: its parameters.
+        hit: (m,) rays that meet the contour, ascending.
+        ranges: (m,) m, where they do.
+        rays: all of them.
+        rig: the stereo rig.
+        random: of this scan.
+    """
+    if noise.kind == "fitted":
+        return _measure_blocks(noise, hit, ranges, rays, rig, random)
+    deviations = range_deviations(noise, ranges, rays.angles[hit], rig)
+    return hit, ranges, ranges + deviations * random.standard_normal(len(hit))
+
+
+def _measure_blocks(
+    noise: FittedNoise,
+    hit: np.ndarray,
+    ranges: np.ndarray,
+    rays: Rays,
+    rig: Rig,
+    random: np.random.Generator,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """One point for each block of rays whose middle ray lies between the shifted ends."""
+    drawn = random.standard_normal(2)
+    if len(hit) == 0:
+        return hit, ranges, ranges
+    ends = [0, -1]
+    per_metre = 1.0 / (ranges[ends] * rays.steps[hit[ends]])
+    spread = np.hypot(noise.edge_shift_deviation, noise.edge_metres_deviation * per_metre)
+    shifts = noise.edge_shift + noise.edge_metres * per_metre + spread * drawn
+    width, last_ray = noise.columns_per_point, len(rays.angles) - 1
+    # An end at the image's border is none of the silhouette's.
+    left = hit[0] - 0.5 - (shifts[0] if hit[0] > 0 else 0.0)
+    right = hit[-1] + 0.5 + (shifts[1] if hit[-1] < last_ray else 0.0)
+    middles = np.arange(width // 2, last_ray + 1, width)
+    ray = middles[(middles > left) & (middles < right)]
+    # Beside the silhouette the nearest ray that meets the contour says how far.
+    nearest = np.clip(np.searchsorted(hit, ray), 0, len(hit) - 1)
+    true, angles = ranges[nearest], rays.angles[ray]
+    lever = range_per_disparity(true, angles, rig)
+    error = noise.range_bias - noise.disparity_bias * lever
+    error += range_deviations(noise, true, angles, rig) * _neighbours(noise, len(ray), random)
+    mixed = noise.edge_disparity_deviation * random.standard_normal(2)
+    if len(ray) > 1:
+        error[[0, -1]] -= mixed * lever[[0, -1]]
+    seen = ~_missed(noise, len(ray), random)
+    return ray[seen], true[seen], (true + error)[seen]
+
+
+def _neighbours(noise: FittedNoise, count: int, random: np.random.Generator) -> np.ndarray:
+    """Standard normal numbers (count,) of which neighbours are correlated, e^(-columns / length).
+
+    An exponential correlation of evenly spaced points is a first-order autoregression.
+    """
+    white = random.standard_normal(count)
+    if noise.correlation_columns == 0.0 or count == 0:
+        return white
+    share = float(np.exp(-noise.columns_per_point / noise.correlation_columns))
+    rest = float(np.sqrt(1.0 - share**2))
+    values = white.tolist()
+    for i in range(1, count):
+        values[i] = share * values[i - 1] + rest * values[i]
+    return np.array(values)
+
+
+def _missed(noise: FittedNoise, count: int, random: np.random.Generator) -> np.ndarray:
+    """Which of `count` points are missed: a Markov chain of two states along the row."""
+    drawn = random.random(count)
+    if noise.missed_share == 0.0:
+        return np.zeros(count, dtype=bool)
+    leave = min(1.0, noise.columns_per_point / noise.missed_columns)
+    enter = min(1.0, leave * noise.missed_share / (1.0 - noise.missed_share))
+    missed, state = [], None
+    for number in drawn.tolist():
+        limit = noise.missed_share if state is None else 1.0 - leave if state else enter
+        state = number < limit
+        missed.append(state)
+    return np.array(missed, dtype=bool)

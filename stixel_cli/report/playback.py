@@ -1,0 +1,276 @@
+"""A run, or several of one scene, played back on a page that needs nothing but itself.
+
+The page is put together from the files `templates/playback.*` and one block of JSON. Neither
+Matplotlib nor OpenCV is imported, for every run writes such a page.
+"""
+
+import base64
+import html
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import resources
+from typing import Any
+
+import numpy as np
+
+from stixel_cli.evaluation.scores import Scores
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.report.metrics import format_value, metric
+from stixel_cli.report.nouns import CameraFrames
+from stixel_cli.scene.scenario import Scenario
+from stixel_cli.tracking.track import Track
+
+IMAGE_BUDGET = 4_500_000
+"""Characters of encoded images on a page: of a longer run every 2nd, 3rd, … frame is shown."""
+
+MOST_ELLIPSES = 60_000
+"""With more points than these, their standard deviations are left out."""
+
+SUMMARY = {
+    "centre_rmse_m": "centre RMSE",
+    "orientation_rmse_deg": "orientation RMSE",
+    "iou_mean": "mean IoU",
+    "lost_share": "lost",
+    "nees_position_mean": "mean NEES / 2",
+    "nis_mean": "mean NIS / d.o.f.",
+}
+"""The metrics that the page shows of a whole run, and what it calls them."""
+
+SCRIPTS = ("paths", "map", "camera", "charts", "legend", "time")
+"""The files `templates/playback_*.js` in the order in which they are put into one function."""
+
+_FARTHEST = 1e7  # m; what is further off is as good as not there
+
+
+@dataclass(frozen=True)
+class PlayedRun:
+    """A run as it is played back.
+
+    Attributes:
+        label: what it is called in the legend.
+        facts: (what, value) pairs that say what was run.
+        field_of_view: the sensor's horizontal field of view, rad.
+        scenario, scans, track, scores: the run's results.
+        camera: chunks of the camera's frames in order; none of a run without images.
+    """
+
+    label: str
+    facts: tuple[tuple[str, str], ...]
+    field_of_view: float
+    scenario: Scenario
+    scans: Scans
+    track: Track
+    scores: Scores
+    camera: tuple[CameraFrames, ...]
+
+
+def playback_html(runs: Sequence[PlayedRun], title: str, notes: Sequence[str] = ()) -> str:
+    """The page of one or more runs of one scene; `notes` stand below its title.
+
+    The same runs give the same bytes.
+    """
+    folder = resources.files(__package__).joinpath("templates")
+    parts = {
+        "title": html.escape(title),
+        "style": folder.joinpath("playback.css").read_text("utf-8"),
+        "data": json_in_html(playback_data(runs, title, notes)),
+        "script": "\n".join(
+            folder.joinpath(f"playback_{name}.js").read_text("utf-8") for name in SCRIPTS
+        ),
+    }
+    # Cut once at its marks, so that what is put in is never searched for more of them.
+    pieces = folder.joinpath("playback.html").read_text("utf-8").split("⟦")
+    page = [pieces[0]]
+    for piece in pieces[1:]:
+        name, _, rest = piece.partition("⟧")
+        page += [parts[name], rest]
+    return "".join(page)
+
+
+def json_in_html(value: Any) -> str:
+    """JSON that may stand between script tags: in ASCII, without `<`, `>` and `&`; NaN refused."""
+    text = json.dumps(value, allow_nan=False, separators=(",", ":"))
+    for character in "<>&":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return text
+
+
+def playback_data(
+    runs: Sequence[PlayedRun], title: str, notes: Sequence[str] = ()
+) -> dict[str, Any]:
+    """All that the page shows, as JSON's types; None for what is not finite.
+
+    Lengths are whole millimetres and headings 1e-4 rad. What several runs have in common (scans,
+    images) is there once, and the runs hold its index.
+    """
+    scans: list[Scans] = []
+    cameras: list[tuple[CameraFrames, ...]] = []
+    played = []
+    for run in runs:
+        played.append(
+            _run(run)
+            | {
+                "scan": _place(scans, run.scans, _same_scans),
+                "camera": _place(cameras, run.camera, _same_camera) if run.camera else None,
+            }
+        )
+    scenario = runs[0].scenario
+    return {
+        "title": title,
+        "notes": list(notes),
+        "times": _numbers(scenario.times, 6),
+        "ego": _poses(scenario.ego_poses_world),
+        "target": _poses(scenario.target_poses_world),
+        "contour": _millimetres(scenario.contour_target.ravel()),
+        "neesBounds": _numbers(consistent_bounds(np.array([2])).ravel(), 4),
+        "runs": played,
+        "scans": [_scan(one) for one in scans],
+        "cameras": [_camera(one) for one in cameras],
+    }
+
+
+def consistent_bounds(degrees_of_freedom: np.ndarray) -> np.ndarray:
+    """Bounds (2, K) that hold 95 % of χ² / degrees of freedom (K,), near enough for a picture.
+
+    Exact for two degrees of freedom, else by Wilson & Hilferty (1931): less than a tenth off for
+    four, and a hundredth for twenty. To import SciPy for it would take longer than all the rest.
+    """
+    n = np.where(degrees_of_freedom > 0, degrees_of_freedom, np.nan).astype(np.float64)
+    spread = 2.0 / (9.0 * n)
+    bounds = [np.maximum(1.0 - spread + z * np.sqrt(spread), 0.0) ** 3 for z in (-1.96, 1.96)]
+    exact = -np.log([0.975, 0.025])
+    return np.where(n == 2.0, exact[:, None], np.stack(bounds))
+
+
+def _run(run: PlayedRun) -> dict[str, Any]:
+    track, scores = run.track, run.scores
+    used = [
+        track.used_points[track.used_offsets[k] : track.used_offsets[k + 1]] - run.scans.offsets[k]
+        for k in range(len(track.times))
+    ]
+    low, high = consistent_bounds(track.nis_degrees_of_freedom)
+    return {
+        "label": run.label,
+        "facts": [list(fact) for fact in run.facts],
+        "fieldOfView": round(run.field_of_view, 6),
+        "summary": _summary(scores.metrics),
+        "poses": _poses(track.means),
+        "centre": _ellipses(track.covariances[:, :2, :2]),
+        "contours": [_millimetres(c.ravel()) for c in track.contours_world],
+        "deviations": [_millimetres(row) for row in track.contour_deviations],
+        "used": [rows.tolist() for rows in used],
+        "errors": {
+            "centre": _numbers(scores.centre_error, 4),
+            "orientation": _numbers(np.degrees(scores.orientation_error), 3),
+            "iou": _numbers(scores.iou, 4),
+            "nees": _numbers(scores.nees_position, 4),
+            "nis": _numbers(scores.nis, 4),
+        },
+        "nisBounds": [_numbers(low, 3), _numbers(high, 3)],
+    }
+
+
+def _summary(metrics: dict[str, float | int | None]) -> list[list[str]]:
+    return [
+        [label, f"{format_value(metrics[name])} {metric(name).unit}".strip().replace(" °", "°")]
+        for name, label in SUMMARY.items()
+        if name in metrics
+    ]
+
+
+def _scan(scans: Scans) -> dict[str, Any]:
+    with_ellipses = len(scans.points_world) <= MOST_ELLIPSES
+    rows = [scans.rows(k) for k in range(len(scans))]
+    return {
+        "points": [_millimetres(scans.points_world[these].ravel()) or [] for these in rows],
+        "ellipses": (
+            [_ellipses(scans.covariances_world[these]) for these in rows] if with_ellipses else None
+        ),
+    }
+
+
+def _camera(chunks: tuple[CameraFrames, ...]) -> dict[str, Any]:
+    """Images and stixels of every n-th frame, n the least with which they keep the budget."""
+    where = [(chunk, i) for chunk in chunks for i in range(len(chunk.images))]
+    sizes = np.array([4 * -(-len(chunk.images[i]) // 3) for chunk, i in where])
+    every = 1
+    while every < len(where) and sizes[::every].sum() > IMAGE_BUDGET:
+        every += 1
+    shown = where[::every]
+    return {
+        "width": chunks[0].width,
+        "height": chunks[0].height,
+        "every": every,
+        "frames": [chunk.first + i for chunk, i in shown],
+        "images": [base64.b64encode(chunk.images[i]).decode("ascii") for chunk, i in shown],
+        "stixels": [_stixels(chunk, i) for chunk, i in shown],
+    }
+
+
+def _stixels(chunk: CameraFrames, index: int) -> list[int]:
+    """left, right, top, base (px) and depth (cm) of one stixel after the other."""
+    rows = slice(int(chunk.offsets[index]), int(chunk.offsets[index + 1]))
+    depth = np.rint(100.0 * np.clip(np.nan_to_num(chunk.depth[rows]), 0.0, 1e4))
+    columns = (chunk.left[rows], chunk.right[rows], chunk.top[rows], chunk.base[rows], depth)
+    return np.stack(columns, axis=1).astype(np.int64).ravel().tolist()
+
+
+def _place(known: list, value: Any, same) -> int:
+    """Index of a value among those known, to which it is added if it is new."""
+    for i, other in enumerate(known):
+        if same(other, value):
+            return i
+    known.append(value)
+    return len(known) - 1
+
+
+def _same_scans(one: Scans, other: Scans) -> bool:
+    names = ("offsets", "points_world", "covariances_world")
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
+
+
+def _same_camera(one: tuple[CameraFrames, ...], other: tuple[CameraFrames, ...]) -> bool:
+    return len(one) == len(other) and all(
+        a.images == b.images
+        and all(
+            np.array_equal(getattr(a, name), getattr(b, name))
+            for name in ("offsets", "left", "right", "top", "base", "depth")
+        )
+        for a, b in zip(one, other, strict=True)
+    )
+
+
+def _ellipses(covariances: np.ndarray) -> list[int | None]:
+    """Semi-axes (mm) and angle (1e-3 rad) of one standard deviation, one after the other."""
+    a, b, c = covariances[:, 0, 0], covariances[:, 0, 1], covariances[:, 1, 1]
+    # The eigenvalues of a symmetric 2 × 2 matrix in closed form.
+    mean, spread = 0.5 * (a + c), np.hypot(0.5 * (a - c), b)
+    with np.errstate(invalid="ignore"):
+        axes = np.sqrt(np.maximum(np.stack([mean + spread, mean - spread]), 0.0))
+    angle = 0.5 * np.arctan2(2.0 * b, a - c)
+    return [_whole(value) for value in (1000.0 * np.stack([*axes, angle], axis=1)).ravel().tolist()]
+
+
+def _poses(poses: np.ndarray) -> list[list[int] | None]:
+    """x, y (mm) and heading (1e-4 rad) of poses (K, 3 or more)."""
+    return [_integers(pose[:3] * (1e3, 1e3, 1e4)) for pose in poses]
+
+
+def _millimetres(values: np.ndarray) -> list[int] | None:
+    return _integers(1000.0 * values)
+
+
+def _integers(values: np.ndarray) -> list[int] | None:
+    """The nearest whole numbers; None if one is not finite or out of all bounds."""
+    if not (np.abs(values) < 1e3 * _FARTHEST).all():
+        return None
+    return np.rint(values).astype(np.int64).tolist()
+
+
+def _whole(value: float) -> int | None:
+    return round(value) if abs(value) < 1e3 * _FARTHEST else None
+
+
+def _numbers(values: np.ndarray, digits: int) -> list[float | None]:
+    return [round(v, digits) if np.isfinite(v) else None for v in np.asarray(values).tolist()]

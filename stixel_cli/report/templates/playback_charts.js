@@ -1,0 +1,160 @@
+// Errors over time, with a cursor that can be dragged.
+const DURATION = Math.max(times[LAST] - times[0], 1e-9);
+const counts = (run) => data.scans[run.scan].points.map((flat) => flat.length / 2);
+const finite = (values) => values.filter((value) => value !== null && Number.isFinite(value));
+const CHARTS = [
+  { key: "centre", title: "Centre error", digits: 3, unit: " m", low: 0 },
+  { key: "orientation", title: "Orientation error", digits: 2, unit: "°", rule: 0 },
+  { key: "iou", title: "IoU", digits: 3, unit: "", low: 0, high: 1, dash: LOST_BELOW },
+  { key: "nees", title: "Position NEES / 2", digits: 2, unit: "", log: true, rule: 1,
+    bounds: () => times.map(() => data.neesBounds) },
+  { key: "nis", title: "NIS / d.o.f.", digits: 2, unit: "", log: true, rule: 1,
+    bounds: (run) => run.nisBounds[0].map((low, k) => [low, run.nisBounds[1][k]]) },
+  { key: "points", title: "Points used", digits: 0, unit: "", low: 0 },
+];
+for (const run of runs) run.errors.points = run.used.map((used) => used.length);
+
+find("errors").classList.toggle("many", runs.length > 1);
+const charts = CHARTS.map((chart) => {
+  const card = html("div", { className: "chart" }, find("errors"));
+  const head = html("h2", {}, card);
+  html("span", { className: "what", textContent: chart.title }, head);
+  const values = runs.map((_, r) => {
+    const value = html("span", { className: "value" }, head);
+    value.style.color = colourOf(r);
+    return value;
+  });
+  const plot = svg("svg", { class: "plot", role: "img", "aria-label": `${chart.title} over time` }, card);
+  const made = { ...chart, values, plot };
+  const seek = (event) => {
+    const share = (event.offsetX - made.left) / (made.right - made.left);
+    const time = times[0] + DURATION * Math.min(1, Math.max(0, share));
+    show(nearest(time));
+  };
+  plot.addEventListener("pointerdown", (event) => {
+    pause();
+    plot.setPointerCapture(event.pointerId);
+    seek(event);
+  });
+  plot.addEventListener("pointermove", (event) => {
+    if (plot.hasPointerCapture(event.pointerId)) seek(event);
+  });
+  new ResizeObserver(() => { drawChart(made); drawCursor(made); }).observe(plot);
+  return made;
+});
+
+function nearest(time) {
+  let best = 0;
+  times.forEach((t, k) => { if (Math.abs(t - time) < Math.abs(times[best] - time)) best = k; });
+  return best;
+}
+
+function verticalRange(chart) {
+  const series = runs.map((run) => run.errors[chart.key]);
+  const all = finite(series.flat());
+  if (chart.key === "points") all.push(...runs.flatMap(counts));
+  if (chart.log) {
+    const positive = all.filter((value) => value > 0);
+    return [Math.max(1e-3, 0.8 * Math.min(0.1, ...positive)), Math.min(1e4, 1.25 * Math.max(10, ...positive))];
+  }
+  const least = Math.min(0, ...all), most = Math.max(0, ...all), room = 0.08 * (most - least) || 1;
+  return [chart.low ?? least - room, chart.high ?? most + room];
+}
+
+function drawChart(chart) {
+  const { plot } = chart, width = plot.clientWidth, height = plot.clientHeight;
+  if (!width) return;
+  Object.assign(chart, { left: 36, right: width - 8, top: 6, bottom: height - 17 });
+  const [low, high] = verticalRange(chart);
+  const scaled = chart.log ? Math.log10 : (value) => value;
+  const span = scaled(high) - scaled(low);
+  const limited = (value) => Math.min(high, Math.max(low, value));
+  chart.x = (time) => chart.left + (time - times[0]) / DURATION * (chart.right - chart.left);
+  chart.y = (value) => chart.bottom - (scaled(limited(value)) - scaled(low)) / span * (chart.bottom - chart.top);
+  plot.replaceChildren();
+  if (chart.bounds) for (const run of runs.slice(0, chart.key === "nees" ? 1 : undefined)) {
+    svg("path", { class: "consistent", d: bandOverTime(chart, chart.bounds(run)) }, plot);
+  }
+  const ticks = chart.log ? [0.001, 0.01, 0.1, 1, 10, 100, 1000, 1e4].filter((v) => v >= low && v <= high)
+    : linearTicks(low, high, niceStep((high - low) / 3.2));
+  for (const tick of ticks) {
+    const y = chart.y(tick);
+    svg("line", { class: "rule", x1: chart.left, x2: chart.right, y1: y, y2: y }, plot);
+    const text = chart.log ? String(tick) : tickText(tick, niceStep((high - low) / 3.2));
+    svg("text", { x: chart.left - 5, y: y + 3.5, "text-anchor": "end" }, plot).textContent = text;
+  }
+  const step = niceStep(DURATION / Math.max(1, (chart.right - chart.left) / 60));
+  for (const tick of linearTicks(times[0], times[LAST], step)) {
+    svg("text", { x: chart.x(tick), y: height - 4, "text-anchor": "middle" }, plot).textContent =
+      tickText(tick, step) + (tick + step > times[LAST] ? " s" : "");
+  }
+  for (const [kind, value] of [["base", chart.rule], ["dash", chart.dash]]) {
+    if (value === undefined) continue;
+    svg("line", { class: kind, x1: chart.left, x2: chart.right, y1: chart.y(value), y2: chart.y(value) }, plot);
+  }
+  if (chart.key === "points") {
+    const curve = svg("path", { class: "curve", d: curveOf(chart, counts(runs[0])) }, plot);
+    curve.style.stroke = "var(--unused)";
+    curve.style.strokeWidth = 3;
+  }
+  runs.forEach((run, r) => {
+    const curve = svg("path", { class: "curve", d: curveOf(chart, run.errors[chart.key]) }, plot);
+    curve.style.stroke = runs.length === 1 && chart.key === "points" ? "var(--used)" : colourOf(r);
+    curve.style.strokeDasharray = dashOf(r);
+  });
+  chart.cursor = svg("line", { class: "cursor", y1: chart.top - 4, y2: chart.bottom }, plot);
+  chart.grip = svg("path", { class: "grip" }, plot);
+  chart.marks = runs.map((_, r) => {
+    const mark = svg("circle", { r: 3.5 }, plot);
+    mark.style.fill = colourOf(r);
+    return mark;
+  });
+}
+
+function linearTicks(low, high, step) {
+  const ticks = [];
+  for (let i = Math.ceil(low / step - 1e-9); i * step <= high + 1e-9 * step; i++) ticks.push(i * step);
+  return ticks;
+}
+
+function curveOf(chart, values) {
+  let text = "", open = false;
+  values.forEach((value, k) => {
+    const there = value !== null && !(chart.log && value <= 0);
+    if (there) text += `${open ? "L" : "M"}${chart.x(times[k]).toFixed(1)} ${chart.y(value).toFixed(1)}`;
+    if (there && !open) text += "h.01";
+    open = there;
+  });
+  return text;
+}
+
+function bandOverTime(chart, bounds) {
+  let text = "";
+  const width = (chart.right - chart.left) / times.length;
+  bounds.forEach(([low, high], k) => {
+    if (low === null || high === null) return;
+    const x = Math.max(chart.left, chart.x(times[k]) - width / 2 - 0.3);
+    const end = Math.min(chart.right, chart.x(times[k]) + width / 2 + 0.3);
+    text += `M${x.toFixed(1)} ${chart.y(high).toFixed(1)}H${end.toFixed(1)}V${chart.y(low).toFixed(1)}H${x.toFixed(1)}Z`;
+  });
+  return text;
+}
+
+function drawCursor(chart) {
+  runs.forEach((run, r) => {
+    const value = run.errors[chart.key][frame];
+    const total = chart.key === "points" ? ` of ${counts(run)[frame]}` : "";
+    chart.values[r].textContent = shown(value, chart.digits, chart.unit) + total;
+  });
+  if (!chart.cursor) return;
+  const x = chart.x(times[frame]);
+  chart.cursor.setAttribute("x1", x);
+  chart.cursor.setAttribute("x2", x);
+  chart.grip.setAttribute("d", `M${x - 4.5} ${chart.top - 6}h9l-4.5 6z`);
+  runs.forEach((run, r) => {
+    const value = run.errors[chart.key][frame], mark = chart.marks[r];
+    mark.style.display = value === null || value === undefined ? "none" : "";
+    mark.setAttribute("cx", x);
+    if (value !== null) mark.setAttribute("cy", chart.y(value));
+  });
+}

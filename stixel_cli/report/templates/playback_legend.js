@@ -1,0 +1,60 @@
+// What was run, and the legend.
+function swatch(parent, draw) {
+  const picture = svg("svg", { class: "swatch", viewBox: "0 0 32 12", "aria-hidden": "true" }, parent);
+  draw(picture);
+}
+
+function lineSwatch(colour, dash = "", width = 2.5) {
+  return (picture) => {
+    const line = svg("line", { x1: 0, x2: 32, y1: 6, y2: 6 }, picture);
+    Object.assign(line.style, { stroke: colour, strokeWidth: width, strokeDasharray: dash });
+  };
+}
+
+function describe() {
+  for (const note of data.notes) html("p", { className: "note", textContent: note }, find("notes"));
+  const inAll = ([what, value]) => runs.every((run) => run.facts.some((f) => f[0] === what && f[1] === value));
+  const facts = (line, pairs) => {
+    for (const [what, value] of pairs) {
+      html("strong", { textContent: value }, html("span", { textContent: `${what} ` }, line));
+    }
+  };
+  if (runs.length > 1) facts(html("div", { className: "run" }, find("runs")), runs[0].facts.filter(inAll));
+  runs.forEach((run, r) => {
+    const line = html("div", { className: "run" }, find("runs"));
+    if (runs.length > 1) {
+      const name = html("span", { className: "name" }, line);
+      swatch(name, lineSwatch(colourOf(r), dashOf(r)));
+      name.append(run.label);
+    }
+    facts(line, runs.length === 1 ? run.facts : run.facts.filter((fact) => !inAll(fact)));
+    facts(line, runs.length === 1 ? run.summary : run.summary.slice(0, 3));
+    html("option", { value: r, textContent: run.label }, find("source"));
+  });
+  find("source-choice").hidden = runs.length === 1;
+  const area = (colour, opacity) => (picture) => {
+    const place = svg("rect", { x: 0, y: 0, width: 32, height: 12, rx: 2 }, picture);
+    Object.assign(place.style, { fill: colour, fillOpacity: opacity });
+  };
+  const dot = (colour) => (picture) => {
+    svg("circle", { cx: 16, cy: 6, r: 4 }, picture).style.fill = colour;
+    const ring = svg("ellipse", { cx: 16, cy: 6, rx: 14, ry: 5.5, fill: "none" }, picture);
+    Object.assign(ring.style, { stroke: colour, strokeOpacity: 0.5 });
+  };
+  const entries = [[lineSwatch("var(--truth)"), "truth: contour, heading, path"]];
+  runs.forEach((run, r) => entries.push(
+    [lineSwatch(colourOf(r), dashOf(r)), runs.length === 1 ? "estimate: contour, heading, path" : run.label]));
+  entries.push(
+    [area(runs.length === 1 ? "var(--estimate)" : "var(--faint)", 0.25), "± 2σ of the radius"],
+    [lineSwatch(runs.length === 1 ? "var(--estimate)" : "var(--faint)", "4 3", 1.5), "2σ of the centre"],
+    [dot("var(--used)"), "point used, with 1σ"],
+    [dot("var(--unused)"), "point not used"],
+    [(picture) => { svg("path", { d: "M16 0 22 12H10Z" }, picture).style.fill = "var(--ego)"; }, "ego car's sensor"],
+    [area("var(--field-of-view)", 0.35), "field of view"],
+    [area("var(--consistent)", 1), "95 % of a consistent filter"]);
+  for (const [draw, text] of entries) {
+    const item = html("li", {}, find("legend"));
+    swatch(item, draw);
+    item.append(text);
+  }
+}

@@ -1,0 +1,204 @@
+// The scene from above.
+const map = find("map");
+const extent = Math.max(...pairs(data.contour).map(([x, y]) => Math.hypot(x, y))) / 1e3;
+const view = { mode: "follow", zoom: 1, x: 0, y: 0, width: 1, height: 1 };
+
+function pairs(flat) {
+  const result = [];
+  for (let i = 0; i < flat.length; i += 2) result.push([flat[i], flat[i + 1]]);
+  return result;
+}
+
+const box = (() => {
+  const points = data.ego.concat(data.target).filter(Boolean);
+  const range = (i) => [Math.min(...points.map((p) => p[i])) / 1e3, Math.max(...points.map((p) => p[i])) / 1e3];
+  return { x: range(0), y: range(1) };
+})();
+
+const estimates = runs.map((run, r) => {
+  const colour = colourOf(r), id = (what) => `${what}-${r}`;
+  const path = (parent, what, kind, stroke = true) => {
+    const element = svg("path", { id: id(what), class: kind }, find(parent));
+    element.style[stroke ? "stroke" : "fill"] = colour;
+    if (what === "estimate") element.style.strokeDasharray = dashOf(r);
+    return element;
+  };
+  return {
+    trail: path("trails", "trail", "trail"),
+    band: path("bands", "band", "band", false),
+    centre: path("estimates", "centre", "centre"),
+    contour: path("estimates", "estimate", "line"),
+    heading: path("estimates", "heading", "line"),
+    head: path("estimates", "head", "fill", false),
+  };
+});
+const truthTrail = svg("path", { id: "truth-trail", class: "trail truth" }, find("trails"));
+svg("path", { class: "path truth", d: polyline(data.target, LAST) }, find("whole-paths"));
+find("bands").style.fillRule = "evenodd";
+
+function base() {
+  if (view.mode === "follow") {
+    const pose = data.target[frame] || [0, 0, 0];
+    const half = 2.1 * extent + 0.4;
+    return { x: pose[0] / 1e3, y: pose[1] / 1e3, scale: Math.min(view.width, view.height) / 2 / half };
+  }
+  const margin = extent + 1.5, spanX = box.x[1] - box.x[0] + 2 * margin, spanY = box.y[1] - box.y[0] + 2 * margin;
+  return {
+    x: (box.x[0] + box.x[1]) / 2, y: (box.y[0] + box.y[1]) / 2,
+    scale: Math.min(view.width / spanX, view.height / spanY),
+  };
+}
+
+function camera() {
+  const b = base();
+  return { x: b.x + view.x, y: b.y + view.y, scale: b.scale * view.zoom };
+}
+
+function drawMap() {
+  const { x, y, scale } = camera(), k = frame, run = runs[source], scan = data.scans[run.scan];
+  const toX = view.width / 2 - x * scale, toY = view.height / 2 + y * scale;
+  find("world").setAttribute("transform", `matrix(${scale} 0 0 ${-scale} ${toX} ${toY})`);
+  drawGrid(x, y, scale);
+  const ego = data.ego[k];
+  if (ego) drawEgo(ego, run.fieldOfView, scale, x, y);
+  const target = data.target[k];
+  const truth = target ? polygon(placed(data.contour, target)) : "";
+  find("truth").setAttribute("d", truth);
+  find("truth-halo").setAttribute("d", truth);
+  arrow(find("truth-heading"), find("truth-head"), target, 0.75 * extent, scale);
+  truthTrail.setAttribute("d", polyline(data.target, k));
+  runs.forEach((one, r) => {
+    const parts = estimates[r], pose = one.poses[k], centre = one.centre;
+    parts.contour.setAttribute("d", polygon(one.contours[k]));
+    parts.band.setAttribute("d", band(one.contours[k], one.deviations[k], pose));
+    parts.trail.setAttribute("d", polyline(one.poses, k));
+    const [major, minor, angle] = centre.slice(3 * k, 3 * k + 3);
+    parts.centre.setAttribute("d", pose && major !== null
+      ? ellipse(pose[0] / 1e3, pose[1] / 1e3, 2 * major, 2 * minor, angle / 1e3) : "");
+    arrow(parts.heading, parts.head, pose, 0.75 * extent, scale);
+  });
+  drawScan(scan, run.used[k], k);
+}
+
+function drawGrid(x, y, scale) {
+  const step = niceStep(70 / scale), labels = find("labels");
+  const halfX = view.width / 2 / scale, halfY = view.height / 2 / scale;
+  const left = x - halfX, right = x + halfX, low = y - halfY, high = y + halfY;
+  let lines = "";
+  labels.replaceChildren();
+  for (let i = Math.ceil(left / step); i * step <= right; i++) {
+    lines += `M${i * step} ${low}V${high}`;
+    const at = (i * step - left) * scale;
+    if (at > 46 && at < view.width - 54) label(at, view.height - 6, "middle", tickText(i * step, step));
+  }
+  for (let i = Math.ceil(low / step); i * step <= high; i++) {
+    lines += `M${left} ${i * step}H${right}`;
+    const at = (high - i * step) * scale;
+    if (at > 24 && at < view.height - 20) label(6, at + 4, "start", tickText(i * step, step));
+  }
+  label(view.width - 6, view.height - 6, "end", "x (m)");
+  label(6, 15, "start", "y (m)");
+  find("grid").setAttribute("d", lines);
+  find("axes").setAttribute("d", `M0 ${low}V${high}M${left} 0H${right}`);
+}
+
+function label(x, y, anchor, text) {
+  svg("text", { x, y, "text-anchor": anchor }, find("labels")).textContent = text;
+}
+
+function drawEgo(ego, fieldOfView, scale, viewX, viewY) {
+  const x = ego[0] / 1e3, y = ego[1] / 1e3, angle = ego[2] / 1e4;
+  const reach = Math.hypot(viewX - x, viewY - y) + Math.hypot(view.width, view.height) / scale;
+  const at = (turn) => `${x + reach * Math.cos(angle + turn)} ${y + reach * Math.sin(angle + turn)}`;
+  const half = fieldOfView / 2;
+  let wedge = `M${x} ${y}`;
+  for (let i = -8; i <= 8; i++) wedge += `L${at(half * i / 8)}`;
+  find("view").setAttribute("d", wedge + "Z");
+  find("view-edge").setAttribute("d", `M${at(-half)}L${x} ${y}L${at(half)}`);
+  const c = Math.cos(angle) * 11 / scale, s = Math.sin(angle) * 11 / scale;
+  find("ego").setAttribute("d",
+    `M${x + c} ${y + s}L${x - c - 0.7 * s} ${y - s + 0.7 * c}L${x - c + 0.7 * s} ${y - s - 0.7 * c}Z`);
+}
+
+function drawScan(scan, used, k) {
+  const points = scan.points[k], ellipses = scan.ellipses && scan.ellipses[k], chosen = new Set(used);
+  const dots = ["", ""], rings = ["", ""];
+  for (let i = 0; 2 * i < points.length; i++) {
+    const kind = chosen.has(i) ? 1 : 0, x = points[2 * i] / 1e3, y = points[2 * i + 1] / 1e3;
+    dots[kind] += `M${x} ${y}h0`;
+    if (ellipses) rings[kind] += ellipse(x, y, ellipses[3 * i], ellipses[3 * i + 1],
+      ellipses[3 * i + 2] === null ? null : ellipses[3 * i + 2] / 1e3);
+  }
+  find("points-unused").setAttribute("d", dots[0]);
+  find("points-used").setAttribute("d", dots[1]);
+  find("ellipses-unused").setAttribute("d", rings[0]);
+  find("ellipses-used").setAttribute("d", rings[1]);
+  const count = points.length / 2;
+  find("scan-caption").textContent = (count === 0 ? "An empty scan: the track is a prediction."
+    : `${count} point${count === 1 ? "" : "s"} in the scan, ${used.length} used by the tracker`) +
+    (scan.ellipses ? "" : "; too many in the run to show their σ");
+}
+
+// Zoom by a factor about a place of the picture, px, which stays where it is.
+function zoomAbout(factor, px, py) {
+  const before = camera(), zoom = Math.min(60, Math.max(0.02, view.zoom * factor));
+  const dx = px - view.width / 2, dy = view.height / 2 - py;
+  const after = before.scale * zoom / view.zoom;
+  view.x += dx / before.scale - dx / after;
+  view.y += dy / before.scale - dy / after;
+  view.zoom = zoom;
+  drawMap();
+}
+
+function resetView(mode = view.mode) {
+  Object.assign(view, { mode, zoom: 1, x: 0, y: 0 });
+  find("follow").setAttribute("aria-pressed", mode === "follow");
+  find("whole").setAttribute("aria-pressed", mode === "whole");
+  drawMap();
+}
+
+const fingers = new Map();
+map.addEventListener("pointerdown", (event) => {
+  fingers.set(event.pointerId, [event.offsetX, event.offsetY]);
+  map.setPointerCapture(event.pointerId);
+  map.classList.add("dragged");
+});
+map.addEventListener("pointermove", (event) => {
+  const before = fingers.get(event.pointerId);
+  if (!before) return;
+  const now = [event.offsetX, event.offsetY];
+  const others = [...fingers].filter(([id]) => id !== event.pointerId).map(([, place]) => place);
+  fingers.set(event.pointerId, now);
+  const { scale } = camera();
+  if (others.length === 0) {
+    view.x -= (now[0] - before[0]) / scale;
+    view.y += (now[1] - before[1]) / scale;
+    drawMap();
+  } else {
+    const [other] = others, apart = (p) => Math.hypot(p[0] - other[0], p[1] - other[1]) || 1;
+    zoomAbout(apart(now) / apart(before), (now[0] + other[0]) / 2, (now[1] + other[1]) / 2);
+  }
+});
+for (const kind of ["pointerup", "pointercancel"]) {
+  map.addEventListener(kind, (event) => {
+    fingers.delete(event.pointerId);
+    if (!fingers.size) map.classList.remove("dragged");
+  });
+}
+map.addEventListener("wheel", (event) => {
+  event.preventDefault();
+  zoomAbout(Math.exp(-event.deltaY * (event.deltaMode ? 0.05 : 0.0016)), event.offsetX, event.offsetY);
+}, { passive: false });
+map.addEventListener("dblclick", () => resetView());
+find("zoom-in").addEventListener("click", () => zoomAbout(1.5, view.width / 2, view.height / 2));
+find("zoom-out").addEventListener("click", () => zoomAbout(1 / 1.5, view.width / 2, view.height / 2));
+find("zoom-reset").addEventListener("click", () => resetView());
+find("follow").addEventListener("click", () => resetView("follow"));
+find("whole").addEventListener("click", () => resetView("whole"));
+new ResizeObserver(() => {
+  view.width = map.clientWidth;
+  view.height = map.clientHeight;
+  find("frame").setAttribute("width", view.width);
+  find("frame").setAttribute("height", view.height);
+  drawMap();
+}).observe(map);

@@ -1,0 +1,103 @@
+// What the page holds, and paths on the ground in metres.
+// The files playback_*.js are put into one function, in the order that report/playback.py names.
+const data = JSON.parse(document.getElementById("data").textContent);
+const { times, runs } = data;
+const LAST = times.length - 1;
+const DEPTH_TICKS = [2, 5, 10, 20, 50, 100];
+// Viridis turned round in 16 even steps of log(depth), as report/style.py colours depth.
+const DEPTH_COLOURS = ["fde725", "d8e219", "addc30", "84d44b", "5ec962", "3fbc73", "28ae80",
+  "1fa088", "21918c", "26828e", "2c728e", "33638d", "3b528b", "424086", "472d7b", "48186a",
+  "440154"].map((hex) => [0, 2, 4].map((i) => parseInt(hex.slice(i, i + 2), 16)));
+const RUN_COLOURS = 4;
+const DASHES = ["", "8 4", "2 3", "9 3 2 3"];
+const LOST_BELOW = 0.2;
+
+const find = (id) => document.getElementById(id);
+const colourOf = (run) => runs.length === 1 ? "var(--estimate)" : `var(--run-${run % RUN_COLOURS})`;
+const dashOf = (run) => DASHES[run % DASHES.length];
+
+function svg(name, attributes = {}, parent = null) {
+  const element = document.createElementNS("http://www.w3.org/2000/svg", name);
+  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+  if (parent) parent.append(element);
+  return element;
+}
+
+function html(name, options = {}, parent = null) {
+  const element = Object.assign(document.createElement(name), options);
+  if (parent) parent.append(element);
+  return element;
+}
+
+
+function niceStep(least) {
+  const power = 10 ** Math.floor(Math.log10(least));
+  return power * [1, 2, 5, 10].find((factor) => factor * power >= least * 0.999);
+}
+
+function tickText(value, step) {
+  return value.toFixed(Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));
+}
+
+function shown(value, digits, unit) {
+  if (value === null || value === undefined) return "–";
+  const text = Math.abs(value) >= 1e4 ? value.toExponential(1) : value.toFixed(digits);
+  return text + unit;
+}
+
+
+function polygon(flat, close = true) {
+  if (!flat || !flat.length) return "";
+  let text = "M";
+  for (let i = 0; i < flat.length; i += 2) text += `${i ? "L" : ""}${flat[i] / 1e3} ${flat[i + 1] / 1e3}`;
+  return text + (close ? "Z" : "");
+}
+
+function polyline(poses, stop) {
+  let text = "", open = false;
+  for (let k = 0; k <= stop; k++) {
+    const pose = poses[k];
+    if (pose) text += `${open ? "L" : "M"}${pose[0] / 1e3} ${pose[1] / 1e3}`;
+    open = Boolean(pose);
+  }
+  return text;
+}
+
+function placed(contour, pose) {
+  const angle = pose[2] / 1e4, c = Math.cos(angle), s = Math.sin(angle), flat = [];
+  for (let i = 0; i < contour.length; i += 2) {
+    flat.push(pose[0] + c * contour[i] - s * contour[i + 1], pose[1] + s * contour[i] + c * contour[i + 1]);
+  }
+  return flat;
+}
+
+// The ring of two standard deviations of the radius; a radius is not negative.
+function band(contour, deviations, pose) {
+  if (!contour || !deviations || !pose) return "";
+  const outer = [], inner = [];
+  for (let i = 0; i < deviations.length; i++) {
+    const x = contour[2 * i] - pose[0], y = contour[2 * i + 1] - pose[1];
+    const radius = Math.hypot(x, y) || 1e-9;
+    const out = 1 + 2 * deviations[i] / radius, within = Math.max(0, 1 - 2 * deviations[i] / radius);
+    outer.push(pose[0] + out * x, pose[1] + out * y);
+    inner.push(pose[0] + within * x, pose[1] + within * y);
+  }
+  return polygon(outer) + polygon(inner);
+}
+
+function ellipse(x, y, major, minor, angle) {
+  if (major === null || minor === null || angle === null) return "";
+  const a = Math.max(major, 1) / 1e3, b = Math.max(minor, 1) / 1e3;
+  const dx = a * Math.cos(angle), dy = a * Math.sin(angle), turn = angle * 180 / Math.PI;
+  return `M${x + dx} ${y + dy}A${a} ${b} ${turn} 0 1 ${x - dx} ${y - dy}A${a} ${b} ${turn} 0 1 ${x + dx} ${y + dy}`;
+}
+
+function arrow(line, head, pose, reach, scale) {
+  if (!pose) { line.setAttribute("d", ""); head.setAttribute("d", ""); return; }
+  const x = pose[0] / 1e3, y = pose[1] / 1e3, angle = pose[2] / 1e4;
+  const c = Math.cos(angle), s = Math.sin(angle), size = 10 / scale, half = 4 / scale;
+  const tipX = x + reach * c, tipY = y + reach * s;
+  line.setAttribute("d", `M${x} ${y}L${tipX - size * c} ${tipY - size * s}`);
+  head.setAttribute("d", `M${tipX} ${tipY}L${tipX - size * c - half * s} ${tipY - size * s + half * c}` +
+    `L${tipX - size * c + half * s} ${tipY - size * s - half * c}Z`);
+}

@@ -1,0 +1,89 @@
+"""The data of a study's report, from the sweeps that are its parts."""
+
+import math
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from stixel_cli.engine.errors import MissingEntry
+from stixel_cli.engine.graph import Graph
+from stixel_cli.engine.store import Store
+from stixel_cli.evaluation.scores import Scores
+from stixel_cli.report.folder_reader import SERIES, read_arrays
+from stixel_cli.studies.nouns import Part, StudyPoint
+from stixel_cli.sweeps.folder import SweepFolder
+from stixel_cli.sweeps.results import SweepResult
+
+
+class NodeSeconds:
+    """Seconds that nodes took when they were computed, as the store has them; read once."""
+
+    def __init__(self, store: Store):
+        self._store = store
+        self._known: dict[str, float] = {}
+
+    def of(self, key: str) -> float:
+        """Seconds of one node; NaN if its result is not there any more."""
+        if key not in self._known:
+            try:
+                self._known[key] = float(self._store.meta(key).get("seconds", math.nan))
+            except MissingEntry:
+                self._known[key] = math.nan
+        return self._known[key]
+
+    def by_stage(self, graphs: Sequence[tuple[Graph, Sequence[str]]]) -> dict[str, float]:
+        """Seconds by stage of all that the targets of graphs need, what they share once.
+
+        A stage of which a result is not there any more is left out.
+        """
+        stage_of: dict[str, str] = {}
+        for graph, targets in graphs:
+            needed = graph.ancestors(targets)
+            for name, keys in graph.stages.items():
+                stage_of.update((key, name) for key in keys if key in needed)
+        total: dict[str, float] = defaultdict(float)
+        for key, name in stage_of.items():
+            total[name] += self.of(key)
+        return {name: seconds for name, seconds in total.items() if math.isfinite(seconds)}
+
+
+def part_of(name: str, result: SweepResult, store: Store, seconds: NodeSeconds) -> Part:
+    """A part from a sweep that is complete.
+
+    Raises:
+        UserError: if a point's folder cannot be read.
+    """
+    folder = SweepFolder(result.folder)
+    points = []
+    for one in result.points:
+        planned, point = one.planned, one.planned.point
+        points.append(
+            StudyPoint(
+                index=point.index,
+                setting=point.setting,
+                seed=point.seed,
+                configuration=point.composition.configuration,
+                metrics=one.metrics,
+                scores=_scores(folder.point(point.index), one.metrics),
+                seconds=seconds.by_stage([(planned.graph, planned.targets)]),
+                load=_loader(planned.graph, store),
+            )
+        )
+    keys = tuple(result.points[0].planned.point.settings)
+    return Part(name, keys, tuple(points))
+
+
+def _scores(folder: Path, metrics: Mapping[str, float | int | None]) -> Scores:
+    arrays = read_arrays(folder / "scores.npz")
+    series = {name: arrays[name] for name in SERIES}
+    return Scores(times=arrays["t"], **series, metrics=dict(metrics))
+
+
+def _loader(graph: Graph, store: Store) -> Callable[[str], Any]:
+    def load(step: str) -> Any:
+        nodes = graph.of_stage(step)
+        values = [store.load(node.key) for node in nodes]
+        return values[0] if nodes[0].stage.pattern == "once" else values
+
+    return load

@@ -1,0 +1,173 @@
+"""A study's file: YAML with title, question, the report's module, and parts, each a sweep."""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from stixel_cli.config import messages
+from stixel_cli.config.folders import shipped_folder
+from stixel_cli.errors import ConfigurationError
+from stixel_cli.sweeps.design import Design
+from stixel_cli.sweeps.file import ENTRIES as SWEEP_ENTRIES
+from stixel_cli.sweeps.file import design_of, read_mapping, refuse_unknown
+
+ALL = "all"
+ENTRIES = ("title", "question", "report", "parts")
+_PART_ENTRIES = (*SWEEP_ENTRIES, "results", "derive")
+_PART_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+
+
+@dataclass(frozen=True)
+class PartFile:
+    """One part as the file has it.
+
+    Attributes:
+        name: of the part.
+        content: its entries as in a sweep's file.
+        steps: whose results the report reads beside the scores.
+        derive: name of the function in the report's module that gives further axes, from the data
+            of the parts before; None for none.
+    """
+
+    name: str
+    content: Mapping[str, Any]
+    steps: tuple[str, ...]
+    derive: str | None
+
+    def design(self, derived: list[dict[str, list]] | None = None) -> Design:
+        """The design of its points, with the axes that were derived.
+
+        Raises:
+            ConfigurationError: in one line that names the part and the entry.
+        """
+        content = dict(self.content)
+        for keys in derived or []:
+            if len(keys) == 1:
+                content["axes"] = {**(content.get("axes") or {}), **keys}
+            else:
+                content["zipped"] = [*(content.get("zipped") or []), keys]
+        try:
+            return design_of(content, shuffled=False)
+        except ConfigurationError as fault:
+            raise ConfigurationError(f"parts: {self.name}: {fault}") from None
+
+
+@dataclass(frozen=True)
+class StudyFile:
+    """A study as its file has it; `module` is that of its report, `parts` in their order."""
+
+    path: Path
+    title: str
+    question: str
+    module: str
+    parts: tuple[PartFile, ...]
+
+    @property
+    def name(self) -> str:
+        """Of the study, which its folder bears too."""
+        return self.path.stem
+
+    def function(self, name: str) -> Callable:
+        """A function of the report's module.
+
+        Raises:
+            ConfigurationError: if it has none of that name.
+        """
+        function = getattr(import_module(self.module), name, None)
+        if not callable(function):
+            raise ConfigurationError(f"{self.path}: {self.module} has no function {name}")
+        return function
+
+
+def shipped_studies() -> list[str]:
+    """Names of the studies that are shipped; plain sweeps are in the same folder."""
+    files = sorted((shipped_folder("pipelines") / "studies").glob("*.yaml"))
+    return [file.stem for file in files if re.search("^parts:", file.read_text("utf-8"), re.M)]
+
+
+def find_study(name: str) -> Path:
+    """The file of a study: a path to a YAML file, or the name of one that is shipped.
+
+    Raises:
+        ConfigurationError: if there is neither, or the name is a plain sweep's.
+    """
+    path = Path(name)
+    if path.suffix == ".yaml" and path.is_file():
+        return path
+    known = shipped_studies()
+    inside = shipped_folder("pipelines") / "studies" / f"{name}.yaml"
+    if path.name == name and inside.is_file():
+        if name in known:
+            return inside
+        raise ConfigurationError(
+            f"{name}: is a sweep, not a study: run it by stixel sweep --from {name}"
+        )
+    hint = messages.suggestion(name, [*known, ALL]) or f" (studies: {', '.join(known)}, or {ALL})"
+    raise ConfigurationError(f"{messages.printable(name)}: there is no such study{hint}")
+
+
+def read_study(path: Path) -> StudyFile:
+    """The study that a file describes, its parts' designs looked at.
+
+    Raises:
+        ConfigurationError: in one line that names the file and the entry.
+    """
+    try:
+        content = read_mapping(path, ENTRIES)
+        if "parts" not in content and not set(content) - set(SWEEP_ENTRIES):
+            raise ConfigurationError(f"is a sweep, not a study: stixel sweep --from {path}")
+        refuse_unknown(content, ENTRIES)
+        title, question, report = (_text(content, name) for name in ENTRIES[:3])
+        module = f"{__package__}.{report}"
+        if not report.isidentifier() or find_spec(module) is None:
+            raise ConfigurationError(f"report: there is no module {messages.printable(module)}")
+        study = StudyFile(path, title, question, module, tuple(_parts(content)))
+        if study.parts[0].derive is not None:
+            raise ConfigurationError(f"parts: {study.parts[0].name}: derive: no part is before it")
+        for part in study.parts:
+            part.design()
+            if part.derive is not None:
+                study.function(part.derive)
+        study.function("report")
+    except ConfigurationError as fault:
+        where = messages.printable(str(path), 200)
+        text = str(fault)
+        raise ConfigurationError(text if where in text else f"{where}: {text}") from None
+    return study
+
+
+def _text(content: Mapping[str, Any], name: str) -> str:
+    value = content.get(name)
+    if not isinstance(value, str) or not value.strip():
+        raise ConfigurationError(f"{name}: must be there, and be text")
+    return " ".join(value.split())
+
+
+def _parts(content: Mapping[str, Any]) -> list[PartFile]:
+    parts = content.get("parts")
+    if not isinstance(parts, dict) or not parts:
+        raise ConfigurationError("parts: must be names, each with a sweep's entries")
+    found = []
+    for name, entries in parts.items():
+        where = f"parts: {messages.printable(str(name))}"
+        if not isinstance(name, str) or not _PART_NAME.fullmatch(name):
+            raise ConfigurationError(f"{where}: a name of letters, digits and _ is needed")
+        if not isinstance(entries, dict):
+            raise ConfigurationError(f"{where}: must have a sweep's entries, as KEY: VALUE")
+        try:
+            refuse_unknown(entries, _PART_ENTRIES)
+        except ConfigurationError as fault:
+            raise ConfigurationError(f"{where}: {fault}") from None
+        steps = entries.get("results") or []
+        if not isinstance(steps, list) or not all(isinstance(step, str) for step in steps):
+            raise ConfigurationError(f"{where}: results: must be a list of steps")
+        derive = entries.get("derive")
+        if derive is not None and not isinstance(derive, str):
+            raise ConfigurationError(f"{where}: derive: must be the name of a function")
+        sweep = {key: value for key, value in entries.items() if key in SWEEP_ENTRIES}
+        found.append(PartFile(name, sweep, tuple(steps), derive))
+    return found

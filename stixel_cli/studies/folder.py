@@ -1,0 +1,167 @@
+"""The folder of a study: what was asked for, the parts' sweeps, and the report with its files.
+
+study.yaml         what was asked for
+parts/NAME/        the sweep of each part
+report.html        the report
+tables/ figures/   its tables as CSV, Markdown and LaTeX and its figures as SVG, once all is there
+"""
+
+import os
+import re
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import yaml
+
+from stixel_cli.errors import UserError
+from stixel_cli.experiment.recorded_run import provenance
+from stixel_cli.report.folder_reader import read_text
+from stixel_cli.studies.nouns import Findings
+from stixel_cli.studies.plan import StudyPlan
+from stixel_cli.studies.tables import figures_of, table_csv, table_latex, table_markdown, tables_of
+from stixel_cli.sweeps.folder import yaml_text
+
+FILE, PAGE = "study.yaml", "report.html"
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+=,-]*")
+
+
+def study_folder(results: Path, name: str) -> Path:
+    """The folder `name` in `results`; UserError if that is no plain name."""
+    if not _NAME.fullmatch(name):
+        raise UserError(f"--name: {name!r} is no folder name: use letters, digits and _ . + = , -")
+    return results / name
+
+
+class StudyFolder:
+    """Reads and writes the folder at `path`; every failure of the disk is a UserError."""
+
+    def __init__(self, path: Path):
+        self.path = path
+
+    def part(self, name: str) -> Path:
+        """The folder of a part's sweep."""
+        return self.path / "parts" / name
+
+    def check(self, plan: StudyPlan, fresh: bool) -> bool:
+        """Whether there is a folder of this plan to go on with; nothing is written.
+
+        Raises:
+            UserError: if the folder is of something else, unless it is a study's and `fresh`.
+        """
+        if not self.path.exists():
+            return False
+        if not (self.path / FILE).is_file():
+            if self.path.is_dir() and not any(self.path.iterdir()):
+                return False
+            raise UserError(f"{self.path}: is there, and is no folder of a study: give --name")
+        if fresh:
+            return False
+        try:
+            there = yaml.safe_load(read_text(self.path / FILE))
+        except yaml.YAMLError:
+            there = None
+        if not isinstance(there, dict):
+            raise UserError(f"{self.path / FILE}: not what a study was asked for: --fresh anew")
+        wanted = yaml.safe_load(yaml_text(plan.request()))
+        difference = _difference(there, wanted)
+        if difference is not None:
+            raise UserError(
+                f"{self.path}: was made with another configuration ({difference}): give --name "
+                "for a folder beside it, or --fresh to begin anew in its place"
+            )
+        return True
+
+    def begin(self, plan: StudyPlan, command: str, fresh: bool) -> None:
+        """Make the folder, or see that the one that is there can be gone on with."""
+        if self.check(plan, fresh):
+            return
+        content = {
+            "title": plan.study.title,
+            "question": plan.study.question,
+            "command": command,
+            "created": datetime.now(UTC).isoformat(timespec="seconds"),
+            **provenance(),
+            "overrides": list(plan.overrides),
+            **plan.request(),
+        }
+        with self._written():
+            if fresh and self.path.exists():
+                shutil.rmtree(self.path)
+            self.path.mkdir(parents=True, exist_ok=True)
+            self._write(self.path / FILE, yaml_text(content).encode())
+
+    def write(self, html: str, findings: Findings | None) -> Path:
+        """Write the report, and its tables and figures if there are any; the page's path."""
+        with self._written():
+            for name in ("tables", "figures"):
+                shutil.rmtree(self.path / name, ignore_errors=True)
+            for name, content in files_of(findings).items() if findings is not None else ():
+                file = self.path / name
+                file.parent.mkdir(parents=True, exist_ok=True)
+                self._write(file, content.encode() if isinstance(content, str) else content)
+            self._write(self.path / PAGE, html.encode())
+        return self.path / PAGE
+
+    def _write(self, file: Path, content: bytes) -> None:
+        partial = file.with_name(f".{file.name}.partial-{os.getpid()}")
+        try:
+            partial.write_bytes(content)
+            partial.replace(file)
+        finally:
+            partial.unlink(missing_ok=True)
+
+    @contextmanager
+    def _written(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise UserError(f"{self.path}: cannot be written: {error.strerror or error}") from error
+
+
+def files_of(findings: Findings) -> dict[str, str | bytes]:
+    """The files beside the page by their path in the folder.
+
+    Raises:
+        ValueError: if two have one name, or one leads out of the folder.
+    """
+    named: list[tuple[str, str | bytes]] = []
+    for table in tables_of(findings):
+        named.append((f"tables/{table.name}.csv", table_csv(table)))
+        named.append((f"tables/{table.name}.md", table_markdown(table)))
+        named.append((f"tables/{table.name}.tex", table_latex(table)))
+    named += [(f"figures/{figure.name}.svg", figure.svg) for figure in figures_of(findings)]
+    named += findings.files.items()
+    files = dict(named)
+    if len(files) < len(named):
+        names = [name for name, _ in named]
+        raise ValueError(f"two files are called {next(n for n in names if names.count(n) > 1)}")
+    for name in files:
+        path = PurePosixPath(name)
+        if path.is_absolute() or ".." in path.parts or name in (FILE, PAGE):
+            raise ValueError(f"{name!r} is no name for a file of a study")
+    return files
+
+
+def _difference(there: Any, wanted: Any, where: str = "") -> str | None:
+    """Where what was asked for first differs, None if it does not."""
+    if not isinstance(there, dict) or not isinstance(wanted, dict):
+        if there == wanted:
+            return None
+        return f"{where}: {_shown(there)} there, {_shown(wanted)} here"
+    for key, value in wanted.items():
+        if key not in there:
+            return f"{where} {key}: not there".strip()
+        found = _difference(there[key], value, f"{where} {key}".strip())
+        if found is not None:
+            return found
+    odd = [key for key in there if where and key not in wanted]
+    return f"{where}: {odd[0]} is there" if odd else None
+
+
+def _shown(value: Any) -> str:
+    text = yaml.safe_dump(value, default_flow_style=True, width=10**6).strip().removesuffix("\n...")
+    return text if len(text) <= 80 else text[:79] + "…"

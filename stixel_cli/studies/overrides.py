@@ -1,0 +1,97 @@
+"""Overrides of a whole study: they take the place of what its parts have."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from stixel_cli.config import messages
+from stixel_cli.config.compose_many import Composer
+from stixel_cli.config.folders import group_options
+from stixel_cli.config.overrides import check_overrides, parse_overrides, single_overrides
+from stixel_cli.errors import ConfigurationError
+from stixel_cli.sweeps.design import SEED, Axis, Design, check_each, same
+
+
+def overridden(designs: Sequence[Design], overrides: Sequence[str]) -> list[Design]:
+    """The designs of a study's parts with overrides, each in every part that can have it.
+
+    A key that a part fixes or sweeps takes the values that are given, and stays on its axis. Of
+    keys that go together only the steps with these values remain. A key that a part does not have
+    is fixed in it, or swept, if it fits the part's points.
+
+    Raises:
+        ConfigurationError: for an override that cannot be meant, or that fits no part.
+    """
+    parsed = parse_overrides(overrides)
+    check_overrides(parsed)
+    # Groups first: what a key means follows from the options.
+    parsed = sorted(parsed, key=lambda one: one.key_or_group not in group_options())
+    composer = Composer()
+    designs = list(designs)
+    for override in parsed:
+        texts = single_overrides(override, shuffled=False)
+        check_each(texts)
+        key = override.key_or_group
+        faults = []
+        for i, design in enumerate(designs):
+            try:
+                changed = _changed(design, key, texts, override.is_sweep_override())
+                _first_point(changed, composer)
+                designs[i] = changed
+            except ConfigurationError as fault:
+                faults.append(fault)
+        if len(faults) == len(designs):
+            raise faults[0]
+    return designs
+
+
+def _changed(design: Design, key: str, texts: Sequence[str], several: bool) -> Design:
+    rest = tuple(text for text in design.fixed if key_of(text) != key)
+    axes = design.axes
+    if any(key in axis.keys for axis in axes):
+        axes = tuple(_axis(axis, key, texts) if key in axis.keys else axis for axis in axes)
+    elif several:
+        new = Axis((key,), tuple((text,) for text in texts))
+        # Seeds run fastest.
+        last = tuple(axis for axis in axes if axis.keys == (SEED,))
+        axes = (*(axis for axis in axes if axis not in last), new, *last)
+    else:
+        rest = (*rest, *texts)
+    return Design(rest, axes, tuple(_left_out(design.left_out, axes)))
+
+
+def _axis(axis: Axis, key: str, texts: Sequence[str]) -> Axis:
+    if axis.keys == (key,):
+        return Axis(axis.keys, tuple((text,) for text in texts))
+    wanted = [_value(text) for text in texts]
+    place = axis.keys.index(key)
+    steps = [s for s in axis.steps if any(same(_value(s[place]), value) for value in wanted)]
+    if not steps:
+        there = ", ".join(dict.fromkeys(step[place].partition("=")[2] for step in axis.steps))
+        raise ConfigurationError(
+            f"{key}: goes together with {', '.join(k for k in axis.keys if k != key)} here: "
+            f"give one of {messages.printable(there, 200)}"
+        )
+    return Axis(axis.keys, tuple(steps))
+
+
+def _left_out(entries: Sequence[Any], axes: Sequence[Axis]) -> Iterator[Any]:
+    """The entries that still mean a point."""
+    swept = [(key_of(t), _value(t)) for axis in axes for step in axis.steps for t in step]
+    for entry in entries:
+        if all(any(k == key and same(v, value) for k, v in swept) for key, value in entry.items()):
+            yield entry
+
+
+def _first_point(design: Design, composer: Composer) -> None:
+    first = next(iter(design.combinations(composer)), None)
+    if first is not None:
+        composer.compose((*design.fixed, *first))
+
+
+def key_of(text: str) -> str:
+    """The key of an override."""
+    return text.partition("=")[0].strip().lstrip("+")
+
+
+def _value(text: str) -> Any:
+    return parse_overrides([text])[0].value()

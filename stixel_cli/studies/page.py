@@ -1,0 +1,169 @@
+"""A study's report as one page that needs nothing but itself."""
+
+import base64
+import re
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from typing import Any
+
+import jinja2
+import yaml
+from markupsafe import Markup
+
+from stixel_cli.report import style
+from stixel_cli.report.metrics import format_value
+from stixel_cli.studies.nouns import Figure, Findings, Paragraph, Picture, Section, Table
+from stixel_cli.studies.state import Origin, PartState
+from stixel_cli.studies.tables import shown_table
+
+_COLOURS = {
+    "#000000": "currentColor",
+    style.TRUTH: "currentColor",
+    "#ffffff": "var(--paper)",
+    "#e3e3e3": "var(--grid)",
+    style.CONSISTENT: "var(--band)",
+    **{colour: f"var(--run-{i})" for i, colour in enumerate(style.RUNS)},
+}
+_PIXELS_A_POINT = 1.75
+"""How large a figure is shown at most: its text is then as large as the page's."""
+
+
+def study_page(
+    title: str,
+    question: str,
+    states: Sequence[PartState],
+    findings: Findings | None,
+    origin: Origin,
+) -> str:
+    """The page of a study; without findings, it says what is missing and how to go on."""
+    environment = jinja2.Environment(
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
+    )
+    template = environment.from_string(
+        resources.files(__package__).joinpath("templates/study.html.j2").read_text("utf-8")
+    )
+    sections = _Numbered().sections(findings.sections, "") if findings is not None else []
+    return template.render(
+        title=title,
+        question=question,
+        answer=None if findings is None else findings.answer,
+        sections=sections,
+        states=states,
+        origin=origin,
+        parts=_parts(origin),
+        stages=[(name, format_value(float(s))) for name, s in origin.stage_seconds.items()],
+        all_seconds=format_value(float(sum(origin.stage_seconds.values()))),
+        provenance=_provenance(origin.provenance),
+        configuration=yaml.safe_dump(
+            dict(origin.configuration), sort_keys=False, allow_unicode=True
+        ),
+        run_colours=style.RUNS,
+    )
+
+
+class _Numbered:
+    """Sections as the template has them, numbered through."""
+
+    def __init__(self):
+        self.figures = self.tables = 0
+
+    def sections(self, sections: Sequence[Section], before: str) -> list[dict[str, Any]]:
+        return [
+            self._section(section, f"{before}{i}") for i, section in enumerate(sections, start=1)
+        ]
+
+    def _section(self, section: Section, number: str) -> dict[str, Any]:
+        blocks, inner = [], 0
+        for block in section.blocks:
+            match block:
+                case Section():
+                    inner += 1
+                    content = self._section(block, f"{number}.{inner}")
+                    blocks.append({"kind": "section", **content})
+                case Paragraph(text):
+                    blocks.append({"kind": "paragraph", "text": text})
+                case Figure() | Picture():
+                    self.figures += 1
+                    blocks.append(_figure(block, self.figures))
+                case Table():
+                    self.tables += 1
+                    header, rows, numeric = shown_table(block)
+                    blocks.append(
+                        {
+                            "kind": "table",
+                            "number": self.tables,
+                            "name": block.name,
+                            "caption": block.caption,
+                            "header": header,
+                            "rows": rows,
+                            "numeric": numeric,
+                        }
+                    )
+        return {"number": number, "title": section.title, "blocks": blocks}
+
+
+def _figure(block: Figure | Picture, number: int) -> dict[str, Any]:
+    content = {"kind": "figure", "number": number, "name": block.name, "caption": block.caption}
+    if isinstance(block, Figure):
+        svg, points = svg_for_page(block.svg.decode(), number)
+        return content | {"svg": Markup(svg), "width": round(points * _PIXELS_A_POINT)}
+    data = base64.b64encode(block.data).decode()
+    return content | {"kind": "picture", "source": f"data:{block.media_type};base64,{data}"}
+
+
+def svg_for_page(text: str, number: int) -> tuple[str, float]:
+    """An SVG file as an element of a page, and its width in points.
+
+    Its names become its own, its black the page's ink, its colours of runs the page's, and what
+    points at other places is taken out.
+    """
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.S)
+    # It would hold for the whole page, which has it once.
+    text = re.sub(r"<style[^>]*>.*?</style>", "", text, flags=re.S)
+    text = re.sub(r'\sxmlns(:\w+)?="[^"]*"', "", text)
+    width = re.search(r'<svg\b[^>]*?\swidth="([\d.]+)(?:pt)?"', text)
+    text = re.sub(r'(<svg\b[^>]*?)\swidth="[^"]*"', r"\1", text, count=1)
+    text = re.sub(r'(<svg\b[^>]*?)\sheight="[^"]*"', r"\1", text, count=1)
+    text = text.replace("<svg", '<svg fill="currentColor"', 1).replace("xlink:href=", "href=")
+    # Matplotlib names parts by their content, alike in all figures of a page.
+    text = re.sub(r'\bid="', f'id="f{number}-', text)
+    text = re.sub(r'(url\(|href=")#', rf"\1#f{number}-", text)
+    for colour, name in _COLOURS.items():
+        text = text.replace(colour, name)
+    text = re.sub(r">\s+<", "><", text)
+    # A hundredth of a point is finer than any screen.
+    text = re.sub(r'\sd="[^"]*"', lambda d: re.sub(r"(\.\d\d)\d+", r"\1", d[0]), text)
+    return text, float(width[1]) if width else 504.0
+
+
+def _parts(origin: Origin) -> list[dict[str, Any]]:
+    parts = []
+    for name, part in origin.parts.items():
+        axes = []
+        for axis in part["axes"]:
+            key = " + ".join(axis["keys"])
+            values = [" ".join(text.partition("=")[2] for text in step) for step in axis["steps"]]
+            axes.append((key, ", ".join(values)))
+        parts.append(
+            {
+                "name": name,
+                "fixed": " ".join(part["fixed"]),
+                "axes": axes,
+                "left_out": [
+                    " ".join(f"{key}={value}" for key, value in entry.items())
+                    for entry in part["leave_out"]
+                ],
+                "derive": part["derive"],
+                "seeds": ", ".join(map(str, origin.seeds.get(name, ()))),
+            }
+        )
+    return parts
+
+
+def _provenance(content: Mapping[str, Any]) -> list[tuple[str, str]]:
+    git = content.get("git") or {}
+    revision = str(git.get("revision"))[:12] if git.get("revision") else "–"
+    rows = [("git revision", revision + (" with changes" if git.get("dirty") else ""))]
+    rows += [(f"machine, {name}", str(v)) for name, v in (content.get("machine") or {}).items()]
+    return rows + [(name, str(v)) for name, v in (content.get("versions") or {}).items()]

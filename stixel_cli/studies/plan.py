@@ -1,0 +1,105 @@
+"""What a study would run: the design of every part, checked before anything is computed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from stixel_cli.config import messages
+from stixel_cli.errors import ConfigurationError
+from stixel_cli.experiment.stored_run import OF_THE_MACHINE
+from stixel_cli.studies.file import PartFile, StudyFile
+from stixel_cli.studies.overrides import key_of, overridden
+from stixel_cli.sweeps.design import Design, check_size
+from stixel_cli.sweeps.graphs import SweepPlan
+from stixel_cli.sweeps.points import design_points
+from stixel_cli.sweeps.whole import planned_sweep
+
+
+@dataclass(frozen=True)
+class PlannedPart:
+    """A part with its design, and its plan; that is None where axes are derived later."""
+
+    part: PartFile
+    design: Design
+    plan: SweepPlan | None
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class StudyPlan:
+    """A study with its overrides."""
+
+    study: StudyFile
+    overrides: tuple[str, ...]
+    parts: tuple[PlannedPart, ...]
+
+    def request(self) -> dict[str, Any]:
+        """What is asked for, in plain types: equal for two commands that mean the same results."""
+        return {
+            "study": self.study.name,
+            "report": self.study.module,
+            "parts": {
+                one.part.name: {
+                    "fixed": [t for t in one.design.fixed if not of_the_machine(t)],
+                    "axes": [
+                        {"keys": list(axis.keys), "steps": [list(step) for step in axis.steps]}
+                        for axis in one.design.axes
+                    ],
+                    "leave_out": [dict(entry) for entry in one.design.left_out],
+                    "results": list(one.part.steps),
+                    "derive": one.part.derive,
+                }
+                for one in self.parts
+            },
+        }
+
+
+def of_the_machine(text: str) -> bool:
+    """Whether an override says where to compute, on which no result depends."""
+    return key_of(text).partition(".")[0] in OF_THE_MACHINE
+
+
+def plan_study(study: StudyFile, overrides: Sequence[str]) -> StudyPlan:
+    """The plan of a study.
+
+    Raises:
+        ConfigurationError: in one line, for whatever is wrong with any of its points.
+    """
+    designs = overridden([part.design() for part in study.parts], overrides)
+    parts = []
+    for part, design in zip(study.parts, designs, strict=True):
+        if part.derive is None:
+            parts.append(PlannedPart(part, design, *_plan(part, design)))
+        else:
+            parts.append(PlannedPart(part, design, None, ()))
+    return StudyPlan(study, tuple(overrides), tuple(parts))
+
+
+def derived_design(plan: StudyPlan, one: PlannedPart, axes: list[dict[str, list]]) -> Design:
+    """The design of a part with the axes that were derived for it."""
+    with_axes = one.part.design(axes)
+    known = {key for axis in one.part.design().axes for key in axis.keys}
+    new = [axis for axis in with_axes.axes if known.isdisjoint(axis.keys)]
+    derived = {key for axis in new for key in axis.keys}
+    fixed = tuple(text for text in one.design.fixed if key_of(text) not in derived)
+    # Before the part's own, of which the last is that of the seeds.
+    design = Design(fixed, (*new, *one.design.axes), one.design.left_out)
+    _plan(one.part, design)
+    return design
+
+
+def _plan(part: PartFile, design: Design) -> tuple[SweepPlan, tuple[str, ...]]:
+    try:
+        check_size(design, one_is_enough=True)
+        plan, notes = planned_sweep(design_points(design), None, False, part.steps)
+    except ConfigurationError as fault:
+        raise ConfigurationError(f"part {part.name}: {fault}") from None
+    for step in part.steps:
+        if not any(step in point.graph.stages for point in plan.points):
+            known = sorted({name for point in plan.points for name in point.graph.stages})
+            hint = messages.suggestion(step, known) or f" (steps: {', '.join(known)})"
+            raise ConfigurationError(
+                f"part {part.name}: results: no pipeline of its points has a step "
+                f"{messages.printable(step)}{hint}"
+            )
+    return plan, tuple(notes)

@@ -1,0 +1,183 @@
+"""Figures of RQ1: errors over range, pixel locking, the normalised depth error, contrast."""
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from stixel_cli.evaluation.stage_errors import GROSS
+from stixel_cli.evaluation.stage_summary import phase_bias
+from stixel_cli.report import style
+from stixel_cli.studies.nouns import Figure
+from stixel_cli.studies.rq1_pool import EDGES, LEAST, Group
+
+CENTRES = 0.5 * (np.array(EDGES[1:]) + np.array(EDGES[:-1]))
+STYLES = ("-", "--", ":", "-.")
+MARKERS = ("o", "s", "^", "D", "v")
+
+Values = Callable[[Group, float, float], "float | tuple[float, float]"]
+
+
+def over_range(
+    name: str,
+    caption: str,
+    lines: Sequence[Group],
+    panels: Sequence[tuple[str, str, dict[str, Values]]],
+    prepare: Callable[[Sequence[Axes]], None] | None = None,
+    log: bool = False,
+) -> Figure:
+    """Panels over range, one line for each group.
+
+    Args:
+        name, caption: of the figure.
+        lines: the groups.
+        panels: title, unit, and what is drawn of each group: a name (shown where there are several
+            of them, each with a dash of its own) to a function of the group and the ends of a
+            range, m, that gives a value, or a value and the half width of a band round it.
+        prepare: does more with the axes.
+        log: whether values are drawn on a logarithmic axis.
+    """
+    with style.drawing({"axes.grid": True}):
+        rows = -(-len(panels) // 2)
+        height = 2.35 * rows + 0.45 if len(panels) > 1 else 3.9
+        figure = style.new_figure(7.0, height, layout="constrained")
+        axes = np.atleast_1d(figure.subplots(rows, min(2, len(panels)), squeeze=False)).ravel()
+        for i, (place, (title, unit, drawn)) in enumerate(zip(axes, panels, strict=False)):
+            for colour, marker, group in zip(style.RUNS, MARKERS * 2, lines, strict=False):
+                for dash, (what, values) in zip(STYLES, drawn.items(), strict=False):
+                    label = f"{group.label}, {what}" if len(drawn) > 1 else group.label
+                    _line(place, group, values, colour, dash, marker, label)
+            place.set(title=title, ylabel=unit, xlim=(EDGES[0] - 1, EDGES[-1] + 1))
+            if i >= len(panels) - 2:
+                place.set_xlabel("depth of the target (m)")
+            if log:
+                place.set_yscale("log")
+                place.yaxis.set_major_formatter("{x:g}")
+        for place in axes[len(panels) :]:
+            place.set_axis_off()
+        if prepare is not None:
+            prepare(axes)
+        _legend(figure, axes[: len(panels)])
+        return Figure(name, caption, style.svg(figure))
+
+
+def _line(axes: Axes, group: Group, values: Values, colour, dash, marker, label) -> None:
+    found = [values(group, low, high) for low, high in pairwise(EDGES)]
+    band = isinstance(found[0], tuple)
+    middle = np.array([one[0] if band else one for one in found], dtype=np.float64)
+    options = {"color": colour, "linestyle": dash, "marker": marker, "markersize": 3.5}
+    axes.plot(CENTRES, middle, label=label, **options)
+    if band:
+        half = np.array([one[1] for one in found], dtype=np.float64)
+        axes.fill_between(
+            CENTRES, middle - half, middle + half, color=colour, alpha=0.15, linewidth=0
+        )
+
+
+def _legend(figure, axes: Sequence[Axes]) -> None:
+    """One legend below all panels, of every label once."""
+    handles = {}
+    for place in axes:
+        for handle, label in zip(*place.get_legend_handles_labels(), strict=True):
+            handles.setdefault(label, handle)
+    figure.legend(
+        handles.values(),
+        handles.keys(),
+        loc="outside lower center",
+        ncols=3 if max(map(len, handles), default=0) < 26 else 2,
+    )
+
+
+def locking(name: str, caption: str, lines: Sequence[Group], zones: dict[str, int]) -> Figure:
+    """Mean disparity error by the fractional part of the true disparity, a panel a zone."""
+    with style.drawing({"axes.grid": True}):
+        figure = style.new_figure(7.0, 2.9, layout="constrained")
+        axes = figure.subplots(1, len(zones), sharey=True, squeeze=False)[0]
+        for place, (title, zone) in zip(axes, zones.items(), strict=True):
+            for colour, marker, group in zip(style.RUNS, MARKERS, lines, strict=False):
+                phase, mean, count = phase_bias(group.errors.disparity, zone)
+                shown = np.where(count >= LEAST, mean, np.nan)
+                place.plot(phase, shown, color=colour, marker=marker, ms=3.5, label=group.label)
+            place.axhline(0.0, color=style.TRUTH, linewidth=0.7)
+            place.set(title=title, xlabel="fraction of the true disparity (px)", xlim=(0, 1))
+        axes[0].set_ylabel("mean error (px)")
+        _legend(figure, axes)
+        return Figure(name, caption, style.svg(figure))
+
+
+def normalised(name: str, caption: str, lines: Sequence[Group]) -> Figure:
+    """Histogram of the stixels' depth error over its stated σ, beside the standard normal."""
+    with style.drawing({"axes.grid": True}):
+        figure = style.new_figure(7.0, 3.0, layout="constrained")
+        axes = figure.subplots()
+        edges = np.linspace(-4.0, 4.0, 33)
+        for colour, group in zip(style.RUNS, lines, strict=False):
+            of = group.errors.stixels
+            fine = (np.abs(of.disparity) <= GROSS) & (of.true_depth >= EDGES[0])
+            ratio = of.depth[fine] / of.sigma[fine]
+            if len(ratio) >= LEAST:
+                # What lies outside is drawn in the outermost bins.
+                density, _ = np.histogram(np.clip(ratio, -3.99, 3.99), edges, density=True)
+                axes.stairs(density, edges, color=colour, label=group.label, linewidth=1.4)
+        z = np.linspace(-4.0, 4.0, 161)
+        normal = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
+        axes.plot(z, normal, color=style.TRUTH, ls="--", lw=1.1, label="standard normal")
+        axes.set(xlabel="depth error / stated σ", ylabel="density", xlim=(-4.0, 4.0))
+        _legend(figure, [axes])
+        return Figure(name, caption, style.svg(figure))
+
+
+def over_contrast(
+    name: str,
+    caption: str,
+    lines: dict[str, list[tuple[float, Group]]],
+    panels: Sequence[tuple[str, str, Callable[[Group], float]]],
+) -> Figure:
+    """Panels over the contrast of the paint, one line for each road user."""
+    with style.drawing({"axes.grid": True}):
+        figure = style.new_figure(7.0, 5.1, layout="constrained")
+        axes = figure.subplots(2, 2).ravel()
+        for place, (title, unit, value) in zip(axes, panels, strict=True):
+            for colour, marker, (label, groups) in zip(
+                style.RUNS, MARKERS, lines.items(), strict=False
+            ):
+                x = [contrast for contrast, _ in groups]
+                y = [value(group) for _, group in groups]
+                place.plot(x, y, color=colour, marker=marker, markersize=3.5, label=label)
+            place.set(title=title, ylabel=unit, xlim=(0.0, 1.05))
+            # From nothing; what is all there has room above its line.
+            place.set_ylim(0.0, 1.08 * max(place.get_ylim()[1], 1e-9))
+        for place in axes[2:]:
+            place.set_xlabel("contrast of the paint")
+        _legend(figure, axes)
+        return Figure(name, caption, style.svg(figure))
+
+
+def precision(
+    name: str, caption: str, lines: Sequence[Group], depth: float, deviation: float, rms: Values
+) -> Figure:
+    """RMS depth error over range of each rig, and the line of constant disparity it would take.
+
+    The line through `deviation` m at `depth` m goes with z²: it is the same for all rigs.
+    """
+
+    def target(axes: Sequence[Axes]) -> None:
+        place = axes[0]
+        z = np.linspace(EDGES[0], EDGES[-1], 50)
+        law = deviation * (z / depth) ** 2
+        place.plot(
+            z, law, color="#777777", ls="--", lw=1.0, label="one disparity error, through that"
+        )
+        place.plot(
+            [depth],
+            [deviation],
+            color=style.TRUTH,
+            marker="*",
+            markersize=11,
+            linestyle="none",
+            label=f"The Stixel World: {deviation:g} m at {depth:g} m",
+        )
+
+    panels = [("RMS depth error of the stixels", "m", {"": rms})]
+    return over_range(name, caption, lines, panels, target, log=True)

@@ -1,0 +1,140 @@
+"""The stage errors of a part's points, pooled by what differs between them."""
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from stixel_cli.evaluation.stage_errors import StageErrors
+from stixel_cli.evaluation.stage_summary import phase_bias, pooled, stixel_summary
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.studies.nouns import Part, StudyPoint
+
+EDGES = tuple(float(edge) for edge in range(5, 51, 5))
+"""Ends of the ranges in the figures, m: true depth of the target's nearest surface."""
+
+COARSE = ((5.0, 10.0), (10.0, 20.0), (20.0, 30.0), (30.0, 40.0), (40.0, 50.0))
+"""The ranges of the tables, m."""
+
+SW_DEPTH, SW_DEVIATION = 28.0, 0.1
+"""Badino, Franke, Pfeiffer 2009 state an uncertainty below 0.1 m at 28 m."""
+
+ROUND = (25.0, 31.0)
+"""The range that is looked at for it, m."""
+
+LEAST = 5
+"""A mean of fewer values is not shown."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """The points of one setting, pooled.
+
+    Attributes:
+        label: what the setting is called.
+        rig: of all its points.
+        points: in their order.
+        errors: of all their frames.
+    """
+
+    label: str
+    rig: Rig
+    points: tuple[StudyPoint, ...]
+    errors: StageErrors
+
+    def frames(self, low: float, high: float) -> np.ndarray:
+        """Which frames (n,) bool see the target in [low, high) m."""
+        depth = self.errors.target_depth
+        return (depth >= low) & (depth < high)
+
+    @property
+    def seen(self) -> np.ndarray:
+        """Which frames (n,) bool see the target at any of the ranges."""
+        return self.frames(EDGES[0], EDGES[-1])
+
+
+def groups(part: Part, name: Callable[[StudyPoint], str]) -> list[Group]:
+    """Groups of the points that `name` calls the same, in the order in which they come."""
+    return [pool(label, points) for label, points in by_label(part.points, name).items()]
+
+
+def by_label(
+    points: Iterable[StudyPoint], name: Callable[[StudyPoint], str]
+) -> dict[str, list[StudyPoint]]:
+    """The points by what `name` calls them."""
+    found: dict[str, list[StudyPoint]] = {}
+    for point in points:
+        found.setdefault(name(point), []).append(point)
+    return found
+
+
+def pool(label: str, points: Iterable[StudyPoint]) -> Group:
+    """One group of all the points, at least one."""
+    points = tuple(points)
+    records = [record for point in points for record in point.load("stage_errors")]
+    return Group(label, points[0].configuration.rig, points, pooled(records))
+
+
+def road_user(point: StudyPoint) -> str:
+    """The class of the point's road user."""
+    return point.configuration.road_user.kind
+
+
+def matcher(point: StudyPoint) -> str:
+    """Name of the point's stereo matcher."""
+    stereo = point.configuration.stereo
+    name = stereo.kind.upper()
+    if stereo.error_cancellation:
+        return name
+    return f"{name}, one match" if stereo.kind == "sgm" else name
+
+
+def grid(point: StudyPoint) -> str:
+    """Name of the point's occupancy grid."""
+    return point.configuration.occupancy.kind.replace("_", "-")
+
+
+def rig(point: StudyPoint) -> str:
+    """Name of the point's rig: the option's, or its size where the study has one rig alone."""
+    of = point.configuration.rig
+    return point.setting.get("rig", f"{of.width} × {of.height}").replace("_", " ")
+
+
+def contrast(point: StudyPoint) -> float:
+    """Contrast of the road user's paint, 0 … 1."""
+    return float(point.configuration.road_user.contrast)
+
+
+def needed_disparity(rig: Rig, deviation: float, depth: float) -> float:
+    """Disparity's standard deviation px that means `deviation` m at `depth` m: f B σ_z / z²."""
+    return rig.focal * rig.baseline * deviation / depth**2
+
+
+def achieved(group: Group) -> dict[str, float]:
+    """The stixels of a group round the depth that *The Stixel World* names."""
+    return stixel_summary(group.errors.stixels, *ROUND)
+
+
+def locking_swing(group: Group, zone: int) -> float:
+    """Greatest less least mean error over the fractional part of the true disparity, px."""
+    mean = phase_bias(group.errors.disparity, zone)[1]
+    return float(np.nanmax(mean) - np.nanmin(mean)) if np.isfinite(mean).any() else math.nan
+
+
+def text(value: float | None, digits: int = 2, unit: str = "") -> str:
+    """A number as prose has it; a dash where there is none."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    shown = f"{value:.{digits}f}".replace("-", "−")
+    return f"{shown}\u202f{unit}" if unit else shown
+
+
+def share(value: float | None, digits: int = 1) -> str:
+    """A share as per cent."""
+    return text(None if value is None else 100.0 * value, digits, "%")
+
+
+def cell(value: float, factor: float = 1.0) -> float | None:
+    """A number for a table; None where there is none."""
+    return float(value) * factor if math.isfinite(value) else None

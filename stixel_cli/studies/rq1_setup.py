@@ -1,0 +1,120 @@
+"""What it takes to set up a scene: seconds to build, render and match; lines of configuration."""
+
+import dataclasses
+import math
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from stixel_cli.config.folders import shipped_folder
+from stixel_cli.config.schema import Configuration
+from stixel_cli.scene.mesh import Mesh
+from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.surfaces import build_surfaces
+from stixel_cli.scene.world import world_objects
+from stixel_cli.studies.nouns import Paragraph, Part, Section, StudyData, StudyPoint, Table
+from stixel_cli.studies.rq1_pool import (
+    by_label,
+    cell,
+    grid,
+    matcher,
+    rig,
+    road_user,
+    text,
+)
+
+SCENE = ("road_user", "path", "ego", "rig", "world", "renderer", "sensor")
+"""The groups of the configuration that describe a scene and its cameras."""
+
+
+@dataclass(frozen=True)
+class Building:
+    """Seconds to build a scene's meshes and the surfaces that rays are cast at, and triangles."""
+
+    seconds: float
+    triangles: int
+
+
+def timed_building(meshes: Callable[[], Iterable[Mesh]]) -> Building:
+    """Build the meshes and their surfaces, and take the time by a monotonic clock."""
+    start = time.perf_counter()
+    made = list(meshes())
+    build_surfaces([(1, mesh) for mesh in made])
+    seconds = time.perf_counter() - start
+    return Building(seconds, sum(len(part.triangles) for mesh in made for part in mesh.parts))
+
+
+def setup_section(data: StudyData) -> Section:
+    """The chapter; its building times are measured while the report is made, on its machine."""
+    points = data.parts["ranges"].points
+    first = points[0].configuration
+    rows = []
+    street = timed_building(lambda: [item.mesh for item in world_objects(first.world)])
+    rows.append(("street", cell(street.seconds), street.triangles))
+    for label, users in by_label(points, road_user).items():
+        user = users[0].configuration.road_user
+        built = timed_building(lambda user=user: [road_user_mesh(user)])
+        rows.append((label, cell(built.seconds), built.triangles))
+    lines, own = _lines_of(data.name), values_of(first)
+    return Section(
+        "What it takes to set up a scene",
+        (
+            Paragraph(
+                f"The street takes {text(street.seconds, 2, 's')} to build and is built once for "
+                f"all frames of a rig; it is measured here while this report is made, on the "
+                f"machine that makes it. A scene with its road user, path, ego car, cameras, "
+                f"street and light is {own} values, every one of which has a default."
+                + (f" This whole study is {lines} lines of YAML." if lines else "")
+            ),
+            Table(
+                "building",
+                "Seconds to make the meshes and the surfaces that rays are cast at, measured while "
+                "this report was made, and their triangles.",
+                ("what", "seconds", "triangles"),
+                tuple(rows),
+            ),
+            Table(
+                "seconds",
+                "Seconds a frame of the stages, as recorded when they were computed, mean of the "
+                "points. Rendering includes building the scene, once a chunk's worker; while many "
+                "workers share a machine, each is slower than alone.",
+                ("part", "setting", "render", "expose", "match", "free space", "stixels"),
+                tuple(_seconds(data)),
+            ),
+        ),
+    )
+
+
+def values_of(configuration: Configuration) -> int:
+    """How many values the configuration's groups of the scene have."""
+
+    def leaves(value) -> int:
+        if dataclasses.is_dataclass(value):
+            return sum(leaves(getattr(value, f.name)) for f in dataclasses.fields(value))
+        return 1
+
+    return sum(leaves(getattr(configuration, group)) for group in SCENE)
+
+
+def seconds_a_frame(points: Iterable[StudyPoint], stage: str) -> float:
+    """Mean recorded seconds of a stage for a frame; NaN where no point has any."""
+    shares = [p.seconds[stage] / len(p.scores.times) for p in points if stage in p.seconds]
+    return sum(shares) / len(shares) if shares else math.nan
+
+
+def _seconds(data: StudyData):
+    named = {"rigs": rig, "matchers": matcher, "grids": grid}
+    for name, label in named.items():
+        part: Part | None = data.parts.get(name)
+        for setting, points in by_label(part.points if part else (), label).items():
+            stages = ("render", "expose", "match", "free_space", "stixels")
+            yield (name, setting, *(cell(seconds_a_frame(points, stage)) for stage in stages))
+
+
+def _lines_of(study: str) -> int:
+    """Lines of the study's file that say something; 0 if it is none of the shipped ones."""
+    path = shipped_folder("pipelines") / "studies" / f"{study}.yaml"
+    if not path.is_file():
+        return 0
+    lines = (line.strip() for line in path.read_text(encoding="utf-8").splitlines())
+    return sum(1 for line in lines if line and not line.startswith("#"))

@@ -1,0 +1,134 @@
+"""RQ2: errors by range, by the sides that are seen, and by the number of points."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stixel_cli.studies.nouns import Table
+from stixel_cli.studies.rq2_runs import Run
+from stixel_cli.studies.tables import over_seeds
+from stixel_cli.sweeps.statistics import Statistic
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A way to sort scans.
+
+    Attributes:
+        name: short.
+        label: of an axis.
+        what: in a sentence.
+        value: (K,) of a run's scans.
+        edges: between bins; a value on an edge is in the bin above.
+        labels: of the bins, one more than edges.
+    """
+
+    name: str
+    label: str
+    what: str
+    value: Callable[[Run], np.ndarray]
+    edges: tuple[float, ...]
+    labels: tuple[str, ...]
+
+
+CONDITIONS = (
+    Condition(
+        "range",
+        "range (m)",
+        "the distance from the sensor to the target's centre",
+        lambda run: run.ranges,
+        (8.0, 12.0, 16.0, 20.0, 25.0, 30.0, 40.0),
+        ("< 8", "8–12", "12–16", "16–20", "20–25", "25–30", "30–40", "≥ 40"),
+    ),
+    Condition(
+        "aspect",
+        "aspect (°)",
+        "the aspect angle between the heading and the line to the sensor, which says what sides "
+        "are seen: 0° is the front alone, 90° a long side alone, 180° the rear alone",
+        lambda run: run.aspects,
+        (15.0, 45.0, 75.0, 105.0, 135.0, 165.0),
+        ("0–15", "15–45", "45–75", "75–105", "105–135", "135–165", "165–180"),
+    ),
+    Condition(
+        "points",
+        "points used",
+        "the number of points that the tracker used of the scan",
+        lambda run: run.used.astype(float),
+        (1.0, 3.0, 6.0, 11.0, 21.0, 41.0),
+        ("0", "1–2", "3–5", "6–10", "11–20", "21–40", "> 40"),
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Binned:
+    """Scans of one tracker, measurement and bin: how many, and statistics over seeds by error."""
+
+    scans: int
+    errors: dict[str, Statistic]
+
+
+def condition_statistics(
+    condition: Condition, runs: Sequence[Run]
+) -> dict[tuple[str, str, int], Binned]:
+    """Statistics by tracker, measurement and number of the bin; bins without scans left out."""
+    collected: dict[tuple[str, str, int], dict[int, dict[str, list[np.ndarray]]]] = {}
+    for run in runs:
+        bins = np.searchsorted(condition.edges, condition.value(run), side="right")
+        series = {**run.errors, "nees": run.nees, "nis": run.nis}
+        for b in np.unique(bins):
+            of_seed = collected.setdefault((run.tracker, run.measurement, int(b)), {})
+            errors = of_seed.setdefault(run.seed, {name: [] for name in series})
+            for name, values in series.items():
+                errors[name].append(values[bins == b])
+    found = {}
+    for key, by_seed in collected.items():
+        names = next(iter(by_seed.values()))
+        count = sum(len(part) for errors in by_seed.values() for part in errors["iou"])
+        found[key] = Binned(
+            count,
+            {
+                name: over_seeds([_mean(errors[name]) for errors in by_seed.values()])
+                for name in names
+            },
+        )
+    return found
+
+
+def _mean(parts: Sequence[np.ndarray]) -> float | None:
+    values = np.concatenate(parts)
+    values = values[np.isfinite(values)]
+    return float(values.mean()) if len(values) else None
+
+
+def condition_table(name: str, condition: Condition, runs: Sequence[Run], of: str) -> Table:
+    """The numbers of a condition, one row a bin, tracker and measurement."""
+    found = condition_statistics(condition, runs)
+    rows = []
+    for (tracker, measurement, b), one in sorted(found.items(), key=lambda item: item[0][2]):
+        cells: list[str | float | int | None] = [condition.labels[b], tracker, measurement]
+        cells.append(one.scans)
+        for error in ("centre", "orientation", "iou"):
+            cells += [one.errors[error].mean, one.errors[error].deviation]
+        rows.append((*cells, one.errors["nees"].mean, one.errors["nis"].mean))
+    return Table(
+        name,
+        f"{of}, by {condition.what}. Of each seed the mean over its scans; mean ± standard "
+        "deviation over the seeds.",
+        (
+            condition.label,
+            "tracker",
+            "measurement",
+            "scans",
+            "centre error (m)",
+            "± centre",
+            "orientation error (°)",
+            "± orientation",
+            "IoU",
+            "± IoU",
+            "NEES / 2",
+            "NIS / d.o.f.",
+        ),
+        tuple(rows),
+    )

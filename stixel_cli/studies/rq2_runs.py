@@ -1,0 +1,194 @@
+"""RQ2: what is kept of every run, and how runs are put together."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from scipy.stats import chi2
+
+from stixel_cli.geometry.angles import wrap_angle
+from stixel_cli.geometry.pose import world_from_target
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.scene.scenario import Scenario
+from stixel_cli.studies.nouns import StudyData, StudyPoint
+from stixel_cli.studies.tables import over_seeds
+from stixel_cli.sweeps.statistics import CONFIDENCE, Statistic
+
+STIXELS, LIDAR, FLOOR = "simulated", "lidar", "point"
+"""Kinds of measurement and of tracker that the question names."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run; K scans.
+
+    Attributes:
+        road_user, path, measurement, tracker: as they are called in the study.
+        kind, tracker_kind: of measurement and tracker, whatever the options are called.
+        seed: of the run.
+        point: what it comes from.
+        times: (K,) s.
+        errors: centre m, orientation degrees (absolute) and IoU, (K,) each, by name.
+        nees: (K,) position NEES / 2.
+        nis, nis_degrees: (K,) NIS / degrees of freedom, and these.
+        ranges: (K,) m from the sensor to the target's centre.
+        aspects: (K,) degrees 0 … 180 between the heading and the way to the sensor: 0 where the
+            front is seen, 180 where the rear is.
+        used: (K,) points used of each scan.
+        scan_points: (K,) points of each scan.
+    """
+
+    road_user: str
+    path: str
+    measurement: str
+    tracker: str
+    kind: str
+    tracker_kind: str
+    seed: int
+    point: StudyPoint
+    times: np.ndarray
+    errors: dict[str, np.ndarray]
+    nees: np.ndarray
+    nis: np.ndarray
+    nis_degrees: np.ndarray
+    ranges: np.ndarray
+    aspects: np.ndarray
+    used: np.ndarray
+    scan_points: np.ndarray
+
+
+def runs_of(data: StudyData) -> list[Run]:
+    """Every run of the study."""
+    return [_run(point) for part in data.parts.values() for point in part.points]
+
+
+def _run(point: StudyPoint) -> Run:
+    scenario, scans, track = (point.load(step) for step in ("scenario", "scans", "track"))
+    configuration, scores = point.configuration, point.scores
+    to_sensor = scans.sensor_poses_world[:, :2] - scenario.target_poses_world[:, :2]
+    bearing = np.arctan2(to_sensor[:, 1], to_sensor[:, 0])
+    aspects = np.abs(np.degrees(wrap_angle(bearing - scenario.target_poses_world[:, 2])))
+    named = {
+        "road_user": configuration.road_user.kind,
+        "path": configuration.path.kind,
+        "measurement": configuration.measurement.kind,
+        "tracker": configuration.tracker.kind,
+    }
+    return Run(
+        **{name: point.setting.get(name, kind) for name, kind in named.items()},
+        kind=configuration.measurement.kind,
+        tracker_kind=configuration.tracker.kind,
+        seed=point.seed,
+        point=point,
+        times=scores.times,
+        errors={
+            "centre": scores.centre_error,
+            "orientation": np.abs(np.degrees(scores.orientation_error)),
+            "iou": scores.iou,
+        },
+        nees=scores.nees_position,
+        nis=scores.nis,
+        nis_degrees=track.nis_degrees_of_freedom,
+        ranges=np.hypot(to_sensor[:, 0], to_sensor[:, 1]),
+        aspects=aspects,
+        used=np.diff(track.used_offsets),
+        scan_points=np.diff(scans.offsets),
+    )
+
+
+def names(runs: Iterable[Run], attribute: str) -> list[str]:
+    """The values of an attribute, in the order in which they come first."""
+    return list(dict.fromkeys(getattr(run, attribute) for run in runs))
+
+
+def chosen(runs: Iterable[Run], **attributes: str | int) -> list[Run]:
+    """The runs with the given attributes."""
+    return [
+        run
+        for run in runs
+        if all(getattr(run, name) == value for name, value in attributes.items())
+    ]
+
+
+def metric_over_seeds(runs: Sequence[Run], name: str) -> Statistic:
+    """A metric over seeds: of each seed the mean over its runs; those without a value left out."""
+    return over_seeds(list(seed_means(runs, lambda run: run.point.metrics.get(name)).values()))
+
+
+def seed_means(
+    runs: Sequence[Run], value: Callable[[Run], float | int | None]
+) -> dict[int, float | None]:
+    """Of each seed the mean over its runs; None for one of which a run has no value."""
+    by_seed: dict[int, list[float | int | None]] = {}
+    for run in runs:
+        by_seed.setdefault(run.seed, []).append(value(run))
+    return {
+        seed: None if None in values else float(np.mean(values))
+        for seed, values in sorted(by_seed.items())
+    }
+
+
+def paired_difference(one: Sequence[Run], other: Sequence[Run], name: str) -> Statistic:
+    """A metric of `one` minus that of `other`: of each seed the mean over what both have.
+
+    Runs are pairs where road user, path and seed are the same: these see the same motion.
+    """
+    partners = {(run.road_user, run.path, run.seed): run for run in other}
+    differences: dict[int, list[float]] = {}
+    for run in one:
+        partner = partners.get((run.road_user, run.path, run.seed))
+        if partner is None:
+            continue
+        values = [of.point.metrics.get(name) for of in (run, partner)]
+        if None not in values:
+            differences.setdefault(run.seed, []).append(values[0] - values[1])
+    return over_seeds([float(np.mean(values)) for _, values in sorted(differences.items())])
+
+
+def within_bounds(runs: Sequence[Run]) -> tuple[float | None, float | None]:
+    """Share of scans at which the mean over seeds of NEES, and of NIS, is within chi-square bounds.
+
+    Bar-Shalom, Li & Kirubarajan 2001, *Estimation with Applications to Tracking and Navigation*,
+    section 5.4: the sum of n normalised squares is chi-square with n times their degrees of
+    freedom. Of a consistent filter, 0.95 are within.
+    """
+    found: list[list[bool]] = [[], []]
+    for path in names(runs, "path"):
+        same = chosen(runs, path=path)
+        nees = np.stack([run.nees for run in same])
+        nis = np.stack([run.nis for run in same])
+        degrees = np.stack([run.nis_degrees for run in same])
+        for values, freedom, inside in (
+            (nees, np.full(nees.shape, 2), found[0]),
+            (nis, degrees, found[1]),
+        ):
+            known = np.isfinite(values) & (freedom > 0)
+            total = np.where(known, freedom, 0).sum(axis=0)
+            summed = np.where(known, values * freedom, 0.0).sum(axis=0)
+            low, high = chi_square_bounds(total[total > 0])
+            inside += list((summed[total > 0] >= low) & (summed[total > 0] <= high))
+    nees_share, nis_share = (float(np.mean(inside)) if inside else None for inside in found)
+    return nees_share, nis_share
+
+
+def chi_square_bounds(degrees: np.ndarray | int) -> tuple[np.ndarray, np.ndarray]:
+    """Bounds that a chi-square sum leaves by chance in 5 % of all cases, half at each end."""
+    edge = 0.5 * (1.0 - CONFIDENCE)
+    return chi2.ppf(edge, degrees), chi2.ppf(1.0 - edge, degrees)
+
+
+def contour_distances(scans: Scans, scenario: Scenario) -> np.ndarray:
+    """Distance (P,) m of every scan's points from the true contour, negative inside it."""
+    distances = np.empty(len(scans.points_world))
+    for k in range(len(scans)):
+        rows = scans.rows(k)
+        if rows.start == rows.stop:
+            continue
+        truth = shapely.Polygon(
+            world_from_target(scenario.contour_target, scenario.target_poses_world[k])
+        )
+        points = shapely.points(scans.points_world[rows])
+        away = shapely.distance(truth.exterior, points)
+        distances[rows] = np.where(shapely.contains(truth, points), -away, away)
+    return distances

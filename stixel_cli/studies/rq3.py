@@ -1,0 +1,260 @@
+"""RQ3: how far are fabricated measurements from simulated ones, and can a fitted noise mend it?"""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+
+from stixel_cli.measurements.parameters import FittedNoise
+from stixel_cli.report.metrics import format_value
+from stixel_cli.studies.nouns import Findings, Paragraph, Part, Section, StudyData, Table
+from stixel_cli.studies.rq3_answer import answer
+from stixel_cli.studies.rq3_compare import Comparison, compare, difference_table
+from stixel_cli.studies.rq3_figures import (
+    Pools,
+    edges,
+    error_histograms,
+    neighbours,
+    range_law,
+    tracker_differences,
+)
+from stixel_cli.studies.rq3_fit import fit_noise, preset
+from stixel_cli.studies.rq3_price import SHARED, Price, price_of
+from stixel_cli.studies.rq3_runs import (
+    FABRICATED,
+    FITTED,
+    SIMULATED,
+    TRACKER_MEASURES,
+    Errors,
+    Runs,
+    names,
+    neighbour_columns,
+    point_measures,
+    runs_of,
+)
+from stixel_cli.studies.rq3_statistics import DRAWS
+
+TRAINING = "training"
+COMMAND = "stixel study rq3"
+
+
+def fitted_noise(data: StudyData) -> list[dict[str, list]]:
+    """The axis of the fitted part: each road user with the noise that its training runs give."""
+    noises = fitted_noises(data.parts[TRAINING])
+    keys = [name for name in asdict(next(iter(noises.values()))) if name != "kind"]
+    axis: dict[str, list] = {"road_user": list(noises)}
+    for key in keys:
+        axis[f"measurement.noise.{key}"] = [getattr(noise, key) for noise in noises.values()]
+    return [axis]
+
+
+def fitted_noises(training: Part) -> dict[str, FittedNoise]:
+    """Road user to the noise that is fitted to its runs."""
+    runs = runs_of(training)
+    return {
+        user: fit_noise(
+            [point.load("point_errors") for key, point in runs.items() if key.road_user == user]
+        )
+        for user in names(runs, "road_user")
+    }
+
+
+def report(data: StudyData) -> Findings:
+    """The findings of a study whose points all have their `point_errors`."""
+    parts = {name: runs_of(data.parts[name]) for name in (SIMULATED, FABRICATED, FITTED)}
+    noises = fitted_noises(data.parts[TRAINING])
+    pools = _pools(parts)
+    lag = neighbour_columns([run for pool in pools.values() for run in pool[SIMULATED]])
+    points = compare(parts, point_measures(lag), by_tracker=False)
+    tracks = compare(parts, TRACKER_MEASURES, by_tracker=True)
+    price = price_of(data.parts[SIMULATED], data.parts[FABRICATED])
+    sections = (
+        Section("What was compared, and how", _method(data, parts, lag)),
+        Section("The points", _points(points, pools, lag)),
+        Section("The tracker", _tracker(tracks)),
+        Section("The noise that was fitted", _fit(data, noises)),
+        Section("The price of a scan", _price(price)),
+    )
+    return Findings(
+        tuple(answer(points, tracks, price)),
+        sections,
+        {
+            f"noise/fitted_{user}.yaml": preset(noise, _what(data, user), COMMAND)
+            for user, noise in noises.items()
+        },
+    )
+
+
+def _pools(parts: dict[str, Runs]) -> Pools:
+    errors = Errors()
+    pools: dict[str, dict[str, list]] = {}
+    for user in names(parts[SIMULATED], "road_user"):
+        pools[user] = {}
+        for part, runs in parts.items():
+            # Trackers share the scans: one is enough.
+            own = [key for key in runs if key.road_user == user]
+            own = [key for key in own if key.tracker == own[0].tracker]
+            pools[user][part] = [errors.of(part, runs[key]) for key in own]
+    return pools
+
+
+def _method(data: StudyData, parts: dict[str, Runs], lag: float) -> tuple[Paragraph, ...]:
+    runs = parts[SIMULATED]
+    seeds = sorted(names(runs, "seed"))
+    trained = sorted(names(runs_of(data.parts[TRAINING]), "seed"))
+    common = sorted(set(seeds) & set(trained))
+    apart = (
+        f"seeds {_listed(common)} are in both, so this fit is judged on what it was fitted to"
+        if common
+        else "no seed is in both"
+    )
+    return (
+        Paragraph(
+            f"Road users: {_listed(names(runs, 'road_user'))}; paths: "
+            f"{_listed(names(runs, 'path'))}; trackers: {_listed(names(runs, 'tracker'))}; seeds: "
+            f"{_listed(seeds)}. The noise was fitted on seeds {_listed(trained)}: {apart}."
+        ),
+        Paragraph(
+            "Three kinds of scan of the same poses. Simulated: rendered stereo images, matching, "
+            "free space, stixels, points. Fabricated: the camera's rays cut by the true contour, "
+            "white noise of the disparity along the ray. Fitted: fabricated with the noise whose "
+            "parameters were estimated from simulated points."
+        ),
+        Paragraph(
+            "A point is the target's if its column is in the true silhouette widened by 10 px and "
+            "it lies within 3 px of disparity and 2 m of where its ray meets the contour first. "
+            "Its error along the ray is measured minus true range; a point beside the silhouette "
+            "is compared with the nearest ray that meets it. Across the ray a point has no error "
+            "of its own, for the ray is that of its column: the bias across is the shift of both "
+            "ends of the scan against those of the silhouette. The reach is how far the outermost "
+            "points, with half a spacing, go beyond the silhouette: positive is edge fattening. "
+            "A column without a point has none within half a spacing: dropouts, and ends that fall "
+            f"short. Neighbours are compared {lag:.2g} columns apart in every kind of scan."
+        ),
+        Paragraph(
+            "The unit is a pair of runs of the same road user, path and seed, n of them; scans of "
+            "one run follow each other and are not counted as independent. Intervals: paired "
+            f"bootstrap, 95 % percentiles of {DRAWS} draws; paths are given, so seeds are drawn "
+            "within each path, and the intervals speak of these paths, not of all. Tests: "
+            "Wilcoxon's signed rank, two-sided, with Holm's correction over all tests of a table. "
+            "They take the pairs as exchangeable; pairs of one path share its motion, so a test "
+            "that is clear here is clear for these paths. Effect: matched-pairs "
+            "rank-biserial correlation, -1 to 1. With few pairs no test can reach 5 % once it is "
+            "corrected; the intervals still tell how large the difference is."
+        ),
+        Paragraph(
+            "Gap closed: 1 - |mean of fitted minus simulated| / |mean of fabricated minus "
+            "simulated|, with the bootstrap's interval over the same pairs. 1: nothing of the gap "
+            "is left, 0: all of it, below 0: it became wider. It is not given where the interval "
+            "of the gap holds 0."
+        ),
+    )
+
+
+def _points(points: Sequence[Comparison], pools: Pools, lag: float) -> tuple:
+    counts = {
+        part: sum(len(run.scans) for pool in pools.values() for run in pool[part])
+        for part in (SIMULATED, FABRICATED, FITTED)
+    }
+    shown = ", ".join(f"{part} {count}" for part, count in counts.items())
+    return (
+        Paragraph(f"Points of the targets in all runs: {shown}."),
+        error_histograms(pools),
+        range_law(pools),
+        neighbours(pools),
+        edges(pools),
+        difference_table(
+            "point_differences",
+            "Errors of the points by road user: mean over the runs, and paired differences. "
+            f"Neighbours: {lag:.2g} columns apart.",
+            points,
+        ),
+    )
+
+
+def _tracker(tracks: Sequence[Comparison]) -> tuple:
+    return (
+        Paragraph(
+            "NEES is divided by 2 and NIS by its degrees of freedom: 1 is consistent. They are "
+            "compared in decades, since a diverging run's would outweigh all others: 0 is "
+            "consistent, 1 is ten times too much, and a difference of 0.3 a factor of 2."
+        ),
+        tracker_differences(tracks),
+        difference_table(
+            "tracker_differences", "The tracker by road user, over all paths and seeds.", tracks
+        ),
+    )
+
+
+def _fit(data: StudyData, noises: dict[str, FittedNoise]) -> tuple:
+    users = list(noises)
+    rows = [
+        (key, *(getattr(noise, key) for noise in noises.values()))
+        for key in asdict(noises[users[0]])
+        if key != "kind"
+    ]
+    biases = "; ".join(
+        f"{user} {format_value(noise.range_bias)} m and {format_value(noise.disparity_bias)} px"
+        for user, noise in noises.items()
+    )
+    return (
+        Paragraph(
+            "One set for each road user, since the bias is mostly its shape's: the contour is the "
+            "outermost outline over all heights, and the surface that a stixel sees lies behind "
+            f"it. Range and disparity bias: {biases}. Estimated by moments: least squares for the "
+            "two parts of bias and variance, neighbouring residuals for the correlation, how far "
+            "points reach beyond the silhouette for the ends, counts for what is missed."
+        ),
+        Table(
+            "fitted_noise",
+            "Parameters of the fitted noise; units as in conf/measurement/noise.",
+            ("parameter", *users),
+            tuple(rows),
+        ),
+        Paragraph(
+            "The files are beside this page: "
+            + ", ".join(f"noise/fitted_{user}.yaml" for user in users)
+            + ". Put them into conf/measurement/noise/ and say measurement=fabricated "
+            f"measurement/noise=fitted_{users[0]}."
+        ),
+        Paragraph(
+            "What the model leaves out: an error that scans share. Its noise is new in every scan, "
+            "while the relief of a road user stays with it; see the correlation of successive "
+            "scans' means above."
+        ),
+    )
+
+
+def _price(price: Price) -> tuple:
+    return (
+        Paragraph(
+            "Seconds of computing that went into the scans, as recorded when each stage ran, on "
+            "one thread each, summed over all that a scan needs and divided by the number of "
+            "scans; medians over the runs. What runs share is counted in each, as if it had been "
+            f"run alone; {' and '.join(SHARED)}, with which both kinds begin, are shown and not "
+            "counted."
+        ),
+        Table(
+            "price",
+            "Seconds a scan.",
+            ("stage", SIMULATED, FABRICATED),
+            (
+                *(
+                    (stage, price.simulated.get(stage), price.fabricated.get(stage))
+                    for stage in dict.fromkeys((*price.simulated, *price.fabricated))
+                ),
+                ("all that is not shared", price.simulated_total, price.fabricated_total),
+            ),
+        ),
+    )
+
+
+def _what(data: StudyData, user: str) -> str:
+    runs = {key: point for key, point in runs_of(data.parts[TRAINING]).items()}
+    own = [key for key in runs if key.road_user == user]
+    points = sum(len(runs[key].load("point_errors").scans) for key in own)
+    paths = _listed(dict.fromkeys(key.path for key in own))
+    seeds = _listed(dict.fromkeys(key.seed for key in own))
+    return f"{points} simulated points: {user}; paths {paths}; seeds {seeds}"
+
+
+def _listed(values) -> str:
+    return ", ".join(str(value) for value in values)

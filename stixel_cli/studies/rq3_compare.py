@@ -1,0 +1,151 @@
+"""RQ3: paired comparisons of fabricated and fitted with simulated measurements."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stixel_cli.studies.nouns import Table
+from stixel_cli.studies.rq3_runs import (
+    FABRICATED,
+    FITTED,
+    SIMULATED,
+    Errors,
+    Measure,
+    Runs,
+    names,
+)
+from stixel_cli.studies.rq3_statistics import (
+    SIGNIFICANT,
+    Closed,
+    Paired,
+    gap_closed,
+    holm,
+    paired,
+)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One measure of one road user's runs, by one tracker where it is the tracker's.
+
+    Attributes:
+        road_user, tracker, measure: of what; `tracker` is "" for the points' own measures.
+        means: of each kind of measurement over the runs that all have a value.
+        apart: fabricated, and fitted, minus simulated.
+        p: of either, Holm-corrected over the comparison's family; None where there is no test.
+        closed: how much of the gap the fitted noise closes.
+    """
+
+    road_user: str
+    tracker: str
+    measure: Measure
+    means: Mapping[str, float | None]
+    apart: Mapping[str, Paired]
+    p: Mapping[str, float | None]
+    closed: Closed
+
+    def differs(self, part: str) -> bool:
+        """Whether the corrected test tells a part from the simulated measurements."""
+        return self.p[part] is not None and self.p[part] < SIGNIFICANT
+
+
+def compare(
+    parts: Mapping[str, Runs], measures: Mapping[str, Measure], by_tracker: bool
+) -> list[Comparison]:
+    """A family of comparisons: every measure of every road user (and tracker), corrected together.
+
+    A pair is left out of a measure that one of its three runs has no value of.
+    """
+    errors = Errors()
+    simulated = parts[SIMULATED]
+    trackers = names(simulated, "tracker")
+    found = []
+    for user in names(simulated, "road_user"):
+        for tracker in trackers if by_tracker else trackers[:1]:
+            keys = [
+                key
+                for key in simulated
+                if key.road_user == user
+                and key.tracker == tracker
+                and all(key in runs for runs in parts.values())
+            ]
+            for name, measure in measures.items():
+                rows = [
+                    [
+                        measure.of(parts[part][key], errors.of(part, parts[part][key]))
+                        for key in keys
+                    ]
+                    for part in (SIMULATED, FABRICATED, FITTED)
+                ]
+                found.append(
+                    _compared(user, tracker if by_tracker else "", name, measure, keys, rows)
+                )
+    return _corrected(found)
+
+
+def _compared(user, tracker, name, measure, keys, rows) -> Comparison:
+    values = np.array(rows, dtype=np.float64).reshape(3, len(keys))
+    known = np.isfinite(values).all(axis=0)
+    values = values[:, known]
+    paths = [key.path for key, there in zip(keys, known, strict=True) if there]
+    gap, rest = values[1] - values[0], values[2] - values[0]
+    # One name for both: the same pairs are drawn for them.
+    label = f"{user} {tracker} {name}"
+    return Comparison(
+        user,
+        tracker,
+        measure,
+        {
+            part: float(row.mean()) if len(row) else None
+            for part, row in zip((SIMULATED, FABRICATED, FITTED), values, strict=True)
+        },
+        {FABRICATED: paired(gap, paths, label), FITTED: paired(rest, paths, label)},
+        {},
+        gap_closed(gap, rest, paths, label),
+    )
+
+
+def _corrected(found: Sequence[Comparison]) -> list[Comparison]:
+    raw = {
+        f"{i} {part}": one.p
+        for i, comparison in enumerate(found)
+        for part, one in comparison.apart.items()
+        if one.p is not None
+    }
+    corrected = holm(raw)
+    return [
+        Comparison(
+            one.road_user,
+            one.tracker,
+            one.measure,
+            one.means,
+            one.apart,
+            {part: corrected.get(f"{i} {part}") for part in one.apart},
+            one.closed,
+        )
+        for i, one in enumerate(found)
+    ]
+
+
+def difference_table(name: str, caption: str, found: Sequence[Comparison]) -> Table:
+    """Means, paired differences with interval, corrected p and effect size, and the gap closed."""
+    with_tracker = any(one.tracker for one in found)
+    columns = ["road user", *(["tracker"] if with_tracker else []), "measure", "n"]
+    columns += [SIMULATED, FABRICATED, FITTED]
+    for part in (FABRICATED, FITTED):
+        columns += [f"{part} − simulated", f"{part}: low", f"{part}: high"]
+        columns += [f"{part}: p (Holm)", f"{part}: effect"]
+    columns += ["gap closed", "closed: low", "closed: high"]
+    rows = []
+    for one in found:
+        unit = f" ({one.measure.unit})" if one.measure.unit else ""
+        cells: list[str | int | float | None] = [one.road_user]
+        cells += [one.tracker] if with_tracker else []
+        cells += [one.measure.label + unit, one.apart[FABRICATED].n, *one.means.values()]
+        for part in (FABRICATED, FITTED):
+            apart = one.apart[part]
+            cells += [apart.mean, apart.low, apart.high, one.p[part], apart.effect]
+        cells += [one.closed.share, one.closed.low, one.closed.high]
+        rows.append(tuple(cells))
+    return Table(name, caption, tuple(columns), tuple(rows))

@@ -1,0 +1,182 @@
+"""RQ3: the parameters of the fitted noise, by moments of the errors of simulated points.
+
+Each estimator is the plain one for what `FittedNoise` says: least squares for the two parts of the
+bias and of the variance, the mean product of neighbouring residuals for the correlation, mean and
+variance of how far the points reach beyond the silhouette's ends, counts of what is missed between.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+
+import numpy as np
+
+from stixel_cli.errors import UserError
+from stixel_cli.evaluation.point_errors import PointErrors
+from stixel_cli.measurements.parameters import FittedNoise
+
+_FEWEST = 10
+_DIGITS = 4
+
+
+def fit_noise(runs: Sequence[PointErrors]) -> FittedNoise:
+    """The noise that makes errors like those of `runs`, in its own moments.
+
+    Raises:
+        UserError: if the runs have too few points between the ends of the silhouette.
+    """
+    spacings = [run.spacing for run in runs if np.isfinite(run.spacing)]
+    outermost = np.concatenate([_outermost(run) for run in runs])
+    scans, first = [], 0
+    for run in runs:
+        scans.append(run.scans + first)
+        first += len(run.times)
+    scan = np.concatenate(scans)
+    column, along, lever, inside = (
+        np.concatenate([getattr(run, name) for run in runs])
+        for name in ("columns", "along", "levers", "inside")
+    )
+    core = (inside > 0.0) & ~outermost
+    if not spacings or np.count_nonzero(core) < _FEWEST:
+        raise UserError(
+            f"{np.count_nonzero(core)} points of the target in the training runs are too few to "
+            f"fit the noise, it takes {_FEWEST}"
+        )
+    width = max(1, round(float(np.median(spacings))))
+
+    range_bias, disparity_bias = _bias(along[core], lever[core])
+    rest = along - range_bias + disparity_bias * lever
+    range_variance, disparity_variance = _variance(rest[core], lever[core])
+    variance = range_variance + disparity_variance * lever**2
+    edge_variance = np.mean((rest[outermost] ** 2 - variance[outermost]) / lever[outermost] ** 2)
+    whitened = rest / np.sqrt(np.maximum(variance, 1e-12))
+    metres, shift, metres_variance, shift_variance = _ends(runs, width)
+    missed_share, missed_columns = _missed(scan, column, width)
+    return FittedNoise(
+        kind="fitted",
+        columns_per_point=width,
+        disparity_bias=_rounded(disparity_bias),
+        range_bias=_rounded(range_bias),
+        disparity_deviation=_root(disparity_variance),
+        range_deviation=_root(range_variance),
+        correlation_columns=_rounded(
+            _correlation_columns(whitened, scan, column, core, width), 0.0, 1000.0
+        ),
+        edge_shift=_rounded(shift),
+        edge_shift_deviation=_root(shift_variance),
+        edge_metres=_rounded(metres),
+        edge_metres_deviation=_root(metres_variance),
+        edge_disparity_deviation=_root(edge_variance),
+        missed_share=_rounded(missed_share, 0.0, 0.99),
+        missed_columns=_rounded(missed_columns, 1.0, 1000.0),
+    )
+
+
+def _outermost(run: PointErrors) -> np.ndarray:
+    """Which points (N,) are the first or the last of a scan that has several."""
+    change = np.flatnonzero(np.diff(run.scans)) + 1
+    starts = np.concatenate([[0], change]) if len(run.scans) else np.zeros(0, dtype=int)
+    ends = np.concatenate([change, [len(run.scans)]]) - 1 if len(run.scans) else starts
+    mask = np.zeros(len(run.scans), dtype=bool)
+    mask[starts] = mask[ends] = True
+    return mask
+
+
+def _bias(along: np.ndarray, lever: np.ndarray) -> tuple[float, float]:
+    """(range_bias, disparity_bias) of along = range_bias - disparity_bias lever, least squares.
+
+    In units of the lever, px, in which errors are about as large at all ranges.
+    """
+    design = np.stack([1.0 / lever, -np.ones_like(lever)], axis=-1)
+    solution = np.linalg.lstsq(design, along / lever, rcond=None)[0]
+    return float(solution[0]), float(solution[1])
+
+
+def _variance(rest: np.ndarray, lever: np.ndarray) -> tuple[float, float]:
+    """Variances (range, disparity) of rest² = range + disparity lever², neither below 0."""
+    return _two_variances((rest / lever) ** 2, 1.0 / lever**2)
+
+
+def _two_variances(squares: np.ndarray, scale: np.ndarray) -> tuple[float, float]:
+    """(a, b) of squares = a scale + b by least squares, neither below 0."""
+    design = np.stack([scale, np.ones_like(scale)], axis=-1)
+    solution = np.linalg.lstsq(design, squares, rcond=None)[0]
+    if solution[0] < 0.0:
+        return 0.0, max(0.0, float(squares.mean()))
+    if solution[1] < 0.0:
+        return max(0.0, float(scale @ squares / (scale @ scale))), 0.0
+    return float(solution[0]), float(solution[1])
+
+
+def _correlation_columns(
+    whitened: np.ndarray, scan: np.ndarray, column: np.ndarray, core: np.ndarray, width: int
+) -> float:
+    """Length L, columns, of e^(-width / L) = the correlation of direct neighbours; 0 if none."""
+    left, right = np.arange(len(scan) - 1), np.arange(1, len(scan))
+    pairs = (scan[left] == scan[right]) & core[left] & core[right]
+    pairs &= np.rint((column[right] - column[left]) / width) == 1
+    if not pairs.any():
+        return 0.0
+    power = np.mean(whitened[core] ** 2)
+    product = np.mean(whitened[left][pairs] * whitened[right][pairs])
+    correlation = float(product / power) if power > 0.0 else 0.0
+    return -width / np.log(correlation) if 0.0 < correlation < 1.0 else 0.0
+
+
+def _ends(runs: Sequence[PointErrors], width: int) -> tuple[float, float, float, float]:
+    """Mean shift of the ends, in metres and in columns, and the two parts' variances."""
+    reach = np.concatenate([np.concatenate([run.reach_left, run.reach_right]) for run in runs])
+    scale = np.concatenate([np.tile(run.columns_per_metre, 2) for run in runs])
+    known = np.isfinite(reach) & np.isfinite(scale)
+    reach, scale = reach[known], scale[known]
+    if len(reach) == 0:
+        return 0.0, 0.0, 0.0, 0.0
+    design = np.stack([scale, np.ones_like(scale)], axis=-1)
+    metres, shift = np.linalg.lstsq(design, reach, rcond=None)[0]
+    rest = reach - design @ np.array([metres, shift])
+    # A block counts if its middle is before the end: its own end is anywhere within one block.
+    parts = _two_variances(rest**2 - width**2 / 12.0, scale**2)
+    return float(metres), float(shift), *parts
+
+
+def _missed(scan: np.ndarray, column: np.ndarray, width: int) -> tuple[float, float]:
+    """Share of the blocks between the outermost points that gave none, mean run in columns."""
+    same = np.diff(scan) == 0
+    gaps = np.maximum(np.rint(np.diff(column)[same] / width) - 1.0, 0.0)
+    # Between the n points of a scan lie n - 1 gaps, and n - 2 points.
+    of_scan = np.unique(scan, return_counts=True)[1]
+    between = gaps.sum() + np.maximum(of_scan - 2, 0).sum()
+    if gaps.sum() == 0.0:
+        return 0.0, float(width)
+    return float(gaps.sum() / between), float(width * gaps[gaps > 0.0].mean())
+
+
+def _rounded(value: float, low: float = -10.0, high: float = 10.0) -> float:
+    return float(np.round(np.clip(value, low, high), _DIGITS)) + 0.0
+
+
+def _root(variance: float) -> float:
+    return _rounded(float(np.sqrt(max(variance, 0.0))), 0.0)
+
+
+def preset(noise: FittedNoise, what: str, command: str) -> str:
+    """The text of a file of `conf/measurement/noise/` with this noise, and where it comes from."""
+    units = {
+        "columns_per_point": "columns",
+        "disparity_bias": "px",
+        "range_bias": "m",
+        "disparity_deviation": "px",
+        "range_deviation": "m",
+        "correlation_columns": "columns",
+        "edge_shift": "columns",
+        "edge_shift_deviation": "columns",
+        "edge_metres": "m",
+        "edge_metres_deviation": "m",
+        "edge_disparity_deviation": "px",
+        "missed_share": "of the points",
+        "missed_columns": "columns",
+    }
+    lines = [f"# Fitted to {what}.", f"# Made by: {command}"]
+    for name, value in asdict(noise).items():
+        unit = f" # {units[name]}" if name in units else ""
+        lines.append(f"{name}: {value}{unit}")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,128 @@
+"""RQ3: statistics of paired runs.
+
+The unit is a pair of runs: the same road user, path and seed, so the same motion and the same noisy
+start. Scans of one run follow each other and are no units of their own. The paths are a given set,
+not a sample of all paths: the bootstrap draws among the seeds of each path.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stixel_cli.randomness import generator
+
+DRAWS = 4000
+LEVEL = 0.95
+SIGNIFICANT = 0.05
+
+
+@dataclass(frozen=True)
+class Paired:
+    """Differences of n pairs.
+
+    Attributes:
+        n: number of pairs.
+        mean: of the differences; None without a pair.
+        low, high: 95 % interval of the mean, paired bootstrap; None below two pairs.
+        p: of Wilcoxon's signed rank test, two-sided; None below two pairs.
+        effect: matched-pairs rank-biserial correlation, -1 to 1: (R+ - R-) / (R+ + R-), R the sum
+            of the ranks of |difference|; None where all are 0.
+    """
+
+    n: int
+    mean: float | None
+    low: float | None
+    high: float | None
+    p: float | None
+    effect: float | None
+
+
+def paired(differences: np.ndarray, strata: Sequence[str], name: str) -> Paired:
+    """Statistics of the differences (n,), which belong to `strata` (paths).
+
+    `name` names the random numbers of the bootstrap.
+    """
+    n = len(differences)
+    if n == 0:
+        return Paired(0, None, None, None, None, None)
+    mean = float(differences.mean())
+    effect = rank_biserial(differences)
+    if n < 2:
+        return Paired(n, mean, None, None, None, effect)
+    drawn = differences[resampled(strata, name)].mean(axis=1)
+    low, high = interval(drawn)
+    return Paired(n, mean, low, high, wilcoxon(differences), effect)
+
+
+def resampled(strata: Sequence[str], name: str) -> np.ndarray:
+    """Indices (DRAWS, n): within every stratum as many pairs as it has, with replacement."""
+    random = generator(0, f"bootstrap {name}")
+    columns = np.array(strata)
+    drawn = np.zeros((DRAWS, len(columns)), dtype=np.int64)
+    for stratum in sorted(set(strata)):
+        members = np.flatnonzero(columns == stratum)
+        drawn[:, members] = members[random.integers(0, len(members), (DRAWS, len(members)))]
+    return drawn
+
+
+def interval(values: np.ndarray) -> tuple[float, float]:
+    """Percentiles of bootstrap values that enclose `LEVEL` of them."""
+    low, high = np.quantile(values, [0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL])
+    return float(low), float(high)
+
+
+def wilcoxon(differences: np.ndarray) -> float:
+    """p of Wilcoxon's (1945) signed rank test, two-sided, pairs without a difference left out."""
+    from scipy.stats import wilcoxon as signed_rank
+
+    differences = differences[differences != 0.0]
+    return float(signed_rank(differences).pvalue) if len(differences) else 1.0
+
+
+def rank_biserial(differences: np.ndarray) -> float | None:
+    """Matched-pairs rank-biserial correlation (Kerby 2014)."""
+    from scipy.stats import rankdata
+
+    differences = differences[differences != 0.0]
+    if len(differences) == 0:
+        return None
+    ranks = rankdata(np.abs(differences))
+    return float(np.sign(differences) @ ranks / ranks.sum())
+
+
+def holm(p_values: Mapping[str, float]) -> dict[str, float]:
+    """Holm's (1979) step-down correction: the chance of one false alarm in all is kept."""
+    corrected: dict[str, float] = {}
+    least = 0.0
+    ordered = sorted(p_values.items(), key=lambda item: item[1])
+    for i, (name, p) in enumerate(ordered):
+        least = max(least, min(1.0, (len(ordered) - i) * p))
+        corrected[name] = least
+    return corrected
+
+
+@dataclass(frozen=True)
+class Closed:
+    """Share of a gap that is closed: 1 - |mean rest| / |mean gap|; see `gap_closed`."""
+
+    share: float | None
+    low: float | None
+    high: float | None
+
+
+def gap_closed(gap: np.ndarray, rest: np.ndarray, strata: Sequence[str], name: str) -> Closed:
+    """How much of the mean gap (n,) the mean rest (n,), of the same pairs, leaves not.
+
+    1: nothing of it is left; 0: all of it; below 0: it became wider. None where the gap's own 95 %
+    interval holds 0: what may not be there cannot be closed.
+    """
+    if len(gap) < 2:
+        return Closed(None, None, None)
+    rows = resampled(strata, name)
+    gaps, rests = gap[rows].mean(axis=1), rest[rows].mean(axis=1)
+    low, high = interval(gaps)
+    if low <= 0.0 <= high:
+        return Closed(None, None, None)
+    shares = 1.0 - np.abs(rests) / np.maximum(np.abs(gaps), 1e-12)
+    return Closed(float(1.0 - abs(rest.mean()) / abs(gap.mean())), *interval(shares))

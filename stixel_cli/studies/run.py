@@ -1,0 +1,230 @@
+"""A study from its plan to its folder: the parts one after the other, then the report."""
+
+import shlex
+import shutil
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from stixel_cli.config import messages
+from stixel_cli.engine.leases import lease
+from stixel_cli.engine.store import open_store
+from stixel_cli.errors import UserError
+from stixel_cli.experiment.recorded_run import provenance
+from stixel_cli.studies.data import NodeSeconds, part_of
+from stixel_cli.studies.folder import StudyFolder
+from stixel_cli.studies.nouns import Findings, Part, StudyData
+from stixel_cli.studies.page import study_page
+from stixel_cli.studies.plan import PlannedPart, StudyPlan, derived_design, of_the_machine
+from stixel_cli.studies.state import Origin, PartState
+from stixel_cli.sweeps.design import Design
+from stixel_cli.sweeps.folder import SweepFolder
+from stixel_cli.sweeps.points import design_points
+from stixel_cli.sweeps.results import SKIPPED, SweepResult
+from stixel_cli.sweeps.run import SweepInterrupted
+from stixel_cli.sweeps.whole import designed_sweep, resumed_sweep
+
+_GO_ON = "; go on with: "
+_MOST_FAILURES = 5
+
+
+@dataclass(frozen=True)
+class StudyResult:
+    """What became of a study; `findings` is None unless every part is complete."""
+
+    folder: Path
+    page: Path
+    parts: tuple[PartState, ...]
+    findings: Findings | None
+    computed: int
+    cached: int
+    seconds: float
+
+
+def run_study(
+    plan: StudyPlan,
+    folder: Path,
+    command: str,
+    fresh: bool = False,
+    workers: int | None = None,
+    visible: bool = False,
+    tell: Callable[[str], Any] = lambda note: None,
+) -> StudyResult:
+    """Run what a study's folder lacks, and write its report.
+
+    Args:
+        plan: of the study.
+        folder: the study's own; one that is there is gone on with if it is of the same plan.
+        command: the command line that does this.
+        fresh: begin anew, and take away what the folder holds.
+        workers: how many compute at a time; None for what the configuration says.
+        visible: show progress on stderr.
+        tell: called with notes before anything runs.
+
+    Raises:
+        UserError: in one line; before anything is written for what is wrong with the plan or the
+            folder. What was computed stays.
+        SweepInterrupted: by Ctrl-C, the report being written.
+    """
+    run = _Run(plan, StudyFolder(folder), command, workers, visible)
+    run.folder.begin(plan, command, fresh)
+    for one in plan.parts:
+        for note in one.notes:
+            tell(f"{one.part.name}: {note}")
+    try:
+        for one in plan.parts:
+            run.compute(one)
+    except SweepInterrupted:
+        run.report()
+        raise SweepInterrupted(
+            f"interrupted in part {one.part.name}; what was computed is kept{_GO_ON}{command}"
+        ) from None
+    except UserError as error:
+        with suppress(UserError):
+            run.report()
+        reason = str(error).partition(_GO_ON)[0]
+        raise type(error)(f"part {one.part.name}: {reason}{_GO_ON}{command}") from error
+    return run.report()
+
+
+class _Run:
+    """The state of one study."""
+
+    def __init__(
+        self,
+        plan: StudyPlan,
+        folder: StudyFolder,
+        command: str,
+        workers: int | None,
+        visible: bool,
+    ):
+        self.plan = plan
+        self.folder = folder
+        self.command = command
+        self.workers = workers
+        self.visible = visible
+        self.results: dict[str, SweepResult] = {}
+        self.parts: dict[str, Part] = {}
+        """Data of the parts that are complete."""
+        self.started = time.perf_counter()
+        self.first = next(p.plan.points[0].point.composition for p in plan.parts if p.plan)
+        self.store = open_store(self.first.configuration.cache)
+        self.node_seconds = NodeSeconds(self.store)
+
+    def compute(self, one: PlannedPart) -> None:
+        """Compute what a part lacks; one whose axes follow from a part that failed is left."""
+        name = one.part.name
+        design = one.design
+        if one.part.derive is not None:
+            before = self.plan.parts[: self.plan.parts.index(one)]
+            if any(other.part.name not in self.parts for other in before):
+                return
+            with self._leased():
+                axes = self.plan.study.function(one.part.derive)(self._data())
+            design = derived_design(self.plan, one, axes)
+        result = self._sweep(name, one, design)
+        self.results[name] = result
+        if result.complete:
+            self.parts[name] = part_of(name, result, self.store, self.node_seconds)
+
+    def report(self) -> StudyResult:
+        """Write the report as things stand: statistics only of what is complete."""
+        states = tuple(self._state(one) for one in self.plan.parts)
+        findings = None
+        if all(state.complete for state in states):
+            with self._leased():
+                findings = self.plan.study.function("report")(self._data())
+        origin = Origin(
+            command=self.command,
+            overrides=self.plan.overrides,
+            seeds={
+                name: sorted({point.planned.point.seed for point in result.points})
+                for name, result in self.results.items()
+            },
+            provenance=provenance(),
+            created=datetime.now(UTC).isoformat(timespec="seconds"),
+            stage_seconds=self.node_seconds.by_stage(
+                [
+                    (point.planned.graph, point.planned.targets)
+                    for result in self.results.values()
+                    for point in result.points
+                ]
+            ),
+            elapsed=time.perf_counter() - self.started,
+            parts=self.plan.request()["parts"],
+            configuration=self.first.resolved,
+        )
+        study = self.plan.study
+        html = study_page(study.title, study.question, states, findings, origin)
+        page = self.folder.write(html, findings)
+        return StudyResult(
+            folder=self.folder.path,
+            page=page,
+            parts=states,
+            findings=findings,
+            computed=sum(result.computed for result in self.results.values()),
+            cached=sum(result.cached for result in self.results.values()),
+            seconds=origin.elapsed,
+        )
+
+    def _data(self) -> StudyData:
+        study = self.plan.study
+        return StudyData(study.name, study.title, study.question, dict(self.parts))
+
+    def _leased(self):
+        """Keep in the store all that the report may read."""
+        keys = {
+            target
+            for result in self.results.values()
+            for point in result.points
+            for target in point.planned.targets
+        }
+        return lease(self.store.folder, sorted(keys))
+
+    def _sweep(self, name: str, one: PlannedPart, design: Design) -> SweepResult:
+        path = self.folder.part(name)
+        label = f"{self.plan.study.name} {name}"
+        if (path / "sweep.yaml").is_file():
+            request = SweepFolder(path).request()
+            texts = [point.overrides for point in design_points(design)]
+            same = _results(request.points) == _results(texts)
+            if same and request.steps == one.part.steps:
+                return resumed_sweep(path, self.workers, self.visible, label)
+        # What is there was begun in a moment, or was derived from other results.
+        if path.exists():
+            shutil.rmtree(path)
+        command = shlex.join(["stixel", "sweep", "--resume", str(path)])
+        if self.workers is not None:
+            design = replace(design, fixed=(*design.fixed, f"executor.workers={self.workers}"))
+        return designed_sweep(design, path, command, one.part.steps, self.visible, label)
+
+    def _state(self, one: PlannedPart) -> PartState:
+        name = one.part.name
+        folder = self.folder.part(name)
+        count = len(one.plan.points) if one.plan is not None else None
+        result = self.results.get(name)
+        if result is None:
+            done = len(list(folder.glob("points/[0-9]*")))
+            why = "interrupted" if done else "not come to"
+            if count is None and not done:
+                why = "its axes follow from the parts before"
+            return PartState(name, count, done, (why,), folder)
+        faults = []
+        failed = [point for point in result.points if point.failure is not None]
+        for point in failed[:_MOST_FAILURES]:
+            reason = messages.printable(" ".join(str(point.failure).split()), 300)
+            also = " (as another)" if point.status == SKIPPED else ""
+            faults.append(f"{point.planned.point.label}: {reason}{also}")
+        if len(failed) > _MOST_FAILURES:
+            faults.append(f"and {len(failed) - _MOST_FAILURES} more, see runs.csv")
+        done = result.count("done")
+        return PartState(name, len(result.points), done, tuple(faults), folder)
+
+
+def _results(points: Sequence[Sequence[str]]) -> list[list[str]]:
+    """Overrides of points without those on which no result depends."""
+    return [[text for text in overrides if not of_the_machine(text)] for overrides in points]

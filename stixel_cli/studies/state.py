@@ -1,0 +1,57 @@
+"""How far a study is, and where its results come from."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True)
+class PartState:
+    """How far a part is.
+
+    Attributes:
+        name: of the part.
+        points: how many it has; None where that is not known yet.
+        done: how many of them are there.
+        faults: why the others are not, a line each.
+        folder: of its sweep.
+    """
+
+    name: str
+    points: int | None
+    done: int
+    faults: tuple[str, ...]
+    folder: Path
+
+    @property
+    def complete(self) -> bool:
+        """Whether every point is there."""
+        return self.done == self.points
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a report comes from.
+
+    Attributes:
+        command: that makes it.
+        overrides: that were given.
+        seeds: of each part's points.
+        provenance: revision, versions and machine as a manifest has them.
+        created: when, UTC.
+        stage_seconds: that the results of each stage took when they were computed.
+        elapsed: s that the command took, with what it did not need to compute.
+        parts: what was asked for, by part.
+        configuration: of the first point, resolved.
+    """
+
+    command: str
+    overrides: Sequence[str]
+    seeds: Mapping[str, Sequence[int]]
+    provenance: Mapping[str, Any]
+    created: str
+    stage_seconds: Mapping[str, float]
+    elapsed: float
+    parts: Mapping[str, Mapping[str, Any]]
+    configuration: Mapping[str, Any]

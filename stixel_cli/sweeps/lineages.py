@@ -1,0 +1,36 @@
+"""What the points of a sweep were made of, so that a later run of one can be compared with it."""
+
+from stixel_cli.engine.store import Store
+from stixel_cli.experiment import lineage
+from stixel_cli.sweeps.folder import SweepFolder
+from stixel_cli.sweeps.graphs import PlannedPoint
+
+
+class PointLineages:
+    """The lineages of points; what they say of the code is in the sweep's folder once.
+
+    Four fifths of a lineage are digests of functions, and most points reach the same.
+    """
+
+    def __init__(self, store: Store, folder: SweepFolder):
+        self._store = store
+        self._folder = folder
+        self._digests: dict[str, str] = {}
+        self._codes: dict[tuple[str, ...], str] = {}
+
+    def text(self, planned: PlannedPoint) -> str:
+        """The file of a point that is complete; its code is in the sweep's folder afterwards.
+
+        Raises:
+            UserError: if the folder cannot be written.
+            CacheError: if the store cannot be read.
+        """
+        graph = planned.graph
+        keys = graph.ancestors(planned.targets)
+        found = lineage.lineage_of(graph, keys, self._store, self._digests)
+        reached = tuple(graph.of_stage(name)[0].identity.code.digest for name in found.stages)
+        if reached not in self._codes:
+            name, text = lineage.shared_code(found)
+            self._folder.write_table(f"{lineage.CODE_FOLDER}/{name}.json", text)
+            self._codes[reached] = name
+        return lineage.point_lineage_text(found, self._codes[reached])

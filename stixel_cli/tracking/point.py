@@ -1,0 +1,158 @@
+"""The floor to compare with: a scan's centroid, a Kalman filter of constant velocity, a circle.
+
+State: x, y and their rates, m and m/s, world frame. The contour is a circle of the same area as the
+prior's shape; nothing of it is estimated. The filter is Bar-Shalom, Li & Kirubarajan 2001, chapter
+5 and (6.2.2): a white acceleration moves the target.
+
+Of n points in the gate the centroid is measured. Two errors part it from the centre. One is
+independent from point to point and falls with n: a point's noise, and where on the target it lies,
+whose variance along each axis is that of the circle's area, r²/4 (Koch 2008 has the same form X / n
+for an extended target). The other all points share: only the side towards the sensor is seen, and
+its centroid is off the centre by a good part of r. So R = ((c r)² + (r²/4 + sigma²) / n) I, with
+c the configuration's `centroid_offset`. The shared error is no white noise: it stays for as long as
+the same side is seen, and no such filter can be consistent with it.
+"""
+
+import numpy as np
+
+from stixel_cli.geometry.angles import wrap_angle
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.tracking.association import associate
+from stixel_cli.tracking.motion import intervals, process_noise, transition
+from stixel_cli.tracking.parameters import PointParameters, PriorShape
+from stixel_cli.tracking.prior import prior_radii
+from stixel_cli.tracking.track import InitialState, Track
+
+MOVING = np.array([0, 1, 3, 4])
+"""Where x, y and their rates stand among a track's first six states."""
+
+GREATEST_VARIANCE = np.pi**2 / 3.0
+"""Variance of an angle that is quite unknown, rad²: even over a full turn."""
+
+DIRECTIONS = 720
+"""Even directions over which the prior's shape is summed up."""
+
+
+def class_circle(prior: PriorShape) -> tuple[float, float]:
+    """Radius in m of the circle with the area of the prior's shape, and its deviation in m.
+
+    The deviation is that of the class's radius round the circle, over all directions: the shape's
+    own, and what the prior's kernel adds to it.
+    """
+    radii = prior_radii(prior, 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS)
+    radius = np.sqrt(np.mean(radii**2))
+    variance = np.mean((radii - radius) ** 2) + prior.sigma_f**2 + prior.sigma_r**2
+    return float(radius), float(np.sqrt(variance))
+
+
+def track(
+    scans: Scans, initial: InitialState, prior: PriorShape, tracker: PointParameters
+) -> Track:
+    """Track one target through `scans`: predict, associate, update at every scan, the first too.
+
+    The first six states are reported as a track has them. The heading is the velocity's direction;
+    below `least_speed` it is kept, with its variance. Motion is straight, so the rate of the
+    heading is 0; its variance is that of the mean rate over one interval which the white
+    acceleration across the motion makes, sigma_q² / (T v²). The covariance of the six is linearised
+    at the mean. The centroid has two coordinates, so the NIS has two degrees of freedom.
+    """
+    radius, deviation = class_circle(prior)
+    mean, covariance = initial.mean[MOVING], initial.covariance[np.ix_(MOVING, MOVING)]
+    lone = 0.25 * radius**2 + tracker.measurement_deviation**2
+    heading = (float(initial.mean[2]), min(float(initial.covariance[2, 2]), GREATEST_VARIANCE))
+
+    count = len(scans)
+    means, covariances = np.empty((count, 6)), np.empty((count, 6, 6))
+    used: list[np.ndarray] = []
+    nis = np.full(count, np.nan)
+    for k, interval in enumerate(intervals(scans.times)):
+        mean, covariance = predict(mean, covariance, interval, tracker.sigma_q)
+        rows = scans.rows(k)
+        points = scans.points_world[rows]
+        indices = associate(
+            points, mean[:2], covariance[:2, :2] + lone * np.eye(2), tracker.gate_probability
+        )
+        used.append(indices + rows.start)
+        if len(indices):
+            variance = (tracker.centroid_offset * radius) ** 2 + lone / len(indices)
+            centroid = points[indices].mean(axis=0)
+            mean, covariance, nis[k] = update(mean, covariance, centroid, variance)
+        means[k], covariances[k] = six_states(mean, covariance, heading, interval, tracker)
+        heading = (means[k, 2], covariances[k, 2, 2])
+
+    counts = np.array([len(indices) for indices in used], dtype=np.int64)
+    angles = 2.0 * np.pi * np.arange(tracker.contour_points) / tracker.contour_points
+    bearings = means[:, 2, None] + angles
+    directions = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
+    return Track(
+        times=np.array(scans.times, dtype=np.float64),
+        means=means,
+        covariances=covariances,
+        contours_world=means[:, None, :2] + radius * directions,
+        contour_directions=directions,
+        contour_deviations=np.full((count, tracker.contour_points), deviation),
+        used_offsets=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+        used_points=np.concatenate([np.zeros(0, np.int64), *used]).astype(np.int64),
+        nis=nis,
+        nis_degrees_of_freedom=np.where(counts > 0, 2, 0),
+    )
+
+
+def predict(mean, covariance, interval, sigma_q) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (4,) and covariance (4, 4) one `interval` in s on: thesis (62) without the heading."""
+    chosen = np.ix_(MOVING, MOVING)
+    matrix = transition(interval)[chosen]
+    noise = process_noise(interval, sigma_q, 0.0)[chosen]
+    return matrix @ mean, matrix @ covariance @ matrix.T + noise
+
+
+def update(mean, covariance, centroid, variance) -> tuple[np.ndarray, np.ndarray, float]:
+    """Mean (4,), covariance (4, 4) and NIS with a `centroid` (2,) m of `variance` I m².
+
+    The covariance is updated in Joseph's form, which keeps it positive.
+    """
+    innovation = centroid - mean[:2]
+    innovation_covariance = covariance[:2, :2] + variance * np.eye(2)
+    gain = np.linalg.solve(innovation_covariance, covariance[:2]).T
+    keep = np.eye(4)
+    keep[:, :2] -= gain
+    updated = keep @ covariance @ keep.T + variance * (gain @ gain.T)
+    nis = float(innovation @ np.linalg.solve(innovation_covariance, innovation))
+    return mean + gain @ innovation, 0.5 * (updated + updated.T), nis
+
+
+def six_states(
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    heading: tuple[float, float],
+    interval: float,
+    tracker: PointParameters,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (6,) and covariance (6, 6) of x, y, heading and their rates; see `track`.
+
+    `heading` is that of the scan before, rad, and its variance, rad². The heading is unwound: no
+    jump of a full turn lies between two scans. No variance of an angle exceeds that of one which is
+    unknown, and a rate's is bounded by the same number in rad²/s².
+    """
+    velocity = mean[2:]
+    speed = float(np.hypot(*velocity))
+    # Rows of x, y, heading and their rates as functions of the four.
+    matrix = np.zeros((6, 4))
+    matrix[MOVING, np.arange(4)] = 1.0
+    kept_variance = 0.0
+    if speed >= tracker.least_speed:
+        turned = wrap_angle(np.arctan2(velocity[1], velocity[0]) - heading[0])
+        angle = heading[0] + float(turned)
+        slope = np.array([-velocity[1], velocity[0]]) / speed**2
+        variance = float(slope @ covariance[2:, 2:] @ slope)
+        matrix[2, 2:] = slope / np.sqrt(max(1.0, variance / GREATEST_VARIANCE))
+    else:
+        angle, kept_variance = heading
+    states = np.zeros(6)
+    states[MOVING], states[2] = mean, angle
+    spread = matrix @ covariance @ matrix.T
+    spread[2, 2] += kept_variance
+    least = max(speed, tracker.least_speed)
+    rate_variance = tracker.sigma_q**2 / (interval * least**2) if interval > 0.0 else np.inf
+    spread[5, 5] = min(rate_variance, GREATEST_VARIANCE)
+    return states, spread

@@ -1,0 +1,90 @@
+"""Pages opened in the system's Chromium, without a window: a fixture for any test module.
+
+`tests/conftest.py` hands it to all. A test asks for `open_page` and is skipped, with the reason,
+where there is no browser:
+
+    def test_it(open_page, tmp_path):
+        opened = open_page(tmp_path / "page.html", width=390, height=844, dark=True)
+        opened.page.get_by_role("button", name="Play").click()
+        assert opened.problems == [] and opened.overflow() == 0
+"""
+
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+NAMES = ("chromium", "chromium-browser", "google-chrome")
+
+
+@dataclass(frozen=True)
+class OpenedPage:
+    """A page that is open.
+
+    Attributes:
+        page: Playwright's own page.
+        problems: what the console said as an error or a warning, what the scripts threw, and
+            every request for anything but the page itself and what it holds; grows as they come.
+    """
+
+    page: Any
+    problems: list[str] = field(default_factory=list)
+
+    def overflow(self) -> int:
+        """By how many px the page is wider than the window; 0 if it fits."""
+        return self.page.evaluate(
+            "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+        )
+
+
+OpenPage = Callable[..., OpenedPage]
+
+
+@pytest.fixture(scope="module")
+def open_page() -> Iterator[OpenPage]:
+    """Function (file, width=1440, height=900, dark=False) -> OpenedPage; one browser a module."""
+    program = next(filter(None, map(shutil.which, NAMES)), None)
+    if program is None:
+        pytest.skip(f"no browser is installed: none of {', '.join(NAMES)} is found")
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(
+            executable_path=program, args=["--no-sandbox", "--disable-dev-shm-usage"]
+        )
+
+        def open_file(
+            file: Path, width: int = 1440, height: int = 900, dark: bool = False
+        ) -> OpenedPage:
+            address = file.resolve().as_uri()
+            page = browser.new_page(
+                viewport={"width": width, "height": height},
+                color_scheme="dark" if dark else "light",
+            )
+            page.set_default_timeout(10_000)
+            opened = OpenedPage(page)
+            say = opened.problems.append
+            page.on(
+                "console",
+                lambda said: (
+                    say(f"{said.type}: {said.text}") if said.type in ("error", "warning") else None
+                ),
+            )
+            page.on("pageerror", lambda error: say(f"thrown: {error}"))
+            page.on(
+                "request",
+                lambda asked: (
+                    None
+                    if asked.url.partition("#")[0] == address or asked.url.startswith("data:")
+                    else say(f"request: {asked.url[:200]}")
+                ),
+            )
+            page.goto(address)
+            return opened
+
+        try:
+            yield open_file
+        finally:
+            browser.close()

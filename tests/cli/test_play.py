@@ -1,0 +1,125 @@
+"""`stixel play`: the page of stored runs, from configuration and cache."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+import yaml
+
+from stixel_cli.cli.app import main
+from stixel_cli.config.compose import compose
+from stixel_cli.engine.store import open_store
+from stixel_cli.experiment.run import run_experiment
+
+FABRICATED = ("measurement=fabricated", "path.duration=0.5", "pictures.frames=[]")
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory, shared_cache):
+    """Folders as a sweep's points have them: `one`, `again`, `point` of one scene, and `faster`."""
+    root = tmp_path_factory.mktemp("results")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STIXEL_CACHE", str(shared_cache))
+        for name, *overrides in (
+            ("one",),
+            ("again",),
+            ("point", "tracker=point"),
+            ("faster", "path.speed=7.5"),
+        ):
+            make_point(root / name, [*FABRICATED, *overrides])
+    (root / "sweep").mkdir()
+    (root / "sweep" / "sweep.yaml").write_text("points: []\n")
+    return root
+
+
+def make_point(folder, overrides):
+    composition = compose(overrides)
+    store = open_store(composition.configuration.cache)
+    outcome = run_experiment(composition.configuration, store, pictures=False)
+    folder.mkdir()
+    (folder / "config.yaml").write_text(yaml.safe_dump(composition.resolved))
+    (folder / "manifest.json").write_text(json.dumps({"choices": composition.choices}))
+    (folder / "metrics.json").write_text(json.dumps(outcome.scores.metrics))
+
+
+def page_data(file):
+    text = file.read_text(encoding="utf-8")
+    return json.loads(re.search(r'id="data">(.*?)</script>', text, flags=re.DOTALL).group(1))
+
+
+def play(capsys, *words):
+    capsys.readouterr()
+    code = main(["play", *map(str, words)])
+    said = capsys.readouterr()
+    return code, said.out.strip(), said.err.strip()
+
+
+def test_a_runs_folder_holds_its_page(tmp_path):
+    assert main(["run", *FABRICATED, "--name", "mine", "--results", str(tmp_path)]) == 0
+    folder = tmp_path / "mine"
+    data = page_data(folder / "index.html")
+    with np.load(folder / "track.npz") as track:
+        contours = track["contours_world"]
+    stored = np.reshape(data["runs"][0]["contours"], contours.shape)
+    assert np.allclose(1e-3 * stored, contours, atol=0.5001e-3)
+    assert data["title"] == "mine"
+    assert ["measurement", "fabricated"] in data["runs"][0]["facts"]
+    assert data["cameras"] == []
+    for command in ("show", "ls"):
+        assert main([command, str(folder if command == "show" else tmp_path)]) == 0
+
+
+def test_two_trackers_on_one_scene(results, tmp_path, capsys):
+    page = tmp_path / "both.html"
+    code, out, _ = play(capsys, results / "one", results / "point", "--output", page)
+    assert (code, out) == (0, str(page))
+    data = page_data(page)
+    assert [run["label"] for run in data["runs"]] == ["gp_ekf", "point"]
+    assert data["notes"] == []
+    assert len(data["scans"]) == 1
+    assert "not written over" in play(capsys, results / "one", "--output", page)[2]
+
+
+def test_runs_of_one_tracker_are_called_by_their_folders(results, tmp_path, capsys):
+    page = tmp_path / "same.html"
+    assert play(capsys, results / "one", results / "again", "--output", page)[0] == 0
+    one, other = page_data(page)["runs"]
+    assert (one["label"], other["label"]) == ("one", "again")
+    assert one["contours"] == other["contours"]
+
+
+def test_a_page_is_written_beside_its_folder_and_over_none(results, capsys):
+    copies = [play(capsys, results / "point")[1] for _ in range(2)]
+    assert copies == [str(results / name) for name in ("play-point.html", "play-point-2.html")]
+
+
+def test_results_that_come_out_differently_are_said(results, tmp_path, capsys):
+    copy = tmp_path / "altered"
+    copy.mkdir()
+    for file in ("config.yaml", "manifest.json", "metrics.json"):
+        (copy / file).write_bytes((results / "one" / file).read_bytes())
+    metrics = json.loads((copy / "metrics.json").read_text())
+    (copy / "metrics.json").write_text(json.dumps(metrics | {"iou_mean": 0.1}))
+    code, _, err = play(capsys, copy)
+    assert code == 0
+    assert "altered: its results come out differently now" in err
+    assert len(page_data(tmp_path / "play-altered.html")["notes"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("folders", "said"),
+    [
+        (("one", "faster"), "path.speed is 3 in one and 7.5 in faster"),
+        (("one", "one"), "a folder is named twice"),
+        (("none",), "there is no such folder"),
+        (("sweep",), "the folder of a sweep; name one of its points"),
+    ],
+)
+def test_what_cannot_be_played_is_refused_in_one_line(results, folders, said, capsys):
+    before = sorted(results.iterdir())
+    code, _, err = play(capsys, *(results / name for name in folders))
+    assert code == 2
+    assert said in err
+    assert "\n" not in err
+    assert sorted(results.iterdir()) == before

@@ -1,0 +1,146 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from stixel_cli.evaluation.point_errors import point_errors, ranges_along
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.measurements.fabricated import fabricate_scans
+from stixel_cli.measurements.parameters import ConstantNoise, FabricatedParameters
+from stixel_cli.measurements.rays import first_crossings, spread_rays
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.scene.scenario import Scenario
+
+RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.5, 0.0)
+BOX = np.array([[2.25, -0.9], [2.25, 0.9], [-2.25, 0.9], [-2.25, -0.9]])
+EXACT = FabricatedParameters(
+    "fabricated", None, "tangent", ConstantNoise("constant", 0.0), 0.0, 0.0, 80.0
+)
+
+
+def scenario(count=10, depth=15.0):
+    times = 0.1 * np.arange(count)
+    target = np.stack([3.0 * times - 1.5, depth + 0.0 * times, 0.3 * times], axis=-1)
+    ego = np.stack([0.2 * times, times, 0.5 * np.pi + 0.05 * times], axis=-1)
+    return Scenario(times, ego, target, np.tile([3.0, 0.0, 0.3], (count, 1)), BOX, True)
+
+
+TRUTH = scenario()
+PERFECT = fabricate_scans(TRUTH, RIG, EXACT, seed=0)
+
+
+def seen(points):
+    """Points in the sensor's frame of their scan, (n, 2), and the scan of each."""
+    k = np.repeat(np.arange(len(PERFECT)), np.diff(PERFECT.offsets))
+    pose = PERFECT.sensor_poses_world[k]
+    offset = points - pose[:, :2]
+    along = np.stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])], axis=-1)
+    return offset, along, k
+
+
+def with_points(points, keep=None):
+    _, _, k = seen(PERFECT.points_world)
+    keep = np.ones(len(k), bool) if keep is None else keep
+    count = np.bincount(k[keep], minlength=len(PERFECT))
+    return dataclasses.replace(
+        PERFECT,
+        offsets=np.concatenate([[0], np.cumsum(count)]),
+        points_world=points[keep],
+        covariances_world=PERFECT.covariances_world[keep],
+    )
+
+
+def farther(by):
+    offset, _, _ = seen(PERFECT.points_world)
+    length = np.hypot(*offset.T)[:, None]
+    return PERFECT.points_world + by * offset / length
+
+
+def test_perfect_points_have_no_errors():
+    errors = point_errors(PERFECT, TRUTH, RIG)
+    assert len(errors.scans) == len(PERFECT.points_world) > 1000
+    np.testing.assert_allclose(errors.along, 0.0, atol=1e-9)
+    np.testing.assert_allclose(errors.disparities, 0.0, atol=1e-9)
+    np.testing.assert_array_equal(errors.across, 0.0)
+    assert errors.covered.all()
+    assert errors.clutter.sum() == 0
+    assert abs(errors.spacing - 640 / 639) < 1e-3
+    reach = np.concatenate([errors.reach_left, errors.reach_right])
+    # The ray next to the end is up to one column inside.
+    assert np.all(np.abs(reach) <= 0.51)
+
+
+def test_a_bias_along_the_ray_is_found():
+    errors = point_errors(with_points(farther(0.2)), TRUTH, RIG)
+    np.testing.assert_allclose(errors.along, 0.2, atol=1e-9)
+    np.testing.assert_allclose(-errors.disparities * errors.levers, 0.2, rtol=0.03)
+
+
+def test_points_beside_the_silhouette_are_fattening():
+    offset, _, k = seen(PERFECT.points_world)
+    last = np.flatnonzero(np.diff(k, append=-1))  # leftmost of each scan: angles ascend
+    points = PERFECT.points_world.copy()
+    side = np.stack([-offset[:, 1], offset[:, 0]], axis=-1) / np.hypot(*offset.T)[:, None]
+    points[last] += 0.1 * side[last]
+    errors = point_errors(with_points(points), TRUTH, RIG)
+    first = np.searchsorted(errors.scans, np.arange(len(PERFECT)))
+    beside = errors.inside < 0.0
+    assert set(np.flatnonzero(beside)) <= set(first)
+    assert beside.sum() >= 9
+    assert np.all(errors.across[beside] < 0.0)
+    np.testing.assert_allclose(errors.across[beside], -0.1, atol=0.03)
+    columns = 0.1 * RIG.focal / 14.5
+    assert abs(np.mean(errors.reach_left) - columns) < 1.0
+    assert abs(np.mean(errors.reach_right)) < 0.5
+
+
+def test_missed_points_leave_columns_uncovered_and_gross_ones_are_clutter():
+    _, _, k = seen(PERFECT.points_world)
+    index = np.arange(len(k)) - PERFECT.offsets[k]
+    keep = (index < 40) | (index >= 60)
+    errors = point_errors(with_points(PERFECT.points_world, keep), TRUTH, RIG)
+    missing = np.bincount(errors.column_scans[~errors.covered], minlength=10)
+    assert np.all((missing >= 18) & (missing <= 20))
+    points = np.where(keep[:, None], PERFECT.points_world, farther(-4.0))
+    errors = point_errors(with_points(points), TRUTH, RIG)
+    np.testing.assert_array_equal(errors.clutter, 20)
+    assert len(errors.scans) == keep.sum()
+
+
+def test_incidence_is_the_cosine_with_the_normal():
+    contour = np.array([[10.0, -3.0], [13.0, -3.0], [13.0, 3.0], [10.0, 3.0]])
+    ranges, incidence = ranges_along(contour, np.array([0.0, 0.2, -0.2, 1.0]))
+    np.testing.assert_allclose(ranges[:3], 10.0 / np.cos([0.0, 0.2, 0.2]))
+    np.testing.assert_allclose(incidence[:3], np.cos([0.0, 0.2, 0.2]))
+    assert ranges[3] == np.inf
+    assert incidence[3] == 0.0
+
+
+def test_crossings_are_those_of_the_rays():
+    random = np.random.default_rng(4)
+    angles = np.sort(random.uniform(0.0, 2.0 * np.pi, 30))
+    contour = np.stack([12.0 + 3.0 * np.cos(angles), 3.0 * np.sin(angles)], axis=-1)
+    rays = spread_rays(101, 1.0, True)
+    hit, ranges = first_crossings(contour, rays)
+    found, _ = ranges_along(contour, rays.angles)
+    np.testing.assert_array_equal(np.flatnonzero(np.isfinite(found)), hit)
+    np.testing.assert_allclose(found[hit], ranges)
+
+
+def test_what_is_not_seen_has_no_errors():
+    for depth in (-20.0, 1.0):
+        truth = scenario(count=3, depth=depth)
+        none = Scans(
+            truth.times, truth.ego_poses_world, np.zeros(4, int), np.zeros((0, 2)),
+            np.zeros((0, 2, 2)),
+        )  # fmt: skip
+        errors = point_errors(none, truth, RIG)
+        assert len(errors.scans) == 0
+        assert np.isnan(errors.spacing)
+        assert np.isnan(errors.reach_left).all()
+        assert not errors.covered.any()
+
+
+def test_other_times_are_refused():
+    with pytest.raises(ValueError, match="times"):
+        point_errors(PERFECT, scenario(count=9), RIG)

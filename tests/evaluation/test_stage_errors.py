@@ -1,0 +1,386 @@
+"""Errors of the stages: perfect inputs give none, injected ones come back, sums are plain sums."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stixel_cli.evaluation.stage_errors import (
+    GROSS,
+    ZONES,
+    disparity_errors,
+    grid_choice,
+    stage_errors,
+    zones,
+)
+from stixel_cli.evaluation.stage_stixels import overhang, stixel_errors
+from stixel_cli.evaluation.stage_summary import (
+    column_summary,
+    coverage_summary,
+    disparity_summary,
+    histogram_median,
+    phase_bias,
+    pooled,
+    stixel_summary,
+)
+from stixel_cli.evaluation.stage_truth import frame_truth, nearest_rows
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.scene.frames import BACKGROUND_ID, ROAD_ID, SKY_ID, TARGET_ID, RenderedFrames
+from stixel_cli.stereo.disparities import Disparities
+from stixel_cli.stixels.nouns import FreeSpace, Stixels
+from stixel_cli.stixels.occupancy import layout
+from stixel_cli.stixels.parameters import FreeSpaceParameters, PolarOccupancy, RigRoad
+from stixel_cli.stixels.road import base_rows, road_line
+
+ROAD = RigRoad(kind="rig", least_height=0.25, greatest_height=3.0, disparity_margin=1.0)
+GRID = PolarOccupancy("polar", 3.0, 50.0, 0.25, 0.5, 0.25)
+PATH = FreeSpaceParameters(0.3, 5.0, 1.5, 1.0, 0.2, 5.0, 0.0, 3.0)
+DISPARITY = 10.0
+"""Of the target, levelled: a whole number, so that the stored disparities hold it exactly."""
+
+
+def make_rig(pitch=0.0):
+    return Rig(96, 72, None, 80.0, None, None, 1.5, 1.2, pitch)
+
+
+def scene(rig, depth, columns=(40, 58), height=1.5, wall=25.0):
+    """Depth along the optical axis and ids: an upright target at `depth` m before an upright wall.
+
+    Where the road would be beyond the wall there is the wall, up to 4 m; above it the sky.
+    """
+    v, u = np.mgrid[: rig.height, : rig.width].astype(np.float64)
+    rays = np.stack([(u - rig.u0) / rig.focal, (v - rig.v0) / rig.focal, np.ones_like(u)], axis=-1)
+    _, y, z = np.moveaxis(rays @ rig.level_from_camera.T, -1, 0)
+    with np.errstate(divide="ignore"):
+        t = np.where(y > 0, rig.camera_height / y, np.inf)
+    ids = np.where(np.isfinite(t), ROAD_ID, SKY_ID)
+    for distance, top, object_id, span in (
+        (wall, 4.0, BACKGROUND_ID, (0, rig.width)),
+        (depth, height, TARGET_ID, columns),
+    ):
+        at = distance / z
+        above = rig.camera_height - at * y
+        hit = (at < t) & (above >= 0) & (above <= top) & (u >= span[0]) & (u < span[1])
+        t, ids = np.where(hit, at, t), np.where(hit, object_id, ids)
+    return t, ids.astype(np.uint8)
+
+
+def truth_of(rig, **options):
+    options.setdefault("depth", rig.depth_from_disparity(DISPARITY))
+    return frame_truth(*scene(rig, **options), rig, ROAD, GRID, PATH)
+
+
+def perfect_stixels(rig, truth, width=3, first=0):
+    """Stixels of the true nearest obstacles, of the groups of columns that show the target."""
+    line = road_line(rig.pitch_radians, rig.camera_height, rig)
+    rows = []
+    for left in range(0, rig.width, width):
+        u = np.arange(left, left + width)
+        if not truth.of_target[u].all():
+            continue
+        depth = truth.nearest_depth[left]
+        d = rig.disparity_from_depth(depth)
+        top = np.argmax((truth.ids == TARGET_ID)[:, left])
+        down = (top - 0.5 - rig.v0) / rig.focal
+        p = rig.pitch_radians
+        below = (np.cos(p) * down + np.sin(p)) / (np.cos(p) - np.sin(p) * down)
+        base = int(np.rint(base_rows(np.float64(d), line, rig)))
+        lateral = truth.nearest_lateral[u].mean()
+        rows.append((left, left + width, top, base, d, depth, 1.2 - below * depth, lateral))
+    left, right, top, base, d, depth, height, lateral = (
+        np.array(c) for c in zip(*rows, strict=True)
+    )
+    n = len(rows)
+    return Stixels(
+        first=first,
+        offsets=np.array([0, n]),
+        left=left.astype(np.int32),
+        right=right.astype(np.int32),
+        top=top.astype(np.int32),
+        base=base.astype(np.int32),
+        disparity=d.astype(float),
+        disparity_variance=np.full(n, 0.01),
+        depth=depth.astype(float),
+        height=height.astype(float),
+        points_ego=np.stack([lateral, depth], axis=1),
+        covariances_ego=np.tile(np.diag([0.01, 0.25]), (n, 1, 1)),
+    )
+
+
+def perfect_errors(shift=0, first=4):
+    """`stage_errors` of a frame whose disparities are the truth, `shift` sixteenths of a px off."""
+    rig = make_rig()
+    depth, ids = scene(rig, rig.depth_from_disparity(DISPARITY))
+    truth = truth_of(rig)
+    rendered = RenderedFrames.from_arrays(
+        first, *([[np.zeros((*ids.shape, 3), np.uint8)]] * 2), [depth], [ids]
+    )
+    exact = np.where(np.isfinite(depth), 16.0 * truth.disparity, -1)
+    raw = np.where(np.isfinite(depth), np.rint(exact).astype(np.int16) + shift, -1)
+    found = rig.disparity_from_depth(truth.nearest_depth) + shift / 16.0
+    line = road_line(0.0, rig.camera_height, rig)
+    obstacles = FreeSpace(
+        first, found[None].astype(np.float32), np.zeros((1, rig.width), np.int32), line[None]
+    )
+    errors = stage_errors(
+        rendered,
+        Disparities.from_raw(first, 64, [raw.astype(np.int16)]),
+        obstacles,
+        perfect_stixels(rig, truth, first=first),
+        rig,
+        ROAD,
+        GRID,
+        PATH,
+        range(first, first + 1),
+    )
+    return rig, truth, errors
+
+
+@pytest.mark.parametrize("pitch", [0.0, 2.0])
+def test_the_truth_is_the_scenes_whatever_the_pitch(pitch):
+    rig = make_rig(pitch)
+    truth = truth_of(rig)
+    assert np.array_equal(np.flatnonzero(truth.of_target), np.arange(40, 58))
+    assert truth.nearest_depth[40:58] == pytest.approx(rig.depth_from_disparity(DISPARITY))
+    assert truth.nearest_depth[:40] == pytest.approx(25.0)
+    on_target = truth.ids == TARGET_ID
+    assert truth.height[on_target].min() >= -1e-9 and truth.height[on_target].max() <= 1.5 + 1e-9
+    lateral = (np.arange(40, 58) - rig.u0) / rig.focal * rig.depth_from_disparity(DISPARITY)
+    # A pitched camera is nearer to or farther from a foot than its level depth says.
+    assert truth.nearest_lateral[40:58] == pytest.approx(lateral, rel=0.02)
+
+
+def test_no_obstacle_is_too_low_too_small_beyond_the_grid_or_road():
+    rig = make_rig()
+    assert not truth_of(rig, height=0.2).of_target.any()
+    assert np.isnan(truth_of(rig, wall=60.0).nearest_depth[:40]).all()
+    depth, ids = scene(rig, 12.0, columns=(0, 0))
+    ids[30:34, 50] = TARGET_ID
+    depth[30:34, 50] = 8.0
+    # Four pixels are fewer than the five that free space asks for: the wall behind is the obstacle.
+    assert not frame_truth(depth, ids, rig, ROAD, GRID, PATH).of_target.any()
+    ids[34, 50], depth[34, 50] = TARGET_ID, 8.5
+    found = frame_truth(depth, ids, rig, ROAD, GRID, PATH)
+    assert found.of_target[50] and found.nearest_depth[50] == 8.5
+
+
+def test_the_nearest_rows_are_those_of_a_plain_search():
+    rng = np.random.default_rng(3)
+    depth = np.where(rng.random((14, 30)) < 0.4, np.inf, rng.uniform(2.0, 30.0, (14, 30)))
+    depth[:, 7] = np.inf
+    rows, found = nearest_rows(depth, 40.0, 3.0)
+    for u in range(30):
+        expected = None
+        for n, v in enumerate(sorted(range(14), key=lambda v: depth[v, u]), start=1):
+            z = depth[v, u]
+            if np.isfinite(z) and n >= 3.0 and n >= 40.0 / z:
+                expected = v
+                break
+        assert found[u] == (expected is not None)
+        assert expected is None or rows[u] == expected
+    assert not nearest_rows(np.full((4, 3), np.inf), 40.0, 3.0)[1].any()
+
+
+def test_zones_are_told_apart_by_the_distance_to_another_object():
+    ids = np.full((20, 20), ROAD_ID, np.uint8)
+    ids[4:16, 2:10], ids[4:16, 10:18], ids[:4] = TARGET_ID, BACKGROUND_ID, SKY_ID
+    zone = zones(ids)
+    for v in range(20):
+        for u in range(20):
+            window = ids[max(v - 2, 0) : v + 3, max(u - 2, 0) : u + 3]
+            inside = (window == ids[v, u]).all()
+            expected = -1
+            if ids[v, u] == TARGET_ID:
+                expected = 0 if inside else 1
+            elif ids[v, u] == BACKGROUND_ID and inside:
+                expected = 2
+            assert zone[v, u] == expected
+
+
+def test_perfect_inputs_give_no_errors():
+    rig, truth, errors = perfect_errors()
+    frames = np.array([True])
+    assert errors.first == 4
+    assert errors.target_depth == pytest.approx(truth.nearest_depth[truth.of_target].min())
+    assert errors.target_pixels[0] == np.sum(truth.ids == TARGET_ID)
+    for zone in range(2):
+        of = disparity_summary(errors.disparity, frames, zone)
+        assert of["pixels"] > 0 and of["density"] == 1.0 and of["gross"] == 0.0
+        # The depth is rendered to a quarter of a millimetre.
+        assert abs(of["bias"]) < 1e-3 and of["rms"] < 1e-3
+    columns = column_summary(errors.columns.true, errors.columns.path, rig)
+    assert columns["columns"] == rig.width
+    assert columns["missed"] == columns["invented"] == 0.0
+    assert columns["rms"] < 1e-3 and columns["rms_m"] < 1e-3
+    stixels = stixel_summary(errors.stixels)
+    assert stixels.pop("stixels") == np.diff(errors.stixels.offsets)[0] > 3
+    assert stixels.pop("sigma") == 0.5
+    assert stixels.pop("within_1") == stixels.pop("within_2") == 1.0
+    assert all(abs(value) < 1e-3 for value in stixels.values()), stixels
+    cover = coverage_summary(errors.stixels, frames)
+    assert cover["columns"] == truth.of_target.sum() and cover["elsewhere"] == 0.0
+    assert cover["overhang"] == cover["hanging"] == 0.0
+
+
+@pytest.mark.parametrize("shift", [-8, 5])
+def test_an_offset_of_the_disparities_comes_back(shift):
+    rig, _, errors = perfect_errors(shift)
+    of = disparity_summary(errors.disparity, np.array([True]), 0)
+    assert of["bias"] == pytest.approx(shift / 16, abs=1e-3)
+    assert of["rms"] == pytest.approx(abs(shift) / 16, abs=1e-3)
+    assert of["median"] == pytest.approx(shift / 16, abs=1 / 32)
+    columns = column_summary(errors.columns.true, errors.columns.path, rig)
+    assert columns["bias"] == pytest.approx(shift / 16, abs=1e-3)
+    metres = rig.depth_from_disparity(DISPARITY + shift / 16) - rig.depth_from_disparity(DISPARITY)
+    of_target = errors.columns.of_target
+    target = column_summary(errors.columns.true[of_target], errors.columns.path[of_target], rig)
+    assert target["bias_m"] == pytest.approx(metres, abs=1e-3)
+
+
+def test_gross_errors_are_counted_and_left_out_of_bias_and_rms():
+    rig = make_rig()
+    truth = truth_of(rig)
+    found = truth.disparity.copy()
+    inside = np.argwhere(zones(truth.ids) == 0)
+    for (v, u), error in zip(inside, (0.5, -0.25, 1.5, -3.0, np.nan), strict=False):
+        found[v, u] += error
+    record = disparity_errors(found, truth)
+    assert record.valid[0] == len(inside) - 1 and record.gross[0] == 2
+    assert record.total[0] == pytest.approx(0.25)
+    assert record.squares[0] == pytest.approx(0.25 + 0.0625)
+    assert record.histogram[0].sum() == record.valid[0]
+    assert record.phase_count[0].sum() == record.valid[0] - 2
+    assert record.phase_total[0].sum() == pytest.approx(0.25)
+
+
+def test_the_sums_are_those_of_a_plain_loop_over_the_pixels():
+    rng = np.random.default_rng(5)
+    rig = make_rig()
+    truth = truth_of(rig)
+    truth = replace(truth, disparity=truth.disparity + rng.random(truth.disparity.shape))
+    found = truth.disparity + rng.normal(0.0, 0.8, truth.disparity.shape)
+    found[rng.random(found.shape) < 0.2] = np.nan
+    record, zone = disparity_errors(found, truth), zones(truth.ids)
+    count = np.zeros((len(ZONES), 10))
+    total = np.zeros((len(ZONES), 10))
+    gross = np.zeros(len(ZONES))
+    for v, u in np.argwhere((zone >= 0) & np.isfinite(found)):
+        error = found[v, u] - truth.disparity[v, u]
+        if abs(error) > GROSS:
+            gross[zone[v, u]] += 1
+            continue
+        phase = int(10 * (truth.disparity[v, u] % 1.0))
+        count[zone[v, u], phase] += 1
+        total[zone[v, u], phase] += error
+    assert np.array_equal(record.gross, gross)
+    assert np.array_equal(record.phase_count, count)
+    assert record.phase_total == pytest.approx(total)
+
+
+def test_stixels_with_injected_errors_give_them_back():
+    rig = make_rig()
+    truth = truth_of(rig)
+    good = perfect_stixels(rig, truth)
+    bad = replace(
+        good,
+        top=good.top - 2,
+        base=good.base + 1,
+        disparity=good.disparity + 0.25,
+        depth=good.depth - 0.5,
+        height=good.height + 0.125,
+        points_ego=good.points_ego + np.array([0.0625, -0.5]),
+    )
+    of = stixel_summary(stixel_errors(bad, 0, truth, rig, GROSS))
+    expected = {
+        "bias_px": 0.25,
+        "bias": -0.5,
+        "rms": 0.5,
+        "spread": 0.0,
+        "area_bias": -0.5,
+        "nees": 1.0,
+        "lateral_bias": 0.0625,
+        "top_bias": -2.0,
+        "base_bias": 1.0,
+        "height_bias": 0.125,
+        "gross": 0.0,
+    }
+    assert {name: of[name] for name in expected} == pytest.approx(expected, abs=1e-9)
+    gone = replace(good, disparity=good.disparity - 1.5)
+    errors = stixel_errors(gone, 0, truth, rig, GROSS)
+    assert stixel_summary(errors)["gross"] == 1.0 and np.isnan(stixel_summary(errors)["rms"])
+    assert errors.matched[0] == 0 and errors.covered[0] > 0
+
+
+def test_a_stixel_that_hangs_over_the_edge_is_seen_on_its_side():
+    rig = make_rig()
+    truth = truth_of(rig)
+    good = perfect_stixels(rig, truth)
+    left, right = good.left.copy(), good.right.copy()
+    left[0] = 36
+    right[-1] += 1 + (58 - right[-1])
+    errors = stixel_errors(replace(good, left=left, right=right), 0, truth, rig, GROSS)
+    assert errors.overhang.tolist() == [[4, 1]] and errors.hanging[0] == 2
+
+
+def test_an_overhang_ends_where_the_disparity_is_the_columns_own():
+    true = np.array([9.5, np.nan, 2.0, 10.0, 10.0, 2.0])
+    found = np.array([10.0, 10.0, 10.0, 10.0, 10.0, 2.0])
+    of_target = np.array([False, False, False, True, True, False])
+    # Column 0 has an obstacle of its own there; column 5 is what it should be.
+    assert overhang(found, true, of_target, 1.0) == ([2, 1], [])
+    assert overhang(found, true, np.zeros(6, bool), 1.0) == ([], [])
+
+
+def test_the_grids_own_choice_has_no_ties():
+    rig = make_rig()
+    line = road_line(0.0, rig.camera_height, rig)
+    raw = np.full((rig.height, rig.width), -1, np.int16)
+    raw[25:40, :] = 16 * 8
+    # One column has an obstacle of its own far in front: ties cost more than this cell.
+    raw[25:40, 50] = 16 * 20
+    grid = layout(GRID, rig, 64)
+    tied = replace(PATH, spatial_cost=5.0)
+    alone = grid_choice(raw, line, rig, ROAD, grid, GRID, tied)
+    assert alone[50] == pytest.approx(20.0, abs=0.3)
+    assert np.delete(alone, 50) == pytest.approx(8.0, abs=0.3)
+
+
+def test_columns_missed_and_invented_are_told_apart():
+    nan = np.nan
+    true = np.array([10.0, 10.0, 10.0, 10.0, nan, nan, 10.0])
+    found = np.array([10.5, nan, 8.0, 12.0, nan, 5.0, 9.5])
+    of = column_summary(true, found, make_rig())
+    assert of["missed"] == pytest.approx(2 / 5)
+    assert of["invented"] == pytest.approx(2 / 7)
+    assert of["bias"] == 0.0 and of["rms"] == pytest.approx(0.5)
+    empty = column_summary(np.zeros(0), np.zeros(0), make_rig())
+    assert all(np.isnan(value) for name, value in empty.items() if name != "columns")
+
+
+def test_pooling_adds_frames_and_a_frame_twice_changes_no_mean():
+    _, _, errors = perfect_errors(5)
+    twice = pooled([errors, errors])
+    assert len(twice.target_depth) == 2 and len(twice.stixels.offsets) == 3
+    one = disparity_summary(errors.disparity, np.array([True]), 2)
+    both = disparity_summary(twice.disparity, np.array([True, True]), 2)
+    assert both.pop("pixels") == 2 * one.pop("pixels") and both == pytest.approx(one)
+    of_one, of_both = stixel_summary(errors.stixels), stixel_summary(twice.stixels)
+    assert of_both.pop("stixels") == 2 * of_one.pop("stixels") and of_both == pytest.approx(of_one)
+    assert stixel_summary(twice.stixels, 20.0, 30.0)["stixels"] == 0.0
+    centres, mean, count = phase_bias(twice.disparity, 0)
+    assert centres[0] == pytest.approx(0.05) and count.sum() > 0
+    assert mean[count > 0] == pytest.approx(5 / 16, abs=1e-3)
+    with pytest.raises(ValueError, match="no record"):
+        pooled([])
+    narrow = replace(errors, columns=replace(errors.columns, true=errors.columns.true[:, :9]))
+    with pytest.raises(ValueError, match="different widths"):
+        pooled([errors, narrow])
+
+
+def test_the_median_is_read_evenly_inside_a_bin():
+    histogram = np.zeros(128, int)
+    assert np.isnan(histogram_median(histogram))
+    histogram[64] = 10
+    assert histogram_median(histogram) == pytest.approx(1 / 64)
+    histogram[65] = 30
+    assert histogram_median(histogram) == pytest.approx(1 / 32 + 1 / 96)

@@ -1,0 +1,124 @@
+"""A lidar's runs through the real command line: what is shared, a mesh of one's own, a sweep."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from run_cli import run_json
+
+from stixel_cli.cli.app import main
+from stixel_cli.config.compose import compose
+from stixel_cli.experiment.run import experiment_graph
+
+WEDGE = """v -1.5 -0.7 0
+v -1.5 0.7 0
+v 1.5 0.7 0
+v 1.5 -0.7 0
+v -1.5 -0.7 1.4
+v -1.5 0.7 1.4
+f 1 3 2
+f 1 4 3
+f 1 5 4
+f 2 3 6
+f 5 6 4
+f 4 6 3
+f 1 2 5
+f 2 6 5
+"""
+
+
+@pytest.fixture
+def results(tmp_path):
+    return tmp_path / "results"
+
+
+def keys(*words: str) -> tuple[str, str]:
+    """The keys of the returns and of the scans."""
+    graph = experiment_graph(compose(["measurement=lidar", *words]).configuration)
+    return graph.of_stage("cast_lidar")[0].key, graph.of_stage("scans")[0].key
+
+
+@pytest.mark.parametrize(
+    "word",
+    [
+        "seed=1",
+        "measurement.range_deviation=0.03",
+        "measurement.height_min=0.5",
+        "rig.baseline=1.0",
+    ],
+)
+def test_seeds_noise_gates_and_stereo_share_the_returns(word):
+    returns, scans = keys()
+    assert keys(word)[0] == returns
+    assert (keys(word)[1] == scans) == word.startswith("rig")
+
+
+@pytest.mark.parametrize(
+    "word",
+    ["rig.horizontal_fov=40.0", "measurement.scanner.layers=5", "world.seed=2", "ego=straight"],
+)
+def test_what_the_beams_meet_changes_the_returns(word):
+    assert keys(word)[0] != keys()[0]
+
+
+def test_the_point_tracker_has_a_whole_result_folder(results, capsys):
+    answer = run_json(
+        capsys,
+        results,
+        "measurement=fabricated",
+        "tracker=point",
+        "path.duration=1",
+        "pictures.frames=[1]",
+    )
+    folder = results / answer["folder"].rpartition("/")[2]
+    names = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()}
+    assert {"figures/path.png", "figures/errors.png", "figures/k0001/birds_eye.png"} <= names
+    with (folder / "track.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 10
+    assert {float(row["nis_degrees_of_freedom"]) for row in rows} == {2.0}
+    assert all(float(row["std_heading_rate"]) > 0 for row in rows)
+    with np.load(folder / "track.npz") as track:
+        assert track["means"].shape == (10, 6)
+        assert track["contours_world"].shape == (10, 120, 2)
+    metrics = json.loads((folder / "metrics.json").read_text())
+    assert metrics["nis_mean"] is not None
+    assert metrics["nees_heading_mean"] is not None
+
+
+def test_two_sensors_and_two_trackers_of_a_mesh_of_ones_own_from_a_car_that_turns(
+    results, capsys, tmp_path
+):
+    mesh = tmp_path / "wedge.obj"
+    mesh.write_text(WEDGE)
+    words = ["measurement=fabricated,lidar", "tracker=gp_ekf,point", "path.duration=0.3"]
+    words += [f"road_user.mesh={mesh}", "ego=turning", "path.start=[-1.0,9.0]"]
+    code = main(["sweep", "--results", str(results), "--name", "both", *words])
+    assert code == 0, capsys.readouterr().err
+    with (results / "both" / "runs.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 4
+    assert len({row["centre_rmse_m"] for row in rows}) == 4
+    assert all(float(row["points_used_mean"]) > 10 for row in rows)
+    assert all(float(row["lost_share"]) == 0.0 for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("tracker=pont",), "tracker=point"),
+        (("tracker=point", "tracker.basis_points=9"), "belongs to tracker=gp_ekf"),
+        (("measurement=lidr",), "measurement=lidar"),
+        (("measurement=lidar", "measurement.layers=9"), "measurement.scanner.layers"),
+        (("measurement=lidar", "measurement.scanner=9"), "holds several keys"),
+        (("measurement=lidar", "measurement.scanner.layers=0"), "must be ≥ 1"),
+        (("measurement=lidar", "measurement.returns=last"), "must be one of nearest, all"),
+    ],
+)
+def test_wrong_keys_and_values_are_answered_in_one_line(words, sentence, results, capsys):
+    assert main(["run", "--results", str(results), *words]) == 2
+    said = capsys.readouterr().err
+    assert sentence in said
+    assert said.count("\n") == 1
+    assert not results.exists()

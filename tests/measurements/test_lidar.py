@@ -1,0 +1,300 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from stixel_cli.config.compose import compose
+from stixel_cli.errors import ConfigurationError
+from stixel_cli.geometry.pose import target_from_world
+from stixel_cli.measurements.lidar import (
+    LidarReturns,
+    beam_azimuths,
+    beam_directions,
+    beam_elevations,
+    cast_beams,
+    cast_lidar,
+    lidar_scans,
+    ray_tree,
+)
+from stixel_cli.measurements.parameters import LidarParameters, Scanner
+from stixel_cli.scene.mesh import Mesh, corners
+from stixel_cli.scene.open3d_import import import_open3d
+from stixel_cli.scene.parameters import World
+from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.scenario import EgoMotion, Scenario
+from stixel_cli.scene.shapes import box, part
+
+AHEAD = 0.5 * np.pi
+FOV = np.radians(60.0)
+SCANNER = Scanner(
+    layers=8,
+    elevation_lowest=-12.0,
+    elevation_highest=2.0,
+    azimuth_step=1.0,
+    horizontal_fov=None,
+    mount_height=1.5,
+)
+EXACT = LidarParameters(
+    kind="lidar",
+    scanner=SCANNER,
+    range_deviation=0.0,
+    missed_probability=0.0,
+    returns="nearest",
+    height_min=0.3,
+    height_max=2.5,
+    range_min=1.0,
+    range_max=80.0,
+)
+TARGET = ((-1.5, -0.7, 0.0), (1.5, 0.7, 1.4))
+WALL = ((1.0, 6.0, 0.0), (1.2, 8.0, 3.0))  # hides a part of the target
+HOUSE = ((-20.0, 30.0, 0.0), (20.0, 31.0, 9.0))
+
+
+def mesh_of(*boxes):
+    texture = np.zeros((4, 4, 3), np.uint8)
+    return Mesh((part("boxes", [box(*b) for b in boxes], texture, 1.0),))
+
+
+GROUND = ((-200.0, -200.0, -1.0), (200.0, 200.0, 0.0))
+STATIC = ray_tree(mesh_of(GROUND, WALL, HOUSE))
+BOX = ray_tree(mesh_of(TARGET))
+
+
+def scenario(count=6, moving=True):
+    k = np.arange(count)
+    ego = np.tile([0.0, 0.0, AHEAD], (count, 1))
+    if moving:
+        ego = ego + np.stack([0.1 * k, 0.4 * k, 0.05 * k], axis=1)
+    target = np.stack([-1.0 + 0.8 * k, 12.0 + 0.2 * k, 0.3 * k], axis=1)
+    outline = np.array([[1.5, 0.7], [-1.5, 0.7], [-1.5, -0.7], [1.5, -0.7]])
+    return Scenario(0.1 * k, ego, target, np.zeros((count, 3)), outline, True)
+
+
+def ray_box(origin, directions, low, high):
+    """Distances (n,) of the slab method; inf where the box is missed."""
+    with np.errstate(divide="ignore"):
+        first, second = (low - origin) / directions, (high - origin) / directions
+    enter = np.minimum(first, second).max(axis=1)
+    leave = np.maximum(first, second).min(axis=1)
+    return np.where((enter <= leave) & (enter > 0.0), enter, np.inf)
+
+
+def analytic(truth, k):
+    """The ranges (L A,) of scan k, and those of the target alone."""
+    x, y, heading = truth.ego_poses_world[k]
+    origin = np.array([x, y, SCANNER.mount_height])
+    elevation, azimuth = np.meshgrid(
+        beam_elevations(SCANNER), beam_azimuths(SCANNER, FOV) + heading, indexing="ij"
+    )
+    flat = np.cos(elevation)
+    rays = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)], axis=-1)
+    rays = rays.reshape(-1, 3)
+    with np.errstate(divide="ignore"):
+        ground = np.where(rays[:, 2] < 0.0, -origin[2] / rays[:, 2], np.inf)
+    still = [ray_box(origin, rays, *np.array(b)) for b in (WALL, HOUSE)]
+    pose = truth.target_poses_world[k]
+    cosine, sine = np.cos(pose[2]), np.sin(pose[2])
+    turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    seen_from = (origin - [pose[0], pose[1], 0.0]) @ turn
+    target = ray_box(seen_from, rays @ turn, *np.array(TARGET))
+    return np.min([ground, *still, target], axis=0), target
+
+
+@pytest.mark.parametrize("moving", [True, False])
+def test_ranges_are_those_of_rays_against_boxes_and_a_plane(moving):
+    truth = scenario(moving=moving)
+    returns = cast_beams(STATIC, BOX, truth, SCANNER, FOV)
+    assert returns.ranges.shape == (6, 8, 61)
+    hidden, seen = 0, 0
+    for k in range(6):
+        expected, target = analytic(truth, k)
+        np.testing.assert_allclose(returns.ranges[k].ravel(), expected, atol=1e-4)
+        hidden += np.sum(np.isfinite(target) & (target > expected))
+        seen += np.sum(np.isfinite(target) & (target == expected))
+    assert hidden > 20
+    assert seen > 100
+
+
+@pytest.mark.parametrize("moving", [True, False])
+def test_a_scan_is_the_same_in_a_long_run_and_alone(moving):
+    truth = scenario(moving=moving)
+    whole = cast_beams(STATIC, BOX, truth, SCANNER, FOV)
+    for k in (0, 3, 5):
+        only = Scenario(
+            truth.times[[k]],
+            truth.ego_poses_world[[k]],
+            truth.target_poses_world[[k]],
+            truth.target_rates_world[[k]],
+            truth.contour_target,
+            True,
+        )
+        alone = cast_beams(STATIC, BOX, only, SCANNER, FOV)
+        assert alone.ranges.tobytes() == whole.ranges[k].tobytes()
+
+
+@pytest.mark.parametrize("road_user", ["car", "cyclist", "pedestrian"])
+def test_in_the_street_the_returns_of_a_road_user_lie_on_its_mesh(road_user):
+    parameters = compose([f"road_user={road_user}"]).configuration.road_user
+    truth = scenario(count=3)
+    scanner = dataclasses.replace(SCANNER, layers=24, azimuth_step=0.3)
+    returns = cast_lidar(truth, parameters, World("street", 1, 1.0), scanner, FOV)
+    open3d = import_open3d()
+    points = corners(road_user_mesh(parameters)).reshape(-1, 3).astype(np.float32)
+    surface = open3d.t.geometry.RaycastingScene(nthreads=1)
+    triangles = np.arange(len(points), dtype=np.uint32).reshape(-1, 3)
+    surface.add_triangles(open3d.core.Tensor(points), open3d.core.Tensor(triangles))
+    low, high = points.min(axis=0), points.max(axis=0)
+    beams = beam_directions(returns.elevations, returns.azimuths)
+    for k, (ego, pose) in enumerate(
+        zip(truth.ego_poses_world, truth.target_poses_world, strict=True)
+    ):
+        finite = np.isfinite(returns.ranges[k].ravel())
+        hits = beams[finite] * returns.ranges[k].ravel()[finite, None]
+        cosine, sine = np.cos(ego[2]), np.sin(ego[2])
+        world = np.stack(
+            [
+                ego[0] + cosine * hits[:, 0] - sine * hits[:, 1],
+                ego[1] + sine * hits[:, 0] + cosine * hits[:, 1],
+                1.5 + hits[:, 2],
+            ],
+            axis=1,
+        )
+        in_target = np.column_stack([target_from_world(world[:, :2], pose), world[:, 2]])
+        near = ((in_target >= low - 1e-3) & (in_target <= high + 1e-3)).all(axis=1)
+        near &= in_target[:, 2] > 0.1  # not the ground below, nor its marks
+        assert near.sum() > 20
+        asked = open3d.core.Tensor(in_target[near].astype(np.float32))
+        assert surface.compute_distance(asked, nthreads=1).numpy().max() < 1e-4
+
+
+def test_beams_lie_inside_the_field_of_view_even_about_its_middle():
+    scanner = dataclasses.replace(SCANNER, azimuth_step=0.7)
+    azimuths = np.degrees(beam_azimuths(scanner, FOV))
+    np.testing.assert_allclose(np.diff(azimuths), 0.7)
+    np.testing.assert_allclose(azimuths, -azimuths[::-1])
+    assert 30.0 - 0.7 < azimuths[-1] <= 30.0
+    own = dataclasses.replace(scanner, azimuth_step=0.25, horizontal_fov=100.0)
+    assert np.degrees(beam_azimuths(own, FOV)[[0, -1]]).round(9).tolist() == [-50.0, 50.0]
+    around = beam_azimuths(dataclasses.replace(own, horizontal_fov=360.0), FOV)
+    assert len(around) == 1440
+    assert len(np.unique(np.round(np.degrees(around) % 360.0, 6))) == 1440
+
+
+def test_layers_are_even_from_the_lowest_to_the_highest():
+    np.testing.assert_allclose(np.degrees(beam_elevations(SCANNER)), np.arange(-12.0, 3.0, 2.0))
+    single = dataclasses.replace(SCANNER, layers=1)
+    np.testing.assert_allclose(np.degrees(beam_elevations(single)), [-5.0])
+    directions = beam_directions(np.radians([0.0, 30.0]), np.radians([-90.0, 0.0]))
+    half, root = 0.5, np.sqrt(0.75)
+    expected = [[0, -1, 0], [1, 0, 0], [0, -root, half], [root, 0, half]]
+    np.testing.assert_allclose(directions, expected, atol=1e-12)
+
+
+def made(ranges, elevations, azimuths=(0.0,)):
+    """Returns (K, L, A) at elevations and azimuths in degrees, and an ego motion that stands."""
+    ranges = np.array(ranges, dtype=np.float32)
+    returns = LidarReturns(np.radians(elevations), np.radians(azimuths), ranges)
+    poses = np.tile([0.0, 0.0, AHEAD], (len(ranges), 1))
+    return returns, EgoMotion(0.1 * np.arange(len(ranges)), poses)
+
+
+def test_gates_look_at_the_measured_points_height_and_distance():
+    # Straight down the beams: 1.5 m + r sin(elevation) above the road.
+    elevations = [-30.0, 0.0, 30.0]
+    returns, ego = made(
+        [
+            [[2.5], [0.9], [0.9]],  # 0.25 m high; too near; 0.78 m away
+            [[2.3], [81.0], [2.1]],  # 0.35 m high; too far; 2.55 m high
+            [[np.inf], [79.0], [1.9]],  # nothing; inside; 2.45 m high
+        ],
+        elevations,
+    )
+    scans = lidar_scans(returns, ego, dataclasses.replace(EXACT, returns="all"), seed=0)
+    assert scans.offsets.tolist() == [0, 0, 1, 3]
+    root = np.sqrt(0.75)
+    expected = [[0, 2.3 * root], [0, 79.0], [0, 1.9 * root]]
+    np.testing.assert_allclose(scans.points_world, expected, atol=1e-5)
+
+
+def test_nearest_is_one_return_an_azimuth_and_all_are_all():
+    # A bonnet at 10 m, a windscreen at 11 m, and the ground in front of both at 4 m.
+    returns, ego = made(
+        [[[np.sqrt(4.0**2 + 1.5**2), 12.0], [10.0, np.inf], [11.0, 9.0]]],
+        [np.degrees(-np.arctan2(1.5, 4.0)), -2.0, 1.0],
+        [-10.0, 10.0],
+    )
+    nearest = lidar_scans(returns, ego, EXACT, seed=0)
+    distances = np.linalg.norm(nearest.points_world, axis=1)
+    np.testing.assert_allclose(distances, np.cos(np.radians([2.0, 1.0])) * [10.0, 9.0], rtol=1e-6)
+    bearings = np.degrees(np.arctan2(*nearest.points_world.T[::-1]))
+    np.testing.assert_allclose(bearings, [80.0, 100.0])
+    every = lidar_scans(returns, ego, dataclasses.replace(EXACT, returns="all"), seed=0)
+    assert len(every.points_world) == 3
+    assert {tuple(p) for p in nearest.points_world} < {tuple(p) for p in every.points_world}
+
+
+def test_noise_is_along_the_beam_and_the_covariance_says_so():
+    elevations, azimuths = np.linspace(-2.0, 2.0, 5), np.linspace(-30.0, 30.0, 61)
+    returns, ego = made(np.full((40, 5, 61), 20.0), elevations, azimuths)
+    noisy = dataclasses.replace(EXACT, range_deviation=0.1, returns="all")
+    scans = lidar_scans(returns, ego, noisy, seed=3)
+    assert len(scans.points_world) == 40 * 5 * 61
+    along = np.stack(
+        [np.cos(AHEAD + np.radians(azimuths)), np.sin(AHEAD + np.radians(azimuths))], axis=-1
+    )
+    along = np.tile(np.repeat(along, 5, axis=0), (40, 1))
+    flat = np.tile(np.cos(np.radians(elevations)), 40 * 61)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=-1)
+    np.testing.assert_allclose(np.sum(across * scans.points_world, axis=1), 0.0, atol=1e-9)
+    distances = np.sum(along * scans.points_world, axis=1)
+    errors = (distances - 20.0 * flat) / (0.1 * flat)
+    assert abs(errors.mean()) < 5.0 / np.sqrt(len(errors))
+    assert abs(errors.std() - 1.0) < 0.03
+    covariances = scans.covariances_world
+    spread = np.einsum("ni,nij,nj->n", along, covariances, along)
+    np.testing.assert_allclose(spread, (0.1 * flat) ** 2)
+    sideways = np.einsum("ni,nij,nj->n", across, covariances, across)
+    np.testing.assert_allclose(sideways, (distances * np.radians(1.0)) ** 2 / 12.0)
+    np.testing.assert_allclose(
+        np.einsum("ni,nij,nj->n", along, covariances, across), 0.0, atol=1e-12
+    )
+
+
+def test_draws_depend_on_the_seed_and_the_scan_alone_and_misses_leave_the_rest():
+    returns, ego = made(np.full((20, 3, 30), 15.0), [-1.0, 0.0, 1.0], np.arange(30.0))
+    noisy = dataclasses.replace(EXACT, range_deviation=0.1, returns="all")
+    first, again = (lidar_scans(returns, ego, noisy, seed=3) for _ in range(2))
+    assert first.points_world.tobytes() == again.points_world.tobytes()
+    other = lidar_scans(returns, ego, noisy, seed=4)
+    assert not np.array_equal(first.points_world, other.points_world)
+    few, few_ego = made(np.full((5, 3, 30), 15.0), [-1.0, 0.0, 1.0], np.arange(30.0))
+    shorter = lidar_scans(few, few_ego, noisy, seed=3)
+    np.testing.assert_array_equal(shorter.points_world, first.points_world[: 5 * 90])
+    missed = lidar_scans(returns, ego, dataclasses.replace(noisy, missed_probability=0.3), seed=3)
+    assert {tuple(p) for p in missed.points_world} < {tuple(p) for p in first.points_world}
+    assert 0.65 < len(missed.points_world) / len(first.points_world) < 0.75
+
+
+def test_a_scan_may_be_empty_and_must_have_a_pose():
+    returns, ego = made(np.full((3, 2, 4), np.inf), [-1.0, 0.0], np.arange(4.0))
+    scans = lidar_scans(returns, ego, EXACT, seed=0)
+    assert len(scans) == 3
+    assert scans.points_world.shape == (0, 2)
+    assert scans.covariances_world.shape == (0, 2, 2)
+    with pytest.raises(ValueError, match="3 scans, but 2 times"):
+        lidar_scans(returns, EgoMotion(ego.times[:2], ego.poses_world[:2]), EXACT, seed=0)
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("measurement.scanner.elevation_highest=-2", "is below measurement.scanner.elevation_low"),
+        ("measurement.scanner.elevation_highest=-1.2", "4 layers at one elevation"),
+        ("measurement.height_max=0.2", "measurement.height_max: 0.2 m is not above"),
+        ("measurement.range_min=90", "measurement.range_max: 80.0 m is not above"),
+    ],
+)
+def test_a_scanner_that_cannot_be_is_refused_in_one_line(override, message):
+    with pytest.raises(ConfigurationError, match=message) as caught:
+        compose(["measurement=lidar", override])
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,118 @@
+"""The fitted noise: what each of its parameters does, in long rows of points."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.measurements.noise import measure, range_deviations, range_per_disparity
+from stixel_cli.measurements.parameters import ConstantNoise, FittedNoise, StereoNoise
+from stixel_cli.measurements.rays import spread_rays
+from stixel_cli.randomness import generator
+
+RIG = Rig(4000, 480, 60.0, None, None, None, 0.3, 1.2, 0.0)
+RAYS = spread_rays(4000, RIG.fov, True)
+HIT = np.arange(500, 3500)
+RANGES = 12.0 / np.cos(RAYS.angles[HIT])
+NONE = FittedNoise("fitted", 3, *11 * [0.0], 3.0)
+LEVER = range_per_disparity(RANGES, RAYS.angles[HIT], RIG)
+
+
+def measured(hit=HIT, ranges=RANGES, seed=0, **changes):
+    noise = dataclasses.replace(NONE, **changes)
+    return measure(noise, hit, ranges, RAYS, RIG, generator(seed, "test"))
+
+
+def test_without_noise_every_block_gives_the_range_of_its_middle_ray():
+    ray, true, found = measured()
+    # Blocks are of the image, not of the target: their middles are rays 1, 4, 7, …
+    np.testing.assert_array_equal(ray, np.arange(502, 3500, 3))
+    np.testing.assert_array_equal(true, RANGES[ray - 500])
+    np.testing.assert_array_equal(found, true)
+
+
+def test_biases_are_of_the_disparity_and_of_the_range():
+    ray, true, found = measured(disparity_bias=-0.2, range_bias=0.05)
+    lever = LEVER[ray - 500]
+    np.testing.assert_allclose(found - true, 0.05 + 0.2 * lever)
+    # A pixel of disparity is worth what the rig says, to first order.
+    depth = 12.0
+    step = RIG.disparity_from_depth(depth) - RIG.disparity_from_depth(depth + 1e-4)
+    np.testing.assert_allclose(LEVER * np.cos(RAYS.angles[HIT]), 1e-4 / step, rtol=1e-4)
+
+
+def test_deviations_and_correlation():
+    changes = {"disparity_deviation": 0.1, "range_deviation": 0.05, "correlation_columns": 6.0}
+    rows = []
+    for seed in range(8):
+        ray, true, found = measured(seed=seed, **changes)
+        rows.append((found - true) / np.hypot(0.1 * LEVER[ray - 500], 0.05))
+    even = np.array(rows)
+    assert abs(even.std() - 1.0) < 0.05
+    assert abs(np.mean(even[:, 1:] * even[:, :-1]) - np.exp(-0.5)) < 0.06
+    assert abs(np.mean(even[:, 4:] * even[:, :-4]) - np.exp(-2.0)) < 0.06
+
+
+def test_the_kinds_agree_on_their_deviation():
+    angles = RAYS.angles[HIT]
+    stereo = range_deviations(StereoNoise("stereo", 0.2), RANGES, angles, RIG)
+    fitted = dataclasses.replace(NONE, disparity_deviation=0.2)
+    np.testing.assert_allclose(range_deviations(fitted, RANGES, angles, RIG), stereo)
+    constant = range_deviations(ConstantNoise("constant", 0.3), RANGES, angles, RIG)
+    np.testing.assert_array_equal(constant, 0.3)
+
+
+def test_ends_reach_beyond_the_silhouette_or_fall_short():
+    ray, true, _ = measured(edge_shift=9.0)
+    assert (ray[0], ray[-1]) == (493, 3508)
+    assert true[0] == RANGES[0]
+    ray, _, _ = measured(edge_shift=-9.0)
+    assert (ray[0], ray[-1]) == (511, 3490)
+    # 0.1 m at the ends, which are about 15 m away, of rays 0.3 mrad apart.
+    ray, _, _ = measured(edge_metres=-0.1)
+    per_metre = 1.0 / (RANGES[0] * RAYS.steps[HIT[0]])
+    assert abs((ray[0] - 500) - 0.1 * per_metre) < 3.0
+    assert ray[0] > 511
+    # Nothing is left of a target that is narrower than what its ends fall short by.
+    assert len(measured(hit=HIT[:12], ranges=RANGES[:12], edge_shift=-9.0)[0]) == 0
+
+
+def test_an_end_at_the_image_s_border_does_not_move():
+    hit = np.arange(4000)
+    ranges = 12.0 / np.cos(RAYS.angles)
+    ray, _, _ = measured(hit, ranges, edge_shift=-30.0)
+    assert (ray[0], ray[-1]) == (1, 3997)
+
+
+def test_missed_points_come_in_runs():
+    random = [measured(seed=seed, missed_share=0.2, missed_columns=12.0)[0] for seed in range(8)]
+    gaps = np.concatenate([np.diff(ray) // 3 - 1 for ray in random])
+    share = 1.0 - np.mean([len(ray) / 1000 for ray in random])
+    assert abs(share - 0.2) < 0.03
+    assert abs(gaps[gaps > 0].mean() - 4.0) < 0.5
+
+
+def test_outermost_points_have_mixed_depths():
+    errors = np.array(
+        [
+            (found - true) / LEVER[ray - 500]
+            for ray, true, found in (
+                measured(seed=seed, edge_disparity_deviation=0.3) for seed in range(60)
+            )
+        ]
+    )
+    assert abs(errors[:, [0, -1]].std() - 0.3) < 0.06
+    assert np.all(errors[:, 1:-1] == 0.0)
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_few_rays(count):
+    ray, true, found = measured(
+        HIT[2 : 2 + count],
+        RANGES[2 : 2 + count],
+        disparity_deviation=0.1,
+        edge_disparity_deviation=0.1,
+        missed_share=0.5,
+    )
+    assert len(ray) == len(true) == len(found) <= count

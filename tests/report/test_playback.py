@@ -1,0 +1,171 @@
+"""What the page that plays a run back holds; how it behaves is tested in a browser."""
+
+import base64
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from importlib import resources
+
+import cv2
+import numpy as np
+import pytest
+from playback_runs import SCANS, make_run
+from report_nouns import make_camera_nouns, make_rig
+
+from stixel_cli.report import playback, style
+from stixel_cli.report.camera_frames import WIDEST, camera_frames
+from stixel_cli.report.errors_figure import chi_square_bounds
+from stixel_cli.report.playback import (
+    consistent_bounds,
+    json_in_html,
+    playback_data,
+    playback_html,
+)
+
+
+def data_of(page):
+    return json.loads(re.search(r'id="data">(.*?)</script>', page, flags=re.DOTALL).group(1))
+
+
+def template(name):
+    return resources.files("stixel_cli.report").joinpath(f"templates/{name}").read_text("utf-8")
+
+
+def test_the_page_holds_the_run_to_the_millimetre():
+    run = make_run()
+    data = data_of(playback_html([run], "a run"))
+    (played,) = data["runs"]
+    for k in range(SCANS):
+        contour = 1e-3 * np.reshape(played["contours"][k], (-1, 2))
+        assert np.abs(contour - run.track.contours_world[k]).max() <= 0.5001e-3
+        rows = run.scans.rows(k)
+        points = 1e-3 * np.reshape(data["scans"][0]["points"][k], (-1, 2))
+        assert np.allclose(points, run.scans.points_world[rows], atol=0.5001e-3)
+        used = run.track.used_points[slice(*run.track.used_offsets[k : k + 2])]
+        assert np.array_equal(np.array(played["used"][k], int) + rows.start, used)
+    assert np.allclose(
+        np.array(data["target"])[:, :2], 1e3 * run.scenario.target_poses_world[:, :2], atol=0.5
+    )
+    assert played["errors"]["nis"][5] is None
+    assert np.allclose(played["errors"]["iou"], run.scores.iou, atol=1e-4)
+    assert data["times"] == pytest.approx(run.scenario.times)
+
+
+def test_an_ellipse_is_that_of_its_covariance():
+    run = make_run()
+    data = playback_data([run], "a run")
+    rows = run.scans.rows(2)
+    for (major, minor, angle), covariance in zip(
+        np.reshape(data["scans"][0]["ellipses"][2], (-1, 3)),
+        run.scans.covariances_world[rows],
+        strict=True,
+    ):
+        turn = np.array(
+            [
+                [np.cos(angle / 1e3), -np.sin(angle / 1e3)],
+                [np.sin(angle / 1e3), np.cos(angle / 1e3)],
+            ]
+        )
+        again = turn @ np.diag([(major / 1e3) ** 2, (minor / 1e3) ** 2]) @ turn.T
+        assert np.allclose(again, covariance, atol=3e-4)
+
+
+def test_what_is_not_finite_is_null_and_astray_is_left_out():
+    run = make_run()
+    contours, means = run.track.contours_world.copy(), run.track.means.copy()
+    contours[3, 7, 0], contours[4], means[3, 1] = np.nan, 1e300, np.inf
+    track = replace(run.track, contours_world=contours, means=means)
+    scores = replace(run.scores, centre_error=np.full(SCANS, np.inf))
+    (played,) = data_of(playback_html([replace(run, track=track, scores=scores)], "a"))["runs"]
+    assert played["contours"][3] is played["contours"][4] is played["poses"][3] is None
+    assert played["contours"][5] is not None
+    assert set(played["errors"]["centre"]) == {None}
+
+
+def test_names_cannot_break_out_of_the_page():
+    name = "</script><script>alert('⟦data⟧')</script>\u2028&amp;<!--"
+    page = playback_html([replace(make_run(), label=name)], name, [name])
+    parser = HTMLParser()
+    scripts = []
+    parser.handle_starttag = lambda tag, _: scripts.append(tag) if tag == "script" else None
+    parser.feed(page)
+    assert len(scripts) == 2
+    data = data_of(page)
+    assert data["title"] == data["notes"][0] == data["runs"][0]["label"] == name
+    assert json_in_html("<\u2028>&") == '"\\u003c\\u2028\\u003e\\u0026"'
+
+
+def test_the_page_repeats_to_the_byte_and_asks_for_nothing():
+    page = playback_html([make_run()], "a run")
+    assert page == playback_html([make_run()], "a run")
+    assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)", page)
+    assert "⟦" not in page
+
+
+def test_runs_share_what_they_have_in_common():
+    one, other = make_run("gp_ekf"), make_run("point", seed=1, corners=24)
+    data = playback_data([one, other, make_run("blind", with_camera=False)], "three")
+    assert [run["scan"] for run in data["runs"]] == [0, 0, 0]
+    assert [run["camera"] for run in data["runs"]] == [0, 0, None]
+    assert len(data["scans"]) == len(data["cameras"]) == 1
+    moved = replace(other.scans, points_world=other.scans.points_world + 1.0)
+    data = playback_data([one, replace(other, scans=moved)], "two")
+    assert [run["scan"] for run in data["runs"]] == [0, 1]
+
+
+def test_a_long_run_shows_every_nth_image(monkeypatch):
+    run = make_run()
+    camera = playback_data([run], "a")["cameras"][0]
+    assert (camera["every"], camera["frames"]) == (1, list(range(SCANS)))
+    assert base64.b64decode(camera["images"][11]) == run.camera[1].images[1]
+    whole = sum(map(len, camera["images"]))
+    monkeypatch.setattr(playback, "IMAGE_BUDGET", whole // 3)
+    monkeypatch.setattr(playback, "MOST_ELLIPSES", 10)
+    data = playback_data([run], "a")
+    camera = data["cameras"][0]
+    assert camera["every"] >= 3
+    assert camera["frames"] == list(range(0, SCANS, camera["every"]))
+    assert sum(map(len, camera["images"])) <= whole // 3
+    assert len(camera["stixels"]) == len(camera["images"])
+    assert data["scans"][0]["ellipses"] is None
+
+
+def test_camera_frames_are_small_images_with_their_stixels():
+    rig = make_rig(640, 480)
+    _, pairs, _, _, stixels = make_camera_nouns(rig, np.random.default_rng(0), first=4, count=3)
+    frames = camera_frames(pairs, stixels, range(5, 7))
+    again = camera_frames(pairs, stixels, range(5, 7))
+    assert frames.images == again.images
+    assert (frames.first, frames.width, frames.height) == (5, 640, 480)
+    image = cv2.imdecode(np.frombuffer(frames.images[0], np.uint8), cv2.IMREAD_UNCHANGED)
+    assert image.shape == (WIDEST * 480 // 640, WIDEST)
+    small = cv2.resize(pairs.left[1], image.shape[::-1], interpolation=cv2.INTER_AREA)
+    assert np.abs(image.astype(float) - small).mean() < 3.0
+    first, last = stixels.rows(1).start, stixels.rows(2).stop
+    assert np.array_equal(frames.left, stixels.left[first:last])
+    assert frames.offsets.tolist() == [0, len(frames.left) // 2, len(frames.left)]
+
+
+def test_bounds_are_near_those_of_chi_square():
+    n = np.array([2, 4, 20, 180])
+    exact, near = chi_square_bounds(n), consistent_bounds(n)
+    assert np.allclose(near[:, 0], exact[:, 0])
+    assert np.allclose(near[:, 1], exact[:, 1], rtol=0.1)
+    assert np.allclose(near[:, 2:], exact[:, 2:], rtol=0.01)
+    assert np.isnan(consistent_bounds(np.array([0]))).all()
+
+
+def test_the_colours_are_those_of_the_figures():
+    light = template("playback.css").partition("@media")[0]
+    colours = dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6})", light))
+    for name in ("truth", "estimate", "used", "unused", "ego", "consistent"):
+        assert colours[name] == getattr(style, name.upper()), name
+    assert colours["field-of-view"] == style.FIELD_OF_VIEW
+    # Those of several runs are told apart from the points that were used.
+    assert style.USED not in {colours[f"run-{i}"] for i in range(4)} <= set(style.RUNS)
+    script = template("playback_camera.js") + template("playback_paths.js")
+    hexes = re.findall(r'"([0-9a-f]{6})"', script)
+    depths = np.geomspace(style.DEPTH_TICKS[0], style.DEPTH_TICKS[-1], len(hexes))
+    expected = np.rint(255 * style.depth_colours(depths)).astype(int)
+    assert [f"{r:02x}{g:02x}{b:02x}" for r, g, b in expected] == hexes

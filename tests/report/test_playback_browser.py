@@ -1,0 +1,217 @@
+"""The page that plays a run back, in a browser: it plays, steps, scrubs, and draws what is stored.
+
+Skipped, with the reason, where there is no browser.
+"""
+
+import re
+
+import numpy as np
+import pytest
+from playback_runs import SCANS, make_run
+
+from stixel_cli.geometry.pose import world_from_target
+from stixel_cli.report.playback import playback_html
+
+expect = pytest.importorskip("playwright.sync_api", reason="playwright is not installed").expect
+
+LAST = SCANS - 1
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("pages")
+    gp, point = make_run("gp_ekf"), make_run("point", seed=1, corners=24)
+    blind = make_run("gp_ekf", with_camera=False)
+    for name, runs in (("one", [gp]), ("two", [gp, point]), ("blind", [blind])):
+        (folder / f"{name}.html").write_text(playback_html(runs, name), encoding="utf-8")
+    return folder
+
+
+@pytest.fixture
+def one(open_page, pages):
+    opened = open_page(pages / "one.html")
+    yield opened
+    assert opened.problems == []
+    opened.page.close()
+
+
+def frame(page):
+    return int(page.locator("#scrub").input_value())
+
+
+def drawn(page, name):
+    """Corners (n, 2) m of a path on the map, as the browser has it."""
+    text = page.locator(f"#{name}").get_attribute("d")
+    return np.array(re.findall(r"[ML](\S+) ([^MLZ]+)", text), dtype=float)
+
+
+def to(page, k):
+    page.locator("#scrub").fill(str(k))
+    assert frame(page) == k
+
+
+def test_it_plays_to_the_end_and_pauses(one):
+    page = one.page
+    assert page.locator("#now").inner_text() == "k = 0, t = 0.00 s"
+    page.get_by_role("button", name="Play", exact=True).click()
+    expect(page.locator("#scrub")).to_have_value(re.compile("[2-9]"))
+    page.get_by_role("button", name="Pause").click()
+    there = frame(page)
+    assert there >= 2
+    page.get_by_label("Speed").select_option("4")
+    page.get_by_role("button", name="Play", exact=True).click()
+    expect(page.locator("#scrub")).to_have_value(str(LAST))
+    assert page.get_by_role("button", name="Play", exact=True).is_visible()
+    assert page.get_by_role("button", name="One scan forward").is_disabled()
+
+
+def test_it_steps_by_buttons_and_keys(one):
+    page = one.page
+    page.get_by_role("button", name="One scan forward").click()
+    assert frame(page) == 1
+    page.locator("h1").click()
+    for key, expected in (
+        ("ArrowRight", 2),
+        ("Shift+ArrowRight", LAST),
+        ("ArrowLeft", LAST - 1),
+        ("Home", 0),
+        ("End", LAST),
+    ):
+        page.keyboard.press(key)
+        assert frame(page) == expected, key
+    page.keyboard.press("Home")
+    page.keyboard.press("Space")
+    expect(page.locator("#scrub")).to_have_value(re.compile("[1-9]"))
+    page.keyboard.press("Space")
+    assert page.get_by_role("button", name="Play", exact=True).is_visible()
+
+
+@pytest.mark.parametrize("k", [3, 5])
+def test_it_draws_what_is_stored(one, k):
+    page, run = one.page, make_run()
+    to(page, k)
+    assert np.allclose(drawn(page, "estimate-0"), run.track.contours_world[k], atol=0.6e-3)
+    truth = world_from_target(run.scenario.contour_target, run.scenario.target_poses_world[k])
+    assert np.allclose(drawn(page, "truth"), truth, atol=2e-3)
+    used = run.track.used_points[slice(*run.track.used_offsets[k : k + 2])]
+    text = page.locator("#points-used").get_attribute("d")
+    dots = np.array(re.findall(r"M(\S+) (\S+?)h0", text), dtype=float).reshape(-1, 2)
+    assert np.allclose(dots, run.scans.points_world[used], atol=0.6e-3)
+    assert page.locator("#points-unused").get_attribute("d").count("M") == (0 if k == 5 else 2)
+    if k == 3:
+        on_screen = page.locator("#estimate-0").bounding_box()
+        picture = page.locator("#map").bounding_box()
+        assert picture["x"] < on_screen["x"]
+        assert on_screen["x"] + on_screen["width"] < picture["x"] + picture["width"]
+        assert on_screen["width"] > 0.15 * picture["width"]
+    else:
+        assert "empty scan" in page.locator("#scan-caption").inner_text()
+    error = page.locator(".chart .value").first.inner_text()
+    assert error == f"{run.scores.centre_error[k]:.3f} m"
+
+
+def test_the_camera_shows_the_frames_image_and_stixels(one):
+    page, run = one.page, make_run()
+    to(page, 11)
+    expect(page.locator("#image")).to_have_js_property("naturalWidth", 160)
+    assert page.locator("#image").get_attribute("alt").endswith("k = 11")
+    camera, rows = run.camera[1], slice(*run.camera[1].offsets[1:3])
+    shown = page.locator("#stixels rect:not([style*='none'])")
+    assert shown.count() == rows.stop - rows.start > 0
+    assert float(shown.first.get_attribute("x")) == camera.left[rows][0] - 0.5
+    page.get_by_role("checkbox", name="Stixels").uncheck()
+    assert not shown.first.is_visible()
+
+
+def test_the_cursor_of_the_errors_can_be_dragged(one):
+    page = one.page
+    box = page.locator(".plot").first.bounding_box()
+    middle = box["y"] + box["height"] / 2
+    page.mouse.move(box["x"] + 40, middle)
+    page.mouse.down()
+    page.mouse.move(box["x"] + box["width"] / 2, middle, steps=3)
+    assert 3 < frame(page) < LAST - 2
+    page.mouse.move(box["x"] + box["width"], middle, steps=2)
+    page.mouse.up()
+    assert frame(page) == LAST
+
+
+def test_the_map_zooms_moves_and_shows_the_whole_scene(one):
+    page = one.page
+
+    def width():
+        return page.locator("#truth").bounding_box()["width"]
+
+    box = page.locator("#map").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    before = width()
+    page.mouse.move(x, y)
+    transform = page.locator("#world").get_attribute("transform")
+    page.mouse.wheel(0, -300)
+    expect(page.locator("#world")).not_to_have_attribute("transform", transform)
+    assert width() > 1.3 * before
+    left = page.locator("#truth").bounding_box()["x"]
+    page.mouse.down()
+    page.mouse.move(x + 60, y, steps=2)
+    page.mouse.up()
+    assert page.locator("#truth").bounding_box()["x"] == pytest.approx(left + 60, abs=1.5)
+    page.get_by_role("button", name="Reset the view").click()
+    assert width() == pytest.approx(before, abs=1.0)
+    whole = page.get_by_role("button", name="Whole scene")
+    whole.click()
+    assert whole.get_attribute("aria-pressed") == "true"
+    assert width() < 0.6 * before
+
+
+def test_two_runs_lie_over_each_other(open_page, pages):
+    opened = open_page(pages / "two.html")
+    page = opened.page
+    to(page, 7)
+    for r, run in enumerate((make_run("gp_ekf"), make_run("point", seed=1, corners=24))):
+        assert np.allclose(drawn(page, f"estimate-{r}"), run.track.contours_world[7], atol=0.6e-3)
+        text = page.locator("#legend").inner_text()
+        assert run.label in text
+    colours = page.evaluate(
+        "[0, 1].map(r => getComputedStyle(document.getElementById(`estimate-${r}`)).stroke)"
+    )
+    assert colours[0] != colours[1]
+    assert page.locator(".chart").first.locator(".value").count() == 2
+    page.get_by_label("Points and image of").select_option("point")
+    assert opened.problems == []
+    page.close()
+
+
+def test_a_run_without_images_says_so(open_page, pages):
+    opened = open_page(pages / "blind.html")
+    said = opened.page.locator("#no-camera")
+    assert said.inner_text() == "No camera image: fabricated measurements are made without one."
+    assert not opened.page.locator("#image").is_visible()
+    assert opened.problems == []
+    opened.page.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "dark"),
+    [
+        ("one", (390, 844), False),
+        ("one", (1440, 900), True),
+        ("two", (390, 844), True),
+        ("two", (1440, 900), False),
+    ],
+)
+def test_it_fits_a_phone_and_a_desktop(open_page, pages, name, size, dark):
+    opened = open_page(pages / f"{name}.html", *size, dark=dark)
+    page = opened.page
+    assert opened.overflow() == 0
+    assert opened.problems == []
+    assert page.locator("#play").is_visible()
+    paper = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert (max(map(int, re.findall(r"\d+", paper))) < 60) == dark
+    small = page.evaluate(
+        "[...document.querySelectorAll('body *')].filter(e => e.checkVisibility() && "
+        "[...e.childNodes].some(n => n.nodeType === 3 && n.data.trim()) && "
+        "parseFloat(getComputedStyle(e).fontSize) < 10 && parseFloat(getComputedStyle(e).fontSize))"
+        ".filter(e => !['SCRIPT', 'OPTION'].includes(e.tagName)).map(e => e.outerHTML.slice(0, 80))"
+    )
+    assert small == []
+    page.close()

@@ -1,0 +1,64 @@
+"""Tiny studies by the real command line, and one with a report made for the tests."""
+
+import json
+import sys
+
+import pytest
+import yaml
+from study_toy import TOY, toy_module
+
+from stixel_cli.cli.app import main
+
+
+class Studies:
+    """Runs `stixel study` and reads what it leaves."""
+
+    def __init__(self, results, capsys):
+        self.results = results
+        self._capsys = capsys
+        self.error = ""
+
+    def run(self, *arguments, code=0):
+        """What the command prints as JSON, after it has ended with `code`."""
+        self._capsys.readouterr()
+        found = main(["study", *map(str, arguments), "--json", "--results", str(self.results)])
+        said = self._capsys.readouterr()
+        self.error = said.err
+        assert found == code, said.err
+        return json.loads(said.out) if said.out else None
+
+    def refused(self, *arguments):
+        """The one line of a refused command; nothing is written."""
+        before = sorted(self.results.rglob("*"))
+        assert self.run(*arguments, code=2) is None
+        assert self.error.count("\n") == 1, self.error
+        assert sorted(self.results.rglob("*")) == before
+        return self.error
+
+
+@pytest.fixture
+def own_cache(tmp_path, monkeypatch):
+    """A cache in which nothing is yet."""
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+@pytest.fixture
+def studies(tmp_path, capsys):
+    return Studies(tmp_path / "results", capsys)
+
+
+@pytest.fixture
+def toy(tmp_path, monkeypatch):
+    """Writes the file of a toy study, with changes to its entries; the data that its report saw."""
+    module = toy_module()
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+
+    def write(content=TOY, name="toy"):
+        file = tmp_path / f"{name}.yaml"
+        text = content if isinstance(content, str) else yaml.safe_dump(content, sort_keys=False)
+        file.write_text(text, encoding="utf-8")
+        return file
+
+    write.seen = module.seen
+    return write

@@ -1,0 +1,178 @@
+"""RQ1's report: on a tiny study by the real command line, and its parts by themselves."""
+
+import csv
+import io
+import re
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import yaml
+from PIL import Image
+
+from stixel_cli.config.compose import compose
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.scene.parameters import RoadUser
+from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.studies.file import find_study, read_study
+from stixel_cli.studies.rq1_gallery import by_frame, contact_sheet
+from stixel_cli.studies.rq1_pool import (
+    by_label,
+    cell,
+    matcher,
+    needed_disparity,
+    road_user,
+    share,
+    text,
+)
+from stixel_cli.studies.rq1_setup import seconds_a_frame, timed_building, values_of
+
+FIXED = {
+    "rig.width": 192,
+    "rig.height": 144,
+    "path.start": [-0.3, 12.0],
+    "path.duration": 1.5,
+    "path.sample_time": 0.5,
+    "path.speed": 4.0,
+    "pictures.frames": [1],
+    "executor": "threads",
+}
+AXES = {
+    "road_user": ["pedestrian"],
+    "rig": ["default", "kitti"],
+    "occupancy": ["polar", "cartesian"],
+    "road_user.contrast": [0.3, 0.6],
+}
+
+
+@pytest.fixture
+def tiny(tmp_path):
+    """The file of the shipped study with fewer values, frames and pixels."""
+    content = yaml.safe_load(find_study("rq1").read_text(encoding="utf-8"))
+    for part in content["parts"].values():
+        part["fixed"] = part["fixed"] | FIXED
+        part["axes"] = {key: AXES[key] for key in part["axes"]}
+        part["seeds"] = [0]
+    file = tmp_path / "rq1.yaml"
+    file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    return file
+
+
+def test_a_tiny_study_gives_a_whole_report(studies, tiny):
+    answer = studies.run(tiny)
+    folder = studies.results / "rq1"
+    assert answer["complete"], answer
+    # Of 12 to 8 m there is nothing to say of 28 m, and it is said so.
+    assert "No stixel lies on a road user between 25 and 31 m" in answer["answer"][0]
+    assert not re.search(r"\bnan\b|\binf\b", " ".join(answer["answer"]))
+    names = {path.stem for path in (folder / "figures").glob("*.svg")}
+    assert names == {
+        "disparity",
+        "matchers",
+        "locking",
+        "free_space",
+        "grids",
+        "height",
+        "depth",
+        "normalised",
+        "coverage",
+        "rigs",
+        "contrast",
+    }
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert page.count("data:image/webp;base64,") == 1
+    assert "Badino" in page and len(page) < 4_000_000
+    with (folder / "tables/disparity.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    seen = [row for row in rows if int(row["pixels"]) > 0]
+    assert {row["range m"] for row in seen} <= {"5–10", "10–20"} and len(seen) >= 2
+    for row in seen:
+        assert 0.0 <= float(row["density %"]) <= 100.0
+    with (folder / "tables/rigs.csv").open(encoding="utf-8") as file:
+        rigs = list(csv.DictReader(file))
+    assert [row["rig"] for row in rigs] == ["default", "kitti"]
+    assert float(rigs[1]["needed px"]) == pytest.approx(721.5377 * 0.5327 * 0.1 / 28**2)
+    assert [row["achieved RMS px"] for row in rigs] == ["", ""]
+    with (folder / "tables/seconds.csv").open(encoding="utf-8") as file:
+        seconds = list(csv.DictReader(file))
+    assert {row["part"] for row in seconds} == {"rigs", "matchers", "grids"}
+    assert all(float(row["match"]) > 0.0 for row in seconds)
+
+
+def test_the_shipped_study_changes_one_thing_at_a_time_round_the_default():
+    study = read_study(find_study("rq1"))
+    parts = {part.name: part for part in study.parts}
+    assert list(parts) == ["ranges", "matchers", "grids", "rigs", "contrast", "gallery"]
+    approach = parts["ranges"].content["fixed"]
+    for part in study.parts:
+        fixed = dict(part.content["fixed"])
+        fixed.pop("pictures.frames", None)
+        assert fixed == approach, part.name
+        assert part.content["axes"]["road_user"] == ["car", "cyclist", "pedestrian"]
+        own = [key for key in part.content["axes"] if key != "road_user"]
+        assert len(own) + len(part.content.get("zipped") or []) <= 1, part.name
+    frames = round(approach["path.duration"] / approach["path.sample_time"])
+    last = approach["path.start"][1] - (frames - 1) * approach["path.sample_time"] * 5.0
+    assert approach["path.start"][1] > 50.0 and last <= 5.3
+
+
+def test_the_precision_that_a_depth_takes_follows_from_the_rig():
+    rig = Rig(640, 480, 60.0, None, None, None, 0.3, 1.2, 0.0)
+    needed = needed_disparity(rig, 0.1, 28.0)
+    assert needed == pytest.approx(0.0212, abs=1e-4)
+    disparity = rig.disparity_from_depth(28.0)
+    assert rig.depth_from_disparity(disparity - needed) - 28.0 == pytest.approx(0.1, rel=0.01)
+
+
+def test_numbers_in_prose_and_tables_have_a_dash_or_nothing_where_there_is_none():
+    assert text(-1.236, 2, "m") == "−1.24\u202fm"
+    assert text(float("nan")) == text(None) == share(float("nan")) == "–"
+    assert share(0.1234) == "12.3\u202f%"
+    assert cell(float("nan")) is None and cell(0.5, 100.0) == 50.0
+
+
+def test_points_are_named_by_what_they_are():
+    def point(*overrides):
+        return SimpleNamespace(configuration=compose(overrides).configuration, setting={})
+
+    points = [
+        point("stereo=bm"),
+        point("road_user=cyclist"),
+        point("stereo.error_cancellation=false"),
+    ]
+    assert [matcher(p) for p in points] == ["BM", "SGM", "SGM, one match"]
+    assert {k: len(v) for k, v in by_label(points, road_user).items()} == {"car": 2, "cyclist": 1}
+
+
+def test_seconds_are_a_frames_and_a_scene_counts_its_values():
+    points = [
+        SimpleNamespace(seconds={"match": 2.0}, scores=SimpleNamespace(times=np.zeros(4))),
+        SimpleNamespace(seconds={"match": 6.0}, scores=SimpleNamespace(times=np.zeros(4))),
+    ]
+    assert seconds_a_frame(points, "match") == 1.0
+    assert np.isnan(seconds_a_frame(points, "render"))
+    short = values_of(compose().configuration)
+    longer = values_of(compose(["path=stop_and_go"]).configuration)
+    turning = values_of(compose(["ego=turning"]).configuration)
+    # Speed and yaw rate; a turn has side and radius, stop-and-go three times in their place.
+    assert turning == short + 2 and longer == short + 1
+    user = RoadUser("pedestrian", 0.6, 0.35, 1.75, 0.6, None)
+    built = timed_building(lambda: [road_user_mesh(user)])
+    assert built.seconds > 0.0
+    assert built.triangles == sum(len(p.triangles) for p in road_user_mesh(user).parts)
+
+
+def test_a_contact_sheet_has_two_columns_at_one_scale():
+    def png(width, height, colour):
+        buffer = io.BytesIO()
+        Image.new("RGB", (width, height), colour).save(buffer, "png")
+        return buffer.getvalue()
+
+    sheet = contact_sheet([png(400, 200, "red"), png(200, 100, "blue"), png(400, 300, "green")])
+    image = Image.open(io.BytesIO(sheet)).convert("RGB")
+    assert image.format is None and image.size == (1080, 270 + 405)
+    assert np.allclose(image.getpixel((270, 135)), (255, 0, 0), atol=12)
+    assert np.allclose(image.getpixel((540 + 135, 60)), (0, 0, 255), atol=12)
+    assert np.allclose(image.getpixel((1000, 200)), (255, 255, 255), atol=12)
+    files = {"k0003/left.png": b"a", "k0003/height.png": b"b", "k0017/left.png": b"c"}
+    assert by_frame(files) == {3: {"left": b"a", "height": b"b"}, 17: {"left": b"c"}}

@@ -1,0 +1,198 @@
+"""RQ2: what is computed, and a tiny study of it by the real command line."""
+
+import csv
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+import shapely
+
+from stixel_cli.geometry.pose import world_from_target
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.scene.scenario import Scenario
+from stixel_cli.studies import rq2
+from stixel_cli.studies.nouns import StudyData
+from stixel_cli.studies.rq2_answer import answer
+from stixel_cli.studies.rq2_conditions import CONDITIONS, condition_statistics
+from stixel_cli.studies.rq2_runs import (
+    Run,
+    contour_distances,
+    names,
+    paired_difference,
+    within_bounds,
+)
+
+TINY = (
+    "road_user=pedestrian",
+    "path=crossing",
+    "measurement=fabricated",
+    "path.duration=0.3",
+    "seed=range(0,2)",
+    "executor=threads",
+)
+
+
+class _Point:
+    def __init__(self, **metrics):
+        self.metrics = metrics
+
+
+def run(seed=0, measurement="simulated", tracker="gp_ekf", centre=1.0, **changes):
+    count = 4
+    values = {
+        "road_user": "car",
+        "path": "turn",
+        "measurement": measurement,
+        "tracker": tracker,
+        "kind": measurement.partition("_")[0],
+        "tracker_kind": tracker,
+        "seed": seed,
+        "point": _Point(
+            centre_rmse_m=centre,
+            orientation_rmse_deg=2.0 * centre,
+            iou_mean=0.9 - 0.1 * centre,
+            lost_share=0.0,
+            nees_position_mean=1.0,
+            nis_mean=1.0,
+        ),
+        "times": np.arange(count) * 0.1,
+        "errors": {
+            "centre": np.full(count, centre),
+            "orientation": np.full(count, 2.0),
+            "iou": np.full(count, 0.5),
+        },
+        "nees": np.ones(count),
+        "nis": np.ones(count),
+        "nis_degrees": np.full(count, 10),
+        "ranges": np.array([5.0, 9.0, 9.5, 50.0]),
+        "aspects": np.array([0.0, 50.0, 90.0, 180.0]),
+        "used": np.array([0, 1, 2, 50]),
+        "scan_points": np.array([0, 2, 2, 60]),
+    }
+    return Run(**(values | changes))
+
+
+def test_differences_are_paired_by_seed():
+    one = [run(seed, centre=1.0 + seed + offset) for seed, offset in ((0, 0.1), (1, 0.2), (2, 0.3))]
+    other = [run(seed, "lidar", centre=1.0 + seed) for seed in (0, 1, 2, 3)]
+    found = paired_difference(one, other, "centre_rmse_m")
+    # Between seeds the errors differ by 1, between pairs by a tenth of that.
+    assert found.n == 3 and found.mean == pytest.approx(0.2)
+    assert found.deviation == pytest.approx(0.1)
+    assert found.low == pytest.approx(0.2 - 4.302653 * 0.1 / np.sqrt(3), abs=1e-6)
+    lost = [dataclasses.replace(other[0], point=_Point(centre_rmse_m=None))]
+    assert paired_difference(one[:1], lost, "centre_rmse_m").n == 0
+
+
+def test_of_several_paths_a_seed_counts_once():
+    one = [run(0, centre=2.0), run(0, path="crossing", centre=4.0)]
+    other = [run(0, "lidar", centre=1.0), run(0, "lidar", path="crossing", centre=1.0)]
+    found = paired_difference(one, other, "centre_rmse_m")
+    assert (found.n, found.mean) == (1, 2.0)
+
+
+def test_bounds_hold_of_a_consistent_filter_and_not_of_another():
+    draw = np.random.default_rng(3)
+    count, degrees = 2000, 10
+
+    def made(seed, scale):
+        return run(
+            seed,
+            times=np.arange(count) * 0.1,
+            nees=scale * draw.chisquare(2, count) / 2,
+            nis=scale * draw.chisquare(degrees, count) / degrees,
+            nis_degrees=np.full(count, degrees),
+        )
+
+    nees, nis = within_bounds([made(seed, 1.0) for seed in range(5)])
+    assert nees == pytest.approx(0.95, abs=0.02) and nis == pytest.approx(0.95, abs=0.02)
+    nees, nis = within_bounds([made(seed, 4.0) for seed in range(5)])
+    assert nees < 0.2 and nis < 0.01
+    empty = run(nis=np.full(4, np.nan), nis_degrees=np.zeros(4, dtype=int))
+    assert within_bounds([empty])[1] is None
+
+
+def test_scans_are_sorted_by_their_conditions():
+    by_name = {condition.name: condition for condition in CONDITIONS}
+    runs = [run(seed) for seed in (0, 1)]
+    expected = {
+        "range": {"< 8": 2, "8–12": 4, "≥ 40": 2},
+        "aspect": {"0–15": 2, "45–75": 2, "75–105": 2, "165–180": 2},
+        "points": {"0": 2, "1–2": 4, "> 40": 2},
+    }
+    for name, counts in expected.items():
+        condition = by_name[name]
+        assert len(condition.labels) == len(condition.edges) + 1
+        found = condition_statistics(condition, runs)
+        assert {condition.labels[key[2]]: one.scans for key, one in found.items()} == counts
+    (one, *_) = found.values()
+    assert one.errors["centre"].n == 2 and one.errors["centre"].mean == 1.0
+
+
+def test_distances_from_the_contour():
+    contour = np.array([[-2.0, -1.0], [2.0, -1.0], [2.0, 1.0], [-2.0, 1.0]])
+    pose = np.array([5.0, 10.0, 0.5])
+    poses = np.stack([pose, pose])
+    scenario = Scenario(np.arange(2.0), poses, poses, poses, contour, True)
+    points = world_from_target(np.array([[2.5, 0.0], [0.0, 0.9], [0.0, -1.3]]), pose)
+    scans = Scans(np.arange(2.0), poses, np.array([0, 0, 3]), points, np.zeros((3, 2, 2)))
+    assert contour_distances(scans, scenario) == pytest.approx([0.5, -0.1, 0.3])
+    assert shapely.Polygon(contour).area == 8.0
+
+
+def test_the_answer_is_made_of_what_is_there():
+    seeds = range(3)
+    runs = [run(seed, "simulated", centre=0.5 + 0.01 * seed) for seed in seeds]
+    runs += [run(seed, "lidar_9", centre=0.2) for seed in seeds]
+    runs += [run(seed, "simulated", "point", centre=1.5) for seed in seeds]
+    runs += [run(seed, "simulated", "new_one", centre=0.4) for seed in seeds]
+    runs += [run(seed, "lidar_9", "new_one", centre=0.4) for seed in seeds]
+    text = " ".join(answer(runs))
+    assert "gp_ekf on stixels does worse than on lidar_9 for car (centre, orientation, IoU)" in text
+    assert "centre RMSE 0.510 m against 0.200 m (difference +0.310 [" in text
+    # A tracker that came later is answered for, the floor is not.
+    assert "new_one on stixels does worse than on lidar_9 for nothing" in text
+    assert "point on stixels does" not in text
+    assert "On stixels gp_ekf against the floor point" in text and "new_one against the" in text
+    assert "answers nothing" in answer([one for one in runs if one.kind == "lidar"])[0]
+
+
+@pytest.fixture
+def tiny(studies):
+    answer = studies.run("rq2", *TINY)
+    assert answer["complete"] and answer["parts"]["tracking"]["points"] == 2 * 2
+    return studies.results / "rq2"
+
+
+def test_a_tiny_study_from_the_command_line(tiny, open_page):
+    html = (tiny / "report.html").read_text(encoding="utf-8")
+    for title in (
+        "Pedestrian",
+        "Fabricated measurements",
+        "Tracking",
+        "Published for lidar",
+    ):
+        assert re.search(rf"<h[23]>[\d.]+ {title}</h", html), title
+    with (tiny / "parts/tracking/runs.csv").open(encoding="utf-8") as file:
+        runs = list(csv.DictReader(file))
+    with (tiny / "tables/pedestrian_tracking.csv").open(encoding="utf-8") as file:
+        rows = {row["tracker"]: row for row in csv.DictReader(file)}
+    assert set(rows) == {"gp_ekf", "point"}
+    for tracker, row in rows.items():
+        values = [float(one["centre_rmse_m"]) for one in runs if one["tracker"] == tracker]
+        assert float(row["centre RMSE (m)"]) == pytest.approx(np.mean(values), rel=1e-12)
+        assert float(row["± centre"]) == pytest.approx(np.std(values, ddof=1), rel=1e-9)
+    names_of_figures = {path.stem for path in (tiny / "figures").iterdir()}
+    assert {
+        "pedestrian_boxes",
+        "pedestrian_crossing_over_time",
+        "pedestrian_by_range",
+    } <= names_of_figures
+    opened = open_page(tiny / "report.html", width=390, height=844, dark=True)
+    assert opened.problems == [] and opened.overflow() == 0
+
+
+def test_a_study_without_points_of_some_kind_says_so():
+    data = StudyData("rq2", "t", "q", {})
+    assert names(rq2.runs_of(data), "tracker") == []

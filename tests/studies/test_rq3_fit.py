@@ -1,0 +1,84 @@
+"""The fitted noise is recovered from scans that it made itself."""
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+from pydantic import TypeAdapter
+
+from stixel_cli.errors import UserError
+from stixel_cli.evaluation.point_errors import point_errors
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.measurements.fabricated import fabricate_scans
+from stixel_cli.measurements.parameters import ConstantNoise, FabricatedParameters, FittedNoise
+from stixel_cli.scene.scenario import Scenario
+from stixel_cli.studies.rq3_fit import fit_noise, preset
+
+RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.5, 0.0)
+BOX = np.array([[2.25, -0.9], [2.25, 0.9], [-2.25, 0.9], [-2.25, -0.9]])
+KNOWN = {
+    "plain": FittedNoise("fitted", 1, 0.0, 0.0, 0.1, *8 * [0.0], 1.0),
+    "like a cyclist": FittedNoise(
+        "fitted", 3, -0.03, 0.12, 0.15, 0.06, 7.0, 0.0, 1.0, -0.08, 0.1, 0.25, 0.06, 6.0
+    ),
+    "fat edges": FittedNoise(
+        "fitted", 2, 0.05, 0.0, 0.08, 0.03, 3.0, 2.5, 1.0, 0.0, 0.0, 0.4, 0.0, 2.0
+    ),
+}
+
+
+def errors_of(noise, seed, count=60):
+    times = 0.1 * np.arange(count)
+    # Away from the camera and turning: all ranges from 7 to 25 m, all sides.
+    target = np.stack([0.0 * times, 7.0 + 3.0 * times, 1.3 * times], axis=-1)
+    ego = np.tile([0.0, 0.0, 0.5 * np.pi], (count, 1))
+    truth = Scenario(times, ego, target, np.tile([0.0, 3.0, 1.3], (count, 1)), BOX, True)
+    measurement = FabricatedParameters("fabricated", None, "tangent", noise, 0.0, 0.0, 80.0)
+    return point_errors(fabricate_scans(truth, RIG, measurement, seed), truth, RIG)
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_known_parameters_are_recovered(name):
+    known = KNOWN[name]
+    found = fit_noise([errors_of(known, seed) for seed in range(4)])
+    assert found.columns_per_point == known.columns_per_point
+    for key, tolerance in {
+        "disparity_bias": 0.02,
+        "range_bias": 0.02,
+        "disparity_deviation": 0.02,
+        "range_deviation": 0.025,
+        "edge_shift": 0.8,
+        "edge_shift_deviation": 1.2,
+        # A missed outermost point shortens the reach as well.
+        "edge_metres": 0.045,
+        "edge_metres_deviation": 0.03,
+        "edge_disparity_deviation": 0.06,
+        "missed_share": 0.015,
+    }.items():
+        assert abs(getattr(found, key) - getattr(known, key)) < tolerance, key
+    assert abs(found.correlation_columns - known.correlation_columns) < 0.6
+    if known.missed_share > 0.0:
+        assert abs(found.missed_columns - known.missed_columns) < 1.0
+
+
+def test_no_noise_gives_none():
+    found = fit_noise([errors_of(ConstantNoise("constant", 0.0), 0, count=10)])
+    assert found.disparity_deviation == found.range_deviation == 0.0
+    assert found.disparity_bias == found.range_bias == 0.0
+    assert found.missed_share == 0.0
+
+
+def test_too_few_points_are_refused():
+    far = errors_of(KNOWN["plain"], 0, count=1)
+    for name in ("scans", "columns", "along", "levers", "inside"):
+        object.__setattr__(far, name, getattr(far, name)[:5])
+    with pytest.raises(UserError, match="too few to fit"):
+        fit_noise([far])
+
+
+def test_the_preset_s_file_is_the_noise_again():
+    noise = KNOWN["like a cyclist"]
+    text = preset(noise, "some points", "stixel study rq3")
+    assert text.startswith("# Fitted to some points.\n# Made by: stixel study rq3\n")
+    assert TypeAdapter(FittedNoise).validate_json(json.dumps(yaml.safe_load(text))) == noise

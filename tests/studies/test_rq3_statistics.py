@@ -1,0 +1,68 @@
+import numpy as np
+
+from stixel_cli.studies.rq3_statistics import (
+    gap_closed,
+    holm,
+    paired,
+    rank_biserial,
+    resampled,
+    wilcoxon,
+)
+
+
+def test_holm_is_as_worked_out_by_hand():
+    # Four tests: 4 * 0.01, max(3 * 0.02, …), max(2 * 0.03, …), 0.04 not below the one before.
+    corrected = holm({"a": 0.03, "b": 0.01, "c": 0.04, "d": 0.02})
+    np.testing.assert_allclose([corrected[key] for key in "bdac"], [0.04, 0.06, 0.06, 0.06])
+    assert holm({"a": 0.9, "b": 0.8})["a"] == 1.0
+    assert holm({}) == {}
+
+
+def test_rank_biserial():
+    assert rank_biserial(np.array([1.0, 2.0, 3.0])) == 1.0
+    assert rank_biserial(np.array([-1.0, -2.0, 0.0])) == -1.0
+    # Ranks 1, 2, 3, 4; the second is negative: (8 - 2) / 10.
+    assert rank_biserial(np.array([1.0, -2.0, 3.0, 4.0])) == 0.6
+    assert rank_biserial(np.zeros(3)) is None
+
+
+def test_wilcoxon_of_small_samples_is_exact():
+    # All of n differences of one sign: 2 / 2^n.
+    assert wilcoxon(np.arange(1.0, 7.0)) == 2.0 / 2**6
+    assert wilcoxon(np.array([0.3])) == 1.0
+    assert wilcoxon(np.zeros(4)) == 1.0
+
+
+def test_pairs_are_drawn_within_their_path():
+    rows = resampled(["turn", "turn", "circle", "turn"], "x")
+    assert set(rows[:, 2]) == {2}
+    assert set(np.unique(rows[:, [0, 1, 3]])) == {0, 1, 3}
+    np.testing.assert_array_equal(rows, resampled(["turn", "turn", "circle", "turn"], "x"))
+
+
+def test_the_interval_covers_the_mean_as_often_as_it_says():
+    random = np.random.default_rng(3)
+    covered = 0
+    for i in range(60):
+        result = paired(random.normal(0.5, 1.0, 25), ["path"] * 25, f"{i}")
+        covered += result.low <= 0.5 <= result.high
+    assert 50 <= covered <= 60
+
+
+def test_few_pairs():
+    assert paired(np.zeros(0), [], "x").mean is None
+    one = paired(np.array([0.2]), ["turn"], "x")
+    assert (one.n, one.mean, one.low, one.p) == (1, 0.2, None, None)
+
+
+def test_how_much_of_a_gap_is_closed():
+    gap = np.array([1.0, 1.1, 0.9, 1.0])
+    path = ["turn"] * 4
+    assert gap_closed(gap, 0.0 * gap, path, "x").share == 1.0
+    np.testing.assert_allclose(gap_closed(gap, -0.25 * gap, path, "x").share, 0.75)
+    half = gap_closed(gap, 0.5 * gap[::-1], path, "x")
+    assert half.low < half.share == 0.5 < half.high
+    assert gap_closed(gap, 2.0 * gap, path, "x").share == -1.0
+    # What may not be there cannot be closed.
+    assert gap_closed(np.array([1.0, -1.0, 0.9, -0.9]), gap, path, "x").share is None
+    assert gap_closed(gap[:1], gap[:1], path[:1], "x").share is None

@@ -1,0 +1,67 @@
+"""The study rq3 from the command line, tiny: it answers, and its preset is one that runs.
+
+To render would take most of the time. So fabricated scans stand in for the simulated ones, of other
+noise than the study's own, and the fit has to find that noise.
+"""
+
+import pytest
+import yaml
+
+from stixel_cli.config.compose import from_resolved
+from stixel_cli.config.folders import configuration_folder
+from stixel_cli.studies.file import find_study
+
+TINY = (
+    "road_user=car",
+    "path=approach",
+    "path.start=[1,12]",
+    "path.duration=1",
+    "tracker=point",
+    "executor=threads",
+    "seed=0,1",
+)
+
+
+@pytest.fixture
+def study(tmp_path):
+    """A study's file like the shipped one, with scans of another noise for the simulated ones."""
+    content = yaml.safe_load(find_study("rq3").read_text("utf-8"))
+    for name in ("training", "simulated"):
+        content["parts"][name]["fixed"] = {
+            "measurement": "fabricated",
+            "measurement/noise": "constant",
+            "measurement.noise.range_deviation": 0.05,
+        }
+    file = tmp_path / "tiny.yaml"
+    file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    return file
+
+
+def test_the_study_answers_and_makes_its_preset(studies, study):
+    studies.run(study, *TINY)
+    folder = studies.results / "tiny"
+    page = (folder / "report.html").read_text("utf-8")
+    for words in ("Car, points, simulated / fabricated / fitted", "rank-biserial", "Holm"):
+        assert words in page
+    assert "seeds 0, 1 are in both" in page
+    for name in ("point_errors", "range_law", "neighbours", "edges", "tracker_differences"):
+        assert (folder / "figures" / f"{name}.svg").stat().st_size > 2000
+    table = (folder / "tables" / "point_differences.csv").read_text("utf-8")
+    assert table.count("\n") >= 12
+
+    fitted = folder / "parts" / "fitted" / "points"
+    one = next(path for path in fitted.rglob("config.yaml"))
+    noise = yaml.safe_load((folder / "noise" / "fitted_car.yaml").read_text("utf-8"))
+    plain = yaml.safe_load(one.read_text("utf-8"))
+    assert plain["measurement"]["noise"] == noise
+    assert abs(noise["range_deviation"] - 0.05) < 0.01
+    assert noise["disparity_deviation"] < 0.1
+    assert from_resolved(plain).measurement.noise.kind == "fitted"
+
+
+def test_shipped_presets_say_where_they_come_from():
+    for user in ("car", "cyclist", "pedestrian"):
+        path = configuration_folder() / "measurement" / "noise" / f"fitted_{user}.yaml"
+        text = path.read_text("utf-8")
+        assert "stixel study rq3" in text
+        assert user in text.splitlines()[0]

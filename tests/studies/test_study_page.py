@@ -1,0 +1,122 @@
+"""The page of a study: one file, no name twice, its colours the page's, nothing hidden in it."""
+
+import re
+import sys
+
+import pytest
+import yaml
+from study_toy import TOY, toy_module
+
+from stixel_cli.cli.app import main
+from stixel_cli.report import style
+from stixel_cli.studies.folder import files_of
+from stixel_cli.studies.nouns import Findings, Section, Table
+from stixel_cli.studies.page import svg_for_page
+from stixel_cli.studies.tables import over_seeds, shown_table
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory, shared_cache):
+    """The toy study's page, made by the command line."""
+    folder = tmp_path_factory.mktemp("study")
+    file = folder / "toy.yaml"
+    file.write_text(yaml.safe_dump(TOY, sort_keys=False), encoding="utf-8")
+    module = toy_module()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STIXEL_CACHE", str(shared_cache))
+        patch.setitem(sys.modules, module.__name__, module)
+        assert main(["study", str(file), "road_user=car", "--results", str(folder)]) == 0
+    return folder / "toy/report.html"
+
+
+def test_the_page_needs_nothing_but_itself(page):
+    html = page.read_text(encoding="utf-8")
+    assert len(html) < 8e6
+    assert not re.search(r"<script|<link|<iframe|<object|@import", html)
+    assert not re.search(r"""(src|href)\s*=\s*["']?(https?:)?//""", html)
+    assert "url(http" not in html and "xmlns" not in html
+    for where in re.findall(r'(?:href|src)="([^"]*)"', html):
+        assert where.startswith(("#", "data:image/png;base64,")), where
+    assert "default-src 'none'" in html
+
+
+def test_text_is_text(page):
+    html = page.read_text(encoding="utf-8")
+    assert "A &lt;toy&gt; &amp; its title" in html
+    assert "A &lt;script&gt; is text." in html
+
+
+def test_names_are_unique_and_every_reference_is_there(page):
+    html = page.read_text(encoding="utf-8")
+    names = re.findall(r'\bid="([^"]+)"', html)
+    assert len(names) == len(set(names)) > 20
+    for reference in re.findall(r'(?:href="|url\()#([^")]+)', html):
+        assert reference in names
+
+
+def test_dark_phones_and_paper_are_thought_of(page):
+    html = page.read_text(encoding="utf-8")
+    assert "@media screen and (prefers-color-scheme: dark)" in html
+    assert "@media print" in html and "break-before: page" in html
+    assert 'name="viewport"' in html
+    assert html.count('<div class="scroll"><table') == html.count("<table")
+
+
+def test_the_page_says_where_it_comes_from(page):
+    html = page.read_text(encoding="utf-8")
+    assert "stixel study" in html and "road_user=car" in html
+    for stage in ("scenario", "scans", "track", "scores"):
+        assert f"<td>{stage}</td>" in html
+    for what in ("git revision", "numpy", "machine, processors", "measurement=fabricated"):
+        assert what in html
+    assert "<td>first</td><td>seeds</td><td>0, 1</td>" in html
+    assert 'href="#s1.1"' in html and 'id="s1.1"' in html
+
+
+def test_the_page_in_a_browser(page, open_page):
+    for width, dark in ((1280, False), (390, True)):
+        opened = open_page(page, width=width, height=900, dark=dark)
+        assert opened.problems == []
+        assert opened.overflow() == 0
+
+
+def test_black_becomes_the_ink_of_the_page():
+    with style.drawing():
+        figure = style.new_figure(2.0, 1.0)
+        axes = figure.subplots()
+        axes.plot([0, 1], color=style.RUNS[1], label="a")
+        axes.plot([1, 0], color=style.TRUTH)
+        axes.set_title("title")
+        svg, points = svg_for_page(style.svg(figure).decode(), 7)
+    assert points == pytest.approx(144.0)
+    assert not re.search("#000000|#ffffff|#1a1a1a", svg) and style.RUNS[1] not in svg
+    assert "currentColor" in svg and "var(--run-1)" in svg and "var(--paper)" in svg
+    assert re.match(r'<svg fill="currentColor"[^>]*viewBox', svg)
+    assert "<style" not in svg and not re.search(r'id="(?!f7-)', svg)
+
+
+def test_a_spread_is_shown_beside_its_value():
+    table = Table(
+        "t", "", ("who", "m", "± m", "n"), (("a", 0.123456, 0.04, 3), ("b", None, None, 2))
+    )
+    header, rows, numeric = shown_table(table)
+    assert header == ["who", "m ± sd", "n"]
+    assert rows == [["a", "0.123 ± 0.040", "3"], ["b", "–", "2"]]
+    assert numeric == [False, True, True]
+
+
+def test_files_of_one_name_or_outside_are_refused():
+    table = Table("t", "", ("a",), ((1,),))
+    with pytest.raises(ValueError, match=r"two files are called tables/t\.csv"):
+        files_of(Findings((), (Section("s", (table, table)),), {}))
+    for name in ("../x", "/x", "report.html"):
+        with pytest.raises(ValueError, match="no name for a file"):
+            files_of(Findings((), (), {name: ""}))
+
+
+def test_statistics_over_seeds():
+    one = over_seeds([1.0, None, 3.0])
+    assert (one.n, one.mean) == (2, 2.0)
+    # Student's t with one degree of freedom: 12.706 sigma / sqrt(2), sigma = sqrt(2).
+    assert one.high - one.mean == pytest.approx(12.7062, abs=1e-4)
+    assert over_seeds([None]).mean is None

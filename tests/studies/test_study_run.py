@@ -1,0 +1,254 @@
+"""Studies by the real command line: parts, derived axes, going on, refusing."""
+
+import csv
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from study_toy import changed
+
+from stixel_cli.cli.app import main
+from stixel_cli.engine import execute as execution
+from stixel_cli.sweeps import run as sweep_run
+
+
+def test_a_study_from_its_file_to_its_report(studies, toy):
+    file = toy()
+    answer = studies.run(file)
+    folder = studies.results / "toy"
+    assert answer["complete"] and answer["answer"] == ["4 points <b>."]
+    assert answer["report"] == str(folder / "report.html")
+    assert {name: part["done"] for name, part in answer["parts"].items()} == {
+        "first": 4,
+        "second": 2,
+    }
+    assert {path.name for path in folder.iterdir()} == {
+        "study.yaml",
+        "parts",
+        "report.html",
+        "tables",
+        "figures",
+        "extra",
+    }
+    assert (folder / "extra/note.txt").read_text() == "kept\n"
+    (data,) = toy.seen
+    first, second = data.parts["first"], data.parts["second"]
+    assert (data.name, data.title) == ("toy", "A <toy> & its title")
+    assert first.keys == ("road_user", "path", "seed")
+    assert [(p.setting["road_user"], p.seed) for p in first.points] == [
+        ("car", 0),
+        ("car", 1),
+        ("pedestrian", 0),
+        ("pedestrian", 1),
+    ]
+    # The second part's axis follows from how many points the first has.
+    assert [p.setting for p in second.points] == [
+        {"tracker.sigma_f": "0.1"},
+        {"tracker.sigma_f": "4.1"},
+    ]
+    point = first.points[0]
+    assert point.configuration.road_user.kind == "car"
+    scans, track = point.load("scans"), point.load("track")
+    assert np.array_equal(scans.times, point.scores.times)
+    assert len(track.means) == len(scans)
+    assert {"scenario", "scans", "track", "scores"} <= set(point.seconds)
+    assert all(seconds >= 0.0 for seconds in point.seconds.values())
+    with pytest.raises(KeyError):
+        point.load("render")
+
+
+def test_the_tables_hold_what_was_computed(studies, toy, capsys):
+    studies.run(toy())
+    folder = studies.results / "toy"
+    with (folder / "parts/first/runs.csv").open(encoding="utf-8") as file:
+        runs = list(csv.DictReader(file))
+    with (folder / "tables/numbers.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["IoU"] for row in rows] == [run["iou_mean"] for run in runs]
+    assert [row["± IoU"] for row in rows] == ["0.25"] * 4
+    shown = f"{float(runs[0]['iou_mean']):.3f} ± 0.250"
+    assert shown in (folder / "tables/numbers.md").read_text()
+    latex = (folder / "tables/numbers.tex").read_text()
+    assert r"50 \% of a\_b." in latex and shown.replace("±", r"$\pm$") in latex
+    assert "| – | 1.500 |\n| x\\|y | – |" in (folder / "tables/gaps.md").read_text()
+    assert (folder / "tables/gaps.csv").read_text() == "a,b\n,1.5\nx|y,\n"
+    # A part is a sweep as any other.
+    assert main(["sweep", "--resume", str(folder / "parts/first")]) == 0
+    assert "4 of 4 points done; nodes: 0 computed" in capsys.readouterr().out
+
+
+def test_the_same_command_again_computes_nothing(studies, toy, own_cache):
+    file = toy()
+    assert studies.run(file)["nodes"]["computed"] > 0
+    folder = studies.results / "toy"
+    before = {path: path.read_bytes() for path in (folder / "tables").iterdir()}
+    again = studies.run(file, "--workers", 1)
+    assert again["complete"] and again["nodes"]["computed"] == 0
+    assert before == {path: path.read_bytes() for path in (folder / "tables").iterdir()}
+    # Results beside the scores are in the store alone: without it they are computed again.
+    shutil.rmtree(own_cache)
+    last = studies.run(file)
+    assert last["complete"] and last["nodes"]["computed"] > 0
+    assert len(toy.seen[-1].parts["first"].points[0].load("scans")) == 3
+    assert before == {path: path.read_bytes() for path in (folder / "tables").iterdir()}
+
+
+def test_another_configuration_is_refused_but_for_name_or_fresh(studies, toy):
+    file = toy()
+    studies.run(file, "road_user=car", "seed=0")
+    error = studies.refused(file, "road_user=car", "seed=1")
+    assert "with another configuration (parts first axes" in error
+    assert "--name" in error and "--fresh" in error
+    assert studies.run(file, "road_user=car", "seed=1", "--name", "other")["complete"]
+    fresh = studies.run(file, "road_user=car", "seed=1", "--fresh")
+    assert fresh["complete"] and fresh["parts"]["first"]["done"] == 1
+    (studies.results / "mine").mkdir()
+    (studies.results / "mine/text").write_text("mine\n")
+    assert "no folder of a study" in studies.refused(file, "--name", "mine", "--fresh")
+    assert "is no folder name" in studies.refused(file, "--name", "a/b")
+
+
+def test_what_fails_is_told_and_gone_on_with(studies, toy, tmp_path):
+    mesh = tmp_path / "bad.obj"
+    mesh.write_text("this is no mesh\n", encoding="utf-8")
+    file = toy(changed(("parts", "first", "axes"), {"road_user.mesh": [None, str(mesh)]}))
+    answer = studies.run(file, "seed=0", code=1)
+    assert not answer["complete"] and answer["answer"] is None
+    assert answer["parts"]["first"]["done"] == 2
+    # The second part's axes would follow from the first.
+    assert answer["parts"]["second"] == {
+        "points": None,
+        "done": 0,
+        "folder": str(studies.results / "toy/parts/second"),
+        "faults": ["its axes follow from the parts before"],
+    }
+    assert "no statistics: points are not there: first 2 of 4, second 0 of ?" in studies.error
+    command = f"stixel study {file} seed=0 --results {studies.results}"
+    assert studies.error.endswith(f"{command}\n")
+    page = (studies.results / "toy/report.html").read_text()
+    assert "no statistics" in page and "bad.obj" in page and command in page
+    assert not (studies.results / "toy/tables").exists() and not toy.seen
+    mesh.write_text(_BOX, encoding="utf-8")
+    answer = studies.run(file, "seed=0")
+    assert answer["complete"] and answer["parts"]["first"]["done"] == 4
+    assert "no statistics" not in (studies.results / "toy/report.html").read_text()
+
+
+_BOX = """v -2 -0.9 0
+v 2 -0.9 0
+v 2 0.9 0
+v -2 0.9 0
+v -2 -0.9 1.5
+v 2 -0.9 1.5
+v 2 0.9 1.5
+v -2 0.9 1.5
+f 1 3 2
+f 1 4 3
+f 5 6 7
+f 5 7 8
+f 1 2 6
+f 1 6 5
+f 2 3 7
+f 2 7 6
+f 3 4 8
+f 3 8 7
+f 4 1 5
+f 4 5 8
+"""
+
+
+def test_what_is_interrupted_is_gone_on_with(studies, toy, monkeypatch, own_cache):
+    file = toy()
+
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(sweep_run, "execute", interrupted)
+        assert studies.run(file, code=130) is None
+    assert "interrupted in part first" in studies.error
+    assert f"go on with: stixel study {file}" in studies.error
+    assert "no statistics" in (studies.results / "toy/report.html").read_text()
+    assert sweep_run.execute is execution.execute
+    assert studies.run(file)["complete"]
+
+
+@pytest.mark.parametrize(
+    ("entries", "value", "told"),
+    [
+        (("title",), None, "title: must be there"),
+        (("question",), 3, "question: must be there, and be text"),
+        (("report",), "none_such", "no module stixel_cli.studies.none_such"),
+        (("parts",), [], "parts: must be names"),
+        (("tittle",), "x", "tittle: no such entry; did you mean title?"),
+        (("parts", "first", "result"), [], "first: result: no such entry; did you mean results?"),
+        (("parts", "first", "results"), ["scns"], "has a step scns; did you mean scans?"),
+        (("parts", "second", "derive"), "width", "has no function width"),
+        (("parts", "first", "derive"), "widths", "derive: no part is before it"),
+        (("parts", "first", "fixed"), {"path.durations": 1}, "did you mean path.duration?"),
+        (("parts", "second", "seeds"), 0, "parts: second: seeds: 0 of them"),
+        (("parts", "a b"), {}, "parts: a b: a name"),
+    ],
+)
+def test_a_wrong_file_is_refused_in_one_line(studies, toy, entries, value, told):
+    file = toy(changed(entries, value))
+    error = studies.refused(file)
+    assert told in error
+
+
+def test_yaml_that_is_none_is_refused(studies, toy):
+    assert "toy.yaml: line 2" in studies.refused(toy("title: [\n"))
+    assert "is a sweep, not a study" in studies.refused(toy("axes:\n  seed: [0, 1]\n"))
+
+
+def test_overrides_take_the_place_of_what_parts_have(studies, toy):
+    file = toy()
+    plan = studies.run(
+        file, "road_user=car", "path.duration=0.2", "seed=3,4,5", "tracker.basis_points=20,30",
+        "--dry-run",
+    )  # fmt: skip
+    assert plan["parts"]["second"] is None
+    assert plan["parts"]["first"]["points"] == 1 * 2 * 3
+    assert plan["parts"]["first"]["axes"] == [
+        {"keys": ["road_user", "path"], "values": 1},
+        {"keys": ["tracker.basis_points"], "values": 2},
+        {"keys": ["seed"], "values": 3},
+    ]
+    assert not studies.results.exists()
+
+
+def test_an_override_that_fits_no_part_is_refused(studies, toy):
+    file = toy()
+    assert "there is no such key" in studies.refused(file, "tracker.sigma=1")
+    assert "must be > 0" in studies.refused(file, "path.duration=-1")
+
+
+def test_what_names_no_study_is_refused(studies, toy):
+    assert "rq2" in studies.refused() and "all" in studies.error
+    assert "name a study first" in studies.refused("road_user=car")
+    assert "did you mean" in studies.refused("rq22")
+    assert "stixel sweep --from prior_width" in studies.refused("prior_width")
+    assert "leave it out with all" in studies.refused("all", "--name", "x")
+
+
+def test_a_study_whose_file_fails_fails_alone(studies, toy, monkeypatch, tmp_path):
+    from stixel_cli.cli import study
+
+    good, bad = toy(name="good"), toy("title: x\n", name="bad")
+    monkeypatch.setattr(study, "shipped_studies", lambda: [str(bad), str(good)])
+    monkeypatch.setattr(study, "study_folder", lambda results, name: results / Path(name).stem)
+    answer = studies.run("all", "road_user=car", "seed=0", code=2)
+    assert [one["complete"] for one in answer["studies"]] == [False, True]
+    assert re.search("bad.yaml: question: must be there", studies.error)
+
+
+def test_what_was_asked_for_is_kept(studies, toy):
+    studies.run(toy(), "road_user=car", "seed=0")
+    content = yaml.safe_load((studies.results / "toy/study.yaml").read_text())
+    assert content["overrides"] == ["road_user=car", "seed=0"]
+    assert content["parts"]["first"]["results"] == ["scans", "track"]
+    assert content["parts"]["second"]["derive"] == "widths"
+    assert {"git", "versions", "machine", "command", "created"} <= set(content)

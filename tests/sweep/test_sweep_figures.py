@@ -1,0 +1,63 @@
+"""How a sweep's figures are drawn: beside each other, within what can be, without what lacks."""
+
+import pytest
+
+from stixel_cli.report import style
+from stixel_cli.sweeps.figures import (
+    MOST_LINES,
+    Line,
+    axis_figures,
+    caption,
+    dodges,
+    drawn_interval,
+)
+from stixel_cli.sweeps.statistics import statistic
+
+
+def test_error_bars_stand_beside_each_other():
+    assert dodges([0, 1, 2], 1) == [0.0]
+    moved = dodges([3.0, 1.0, 1.4], 4)
+    assert moved == sorted(moved)
+    assert sum(moved) == pytest.approx(0.0)
+    # Lines of two neighbouring places do not meet: 0.4 apart.
+    assert 0.0 < moved[-1] - moved[0] < 0.4 / 2
+    assert len({0.0, *dodges([5.0], 2)}) == 3
+
+
+def test_intervals_end_where_no_value_can_be_and_the_table_keeps_them():
+    iou = statistic({}, "iou_mean", [0.2, 0.95])
+    assert iou.low < 0.0
+    assert iou.high > 1.0
+    assert drawn_interval(iou) == (0.0, 1.0)
+    error = statistic({}, "centre_rmse_m", [0.1, 2.0])
+    assert drawn_interval(error) == (0.0, error.high)
+    other = statistic({}, "gain_db", [-3.0, 4.0])
+    assert drawn_interval(other) == (other.low, other.high)
+    assert drawn_interval(statistic({}, "iou_mean", [0.5])) == (0.5, 0.5)
+
+
+def test_what_is_drawn_is_what_was_said():
+    rows = [statistic({}, "iou_mean", values) for values in ([0.2, 0.95], [0.5, 0.5], [None])]
+    with style.drawing():
+        axes = style.new_figure(3.0, 2.0).add_subplot()
+        assert Line([0.1, 1.1, 2.1], rows, "#000000", "a", True).draw(axes)
+        (bars,) = axes.collections
+        low, high = bars.get_segments()[0][:, 1]
+        assert (low, high) == pytest.approx((0.0, 1.0))
+        assert bars.get_segments()[0][0, 0] == pytest.approx(0.1)
+        assert not Line([0.0], rows[1:2], "#000000", "a", True).draw(axes)
+
+
+def test_the_caption_says_what_was_done():
+    assert caption(False, 1, False, 0) == "mean over seeds, with the 95 % interval"
+    text = caption(False, 3, True, 2)
+    assert "moved apart" in text
+    assert "intervals cut where no value can be" in text
+    assert "without 2 settings that are not complete" in text
+
+
+def test_means_over_other_axes_are_not_drawn_of_what_is_not_complete():
+    settings = [{"a": str(i), "b": str(i % 2)} for i in range(2 * MOST_LINES + 2)]
+    metrics = [{"iou_mean": 0.5}] * len(settings)
+    assert set(axis_figures(settings, metrics, [["a"], ["b"]])) == {"a.png", "b.png"}
+    assert set(axis_figures(settings, metrics, [["a"], ["b"]], 1)) == {"a.png"}

@@ -1,0 +1,215 @@
+"""Going on with a sweep: elsewhere, and after what it was made of has changed."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from stixel_cli.cli.app import main
+
+ROOT = Path(__file__).resolve().parents[2]
+FEW = ("measurement=fabricated", "path.duration=0.3")
+TWO = (*FEW, "seed=0,1")
+LOCAL = ("executor=local", "executor.workers=2", "executor.time_limit=100")
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory):
+    """The folder of a sweep of two points; not to be changed."""
+    root = tmp_path_factory.mktemp("swept")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STIXEL_CACHE", str(root / "cache"))
+        assert main(["sweep", *TWO, "--results", str(root), "--name", "mine"]) == 0
+    return root / "mine"
+
+
+@pytest.fixture
+def folder(original, sweeps, monkeypatch):
+    """A copy of it that lacks the second point, with the cache that it filled."""
+    monkeypatch.setenv("STIXEL_CACHE", str(original.parent / "cache"))
+    copy = Path(shutil.copytree(original, sweeps.results / "mine"))
+    shutil.rmtree(copy / "points" / "0001")
+    return copy
+
+
+def request_of(folder):
+    return yaml.safe_load((folder / "sweep.yaml").read_text())
+
+
+def test_another_executor_and_another_cache(sweeps, folder, tmp_path):
+    before = request_of(folder)
+    before["points"] = [[*overrides, *LOCAL] for overrides in before["points"]]
+    (folder / "sweep.yaml").write_text(yaml.safe_dump(before))
+    cache = tmp_path / "other"
+    words = ["executor=threads", f"cache.folder={cache}"]
+    again = sweeps.run("--resume", folder, *words, "--workers", "1")
+    assert again["complete"]
+    # The cache is empty, and the first point is in the folder.
+    assert again["nodes"] == {"computed": 6, "cached": 0}
+    config = yaml.safe_load((folder / "points/0001/config.yaml").read_text())
+    assert config["executor"] == {"kind": "threads", "workers": 1}
+    manifest = json.loads((folder / "points/0001/manifest.json").read_text())
+    assert manifest["overrides"] == [*FEW, "seed=1", *words, "executor.workers=1"]
+    request = request_of(folder)
+    assert request["created"] == before["created"]
+    assert request["points"] == before["points"]
+    (entry,) = request["resumed"]
+    assert entry.keys() == {"time", "command", "revision"}
+    assert entry["command"].startswith(f"stixel sweep --resume {folder} executor=threads ")
+    assert entry["revision"] == request["git"]["revision"]
+    # Nothing is left to go on with.
+    sweeps.run("--resume", folder)
+    assert len(request_of(folder)["resumed"]) == 1
+    shutil.rmtree(folder / "points" / "0000")
+    assert sweeps.run("--resume", folder, "executor.time_limit=50")["complete"]
+    config = yaml.safe_load((folder / "points/0000/config.yaml").read_text())
+    assert config["executor"] == {"kind": "local", "workers": 2, "time_limit": 50.0}
+    assert len(request_of(folder)["resumed"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["seed=3"], "seed=3: --resume goes on with what the folder asks for"),
+        (["executor.workers=1,2"], "executor.workers=1,2: --resume: one value is needed"),
+        (["executor=loacl"], "did you mean executor=local?"),
+        (["executor.workers=1", "--workers", "2"], "executor.workers: is given twice"),
+        (["executor.address=tcp://a:1"], "executor.address: there is no such key"),
+        (["--from", "prior_width"], "leave out --from"),
+        (["--dry-run"], "leave out --dry-run"),
+    ],
+)
+def test_what_cannot_be_other_is_refused(sweeps, folder, words, said):
+    before = request_of(folder)
+    assert said in sweeps.refused("--resume", folder, *words)
+    assert request_of(folder) == before
+
+
+def test_nodes_are_counted_as_they_are_in_the_cache(sweeps, folder, tmp_path, monkeypatch):
+    assert sweeps.run("--resume", folder)["nodes"] == {"computed": 0, "cached": 10}
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "empty"))
+    assert sweeps.run("--resume", folder)["nodes"] == {"computed": 0, "cached": 0}
+
+
+TETRAHEDRON = "v -2 -1 0\nv 2 -1 0\nv 2 1 0\nv -2 1 0\nv 0 0 {}\nf 1 3 2\nf 1 4 3\n" + "".join(
+    f"f {a} {b} 5\n" for a, b in ((1, 2), (2, 3), (3, 4), (4, 1))
+)
+
+
+def test_a_mesh_that_changed_is_named_and_verified(sweeps, tmp_path, capsys):
+    mesh = tmp_path / "mine.obj"
+    mesh.write_text(TETRAHEDRON.format(1.5))
+    sweeps.run(*FEW, f"road_user.mesh=null,{mesh}", "--name", "mine")
+    folder = sweeps.results / "mine"
+    mesh.write_text(TETRAHEDRON.format(1.5).replace("v 2 1 0", "v 2.2 1 0"))
+    capsys.readouterr()
+    assert main(["verify", str(folder / "points/0001"), "--cached", "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert found["first_by_key"]["stage"] == "scenario"
+    assert found["first_by_key"]["causes"] == ([f"the content of {mesh} is not what it was"])
+    assert found["first_by_value"]["stage"] == "scenario"
+    again = sweeps.run("--resume", folder)
+    assert again["complete"]
+    assert (
+        "1 of 2 finished points was made of something else than there is now (scenario: the "
+        f"content of {mesh} is not what it was) and is computed again" in sweeps.error
+    )
+    sweeps.run("--resume", folder)
+    assert sweeps.error == ""
+
+
+def test_a_setting_and_a_folder_that_does_not_say(sweeps, monkeypatch):
+    from stixel_cli.engine import keys
+
+    sweeps.run(*FEW, "tracker.sigma_f=0.1,0.2", "--name", "mine")
+    folder = sweeps.results / "mine"
+    (folder / "points" / "0000" / "lineage.json").unlink()
+    file = folder / "sweep.yaml"
+    # As if the option's file in conf/ had changed.
+    file.write_text(file.read_text().replace("- tracker.sigma_f=0.2\n", "- tracker.sigma_f=0.3\n"))
+    sweeps.run("--resume", folder)
+    assert "1 of 2 finished points was made of something else" in sweeps.error
+    assert "(track: tracker.sigma_f 0.2 → 0.3)" in sweeps.error
+    monkeypatch.setattr(keys, "LAYOUT", keys.LAYOUT + 1)
+    sweeps.run("--resume", folder)
+    assert "2 of 2 finished points" in sweeps.error
+    assert "the folder does not say of what" in sweeps.error
+    assert "ego_motion: its inputs are others" in sweeps.error
+
+
+def test_edited_code_is_named_by_resume_and_by_verify_of_a_point(tmp_path):
+    for name in ("stixel_cli", "conf", "pipelines"):
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    environment = os.environ | {"PYTHONPATH": str(tmp_path), "STIXEL_CACHE": str(tmp_path / "c")}
+    program = "import sys; from stixel_cli.cli.app import main; sys.exit(main())"
+
+    def stixel(*words, code):
+        done = subprocess.run(
+            [sys.executable, "-c", program, *words],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == code, done.stderr + done.stdout
+        return done
+
+    stixel("sweep", *TWO, "--name", "mine", code=0)
+    start = tmp_path / "stixel_cli" / "tracking" / "start.py"
+    text = start.read_text()
+    assert "generator(seed," in text
+    start.write_text(text.replace("generator(seed,", "generator(seed + 1,"))
+    point = tmp_path / "results/mine/points/0001"
+    found = json.loads(stixel("verify", str(point), "--cached", "--json", code=1).stdout)
+    assert found["first_by_key"]["stage"] == found["first_by_value"]["stage"] == "start"
+    edited = "noisy_start of stixel_cli.tracking.start was edited"
+    assert found["first_by_value"]["causes"] == [edited]
+    assert "by up to" in found["first_by_value"]["what"]
+    # Taken out of its sweep's folder, it knows what was made, and not of which code.
+    alone = shutil.copytree(point, tmp_path / "alone" / "point")
+    found = json.loads(stixel("verify", str(alone), "--cached", "--json", code=1).stdout)
+    assert found["first_by_value"]["stage"] == "start"
+    assert found["first_by_value"]["causes"] == [
+        "which code changed is not known: the folder of its sweep does not say"
+    ]
+    done = stixel("sweep", "--resume", "results/mine", code=0)
+    assert f"(start: {edited}) and are computed again" in done.stderr
+    assert "2 of 2 finished points" in done.stderr
+
+
+def test_points_refer_to_one_file_of_code(folder, sweeps):
+    sweeps.run("--resume", folder)
+    (code,) = (folder / "code").iterdir()
+    for point in (folder / "points").iterdir():
+        lineage = json.loads((point / "lineage.json").read_text())
+        assert lineage["code"] == code.stem
+        assert all(digest for stage in lineage["stages"].values() for digest in stage["digests"])
+        assert (point / "lineage.json").stat().st_size < 2000
+    text = (folder / "points/0000/lineage.json").read_text()
+    for strange in ("../../../etc/passwd", "0" * 15, "Z" * 16):
+        (folder / "points/0000/lineage.json").write_text(text.replace(code.stem, strange))
+        assert main(["verify", str(folder / "points/0000"), "--cached"]) == 2
+
+
+def test_an_interrupted_verify_keeps_nothing_and_says_so(original, capsys, monkeypatch):
+    from stixel_cli.cli import verify
+
+    point = str(original / "points/0000")
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(verify, "verify_run", interrupted)
+    assert main(["verify", point]) == 130
+    assert capsys.readouterr().err == (
+        "stixel: interrupted; nothing is kept of it (--cached would)\n"
+    )
+    assert main(["verify", point, "--cached"]) == 130
+    assert "what was computed is kept" in capsys.readouterr().err

@@ -1,0 +1,212 @@
+import dataclasses
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import expm
+from tracking_cases import CAR, START, poses_of_turn, scans_of, seen_car
+
+from stixel_cli.geometry.angles import wrap_angle
+from stixel_cli.geometry.pose import rotation
+from stixel_cli.tracking.parameters import PointParameters
+from stixel_cli.tracking.point import (
+    GREATEST_VARIANCE,
+    MOVING,
+    class_circle,
+    predict,
+    six_states,
+    track,
+)
+from stixel_cli.tracking.prior import prior_radii
+from stixel_cli.tracking.track import InitialState
+
+SEEDS = st.integers(0, 2**31)
+TRACKER = PointParameters(
+    kind="point",
+    sigma_q=2.0,
+    measurement_deviation=0.1,
+    centroid_offset=0.6,
+    gate_probability=None,
+    least_speed=0.5,
+    contour_points=90,
+)
+
+
+def textbook(scans, initial, radius, tracker):
+    """x, P and NIS of a dense Kalman filter, with F and Q by van Loan's matrix exponential."""
+    mean, covariance = initial.mean[MOVING], initial.covariance[np.ix_(MOVING, MOVING)]
+    drift = np.zeros((4, 4))
+    drift[0, 2] = drift[1, 3] = 1.0
+    diffusion = np.diag([0.0, 0.0, tracker.sigma_q**2, tracker.sigma_q**2])
+    observation = np.eye(2, 4)
+    times = np.concatenate([[2.0 * scans.times[0] - scans.times[1]], scans.times])
+    for k, interval in enumerate(np.diff(times)):
+        exponential = expm(np.block([[-drift, diffusion], [np.zeros((4, 4)), drift.T]]) * interval)
+        matrix = exponential[4:, 4:].T
+        mean = matrix @ mean
+        covariance = matrix @ covariance @ matrix.T + matrix @ exponential[:4, 4:]
+        points = scans.points_world[scans.rows(k)]
+        nis = np.nan
+        if len(points):
+            shared = (tracker.centroid_offset * radius) ** 2
+            lone = radius**2 / 4.0 + tracker.measurement_deviation**2
+            noise = (shared + lone / len(points)) * np.eye(2)
+            innovation = points.mean(axis=0) - observation @ mean
+            spread = observation @ covariance @ observation.T + noise
+            gain = covariance @ observation.T @ np.linalg.inv(spread)
+            nis = innovation @ np.linalg.inv(spread) @ innovation
+            mean = mean + gain @ innovation
+            covariance = covariance - gain @ spread @ gain.T
+        yield mean, covariance, nis
+
+
+def test_it_is_the_textbooks_kalman_filter_on_the_centroid():
+    points = seen_car(30, 40)
+    points[3] = points[17] = np.zeros((0, 2))
+    scans = scans_of(points, times=np.cumsum(np.linspace(0.05, 0.2, 30)))
+    result = track(scans, START, CAR, TRACKER)
+    radius, _ = class_circle(CAR)
+    for k, (mean, covariance, nis) in enumerate(textbook(scans, START, radius, TRACKER)):
+        np.testing.assert_allclose(result.means[k, MOVING], mean, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(
+            result.covariances[k][np.ix_(MOVING, MOVING)], covariance, rtol=1e-8, atol=1e-12
+        )
+        np.testing.assert_allclose(result.nis[k], nis, rtol=1e-8)
+    used = np.diff(result.used_offsets)
+    np.testing.assert_array_equal(result.nis_degrees_of_freedom, np.where(used > 0, 2, 0))
+
+
+def test_symmetric_scans_of_a_straight_motion_give_the_centre():
+    truth = START.mean[:2] + 0.1 * np.arange(1, 21)[:, None] * START.mean[3:5]
+    angles = 2.0 * np.pi * np.arange(12) / 12
+    ring = 1.2 * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    result = track(scans_of([centre + ring for centre in truth]), START, CAR, TRACKER)
+    np.testing.assert_allclose(result.means[:, :2], truth, atol=1e-12)
+    np.testing.assert_allclose(result.means[:, 3:5] - START.mean[3:5], 0.0, atol=1e-11)
+    np.testing.assert_allclose(result.means[:, 2], np.arctan2(0.5, 5.0), atol=1e-12)
+    np.testing.assert_allclose(result.nis, 0.0, atol=1e-20)
+
+
+def test_empty_scans_are_predictions():
+    result = track(scans_of([np.zeros((0, 2))] * 5), START, CAR, TRACKER)
+    mean, covariance = START.mean[MOVING], START.covariance[np.ix_(MOVING, MOVING)]
+    for k in range(5):
+        mean, covariance = predict(mean, covariance, 0.1, TRACKER.sigma_q)
+        np.testing.assert_allclose(result.means[k, MOVING], mean)
+        np.testing.assert_allclose(result.covariances[k][np.ix_(MOVING, MOVING)], covariance)
+    assert np.isnan(result.nis).all()
+    assert not result.nis_degrees_of_freedom.any()
+    assert len(result.used_points) == 0
+
+
+@pytest.mark.parametrize("shape", ["rectangle", "ellipse"])
+def test_the_contour_is_a_circle_of_the_shapes_area_about_the_centre(shape):
+    prior = dataclasses.replace(CAR, shape=shape)
+    result = track(scans_of(seen_car(4, 20)), START, prior, TRACKER)
+    if shape == "ellipse":
+        area = np.pi / 4.0 * prior.length * prior.width
+    else:
+        area = prior.length * prior.width - (4.0 - np.pi) * prior.corner_radius**2
+    radius, deviation = class_circle(prior)
+    np.testing.assert_allclose(np.pi * radius**2, area, rtol=1e-5)
+    offsets = result.contours_world - result.means[:, None, :2]
+    np.testing.assert_allclose(np.linalg.norm(offsets, axis=2), radius)
+    np.testing.assert_allclose(offsets, radius * result.contour_directions)
+    for contour in result.contours_world:
+        ring = shapely.linearrings(contour)
+        assert ring.is_ccw
+        np.testing.assert_allclose(shapely.polygons(ring).area, area, rtol=1e-3)
+    # The band holds the class: two deviations reach from its shortest to its longest radius.
+    radii = prior_radii(prior, np.linspace(0.0, np.pi, 400))
+    assert radius - 2.0 * deviation < radii.min()
+    assert radii.max() < radius + 2.0 * deviation
+    np.testing.assert_array_equal(result.contour_deviations, deviation)
+
+
+def test_the_gate_leaves_out_what_is_not_the_target():
+    car = seen_car(10, 30)
+    clutter = np.array([[30.0, 30.0], [-5.0, 2.0]])
+    gated = dataclasses.replace(TRACKER, gate_probability=0.99)
+    alone = track(scans_of(car), START, CAR, gated)
+    mixed = scans_of([np.concatenate([clutter, points]) for points in car])
+    among = track(mixed, START, CAR, gated)
+    np.testing.assert_array_equal(among.means, alone.means)
+    everything = track(mixed, START, CAR, TRACKER)
+    assert len(everything.used_points) == 10 * 32
+
+
+@settings(derandomize=True, deadline=None, max_examples=25)
+@given(seed=SEEDS, angle=st.floats(-3.0, 3.0), x=st.floats(-50, 50), y=st.floats(-50, 50))
+def test_a_turned_and_shifted_world_gives_the_turned_and_shifted_track(seed, angle, x, y):
+    points = seen_car(12, 15, seed=seed)
+    gated = dataclasses.replace(TRACKER, gate_probability=0.99)
+    plain = track(scans_of(points), START, CAR, gated)
+    turn, shift = rotation(angle), np.array([x, y])
+    both = np.eye(6)
+    both[:2, :2] = both[3:5, 3:5] = turn
+    moved_start = both @ START.mean
+    moved_start[:3] += [x, y, angle]
+    initial = InitialState(moved_start, both @ START.covariance @ both.T)
+    moved = track(scans_of([p @ turn.T + shift for p in points]), initial, CAR, gated)
+    np.testing.assert_array_equal(moved.used_points, plain.used_points)
+    np.testing.assert_allclose(moved.means[:, :2], plain.means[:, :2] @ turn.T + shift, atol=1e-8)
+    np.testing.assert_allclose(moved.means[:, 3:5], plain.means[:, 3:5] @ turn.T, atol=1e-8)
+    np.testing.assert_allclose(
+        wrap_angle(moved.means[:, 2] - plain.means[:, 2] - angle), 0.0, atol=1e-8
+    )
+    np.testing.assert_allclose(moved.covariances, both @ plain.covariances @ both.T, atol=1e-8)
+    np.testing.assert_allclose(moved.nis, plain.nis, atol=1e-8)
+    np.testing.assert_allclose(
+        moved.contours_world, plain.contours_world @ turn.T + shift, atol=1e-7
+    )
+
+
+@settings(derandomize=True, deadline=None, max_examples=25)
+@given(seed=SEEDS)
+def test_the_headings_variance_is_that_of_its_linearisation(seed):
+    random = np.random.default_rng(seed)
+    root = 0.05 * random.standard_normal((4, 4))
+    mean = np.concatenate([random.uniform(-9, 9, 2), random.uniform(1, 6, 2)])
+    states, spread = six_states(mean, root @ root.T, (0.3, 0.1), 0.1, TRACKER)
+    velocities = mean[2:] + 1e-6 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
+    angles = np.arctan2(velocities[:, 1], velocities[:, 0])
+    slope = np.array([angles[0] - angles[1], angles[2] - angles[3]]) / 2e-6
+    np.testing.assert_allclose(states[2], np.arctan2(mean[3], mean[2]))
+    np.testing.assert_allclose(spread[2, 2], slope @ (root @ root.T)[2:, 2:] @ slope, rtol=1e-5)
+    np.testing.assert_allclose(spread[2, :2], slope @ (root @ root.T)[2:, :2], rtol=1e-4, atol=1e-9)
+    assert np.linalg.eigvalsh(spread).min() > -1e-12
+
+
+def test_a_target_that_stands_keeps_its_heading_and_no_variance_is_without_bound():
+    states, spread = six_states(np.array([1.0, 2.0, 0.1, 0.2]), np.eye(4), (4.0, 0.2), 0.1, TRACKER)
+    assert states.tolist() == [1.0, 2.0, 4.0, 0.1, 0.2, 0.0]
+    assert spread[2].tolist() == [0.0, 0.0, 0.2, 0.0, 0.0, 0.0]
+    unsure = six_states(np.array([0.0, 0.0, 1.0, 0.0]), 1e4 * np.eye(4), (0.0, 0.1), 0.1, TRACKER)
+    np.testing.assert_allclose(unsure[1][2, 2], GREATEST_VARIANCE)
+    assert np.linalg.eigvalsh(unsure[1]).min() > -1e-9
+    assert spread[5, 5] == GREATEST_VARIANCE
+    fast = six_states(np.array([0.0, 0.0, 20.0, 0.0]), np.eye(4), (0.0, 0.1), 0.1, TRACKER)[1]
+    np.testing.assert_allclose(fast[5, 5], TRACKER.sigma_q**2 / (0.1 * 20.0**2))
+
+
+def test_a_single_scan_and_a_full_turn_of_the_heading():
+    single = track(scans_of(seen_car(1, 20)), START, CAR, TRACKER)
+    assert np.isfinite(single.means).all()
+    assert np.isfinite(single.covariances).all()
+    # Once round: the heading goes on past pi and is not wound back.
+    angles = np.linspace(0.0, 2.0 * np.pi, 120)
+    centres = 10.0 * np.stack([np.sin(angles), -np.cos(angles)], axis=-1)
+    speed = 10.0 * 2.0 * np.pi / 119 / 0.1
+    start = InitialState(np.array([0.0, -10.0, 0.0, speed, 0.0, 0.5]), 0.01 * np.eye(6))
+    result = track(scans_of([centre[None] for centre in centres]), start, CAR, TRACKER)
+    assert np.abs(np.diff(result.means[:, 2])).max() < 0.3
+    assert result.means[-1, 2] > 5.0
+
+
+def test_it_follows_a_car():
+    tracker = dataclasses.replace(TRACKER, gate_probability=0.99)
+    result = track(scans_of(seen_car(40, 30)), START, CAR, tracker)
+    errors = np.linalg.norm(result.means[:, :2] - poses_of_turn(40)[:, :2], axis=1)
+    assert errors.max() < 0.6
