@@ -1,0 +1,172 @@
+"""Make the gallery: `docs/gallery.md` and its pictures, each from a run of `stixel`.
+
+    python docs/gallery.py
+
+Pictures that are there already are made again; what the cache has is not computed again.
+"""
+
+import io
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+
+from stixel_cli.config.folders import group_options
+
+DOCS = Path(__file__).parent
+FOLDER = "figures/gallery"
+WIDEST = 760
+"""Pictures are scaled down to this, px."""
+
+QUALITY = 72
+
+NEAR = {"car": "[-0.4,13]", "cyclist": "[-0.2,7.5]", "pedestrian": "[0,6.5]"}
+"""Where each class stands for its portrait, m."""
+
+STREET = ["path=crossing", "path.duration=1.6", "pictures.frames=[15]"]
+FABRICATED = ["measurement=fabricated", "pictures.frames=[]"]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One picture.
+
+    Attributes:
+        name: of the file, without its ending.
+        caption: what it shows.
+        overrides: of the run that makes it.
+        source: the picture's path below the run's `figures/`.
+        width: px; the picture is scaled down to it.
+    """
+
+    name: str
+    caption: str
+    overrides: list[str]
+    source: str
+    width: int = WIDEST
+
+
+def sections() -> dict[str, list[Entry]]:
+    """The pictures by the heading they stand under."""
+    options = group_options()
+    users = options["road_user"]
+    return {
+        "The stages of one frame": [
+            Entry("stages", "Image, disparity, grid, free space, height, stixels.", STREET,
+                  "k0015/camera.png"),
+        ],
+        "Road users": [
+            Entry(f"road_user_{user}", f"`road_user={user}`",
+                  [f"road_user={user}", "path=crossing", f"path.start={NEAR[user]}",
+                   "path.heading=-35", "path.duration=0.2", "rig.horizontal_fov=32",
+                   "pictures.frames=[0]"],
+                  "k0000/left.png", 420)
+            for user in users
+        ],
+        "Paths": [
+            Entry(f"path_{path}", f"`path={path}`", [f"path={path}", *FABRICATED], "path.png", 400)
+            for path in options["path"]
+        ],
+        "Ego motions": [
+            Entry(f"ego_{ego}", f"`ego={ego}`", [f"ego={ego}", "path=turn", *FABRICATED],
+                  "path.png", 400)
+            for ego in options["ego"]
+        ],
+        "Rigs": [
+            Entry(f"rig_{rig}", f"`rig={rig}`",
+                  [f"rig={rig}", "path=crossing", "path.start=[-3,16]", "path.duration=0.2",
+                   "pictures.frames=[0]"],
+                  "k0000/left.png", 520)
+            for rig in options["rig"]
+        ],
+        "Renderers": [
+            Entry(f"renderer_{renderer}", f"`renderer={renderer}`",
+                  [f"renderer={renderer}", "path=crossing", "path.start=[-3,11]",
+                   "path.duration=0.2", "pictures.frames=[0]"],
+                  "k0000/left.png", 420)
+            for renderer in options["renderer"]
+        ],
+        "Matchers": [
+            Entry(f"stereo_{stereo}", f"`stereo={stereo}`", [f"stereo={stereo}", *STREET],
+                  "k0015/disparity.png", 420)
+            for stereo in options["stereo"]
+        ],
+        "Occupancy grids": [
+            Entry(f"occupancy_{grid}", f"`occupancy={grid}`", [f"occupancy={grid}", *STREET],
+                  "k0015/occupancy.png", 420)
+            for grid in options["occupancy"]
+        ],
+        "Measurements": [
+            Entry(f"measurement_{measurement}", f"`measurement={measurement}`",
+                  [f"measurement={measurement}", *STREET], "k0015/birds_eye.png", 640)
+            for measurement in options["measurement"]
+        ],
+        "Trackers": [
+            Entry(f"tracker_{tracker}", f"`tracker={tracker}`",
+                  [f"tracker={tracker}", "road_user=cyclist", "measurement=fabricated", *STREET],
+                  "k0015/birds_eye.png", 640)
+            for tracker in options["tracker"]
+        ],
+        "A whole run": [
+            Entry("errors", "Errors over time, with their χ² bounds.", FABRICATED, "errors.png",
+                  640),
+        ],
+    }  # fmt: skip
+
+
+def page() -> str:
+    """The text of the gallery's page."""
+    lines = [
+        "# Gallery",
+        "",
+        "Every picture is one that a run of `stixel` leaves in `figures/`, scaled down; the",
+        "command stands beside it. All, and this page, are made by `python docs/gallery.py`.",
+    ]
+    for heading, entries in sections().items():
+        lines += ["", f"## {heading}"]
+        for entry in entries:
+            command = shlex.join(["stixel", "run", *entry.overrides])
+            lines += [
+                "",
+                f"![{entry.caption.strip('`')}]({FOLDER}/{entry.name}.webp)",
+                "",
+                f"{entry.caption} `{entry.source}` of",
+                "",
+                "```sh",
+                command,
+                "```",
+            ]
+    return "\n".join(lines) + "\n"
+
+
+def small_picture(png: bytes, width: int) -> bytes:
+    """A PNG as a WebP, `width` px wide at most."""
+    from PIL import Image
+
+    image = Image.open(io.BytesIO(png)).convert("RGB")
+    if image.width > width:
+        image = image.resize((width, round(image.height * width / image.width)), Image.LANCZOS)
+    buffer = io.BytesIO()
+    image.save(buffer, format="webp", quality=QUALITY, method=6)
+    return buffer.getvalue()
+
+
+def main() -> None:
+    """Run what the pictures are from, and write them and the page."""
+    from stixel_cli import run
+
+    folder = DOCS / FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    entries = [entry for group in sections().values() for entry in group]
+    for entry in entries:
+        pictures = run(entry.overrides).pictures
+        data = small_picture(pictures[entry.source], entry.width)
+        (folder / f"{entry.name}.webp").write_bytes(data)
+        print(f"{entry.name}: {len(data) / 1000:.0f} kB", flush=True)  # noqa: T201
+    for file in folder.iterdir():
+        if file.stem not in {entry.name for entry in entries}:
+            file.unlink()
+    (DOCS / "gallery.md").write_text(page(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

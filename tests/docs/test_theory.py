@@ -1,0 +1,35 @@
+"""Every function that the theory page names is there."""
+
+import importlib
+import re
+from pathlib import Path
+
+import pytest
+
+PAGE = (Path(__file__).parents[2] / "docs" / "theory.md").read_text(encoding="utf-8")
+NAMES = sorted(set(re.findall(r"`(\w+(?:\.\w+)+:\w+(?:\.\w+)?)`", PAGE)))
+ROOMS = ("geometry", "stereo", "stixels", "measurements", "tracking", "evaluation")
+
+
+def test_every_room_of_the_way_is_named():
+    assert {name.split(".")[0] for name in NAMES} == set(ROOMS)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_function_is_there(name):
+    module, _, path = name.partition(":")
+    found = importlib.import_module(f"stixel_cli.{module}")
+    for part in path.split("."):
+        found = getattr(found, part)
+    assert found.__doc__
+
+
+def test_maths_is_closed():
+    without_code = re.sub(r"`[^`\n]*`", "", PAGE)
+    blocks = without_code.split("$$")
+    assert len(blocks) % 2 == 1
+    for between in blocks[::2]:
+        assert between.count("$") % 2 == 0
+    for inside in blocks[1::2]:
+        assert inside.count("{") == inside.count("}")
+        assert inside.count(r"\begin") == inside.count(r"\end")

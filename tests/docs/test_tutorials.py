@@ -1,0 +1,70 @@
+"""The tutorials are done as they are read: every block, in order, with what it says it prints."""
+
+import os
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+from tutorial_blocks import LANGUAGES, Reader, apply_diff, matches, read_blocks
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+CHANGES_THE_SOURCE = "4_add_a_tracker"
+
+
+def test_there_are_five_in_order():
+    assert [page.name[:2] for page in PAGES] == ["1_", "2_", "3_", "4_", "5_"]
+
+
+def copy_checkout(folder: Path) -> None:
+    """What a change of the source needs of this checkout."""
+    leave = shutil.ignore_patterns("__pycache__")
+    for name in ("stixel_cli", "conf", "pipelines"):
+        shutil.copytree(ROOT / name, folder / name, ignore=leave)
+    shutil.copy(ROOT / "pyproject.toml", folder)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_tutorial(page, tmp_path, monkeypatch):
+    folder = tmp_path / "work"
+    folder.mkdir()
+    scripts = str(Path(sys.executable).parent)
+    environment = {
+        "COLUMNS": "100",
+        "MPLBACKEND": "Agg",
+        "PATH": os.pathsep.join([scripts, os.environ["PATH"]]),
+        "STIXEL_CACHE": str(tmp_path / "cache"),
+    }
+    if page.stem == CHANGES_THE_SOURCE:
+        copy_checkout(folder)
+        environment["PYTHONPATH"] = str(folder)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.chdir(folder)
+    reader = Reader(folder, environment)
+    blocks = read_blocks(page)
+    assert blocks
+    for block in blocks:
+        assert block.language in LANGUAGES, f"line {block.line}: {block.language}"
+        try:
+            reader.follow(block)
+        except AssertionError as error:
+            pytest.fail(f"{page.name}, the block at line {block.line}: {error}", pytrace=False)
+
+
+def test_what_is_stated_is_compared():
+    assert matches("a 0.25 m  \nb\nc\n", "a 0.2… m\n…\nc")
+    assert matches("a\n", "…\na\n…\n")
+    assert not matches("a 0.35 m\n", "a 0.2… m")
+    assert not matches("a\nb\n", "a")
+    assert not matches("", "a")
+
+
+def test_an_edit_finds_its_place_once(tmp_path):
+    file = tmp_path / "file"
+    file.write_text("one\ntwo\ntwo\nthree\n")
+    apply_diff(file, " one\n-two\n+2\n")
+    assert file.read_text() == "one\n2\ntwo\nthree\n"
+    with pytest.raises(AssertionError, match="0 times"):
+        apply_diff(file, " two\n+and\n four\n")

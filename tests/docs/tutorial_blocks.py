@@ -1,0 +1,126 @@
+"""What a tutorial's fenced blocks say, and how they are carried out.
+
+    ```sh                  a script of bash that must succeed
+    ```console             `$ command`, then what it prints on stdout
+    ```console exit=2      the same of a command that fails so, and what it prints on stderr
+    ```python              goes on where the page's last Python block stopped
+    ```text                what the Python block before it prints
+    ```LANGUAGE file=PATH  a file that the reader saves
+    ```diff file=PATH      an edit of a file: the lines without `+` stand there once, together
+
+In what is printed `…` stands for anything within a line, and alone on a line for any lines.
+"""
+
+import os
+import re
+import subprocess
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+
+_FENCE = re.compile(r"^```(\w+)([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+LANGUAGES = {"sh", "console", "python", "text", "yaml", "diff"}
+
+
+@dataclass(frozen=True)
+class Block:
+    language: str
+    options: dict[str, str]
+    content: str
+    before: str
+    line: int
+
+    @property
+    def file(self) -> str | None:
+        return self.options.get("file")
+
+
+def read_blocks(page: Path) -> list[Block]:
+    """The page's blocks in order, each with the text between it and the one before."""
+    text = page.read_text(encoding="utf-8")
+    blocks, end = [], 0
+    for found in _FENCE.finditer(text):
+        options = dict(option.split("=", 1) for option in found[2].split())
+        line = text.count("\n", 0, found.start()) + 1
+        blocks.append(Block(found[1], options, found[3], text[end : found.start()], line))
+        end = found.end()
+    return blocks
+
+
+def matches(printed: str, stated: str) -> bool:
+    """Whether `printed` is what is `stated`, apart from spaces at the ends of lines."""
+    pattern = ""
+    for line in stated.rstrip().splitlines():
+        if line.strip() == "…":
+            pattern += r"(?:.*\n)*?"
+        else:
+            pattern += ".*".join(map(re.escape, line.rstrip().split("…"))) + r"\n"
+    lines = [line.rstrip() for line in printed.rstrip().splitlines()]
+    return re.fullmatch(pattern, "".join(f"{line}\n" for line in lines)) is not None
+
+
+def apply_diff(path: Path, diff: str) -> None:
+    """Edit a file as a diff without line numbers says."""
+    lines = diff.splitlines()
+    assert all(line[:1] in {"", " ", "-", "+"} for line in lines), diff
+    old = "".join(f"{line[1:]}\n" for line in lines if not line.startswith("+"))
+    new = "".join(f"{line[1:]}\n" for line in lines if not line.startswith("-"))
+    text = path.read_text(encoding="utf-8")
+    assert text.count(old) == 1, f"{path} has this {text.count(old)} times:\n{old}"
+    path.write_text(text.replace(old, new), encoding="utf-8")
+
+
+class Reader:
+    """One who does what a page says, in a folder of their own."""
+
+    def __init__(self, folder: Path, environment: dict[str, str]):
+        self.folder = folder
+        self.environment = os.environ | environment
+        self.names: dict = {}
+        self.printed = ""
+
+    def follow(self, block: Block) -> None:
+        """Do what the block says; AssertionError if something else comes of it."""
+        if block.file is not None:
+            path = self.folder / block.file
+            assert f"`{block.file}`" in block.before, f"the text does not name {block.file}"
+            if block.language == "diff":
+                apply_diff(path, block.content)
+            else:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_text(block.content, encoding="utf-8")
+        elif block.language == "sh":
+            done = self._bash(block.content)
+            assert done.returncode == 0, done.stdout + done.stderr
+        elif block.language == "console":
+            self._type(block)
+        elif block.language == "python":
+            out = StringIO()
+            with redirect_stdout(out):
+                exec(compile(block.content, f"<line {block.line}>", "exec"), self.names)
+            self.printed = out.getvalue()
+        else:
+            assert block.language == "text", f"a {block.language} block without file="
+            assert matches(self.printed, block.content), self.printed
+
+    def _type(self, block: Block) -> None:
+        status = int(block.options.get("exit", "0"))
+        assert block.content.startswith("$ ")
+        for entry in block.content.removeprefix("$ ").split("\n$ "):
+            command, _, stated = entry.partition("\n")
+            done = self._bash(command)
+            assert done.returncode == status, f"{command}\n{done.stdout}{done.stderr}"
+            shown = done.stderr if status else done.stdout
+            if stated.strip():
+                assert matches(shown, stated), f"$ {command}\n{shown}"
+
+    def _bash(self, script: str) -> subprocess.CompletedProcess:
+        return subprocess.run(
+            ["bash", "-euo", "pipefail", "-c", script],
+            cwd=self.folder,
+            env=self.environment,
+            capture_output=True,
+            text=True,
+            timeout=300,
+        )
