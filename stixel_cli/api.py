@@ -55,11 +55,7 @@ class RunResult:
         `pandas.DataFrame([result.record for result in results])` is that table.
         """
         typed = [text.lstrip("+").partition("=")[0] for text in self.composition.overrides]
-        choices = self.composition.choices
-        given = {
-            name: choices[name] if name in choices else _value(self.composition.resolved, name)
-            for name in typed
-        }
+        given = {name: self.composition.value(name) for name in typed}
         folder = None if self.folder is None else str(self.folder)
         seed = self.composition.configuration.seed
         return {"folder": folder, "seed": seed, **given, **self.metrics}
@@ -191,10 +187,3 @@ def _on_this_machine(
     return dataclasses.replace(
         composition, configuration=from_resolved(resolved), resolved=resolved
     )
-
-
-def _value(resolved: dict[str, Any], name: str) -> Any:
-    value: Any = resolved
-    for part in name.split("."):
-        value = value[part]
-    return value

@@ -12,3 +12,7 @@ class UserError(Exception):
 
 class ConfigurationError(UserError):
     """A configuration that cannot be run: the text names the key, the fault and what is right."""
+
+
+class FolderTaken(UserError):
+    """Another process has made a folder that was to be made."""

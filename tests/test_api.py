@@ -89,6 +89,8 @@ def test_a_sweep_gives_a_record_a_point(tmp_path):
     assert len(result.records) == 2
     assert os.listdir(tmp_path) == ["cache"]
     alone = run([*FABRICATED, "tracker.sigma_f=0.2"])
+    assert [one["tracker.sigma_f"] for one in result.records] == [0.1, 0.2]
+    assert result.records[1]["tracker.sigma_f"] == alone.record["tracker.sigma_f"]
     assert result.records[1]["centre_rmse_m"] == alone.metrics["centre_rmse_m"]
     with pytest.raises(UserError):
         sweep([*FABRICATED, "tracker.sigma_f=0.1,wide"])

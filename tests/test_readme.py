@@ -1,13 +1,16 @@
 """The README's examples are commands that work."""
 
+import ast
 import re
 import shlex
 from pathlib import Path
 
 import pytest
 
+from stixel_cli import compose
 from stixel_cli.cli.app import main
 from stixel_cli.config.folders import group_options
+from stixel_cli.studies.file import shipped_studies
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 RUNS = [
@@ -23,6 +26,24 @@ def test_there_are_examples():
 @pytest.mark.parametrize("arguments", RUNS, ids=" ".join)
 def test_the_examples_are_accepted(arguments, capsys):
     assert main([*arguments, "--dry-run"]) == 0, capsys.readouterr().err
+
+
+def test_every_command_exists(capsys):
+    for verb in set(re.findall(r"^stixel (\w+)", README, flags=re.MULTILINE)):
+        assert main([verb, "--help"]) == 0, verb
+
+
+def test_every_study_is_told_of():
+    told = re.findall(r"^stixel study (\w+)", README, flags=re.MULTILINE)
+    assert told == shipped_studies()
+
+
+def test_the_python_example_is_accepted():
+    (code,) = re.findall(r"^```python\n(.*?)^```", README, flags=re.MULTILINE | re.DOTALL)
+    lists = [node for node in ast.walk(ast.parse(code)) if isinstance(node, ast.List)]
+    assert lists
+    for overrides in lists:
+        compose(ast.literal_eval(overrides))
 
 
 def test_every_option_in_the_readme_exists_and_none_is_missing():

@@ -4,14 +4,14 @@ import sys
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from stixel_cli import __version__
 from stixel_cli.cli import cache_commands, folder_commands
 from stixel_cli.cli.completion import complete_folder, complete_run_or_override
-from stixel_cli.cli.errors import guarded, interruptible
+from stixel_cli.cli.errors import guarded, interruptible, usage_line
 from stixel_cli.cli.options import (
     DryRun,
     Fresh,
@@ -56,33 +56,8 @@ def _run(arguments: list[str]) -> int:
     except Exception as error:
         # The base class of usage errors is in another module with every second version of Typer.
         if hasattr(error, "format_message") and getattr(error, "exit_code", None) == 2:
-            raise UserError(_usage(error)) from None
+            raise UserError(usage_line(error)) from None
         raise
-
-
-def _usage(error: Any) -> str:
-    """A usage error in one line: what is wrong, what is near, and where to read on."""
-    text = " ".join(error.format_message().split()).rstrip(".?")
-    text = (text[:1].lower() + text[1:]).replace(": Input should be ", ": must be ")
-    text = text.partition(", unable to parse")[0].replace(". Did you mean", "; did you mean")
-    context = getattr(error, "ctx", None)
-    wrong = getattr(error, "option_name", None)
-    if wrong and "no such option" in text:
-        text = f"no such option {wrong}{_near_option(wrong, context)}"
-    where = context.command_path if context is not None else "stixel"
-    mark = "?" if "; did you mean" in text and not text.endswith("?") else ""
-    return f"{text}{mark} (see {where} --help)"
-
-
-def _near_option(wrong: str, context: Any) -> str:
-    from difflib import get_close_matches
-
-    key = wrong.lstrip("-")
-    if key == "seed" or key.partition(".")[0] in group_options():
-        return f"; did you mean {key}=… without the dashes?"
-    options = [name for one in context.command.params for name in one.opts] if context else []
-    near = get_close_matches(wrong, [*options, "--help"], 1)
-    return f"; did you mean {near[0]}?" if near else ""
 
 
 def _show_version(wanted: bool) -> None:

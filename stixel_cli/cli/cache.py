@@ -114,7 +114,8 @@ def check_command(json: bool) -> int:
     else:
         for entry, reason in bad:
             sys.stdout.write(f"bad: {entry.label} {entry.key[:12]}: {reason}; set aside\n")
-        told = f"{len(bad)} are bad, and made again when needed" if bad else "all are good"
+        are = "is" if len(bad) == 1 else "are"
+        told = f"{len(bad)} {are} bad, and made again when needed" if bad else "all are good"
         sys.stdout.write(f"{store.folder}: {count} results read, {told}\n")
     return 1 if bad else 0
 

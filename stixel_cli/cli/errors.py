@@ -1,14 +1,20 @@
 """How a command ends: one line on stderr and an exit code, whatever went wrong."""
 
+import errno
 import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
+from stixel_cli.config.folders import group_options
 from stixel_cli.errors import UserError
 
 CRASHED = 1
+
+_OF_THE_USER = (errno.ENAMETOOLONG, errno.EACCES)
+"""What any look at a path that was typed may end with, be it only whether something is there."""
 
 
 class Interrupted(UserError):
@@ -43,6 +49,9 @@ def guarded(command: Callable[[], int]) -> int:
         tell(str(Interrupted()))
         return Interrupted.exit_code
     except Exception as error:
+        if isinstance(error, OSError) and error.errno in _OF_THE_USER and error.filename:
+            tell(f"{error.filename}: {error.strerror}")
+            return UserError.exit_code
         _tell_crash(error)
         return CRASHED
 
@@ -93,3 +102,28 @@ def _write_log(text: str) -> Path:
     )
     log.write_text(head + text, encoding="utf-8", errors="backslashreplace")
     return log
+
+
+def usage_line(error: Any) -> str:
+    """A usage error in one line: what is wrong, what is near, and where to read on."""
+    text = " ".join(error.format_message().split()).rstrip(".?")
+    text = (text[:1].lower() + text[1:]).replace(": Input should be ", ": must be ")
+    text = text.partition(", unable to parse")[0].replace(". Did you mean", "; did you mean")
+    context = getattr(error, "ctx", None)
+    wrong = getattr(error, "option_name", None)
+    if wrong and "no such option" in text:
+        text = f"no such option {wrong}{_near_option(wrong, context)}"
+    where = context.command_path if context is not None else "stixel"
+    mark = "?" if "; did you mean" in text and not text.endswith("?") else ""
+    return f"{text}{mark} (see {where} --help)"
+
+
+def _near_option(wrong: str, context: Any) -> str:
+    from difflib import get_close_matches
+
+    key = wrong.lstrip("-")
+    if key == "seed" or key.partition(".")[0] in group_options():
+        return f"; did you mean {key}=… without the dashes?"
+    options = [name for one in context.command.params for name in one.opts] if context else []
+    near = get_close_matches(wrong, [*options, "--help"], 1)
+    return f"; did you mean {near[0]}?" if near else ""

@@ -43,6 +43,19 @@ class Composition:
     overrides: tuple[str, ...]
     resolved: dict[str, Any]
 
+    def value(self, name: str) -> Any:
+        """The option chosen of a group, or the value of a key, of its own type.
+
+        Raises:
+            KeyError: there is neither.
+        """
+        if name in self.choices:
+            return self.choices[name]
+        value: Any = self.resolved
+        for part in name.split("."):
+            value = value[part]
+        return value
+
 
 def compose(overrides: Sequence[str] = ()) -> Composition:
     """The default configuration with `overrides`, in Hydra's grammar, applied.

@@ -78,7 +78,8 @@ def remove(
         store.check_writable()
     with _collecting(store.folder, dry_run):
         used = leased_keys(store.folder)
-        removed = [*_orphans(store, dry_run), *_set_aside(store, older_than, max_size, dry_run)]
+        orphans = list(_orphans(store, dry_run))
+        aside = list(_set_aside(store, older_than, max_size, dry_run))
         found = scan(store)
         size = sum(one.size for one in found)
         now = time.time()
@@ -97,10 +98,11 @@ def remove(
             kept += 1
         if not dry_run:
             _remove_empty(store)
-        if gone and not dry_run:
-            _remember(store, gone, now)
+        if not dry_run:
+            damaged = [(one.name, "damaged", when) for one, when in aside]
+            _remember(store, [*damaged, *((one.name, one.reason, now) for one in gone)])
         in_use = sum(one.key in used for one in found)
-    return Collection((*removed, *gone), kept, size, in_use)
+    return Collection((*orphans, *(one for one, _ in aside), *gone), kept, size, in_use)
 
 
 @contextmanager
@@ -157,8 +159,8 @@ def _orphans(store: Store, dry_run: bool) -> Iterator[Removed]:
 
 def _set_aside(
     store: Store, older_than: float | None, max_size: int | None, dry_run: bool
-) -> Iterator[Removed]:
-    """Damaged entries, kept for a look at them until space or age is asked for."""
+) -> Iterator[tuple[Removed, float]]:
+    """Damaged entries, kept for a look at them until space or age is asked for; and since when."""
     for path in _inside(store.folder / "quarantine"):
         with suppress(OSError):
             age = time.time() - path.stat().st_mtime
@@ -166,7 +168,8 @@ def _set_aside(
                 continue
             size = _size(path)
             if dry_run or _remove(path):
-                yield Removed(path.name.partition("-")[0], "", size, "set aside")
+                key, when = _aside_since(path)
+                yield Removed(key, "", size, "set aside"), when
 
 
 def _is_orphan(path: Path) -> bool:
@@ -210,12 +213,22 @@ def _remove(path: Path) -> bool:
     return not path.exists()
 
 
-def _remember(store: Store, gone: list[Removed], now: float) -> None:
-    """Note what was removed and why. A convenience: nothing is lost if it cannot be written."""
+def _aside_since(path: Path) -> tuple[str, float]:
+    """The key of an entry that was set aside, and when that was."""
+    key, _, when = path.name.partition("-")
+    with suppress(ValueError):
+        return key, int(when, 10) / 1e9
+    return key, 0.0
+
+
+def _remember(store: Store, gone: list[tuple[str, str, float]]) -> None:
+    """Note keys that were removed, why and when. A convenience: nothing is lost without it."""
+    if not gone:
+        return
     path = store.folder / EVICTED
     with suppress(OSError):
         lines = path.read_text("utf-8").splitlines() if path.exists() else []
-        lines += [json.dumps([one.name, one.reason, round(now, 3)]) for one in gone]
+        lines += [json.dumps([key, reason, round(when, 3)]) for key, reason, when in gone]
         partial = path.with_name(f"{EVICTED}-{os.getpid()}")
         partial.write_text("\n".join(lines[-REMEMBERED:]) + "\n", "utf-8")
         partial.replace(path)
@@ -224,14 +237,18 @@ def _remember(store: Store, gone: list[Removed], now: float) -> None:
 def evicted(store: Store) -> dict[str, tuple[str, float]]:
     """The reason and the time of removal of keys that were removed and are not there now."""
     found: dict[str, tuple[str, float]] = {}
+
+    def note(key: str, reason: str, when: float) -> None:
+        # What came last counts: a damaged result may have been computed again, and then removed.
+        if key not in found or found[key][1] <= when:
+            found[key] = (reason, when)
+
     with suppress(OSError):
         for line in (store.folder / EVICTED).read_text("utf-8").splitlines():
             with suppress(ValueError, TypeError):
                 key, reason, when = json.loads(line)
-                found[key] = (reason, when)
-    with suppress(OSError):
-        for path in (store.folder / "quarantine").iterdir():
-            key, _, when = path.name.partition("-")
-            with suppress(ValueError):
-                found[key] = ("damaged", int(when, 10) / 1e9)
+                note(key, reason, when)
+    for path in _inside(store.folder / "quarantine"):
+        key, when = _aside_since(path)
+        note(key, "damaged", when)
     return found

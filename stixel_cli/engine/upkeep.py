@@ -130,6 +130,14 @@ def keep_limit(store: Store) -> Collection | None:
         return None
 
 
+def set_aside(store: Store) -> int:
+    """How many damaged results were set aside, and are kept until space or age is asked for."""
+    try:
+        return sum(1 for _ in (store.folder / "quarantine").iterdir())
+    except OSError:
+        return 0
+
+
 def stored_notes(store: Store, stages: Container[str]) -> Iterator[dict[str, Any]]:
     """The notes of the results of `stages`, at most some thousand of the last used of each.
 

@@ -33,7 +33,8 @@ class StixelErrors:
         columns, covered, matched: (n,) int64, columns whose nearest obstacle is the target; those
             of them in a stixel; those in a stixel whose disparity is not off by a gross error.
         overhang: (n, 2) int64, columns beside the target, on its left and right, that a stixel with
-            the target's disparity covers although what is there is elsewhere.
+            the target's disparity covers although nothing of the target is seen there and what is
+            there is elsewhere.
         hanging: (n,) int64, stixels that cover such a column.
     """
 
@@ -97,7 +98,7 @@ def stixel_errors(
         if 2 * truth.of_target[stixels.left[s] : stixels.right[s]].sum()
         >= stixels.right[s] - stixels.left[s]
     ]
-    beside = overhang(found, true, truth.of_target, gross)
+    beside = overhang(found, true, truth.of_target, on_target.any(axis=0), gross)
     with np.errstate(invalid="ignore"):
         matched = truth.of_target & (np.abs(found - true) <= gross)
     return StixelErrors(
@@ -112,13 +113,15 @@ def stixel_errors(
 
 
 def overhang(
-    found: np.ndarray, true: np.ndarray, of_target: np.ndarray, gross: float
+    found: np.ndarray, true: np.ndarray, of_target: np.ndarray, shown: np.ndarray, gross: float
 ) -> tuple[list[int], list[int]]:
     """Columns on the left and on the right of the target that are given the target's disparity.
 
-    From the target's outermost column on, as long as the stixel's disparity is within `gross` px of
-    that column's true one and more than `gross` px from the truth of its own (a free column is
-    always so). `found` and `true` (W,) px are NaN where there is none.
+    From the outermost column `of_target` (W,) on, as long as the stixel's disparity is within
+    `gross` px of that column's true one and more than `gross` px from the truth of its own (a free
+    column is always so). Columns in which the target is `shown` (W,), if too little of it for an
+    obstacle (a wheel, a hand), are passed over. `found` and `true` (W,) px are NaN where there is
+    none.
     """
     columns = np.flatnonzero(of_target)
     if len(columns) == 0:
@@ -130,7 +133,8 @@ def overhang(
         while 0 <= u < len(found) and abs(found[u] - true[edge]) <= gross:
             if abs(found[u] - true[u]) <= gross:
                 break
-            side.append(u)
+            if not shown[u]:
+                side.append(u)
             u += step
     return sides
 

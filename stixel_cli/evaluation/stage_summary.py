@@ -172,7 +172,8 @@ def coverage_summary(errors: StixelErrors, frames: np.ndarray) -> dict[str, floa
     Returns:
         columns: the target's, a frame; stixels: on it, a frame; missed: share of its columns in no
         stixel; elsewhere: share in a stixel that is off by more than `GROSS` px; overhang: columns
-        beside it a frame that get its disparity; hanging: stixels a frame that cover such.
+        beside all that is seen of it a frame that get its disparity; hanging: stixels a frame that
+        cover such.
     """
     seen = frames & (errors.columns > 0)
     count, columns = float(seen.sum()), float(errors.columns[seen].sum())

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from stixel_cli.errors import UserError
+from stixel_cli.errors import FolderTaken, UserError
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.experiment import lineage
 from stixel_cli.experiment.run import Outcome
@@ -23,6 +23,9 @@ from stixel_cli.tracking.track import Track
 
 PAGE = "index.html"
 """The page that plays a run back."""
+
+MOST_CHARACTERS = 200
+"""Of a folder's name: with what is put round it while it is written, disks take 255."""
 
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+=,-]*")
 
@@ -43,24 +46,43 @@ def reserve_folder(results: Path, name: str | None, default_name: str) -> Path:
     if name is not None:
         return results / name
     folder, number = results / default_name, 2
-    while folder.exists():
+    while os.path.lexists(folder):
         folder, number = results / f"{default_name}-{number}", number + 1
     return folder
 
 
 def check_results(results: Path, name: str | None) -> None:
-    """Raise UserError if `name` is no plain folder name or is taken, or `results` not writable."""
+    """Raise UserError if `name` is no plain folder name or is taken, or `results` not writable.
+
+    Nothing is left of the try to make `results` where it is not there.
+    """
     check_name(results, name)
     if results.is_dir() and not os.access(results, os.W_OK | os.X_OK):
         raise UserError(f"--results: {results}: not writable; name another folder")
+    missing = [path for path in (results, *results.parents) if not path.exists()]
+    try:
+        results.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--results: {results}: cannot be made: {error.strerror}") from error
+    finally:
+        for path in missing:
+            # Another process may have put something into it.
+            with suppress(OSError):
+                path.rmdir()
 
 
 def check_name(results: Path, name: str | None) -> None:
     """Raise UserError if a name that was given is no plain folder name, or is taken."""
+    try:
+        results.exists()
+    except OSError as error:
+        raise UserError(f"--results: {results}: cannot be made: {error.strerror}") from error
     if name is None:
         return
     if not _NAME.fullmatch(name):
         raise UserError(f"--name: {name!r} is no folder name: use letters, digits and _ . + = , -")
+    if len(name) > MOST_CHARACTERS:
+        raise UserError(f"--name: {name[:20]}…: at most {MOST_CHARACTERS} characters")
     if (results / name).exists():
         raise UserError(f"--name: {results / name} exists, and is not written over")
 
@@ -77,13 +99,17 @@ def write_folder(
     `page` is what plays the run back.
 
     Raises:
-        UserError: if it cannot be written (disk full, no permission, name taken meanwhile).
+        FolderTaken: if there is a folder of its name by now.
+        UserError: if it cannot be written (disk full, no permission).
     """
     partial = folder.with_name(f".{folder.name}.partial-{os.getpid()}")
     try:
         _write_files(partial, outcome, resolved, manifest, page)
         # A rename onto an empty folder would succeed; mkdir claims the name for us alone.
-        folder.mkdir()
+        try:
+            folder.mkdir()
+        except FileExistsError:
+            raise FolderTaken(f"{folder}: was made by another process meanwhile") from None
         try:
             partial.rename(folder)
         except OSError:

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from stixel_cli.engine.errors import CacheError
+from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.one_thread import ENVIRONMENT
 from stixel_cli.engine.store import Store
 from stixel_cli.engine.units import show_size
-from stixel_cli.engine.upkeep import entries
+from stixel_cli.engine.upkeep import entries, set_aside
 from stixel_cli.experiment.provenance import git_state, package_versions
 
 RENDERER_TIMEOUT = 60.0
@@ -34,12 +34,12 @@ class Check:
     Attributes:
         name: what.
         status: `fails` is what keeps the default experiment from running; `absent` is what only
-            some experiments need.
+            some experiments need; `limited` is there, and not all that it should be.
         text: what was found, or what is wrong, in one line.
     """
 
     name: str
-    status: Literal["ok", "absent", "fails"]
+    status: Literal["ok", "absent", "limited", "fails"]
     text: str
 
 
@@ -144,21 +144,39 @@ def _processors() -> list[Check]:
 
 
 def _cache(store: Store) -> list[Check]:
-    checks = [_cache_folder(store)]
     limit = "no limit" if store.max_size is None else f"limit {show_size(store.max_size)}"
+    damaged: list[MissingEntry] = []
     try:
-        found = entries(store)
-        size = show_size(sum(entry.size for entry in found))
-        checks.append(Check("cache size", "ok", f"{size} in {len(found)} results, {limit}"))
+        found = entries(store, damaged.append)
     except CacheError as error:
-        checks.append(Check("cache size", "fails", str(error)))
+        checks = [_cache_folder(store, 0), Check("cache size", "fails", str(error))]
+    else:
+        size = show_size(sum(entry.size for entry in found))
+        checks = [
+            _cache_folder(store, len(found)),
+            Check("cache size", "ok", f"{size} in {len(found)} results, {limit}"),
+            _cache_entries(store, len(damaged)),
+        ]
     beside = next(p for p in (store.folder, *store.folder.parents) if p.exists())
     free = shutil.disk_usage(beside).free
     return [*checks, Check("disk free", "ok" if free >= LEAST_FREE else "fails", show_size(free))]
 
 
-def _cache_folder(store: Store) -> Check:
-    """Whether results could be stored; nothing is left behind."""
+def _cache_entries(store: Store, damaged: int) -> Check:
+    """How many results are known to be damaged; their values are not read, which may take long."""
+    aside = set_aside(store)
+    # Those that were found just now are among them, where they could be set aside.
+    if not (damaged or aside):
+        return Check("cache entries", "ok", "none known to be damaged")
+    if not aside:
+        text = f"{damaged} damaged, which cannot be set aside"
+    else:
+        text = f"{aside} damaged and set aside, computed again when needed"
+    return Check("cache entries", "limited", f"{text}; stixel cache verify reads all")
+
+
+def _cache_folder(store: Store, held: int) -> Check:
+    """Whether results could be stored, beside the `held` there are; nothing is left behind."""
     beside: Path = next(p for p in (store.folder, *store.folder.parents) if p.exists())
     if beside != store.folder:
         able = beside.is_dir() and os.access(beside, os.W_OK | os.X_OK)
@@ -167,5 +185,8 @@ def _cache_folder(store: Store) -> Check:
     try:
         store.check_writable()
     except CacheError as error:
+        if held:
+            text = f"{error}; experiments that it holds can run, others cannot"
+            return Check("cache folder", "limited", text)
         return Check("cache folder", "fails", str(error))
     return Check("cache folder", "ok", str(store.folder))

@@ -185,6 +185,15 @@ def read_lineage(folder: Path) -> Lineage | None:
     return Lineage(stages, parts)
 
 
+def read_code_name(folder: Path) -> str | None:
+    """What the lineage of a sweep's point refers to its code by; None where it does not say."""
+    try:
+        name = json.loads((folder / FILE).read_bytes())["code"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return name if isinstance(name, str) else None
+
+
 def _code_file(folder: Path, code: str) -> Path:
     if len(code) != _CODE_DIGITS or not set(code) <= set("0123456789abcdef"):
         raise ValueError("no name of a file of code")

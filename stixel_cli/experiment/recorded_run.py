@@ -11,14 +11,13 @@ from typing import Any
 
 from stixel_cli.config.compose import Composition
 from stixel_cli.engine.errors import CacheError, CodeChanged, ExecutorError, StageFailure
-from stixel_cli.engine.probe import probe
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import open_store
-from stixel_cli.errors import UserError
+from stixel_cli.errors import FolderTaken, UserError
 from stixel_cli.experiment.folder import check_results, reserve_folder, write_folder
 from stixel_cli.experiment.played_run import run_page
 from stixel_cli.experiment.provenance import git_state, machine, package_versions
-from stixel_cli.experiment.run import Outcome, plan_experiment, run_experiment
+from stixel_cli.experiment.run import Outcome, run_experiment
 
 
 @dataclass(frozen=True)
@@ -66,13 +65,8 @@ def record_run(
     store = open_store(composition.configuration.cache)
     now = datetime.now(UTC)
     with told_in_one_line():
-        # A cache or a scheduler that is refused leaves no folder behind.
-        planned = plan_experiment(composition.configuration, store)
-        probe(len(planned.missing), store, composition.configuration.executor)
-    stem = choice_name(composition) if stem is None else stem
-    folder = None if results is None else reserve_folder(results, name, f"{stem}-{stamp(now)}")
-    with told_in_one_line():
         outcome = run_experiment(composition.configuration, store, progress=progress)
+    stem = choice_name(composition) if stem is None else stem
     manifest = {
         "command": shlex.join(command),
         "overrides": list(composition.overrides),
@@ -86,9 +80,18 @@ def record_run(
         "star_convex": outcome.scenario.star_convex,
         "stages": outcome.stages,
     }
-    if folder is not None:
+    folder = None
+    while results is not None:
+        # Only now: a cache or a scheduler that is refused leaves no folder behind.
+        folder = reserve_folder(results, name, f"{stem}-{stamp(now)}")
         page = run_page(folder.name, composition, outcome)
-        write_folder(folder, outcome, composition.resolved, manifest, page)
+        try:
+            write_folder(folder, outcome, composition.resolved, manifest, page)
+            break
+        except FolderTaken:
+            # Two of a second: the other was faster, and there are more default names.
+            if name is not None:
+                raise
     return RecordedRun(folder, outcome, manifest)
 
 

@@ -6,6 +6,7 @@ kinds of colour vision. One colour means one thing in every picture.
 
 import io
 from contextlib import contextmanager
+from threading import RLock
 
 import matplotlib
 import numpy as np
@@ -60,6 +61,9 @@ _SETTINGS = {
 }
 # These belong to the process, not to a picture; to set them makes Matplotlib look for a display.
 _LEFT_ALONE = ("backend", "backend_fallback", "interactive", "toolbar", "timezone", "webagg")
+# Matplotlib's settings are the process's, not the thread's: with `executor=threads` two stages that
+# draw at once would draw with each other's.
+_one_at_a_time = RLock()
 
 
 @contextmanager
@@ -67,14 +71,14 @@ def drawing(settings: dict | None = None):
     """Context in which figures are made and written: our settings over Matplotlib's defaults.
 
     What the user's own matplotlibrc says is put aside, for it would change the bytes. `settings`
-    are more of Matplotlib's, which go before ours.
+    are more of Matplotlib's, which go before ours. One thread is in it at a time.
     """
     defaults = {
         name: value
         for name, value in matplotlib.rcParamsDefault.items()
         if not name.startswith(_LEFT_ALONE)
     }
-    with matplotlib.rc_context(defaults | _SETTINGS | (settings or {})):
+    with _one_at_a_time, matplotlib.rc_context(defaults | _SETTINGS | (settings or {})):
         yield
 
 

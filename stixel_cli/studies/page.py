@@ -26,6 +26,12 @@ _COLOURS = {
 }
 _PIXELS_A_POINT = 1.75
 """How large a figure is shown at most: its text is then as large as the page's."""
+_NARROW = 700
+"""Figures of at most this width, px, stand side by side where there is room."""
+_MANY = 9
+"""A table of more columns is printed on a page across."""
+_SHORT = 30
+"""Columns of at most so many characters are not broken into lines."""
 
 
 def study_page(
@@ -97,9 +103,34 @@ class _Numbered:
                             "header": header,
                             "rows": rows,
                             "numeric": numeric,
+                            "wide": len(header) > _MANY,
+                            "classes": _classes(rows, numeric),
                         }
                     )
-        return {"number": number, "title": section.title, "blocks": blocks}
+        return {"number": number, "title": section.title, "blocks": _side_by_side(blocks)}
+
+
+def _classes(rows: Sequence[Sequence[str]], numeric: Sequence[bool]) -> list[str]:
+    """How each column's cells are set: numbers to the right, and nothing short broken."""
+    columns = zip(*rows, strict=True)
+    short = [max(map(len, column)) <= _SHORT for column in columns] or [True] * len(numeric)
+    return [
+        "number" if right else "short" if fits else ""
+        for right, fits in zip(numeric, short, strict=True)
+    ]
+
+
+def _side_by_side(blocks: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The blocks, narrow figures that follow each other put together."""
+    found: list[dict[str, Any]] = []
+    for block in blocks:
+        if block["kind"] != "figure" or block["width"] > _NARROW:
+            found.append(block)
+        elif found and found[-1]["kind"] == "figures":
+            found[-1]["figures"].append(block)
+        else:
+            found.append({"kind": "figures", "figures": [block]})
+    return found
 
 
 def _figure(block: Figure | Picture, number: int) -> dict[str, Any]:

@@ -82,8 +82,10 @@ def derived_design(plan: StudyPlan, one: PlannedPart, axes: list[dict[str, list]
     new = [axis for axis in with_axes.axes if known.isdisjoint(axis.keys)]
     derived = {key for axis in new for key in axis.keys}
     fixed = tuple(text for text in one.design.fixed if key_of(text) not in derived)
+    # An override of what is derived has been heard by the parts that it is derived from.
+    own = [axis for axis in one.design.axes if derived.isdisjoint(axis.keys)]
     # Before the part's own, of which the last is that of the seeds.
-    design = Design(fixed, (*new, *one.design.axes), one.design.left_out)
+    design = Design(fixed, (*new, *own), one.design.left_out)
     _plan(one.part, design)
     return design
 

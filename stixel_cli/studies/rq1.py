@@ -14,6 +14,7 @@ from stixel_cli.studies.rq1_gallery import gallery_section
 from stixel_cli.studies.rq1_pool import groups, road_user
 from stixel_cli.studies.rq1_setup import setup_section
 from stixel_cli.studies.rq1_stixels import height_section, rigs_section, stixels_section
+from stixel_cli.studies.rq3_statistics import DRAWS
 
 
 def report(data: StudyData) -> Findings:
@@ -46,6 +47,14 @@ def _method() -> Section:
                 "have found if it were perfect. Errors are found minus true. A range is the true "
                 "depth of the target's nearest surface in its frame, or of the surface behind one "
                 "stixel."
+            ),
+            Paragraph(
+                "Seeds renew the cameras' noise alone and share one rendering; pixels, columns and "
+                "stixels of a frame share its errors. So what is counted as independent are poses: "
+                "a road user at a range, with all of its seeds. Intervals in brackets are 95 % "
+                f"percentiles of {DRAWS} bootstrap draws of poses, road user by road user; paired "
+                "differences draw the same poses for both. Lines without a band are means over all "
+                "that is there, and tell by how they jump from range to range how sure they are."
             ),
             Paragraph(
                 f"Disparity: found minus f B / z, pixel by pixel. An error above {GROSS:g} px is "

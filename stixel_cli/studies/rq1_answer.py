@@ -3,20 +3,17 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from stixel_cli.evaluation.stage_summary import (
-    column_summary,
-    coverage_summary,
-    disparity_summary,
-    stixel_summary,
-)
+from stixel_cli.evaluation.stage_summary import column_summary, coverage_summary
+from stixel_cli.studies import rq1_intervals as by_pose
 from stixel_cli.studies.nouns import StudyData
+from stixel_cli.studies.prose import counted, listed, number, quantity
+from stixel_cli.studies.rq1_intervals import Estimate, estimate
 from stixel_cli.studies.rq1_pool import (
     EDGES,
     ROUND,
     SW_DEPTH,
     SW_DEVIATION,
     Group,
-    achieved,
     contrast,
     groups,
     locking_swing,
@@ -27,6 +24,9 @@ from stixel_cli.studies.rq1_pool import (
     share,
     text,
 )
+from stixel_cli.studies.rq1_setup import lines_of, seconds_a_frame, values_of
+
+_INSIDE = 0
 
 
 def answer(data: StudyData, users: Sequence[Group]) -> Iterator[str]:
@@ -38,85 +38,150 @@ def answer(data: StudyData, users: Sequence[Group]) -> Iterator[str]:
     yield from _matchers(data)
     yield _consistency(every)
     yield from _contrast(data)
+    yield _setup(data)
+    yield _limits(every)
 
 
 def _verdict(every: Group) -> str:
-    found = achieved(every)
-    needed = needed_disparity(every.rig, SW_DEVIATION, SW_DEPTH)
-    ratio = found["rms"] / SW_DEVIATION
-    if not math.isfinite(ratio):
+    near = by_pose.stixel_sums(every, *ROUND)
+    rms = estimate(every, near, by_pose.STIXEL_RMS)
+    if not math.isfinite(rms.value):
         return (
             f"No stixel lies on a road user between {ROUND[0]:g} and {ROUND[1]:g} m here, so the "
             f"{SW_DEVIATION:g} m at {SW_DEPTH:g} m of The Stixel World cannot be held against it."
         )
-    beginning = "Like them in depth" if ratio <= 1.0 else "Alike in kind, not in depth"
+    beginning = (
+        "Yes, in depth"
+        if rms.high <= SW_DEVIATION
+        else "Alike in kind, but not in depth"
+        if rms.low > SW_DEVIATION
+        else "In depth it cannot be told"
+    )
+    needed = needed_disparity(every.rig, SW_DEVIATION, SW_DEPTH)
     return (
-        f"{beginning}: between {ROUND[0]:g} and {ROUND[1]:g} m the stixels of the default rig "
-        f"on all road users are off by {text(found['rms'], 2, 'm')} RMS (bias "
-        f"{text(found['bias'], 2, 'm')}), {text(ratio, 1)} times the {SW_DEVIATION:g} m at "
-        f"{SW_DEPTH:g} m that Badino, Franke and Pfeiffer (2009, The Stixel World) state for their "
-        f"own rig. It is {text(found['rms_px'], 3, 'px')} of disparity; {SW_DEVIATION:g} m would "
-        f"take {text(needed, 3, 'px')} with this rig."
+        f"{beginning}: between {ROUND[0]:g} and {ROUND[1]:g} m the stixels of the default rig on "
+        f"all road users are off by {rms.text('m')} RMS, with a bias of "
+        f"{estimate(every, near, by_pose.STIXEL_BIAS).text('m', sign=True)} (farther than the "
+        f"nearest surface where positive); that is {rms.scaled(1.0 / SW_DEVIATION).text()} times "
+        f"the {SW_DEVIATION:g} m at {SW_DEPTH:g} m below which Badino, Franke and Pfeiffer (2009, "
+        "The Stixel World) state their uncertainty, for their own rig. In disparity it is "
+        f"{estimate(every, near, by_pose.STIXEL_RMS_PX).text('px')}; {SW_DEVIATION:g} m would take "
+        f"{text(needed, 3, 'px')} with this rig. Against the surface inside its own area, without "
+        f"what the shape in depth adds, a stixel is off by "
+        f"{estimate(every, near, by_pose.AREA_RMS).text('m')} RMS."
     )
 
 
 def _rigs(data: StudyData) -> Iterator[str]:
     told = []
     for group in groups(data.parts["rigs"], rig):
-        found = achieved(group)
+        near = by_pose.stixel_sums(group, *ROUND)
+        rms = estimate(group, near, by_pose.STIXEL_RMS)
         needed = needed_disparity(group.rig, SW_DEVIATION, SW_DEPTH)
-        if math.isfinite(found["rms"]):
+        if math.isfinite(rms.value):
+            pixels = estimate(group, near, by_pose.STIXEL_RMS_PX)
             told.append(
-                f"{group.label} {text(found['rms'], 2, 'm')} ({text(found['rms_px'], 3, 'px')}, "
-                f"needed {text(needed, 3, 'px')})"
+                f"{rms.text('m')} with the {group.label} rig ({pixels.text('px')}, where "
+                f"{SW_DEVIATION:g} m takes {text(needed, 3, 'px')})"
             )
     if told:
-        yield "The depth is first of all the rig's, RMS at that range: " + "; ".join(told) + "."
+        yield f"How far the depth is off depends on the rig. RMS at that range: {listed(told)}."
 
 
 def _stages(every: Group) -> str:
-    inside = disparity_summary(every.errors.disparity, every.seen, 0)
+    pixels = by_pose.pixel_sums(every, _INSIDE)
+    bias, rms, gross, density = (
+        estimate(every, pixels, of)
+        for of in (
+            by_pose.pixel_bias,
+            by_pose.PIXEL_RMS,
+            by_pose.PIXEL_GROSS,
+            by_pose.PIXEL_DENSITY,
+        )
+    )
     of_target = every.errors.columns.of_target & every.seen[:, None]
     columns = every.errors.columns
-    of = {
-        name: column_summary(columns.true[of_target], getattr(columns, name)[of_target], every.rig)
+    missed = {
+        name: column_summary(columns.true[of_target], getattr(columns, name)[of_target], every.rig)[
+            "missed"
+        ]
         for name in ("grid", "path")
     }
     cover = coverage_summary(every.errors.stixels, every.seen)
+    in_none = estimate(every, by_pose.cover_sums(every), by_pose.MISSED)
+    stixels = by_pose.stixel_sums(every, EDGES[0], EDGES[-1])
+    heights = [estimate(every, stixels, of) for of in (by_pose.HEIGHT_BIAS, by_pose.HEIGHT_RMS)]
     return (
-        f"Over {EDGES[0]:g} to {EDGES[-1]:g} m, disparities inside the target have a bias of "
-        f"{text(inside['bias'], 3, 'px')} and an RMS of {text(inside['rms'], 3, 'px')}, with "
-        f"{share(inside['gross'])} gross and a density of {share(inside['density'])}. The grid "
-        f"alone misses {share(of['grid']['missed'])} of the target's columns, the path through it "
-        f"{share(of['path']['missed'])}; {share(cover['missed'])} are in no stixel, and "
-        f"{text(cover['overhang'], 1)} columns a frame beside the target get its disparity."
+        f"Stage by stage, over {EDGES[0]:g} to {EDGES[-1]:g} m: disparities inside the target have "
+        f"a bias of {bias.text('px', sign=True)} and an RMS of {rms.text('px')}; {gross.share()} "
+        f"are gross errors and {density.share()} of the pixels have one. The occupancy grid by "
+        f"itself misses {share(missed['grid'])} of the target's columns, free space's path through "
+        f"it {share(missed['path'])}; {in_none.share()} end up in no stixel, and "
+        f"{text(cover['overhang'], 1)} columns a frame beside the target are given its disparity. "
+        f"A stixel's height is off by {heights[1].text('m')} RMS, with a bias of "
+        f"{heights[0].text('m', sign=True)}."
     )
 
 
 def _matchers(data: StudyData) -> Iterator[str]:
+    found = groups(data.parts["matchers"], matcher)
     told = []
-    for group in groups(data.parts["matchers"], matcher):
-        pixels = disparity_summary(group.errors.disparity, group.seen, 0)
-        swing = locking_swing(group, 0)
-        found = stixel_summary(group.errors.stixels, EDGES[0], EDGES[-1])
-        told.append(
-            f"{group.label} {text(pixels['rms'], 3, 'px')} RMS, locking to whole pixels "
-            f"{text(swing, 3, 'px')} from peak to peak, stixels {text(found['rms_px'], 3, 'px')}"
+    for group in found:
+        pixels = estimate(group, by_pose.pixel_sums(group, _INSIDE), by_pose.PIXEL_RMS)
+        stixels = estimate(
+            group, by_pose.stixel_sums(group, EDGES[0], EDGES[-1]), by_pose.STIXEL_RMS_PX
         )
-    if told:
-        yield "Matchers, inside the target: " + "; ".join(told) + "."
+        told.append(
+            f"{group.label}: pixels {pixels.text('px')} RMS, stixels {stixels.text('px')}, locking "
+            f"to whole pixels {text(locking_swing(group, _INSIDE), 3, 'px')} from peak to peak"
+        )
+    if not told:
+        return
+    sentence = f"Matchers, inside the target. {'; '.join(told)}."
+    by_name = {group.label: group for group in found}
+    if {"SGM", "BM"} <= set(by_name):
+        apart = _matchers_apart(by_name["BM"], by_name["SGM"])
+        verdict = (
+            "no difference is shown"
+            if not math.isfinite(apart.low) or apart.low <= 0.0 <= apart.high
+            else "BM is the better"
+            if apart.high < 0.0
+            else "SGM is the better"
+        )
+        sentence += (
+            f" Stixels of BM minus those of SGM, of the same poses: {apart.text('px', sign=True)} "
+            f"RMS, {verdict}."
+        )
+    yield sentence
+
+
+def _matchers_apart(one: Group, other: Group) -> Estimate:
+    return by_pose.difference(
+        one,
+        other,
+        lambda group: by_pose.stixel_sums(group, EDGES[0], EDGES[-1]),
+        by_pose.STIXEL_RMS_PX,
+    )
 
 
 def _consistency(every: Group) -> str:
-    found = stixel_summary(every.errors.stixels, EDGES[0], EDGES[-1])
-    nees = found["nees"]
-    verdict = "–"
-    if math.isfinite(nees):
-        verdict = "too small" if nees > 1.0 else "on the safe side"
+    sums = by_pose.stixel_sums(every, EDGES[0], EDGES[-1])
+    nees, within_1, within_2 = (
+        estimate(every, sums, of) for of in (by_pose.NEES, by_pose.WITHIN_1, by_pose.WITHIN_2)
+    )
+    if not math.isfinite(nees.value):
+        return "Of the stated σ nothing can be said: no stixel lies on a road user."
+    verdict = (
+        "too small"
+        if nees.low > 1.0
+        else "on the safe side"
+        if nees.high < 1.0
+        else "not shown to be wrong"
+    )
     return (
         f"The stated σ of the depth is {verdict}: the mean square of error over σ is "
-        f"{text(nees)} (1 is consistent), {share(found['within_1'], 0)} of the stixels lie within "
-        f"1 σ and {share(found['within_2'], 0)} within 2 σ (68 % and 95 % of a normal)."
+        f"{nees.text()} (1 is consistent); {within_1.share()} of the stixels lie within 1 σ and "
+        f"{within_2.share()} within 2 σ, where a normal has 68 % and 95 %."
     )
 
 
@@ -127,11 +192,34 @@ def _contrast(data: StudyData) -> Iterator[str]:
         return
     told = []
     for group in (found[0], found[-1]):
-        pixels = disparity_summary(group.errors.disparity, group.seen, 0)
-        cover = coverage_summary(group.errors.stixels, group.seen)
+        pixels = by_pose.pixel_sums(group, _INSIDE)
+        in_none = estimate(group, by_pose.cover_sums(group), by_pose.MISSED)
         told.append(
-            f"contrast {group.label} leaves {share(pixels['density'])} of the pixels a disparity, "
-            f"{text(pixels['rms'], 3, 'px')} RMS, and {share(cover['missed'])} of the columns "
-            "without a stixel"
+            f"with contrast {group.label} {estimate(group, pixels, by_pose.PIXEL_RMS).text('px')} "
+            f"RMS, {estimate(group, pixels, by_pose.PIXEL_DENSITY).share()} of the pixels with a "
+            f"disparity, {in_none.share()} of the columns in no stixel"
         )
-    yield "Paint of " + "; of ".join(told) + "."
+    yield f"The paint's contrast, disparities inside the target: {'; '.join(told)}."
+
+
+def _setup(data: StudyData) -> str:
+    points = data.parts["ranges"].points
+    lines = lines_of(data.name)
+    return (
+        "To set up a scene takes "
+        f"{values_of(points[0].configuration)} values, all of which have a default"
+        + (f" (the whole of this study {lines} lines of YAML)" if lines else "")
+        + f", and {quantity(seconds_a_frame(points, 'render'), 's')} a frame to render."
+    )
+
+
+def _limits(every: Group) -> str:
+    poses = len(set(every.poses[every.seen].tolist()))
+    seeds = len({point.seed for point in every.points})
+    return (
+        f"Brackets are 95 % intervals of a bootstrap over {number(poses)} poses (a road user at a "
+        f"range), road user by road user; {counted(seeds, 'seed')} a pose share its rendering "
+        "and are not counted as more. Scenes are rendered, with one shape a class, one street and "
+        "one light, and everybody comes straight on: an error that only real images have is not "
+        "in here, and neither is The Stixel World's own rig."
+    )

@@ -3,9 +3,11 @@
 from collections.abc import Iterator, Sequence
 
 from stixel_cli.evaluation.stage_errors import ZONES
-from stixel_cli.evaluation.stage_summary import coverage_summary, disparity_summary, stixel_summary
+from stixel_cli.evaluation.stage_summary import coverage_summary, disparity_summary
 from stixel_cli.studies import rq1_figures as figures
+from stixel_cli.studies import rq1_intervals as by_pose
 from stixel_cli.studies.nouns import Section, StudyData, Table
+from stixel_cli.studies.rq1_intervals import estimate
 from stixel_cli.studies.rq1_pool import (
     COARSE,
     EDGES,
@@ -77,13 +79,17 @@ def disparity_section(data: StudyData, users: Sequence[Group]) -> Section:
                         "matchers",
                         "All road users and ranges, by matcher; locking is the greatest less the "
                         "least mean error over the fraction. The stixels' columns are of the same "
-                        "frames.",
+                        "frames; brackets: 95 % intervals over the poses.",
                         (
                             "matcher",
                             *columns,
                             "locking px",
                             "stixel RMS px",
+                            "low px",
+                            "high px",
                             "stixel RMS m",
+                            "low m",
+                            "high m",
                             "columns in no stixel %",
                         ),
                         tuple(_matcher_rows(matchers)),
@@ -121,13 +127,13 @@ def _disparity_rows(users: Sequence[Group]) -> Iterator[tuple]:
 def _matcher_rows(matchers: Sequence[Group]) -> Iterator[tuple]:
     for group in matchers:
         found = disparity_summary(group.errors.disparity, group.seen, INSIDE)
-        stixels = stixel_summary(group.errors.stixels, EDGES[0], EDGES[-1])
+        stixels = by_pose.stixel_sums(group, EDGES[0], EDGES[-1])
         cover = coverage_summary(group.errors.stixels, group.seen)
         yield (
             group.label,
             *_pixel_cells(found),
             cell(locking_swing(group, INSIDE)),
-            cell(stixels["rms_px"]),
-            cell(stixels["rms"]),
+            *estimate(group, stixels, by_pose.STIXEL_RMS_PX).cells,
+            *estimate(group, stixels, by_pose.STIXEL_RMS).cells,
             cell(cover["missed"], 100.0),
         )

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,6 +14,13 @@ from stixel_cli.studies.nouns import Figure
 from stixel_cli.studies.rq1_pool import EDGES, LEAST, Group
 
 CENTRES = 0.5 * (np.array(EDGES[1:]) + np.array(EDGES[:-1]))
+WIDTH = 5.0
+"""in: narrow enough that the text can be read on a phone."""
+
+_SETTINGS = {"axes.grid": True, "axes.titlesize": 8.5, "axes.labelsize": 8.0}
+_TITLE = 30
+"""Characters of a line of a panel's title."""
+
 STYLES = ("-", "--", ":", "-.")
 MARKERS = ("o", "s", "^", "D", "v")
 
@@ -38,17 +46,17 @@ def over_range(
         prepare: does more with the axes.
         log: whether values are drawn on a logarithmic axis.
     """
-    with style.drawing({"axes.grid": True}):
+    with style.drawing(_SETTINGS):
         rows = -(-len(panels) // 2)
-        height = 2.35 * rows + 0.45 if len(panels) > 1 else 3.9
-        figure = style.new_figure(7.0, height, layout="constrained")
+        height = 1.9 * rows + 0.45 if len(panels) > 1 else 3.6
+        figure = style.new_figure(WIDTH, height, layout="constrained")
         axes = np.atleast_1d(figure.subplots(rows, min(2, len(panels)), squeeze=False)).ravel()
         for i, (place, (title, unit, drawn)) in enumerate(zip(axes, panels, strict=False)):
             for colour, marker, group in zip(style.RUNS, MARKERS * 2, lines, strict=False):
                 for dash, (what, values) in zip(STYLES, drawn.items(), strict=False):
                     label = f"{group.label}, {what}" if len(drawn) > 1 else group.label
                     _line(place, group, values, colour, dash, marker, label)
-            place.set(title=title, ylabel=unit, xlim=(EDGES[0] - 1, EDGES[-1] + 1))
+            place.set(title=fill(title, _TITLE), ylabel=unit, xlim=(EDGES[0] - 1, EDGES[-1] + 1))
             if i >= len(panels) - 2:
                 place.set_xlabel("depth of the target (m)")
             if log:
@@ -66,7 +74,7 @@ def _line(axes: Axes, group: Group, values: Values, colour, dash, marker, label)
     found = [values(group, low, high) for low, high in pairwise(EDGES)]
     band = isinstance(found[0], tuple)
     middle = np.array([one[0] if band else one for one in found], dtype=np.float64)
-    options = {"color": colour, "linestyle": dash, "marker": marker, "markersize": 3.5}
+    options = {"color": colour, "linestyle": dash, "marker": marker, "markersize": 2.5}
     axes.plot(CENTRES, middle, label=label, **options)
     if band:
         half = np.array([one[1] for one in found], dtype=np.float64)
@@ -85,20 +93,20 @@ def _legend(figure, axes: Sequence[Axes]) -> None:
         handles.values(),
         handles.keys(),
         loc="outside lower center",
-        ncols=3 if max(map(len, handles), default=0) < 26 else 2,
+        ncols=3 if max(map(len, handles), default=0) < 22 else 1,
     )
 
 
 def locking(name: str, caption: str, lines: Sequence[Group], zones: dict[str, int]) -> Figure:
     """Mean disparity error by the fractional part of the true disparity, a panel a zone."""
-    with style.drawing({"axes.grid": True}):
-        figure = style.new_figure(7.0, 2.9, layout="constrained")
+    with style.drawing(_SETTINGS):
+        figure = style.new_figure(WIDTH, 2.5, layout="constrained")
         axes = figure.subplots(1, len(zones), sharey=True, squeeze=False)[0]
         for place, (title, zone) in zip(axes, zones.items(), strict=True):
             for colour, marker, group in zip(style.RUNS, MARKERS, lines, strict=False):
                 phase, mean, count = phase_bias(group.errors.disparity, zone)
                 shown = np.where(count >= LEAST, mean, np.nan)
-                place.plot(phase, shown, color=colour, marker=marker, ms=3.5, label=group.label)
+                place.plot(phase, shown, color=colour, marker=marker, ms=2.5, label=group.label)
             place.axhline(0.0, color=style.TRUTH, linewidth=0.7)
             place.set(title=title, xlabel="fraction of the true disparity (px)", xlim=(0, 1))
         axes[0].set_ylabel("mean error (px)")
@@ -108,8 +116,8 @@ def locking(name: str, caption: str, lines: Sequence[Group], zones: dict[str, in
 
 def normalised(name: str, caption: str, lines: Sequence[Group]) -> Figure:
     """Histogram of the stixels' depth error over its stated σ, beside the standard normal."""
-    with style.drawing({"axes.grid": True}):
-        figure = style.new_figure(7.0, 3.0, layout="constrained")
+    with style.drawing(_SETTINGS):
+        figure = style.new_figure(WIDTH, 2.9, layout="constrained")
         axes = figure.subplots()
         edges = np.linspace(-4.0, 4.0, 33)
         for colour, group in zip(style.RUNS, lines, strict=False):
@@ -135,8 +143,8 @@ def over_contrast(
     panels: Sequence[tuple[str, str, Callable[[Group], float]]],
 ) -> Figure:
     """Panels over the contrast of the paint, one line for each road user."""
-    with style.drawing({"axes.grid": True}):
-        figure = style.new_figure(7.0, 5.1, layout="constrained")
+    with style.drawing(_SETTINGS):
+        figure = style.new_figure(WIDTH, 4.3, layout="constrained")
         axes = figure.subplots(2, 2).ravel()
         for place, (title, unit, value) in zip(axes, panels, strict=True):
             for colour, marker, (label, groups) in zip(
@@ -144,8 +152,8 @@ def over_contrast(
             ):
                 x = [contrast for contrast, _ in groups]
                 y = [value(group) for _, group in groups]
-                place.plot(x, y, color=colour, marker=marker, markersize=3.5, label=label)
-            place.set(title=title, ylabel=unit, xlim=(0.0, 1.05))
+                place.plot(x, y, color=colour, marker=marker, markersize=2.5, label=label)
+            place.set(title=fill(title, _TITLE), ylabel=unit, xlim=(0.0, 1.05))
             # From nothing; what is all there has room above its line.
             place.set_ylim(0.0, 1.08 * max(place.get_ylim()[1], 1e-9))
         for place in axes[2:]:

@@ -10,6 +10,7 @@ from stixel_cli.evaluation.stage_errors import StageErrors
 from stixel_cli.evaluation.stage_summary import phase_bias, pooled, stixel_summary
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.studies.nouns import Part, StudyPoint
+from stixel_cli.studies.prose import percent, quantity
 
 EDGES = tuple(float(edge) for edge in range(5, 51, 5))
 """Ends of the ranges in the figures, m: true depth of the target's nearest surface."""
@@ -36,12 +37,17 @@ class Group:
         rig: of all its points.
         points: in their order.
         errors: of all their frames.
+        poses: (n,) of each frame, the number of its pose: a road user at a place, of any seed.
+        pose_strata, pose_frames: road user and index of the frame, of each pose.
     """
 
     label: str
     rig: Rig
     points: tuple[StudyPoint, ...]
     errors: StageErrors
+    poses: np.ndarray
+    pose_strata: tuple[str, ...]
+    pose_frames: tuple[int, ...]
 
     def frames(self, low: float, high: float) -> np.ndarray:
         """Which frames (n,) bool see the target in [low, high) m."""
@@ -72,8 +78,22 @@ def by_label(
 def pool(label: str, points: Iterable[StudyPoint]) -> Group:
     """One group of all the points, at least one."""
     points = tuple(points)
-    records = [record for point in points for record in point.load("stage_errors")]
-    return Group(label, points[0].configuration.rig, points, pooled(records))
+    records, poses = [], []
+    numbers: dict[tuple[str, int], int] = {}
+    for point in points:
+        for record in point.load("stage_errors"):
+            records.append(record)
+            for k in range(record.first, record.first + len(record.target_depth)):
+                poses.append(numbers.setdefault((road_user(point), k), len(numbers)))
+    return Group(
+        label,
+        points[0].configuration.rig,
+        points,
+        pooled(records),
+        np.array(poses, dtype=np.int64),
+        tuple(user for user, _ in numbers),
+        tuple(k for _, k in numbers),
+    )
 
 
 def road_user(point: StudyPoint) -> str:
@@ -87,7 +107,7 @@ def matcher(point: StudyPoint) -> str:
     name = stereo.kind.upper()
     if stereo.error_cancellation:
         return name
-    return f"{name}, one match" if stereo.kind == "sgm" else name
+    return f"{name} (one match)" if stereo.kind == "sgm" else name
 
 
 def grid(point: StudyPoint) -> str:
@@ -98,7 +118,8 @@ def grid(point: StudyPoint) -> str:
 def rig(point: StudyPoint) -> str:
     """Name of the point's rig: the option's, or its size where the study has one rig alone."""
     of = point.configuration.rig
-    return point.setting.get("rig", f"{of.width} × {of.height}").replace("_", " ")
+    name = point.setting.get("rig", f"{of.width} × {of.height}")
+    return {"kitti": "KITTI"}.get(name, name.replace("_", "-"))
 
 
 def contrast(point: StudyPoint) -> float:
@@ -124,15 +145,12 @@ def locking_swing(group: Group, zone: int) -> float:
 
 def text(value: float | None, digits: int = 2, unit: str = "") -> str:
     """A number as prose has it; a dash where there is none."""
-    if value is None or not math.isfinite(value):
-        return "–"
-    shown = f"{value:.{digits}f}".replace("-", "−")
-    return f"{shown}\u202f{unit}" if unit else shown
+    return quantity(value, unit, digits)
 
 
 def share(value: float | None, digits: int = 1) -> str:
     """A share as per cent."""
-    return text(None if value is None else 100.0 * value, digits, "%")
+    return percent(value, digits)
 
 
 def cell(value: float, factor: float = 1.0) -> float | None:

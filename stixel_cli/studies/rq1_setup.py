@@ -55,7 +55,7 @@ def setup_section(data: StudyData) -> Section:
         user = users[0].configuration.road_user
         built = timed_building(lambda user=user: [road_user_mesh(user)])
         rows.append((label, cell(built.seconds), built.triangles))
-    lines, own = _lines_of(data.name), values_of(first)
+    lines, own = lines_of(data.name), values_of(first)
     return Section(
         "What it takes to set up a scene",
         (
@@ -111,7 +111,7 @@ def _seconds(data: StudyData):
             yield (name, setting, *(cell(seconds_a_frame(points, stage)) for stage in stages))
 
 
-def _lines_of(study: str) -> int:
+def lines_of(study: str) -> int:
     """Lines of the study's file that say something; 0 if it is none of the shipped ones."""
     path = shipped_folder("pipelines") / "studies" / f"{study}.yaml"
     if not path.is_file():

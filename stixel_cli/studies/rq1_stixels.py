@@ -4,7 +4,9 @@ from collections.abc import Iterator, Sequence
 
 from stixel_cli.evaluation.stage_summary import coverage_summary, stixel_summary
 from stixel_cli.studies import rq1_figures as figures
+from stixel_cli.studies import rq1_intervals as by_pose
 from stixel_cli.studies.nouns import Paragraph, Section, StudyData, Table
+from stixel_cli.studies.rq1_intervals import estimate
 from stixel_cli.studies.rq1_pool import (
     COARSE,
     LEAST,
@@ -95,8 +97,9 @@ def stixels_section(users: Sequence[Group]) -> Section:
         (
             figures.over_range(
                 "depth",
-                "Depth error of the stixels on the target over range: mean and a band of one "
-                "standard deviation; error in disparity; default rig.",
+                "Depth error of the stixels on the target over range: mean, and as a band the "
+                "standard deviation of single stixels round it (no interval of the mean); error in "
+                "disparity; normalised square of the depth error; lateral error; default rig.",
                 users,
                 [
                     ("Depth error", "m", {"": _stixel_value("bias", "spread")}),
@@ -170,7 +173,8 @@ def rigs_section(data: StudyData) -> Section:
                 "rigs",
                 f"Stixels at {ROUND[0]:g}–{ROUND[1]:g} m against the {SW_DEVIATION:g} m at "
                 f"{SW_DEPTH:g} m of The Stixel World. “Area” is against the median depth of the "
-                "target's pixels in the stixel, without what the surface's shape adds.",
+                "target's pixels in the stixel, without what the surface's shape adds. Brackets: "
+                "95 % intervals over the poses.",
                 (
                     "rig",
                     "f px",
@@ -178,10 +182,19 @@ def rigs_section(data: StudyData) -> Section:
                     "disparity there px",
                     "needed px",
                     "achieved RMS px",
+                    "low RMS px",
+                    "high RMS px",
                     "achieved / needed",
                     "depth bias m",
+                    "low bias",
+                    "high bias",
                     "depth RMS m",
+                    "low RMS m",
+                    "high RMS m",
                     "area RMS m",
+                    "low area",
+                    "high area",
+                    "poses",
                     "stixels",
                 ),
                 tuple(_rig_rows(lines)),
@@ -193,6 +206,7 @@ def rigs_section(data: StudyData) -> Section:
 def _rig_rows(lines: Sequence[Group]) -> Iterator[tuple]:
     for group in lines:
         found = achieved(group)
+        near = by_pose.stixel_sums(group, *ROUND)
         needed = needed_disparity(group.rig, SW_DEVIATION, SW_DEPTH)
         yield (
             group.label,
@@ -200,10 +214,11 @@ def _rig_rows(lines: Sequence[Group]) -> Iterator[tuple]:
             float(group.rig.baseline),
             float(group.rig.disparity_from_depth(SW_DEPTH)),
             needed,
-            cell(found["rms_px"]),
+            *estimate(group, near, by_pose.STIXEL_RMS_PX).cells,
             cell(found["rms_px"] / needed),
-            cell(found["bias"]),
-            cell(found["rms"]),
-            cell(found["area_rms"]),
+            *estimate(group, near, by_pose.STIXEL_BIAS).cells,
+            *estimate(group, near, by_pose.STIXEL_RMS).cells,
+            *estimate(group, near, by_pose.AREA_RMS).cells,
+            len(set(group.poses[near[:, 0] > 0.0].tolist())),
             int(found["stixels"]),
         )

@@ -8,10 +8,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stixel_cli.report.metrics import format_value
 from stixel_cli.studies.nouns import Findings, Paragraph, Section, StudyData, Table
-from stixel_cli.studies.rq2_answer import ERRORS, answer, capital, of_kind
+from stixel_cli.studies.prose import capital, listed, number, percent
+from stixel_cli.studies.rq2_answer import answer
 from stixel_cli.studies.rq2_conditions import CONDITIONS, condition_table
+from stixel_cli.studies.rq2_contrasts import ERRORS, contrasts_section
 from stixel_cli.studies.rq2_figures import boxes, by_condition, example_scans, over_time
 from stixel_cli.studies.rq2_published import published
 from stixel_cli.studies.rq2_runs import (
@@ -22,7 +23,6 @@ from stixel_cli.studies.rq2_runs import (
     contour_distances,
     metric_over_seeds,
     names,
-    paired_difference,
     runs_of,
     within_bounds,
 )
@@ -53,7 +53,7 @@ def report(data: StudyData) -> Findings:
     ]
     sections = (
         Section("What was compared", _method(runs)),
-        Section("Stixels against lidar, paired", _comparison(runs)),
+        contrasts_section(runs),
         *chapters,
         published(),
         Section("Appendix: the numbers behind the figures by range, aspect and points", appendix),
@@ -62,76 +62,37 @@ def report(data: StudyData) -> Findings:
 
 
 def _method(runs: Sequence[Run]) -> tuple[Paragraph | Table, ...]:
-    seeds = names(runs, "seed")
-    listed = {
-        what: ", ".join(names(runs, attribute))
-        for what, attribute in (
-            ("road users", "road_user"),
-            ("paths", "path"),
-            ("measurements", "measurement"),
-            ("trackers", "tracker"),
-        )
-    }
-    shown = "; ".join(f"{what}: {values}" for what, values in listed.items())
+    seeds, paths = names(runs, "seed"), names(runs, "path")
     return (
-        Paragraph(f"{capital(shown)}; seeds: {', '.join(map(str, seeds))}."),
         Paragraph(
-            "Every measurement is of the same scene: the motion and the noise of the start depend "
-            "on the seed alone, so runs of one seed are pairs. Simulated measurements are stixels "
-            "of rendered stereo images; fabricated ones are the camera's rays cut by the true "
-            "contour, with noise; a lidar's are its beams cast against the same meshes, put to the "
-            "ground plane. A tracker is given the scans and the noisy start, and no truth."
+            f"Road users: {listed(names(runs, 'road_user'))}. Paths: {listed(paths)}. "
+            f"Measurements: {listed(names(runs, 'measurement'))}. "
+            f"Trackers: {listed(names(runs, 'tracker'))}. "
+            f"Seeds: {listed(seeds)}; {len(runs)} runs."
+        ),
+        Paragraph(
+            "Every measurement is of the same scene. Stixels are what the camera pipeline makes of "
+            "rendered stereo images (the thesis's simulated measurements); fabricated ones are the "
+            "camera's rays cut by the true contour, with noise; a lidar's are its beams cast "
+            "against the same meshes, put to the ground plane. A tracker is given the scans and "
+            "the noisy start, and no truth."
+        ),
+        Paragraph(
+            f"The unit of replication is the seed, n = {len(seeds)}. A seed draws the noise of "
+            "the sensors and of the tracker's start; motion, road user, street and light are the "
+            "same for all. So intervals speak of these scenes under other noise, not of other "
+            "scenes. Runs of one road user, path and seed are a pair. Scans of a run follow each "
+            "other and are not counted as independent: a run gives one number, and a seed the "
+            f"mean of its {len(paths)} paths where paths are put together."
         ),
         Paragraph(
             "Centre error: distance of the estimated from the true centre. Orientation error: "
             "wrapped to ±180°, shown without its sign. IoU: of the areas within estimated and true "
             "contour; a scan with less than 0.2 counts as lost. RMSE is over the scans of a run, "
-            "the empty ones included; means and deviations are over seeds. NEES is divided by 2 "
-            "and NIS by its degrees of freedom: 1 is consistent, more says that the tracker "
-            "claims to know more than it does."
-        ),
-    )
-
-
-def _comparison(runs: Sequence[Run]) -> tuple[Paragraph | Table, ...]:
-    stixels = of_kind(runs, STIXELS)
-    others = [name for name in names(runs, "measurement") if name not in stixels]
-    rows = []
-    for user in names(runs, "road_user"):
-        for tracker in names(runs, "tracker"):
-            for base in stixels:
-                for other in others:
-                    one, two = (
-                        chosen(runs, road_user=user, tracker=tracker, measurement=name)
-                        for name in (base, other)
-                    )
-                    cells: list[str | float | int | None] = [
-                        user,
-                        tracker,
-                        f"{base}\u00a0−\u00a0{other}",
-                    ]
-                    for metric in ERRORS:
-                        difference = paired_difference(one, two, metric)
-                        cells += [difference.mean, difference.low, difference.high]
-                    rows.append((*cells, difference.n))
-    if not rows:
-        return (Paragraph("This study holds no stixels beside another measurement."),)
-    columns = ["road user", "tracker", "difference"]
-    for name, unit, _ in ERRORS.values():
-        columns.append(f"{name} ({unit})" if unit else name)
-        columns += [f"{name}: low", f"{name}: high"]
-    return (
-        Paragraph(
-            "Of each seed, the mean over the paths of the difference of two runs that see the same "
-            "motion; then the mean over the seeds and its 95 % interval (Student's t). An interval "
-            "without 0 tells the two apart. Of the errors a positive difference, of the IoU a "
-            "negative one, is worse for stixels."
-        ),
-        Table(
-            "paired_differences",
-            "Stixels minus another measurement, paired by road user, path and seed.",
-            (*columns, "n"),
-            tuple(rows),
+            "the empty ones included. NEES is divided by 2 and NIS by its degrees of freedom: 1 is "
+            "consistent, more says that the tracker claims to know more than it does, less that it "
+            "knows more than it claims. The point tracker's contour is a circle of the class's "
+            "size and its orientation that of its velocity."
         ),
     )
 
@@ -144,12 +105,12 @@ def _chapter(user: str, runs: Sequence[Run], measurements: Sequence[str]) -> Sec
         Paragraph(_tracking_text(runs)),
         _tracking_table(user, runs),
         boxes(f"{user}_boxes", runs, measurements),
-        *(
-            Section(
-                f"Over time: {path}",
-                (over_time(f"{user}_{path}_over_time", chosen(runs, path=path), measurements),),
-            )
-            for path in names(runs, "path")
+        Section(
+            "Over time",
+            tuple(
+                over_time(f"{user}_{path}_over_time", chosen(runs, path=path), measurements)
+                for path in names(runs, "path")
+            ),
         ),
         Section(
             "By range, by the sides that are seen, by the number of points",
@@ -196,11 +157,12 @@ def _measurement_section(user: str, kind: str, runs: Sequence[Run]) -> Section:
                 )
             )
         own = [row for row in rows if row[0] == measurement]
+        none = max((row[7] for row in own), default=0.0)
+        lacking = f"up to {percent(none, 1)} of a path's scans have" if none else "no scan has"
         sentences.append(
-            f"{measurement}: by path, {_range([row[5] for row in own])} points of a scan are "
-            f"within {NEAR:g} m of the true contour, a share of {_range([row[7] for row in own])} "
-            f"of the scans has none there, and these points lie {_range([row[10] for row in own])} "
-            "m (RMS) from the contour."
+            f"{capital(measurement)}: {_range([row[5] for row in own])} points of a scan, as the "
+            f"path may be, are within {NEAR:g} m of the true contour and lie "
+            f"{_range([row[10] for row in own])} m (RMS) from it; {lacking} none there."
         )
     table = Table(
         f"{user}_{kind}_scans",
@@ -246,9 +208,9 @@ def _tracking_text(runs: Sequence[Run]) -> str:
         known = {m: value for m, value in found.items() if value is not None}
         if known:
             ranked = sorted(known, key=known.get, reverse=True)
-            best[tracker] = ", ".join(f"{m} {format_value(known[m])}" for m in ranked)
+            best[tracker] = ", ".join(f"{m} {number(known[m], 2)}" for m in ranked)
     return "Mean IoU over all paths and seeds, the best first. " + " ".join(
-        f"{tracker}: {ranking}." for tracker, ranking in best.items()
+        f"{capital(tracker)}: {ranking}." for tracker, ranking in best.items()
     )
 
 
@@ -270,8 +232,9 @@ def _tracking_table(user: str, runs: Sequence[Run]) -> Table:
                 rows.append(tuple(cells))
     return Table(
         f"{user}_tracking",
-        f"{capital(user)}: mean ± standard deviation over n seeds. NEES and NIS are 1, and 0.95 "
-        "of the scans within the 95 % chi-square bounds, where the tracker is consistent.",
+        f"{capital(user)}: mean ± standard deviation over n seeds. Where a tracker is consistent, "
+        "NEES / 2 and NIS / d.o.f. are 1 in the mean, and at 95 % of the times the mean over the "
+        "n seeds is within the chi-square bounds of a sum over n runs (columns “within”).",
         (
             "path",
             "tracker",
@@ -286,9 +249,9 @@ def _tracking_table(user: str, runs: Sequence[Run]) -> Table:
             "share lost",
             "± share lost",
             "NEES / 2",
-            "NEES within bounds",
+            "NEES within",
             "NIS / d.o.f.",
-            "NIS within bounds",
+            "NIS within",
         ),
         tuple(rows),
     )
@@ -298,5 +261,5 @@ def _range(values: Sequence[float | None]) -> str:
     known = [value for value in values if value is not None]
     if not known:
         return "–"
-    low, high = format_value(min(known)), format_value(max(known))
+    low, high = number(min(known)), number(max(known))
     return low if low == high else f"{low} to {high}"

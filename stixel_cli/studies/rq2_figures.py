@@ -9,6 +9,7 @@ from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.report import style
 from stixel_cli.report.compare_figure import LINE_STYLES
 from stixel_cli.studies.nouns import Figure
+from stixel_cli.studies.prose import capital
 from stixel_cli.studies.rq2_conditions import Condition, condition_statistics
 from stixel_cli.studies.rq2_runs import Run, chi_square_bounds, chosen, names
 from stixel_cli.sweeps.statistics import student_t
@@ -33,12 +34,12 @@ def example_scans(name: str, runs: Sequence[Run]) -> Figure:
     """The middle scan of the first seed, a row a measurement and a column a path."""
     rows, columns = names(runs, "measurement"), names(runs, "path")
     with style.drawing():
-        figure = _figure(WIDTH, 0.35 + 1.9 * len(rows))
+        figure = _figure(WIDTH, 0.35 + 2.0 * len(rows))
         for i, measurement in enumerate(rows):
             for j, path in enumerate(columns):
                 axes = figure.add_subplot(len(rows), len(columns), i * len(columns) + j + 1)
                 found = chosen(runs, measurement=measurement, path=path)
-                axes.set_title(f"{measurement}, {path}", fontsize=8.0)
+                axes.set_title(f"{measurement},\n{path}", fontsize=8.0)
                 if found:
                     _scan(axes, min(found, key=lambda run: run.seed))
         return Figure(
@@ -100,9 +101,11 @@ def over_time(name: str, runs: Sequence[Run], measurements: Sequence[str]) -> Fi
         _legend(figure, grid)
         return Figure(
             name,
-            f"Errors and consistency over time, mean over {count} seeds; bands: 95 % interval of "
-            "that mean (Student's t). NEES and NIS are 1 where the filter is consistent; grey: the "
-            "95 % chi-square bounds of a mean over the seeds. Scales differ between trackers.",
+            f"{capital(runs[0].road_user)}, path {runs[0].path}: errors and consistency over time, "
+            f"mean over {count} seeds; coloured bands: 95 % "
+            "interval of that mean at each time by itself (Student's t, cut at 0). NEES and NIS "
+            "are 1 (dashed) where the filter is consistent; grey: 95 % chi-square bounds of the "
+            f"NEES of a mean over {count} runs. Scales differ between trackers.",
             style.svg(figure),
         )
 
@@ -130,6 +133,7 @@ def _band(axes, row: str, runs: Sequence[Run], shade: str, label: str) -> None:
 def boxes(name: str, runs: Sequence[Run], measurements: Sequence[str]) -> Figure:
     """Box plots of the runs' summaries, a group a tracker and a box a measurement."""
     trackers, there = names(runs, "tracker"), names(runs, "measurement")
+    groups = len(trackers) * len(there)
     with style.drawing():
         figure = _figure(WIDTH, 0.5 + 1.7 * len(BOXED))
         grid = figure.subplots(len(BOXED), 1, sharex=True, squeeze=False)
@@ -155,8 +159,11 @@ def boxes(name: str, runs: Sequence[Run], measurements: Sequence[str]) -> Figure
         _legend(figure, grid)
         return Figure(
             name,
-            "Every run's summary, all paths and seeds together: quartiles, median, whiskers to the "
-            "last value within 1.5 times the box, and what is beyond.",
+            f"{capital(runs[0].road_user)}: every run's summary, all paths and seeds together, "
+            f"{len(runs) // groups} runs a box: median, quartiles, whiskers to the last value "
+            "within 1.5 times the box's height, and dots for what is beyond. A box shows how runs "
+            "spread, paths among them; "
+            "it is no interval of a mean.",
             style.svg(figure),
         )
 
@@ -233,9 +240,11 @@ def by_condition(
         _legend(figure, grid)
         return Figure(
             name,
-            f"Errors by {condition.what}: of each seed the mean over its scans of all paths, then "
-            "mean and 95 % interval over the seeds. Scales differ between trackers. The numbers "
-            "stand in the appendix.",
+            f"{capital(runs[0].road_user)}: errors by {condition.what}: of each seed the mean over "
+            "its scans of all paths, then mean and 95 % interval over the seeds (Student's t). "
+            "Which paths a class has scans of differs, so classes differ by more than what they "
+            "are named for. Scales differ "
+            "between trackers. The numbers stand in the appendix.",
             style.svg(figure),
         )
 

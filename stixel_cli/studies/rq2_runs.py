@@ -1,12 +1,13 @@
 """RQ2: what is kept of every run, and how runs are put together."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import shapely
 from scipy.stats import chi2
 
+from stixel_cli.config.schema import Configuration
 from stixel_cli.geometry.angles import wrap_angle
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.scans import Scans
@@ -24,7 +25,8 @@ class Run:
     """One run; K scans.
 
     Attributes:
-        road_user, path, measurement, tracker: as they are called in the study.
+        road_user, path: as they are called in the study.
+        measurement, tracker: as the field calls them, see `measurement_name`, `tracker_name`.
         kind, tracker_kind: of measurement and tracker, whatever the options are called.
         seed: of the run.
         point: what it comes from.
@@ -60,23 +62,70 @@ class Run:
 
 def runs_of(data: StudyData) -> list[Run]:
     """Every run of the study."""
-    return [_run(point) for part in data.parts.values() for point in part.points]
+    points = [point for part in data.parts.values() for point in part.points]
+    called = {
+        "measurement": _called(points, "measurement", measurement_name),
+        "tracker": _called(points, "tracker", tracker_name),
+    }
+    return [_run(point, called) for point in points]
 
 
-def _run(point: StudyPoint) -> Run:
+def measurement_name(option: str, configuration: Configuration) -> str:
+    """What the field calls a measurement: stixels, fabricated rays, a lidar of so many layers."""
+    measurement = configuration.measurement
+    if measurement.kind == LIDAR:
+        return f"{measurement.scanner.layers}-layer lidar"
+    return {STIXELS: "stixels", "fabricated": "fabricated rays"}.get(measurement.kind, option)
+
+
+def tracker_name(option: str, configuration: Configuration) -> str:
+    """What the field calls a tracker; one without a name of its own is called as its option."""
+    return {"gp_ekf": "GP-EKF", FLOOR: "point tracker"}.get(configuration.tracker.kind, option)
+
+
+def _called(
+    points: Sequence[StudyPoint], group: str, name: Callable[[str, Configuration], str]
+) -> dict[tuple, str]:
+    """What each option of a group, with what else of the point is swept, is called; all differ."""
+    found: dict[tuple, tuple[str, str]] = {}
+    for point in points:
+        key = _setting(point, group)
+        if key not in found:
+            option = point.setting.get(group, getattr(point.configuration, group).kind)
+            found[key] = (name(option, point.configuration), option)
+    plain = [text for text, _ in found.values()]
+    return {
+        key: ", ".join(
+            [
+                text if plain.count(text) == 1 else f"{text} ({option})",
+                *(f"{name} {value}" for name, value in key[1:]),
+            ]
+        )
+        for key, (text, option) in found.items()
+    }
+
+
+def _setting(point: StudyPoint, group: str) -> tuple:
+    """The option of a group and other swept keys: a tracker's own to it, the rest to the scans."""
+    rest = [
+        (key, value)
+        for key, value in point.setting.items()
+        if key not in ("road_user", "path", "measurement", "tracker")
+        and key.startswith("tracker.") == (group == "tracker")
+    ]
+    return (point.setting.get(group), *rest)
+
+
+def _run(point: StudyPoint, called: Mapping[str, Mapping[tuple, str]]) -> Run:
     scenario, scans, track = (point.load(step) for step in ("scenario", "scans", "track"))
     configuration, scores = point.configuration, point.scores
     to_sensor = scans.sensor_poses_world[:, :2] - scenario.target_poses_world[:, :2]
     bearing = np.arctan2(to_sensor[:, 1], to_sensor[:, 0])
     aspects = np.abs(np.degrees(wrap_angle(bearing - scenario.target_poses_world[:, 2])))
-    named = {
-        "road_user": configuration.road_user.kind,
-        "path": configuration.path.kind,
-        "measurement": configuration.measurement.kind,
-        "tracker": configuration.tracker.kind,
-    }
     return Run(
-        **{name: point.setting.get(name, kind) for name, kind in named.items()},
+        road_user=point.setting.get("road_user", configuration.road_user.kind),
+        path=point.setting.get("path", configuration.path.kind),
+        **{group: names[_setting(point, group)] for group, names in called.items()},
         kind=configuration.measurement.kind,
         tracker_kind=configuration.tracker.kind,
         seed=point.seed,

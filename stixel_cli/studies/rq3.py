@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import asdict
 
 from stixel_cli.measurements.parameters import FittedNoise
-from stixel_cli.report.metrics import format_value
 from stixel_cli.studies.nouns import Findings, Paragraph, Part, Section, StudyData, Table
+from stixel_cli.studies.prose import listed, quantity
 from stixel_cli.studies.rq3_answer import answer
 from stixel_cli.studies.rq3_compare import Comparison, compare, difference_table
 from stixel_cli.studies.rq3_figures import (
@@ -37,17 +37,37 @@ COMMAND = "stixel study rq3"
 
 
 def fitted_noise(data: StudyData) -> list[dict[str, list]]:
-    """The axis of the fitted part: each road user with the noise that its training runs give."""
-    noises = fitted_noises(data.parts[TRAINING])
+    """The axis of the fitted part: road user and path, with a noise that has not seen the path."""
+    noises = held_out_noises(data.parts[TRAINING])
     keys = [name for name in asdict(next(iter(noises.values()))) if name != "kind"]
-    axis: dict[str, list] = {"road_user": list(noises)}
+    axis: dict[str, list] = {
+        "road_user": [user for user, _ in noises],
+        "path": [path for _, path in noises],
+    }
     for key in keys:
         axis[f"measurement.noise.{key}"] = [getattr(noise, key) for noise in noises.values()]
     return [axis]
 
 
+def held_out_noises(training: Part) -> dict[tuple[str, str], FittedNoise]:
+    """Road user and path to the noise fitted to the user's runs on all other paths.
+
+    Seeds share their images but for the sensor's noise, so other seeds of one path would be no test
+    of a fit. Where there is one path alone, the noise is fitted to that.
+    """
+    runs = runs_of(training)
+    found = {}
+    for user in names(runs, "road_user"):
+        own = {key: point for key, point in runs.items() if key.road_user == user}
+        for path in names(own, "path"):
+            others = [point for key, point in own.items() if key.path != path]
+            used = others or list(own.values())
+            found[user, path] = fit_noise([point.load("point_errors") for point in used])
+    return found
+
+
 def fitted_noises(training: Part) -> dict[str, FittedNoise]:
-    """Road user to the noise that is fitted to its runs."""
+    """Road user to the noise that is fitted to all of its runs."""
     runs = runs_of(training)
     return {
         user: fit_noise(
@@ -66,6 +86,7 @@ def report(data: StudyData) -> Findings:
     points = compare(parts, point_measures(lag), by_tracker=False)
     tracks = compare(parts, TRACKER_MEASURES, by_tracker=True)
     price = price_of(data.parts[SIMULATED], data.parts[FABRICATED])
+    seeds, paths = (len(names(parts[SIMULATED], name)) for name in ("seed", "path"))
     sections = (
         Section("What was compared, and how", _method(data, parts, lag)),
         Section("The points", _points(points, pools, lag)),
@@ -74,7 +95,7 @@ def report(data: StudyData) -> Findings:
         Section("The price of a scan", _price(price)),
     )
     return Findings(
-        tuple(answer(points, tracks, price)),
+        tuple(answer(points, tracks, price, seeds, paths)),
         sections,
         {
             f"noise/fitted_{user}.yaml": preset(noise, _what(data, user), COMMAND)
@@ -101,16 +122,19 @@ def _method(data: StudyData, parts: dict[str, Runs], lag: float) -> tuple[Paragr
     seeds = sorted(names(runs, "seed"))
     trained = sorted(names(runs_of(data.parts[TRAINING]), "seed"))
     common = sorted(set(seeds) & set(trained))
-    apart = (
-        f"seeds {_listed(common)} are in both, so this fit is judged on what it was fitted to"
-        if common
-        else "no seed is in both"
+    apart = f"seeds {listed(common)} are in both" if common else "no seed is in both"
+    folds = (
+        "the noise that a run is judged with was fitted to the training runs of the other paths"
+        if len(names(runs, "path")) > 1
+        else "there is one path, so the fit is judged on the path that it was fitted to"
     )
     return (
         Paragraph(
-            f"Road users: {_listed(names(runs, 'road_user'))}; paths: "
-            f"{_listed(names(runs, 'path'))}; trackers: {_listed(names(runs, 'tracker'))}; seeds: "
-            f"{_listed(seeds)}. The noise was fitted on seeds {_listed(trained)}: {apart}."
+            f"Road users: {listed(names(runs, 'road_user'))}. Paths: "
+            f"{listed(names(runs, 'path'))}. Trackers: {listed(names(runs, 'tracker'))}. Seeds: "
+            f"{listed(seeds)}. The noise was fitted on seeds {listed(trained)}, {apart}. Seeds "
+            "share motion and rendering, and differ in the sensor's noise and the tracker's "
+            f"start, so other seeds alone would be no test: {folds}."
         ),
         Paragraph(
             "Three kinds of scan of the same poses. Simulated: rendered stereo images, matching, "
@@ -120,7 +144,8 @@ def _method(data: StudyData, parts: dict[str, Runs], lag: float) -> tuple[Paragr
         ),
         Paragraph(
             "A point is the target's if its column is in the true silhouette widened by 10 px and "
-            "it lies within 3 px of disparity and 2 m of where its ray meets the contour first. "
+            "it lies within 1 px of disparity, or within 3 px and 2 m, of where its ray meets the "
+            "contour first. "
             "Its error along the ray is measured minus true range; a point beside the silhouette "
             "is compared with the nearest ray that meets it. Across the ray a point has no error "
             "of its own, for the ray is that of its column: the bias across is the shift of both "
@@ -133,15 +158,17 @@ def _method(data: StudyData, parts: dict[str, Runs], lag: float) -> tuple[Paragr
             "The unit is a pair of runs of the same road user, path and seed, n of them; scans of "
             "one run follow each other and are not counted as independent. Intervals: paired "
             f"bootstrap, 95 % percentiles of {DRAWS} draws; paths are given, so seeds are drawn "
-            "within each path, and the intervals speak of these paths, not of all. Tests: "
+            "within each path, one less than there are and weighted up (Rao and Wu 1988), for "
+            "else few seeds would make intervals too short. They speak of these paths, not of "
+            "all. Tests: "
             "Wilcoxon's signed rank, two-sided, with Holm's correction over all tests of a table. "
             "They take the pairs as exchangeable; pairs of one path share its motion, so a test "
             "that is clear here is clear for these paths. Effect: matched-pairs "
-            "rank-biserial correlation, -1 to 1. With few pairs no test can reach 5 % once it is "
+            "rank-biserial correlation, −1 to 1. With few pairs no test can reach 5 % once it is "
             "corrected; the intervals still tell how large the difference is."
         ),
         Paragraph(
-            "Gap closed: 1 - |mean of fitted minus simulated| / |mean of fabricated minus "
+            "Gap closed: 1 − |mean of fitted minus simulated| / |mean of fabricated minus "
             "simulated|, with the bootstrap's interval over the same pairs. 1: nothing of the gap "
             "is left, 0: all of it, below 0: it became wider. It is not given where the interval "
             "of the gap holds 0."
@@ -186,13 +213,15 @@ def _tracker(tracks: Sequence[Comparison]) -> tuple:
 
 def _fit(data: StudyData, noises: dict[str, FittedNoise]) -> tuple:
     users = list(noises)
-    rows = [
-        (key, *(getattr(noise, key) for noise in noises.values()))
-        for key in asdict(noises[users[0]])
-        if key != "kind"
+    held_out = held_out_noises(data.parts[TRAINING])
+    keys = [key for key in asdict(noises[users[0]]) if key != "kind"]
+    rows = [(key, *(getattr(noise, key) for noise in noises.values())) for key in keys]
+    folds = [
+        (f"{user}, without {path}", *(getattr(noise, key) for key in keys))
+        for (user, path), noise in held_out.items()
     ]
     biases = "; ".join(
-        f"{user} {format_value(noise.range_bias)} m and {format_value(noise.disparity_bias)} px"
+        f"{user} {quantity(noise.range_bias, 'm')} and {quantity(noise.disparity_bias, 'px')}"
         for user, noise in noises.items()
     )
     return (
@@ -205,9 +234,18 @@ def _fit(data: StudyData, noises: dict[str, FittedNoise]) -> tuple:
         ),
         Table(
             "fitted_noise",
-            "Parameters of the fitted noise; units as in conf/measurement/noise.",
+            "Parameters of the fitted noise, all paths together, as the presets have them; units "
+            "as in conf/measurement/noise.",
             ("parameter", *users),
             tuple(rows),
+        ),
+        Table(
+            "held_out_noise",
+            "The noises that the comparisons above were made with: each fitted without the path "
+            "that it is judged on (where there is more than one). Rows that differ little say that "
+            "a fit carries over from path to path.",
+            ("fitted to", *keys),
+            tuple(folds),
         ),
         Paragraph(
             "The files are beside this page: "
@@ -216,7 +254,8 @@ def _fit(data: StudyData, noises: dict[str, FittedNoise]) -> tuple:
             f"measurement/noise=fitted_{users[0]}."
         ),
         Paragraph(
-            "What the model leaves out: an error that scans share. Its noise is new in every scan, "
+            "What the model leaves out: a shift of both ends to one side, so its bias across the "
+            "ray is none, and an error that scans share. Its noise is new in every scan, "
             "while the relief of a road user stays with it; see the correlation of successive "
             "scans' means above."
         ),
@@ -234,7 +273,7 @@ def _price(price: Price) -> tuple:
         ),
         Table(
             "price",
-            "Seconds a scan.",
+            "Seconds a scan, medians over the runs.",
             ("stage", SIMULATED, FABRICATED),
             (
                 *(
@@ -251,10 +290,6 @@ def _what(data: StudyData, user: str) -> str:
     runs = {key: point for key, point in runs_of(data.parts[TRAINING]).items()}
     own = [key for key in runs if key.road_user == user]
     points = sum(len(runs[key].load("point_errors").scans) for key in own)
-    paths = _listed(dict.fromkeys(key.path for key in own))
-    seeds = _listed(dict.fromkeys(key.seed for key in own))
+    paths = listed(list(dict.fromkeys(key.path for key in own)))
+    seeds = listed(list(dict.fromkeys(key.seed for key in own)))
     return f"{points} simulated points: {user}; paths {paths}; seeds {seeds}"
-
-
-def _listed(values) -> str:
-    return ", ".join(str(value) for value in values)

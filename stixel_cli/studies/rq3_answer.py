@@ -4,94 +4,169 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stixel_cli.report.metrics import format_value
+from stixel_cli.studies.prose import (
+    capital,
+    counted,
+    decimals,
+    listed,
+    number,
+    percent,
+    quantity,
+)
 from stixel_cli.studies.rq3_compare import Comparison
 from stixel_cli.studies.rq3_price import THESIS, Price
 from stixel_cli.studies.rq3_runs import FABRICATED, FITTED, SIMULATED
 
+_TOLD = (
+    "bias along the ray",
+    "bias across the ray",
+    "deviation of the disparity",
+    "correlation of neighbours",
+    "share of the target's columns without a point",
+    "reach beyond the silhouette's ends",
+)
+"""What the answer tells of the points; the table has the rest."""
 
-def answer(points: Sequence[Comparison], tracks: Sequence[Comparison], price: Price) -> list[str]:
-    """The answer in sentences."""
-    sentences = [_counted("Points", points), _counted("Tracker", tracks)]
+_ORDER = f"({SIMULATED} / {FABRICATED} / {FITTED}; in brackets fabricated minus simulated, 95 %)"
+
+
+def answer(
+    points: Sequence[Comparison],
+    tracks: Sequence[Comparison],
+    price: Price,
+    seeds: int,
+    paths: int,
+) -> list[str]:
+    """The answer in sentences; `seeds` and `paths` are how many the runs have."""
+    sentences = [_apart(points)]
     for user in dict.fromkeys(one.road_user for one in points):
-        sentences.append(_point_sentence([one for one in points if one.road_user == user]))
+        own = [one for one in points if one.road_user == user and one.measure.label in _TOLD]
+        sentences.append(f"{capital(user)}, points {_ORDER}: {_values(own)}.")
     for tracker in dict.fromkeys(one.tracker for one in tracks):
-        sentences.append(_track_sentence([one for one in tracks if one.tracker == tracker]))
-    sentences.append(_price_sentence(price))
+        own = [one for one in tracks if one.tracker == tracker]
+        sentences += [_matters(tracker, own), _tracker_numbers(tracker, own)]
+    sentences.append(" ".join([_closed("points'", points), _closed("trackers'", tracks)]))
+    sentences.append(_price(price))
+    sentences.append(
+        f"Brackets are 95 % intervals of a bootstrap over {counted(seeds, 'seed')} in each "
+        f"of {counted(paths, 'path')}; "
+        "n is the number of pairs of runs of the same path and seed. The fitted noise was judged "
+        + (
+            "on paths that it was not fitted to"
+            if paths > 1
+            else "on the path that it was fitted to"
+        )
+        + ", but of the same road users, street and light: of other shapes it says nothing."
+    )
     return sentences
 
 
-def _counted(what: str, found: Sequence[Comparison]) -> str:
-    apart = [sum(one.differs(part) for one in found) for part in (FABRICATED, FITTED)]
-    shares = [one.closed.share for one in found if one.closed.share is not None]
-    closed = sum(one.closed.low > 0.0 for one in found if one.closed.low is not None)
-    wider = sum(one.closed.high < 0.0 for one in found if one.closed.high is not None)
-    text = (
-        f"{what}: of {len(found)} comparisons, Wilcoxon's test with Holm's correction tells "
-        f"fabricated from simulated in {apart[0]}, fitted from simulated in {apart[1]}."
-    )
-    if shares:
-        text += (
-            f" In {len(shares)} the 95 % interval of the gap leaves out 0; of these gaps the "
-            f"fitted noise closes {_percent(float(np.median(shares)))} in the median, surely part "
-            f"of it in {closed}, and makes it surely wider in {wider}."
+def _apart(found: Sequence[Comparison]) -> str:
+    apart = sum(one.differs(FABRICATED) for one in found)
+    test = "Wilcoxon's signed rank test with Holm's correction"
+    if not apart:
+        return (
+            f"No difference between fabricated and simulated points is shown: {test} tells them "
+            f"apart in none of {counted(len(found), 'comparison')} (measures times road users), "
+            "which with few pairs it may not be able to."
         )
-    else:
-        text += " No gap's 95 % interval leaves out 0, so there is none to close."
-    return text
-
-
-def _point_sentence(found: Sequence[Comparison]) -> str:
-    parts = [
-        _values(one)
-        for one in found
-        if one.measure.label
-        in ("bias along the ray", "deviation of the disparity", "correlation of neighbours")
-        or one.measure.label.startswith(("reach", "share of the target's"))
-    ]
+    verdict = "are not like" if 2 * apart > len(found) else "are in part unlike"
     return (
-        f"{found[0].road_user.capitalize()}, points, {SIMULATED} / {FABRICATED} / {FITTED}: "
-        f"{'; '.join(parts)}."
+        f"Fabricated points {verdict} simulated ones: in {apart} of "
+        f"{counted(len(found), 'comparison')} (measures times road users) {test} tells them apart."
     )
 
 
-def _track_sentence(found: Sequence[Comparison]) -> str:
+def _values(found: Sequence[Comparison]) -> str:
+    return "; ".join(f"{one.measure.label} {_triple(one)}" for one in found)
+
+
+def _triple(one: Comparison) -> str:
+    gap = one.apart[FABRICATED]
+    places = None
+    if gap.low is not None:
+        places = decimals(0.5 * (gap.high - gap.low))
+    unit = one.measure.unit
+    values = " / ".join(number(value, places) for value in one.means.values())
+    shown = values + unit if unit == "°" else f"{values}\u202f{unit}" if unit else values
+    if gap.mean is None or gap.low is None:
+        return shown
+    return f"{shown} [{number(gap.low, places)}, {number(gap.high, places)}]"
+
+
+def _matters(tracker: str, found: Sequence[Comparison]) -> str:
+    shown = _by_user([one for one in found if one.differs(FABRICATED)])
+    rest = [one for one in found if not one.differs(FABRICATED)]
+    leaning = _by_user([one for one in rest if _without_zero(one)])
+    alike = _by_user([one for one in rest if not _without_zero(one)])
+    text = (
+        f"To the {tracker} it matters for {shown}."
+        if shown
+        else f"To the {tracker} it makes no difference that the test shows."
+    )
+    if leaning:
+        text += (
+            f" For {leaning} the mean difference's interval leaves out 0, but the corrected test, "
+            "which wants one direction in most pairs of all paths, does not show it."
+        )
+    return f"{text} No difference is shown for {alike}." if alike else text
+
+
+def _without_zero(one: Comparison) -> bool:
+    gap = one.apart[FABRICATED]
+    return gap.low is not None and not gap.low <= 0.0 <= gap.high
+
+
+def _by_user(found: Sequence[Comparison]) -> str:
+    parts = []
+    for user in dict.fromkeys(one.road_user for one in found):
+        own = [_short(one.measure.label) for one in found if one.road_user == user]
+        parts.append(f"the {user} ({listed(own)})")
+    return listed(parts) if parts else ""
+
+
+def _short(label: str) -> str:
+    label = label.removeprefix("log10 of mean ").partition(" / ")[0]
+    return label.removeprefix("mean ").removesuffix(" RMSE")
+
+
+def _tracker_numbers(tracker: str, found: Sequence[Comparison]) -> str:
     parts = []
     for user in dict.fromkeys(one.road_user for one in found):
         own = [one for one in found if one.road_user == user]
-        shown = [_values(one) for one in own if not one.measure.label.startswith("log10")]
-        parts.append(f"{user}: {', '.join(shown)}")
+        shown = [one for one in own if not one.measure.label.startswith("log10")]
+        parts.append(f"{user}, n = {own[0].apart[FABRICATED].n}: {_values(shown)}")
+    return f"{capital(tracker)} {_ORDER}. {'. '.join(map(capital, parts))}."
+
+
+def _closed(owner: str, found: Sequence[Comparison]) -> str:
+    gaps = [one for one in found if one.differs(FABRICATED) and one.closed.share is not None]
+    if not gaps:
+        return f"Of the {owner} no gap is shown, so there is none to close."
+    share = float(np.median([one.closed.share for one in gaps]))
+    surely = sum(one.closed.low > 0.0 for one in gaps)
+    wider = sum(one.closed.high < 0.0 for one in gaps)
+    left = sum(one.differs(FITTED) for one in found)
     return (
-        f"{found[0].tracker}, {SIMULATED} / {FABRICATED} / {FITTED} (n = "
-        f"{max(one.apart[FABRICATED].n for one in found)} pairs a road user): {'; '.join(parts)}."
+        f"Of the {owner} {counted(len(gaps), 'gap')} that the test shows, the fitted noise closes "
+        f"{percent(share)} in the median; by the 95 % interval it narrows {surely} and widens "
+        f"{wider}. The test still tells fitted from simulated in {left} of "
+        f"{counted(len(found), 'comparison')}."
     )
 
 
-def _values(one: Comparison) -> str:
-    values = " / ".join(format_value(value) for value in one.means.values())
-    unit = one.measure.unit
-    unit = unit if unit in ("", "°") else f" {unit}"
-    closed = one.closed
-    more = (
-        f" (gap closed {_percent(closed.share)}, {_percent(closed.low)} to {_percent(closed.high)})"
-        if closed.share is not None
-        else ""
-    )
-    return f"{one.measure.label} {values}{unit}{more}"
-
-
-def _price_sentence(price: Price) -> str:
+def _price(price: Price) -> str:
     if price.ratio is None:
         return "The price of a scan is not known: not all of its stages' seconds are recorded."
-    more = "more" if price.ratio > THESIS else "less"
-    return (
-        f"Given the scenario, a simulated scan took {format_value(1e3 * price.simulated_total)} ms "
-        "of computing, a "
-        f"fabricated one {format_value(1e3 * price.fabricated_total)} ms: "
-        f"{format_value(price.ratio)} times as much, {more} than the {THESIS:.0f} times "
-        "that the thesis speaks of."
+    spread = (
+        f" (quartiles over the runs {number(price.quartiles[0])} and {number(price.quartiles[1])})"
+        if price.quartiles is not None
+        else ""
     )
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.0f} %"
+    verdict = "more" if price.ratio > THESIS else "less"
+    return (
+        "The price: given the scenario, a simulated scan took "
+        f"{quantity(1e3 * price.simulated_total, 'ms')} of computing and a fabricated one "
+        f"{quantity(1e3 * price.fabricated_total, 'ms')}: {number(price.ratio)} times as "
+        f"much{spread}, {verdict} than the {THESIS:.0f} times that the thesis speaks of."
+    )

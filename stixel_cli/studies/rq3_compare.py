@@ -134,9 +134,9 @@ def difference_table(name: str, caption: str, found: Sequence[Comparison]) -> Ta
     columns = ["road user", *(["tracker"] if with_tracker else []), "measure", "n"]
     columns += [SIMULATED, FABRICATED, FITTED]
     for part in (FABRICATED, FITTED):
-        columns += [f"{part} − simulated", f"{part}: low", f"{part}: high"]
+        columns += [f"{part} − simulated", f"low {part}", f"high {part}"]
         columns += [f"{part}: p (Holm)", f"{part}: effect"]
-    columns += ["gap closed", "closed: low", "closed: high"]
+    columns += ["gap closed", "low closed", "high closed"]
     rows = []
     for one in found:
         unit = f" ({one.measure.unit})" if one.measure.unit else ""

@@ -49,8 +49,10 @@ def fit_noise(runs: Sequence[PointErrors]) -> FittedNoise:
     variance = range_variance + disparity_variance * lever**2
     edge_variance = np.mean((rest[outermost] ** 2 - variance[outermost]) / lever[outermost] ** 2)
     whitened = rest / np.sqrt(np.maximum(variance, 1e-12))
-    metres, shift, metres_variance, shift_variance = _ends(runs, width)
     missed_share, missed_columns = _missed(scan, column, width)
+    metres, shift, metres_variance, shift_variance = _ends(
+        runs, width, missed_share, missed_columns
+    )
     return FittedNoise(
         kind="fitted",
         columns_per_point=width,
@@ -122,8 +124,16 @@ def _correlation_columns(
     return -width / np.log(correlation) if 0.0 < correlation < 1.0 else 0.0
 
 
-def _ends(runs: Sequence[PointErrors], width: int) -> tuple[float, float, float, float]:
-    """Mean shift of the ends, in metres and in columns, and the two parts' variances."""
+def _ends(
+    runs: Sequence[PointErrors], width: int, missed_share: float, missed_columns: float
+) -> tuple[float, float, float, float]:
+    """Mean shift of the ends, in metres and in columns, and the two parts' variances.
+
+    Missed points shorten the reach where they are the outermost. The noise misses them after it
+    has moved the ends, so what they take is given back here: with the probability `missed_share`
+    the rest of a run, geometric as the whole one is, of mean `missed_columns` L and mean square
+    2 L² - width L.
+    """
     reach = np.concatenate([np.concatenate([run.reach_left, run.reach_right]) for run in runs])
     scale = np.concatenate([np.tile(run.columns_per_metre, 2) for run in runs])
     known = np.isfinite(reach) & np.isfinite(scale)
@@ -133,9 +143,11 @@ def _ends(runs: Sequence[PointErrors], width: int) -> tuple[float, float, float,
     design = np.stack([scale, np.ones_like(scale)], axis=-1)
     metres, shift = np.linalg.lstsq(design, reach, rcond=None)[0]
     rest = reach - design @ np.array([metres, shift])
+    taken = missed_share * missed_columns
+    taken_variance = missed_share * (2.0 * missed_columns - width) * missed_columns - taken**2
     # A block counts if its middle is before the end: its own end is anywhere within one block.
-    parts = _two_variances(rest**2 - width**2 / 12.0, scale**2)
-    return float(metres), float(shift), *parts
+    parts = _two_variances(rest**2 - width**2 / 12.0 - taken_variance, scale**2)
+    return float(metres), float(shift + taken), *parts
 
 
 def _missed(scan: np.ndarray, column: np.ndarray, width: int) -> tuple[float, float]:

@@ -1,11 +1,12 @@
 """RQ3: what a scan costs, from the seconds that the stages took."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from stixel_cli.studies.nouns import Part, StudyPoint
+from stixel_cli.studies.rq3_runs import pairing
 
 SHARED = ("ego_motion", "scenario")
 """Steps that both kinds of scan begin with; not counted as the price of either."""
@@ -25,12 +26,14 @@ class Price:
         simulated, fabricated: stage to seconds, those that both share included.
         simulated_total, fabricated_total: of the stages that are not shared; None if one was not
             recorded.
+        quartiles: first and third, of the ratio of the runs of the same road user, path and seed.
     """
 
     simulated: dict[str, float]
     fabricated: dict[str, float]
     simulated_total: float | None
     fabricated_total: float | None
+    quartiles: tuple[float, float] | None
 
     @property
     def ratio(self) -> float | None:
@@ -42,11 +45,14 @@ class Price:
 
 def price_of(simulated: Part, fabricated: Part) -> Price:
     """The price of scans of both kinds."""
+    ours, theirs = _totals(simulated.points), _totals(fabricated.points)
+    ratios = [ours[key] / theirs[key] for key in ours if theirs.get(key)]
     return Price(
         _median_stages(simulated.points),
         _median_stages(fabricated.points),
-        _total(simulated.points),
-        _total(fabricated.points),
+        _median(ours),
+        _median(theirs),
+        tuple(np.quantile(ratios, [0.25, 0.75]).tolist()) if ratios else None,
     )
 
 
@@ -59,12 +65,18 @@ def _median_stages(points: Sequence[StudyPoint]) -> dict[str, float]:
     return found
 
 
-def _total(points: Sequence[StudyPoint]) -> float | None:
-    """Median over the runs that have the scans' own seconds recorded, and all before them."""
+def _totals(points: Sequence[StudyPoint]) -> dict[tuple, float]:
+    """Seconds a scan by road user, path and seed, of the runs with most of the stages recorded."""
     most = max((sum(stage in p.seconds for stage in STAGES) for p in points), default=0)
-    sums = [
-        sum(p.seconds.get(stage, 0.0) for stage in STAGES) / len(p.scores.times)
-        for p in points
-        if "scans" in p.seconds and sum(stage in p.seconds for stage in STAGES) == most
-    ]
-    return float(np.median(sums)) if sums else None
+    found = {}
+    for point in points:
+        there = sum(stage in point.seconds for stage in STAGES)
+        if "scans" in point.seconds and there == most:
+            key = pairing(point)
+            seconds = sum(point.seconds.get(stage, 0.0) for stage in STAGES)
+            found[key.road_user, key.path, key.seed] = seconds / len(point.scores.times)
+    return found
+
+
+def _median(totals: Mapping[tuple, float]) -> float | None:
+    return float(np.median(list(totals.values()))) if totals else None

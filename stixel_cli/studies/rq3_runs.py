@@ -7,6 +7,7 @@ import numpy as np
 
 from stixel_cli.evaluation.point_errors import PointErrors
 from stixel_cli.studies.nouns import Part, StudyPoint
+from stixel_cli.studies.rq2_runs import tracker_name
 
 SIMULATED, FABRICATED, FITTED = "simulated", "fabricated", "fitted"
 
@@ -51,7 +52,7 @@ def pairing(point: StudyPoint) -> Pairing:
         point.setting.get("road_user", configuration.road_user.kind),
         point.setting.get("path", configuration.path.kind),
         point.seed,
-        point.setting.get("tracker", configuration.tracker.kind),
+        tracker_name(point.setting.get("tracker", configuration.tracker.kind), configuration),
     )
 
 

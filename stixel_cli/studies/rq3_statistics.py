@@ -50,20 +50,30 @@ def paired(differences: np.ndarray, strata: Sequence[str], name: str) -> Paired:
     effect = rank_biserial(differences)
     if n < 2:
         return Paired(n, mean, None, None, None, effect)
-    drawn = differences[resampled(strata, name)].mean(axis=1)
-    low, high = interval(drawn)
+    low, high = interval(weights(strata, name) @ differences)
     return Paired(n, mean, low, high, wilcoxon(differences), effect)
 
 
-def resampled(strata: Sequence[str], name: str) -> np.ndarray:
-    """Indices (DRAWS, n): within every stratum as many pairs as it has, with replacement."""
+def weights(strata: Sequence[str], name: str) -> np.ndarray:
+    """Weights (DRAWS, n) of the bootstrap's means of n pairs: each row sums to 1.
+
+    Of the m pairs of a stratum m - 1 are drawn with replacement, and weighted as if they were m
+    (Rao & Wu 1988, *Resampling inference with complex survey data*): to draw m would make the
+    mean's variance (m - 1) / m of what it is, with 5 seeds a path intervals a tenth too short. The
+    only pair of a stratum stays.
+    """
     random = generator(0, f"bootstrap {name}")
     columns = np.array(strata)
-    drawn = np.zeros((DRAWS, len(columns)), dtype=np.int64)
+    found = np.zeros((DRAWS, len(columns)))
     for stratum in sorted(set(strata)):
         members = np.flatnonzero(columns == stratum)
-        drawn[:, members] = members[random.integers(0, len(members), (DRAWS, len(members)))]
-    return drawn
+        count = len(members)
+        if count == 1:
+            found[:, members] = 1.0
+            continue
+        drawn = random.multinomial(count - 1, np.full(count, 1.0 / count), DRAWS)
+        found[:, members] = drawn * (count / (count - 1.0))
+    return found / len(columns)
 
 
 def interval(values: np.ndarray) -> tuple[float, float]:
@@ -119,8 +129,8 @@ def gap_closed(gap: np.ndarray, rest: np.ndarray, strata: Sequence[str], name: s
     """
     if len(gap) < 2:
         return Closed(None, None, None)
-    rows = resampled(strata, name)
-    gaps, rests = gap[rows].mean(axis=1), rest[rows].mean(axis=1)
+    drawn = weights(strata, name)
+    gaps, rests = drawn @ gap, drawn @ rest
     low, high = interval(gaps)
     if low <= 0.0 <= high:
         return Closed(None, None, None)

@@ -63,14 +63,15 @@ def run_study(
         fresh: begin anew, and take away what the folder holds.
         workers: how many compute at a time; None for what the configuration says.
         visible: show progress on stderr.
-        tell: called with notes before anything runs.
+        tell: called with notes on the axes before anything runs, and before a part with how many
+            of its finished points are computed again, and why.
 
     Raises:
         UserError: in one line; before anything is written for what is wrong with the plan or the
             folder. What was computed stays.
         SweepInterrupted: by Ctrl-C, the report being written.
     """
-    run = _Run(plan, StudyFolder(folder), command, workers, visible)
+    run = _Run(plan, StudyFolder(folder), command, workers, visible, tell)
     run.folder.begin(plan, command, fresh)
     for one in plan.parts:
         for note in one.notes:
@@ -101,12 +102,14 @@ class _Run:
         command: str,
         workers: int | None,
         visible: bool,
+        tell: Callable[[str], Any],
     ):
         self.plan = plan
         self.folder = folder
         self.command = command
         self.workers = workers
         self.visible = visible
+        self.tell = tell
         self.results: dict[str, SweepResult] = {}
         self.parts: dict[str, Part] = {}
         """Data of the parts that are complete."""
@@ -193,7 +196,13 @@ class _Run:
             texts = [point.overrides for point in design_points(design)]
             same = _results(request.points) == _results(texts)
             if same and request.steps == one.part.steps:
-                return resumed_sweep(path, self.workers, self.visible, label)
+                return resumed_sweep(
+                    path,
+                    self.workers,
+                    self.visible,
+                    label,
+                    tell=lambda note: self.tell(f"{name}: {note}"),
+                )
         # What is there was begun in a moment, or was derived from other results.
         if path.exists():
             shutil.rmtree(path)

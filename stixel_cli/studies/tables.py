@@ -1,17 +1,19 @@
 """A study's tables as CSV, Markdown, LaTeX and for the page; the statistics that studies share.
 
-A column whose name begins with `±` is the spread of the one before it: shown beside it in one cell,
-and a column of its own in the CSV.
+A column whose name begins with `±` is the standard deviation of the one before it, two that begin
+with `low` and `high` are the ends of its 95 % interval: shown beside it in one cell, to the digits
+that they bear, and columns of their own in the CSV.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 
-from stixel_cli.report.metrics import format_value
 from stixel_cli.studies.nouns import Figure, Findings, Section, Table
+from stixel_cli.studies.prose import MINUS, decimals, number, with_interval
 from stixel_cli.sweeps.statistics import Statistic, statistic
 from stixel_cli.sweeps.tables import csv_text, latex_row, latex_text, markdown_row
 
-SPREAD = "±"
+SPREAD, LOW, HIGH = "±", "low ", "high "
 
 
 def over_seeds(values: Sequence[float | int | None]) -> Statistic:
@@ -48,12 +50,12 @@ def shown_table(table: Table) -> tuple[list[str], list[list[str]], list[bool]]:
     """Header, cells as shown, and of each column whether it holds numbers."""
     groups: list[list[int]] = []
     for i, name in enumerate(table.columns):
-        if name.startswith(SPREAD) and groups:
+        if name.startswith((SPREAD, LOW, HIGH)) and groups:
             groups[-1].append(i)
         else:
             groups.append([i])
-    header = [table.columns[g[0]] + (f" {SPREAD} sd" if len(g) > 1 else "") for g in groups]
-    rows = [[_cell([row[i] for i in group]) for group in groups] for row in table.rows]
+    header = [table.columns[g[0]] + _SUFFIXES[len(g)] for g in groups]
+    rows = [[_cell([_plain(row[i]) for i in group]) for group in groups] for row in table.rows]
     numeric = [
         any(isinstance(row[g[0]], int | float) for row in table.rows)
         and not any(isinstance(row[g[0]], str) for row in table.rows)
@@ -62,20 +64,28 @@ def shown_table(table: Table) -> tuple[list[str], list[list[str]], list[bool]]:
     return header, rows, numeric
 
 
+_SUFFIXES = {1: "", 2: f" {SPREAD} sd", 3: " [95 %]"}
+
+
 def _cell(values: Sequence[str | int | float | None]) -> str:
-    first = values[0] if isinstance(values[0], str) else format_value(_plain(values[0]))
-    spreads = [value for value in values[1:] if value is not None]
-    return " ".join([first, *(f"{SPREAD} {_as_fine(value, first)}" for value in spreads)])
-
-
-def _as_fine(value: float, first: str) -> str:
-    """A spread with as many decimals as the value that it belongs to."""
-    _, point, decimals = first.partition(".")
-    return f"{value:.{len(decimals)}f}" if point and decimals.isdigit() else format_value(value)
+    match values:
+        case [str() as text, *_]:
+            return text
+        case [value, low, high]:
+            return with_interval(value, low, high)
+        case [value, spread] if value is not None and spread is not None:
+            places = decimals(spread)
+            # A spread of next to nothing leaves the value its usual digits.
+            most = 3 - math.floor(math.log10(max(abs(value), 1e-3)))
+            places = max(0, min(3 if places is None else places, most))
+            return f"{number(value, places)} {SPREAD} {number(spread, places)}"
+        case [value, *_]:
+            # Positive, and smaller than what is shown: as of a p.
+            return "< 0.0001" if value is not None and 0.0 < value < 5e-5 else number(value)
 
 
 def _plain(value: int | float | None) -> int | float | None:
-    """NumPy's numbers as Python's, of which `format_value` knows which are whole."""
+    """NumPy's numbers as Python's, of which `number` knows which are whole."""
     return value.item() if hasattr(value, "item") else value
 
 
@@ -96,7 +106,7 @@ def table_latex(table: Table) -> str:
         r"\hline",
         latex_row(header),
         r"\hline",
-        *map(latex_row, rows),
+        *(latex_row(row).replace(MINUS, "$-$") for row in rows),
         r"\hline",
         r"\end{tabular}",
         r"\end{table}",

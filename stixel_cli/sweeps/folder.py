@@ -20,7 +20,7 @@ from typing import Any
 
 import yaml
 
-from stixel_cli.errors import UserError
+from stixel_cli.errors import FolderTaken, UserError
 
 PLAN = "sweep.yaml"
 RUNS = "runs.csv"
@@ -63,9 +63,17 @@ class SweepFolder:
         self.path = path
 
     def create(self, request: SweepRequest) -> None:
-        """Make the folder, and say in it what was asked for."""
+        """Make the folder, and say in it what was asked for.
+
+        Raises:
+            FolderTaken: if there is a folder of its name by now.
+            UserError: if it cannot be written.
+        """
         with self._written():
-            self.path.mkdir(parents=True)
+            try:
+                self.path.mkdir(parents=True)
+            except FileExistsError:
+                raise FolderTaken(f"{self.path}: was made by another process meanwhile") from None
         self.write_request(request)
 
     def write_request(self, request: SweepRequest) -> None:

@@ -2,8 +2,20 @@
 
 from stixel_cli.engine.store import Store
 from stixel_cli.experiment import lineage
-from stixel_cli.sweeps.folder import SweepFolder
+from stixel_cli.sweeps.folder import POINTS, SweepFolder
 from stixel_cli.sweeps.graphs import PlannedPoint
+
+
+def remove_unused_code(folder: SweepFolder) -> None:
+    """Take away what older runs of the sweep noted of code, where no point refers to it any more.
+
+    What cannot be removed stays: it does no harm.
+    """
+    files = list((folder.path / lineage.CODE_FOLDER).glob("*.json"))
+    if len(files) < 2:
+        return
+    used = {lineage.read_code_name(point) for point in (folder.path / POINTS).glob("[0-9]*")}
+    folder.remove(f"{lineage.CODE_FOLDER}/{one.name}" for one in files if one.stem not in used)
 
 
 class PointLineages:

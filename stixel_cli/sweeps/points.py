@@ -40,6 +40,11 @@ class Point:
         return {key: value for key, value in self.settings.items() if key != SEED}
 
     @property
+    def values(self) -> dict[str, Any]:
+        """What differs, without the seed: options of groups, and values of their own types."""
+        return {key: self.composition.value(key) for key in self.setting}
+
+    @property
     def label(self) -> str:
         """`key=value …` of what differs."""
         return " ".join(f"{key}={value}" for key, value in self.settings.items())

@@ -59,7 +59,8 @@ class SweepResult:
     Attributes:
         folder: where it was written, None if nowhere.
         points: one a point, in the order of their indices.
-        records: the rows of `runs.csv`, plain values.
+        records: the rows of `runs.csv`, plain values; what differs between points is of its own
+            type here, as in the configuration.
         statistics: over the seeds of each setting all of whose points are done.
         incomplete: the other settings, which have none.
         computed: how many nodes this call computed.

@@ -15,7 +15,7 @@ from stixel_cli.errors import UserError
 from stixel_cli.experiment.recorded_run import told_in_one_line
 from stixel_cli.sweeps.folder import FIGURES, RUNS, SweepFolder
 from stixel_cli.sweeps.graphs import PlannedPoint, SweepPlan
-from stixel_cli.sweeps.lineages import PointLineages
+from stixel_cli.sweeps.lineages import PointLineages, remove_unused_code
 from stixel_cli.sweeps.point_files import failure_files, point_files
 from stixel_cli.sweeps.progress import SweepProgress
 from stixel_cli.sweeps.results import DONE, FAILED, MISSING, SKIPPED, PointResult, SweepResult
@@ -190,10 +190,14 @@ class _Sweep:
         if self.folder is not None:
             title = str(self.notes.get("sweep", self.folder.path.name))
             write_summary(self.folder, summary, title, axes)
+            remove_unused_code(self.folder)
         return SweepResult(
             folder=None if self.folder is None else self.folder.path,
             points=points,
-            records=records,
+            records=[
+                record | one.planned.point.values
+                for record, one in zip(records, points, strict=True)
+            ],
             statistics=summary.statistics,
             incomplete=summary.incomplete,
             computed=self.computed,

@@ -8,6 +8,7 @@ from typing import Any
 
 from stixel_cli.engine.probe import probe
 from stixel_cli.engine.store import open_store
+from stixel_cli.errors import FolderTaken
 from stixel_cli.experiment.folder import check_results, reserve_folder
 from stixel_cli.experiment.recorded_run import provenance, stamp, told_in_one_line
 from stixel_cli.sweeps.checks import check_axes
@@ -65,8 +66,16 @@ def new_sweep(
         stem = "sweep" if file is None else Path(file).stem
         check_results(results, name)
         _probe(plan)
-        folder = SweepFolder(reserve_folder(results, name, f"{stem}-{stamp(now)}"))
-        folder.create(_request(design, points, shuffle, pictures, (), origin))
+        request = _request(design, points, shuffle, pictures, (), origin)
+        while folder is None:
+            made = SweepFolder(reserve_folder(results, name, f"{stem}-{stamp(now)}"))
+            try:
+                made.create(request)
+                folder = made
+            except FolderTaken:
+                # Two of a second: the other was faster, and there are more default names.
+                if name is not None:
+                    raise
     return _run(plan, [axis.keys for axis in design.axes], folder, origin, visible)
 
 

@@ -135,6 +135,14 @@ def test_known_errors_are_one_line(stand_in, capsys):
     assert capsys.readouterr().err == "stixel: rig.file: cannot be read\n"
 
 
+@pytest.mark.parametrize("line", ["show {}", "sweep --resume {}", "verify {}", "study {}"])
+def test_a_path_that_no_disk_takes_is_one_line(line, capsys):
+    assert main(line.format("x" * 300).split()) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert said.endswith("File name too long\n")
+
+
 def test_a_crash_leaves_a_log(stand_in, capsys, tmp_path, monkeypatch):
     def body(*arguments):
         raise ZeroDivisionError("of\nall things")

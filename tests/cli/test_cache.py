@@ -83,7 +83,7 @@ def test_verify_names_what_is_bad_and_sets_it_aside(store, capsys):
     assert main(["cache", "verify"]) == 1
     said = capsys.readouterr().out
     assert "bad: track[4] 444444444444: " in said
-    assert "6 results read, 1 are bad" in said
+    assert "6 results read, 1 is bad" in said
     assert left(store) == [0, 1, 2, 3, 5]
     assert answer(capsys, "verify")["bad"] == []
 
@@ -188,5 +188,5 @@ def test_verify_names_an_entry_whose_notes_are_damaged(capsys, tmp_path, monkeyp
     capsys.readouterr()
     assert main(["cache", "verify"]) == 1
     told = capsys.readouterr().out
-    assert f"{len(notes)} results read, 1 are bad" in told
+    assert f"{len(notes)} results read, 1 is bad" in told
     assert notes[0].parent.name[:12] in told

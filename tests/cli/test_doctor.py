@@ -7,7 +7,8 @@ from collections import namedtuple
 import pytest
 
 from stixel_cli.cli.app import main
-from stixel_cli.engine.store import Store
+from stixel_cli.engine.errors import CacheError
+from stixel_cli.engine.store import META, VALUE, Store
 from stixel_cli.experiment import health
 from stixel_cli.scene.filament import probe_filament
 
@@ -91,3 +92,34 @@ def test_a_full_disk_fails(renderers, tmp_path, monkeypatch):
     monkeypatch.setattr("shutil.disk_usage", lambda folder: usage(10, 9, 1))
     checks = {one.name: one for one in health.examine(Store(tmp_path), works, works)}
     assert checks["disk free"].status == "fails"
+
+
+def test_a_read_only_cache_serves_what_it_holds(renderers, tmp_path, monkeypatch):
+    store = Store(tmp_path)
+
+    def refuse(self):
+        raise CacheError(f"cannot write in the cache {self.folder}: Read-only file system")
+
+    store.save("ab" * 32, 1, stage="scenario", label="scenario")
+    monkeypatch.setattr(Store, "check_writable", refuse)
+    checks = {one.name: one for one in health.examine(store, works, works)}
+    assert checks["cache folder"].status == "limited"
+    assert "Read-only file system; experiments that it holds can run" in checks["cache folder"].text
+    store.entry("ab" * 32).rename(tmp_path / "gone")
+    checks = {one.name: one for one in health.examine(store, works, works)}
+    assert checks["cache folder"].status == "fails"
+
+
+def test_damaged_entries_are_counted(renderers, tmp_path, monkeypatch):
+    store = Store(tmp_path)
+    for key in ("ab" * 32, "cd" * 32):
+        store.save(key, 1, stage="scenario", label="scenario")
+    checks = {one.name: one for one in health.examine(store, works, works)}
+    assert checks["cache entries"].status == "ok"
+    (store.entry("ab" * 32) / META).write_text("{}")
+    (store.entry("cd" * 32) / VALUE).write_bytes(b"")
+    assert not store.verify("cd" * 32)
+    for _ in range(2):
+        checks = {one.name: one for one in health.examine(store, works, works)}
+        assert checks["cache entries"].status == "limited"
+        assert "2 damaged and set aside" in checks["cache entries"].text

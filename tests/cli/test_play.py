@@ -12,7 +12,12 @@ from stixel_cli.config.compose import compose
 from stixel_cli.engine.store import open_store
 from stixel_cli.experiment.run import run_experiment
 
-FABRICATED = ("measurement=fabricated", "path.duration=0.5", "pictures.frames=[]")
+FABRICATED = (
+    "measurement=fabricated",
+    "path.duration=0.5",
+    "pictures.frames=[]",
+    "executor=threads",
+)
 
 
 @pytest.fixture(scope="module")

@@ -185,7 +185,14 @@ def test_what_was_damaged(project, said):
     path = project.store.entry(graph.of_stage("gather")[0].key) / VALUE
     path.write_bytes(path.read_bytes()[:-1])
     assert not project.store.verify(path.parent.name)
-    assert said(graph) == {"gather": "gather: its stored result was damaged and set aside"}
+    told = {"gather": "gather: its stored result was damaged and set aside"}
+    assert said(graph) == told
+    collect(project.store, max_size=10**9)
+    assert not list((project.store.folder / "quarantine").iterdir())
+    assert said(graph) == told
+    project.run(graph)
+    collect(project.store, max_size=10**9, older_than=-1)
+    assert said(graph, ["gather"])["gather"] == "gather: removed from the cache for age"
 
 
 def test_other_frames(project, said):

@@ -8,6 +8,12 @@ from run_cli import FEW, run_json
 from stixel_cli.config.folders import group_options, outer_options
 from stixel_cli.scene.filament import probe_filament
 
+IN_THIS_PROCESS = "executor=threads"
+"""Workers' processes import everything anew in each run: seconds, for work of tenths of one."""
+
+PICTURED = {"rig", "renderer", "stereo", "road", "occupancy", "measurement", "measurement/noise"}
+"""Groups whose options show in the pictures of a scan; paths are drawn in a test of their own."""
+
 OWN_PRESETS = {"road_user", "pace", "prior"}
 PRESETS = [
     (group, option)
@@ -20,6 +26,11 @@ PRESETS = [
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
     return tmp_path_factory.mktemp("results")
+
+
+def executor(group: str, option: str) -> tuple[str, ...]:
+    """Where a preset runs: Filament needs a process of its own."""
+    return () if group == "executor" or option == "filament" else (IN_THIS_PROCESS,)
 
 
 def few_seconds(path: str) -> tuple[str, ...]:
@@ -39,10 +50,12 @@ def test_every_preset_runs(group, option, results, capsys):
         reason = probe_filament(timeout=60)
         if reason is not None:
             pytest.skip(reason)
-    few = FEW if group != "rig" else ("path.duration=0.2", "pictures.frames=[1]")
+    few = FEW[:-1] if group != "rig" else ("path.duration=0.2",)
+    pictures = "pictures.frames=[1]" if group in PICTURED else "pictures.frames=[]"
     outer = group.rpartition("/")[0]
     around = (f"{outer}={outer_options(group)[0]}",) if outer else ()
-    check(run_json(capsys, results, *few, *few_seconds(option), *around, f"{group}={option}"))
+    choice = (*few_seconds(option), *executor(group, option), *around, f"{group}={option}")
+    check(run_json(capsys, results, *few, pictures, *choice))
 
 
 @pytest.mark.parametrize("road_user", ["car", "cyclist", "pedestrian"])
@@ -50,7 +63,7 @@ def test_every_preset_runs(group, option, results, capsys):
 def test_every_road_user_runs_every_path_with_fabricated_measurements(
     road_user, path, results, capsys
 ):
-    choice = (f"road_user={road_user}", f"path={path}", "measurement=fabricated")
+    choice = (f"road_user={road_user}", f"path={path}", "measurement=fabricated", IN_THIS_PROCESS)
     choice += few_seconds(path)
     answer = run_json(capsys, results, *choice, "path.duration=0.5", "pictures.frames=[2]")
     check(answer)
@@ -59,13 +72,14 @@ def test_every_road_user_runs_every_path_with_fabricated_measurements(
 
 @pytest.mark.parametrize("road_user", ["car", "cyclist", "pedestrian"])
 def test_every_road_user_is_rendered_and_measured(road_user, results, capsys):
-    answer = run_json(capsys, results, f"road_user={road_user}", "path.duration=0.2")
+    few = ("path.duration=0.2", "pictures.frames=[1]", IN_THIS_PROCESS)
+    answer = run_json(capsys, results, f"road_user={road_user}", *few)
     check(answer)
     assert answer["metrics"]["points_used_mean"] >= 1
 
 
 def test_json_is_all_that_is_on_stdout_and_the_manifest_agrees(results, capsys):
-    answer = run_json(capsys, results, *FEW)
+    answer = run_json(capsys, results, *FEW, IN_THIS_PROCESS)
     assert set(answer) == {"folder", "metrics", "stages"}
     folder = results / answer["folder"].rpartition("/")[2]
     manifest = json.loads((folder / "manifest.json").read_text())

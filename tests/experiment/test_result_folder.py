@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from run_cli import FEW, SMALL, run_json
 
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import compose, from_resolved
+from stixel_cli.experiment import recorded_run
 
 REPEATED = ("metrics.json", "scans.csv", "scans.npz", "track.csv", "track.npz", "scores.npz")
 FABRICATED = ("measurement=fabricated", "path.duration=0.5", "pictures.frames=[0]")
@@ -70,6 +72,21 @@ def test_the_same_bytes_on_any_number_of_workers(results, capsys, tmp_path, monk
         assert one.read_bytes() == two.read_bytes(), file
 
 
+def test_of_two_in_one_second_both_are_written(results, capsys, monkeypatch):
+    def taken_meanwhile(folder, *arguments):
+        if not folder.name.endswith("-2"):
+            folder.mkdir()
+        write_folder(folder, *arguments)
+
+    write_folder = recorded_run.write_folder
+    monkeypatch.setattr(recorded_run, "write_folder", taken_meanwhile)
+    folder = Path(run_json(capsys, results, *FABRICATED)["folder"])
+    assert folder.name.endswith("-2")
+    assert (folder / "metrics.json").is_file()
+    assert main(["run", *FABRICATED, "--results", str(results), "--name", "mine"]) == 2
+    assert "mine: was made by another process meanwhile\n" in capsys.readouterr().err
+
+
 def test_default_names_do_not_collide(results, capsys):
     folders = {run_json(capsys, results, *FABRICATED)["folder"] for _ in range(3)}
     assert len(folders) == 3
@@ -82,15 +99,20 @@ def test_default_names_do_not_collide(results, capsys):
         (("--name", "taken"), "exists, and is not written over"),
         (("--name", "a/b"), "is no folder name"),
         (("--name", ""), "is no folder name"),
+        (("--name", "x" * 201), "at most 200 characters"),
         (("--results", "file"), "--results: file: cannot be made"),
+        (("--results", "file/below"), "--results: file/below: cannot be made"),
+        (("--results", "new/" + "x" * 300), "cannot be made: File name too long"),
     ],
 )
 def test_a_folder_that_cannot_be_written_is_refused(arguments, said, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "results" / "taken").mkdir(parents=True)
     (tmp_path / "file").write_text("mine")
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
     assert main(["run", *FABRICATED, *arguments]) == 2
     error = capsys.readouterr().err
+    assert sorted(os.listdir(tmp_path)) == ["file", "results"]
     assert said in error
     assert error.count("\n") == 1
     assert os.listdir(tmp_path / "results") == ["taken"]

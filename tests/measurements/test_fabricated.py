@@ -6,7 +6,12 @@ import pytest
 from stixel_cli.geometry.pose import ego_from_world, rotation, world_from_target
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import fabricate_scans
-from stixel_cli.measurements.parameters import ConstantNoise, FabricatedParameters, StereoNoise
+from stixel_cli.measurements.parameters import (
+    ConstantNoise,
+    FabricatedParameters,
+    FittedNoise,
+    StereoNoise,
+)
 from stixel_cli.scene.scenario import Scenario
 
 RIG = Rig(
@@ -64,6 +69,23 @@ def test_without_noise_the_points_are_on_the_contour_and_on_the_rays(spacing):
         else:
             position = 0.5 * 639 - (x / y) / np.tan(RIG.fov / 2) * 0.5 * 639
         np.testing.assert_allclose(position, np.rint(position), atol=1e-6)
+
+
+def test_a_point_of_several_columns_lies_anywhere_in_them():
+    truth = scenario(count=3)
+    spread = {}
+    for width in (1, 5):
+        noise = FittedNoise("fitted", width, *11 * [0.0], 1.0)
+        scans = fabricate_scans(truth, RIG, dataclasses.replace(EXACT, noise=noise), seed=0)
+        k = np.repeat(np.arange(3), np.diff(scans.offsets))
+        offset = scans.points_world - scans.sensor_poses_world[k, :2]
+        across = np.stack([-offset[:, 1], offset[:, 0]], axis=-1)
+        across /= np.sum(offset**2, axis=1, keepdims=True)
+        # In units of the angle between rays: width² / 12.
+        angle = np.einsum("ni,nij,nj->n", across, scans.covariances_world, across)
+        spread[width] = np.sqrt(12.0 * angle) / (RIG.fov / 639)
+        np.testing.assert_allclose(spread[width], width)
+    assert len(spread[5]) > 50
 
 
 def test_noise_is_along_the_ray_and_as_its_covariance_says():

@@ -60,11 +60,10 @@ STATIC = ray_tree(mesh_of(GROUND, WALL, HOUSE))
 BOX = ray_tree(mesh_of(TARGET))
 
 
-def scenario(count=6, moving=True):
+def scenario(count=6, ego="turning"):
     k = np.arange(count)
-    ego = np.tile([0.0, 0.0, AHEAD], (count, 1))
-    if moving:
-        ego = ego + np.stack([0.1 * k, 0.4 * k, 0.05 * k], axis=1)
+    steps = {"parked": [0.0, 0.0, 0.0], "straight": [0.0, 0.4, 0.0], "turning": [0.1, 0.4, 0.05]}
+    ego = np.array([0.0, 0.0, AHEAD]) + k[:, None] * np.array(steps[ego])
     target = np.stack([-1.0 + 0.8 * k, 12.0 + 0.2 * k, 0.3 * k], axis=1)
     outline = np.array([[1.5, 0.7], [-1.5, 0.7], [-1.5, -0.7], [1.5, -0.7]])
     return Scenario(0.1 * k, ego, target, np.zeros((count, 3)), outline, True)
@@ -100,9 +99,9 @@ def analytic(truth, k):
     return np.min([ground, *still, target], axis=0), target
 
 
-@pytest.mark.parametrize("moving", [True, False])
-def test_ranges_are_those_of_rays_against_boxes_and_a_plane(moving):
-    truth = scenario(moving=moving)
+@pytest.mark.parametrize("ego", ["parked", "straight", "turning"])
+def test_ranges_are_those_of_rays_against_boxes_and_a_plane(ego):
+    truth = scenario(ego=ego)
     returns = cast_beams(STATIC, BOX, truth, SCANNER, FOV)
     assert returns.ranges.shape == (6, 8, 61)
     hidden, seen = 0, 0
@@ -115,9 +114,9 @@ def test_ranges_are_those_of_rays_against_boxes_and_a_plane(moving):
     assert seen > 100
 
 
-@pytest.mark.parametrize("moving", [True, False])
-def test_a_scan_is_the_same_in_a_long_run_and_alone(moving):
-    truth = scenario(moving=moving)
+@pytest.mark.parametrize("ego", ["parked", "turning"])
+def test_a_scan_is_the_same_in_a_long_run_and_alone(ego):
+    truth = scenario(ego=ego)
     whole = cast_beams(STATIC, BOX, truth, SCANNER, FOV)
     for k in (0, 3, 5):
         only = Scenario(
@@ -196,6 +195,29 @@ def made(ranges, elevations, azimuths=(0.0,)):
     returns = LidarReturns(np.radians(elevations), np.radians(azimuths), ranges)
     poses = np.tile([0.0, 0.0, AHEAD], (len(ranges), 1))
     return returns, EgoMotion(0.1 * np.arange(len(ranges)), poses)
+
+
+def test_the_points_of_a_car_that_drives_and_turns_are_in_the_world():
+    truth = scenario()
+    ego = EgoMotion(truth.times, truth.ego_poses_world)
+    returns = cast_beams(STATIC, BOX, truth, SCANNER, FOV)
+    scans = lidar_scans(returns, ego, EXACT, seed=0)
+    for k, pose in enumerate(truth.target_poses_world):
+        rows = scans.rows(k)
+        points = scans.points_world[rows]
+        in_target = np.abs(target_from_world(points, pose))
+        of_target = (in_target < [1.6, 0.8]).all(axis=1)
+        assert of_target.sum() >= 5
+        # On the box's outline, and all others on the wall or the house.
+        outline = np.abs(in_target[of_target] - [1.5, 0.7]).min(axis=1)
+        np.testing.assert_allclose(outline, 0.0, atol=1e-3)
+        x, y = points[~of_target].T
+        wall = (np.abs(x - 1.1) < 0.101) & (np.abs(y - 7.0) < 1.001)
+        assert np.all(wall | (np.abs(y - 30.5) < 0.501))
+        # Without noise along the beam, what is left of R lies across it, seen from the sensor.
+        along = points - truth.ego_poses_world[k, :2]
+        kept = np.einsum("ni,nij,nj->n", along, scans.covariances_world[rows], along)
+        np.testing.assert_allclose(kept, 0.0, atol=1e-9)
 
 
 def test_gates_look_at_the_measured_points_height_and_distance():

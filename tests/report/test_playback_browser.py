@@ -215,3 +215,33 @@ def test_it_fits_a_phone_and_a_desktop(open_page, pages, name, size, dark):
     )
     assert small == []
     page.close()
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_the_values_of_every_run_are_legible(open_page, tmp_path, dark):
+    """WCAG 2.2's contrast of text, 4.5, of the colours as they come out on the screen."""
+    page_file = tmp_path / "four.html"
+    runs = [make_run(name, seed, with_camera=False) for seed, name in enumerate("abcd")]
+    page_file.write_text(playback_html(runs, "four"), encoding="utf-8")
+    opened = open_page(page_file, dark=dark)
+    seen = opened.page.evaluate(
+        """() => {
+            const pen = document.createElement("canvas").getContext("2d");
+            const bytes = (colour) => {
+                pen.fillStyle = colour;
+                pen.fillRect(0, 0, 1, 1);
+                return [...pen.getImageData(0, 0, 1, 1).data].slice(0, 3);
+            };
+            const card = document.querySelector(".chart");
+            return [card, ...card.querySelectorAll(".value")].map((element, i) => {
+                const style = getComputedStyle(element);
+                return bytes(i ? style.color : style.backgroundColor);
+            });
+        }"""
+    )
+    opened.page.close()
+    share = np.array(seen) / 255.0
+    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    background, *texts = linear @ (0.2126, 0.7152, 0.0722) + 0.05
+    assert len(texts) == 4
+    assert all(max(text, background) / min(text, background) >= 4.5 for text in texts)

@@ -28,10 +28,10 @@ from stixel_cli.studies.rq1_pool import (
 from stixel_cli.studies.rq1_setup import seconds_a_frame, timed_building, values_of
 
 FIXED = {
-    "rig.width": 192,
-    "rig.height": 144,
+    "rig.width": 144,
+    "rig.height": 108,
     "path.start": [-0.3, 12.0],
-    "path.duration": 1.5,
+    "path.duration": 1.0,
     "path.sample_time": 0.5,
     "path.speed": 4.0,
     "pictures.frames": [1],
@@ -90,7 +90,7 @@ def test_a_tiny_study_gives_a_whole_report(studies, tiny):
         assert 0.0 <= float(row["density %"]) <= 100.0
     with (folder / "tables/rigs.csv").open(encoding="utf-8") as file:
         rigs = list(csv.DictReader(file))
-    assert [row["rig"] for row in rigs] == ["default", "kitti"]
+    assert [row["rig"] for row in rigs] == ["default", "KITTI"]
     assert float(rigs[1]["needed px"]) == pytest.approx(721.5377 * 0.5327 * 0.1 / 28**2)
     assert [row["achieved RMS px"] for row in rigs] == ["", ""]
     with (folder / "tables/seconds.csv").open(encoding="utf-8") as file:
@@ -140,7 +140,7 @@ def test_points_are_named_by_what_they_are():
         point("road_user=cyclist"),
         point("stereo.error_cancellation=false"),
     ]
-    assert [matcher(p) for p in points] == ["BM", "SGM", "SGM, one match"]
+    assert [matcher(p) for p in points] == ["BM", "SGM", "SGM (one match)"]
     assert {k: len(v) for k, v in by_label(points, road_user).items()} == {"car": 2, "cyclist": 1}
 
 

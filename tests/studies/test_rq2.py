@@ -7,7 +7,9 @@ import re
 import numpy as np
 import pytest
 import shapely
+from scipy.stats import ttest_1samp
 
+from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
@@ -15,11 +17,14 @@ from stixel_cli.studies import rq2
 from stixel_cli.studies.nouns import StudyData
 from stixel_cli.studies.rq2_answer import answer
 from stixel_cli.studies.rq2_conditions import CONDITIONS, condition_statistics
+from stixel_cli.studies.rq2_contrasts import family, p_value
 from stixel_cli.studies.rq2_runs import (
     Run,
     contour_distances,
+    measurement_name,
     names,
     paired_difference,
+    tracker_name,
     within_bounds,
 )
 
@@ -143,19 +148,57 @@ def test_distances_from_the_contour():
 
 def test_the_answer_is_made_of_what_is_there():
     seeds = range(3)
-    runs = [run(seed, "simulated", centre=0.5 + 0.01 * seed) for seed in seeds]
+    runs = [run(seed, "stixels", centre=0.5 + 0.01 * seed, kind="simulated") for seed in seeds]
     runs += [run(seed, "lidar_9", centre=0.2) for seed in seeds]
-    runs += [run(seed, "simulated", "point", centre=1.5) for seed in seeds]
-    runs += [run(seed, "simulated", "new_one", centre=0.4) for seed in seeds]
+    runs += [run(seed, "stixels", "point", centre=1.5, kind="simulated") for seed in seeds]
+    runs += [run(seed, "stixels", "new_one", centre=0.4, kind="simulated") for seed in seeds]
     runs += [run(seed, "lidar_9", "new_one", centre=0.4) for seed in seeds]
     text = " ".join(answer(runs))
-    assert "gp_ekf on stixels does worse than on lidar_9 for car (centre, orientation, IoU)" in text
-    assert "centre RMSE 0.510 m against 0.200 m (difference +0.310 [" in text
+    told = (
+        "he gp_ekf does worse on stixels than on the lidar_9 for the car (centre, orientation and"
+    )
+    assert told in text
+    assert "centre RMSE 0.510\u202fm on stixels against 0.200\u202fm on the lidar_9" in text
+    assert "(difference +0.310\u202fm [0.285, 0.335])" in text
     # A tracker that came later is answered for, the floor is not.
-    assert "new_one on stixels does worse than on lidar_9 for nothing" in text
-    assert "point on stixels does" not in text
-    assert "On stixels gp_ekf against the floor point" in text and "new_one against the" in text
+    assert "no difference of the new_one on stixels from the lidar_9 stands up" in text.lower()
+    assert "The point does" not in text
+    assert "Differences, gp_ekf minus point: car: centre RMSE −0.990\u202fm" in text
+    assert "6 paired t-tests" in text and "n = 3 seeds" in text
     assert "answers nothing" in answer([one for one in runs if one.kind == "lidar"])[0]
+
+
+def test_only_what_stands_up_to_all_tests_is_worse():
+    seeds = range(5)
+    # Far apart, by a little, and not at all: 0.03 is told by its interval alone.
+    shifts = {"car": 0.5, "cyclist": 0.03, "pedestrian": 0.0}
+    noise = (0.01, -0.02, 0.02, -0.01, 0.0)
+    runs = []
+    for user, shift in shifts.items():
+        for seed in seeds:
+            centre = 0.5 + shift + noise[seed] * (1.0 if shift else 0.0)
+            runs.append(run(seed, "stixels", centre=centre, kind="simulated", road_user=user))
+            runs.append(run(seed, "lidar", centre=0.5, road_user=user))
+    found = {(one.road_user, one.metric): one for one in family(runs)}
+    assert len(found) == 9
+    verdicts = {user: found[user, "centre_rmse_m"].verdict for user in shifts}
+    assert verdicts == {"car": "worse", "cyclist": "leaning", "pedestrian": "alike"}
+    one = found["cyclist", "centre_rmse_m"]
+    raw = ttest_1samp([0.03 + value for value in noise], 0.0).pvalue
+    assert p_value(one.difference) == pytest.approx(raw)
+    assert one.p > 3.0 * raw and one.difference.low > 0.0
+    assert family([r for r in runs if r.kind == "lidar"]) == []
+
+
+def test_measurements_and_trackers_are_called_as_the_field_calls_them():
+    configuration = compose(["measurement=lidar_64", "tracker=point"]).configuration
+    assert measurement_name("lidar_64", configuration) == "64-layer lidar"
+    assert tracker_name("point", configuration) == "point tracker"
+    assert measurement_name("simulated", compose().configuration) == "stixels"
+    assert tracker_name("gp_ekf", compose().configuration) == "GP-EKF"
+
+
+_TRACKERS = {"gp_ekf": "GP-EKF", "point": "point tracker"}
 
 
 @pytest.fixture
@@ -178,9 +221,11 @@ def test_a_tiny_study_from_the_command_line(tiny, open_page):
         runs = list(csv.DictReader(file))
     with (tiny / "tables/pedestrian_tracking.csv").open(encoding="utf-8") as file:
         rows = {row["tracker"]: row for row in csv.DictReader(file)}
-    assert set(rows) == {"gp_ekf", "point"}
+    assert set(rows) == {"GP-EKF", "point tracker"}
     for tracker, row in rows.items():
-        values = [float(one["centre_rmse_m"]) for one in runs if one["tracker"] == tracker]
+        values = [
+            float(one["centre_rmse_m"]) for one in runs if _TRACKERS[one["tracker"]] == tracker
+        ]
         assert float(row["centre RMSE (m)"]) == pytest.approx(np.mean(values), rel=1e-12)
         assert float(row["± centre"]) == pytest.approx(np.std(values, ddof=1), rel=1e-9)
     names_of_figures = {path.stem for path in (tiny / "figures").iterdir()}
@@ -189,8 +234,18 @@ def test_a_tiny_study_from_the_command_line(tiny, open_page):
         "pedestrian_crossing_over_time",
         "pedestrian_by_range",
     } <= names_of_figures
-    opened = open_page(tiny / "report.html", width=390, height=844, dark=True)
-    assert opened.problems == [] and opened.overflow() == 0
+    for width, dark in ((1280, False), (390, True)):
+        opened = open_page(tiny / "report.html", width=width, height=844, dark=dark)
+        assert opened.problems == [] and opened.overflow() == 0
+        # A wide table moves in its own box, and no figure is wider than the page.
+        boxes = opened.page.locator(".scroll")
+        assert boxes.count() > 5
+        wider = boxes.evaluate_all("all => all.filter(b => b.scrollWidth > b.clientWidth).length")
+        assert wider > 0 if width == 390 else wider >= 0
+        widest = opened.page.locator("figure").evaluate_all(
+            "all => Math.max(...all.map(f => f.getBoundingClientRect().right))"
+        )
+        assert widest <= width
 
 
 def test_a_study_without_points_of_some_kind_says_so():

@@ -1,5 +1,6 @@
 """The fitted noise is recovered from scans that it made itself."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -28,10 +29,10 @@ KNOWN = {
 }
 
 
-def errors_of(noise, seed, count=60):
+def errors_of(noise, seed, count=60, nearest=7.0):
     times = 0.1 * np.arange(count)
     # Away from the camera and turning: all ranges from 7 to 25 m, all sides.
-    target = np.stack([0.0 * times, 7.0 + 3.0 * times, 1.3 * times], axis=-1)
+    target = np.stack([0.0 * times, nearest + 3.0 * times, 1.3 * times], axis=-1)
     ego = np.tile([0.0, 0.0, 0.5 * np.pi], (count, 1))
     truth = Scenario(times, ego, target, np.tile([0.0, 3.0, 1.3], (count, 1)), BOX, True)
     measurement = FabricatedParameters("fabricated", None, "tangent", noise, 0.0, 0.0, 80.0)
@@ -41,7 +42,7 @@ def errors_of(noise, seed, count=60):
 @pytest.mark.parametrize("name", KNOWN)
 def test_known_parameters_are_recovered(name):
     known = KNOWN[name]
-    found = fit_noise([errors_of(known, seed) for seed in range(4)])
+    found = fit_noise([errors_of(known, seed) for seed in range(8)])
     assert found.columns_per_point == known.columns_per_point
     for key, tolerance in {
         "disparity_bias": 0.02,
@@ -50,7 +51,6 @@ def test_known_parameters_are_recovered(name):
         "range_deviation": 0.025,
         "edge_shift": 0.8,
         "edge_shift_deviation": 1.2,
-        # A missed outermost point shortens the reach as well.
         "edge_metres": 0.045,
         "edge_metres_deviation": 0.03,
         "edge_disparity_deviation": 0.06,
@@ -60,6 +60,25 @@ def test_known_parameters_are_recovered(name):
     assert abs(found.correlation_columns - known.correlation_columns) < 0.6
     if known.missed_share > 0.0:
         assert abs(found.missed_columns - known.missed_columns) < 1.0
+
+
+def test_missed_outermost_points_are_not_counted_as_moved_ends_too():
+    known = FittedNoise("fitted", 3, *11 * [0.0], 3.0)
+    known = dataclasses.replace(known, missed_share=0.15, missed_columns=9.0)
+    found = fit_noise([errors_of(known, seed) for seed in range(8)])
+    assert abs(found.missed_share - 0.15) < 0.02
+    spread = np.hypot(found.edge_shift_deviation, 40.0 * found.edge_metres_deviation)
+    assert spread < 2.0
+    # At 40 px a metre, a range of 14 m: what is 0 may be split into two parts that cancel.
+    assert abs(found.edge_shift + 40.0 * found.edge_metres) < 0.6
+
+
+def test_far_ranges_are_fitted_like_near_ones():
+    known = dataclasses.replace(KNOWN["plain"], disparity_bias=0.05, disparity_deviation=0.2)
+    found = fit_noise([errors_of(known, seed, nearest=25.0) for seed in range(4)])
+    assert abs(found.disparity_deviation - 0.2) < 0.01
+    assert found.range_deviation < 0.2
+    assert found.missed_share < 0.001
 
 
 def test_no_noise_gives_none():

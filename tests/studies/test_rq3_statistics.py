@@ -5,7 +5,7 @@ from stixel_cli.studies.rq3_statistics import (
     holm,
     paired,
     rank_biserial,
-    resampled,
+    weights,
     wilcoxon,
 )
 
@@ -34,19 +34,29 @@ def test_wilcoxon_of_small_samples_is_exact():
 
 
 def test_pairs_are_drawn_within_their_path():
-    rows = resampled(["turn", "turn", "circle", "turn"], "x")
-    assert set(rows[:, 2]) == {2}
-    assert set(np.unique(rows[:, [0, 1, 3]])) == {0, 1, 3}
-    np.testing.assert_array_equal(rows, resampled(["turn", "turn", "circle", "turn"], "x"))
+    rows = weights(["turn", "turn", "circle", "turn"], "x")
+    np.testing.assert_allclose(rows[:, 2], 0.25)
+    np.testing.assert_allclose(rows[:, [0, 1, 3]].sum(axis=1), 0.75)
+    assert set(np.unique(np.round(rows[:, 0], 6))) == {0.0, 0.375, 0.75}
+    np.testing.assert_array_equal(rows, weights(["turn", "turn", "circle", "turn"], "x"))
+
+
+def test_the_bootstrap_s_variance_is_that_of_the_mean_within_paths():
+    values = np.array([0.1, 0.5, 0.2, 0.9, 0.4, 5.0, 5.3, 4.6, 5.1, 4.9])
+    drawn = weights(["turn"] * 5 + ["circle"] * 5, "x") @ values
+    expected = np.mean([values[:5].var(ddof=1), values[5:].var(ddof=1)]) / 10
+    assert abs(drawn.var() / expected - 1.0) < 0.1
+    assert abs(drawn.mean() - values.mean()) < 0.01
 
 
 def test_the_interval_covers_the_mean_as_often_as_it_says():
     random = np.random.default_rng(3)
-    covered = 0
-    for i in range(60):
-        result = paired(random.normal(0.5, 1.0, 25), ["path"] * 25, f"{i}")
+    covered, paths = 0, ["turn"] * 5 + ["circle"] * 5 + ["approach"] * 5
+    for i in range(150):
+        values = np.repeat([0.0, 0.5, 1.0], 5) + random.normal(0.0, 1.0, 15)
+        result = paired(values, paths, f"{i}")
         covered += result.low <= 0.5 <= result.high
-    assert 50 <= covered <= 60
+    assert 0.9 * 150 <= covered <= 149
 
 
 def test_few_pairs():

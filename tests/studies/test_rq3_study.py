@@ -4,6 +4,9 @@ To render would take most of the time. So fabricated scans stand in for the simu
 noise than the study's own, and the fit has to find that noise.
 """
 
+import csv
+import io
+
 import pytest
 import yaml
 
@@ -41,9 +44,9 @@ def test_the_study_answers_and_makes_its_preset(studies, study):
     studies.run(study, *TINY)
     folder = studies.results / "tiny"
     page = (folder / "report.html").read_text("utf-8")
-    for words in ("Car, points, simulated / fabricated / fitted", "rank-biserial", "Holm"):
+    for words in ("Car, points (simulated / fabricated / fitted", "rank-biserial", "Holm"):
         assert words in page
-    assert "seeds 0, 1 are in both" in page
+    assert "seeds 0 and 1 are in both" in page
     for name in ("point_errors", "range_law", "neighbours", "edges", "tracker_differences"):
         assert (folder / "figures" / f"{name}.svg").stat().st_size > 2000
     table = (folder / "tables" / "point_differences.csv").read_text("utf-8")
@@ -57,6 +60,24 @@ def test_the_study_answers_and_makes_its_preset(studies, study):
     assert abs(noise["range_deviation"] - 0.05) < 0.01
     assert noise["disparity_deviation"] < 0.1
     assert from_resolved(plain).measurement.noise.kind == "fitted"
+
+
+def test_a_path_is_judged_with_a_noise_that_has_not_seen_it(studies, study):
+    studies.run(study, *TINY[:1], "path=depart,crossing", *TINY[3:])
+    folder = studies.results / "tiny"
+    runs = [
+        yaml.safe_load(path.read_text("utf-8"))
+        for path in (folder / "parts" / "fitted" / "points").rglob("config.yaml")
+    ]
+    assert len(runs) == 2 * 2
+    used = {run["path"]["kind"]: run["measurement"]["noise"]["range_deviation"] for run in runs}
+    table = (folder / "tables" / "held_out_noise.csv").read_text("utf-8")
+    with io.StringIO(table) as file:
+        held_out = {row["fitted to"]: float(row["range_deviation"]) for row in csv.DictReader(file)}
+    assert used == {path: held_out[f"car, without {path}"] for path in ("depart", "crossing")}
+    assert used["depart"] != used["crossing"]
+    page = (folder / "report.html").read_text("utf-8")
+    assert "fitted to the training runs of the other paths" in page
 
 
 def test_shipped_presets_say_where_they_come_from():

@@ -12,7 +12,8 @@ from stixel_cli.report import style
 from stixel_cli.studies.folder import files_of
 from stixel_cli.studies.nouns import Findings, Section, Table
 from stixel_cli.studies.page import svg_for_page
-from stixel_cli.studies.tables import over_seeds, shown_table
+from stixel_cli.studies.prose import counted, decimals, listed, number, percent, quantity
+from stixel_cli.studies.tables import over_seeds, shown_table, table_csv, table_latex
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +60,7 @@ def test_dark_phones_and_paper_are_thought_of(page):
     assert "@media screen and (prefers-color-scheme: dark)" in html
     assert "@media print" in html and "break-before: page" in html
     assert 'name="viewport"' in html
-    assert html.count('<div class="scroll"><table') == html.count("<table")
+    assert len(re.findall(r'<div class="scroll[^>]*><table', html)) == html.count("<table")
 
 
 def test_the_page_says_where_it_comes_from(page):
@@ -97,12 +98,43 @@ def test_black_becomes_the_ink_of_the_page():
 
 def test_a_spread_is_shown_beside_its_value():
     table = Table(
-        "t", "", ("who", "m", "± m", "n"), (("a", 0.123456, 0.04, 3), ("b", None, None, 2))
+        "t",
+        "",
+        ("who", "m", "± m", "n"),
+        (("a", 0.123456, 0.04, 3), ("b", None, None, 2), ("c", -139.13, 0.0, 2)),
     )
     header, rows, numeric = shown_table(table)
     assert header == ["who", "m ± sd", "n"]
-    assert rows == [["a", "0.123 ± 0.040", "3"], ["b", "–", "2"]]
+    assert rows == [
+        ["a", "0.123 ± 0.040", "3"],
+        ["b", "–", "2"],
+        ["c", "\u2212139.1 ± 0.0", "2"],
+    ]
     assert numeric == [False, True, True]
+
+
+def test_an_interval_is_shown_to_the_digits_that_it_bears():
+    columns = ("who", "m", "low m", "high m", "p")
+    rows = (("a", -5.77012, -26.196, 14.656, 1e-6), ("b", 0.1, 0.071, 0.129, 0.04))
+    table = Table("t", "", columns, (*rows, ("c", 0.1, None, None, None)))
+    header, shown, numeric = shown_table(table)
+    assert header == ["who", "m [95 %]", "p"] and numeric == [False, True, True]
+    assert shown[0] == ["a", "−6 [−26, 15]", "< 0.0001"]
+    assert shown[1] == ["b", "0.100 [0.071, 0.129]", "0.0400"]
+    assert shown[2] == ["c", "0.100", "–"]
+    assert "$-$6 [$-$26, 15]" in table_latex(table)
+    assert "-26.196" in table_csv(table)
+
+
+def test_numbers_in_prose():
+    assert quantity(-34.654, "°") == "−34.7°" and quantity(0.0212, "px", 3) == "0.021\u202fpx"
+    assert number(None) == number(float("nan")) == "–" and quantity(None, "m") == "–"
+    assert number(-0.0004, 3) == "0.000" and number(0.1, 1, sign=True) == "+0.1"
+    assert number(1234.5) == "1234" and number(7) == "7"
+    assert percent(0.1234) == "12\u202f%" and percent(None) == "–"
+    assert listed(["a"]) == "a" and listed("abc") == "a, b and c" and listed([]) == ""
+    assert counted(1, "path") == "1 path" and counted(3, "path") == "3 paths"
+    assert [decimals(half) for half in (20.0, 3.0, 0.3, 0.0003, 0.0)] == [0, 1, 2, 3, None]
 
 
 def test_files_of_one_name_or_outside_are_refused():

@@ -12,6 +12,7 @@ from study_toy import changed
 
 from stixel_cli.cli.app import main
 from stixel_cli.engine import execute as execution
+from stixel_cli.engine import keys
 from stixel_cli.sweeps import run as sweep_run
 
 
@@ -69,11 +70,11 @@ def test_the_tables_hold_what_was_computed(studies, toy, capsys):
         rows = list(csv.DictReader(file))
     assert [row["IoU"] for row in rows] == [run["iou_mean"] for run in runs]
     assert [row["± IoU"] for row in rows] == ["0.25"] * 4
-    shown = f"{float(runs[0]['iou_mean']):.3f} ± 0.250"
+    shown = f"{float(runs[0]['iou_mean']):.2f} ± 0.25"
     assert shown in (folder / "tables/numbers.md").read_text()
     latex = (folder / "tables/numbers.tex").read_text()
     assert r"50 \% of a\_b." in latex and shown.replace("±", r"$\pm$") in latex
-    assert "| – | 1.500 |\n| x\\|y | – |" in (folder / "tables/gaps.md").read_text()
+    assert "| – | 1.50 |\n| x\\|y | – |" in (folder / "tables/gaps.md").read_text()
     assert (folder / "tables/gaps.csv").read_text() == "a,b\n,1.5\nx|y,\n"
     # A part is a sweep as any other.
     assert main(["sweep", "--resume", str(folder / "parts/first")]) == 0
@@ -94,6 +95,16 @@ def test_the_same_command_again_computes_nothing(studies, toy, own_cache):
     assert last["complete"] and last["nodes"]["computed"] > 0
     assert len(toy.seen[-1].parts["first"].points[0].load("scans")) == 3
     assert before == {path: path.read_bytes() for path in (folder / "tables").iterdir()}
+
+
+def test_points_that_are_computed_again_are_told(studies, toy, monkeypatch):
+    file = toy()
+    studies.run(file)
+    assert "computed again" not in studies.error
+    monkeypatch.setattr(keys, "LAYOUT", keys.LAYOUT + 1)
+    assert studies.run(file)["complete"]
+    assert "first: 4 of 4 finished points were made of something else" in studies.error
+    assert "second: 2 of 2 finished points were made of something else" in studies.error
 
 
 def test_another_configuration_is_refused_but_for_name_or_fresh(studies, toy):

@@ -101,6 +101,17 @@ def test_empty_scans_are_predictions():
     assert len(result.used_points) == 0
 
 
+def test_scans_of_clutter_alone_are_predictions():
+    far = np.array([[60.0, 60.0], [-40.0, 2.0]])
+    gated = dataclasses.replace(TRACKER, gate_probability=0.99)
+    clutter = track(scans_of([far, np.zeros((0, 2)), far[:1]]), START, CAR, gated)
+    empty = track(scans_of([np.zeros((0, 2))] * 3), START, CAR, gated)
+    np.testing.assert_array_equal(clutter.means, empty.means)
+    np.testing.assert_array_equal(clutter.covariances, empty.covariances)
+    assert len(clutter.used_points) == 0
+    assert np.isnan(clutter.nis).all()
+
+
 @pytest.mark.parametrize("shape", ["rectangle", "ellipse"])
 def test_the_contour_is_a_circle_of_the_shapes_area_about_the_centre(shape):
     prior = dataclasses.replace(CAR, shape=shape)
@@ -123,6 +134,8 @@ def test_the_contour_is_a_circle_of_the_shapes_area_about_the_centre(shape):
     assert radius - 2.0 * deviation < radii.min()
     assert radii.max() < radius + 2.0 * deviation
     np.testing.assert_array_equal(result.contour_deviations, deviation)
+    certain = class_circle(dataclasses.replace(prior, sigma_f=1e-9, sigma_r=0.0))[1]
+    np.testing.assert_allclose(deviation**2 - certain**2, prior.sigma_f**2 + prior.sigma_r**2)
 
 
 def test_the_gate_leaves_out_what_is_not_the_target():
@@ -133,6 +146,12 @@ def test_the_gate_leaves_out_what_is_not_the_target():
     mixed = scans_of([np.concatenate([clutter, points]) for points in car])
     among = track(mixed, START, CAR, gated)
     np.testing.assert_array_equal(among.means, alone.means)
+    # The two points of clutter are the first of every scan.
+    own = np.flatnonzero(np.arange(10 * 32) % 32 >= 2)
+    np.testing.assert_array_equal(among.used_points, own[alone.used_points])
+    np.testing.assert_array_equal(
+        np.repeat(np.arange(10), np.diff(among.used_offsets)), among.used_points // 32
+    )
     everything = track(mixed, START, CAR, TRACKER)
     assert len(everything.used_points) == 10 * 32
 
@@ -189,6 +208,13 @@ def test_a_target_that_stands_keeps_its_heading_and_no_variance_is_without_bound
     assert spread[5, 5] == GREATEST_VARIANCE
     fast = six_states(np.array([0.0, 0.0, 20.0, 0.0]), np.eye(4), (0.0, 0.1), 0.1, TRACKER)[1]
     np.testing.assert_allclose(fast[5, 5], TRACKER.sigma_q**2 / (0.1 * 20.0**2))
+
+
+def test_before_it_moves_the_heading_is_the_starts():
+    stands = InitialState(START.mean * [1, 1, 1, 0, 0, 0], START.covariance)
+    result = track(scans_of([np.zeros((0, 2))] * 3), stands, CAR, TRACKER)
+    np.testing.assert_array_equal(result.means[:, 2], START.mean[2])
+    np.testing.assert_array_equal(result.covariances[:, 2, 2], START.covariance[2, 2])
 
 
 def test_a_single_scan_and_a_full_turn_of_the_heading():

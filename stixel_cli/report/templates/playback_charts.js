@@ -21,7 +21,7 @@ const charts = CHARTS.map((chart) => {
   html("span", { className: "what", textContent: chart.title }, head);
   const values = runs.map((_, r) => {
     const value = html("span", { className: "value" }, head);
-    value.style.color = colourOf(r);
+    value.style.color = `color-mix(in srgb, ${colourOf(r)} 60%, var(--ink))`;  // legible as text
     return value;
   });
   const plot = svg("svg", { class: "plot", role: "img", "aria-label": `${chart.title} over time` }, card);

@@ -1,0 +1,184 @@
+"""RQ1: intervals that count poses, not pixels, stixels or seeds.
+
+Seeds share one rendering, so five seeds of a pose are hardly more than one; the pixels and stixels
+of a frame share its errors. What is independent of each other, as far as anything here is, are the
+poses: a frame of one road user, with all of its seeds. They are drawn, road user by road user.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from stixel_cli.evaluation.stage_errors import GROSS
+from stixel_cli.evaluation.stage_summary import in_range
+from stixel_cli.studies.prose import quantity, with_interval
+from stixel_cli.studies.rq1_pool import Group
+from stixel_cli.studies.rq3_statistics import interval, weights
+
+Statistic = Callable[[np.ndarray], np.ndarray]
+"""Gives a number of sums (…, m) over frames."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number with its 95 % interval; NaN where there is none."""
+
+    value: float
+    low: float
+    high: float
+
+    def text(self, unit: str = "", sign: bool = False) -> str:
+        """As prose has it."""
+        if not np.isfinite(self.low):
+            return quantity(self.value, unit, sign=sign)
+        return with_interval(self.value, self.low, self.high, unit, sign)
+
+    def scaled(self, factor: float) -> "Estimate":
+        """In another unit."""
+        return Estimate(*(factor * one for one in (self.value, self.low, self.high)))
+
+    def share(self) -> str:
+        """A share as per cent, as prose has it."""
+        return self.scaled(100.0).text("%")
+
+    @property
+    def cells(self) -> tuple[float | None, float | None, float | None]:
+        """Value and ends for a table."""
+        return tuple(
+            float(one) if np.isfinite(one) else None for one in (self.value, self.low, self.high)
+        )
+
+
+def estimate(group: Group, sums: np.ndarray, of: Statistic) -> Estimate:
+    """A statistic of sums (n, m) over the group's frames; those of which all are 0 do not count."""
+    chosen = np.any(sums != 0.0, axis=1)
+    if not chosen.any():
+        return Estimate(np.nan, np.nan, np.nan)
+    poses, place = np.unique(group.poses[chosen], return_inverse=True)
+    by_pose = np.zeros((len(poses), sums.shape[1]))
+    np.add.at(by_pose, place, sums[chosen])
+    value = float(of(by_pose.sum(axis=0)))
+    strata = [group.pose_strata[pose] for pose in poses]
+    if len(poses) - len(set(strata)) < 2:
+        return Estimate(value, np.nan, np.nan)
+    drawn = of(weights(strata, "poses") @ by_pose * len(poses))
+    drawn = drawn[np.isfinite(drawn)]
+    low, high = interval(drawn) if len(drawn) else (np.nan, np.nan)
+    return Estimate(value, low, high)
+
+
+def difference(
+    one: Group, other: Group, sums: Callable[[Group], np.ndarray], of: Statistic
+) -> Estimate:
+    """A statistic of one group minus that of another, of the poses that both have; paired."""
+    sides = [_by_pose(group, sums(group)) for group in (one, other)]
+    both = sorted(set(sides[0]) & set(sides[1]))
+    if not both:
+        return Estimate(np.nan, np.nan, np.nan)
+    stacked = np.stack([np.concatenate([side[pose] for side in sides]) for pose in both])
+    half = stacked.shape[1] // 2
+
+    def apart(total: np.ndarray) -> np.ndarray:
+        return of(total[..., :half]) - of(total[..., half:])
+
+    strata = [user for user, _ in both]
+    value = float(apart(stacked.sum(axis=0)))
+    if len(both) - len(set(strata)) < 2:
+        return Estimate(value, np.nan, np.nan)
+    drawn = apart(weights(strata, "poses") @ stacked * len(both))
+    return Estimate(value, *interval(drawn[np.isfinite(drawn)]))
+
+
+def _by_pose(group: Group, sums: np.ndarray) -> dict[tuple, np.ndarray]:
+    """Sums by road user and frame, a mean over the seeds that the group has."""
+    found: dict[tuple, np.ndarray] = {}
+    for pose, row in zip(group.poses, sums, strict=True):
+        key = (group.pose_strata[pose], group.pose_frames[pose])
+        found[key] = found.get(key, 0.0) + row
+    return found
+
+
+STIXEL_SUMS = ("count", "depth", "depth²", "disparity²", "areas", "area²")
+STIXEL_SUMS += ("ratio²", "in 1", "in 2", "height", "height²")
+
+
+def stixel_sums(group: Group, low: float, high: float) -> np.ndarray:
+    """`STIXEL_SUMS` (n, 11) of the stixels of a true depth in [low, high) m, without gross errors.
+
+    Areas are counted by themselves, for not every stixel has the target's pixels in its own.
+    """
+    errors = group.errors.stixels
+    fine = in_range(errors.true_depth, low, high) & (np.abs(errors.disparity) <= GROSS)
+    frame = np.repeat(np.arange(len(errors.offsets) - 1), np.diff(errors.offsets))[fine]
+    depth, ratio = errors.depth[fine], errors.depth[fine] / errors.sigma[fine]
+    area = errors.area_depth[fine]
+    rows = np.stack(
+        [
+            np.ones(len(depth)),
+            depth,
+            depth**2,
+            errors.disparity[fine] ** 2,
+            np.isfinite(area),
+            np.nan_to_num(area) ** 2,
+            ratio**2,
+            np.abs(ratio) <= 1.0,
+            np.abs(ratio) <= 2.0,
+            errors.height[fine],
+            errors.height[fine] ** 2,
+        ],
+        axis=-1,
+    )
+    sums = np.zeros((len(errors.offsets) - 1, len(STIXEL_SUMS)))
+    np.add.at(sums, frame, rows)
+    return sums
+
+
+def pixel_sums(group: Group, zone: int) -> np.ndarray:
+    """Pixels, valid, gross, total px, squares px² (n, 5) of the frames that see the target."""
+    names = ("pixels", "valid", "gross", "total", "squares")
+    found = np.stack([getattr(group.errors.disparity, name)[:, zone] for name in names], axis=-1)
+    return found.astype(np.float64) * group.seen[:, None]
+
+
+def cover_sums(group: Group) -> np.ndarray:
+    """Columns of the target and those in no stixel (n, 2) of the frames that see it."""
+    errors = group.errors.stixels
+    found = np.stack([errors.columns, errors.columns - errors.covered], axis=-1)
+    return found.astype(np.float64) * group.seen[:, None]
+
+
+def ratio(part: int, whole: int = 0) -> Statistic:
+    """A sum over another."""
+
+    def of(sums: np.ndarray) -> np.ndarray:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return sums[..., part] / sums[..., whole]
+
+    return of
+
+
+def root(part: int, whole: int = 0, less: int | None = None) -> Statistic:
+    """Root of a sum over another, or over what that has more than a third."""
+
+    def of(sums: np.ndarray) -> np.ndarray:
+        count = sums[..., whole] - (sums[..., less] if less is not None else 0.0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.sqrt(sums[..., part] / count)
+
+    return of
+
+
+def pixel_bias(sums: np.ndarray) -> np.ndarray:
+    """Mean error px of `pixel_sums`."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return sums[..., 3] / (sums[..., 1] - sums[..., 2])
+
+
+PIXEL_RMS = root(4, 1, less=2)
+PIXEL_GROSS = ratio(2, 1)
+PIXEL_DENSITY = ratio(1, 0)
+STIXEL_BIAS, STIXEL_RMS, STIXEL_RMS_PX = ratio(1), root(2), root(3)
+AREA_RMS, NEES, WITHIN_1, WITHIN_2 = root(5, 4), ratio(6), ratio(7), ratio(8)
+HEIGHT_BIAS, HEIGHT_RMS = ratio(9), root(10)
+MISSED = ratio(1, 0)

@@ -1,0 +1,176 @@
+"""RQ2: stixels minus another measurement in pairs, and which differences stand up to a test."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from scipy.stats import t as student
+
+from stixel_cli.studies.nouns import Paragraph, Section, Table
+from stixel_cli.studies.prose import MINUS
+from stixel_cli.studies.rq2_runs import (
+    FLOOR,
+    LIDAR,
+    STIXELS,
+    Run,
+    chosen,
+    metric_over_seeds,
+    names,
+    paired_difference,
+)
+from stixel_cli.studies.rq3_statistics import SIGNIFICANT, holm
+from stixel_cli.sweeps.statistics import Statistic
+
+ERRORS = {
+    "centre_rmse_m": ("centre RMSE", "m", False),
+    "orientation_rmse_deg": ("orientation RMSE", "°", False),
+    "iou_mean": ("mean IoU", "", True),
+}
+"""Metric to its name, unit, and whether more is better."""
+
+
+@dataclass(frozen=True)
+class Contrast:
+    """One metric of one road user's runs by one tracker, on two measurements.
+
+    Attributes:
+        road_user, tracker, one, other, metric: which; `one` and `other` are measurements.
+        values: mean over the seeds of each.
+        difference: `one` minus `other`, over the seeds.
+        p: of the paired t-test over the seeds, two-sided; corrected once it is in a family.
+    """
+
+    road_user: str
+    tracker: str
+    one: str
+    other: str
+    metric: str
+    values: tuple[float | None, float | None]
+    difference: Statistic
+    p: float | None
+
+    @property
+    def verdict(self) -> str:
+        """What `one` is by p: "worse", "better", "leaning" (only the interval tells), "alike"."""
+        low, high = self.difference.low, self.difference.high
+        if low is None or low <= 0.0 <= high:
+            return "alike"
+        if self.p is None or self.p >= SIGNIFICANT:
+            return "leaning"
+        return "better" if (self.difference.mean > 0.0) == ERRORS[self.metric][2] else "worse"
+
+
+def contrasts(runs: Sequence[Run], tracker: str, one: str, other: str) -> list[Contrast]:
+    """Every road user and metric of two measurements; p not corrected."""
+    found = []
+    for user in names(runs, "road_user"):
+        sides = [
+            chosen(runs, road_user=user, tracker=tracker, measurement=measurement)
+            for measurement in (one, other)
+        ]
+        for metric in ERRORS:
+            difference = paired_difference(*sides, metric)
+            values = tuple(metric_over_seeds(side, metric).mean for side in sides)
+            p = p_value(difference)
+            found.append(Contrast(user, tracker, one, other, metric, values, difference, p))
+    return found
+
+
+def family(runs: Sequence[Run]) -> list[Contrast]:
+    """The question's own: stixels against every lidar by every extended tracker, p by Holm."""
+    stixels, lidars = of_kind(runs, STIXELS), of_kind(runs, LIDAR)
+    extended = [tracker for tracker in names(runs, "tracker") if not is_floor(runs, tracker)]
+    found = [
+        contrast
+        for tracker in extended or names(runs, "tracker")
+        for one in stixels
+        for other in lidars
+        for contrast in contrasts(runs, tracker, one, other)
+    ]
+    return corrected(found)
+
+
+def corrected(found: Sequence[Contrast]) -> list[Contrast]:
+    """The same with p corrected over all of them by Holm (1979)."""
+    known = {str(i): one.p for i, one in enumerate(found) if one.p is not None}
+    p = holm(known)
+    return [replace(one, p=p.get(str(i))) for i, one in enumerate(found)]
+
+
+def p_value(difference: Statistic) -> float | None:
+    """p of the t-test that a mean of paired differences is 0, two-sided; None below two pairs."""
+    if difference.deviation is None:
+        return None
+    if difference.deviation == 0.0:
+        return 1.0 if difference.mean == 0.0 else 0.0
+    ratio = difference.mean / (difference.deviation / math.sqrt(difference.n))
+    return float(2.0 * student.sf(abs(ratio), difference.n - 1))
+
+
+def of_kind(runs: Sequence[Run], kind: str) -> list[str]:
+    """The measurements of a kind."""
+    return names(chosen(runs, kind=kind), "measurement")
+
+
+def is_floor(runs: Sequence[Run], tracker: str) -> bool:
+    """Whether a tracker is the one that others are to beat."""
+    return all(run.tracker_kind == FLOOR for run in chosen(runs, tracker=tracker))
+
+
+def contrasts_section(runs: Sequence[Run]) -> Section:
+    """All paired differences, the question's own with their tests."""
+    title = "Stixels against the others, paired"
+    stixels = of_kind(runs, STIXELS)
+    others = [name for name in names(runs, "measurement") if name not in stixels]
+    tested = {(c.road_user, c.tracker, c.one, c.other, c.metric): c.p for c in family(runs)}
+    rows = []
+    for tracker in names(runs, "tracker"):
+        for one in stixels:
+            for other in others:
+                rows += _rows(contrasts(runs, tracker, one, other), tested)
+    if not rows:
+        return Section(
+            title, (Paragraph("This study holds no stixels beside another measurement."),)
+        )
+    columns = ["road user", "tracker", "difference", "n"]
+    for name, unit, _ in ERRORS.values():
+        columns += [f"{name} ({unit})" if unit else name, f"low {name}", f"high {name}"]
+        columns.append(f"p of {name.removesuffix(' RMSE').removeprefix('mean ')} (Holm)")
+    return Section(
+        title,
+        (
+            Paragraph(
+                "Of each seed, the mean over the paths of the difference between two runs that see "
+                "the same motion; then the mean over the n seeds and its 95 % interval (Student's "
+                "t, n − 1 degrees of freedom). Of the errors a positive difference, of the IoU a "
+                "negative one, is worse for stixels."
+            ),
+            Paragraph(
+                f"Tested are the {len(tested)} differences of the question itself, stixels against "
+                "lidar by extended trackers: paired t-tests, two-sided, with Holm's correction "
+                "over all of them. The other rows are description: their intervals are not "
+                "corrected for their number, and about one in twenty leaves out 0 by chance."
+            ),
+            Table(
+                "paired_differences",
+                "Stixels minus another measurement, paired by road user, path and seed; mean and "
+                "95 % interval over the seeds.",
+                tuple(columns),
+                tuple(rows),
+            ),
+        ),
+    )
+
+
+def _rows(found: Sequence[Contrast], tested: dict) -> list[tuple]:
+    rows = []
+    for user in dict.fromkeys(one.road_user for one in found):
+        own = [one for one in found if one.road_user == user]
+        cells: list[str | float | int | None] = [user, own[0].tracker]
+        cells.append(f"{own[0].one}\u00a0{MINUS} {own[0].other}")
+        cells.append(own[0].difference.n)
+        for one in own:
+            cells += [one.difference.mean, one.difference.low, one.difference.high]
+            cells.append(tested.get((one.road_user, one.tracker, one.one, one.other, one.metric)))
+        rows.append(tuple(cells))
+    return rows
