@@ -122,8 +122,8 @@ def read_study(path: Path) -> StudyFile:
             raise ConfigurationError(f"is a sweep, not a study: stixel sweep --from {path}")
         refuse_unknown(content, ENTRIES)
         title, question, report = (_text(content, name) for name in ENTRIES[:3])
-        module = f"{__package__}.{report}"
-        if not report.isidentifier() or find_spec(module) is None:
+        module = f"{__package__}.{report}.report"
+        if not _is_module(module):
             raise ConfigurationError(f"report: there is no module {messages.printable(module)}")
         study = StudyFile(path, title, question, module, tuple(_parts(content)))
         if study.parts[0].derive is not None:
@@ -138,6 +138,15 @@ def read_study(path: Path) -> StudyFile:
         text = str(fault)
         raise ConfigurationError(text if where in text else f"{where}: {text}") from None
     return study
+
+
+def _is_module(name: str) -> bool:
+    if not all(part.isidentifier() for part in name.split(".")):
+        return False
+    try:
+        return find_spec(name) is not None
+    except ModuleNotFoundError:  # It has no parent, or one that is no package.
+        return False
 
 
 def _text(content: Mapping[str, Any], name: str) -> str:

@@ -33,7 +33,7 @@ TOY = {
 
 def toy_module():
     """The module of its report, as if it were among the package's; `seen` holds what it saw."""
-    module = ModuleType("stixel_cli.studies.toy")
+    module = ModuleType("stixel_cli.studies.toy.report")
     module.__spec__ = ModuleSpec(module.__name__, None)
     module.seen = []
     module.widths = lambda data: [{"tracker.sigma_f": [0.1, 0.1 + len(data.parts["first"].points)]}]

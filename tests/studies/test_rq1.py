@@ -15,8 +15,8 @@ from stixel_cli.geometry.rig import Rig
 from stixel_cli.scene.parameters import RoadUser
 from stixel_cli.scene.road_user import road_user_mesh
 from stixel_cli.studies.file import find_study, read_study
-from stixel_cli.studies.rq1_gallery import by_frame, contact_sheet
-from stixel_cli.studies.rq1_pool import (
+from stixel_cli.studies.rq1.gallery import by_frame, contact_sheet
+from stixel_cli.studies.rq1.pool import (
     by_label,
     cell,
     matcher,
@@ -25,7 +25,7 @@ from stixel_cli.studies.rq1_pool import (
     share,
     text,
 )
-from stixel_cli.studies.rq1_setup import seconds_a_frame, timed_building, values_of
+from stixel_cli.studies.rq1.setup import seconds_a_frame, timed_building, values_of
 
 FIXED = {
     "rig.width": 144,

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from stixel_cli.studies.rq1_intervals import (
+from stixel_cli.studies.rq1.intervals import (
     STIXEL_BIAS,
     STIXEL_RMS,
     Estimate,

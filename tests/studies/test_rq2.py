@@ -13,17 +13,17 @@ from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.studies import rq2
 from stixel_cli.studies.nouns import StudyData
-from stixel_cli.studies.rq2_answer import answer
-from stixel_cli.studies.rq2_conditions import CONDITIONS, condition_statistics
-from stixel_cli.studies.rq2_contrasts import family, p_value
-from stixel_cli.studies.rq2_runs import (
+from stixel_cli.studies.rq2.answer import answer
+from stixel_cli.studies.rq2.conditions import CONDITIONS, condition_statistics
+from stixel_cli.studies.rq2.contrasts import family, p_value
+from stixel_cli.studies.rq2.runs import (
     Run,
     contour_distances,
     measurement_name,
     names,
     paired_difference,
+    runs_of,
     tracker_name,
     within_bounds,
 )
@@ -250,4 +250,4 @@ def test_a_tiny_study_from_the_command_line(tiny, open_page):
 
 def test_a_study_without_points_of_some_kind_says_so():
     data = StudyData("rq2", "t", "q", {})
-    assert names(rq2.runs_of(data), "tracker") == []
+    assert names(runs_of(data), "tracker") == []

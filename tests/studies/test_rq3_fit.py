@@ -14,7 +14,7 @@ from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import fabricate_scans
 from stixel_cli.measurements.parameters import ConstantNoise, FabricatedParameters, FittedNoise
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.studies.rq3_fit import fit_noise, preset
+from stixel_cli.studies.rq3.fit import fit_noise, preset
 
 RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.5, 0.0)
 BOX = np.array([[2.25, -0.9], [2.25, 0.9], [-2.25, 0.9], [-2.25, -0.9]])

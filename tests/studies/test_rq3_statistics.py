@@ -1,6 +1,6 @@
 import numpy as np
 
-from stixel_cli.studies.rq3_statistics import (
+from stixel_cli.studies.inference import (
     gap_closed,
     holm,
     paired,

@@ -5,8 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stixel_cli.studies.inference import (
+    SIGNIFICANT,
+    Closed,
+    Paired,
+    gap_closed,
+    holm,
+    paired,
+)
 from stixel_cli.studies.nouns import Table
-from stixel_cli.studies.rq3_runs import (
+from stixel_cli.studies.rq3.runs import (
     FABRICATED,
     FITTED,
     SIMULATED,
@@ -14,14 +22,6 @@ from stixel_cli.studies.rq3_runs import (
     Measure,
     Runs,
     names,
-)
-from stixel_cli.studies.rq3_statistics import (
-    SIGNIFICANT,
-    Closed,
-    Paired,
-    gap_closed,
-    holm,
-    paired,
 )
 
 

@@ -13,9 +13,9 @@ from stixel_cli.studies.prose import (
     percent,
     quantity,
 )
-from stixel_cli.studies.rq3_compare import Comparison
-from stixel_cli.studies.rq3_price import THESIS, Price
-from stixel_cli.studies.rq3_runs import FABRICATED, FITTED, SIMULATED
+from stixel_cli.studies.rq3.compare import Comparison
+from stixel_cli.studies.rq3.price import THESIS, Price
+from stixel_cli.studies.rq3.runs import FABRICATED, FITTED, SIMULATED
 
 _TOLD = (
     "bias along the ray",

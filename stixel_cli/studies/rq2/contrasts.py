@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 
 from scipy.stats import t as student
 
+from stixel_cli.studies.inference import SIGNIFICANT, holm
 from stixel_cli.studies.nouns import Paragraph, Section, Table
 from stixel_cli.studies.prose import MINUS
-from stixel_cli.studies.rq2_runs import (
+from stixel_cli.studies.rq2.runs import (
     FLOOR,
     LIDAR,
     STIXELS,
@@ -18,7 +19,6 @@ from stixel_cli.studies.rq2_runs import (
     names,
     paired_difference,
 )
-from stixel_cli.studies.rq3_statistics import SIGNIFICANT, holm
 from stixel_cli.sweeps.statistics import Statistic
 
 ERRORS = {

@@ -11,7 +11,7 @@ from stixel_cli.evaluation.stage_errors import GROSS
 from stixel_cli.evaluation.stage_summary import phase_bias
 from stixel_cli.report import style
 from stixel_cli.studies.nouns import Figure
-from stixel_cli.studies.rq1_pool import EDGES, LEAST, Group
+from stixel_cli.studies.rq1.pool import EDGES, LEAST, Group
 
 CENTRES = 0.5 * (np.array(EDGES[1:]) + np.array(EDGES[:-1]))
 WIDTH = 5.0

@@ -3,11 +3,11 @@
 from collections.abc import Iterator, Sequence
 
 from stixel_cli.evaluation.stage_summary import coverage_summary, stixel_summary
-from stixel_cli.studies import rq1_figures as figures
-from stixel_cli.studies import rq1_intervals as by_pose
 from stixel_cli.studies.nouns import Paragraph, Section, StudyData, Table
-from stixel_cli.studies.rq1_intervals import estimate
-from stixel_cli.studies.rq1_pool import (
+from stixel_cli.studies.rq1 import figures
+from stixel_cli.studies.rq1 import intervals as by_pose
+from stixel_cli.studies.rq1.intervals import estimate
+from stixel_cli.studies.rq1.pool import (
     COARSE,
     LEAST,
     ROUND,

@@ -7,8 +7,8 @@ import numpy as np
 from stixel_cli.evaluation.point_errors import PointErrors
 from stixel_cli.report import style
 from stixel_cli.studies.nouns import Figure
-from stixel_cli.studies.rq3_compare import Comparison
-from stixel_cli.studies.rq3_runs import FABRICATED, FITTED, SIMULATED, correlogram
+from stixel_cli.studies.rq3.compare import Comparison
+from stixel_cli.studies.rq3.runs import FABRICATED, FITTED, SIMULATED, correlogram
 
 WIDTH = 5.4
 COLOURS = dict(zip((SIMULATED, FABRICATED, FITTED), style.RUNS, strict=False))

@@ -10,8 +10,8 @@ from stixel_cli.report import style
 from stixel_cli.report.compare_figure import LINE_STYLES
 from stixel_cli.studies.nouns import Figure
 from stixel_cli.studies.prose import capital
-from stixel_cli.studies.rq2_conditions import Condition, condition_statistics
-from stixel_cli.studies.rq2_runs import Run, chi_square_bounds, chosen, names
+from stixel_cli.studies.rq2.conditions import Condition, condition_statistics
+from stixel_cli.studies.rq2.runs import Run, chi_square_bounds, chosen, names
 from stixel_cli.sweeps.statistics import student_t
 
 WIDTH = 4.9

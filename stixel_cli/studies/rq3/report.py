@@ -4,11 +4,12 @@ from collections.abc import Sequence
 from dataclasses import asdict
 
 from stixel_cli.measurements.parameters import FittedNoise
+from stixel_cli.studies.inference import DRAWS
 from stixel_cli.studies.nouns import Findings, Paragraph, Part, Section, StudyData, Table
 from stixel_cli.studies.prose import listed, quantity
-from stixel_cli.studies.rq3_answer import answer
-from stixel_cli.studies.rq3_compare import Comparison, compare, difference_table
-from stixel_cli.studies.rq3_figures import (
+from stixel_cli.studies.rq3.answer import answer
+from stixel_cli.studies.rq3.compare import Comparison, compare, difference_table
+from stixel_cli.studies.rq3.figures import (
     Pools,
     edges,
     error_histograms,
@@ -16,9 +17,9 @@ from stixel_cli.studies.rq3_figures import (
     range_law,
     tracker_differences,
 )
-from stixel_cli.studies.rq3_fit import fit_noise, preset
-from stixel_cli.studies.rq3_price import SHARED, Price, price_of
-from stixel_cli.studies.rq3_runs import (
+from stixel_cli.studies.rq3.fit import fit_noise, preset
+from stixel_cli.studies.rq3.price import SHARED, Price, price_of
+from stixel_cli.studies.rq3.runs import (
     FABRICATED,
     FITTED,
     SIMULATED,
@@ -30,7 +31,6 @@ from stixel_cli.studies.rq3_runs import (
     point_measures,
     runs_of,
 )
-from stixel_cli.studies.rq3_statistics import DRAWS
 
 TRAINING = "training"
 COMMAND = "stixel study rq3"

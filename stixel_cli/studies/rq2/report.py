@@ -10,12 +10,12 @@ import numpy as np
 
 from stixel_cli.studies.nouns import Findings, Paragraph, Section, StudyData, Table
 from stixel_cli.studies.prose import capital, listed, number, percent
-from stixel_cli.studies.rq2_answer import answer
-from stixel_cli.studies.rq2_conditions import CONDITIONS, condition_table
-from stixel_cli.studies.rq2_contrasts import ERRORS, contrasts_section
-from stixel_cli.studies.rq2_figures import boxes, by_condition, example_scans, over_time
-from stixel_cli.studies.rq2_published import published
-from stixel_cli.studies.rq2_runs import (
+from stixel_cli.studies.rq2.answer import answer
+from stixel_cli.studies.rq2.conditions import CONDITIONS, condition_table
+from stixel_cli.studies.rq2.contrasts import ERRORS, contrasts_section
+from stixel_cli.studies.rq2.figures import boxes, by_condition, example_scans, over_time
+from stixel_cli.studies.rq2.published import published
+from stixel_cli.studies.rq2.runs import (
     LIDAR,
     STIXELS,
     Run,

@@ -11,14 +11,14 @@ from stixel_cli.studies.prose import (
     quantity,
     with_interval,
 )
-from stixel_cli.studies.rq2_contrasts import (
+from stixel_cli.studies.rq2.contrasts import (
     ERRORS,
     Contrast,
     family,
     is_floor,
     of_kind,
 )
-from stixel_cli.studies.rq2_runs import (
+from stixel_cli.studies.rq2.runs import (
     LIDAR,
     STIXELS,
     Run,

@@ -4,11 +4,11 @@ import math
 from collections.abc import Iterator, Sequence
 
 from stixel_cli.evaluation.stage_summary import column_summary, coverage_summary
-from stixel_cli.studies import rq1_intervals as by_pose
 from stixel_cli.studies.nouns import StudyData
 from stixel_cli.studies.prose import counted, listed, number, quantity
-from stixel_cli.studies.rq1_intervals import Estimate, estimate
-from stixel_cli.studies.rq1_pool import (
+from stixel_cli.studies.rq1 import intervals as by_pose
+from stixel_cli.studies.rq1.intervals import Estimate, estimate
+from stixel_cli.studies.rq1.pool import (
     EDGES,
     ROUND,
     SW_DEPTH,
@@ -24,7 +24,7 @@ from stixel_cli.studies.rq1_pool import (
     share,
     text,
 )
-from stixel_cli.studies.rq1_setup import lines_of, seconds_a_frame, values_of
+from stixel_cli.studies.rq1.setup import lines_of, seconds_a_frame, values_of
 
 _INSIDE = 0
 

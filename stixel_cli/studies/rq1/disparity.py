@@ -4,11 +4,11 @@ from collections.abc import Iterator, Sequence
 
 from stixel_cli.evaluation.stage_errors import ZONES
 from stixel_cli.evaluation.stage_summary import coverage_summary, disparity_summary
-from stixel_cli.studies import rq1_figures as figures
-from stixel_cli.studies import rq1_intervals as by_pose
 from stixel_cli.studies.nouns import Section, StudyData, Table
-from stixel_cli.studies.rq1_intervals import estimate
-from stixel_cli.studies.rq1_pool import (
+from stixel_cli.studies.rq1 import figures
+from stixel_cli.studies.rq1 import intervals as by_pose
+from stixel_cli.studies.rq1.intervals import estimate
+from stixel_cli.studies.rq1.pool import (
     COARSE,
     EDGES,
     LEAST,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stixel_cli.studies.nouns import Part, StudyPoint
-from stixel_cli.studies.rq3_runs import pairing
+from stixel_cli.studies.rq3.runs import pairing
 
 SHARED = ("ego_motion", "scenario")
 """Steps that both kinds of scan begin with; not counted as the price of either."""

@@ -3,9 +3,9 @@
 from collections.abc import Callable
 
 from stixel_cli.evaluation.stage_summary import coverage_summary, disparity_summary, stixel_summary
-from stixel_cli.studies import rq1_figures as figures
 from stixel_cli.studies.nouns import Paragraph, Part, Section, StudyData, Table
-from stixel_cli.studies.rq1_pool import EDGES, Group, by_label, cell, contrast, pool, road_user
+from stixel_cli.studies.rq1 import figures
+from stixel_cli.studies.rq1.pool import EDGES, Group, by_label, cell, contrast, pool, road_user
 
 INSIDE = 0
 

@@ -13,7 +13,7 @@ from stixel_cli.scene.road_user import road_user_mesh
 from stixel_cli.scene.surfaces import build_surfaces
 from stixel_cli.scene.world import world_objects
 from stixel_cli.studies.nouns import Paragraph, Part, Section, StudyData, StudyPoint, Table
-from stixel_cli.studies.rq1_pool import (
+from stixel_cli.studies.rq1.pool import (
     by_label,
     cell,
     grid,

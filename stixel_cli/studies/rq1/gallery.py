@@ -5,7 +5,7 @@ import io
 from PIL import Image
 
 from stixel_cli.studies.nouns import Paragraph, Part, Picture, Section
-from stixel_cli.studies.rq1_pool import by_label, road_user, text
+from stixel_cli.studies.rq1.pool import by_label, road_user, text
 
 PANELS = ("left", "disparity", "occupancy", "free_space", "height", "stixels")
 WIDTH = 1080

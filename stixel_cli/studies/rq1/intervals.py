@@ -12,9 +12,9 @@ import numpy as np
 
 from stixel_cli.evaluation.stage_errors import GROSS
 from stixel_cli.evaluation.stage_summary import in_range
+from stixel_cli.studies.inference import interval, weights
 from stixel_cli.studies.prose import quantity, with_interval
-from stixel_cli.studies.rq1_pool import Group
-from stixel_cli.studies.rq3_statistics import interval, weights
+from stixel_cli.studies.rq1.pool import Group
 
 Statistic = Callable[[np.ndarray], np.ndarray]
 """Gives a number of sums (…, m) over frames."""

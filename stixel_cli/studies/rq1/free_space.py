@@ -5,9 +5,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from stixel_cli.evaluation.stage_summary import column_summary
-from stixel_cli.studies import rq1_figures as figures
 from stixel_cli.studies.nouns import Paragraph, Section, StudyData, Table
-from stixel_cli.studies.rq1_pool import LEAST, Group, cell, grid, groups
+from stixel_cli.studies.rq1 import figures
+from stixel_cli.studies.rq1.pool import LEAST, Group, cell, grid, groups
 
 
 def free_space_section(data: StudyData, users: Sequence[Group]) -> Section:

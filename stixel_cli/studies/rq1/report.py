@@ -5,16 +5,16 @@ is computed from the study's data.
 """
 
 from stixel_cli.evaluation.stage_errors import BORDER, GROSS
+from stixel_cli.studies.inference import DRAWS
 from stixel_cli.studies.nouns import Findings, Paragraph, Section, StudyData
-from stixel_cli.studies.rq1_answer import answer
-from stixel_cli.studies.rq1_contrast import contrast_section
-from stixel_cli.studies.rq1_disparity import disparity_section
-from stixel_cli.studies.rq1_free_space import free_space_section
-from stixel_cli.studies.rq1_gallery import gallery_section
-from stixel_cli.studies.rq1_pool import groups, road_user
-from stixel_cli.studies.rq1_setup import setup_section
-from stixel_cli.studies.rq1_stixels import height_section, rigs_section, stixels_section
-from stixel_cli.studies.rq3_statistics import DRAWS
+from stixel_cli.studies.rq1.answer import answer
+from stixel_cli.studies.rq1.contrast import contrast_section
+from stixel_cli.studies.rq1.disparity import disparity_section
+from stixel_cli.studies.rq1.free_space import free_space_section
+from stixel_cli.studies.rq1.gallery import gallery_section
+from stixel_cli.studies.rq1.pool import groups, road_user
+from stixel_cli.studies.rq1.setup import setup_section
+from stixel_cli.studies.rq1.stixels import height_section, rigs_section, stixels_section
 
 
 def report(data: StudyData) -> Findings:

@@ -1,0 +1,1 @@
+"""RQ1: are these stixels like those of The Stixel World?"""

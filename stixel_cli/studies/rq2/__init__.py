@@ -1,0 +1,1 @@
+"""RQ2: how does the tracker do on stixels against lidar?"""

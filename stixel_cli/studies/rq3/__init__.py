@@ -1,0 +1,1 @@
+"""RQ3: how do simulated and fabricated measurements differ?"""
