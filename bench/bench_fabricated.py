@@ -32,7 +32,7 @@ FITTED = dataclasses.replace(
         "fitted", 1, 0.005, 0.13, 0.17, 0.067, 7.0, 0.0, 1.0, -0.1, 0.1, 0.09, 0.016, 6.0
     ),
 )
-RAYS = spread_rays(640, RIG.fov, True)
+RAYS = spread_rays(640, RIG.field_of_view, True)
 SENSOR = np.array([0.0, 0.0, np.pi / 2])
 
 

@@ -140,11 +140,11 @@ def _of_scan(contour, points, rig):
     """Rows of the target's points (8, n) and columns (3, c), the silhouette's span, clutter."""
     if contour[:, 0].min() < _BEHIND:
         return None
-    border = rig.focal * np.tan(0.5 * rig.fov)
+    left, right = -0.5 - rig.u0, rig.width - 0.5 - rig.u0
     outline = -rig.focal * contour[:, 1] / contour[:, 0]
     first, last = outline.min(), outline.max()
-    low, high = max(first, -border), min(last, border)
-    middles = np.arange(rig.width) - 0.5 * (rig.width - 1)
+    low, high = max(first, left), min(last, right)
+    middles = np.arange(rig.width) - rig.u0
     seeing = middles[(middles >= low) & (middles <= high)]
     if len(seeing) == 0:
         return None
@@ -178,8 +178,8 @@ def _of_scan(contour, points, rig):
     margin = np.minimum(seeing - low, high - seeing)
     its_columns = np.vstack([seeing, margin, facing])[:, margin >= 0.5 - 1e-9]
     span = (
-        first if first > -border else np.nan,
-        last if last < border else np.nan,
+        first if first > left else np.nan,
+        last if last < right else np.nan,
         float(per_metre.mean()),
     )
     return rows, its_columns, span, np.count_nonzero(~own & (inside > 0.0))

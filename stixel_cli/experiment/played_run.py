@@ -41,8 +41,10 @@ def choice(composition: Composition, group: str) -> str:
     return composition.choices.get(group, str(kind))
 
 
-def _field_of_view(configuration: Configuration) -> float:
-    """The sensor's, rad: a lidar may have one of its own."""
+def _field_of_view(configuration: Configuration) -> tuple[float, float]:
+    """The sensor's right and left border, rad: a lidar may have a field of its own."""
     measurement = configuration.measurement
     own = measurement.scanner.horizontal_fov if measurement.kind == "lidar" else None
-    return configuration.rig.fov if own is None else math.radians(own)
+    if own is None:
+        return configuration.rig.field_of_view
+    return -math.radians(0.5 * own), math.radians(0.5 * own)

@@ -118,7 +118,7 @@ TABLE: dict[str, Definition] = {
             "road_user": "road_user",
             "world": "world",
             "scanner": "measurement.scanner",
-            "camera_fov": "rig.fov",
+            "camera_field": "rig.field_of_view",
         },
         packages=("numpy", *OPEN3D),
         reads_mesh=True,

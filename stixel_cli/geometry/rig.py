@@ -57,9 +57,10 @@ class Rig:
         return self.width / (2.0 * np.tan(np.radians(self.horizontal_fov) / 2.0))
 
     @property
-    def fov(self) -> float:
-        """Horizontal field of view in rad: 2 atan(N_w / (2 f_u)), thesis (4)."""
-        return 2.0 * float(np.arctan(self.width / (2.0 * self.focal)))
+    def field_of_view(self) -> tuple[float, float]:
+        """Bearings of the image's right and left border, rad, counter-clockwise from ahead."""
+        right = -np.arctan((self.width - 0.5 - self.u0) / self.focal)
+        return float(right), float(np.arctan((self.u0 + 0.5) / self.focal))
 
     @property
     def u0(self) -> float:

@@ -30,7 +30,7 @@ def fabricate_scans(
     measurement.check(rig)
     rays = spread_rays(
         rig.width if measurement.rays is None else measurement.rays,
-        rig.fov,
+        rig.field_of_view,
         measurement.spacing == "tangent",
     )
     scans = [
@@ -75,7 +75,7 @@ def fabricate_scan(
     angles, steps, measured = rays.angles[ray][keep], rays.steps[ray][keep], measured[keep]
     if measurement.clutter_rate > 0.0:
         count = random.poisson(measurement.clutter_rate)
-        clutter = random.uniform(-rays.half_field, rays.half_field, count)
+        clutter = random.uniform(*rays.field_of_view, count)
         # Even over the area of the field of view, so the range is a square root.
         far = measurement.range_max * np.sqrt(random.random(count))
         nearest_ray = np.minimum(np.searchsorted(rays.angles, clutter), len(rays.angles) - 1)

@@ -41,22 +41,31 @@ class LidarReturns:
 
 
 def cast_lidar(
-    scenario: Scenario, road_user: RoadUser, world: World, scanner: Scanner, camera_fov: float
+    scenario: Scenario,
+    road_user: RoadUser,
+    world: World,
+    scanner: Scanner,
+    camera_field: tuple[float, float],
 ) -> LidarReturns:
     """Distances to the first surface along all beams, at the poses of the scenario.
 
     The target, the road and the background are the renderers' meshes, so whatever hides the target
-    from the camera hides it here. `camera_fov` (rad) is the field of view where `scanner` has none.
+    from the camera hides it here. `camera_field` is the field of view where `scanner` has none of
+    its own: bearings of the camera's right and left border, rad.
     """
     static, target = _static_tree(world), ray_tree(road_user_mesh(road_user))
-    return cast_beams(static, target, scenario, scanner, camera_fov)
+    return cast_beams(static, target, scenario, scanner, camera_field)
 
 
 def cast_beams(
-    static: RayTree, target: RayTree, scenario: Scenario, scanner: Scanner, camera_fov: float
+    static: RayTree,
+    target: RayTree,
+    scenario: Scenario,
+    scanner: Scanner,
+    camera_field: tuple[float, float],
 ) -> LidarReturns:
     """As `cast_lidar`, of what stands still (world frame) and a target (its own frame)."""
-    azimuths = beam_azimuths(scanner, camera_fov)
+    azimuths = beam_azimuths(scanner, camera_field)
     elevations = beam_elevations(scanner)
     beams = beam_directions(elevations, azimuths)
     ranges = np.empty((len(scenario.times), len(elevations), len(azimuths)), dtype=np.float32)
@@ -111,14 +120,14 @@ def lidar_scans(
     )
 
 
-def beam_azimuths(scanner: Scanner, camera_fov: float) -> np.ndarray:
-    """Azimuths (A,) rad, one step apart, even about straight ahead, inside the field of view."""
+def beam_azimuths(scanner: Scanner, camera_field: tuple[float, float]) -> np.ndarray:
+    """Azimuths (A,) rad, one step apart, even about the middle of the field of view, inside it."""
     step = np.radians(scanner.azimuth_step)
     own = scanner.horizontal_fov
-    field = camera_fov if own is None else np.radians(own)
+    right, left = camera_field if own is None else np.radians([-0.5 * own, 0.5 * own])
     # On a full turn the last beam must not be the first one again.
-    count = min(int(field / step + 1e-9) + 1, int(np.ceil(2.0 * np.pi / step - 1e-9)))
-    return (np.arange(count) - 0.5 * (count - 1)) * step
+    count = min(int((left - right) / step + 1e-9) + 1, int(np.ceil(2.0 * np.pi / step - 1e-9)))
+    return 0.5 * (right + left) + (np.arange(count) - 0.5 * (count - 1)) * step
 
 
 def beam_elevations(scanner: Scanner) -> np.ndarray:

@@ -16,42 +16,43 @@ class Rays:
         angles: (n,) rad, ascending.
         directions: (n, 2) unit vectors along them.
         steps: (n,) rad, the angle between neighbours, there.
-        half_field: half the field of view, rad.
+        field_of_view: bearings of its two borders, rad, ascending, less than half a turn apart.
         even_tangent: even in tan phi, as a pinhole's columns are; else even in phi.
     """
 
     angles: np.ndarray
     directions: np.ndarray
     steps: np.ndarray
-    half_field: float
+    field_of_view: tuple[float, float]
     even_tangent: bool
 
     def position(self, angles: np.ndarray) -> np.ndarray:
         """Where `angles` fall among the rays: a real index, -1 and n beyond the field of view."""
-        half, values = self.half_field, np.clip(angles, -self.half_field, self.half_field)
-        if self.even_tangent:
-            half, values = np.tan(half), np.tan(values)
-        inside = (values + half) * ((len(self.angles) - 1) / (2.0 * half))
+        low, high = self.field_of_view
+        beyond = np.where(angles < low, -1.0, float(len(self.angles)))
         # Clipping must not bring to the border what lies beyond it.
-        beyond = np.where(angles < 0.0, -1.0, float(len(self.angles)))
-        return np.where(np.abs(angles) <= self.half_field, inside, beyond)
+        outside = (angles < low) | (angles > high)
+        values = np.clip(angles, low, high)
+        if self.even_tangent:
+            low, high, values = np.tan(low), np.tan(high), np.tan(values)
+        inside = (values - low) * ((len(self.angles) - 1) / (high - low))
+        return np.where(outside, beyond, inside)
 
 
-def spread_rays(count: int, field_of_view: float, even_tangent: bool) -> Rays:
-    """`count` >= 2 rays over `field_of_view` rad, below pi; the first and last are its edges."""
-    half = 0.5 * field_of_view
+def spread_rays(count: int, field_of_view: tuple[float, float], even_tangent: bool) -> Rays:
+    """`count` >= 2 rays; the first and last are the borders of `field_of_view`, see `Rays`."""
     if even_tangent:
-        tangents = np.linspace(-np.tan(half), np.tan(half), count)
+        tangents = np.linspace(*np.tan(field_of_view), count)
         angles = np.arctan(tangents)
         steps = (tangents[1] - tangents[0]) / (1.0 + tangents**2)
     else:
-        angles = np.linspace(-half, half, count)
+        angles = np.linspace(*field_of_view, count)
         steps = np.full(count, angles[1] - angles[0])
     return Rays(
         angles=angles,
         directions=np.stack([np.cos(angles), np.sin(angles)], axis=-1),
         steps=steps,
-        half_field=half,
+        field_of_view=field_of_view,
         even_tangent=even_tangent,
     )
 
@@ -77,7 +78,7 @@ def first_crossings(contour_sensor: np.ndarray, rays: Rays) -> tuple[np.ndarray,
     if seam.any():
         # An edge that crosses the seam behind the sensor spans less than half a turn, and the
         # rays less than half a turn too, so at most one of its two ends can reach them.
-        from_above = seam & (low <= rays.half_field)
+        from_above = seam & (low <= rays.field_of_view[1])
         first[seam & ~from_above] = 0.0
         last[from_above] = len(rays.angles)
     first = np.maximum(first, 0.0).astype(np.int64)

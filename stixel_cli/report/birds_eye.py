@@ -104,7 +104,7 @@ def _draw_surroundings(
         text = f"{hidden} point{'s' if hidden > 1 else ''} outside"
         place = {"ha": "right", "va": "bottom", "transform": axes.transAxes}
         axes.text(1.0, 1.015, text, size=7.5, color="#444444", **place)
-    ground.draw_field_of_view(axes, ego, rig.fov)
+    ground.draw_field_of_view(axes, ego, rig.field_of_view)
     ground.draw_ego(axes, ego)
     axes.plot(*scenario.target_poses_world[: k + 1, :2].T, color=style.TRUTH, linewidth=0.9)
     axes.plot(*track.means[: k + 1, :2].T, color=style.ESTIMATE, linewidth=0.9)

@@ -100,14 +100,14 @@ def draw_heading(axes: Axes, pose_world: np.ndarray, length: float, colour: str)
     axes.plot(x, y, "o", color=colour, markersize=3.5, zorder=4.5)
 
 
-def draw_field_of_view(axes: Axes, pose_world: np.ndarray, field_of_view: float) -> None:
-    """The wedge that a sensor at `pose_world` sees, `field_of_view` rad wide.
+def draw_field_of_view(axes: Axes, pose_world: np.ndarray, bearings: tuple[float, float]) -> None:
+    """The wedge that a sensor at `pose_world` sees between two `bearings`, rad from its heading.
 
     It reaches past the limits of the axes, which must be set before.
     """
     corners = np.array([(x, y) for x in axes.get_xlim() for y in axes.get_ylim()])
     reach = 1.2 * np.linalg.norm(corners - pose_world[:2], axis=1).max()
-    angles = pose_world[2] + field_of_view * np.linspace(-0.5, 0.5, 25)
+    angles = pose_world[2] + np.linspace(*bearings, 25)
     arc = pose_world[:2] + reach * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     wedge = np.concatenate([[pose_world[:2]], arc])
     axes.add_patch(Polygon(wedge, facecolor=style.FIELD_OF_VIEW, alpha=0.09, linewidth=0, zorder=0))

@@ -42,7 +42,7 @@ def path_figure(track: Track, scenario: Scenario, rig: Rig) -> Figure:
     figure, axes, strip = _axes_for(points, 0.8 * size + 1.0, len(chosen) + SCALE)
     ground.fit(axes, points, 0.8 * size + 1.0)
     for k in sorted({0, len(ego) - 1}) if np.ptp(ego, axis=0).any() else (0,):
-        ground.draw_field_of_view(axes, ego[k], rig.fov)
+        ground.draw_field_of_view(axes, ego[k], rig.field_of_view)
         ground.draw_ego(axes, ego[k])
     axes.plot(*ego[:, :2].T, color=style.EGO, linewidth=1.2)
     axes.plot(*poses[:, :2].T, color=style.TRUTH, linewidth=0.9, zorder=3)

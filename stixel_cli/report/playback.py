@@ -50,14 +50,14 @@ class PlayedRun:
     Attributes:
         label: what it is called in the legend.
         facts: (what, value) pairs that say what was run.
-        field_of_view: the sensor's horizontal field of view, rad.
+        field_of_view: the sensor's right and left border, rad from its heading.
         scenario, scans, track, scores: the run's results.
         camera: chunks of the camera's frames in order; none of a run without images.
     """
 
     label: str
     facts: tuple[tuple[str, str], ...]
-    field_of_view: float
+    field_of_view: tuple[float, float]
     scenario: Scenario
     scans: Scans
     track: Track
@@ -153,7 +153,7 @@ def _run(run: PlayedRun) -> dict[str, Any]:
     return {
         "label": run.label,
         "facts": [list(fact) for fact in run.facts],
-        "fieldOfView": round(run.field_of_view, 6),
+        "fieldOfView": [round(bearing, 6) for bearing in run.field_of_view],
         "summary": _summary(scores.metrics),
         "poses": _poses(track.means),
         "centre": _ellipses(track.covariances[:, :2, :2]),

@@ -70,6 +70,19 @@ def test_perfect_points_have_no_errors():
     assert np.all(np.abs(reach) <= 0.51)
 
 
+def test_an_off_centre_principal_point_moves_the_borders_of_the_image():
+    # The target, in the middle before, is cut by the image's left border.
+    rig = dataclasses.replace(RIG, principal_u=20.0)
+    points = fabricate_scans(TRUTH, rig, EXACT, seed=0)
+    errors = point_errors(points, TRUTH, rig)
+    assert 0 < len(errors.scans) < len(PERFECT.points_world)
+    assert errors.columns.min() == pytest.approx(-20.5)
+    np.testing.assert_allclose(errors.along[errors.columns > -20.0], 0.0, atol=1e-9)
+    assert errors.covered.all()
+    assert np.isnan(errors.reach_left).any()
+    assert np.isfinite(errors.reach_right).all()
+
+
 def test_a_bias_along_the_ray_is_found():
     errors = point_errors(with_points(farther(0.2)), TRUTH, RIG)
     np.testing.assert_allclose(errors.along, 0.2, atol=1e-9)
@@ -167,7 +180,7 @@ def test_crossings_are_those_of_the_rays():
     random = np.random.default_rng(4)
     angles = np.sort(random.uniform(0.0, 2.0 * np.pi, 30))
     contour = np.stack([12.0 + 3.0 * np.cos(angles), 3.0 * np.sin(angles)], axis=-1)
-    rays = spread_rays(101, 1.0, True)
+    rays = spread_rays(101, (-0.5, 0.5), True)
     hit, ranges = first_crossings(contour, rays)
     found, _ = ranges_along(contour, rays.angles)
     np.testing.assert_array_equal(np.flatnonzero(np.isfinite(found)), hit)

@@ -28,7 +28,7 @@ def test_past_its_returns_a_lidars_scans_see_no_truth_and_the_returns_see_no_noi
     stages = stages_of("lidar")
     assert stages["scans"].inputs == {"returns": "cast_lidar", "ego_motion": "ego_motion"}
     assert stages["cast_lidar"].seed is None
-    assert set(stages["cast_lidar"].settings) == {"road_user", "world", "scanner", "camera_fov"}
+    assert set(stages["cast_lidar"].settings) == {"road_user", "world", "scanner", "camera_field"}
 
 
 @pytest.mark.parametrize("measurement", ["simulated", "fabricated", "lidar"])

@@ -12,9 +12,16 @@ RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.2, 1.0)
 
 def test_focal_length_and_field_of_view_are_two_words_for_one():
     assert RIG.focal == pytest.approx(320.0 / np.tan(np.radians(30.0)))
-    assert RIG.fov == pytest.approx(np.radians(60.0))
+    assert RIG.field_of_view == pytest.approx(np.radians([-30.0, 30.0]))
     same = replace(RIG, horizontal_fov=None, focal_length=RIG.focal)
-    assert same.fov == pytest.approx(RIG.fov)
+    assert same.field_of_view == pytest.approx(RIG.field_of_view)
+
+
+def test_the_field_of_view_ends_at_the_borders_of_the_outermost_pixels():
+    rig = replace(RIG, principal_u=200.0)
+    right, left = rig.field_of_view
+    points = [[-np.tan(left), 0.0, 1.0], [-np.tan(right), 0.0, 1.0]]
+    np.testing.assert_allclose(rig.project(points)[:, 0], [-0.5, 639.5])
 
 
 @pytest.mark.parametrize("changes", [{"focal_length": 500.0}, {"horizontal_fov": None}])

@@ -25,6 +25,7 @@ RIG = Rig(
     camera_height=1.5,
     pitch=0.0,
 )
+RIGHT, LEFT = RIG.field_of_view
 EXACT = FabricatedParameters(
     kind="fabricated",
     rays=None,
@@ -65,9 +66,9 @@ def test_without_noise_the_points_are_on_the_contour_and_on_the_rays(spacing):
         assert distance_to_outline(points, outline).max() < 1e-9
         x, y = ego_from_world(points, truth.ego_poses_world[k]).T
         if spacing == "angle":
-            position = (np.arctan2(y, x) - np.pi / 2 + RIG.fov / 2) / RIG.fov * 639
+            position = (np.arctan2(y, x) - np.pi / 2 - RIGHT) / (LEFT - RIGHT) * 639
         else:
-            position = 0.5 * 639 - (x / y) / np.tan(RIG.fov / 2) * 0.5 * 639
+            position = 0.5 * 639 - (x / y) / np.tan(RIG.field_of_view[1]) * 0.5 * 639
         np.testing.assert_allclose(position, np.rint(position), atol=1e-6)
 
 
@@ -83,7 +84,7 @@ def test_a_point_of_several_columns_lies_anywhere_in_them():
         across /= np.sum(offset**2, axis=1, keepdims=True)
         # In units of the angle between rays: width² / 12.
         angle = np.einsum("ni,nij,nj->n", across, scans.covariances_world, across)
-        spread[width] = np.sqrt(12.0 * angle) / (RIG.fov / 639)
+        spread[width] = np.sqrt(12.0 * angle) / ((LEFT - RIGHT) / 639)
         np.testing.assert_allclose(spread[width], width)
     assert len(spread[5]) > 50
 
@@ -113,7 +114,7 @@ def test_noise_is_along_the_ray_and_as_its_covariance_says():
         spread = np.einsum("ni,nij,nj->n", along, covariances, along)
         np.testing.assert_allclose(spread, deviation**2)
         sideways = np.einsum("ni,nij,nj->n", across, covariances, across)
-        np.testing.assert_allclose(sideways, (measured_range * RIG.fov / 639) ** 2 / 12.0)
+        np.testing.assert_allclose(sideways, (measured_range * (LEFT - RIGHT) / 639) ** 2 / 12.0)
         np.testing.assert_allclose(
             np.einsum("ni,nij,nj->n", across, covariances, along), 0.0, atol=1e-12
         )
@@ -135,7 +136,7 @@ def test_options_leave_the_other_draws_alone():
         with_clutter = cluttered.points_world[cluttered.rows(k)]
         np.testing.assert_array_equal(with_clutter[: len(points)], points)
         clutter = ego_from_world(with_clutter[len(points) :], truth.ego_poses_world[k])
-        assert np.all(np.abs(clutter[:, 0]) <= np.tan(RIG.fov / 2) * clutter[:, 1])
+        assert np.all(np.abs(clutter[:, 0]) <= np.tan(RIG.field_of_view[1]) * clutter[:, 1])
         assert np.all(np.linalg.norm(clutter, axis=-1) <= 80.0)
         extra += len(clutter)
         left = missed.points_world[missed.rows(k)]

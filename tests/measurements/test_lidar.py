@@ -25,7 +25,7 @@ from stixel_cli.scene.scenario import EgoMotion, Scenario
 from stixel_cli.scene.shapes import box, part
 
 AHEAD = 0.5 * np.pi
-FOV = np.radians(60.0)
+FIELD = (-np.radians(30.0), np.radians(30.0))
 SCANNER = Scanner(
     layers=8,
     elevation_lowest=-12.0,
@@ -83,7 +83,7 @@ def analytic(truth, k):
     x, y, heading = truth.ego_poses_world[k]
     origin = np.array([x, y, SCANNER.mount_height])
     elevation, azimuth = np.meshgrid(
-        beam_elevations(SCANNER), beam_azimuths(SCANNER, FOV) + heading, indexing="ij"
+        beam_elevations(SCANNER), beam_azimuths(SCANNER, FIELD) + heading, indexing="ij"
     )
     flat = np.cos(elevation)
     rays = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)], axis=-1)
@@ -102,7 +102,7 @@ def analytic(truth, k):
 @pytest.mark.parametrize("ego", ["parked", "straight", "turning"])
 def test_ranges_are_those_of_rays_against_boxes_and_a_plane(ego):
     truth = scenario(ego=ego)
-    returns = cast_beams(STATIC, BOX, truth, SCANNER, FOV)
+    returns = cast_beams(STATIC, BOX, truth, SCANNER, FIELD)
     assert returns.ranges.shape == (6, 8, 61)
     hidden, seen = 0, 0
     for k in range(6):
@@ -117,7 +117,7 @@ def test_ranges_are_those_of_rays_against_boxes_and_a_plane(ego):
 @pytest.mark.parametrize("ego", ["parked", "turning"])
 def test_a_scan_is_the_same_in_a_long_run_and_alone(ego):
     truth = scenario(ego=ego)
-    whole = cast_beams(STATIC, BOX, truth, SCANNER, FOV)
+    whole = cast_beams(STATIC, BOX, truth, SCANNER, FIELD)
     for k in (0, 3, 5):
         only = Scenario(
             truth.times[[k]],
@@ -127,7 +127,7 @@ def test_a_scan_is_the_same_in_a_long_run_and_alone(ego):
             truth.contour_target,
             True,
         )
-        alone = cast_beams(STATIC, BOX, only, SCANNER, FOV)
+        alone = cast_beams(STATIC, BOX, only, SCANNER, FIELD)
         assert alone.ranges.tobytes() == whole.ranges[k].tobytes()
 
 
@@ -136,7 +136,7 @@ def test_in_the_street_the_returns_of_a_road_user_lie_on_its_mesh(road_user):
     parameters = compose([f"road_user={road_user}"]).configuration.road_user
     truth = scenario(count=3)
     scanner = dataclasses.replace(SCANNER, layers=24, azimuth_step=0.3)
-    returns = cast_lidar(truth, parameters, World("street", 1, 1.0), scanner, FOV)
+    returns = cast_lidar(truth, parameters, World("street", 1, 1.0), scanner, FIELD)
     open3d = import_open3d()
     points = corners(road_user_mesh(parameters)).reshape(-1, 3).astype(np.float32)
     surface = open3d.t.geometry.RaycastingScene(nthreads=1)
@@ -168,13 +168,13 @@ def test_in_the_street_the_returns_of_a_road_user_lie_on_its_mesh(road_user):
 
 def test_beams_lie_inside_the_field_of_view_even_about_its_middle():
     scanner = dataclasses.replace(SCANNER, azimuth_step=0.7)
-    azimuths = np.degrees(beam_azimuths(scanner, FOV))
+    azimuths = np.degrees(beam_azimuths(scanner, FIELD))
     np.testing.assert_allclose(np.diff(azimuths), 0.7)
     np.testing.assert_allclose(azimuths, -azimuths[::-1])
     assert 30.0 - 0.7 < azimuths[-1] <= 30.0
     own = dataclasses.replace(scanner, azimuth_step=0.25, horizontal_fov=100.0)
-    assert np.degrees(beam_azimuths(own, FOV)[[0, -1]]).round(9).tolist() == [-50.0, 50.0]
-    around = beam_azimuths(dataclasses.replace(own, horizontal_fov=360.0), FOV)
+    assert np.degrees(beam_azimuths(own, FIELD)[[0, -1]]).round(9).tolist() == [-50.0, 50.0]
+    around = beam_azimuths(dataclasses.replace(own, horizontal_fov=360.0), FIELD)
     assert len(around) == 1440
     assert len(np.unique(np.round(np.degrees(around) % 360.0, 6))) == 1440
 
@@ -200,7 +200,7 @@ def made(ranges, elevations, azimuths=(0.0,)):
 def test_the_points_of_a_car_that_drives_and_turns_are_in_the_world():
     truth = scenario()
     ego = EgoMotion(truth.times, truth.ego_poses_world)
-    returns = cast_beams(STATIC, BOX, truth, SCANNER, FOV)
+    returns = cast_beams(STATIC, BOX, truth, SCANNER, FIELD)
     scans = lidar_scans(returns, ego, EXACT, seed=0)
     for k, pose in enumerate(truth.target_poses_world):
         rows = scans.rows(k)

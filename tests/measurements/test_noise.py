@@ -12,7 +12,7 @@ from stixel_cli.measurements.rays import spread_rays
 from stixel_cli.randomness import generator
 
 RIG = Rig(4000, 480, 60.0, None, None, None, 0.3, 1.2, 0.0)
-RAYS = spread_rays(4000, RIG.fov, True)
+RAYS = spread_rays(4000, RIG.field_of_view, True)
 HIT = np.arange(500, 3500)
 RANGES = 12.0 / np.cos(RAYS.angles[HIT])
 NONE = FittedNoise("fitted", 3, *11 * [0.0], 3.0)

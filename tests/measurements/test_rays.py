@@ -40,13 +40,14 @@ def concave_star(seed, centre, size):
     distance=st.floats(0.0, 30.0),
     bearing=st.floats(-np.pi, np.pi),
     even_tangent=st.booleans(),
-    field=st.floats(0.2, 2.9),
+    middle=st.floats(-0.5, 0.5),
+    half=st.floats(0.1, 1.0),
 )
-def test_crossings_are_those_of_a_brute_force(seed, distance, bearing, even_tangent, field):
+def test_crossings_are_those_of_a_brute_force(seed, distance, bearing, even_tangent, middle, half):
     # Near ones enclose the sensor, or reach round it past the seam behind.
     centre = distance * np.array([np.cos(bearing), np.sin(bearing)])
     contour = concave_star(seed, centre, 4.0)
-    rays = spread_rays(41, field, even_tangent)
+    rays = spread_rays(41, (middle - half, middle + half), even_tangent)
     expected = every_ray_with_every_edge(contour, rays.angles)
     hit, ranges = first_crossings(contour, rays)
     found = np.full(41, np.inf)
@@ -59,7 +60,7 @@ def test_a_concave_contour_hides_itself():
     contour = np.array(
         [[4, -2], [10, -2], [10, 2], [4, 2], [4, 1], [9, 1], [9, -1], [4, -1]], float
     )
-    rays = spread_rays(5, 2.0 * np.arctan(0.375), True)
+    rays = spread_rays(5, (-np.arctan(0.375), np.arctan(0.375)), True)
     hit, ranges = first_crossings(contour, rays)
     assert hit.tolist() == [0, 1, 2, 3, 4]
     depth = ranges * np.cos(rays.angles)
@@ -70,17 +71,17 @@ def test_a_concave_contour_hides_itself():
 
 @pytest.mark.parametrize("even_tangent", [False, True])
 def test_the_field_of_view_is_spanned_evenly(even_tangent):
-    rays = spread_rays(11, 1.2, even_tangent)
+    rays = spread_rays(11, (-0.6, 0.9), even_tangent)
     values = np.tan(rays.angles) if even_tangent else rays.angles
     np.testing.assert_allclose(np.diff(values), np.diff(values)[0])
-    np.testing.assert_allclose(rays.angles[[0, -1]], [-0.6, 0.6])
+    np.testing.assert_allclose(rays.angles[[0, -1]], [-0.6, 0.9])
     np.testing.assert_allclose(rays.position(rays.angles), np.arange(11), atol=1e-9)
     # The step is the derivative of the angle by the ray's index.
     np.testing.assert_allclose(rays.steps[1:-1], np.gradient(rays.angles)[1:-1], rtol=0.02)
 
 
 def test_what_lies_beside_or_behind_gives_nothing():
-    rays = spread_rays(64, 1.0, True)
+    rays = spread_rays(64, (-0.5, 0.5), True)
     square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
     for centre in ([-10, 0], [0, 10], [0, -10], [0, 0]):
         hit, ranges = first_crossings(square + centre, rays)

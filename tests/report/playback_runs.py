@@ -32,7 +32,7 @@ def make_run(label="run", seed=0, with_camera=True, corners=60):
     return PlayedRun(
         label=label,
         facts=(("measurement", "simulated" if with_camera else "fabricated"), ("tracker", label)),
-        field_of_view=1.0,
+        field_of_view=(-0.5, 0.5),
         scenario=scenario,
         scans=scans,
         track=track,

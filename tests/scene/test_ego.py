@@ -58,7 +58,7 @@ def test_a_driving_ego_car_keeps_the_target_in_view(name, kind, path_name):
     path = scene_presets.path(path_name, kind)
     motion = ego_motion(scene_presets.ego(name), path.duration, path.sample_time)
     targets, _ = path_poses(path, motion.times)
-    tangent = np.tan(scene_presets.rig("default").fov / 2)
+    tangent = np.tan(scene_presets.rig("default").field_of_view[1])
     points = np.array(
         [
             ego_from_world(target[None, :2], pose)[0]

@@ -64,7 +64,7 @@ def test_presets_stay_in_view_of_the_default_rig(kind, name):
     x, y = poses[:, 0], poses[:, 1]
     assert (y > 0.0).all()
     assert np.hypot(x, y).min() > 6.0 and np.hypot(x, y).max() < 36.0
-    in_view = np.abs(x) < 0.95 * np.tan(rig.fov / 2) * y
+    in_view = np.abs(x) < 0.95 * np.tan(rig.field_of_view[1]) * y
     assert in_view.mean() >= 0.9
     road_user = scene_presets.road_user(kind)
     half = 0.5 * np.array([road_user.length, road_user.width])
@@ -89,7 +89,7 @@ def test_the_default_run_shows_the_whole_car_from_several_sides():
     corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * [2.25, 0.9]
     for pose in poses:
         points = world_from_target(corners, pose)
-        assert (np.abs(points[:, 0]) < np.tan(rig.fov / 2) * points[:, 1]).all()
+        assert (np.abs(points[:, 0]) < np.tan(rig.field_of_view[1]) * points[:, 1]).all()
     ranges = np.hypot(poses[:, 0], poses[:, 1])
     assert 20.0 < ranges[0] < 25.0 and 9.0 < ranges.min() < 12.0 and ranges.max() < 25.0
     assert np.ptp(poses[:, 2]) > np.radians(120.0)

@@ -110,11 +110,11 @@ function drawEgo(ego, fieldOfView, scale, viewX, viewY) {
   const x = ego[0] / 1e3, y = ego[1] / 1e3, angle = ego[2] / 1e4;
   const reach = Math.hypot(viewX - x, viewY - y) + Math.hypot(view.width, view.height) / scale;
   const at = (turn) => `${x + reach * Math.cos(angle + turn)} ${y + reach * Math.sin(angle + turn)}`;
-  const half = fieldOfView / 2;
+  const [right, left] = fieldOfView;
   let wedge = `M${x} ${y}`;
-  for (let i = -8; i <= 8; i++) wedge += `L${at(half * i / 8)}`;
+  for (let i = 0; i <= 16; i++) wedge += `L${at(right + (left - right) * i / 16)}`;
   find("view").setAttribute("d", wedge + "Z");
-  find("view-edge").setAttribute("d", `M${at(-half)}L${x} ${y}L${at(half)}`);
+  find("view-edge").setAttribute("d", `M${at(right)}L${x} ${y}L${at(left)}`);
   const c = Math.cos(angle) * 11 / scale, s = Math.sin(angle) * 11 / scale;
   find("ego").setAttribute("d",
     `M${x + c} ${y + s}L${x - c - 0.7 * s} ${y - s + 0.7 * c}L${x - c + 0.7 * s} ${y - s - 0.7 * c}Z`);
