@@ -26,7 +26,7 @@ from stixel_cli.tracking.kernel import ContourProcess, contour_process
 from stixel_cli.tracking.motion import intervals, predict, process_noise
 from stixel_cli.tracking.parameters import GpEkfParameters, PriorShape
 from stixel_cli.tracking.prior import prior_radii
-from stixel_cli.tracking.track import InitialState, Track
+from stixel_cli.tracking.track import InitialState, Track, contour_directions, used_rows
 
 SEEN = 3
 """The first states, the pose, are seen by a point; then come three rates, which are not."""
@@ -69,7 +69,7 @@ def linearise(points_world: np.ndarray, mean: np.ndarray, process: ContourProces
     directions_target = directions @ rotation(mean[2])
     correlations = process.correlations(directions_target)
     matrix = np.empty((len(points_world), SEEN + len(radii)))
-    _, variances = process.regression(directions_target, correlations, out=matrix[:, SEEN:])
+    _, variances = process.regression(correlations, out=matrix[:, SEEN:])
     expected = matrix[:, SEEN:] @ radii
     slopes = process.slope(directions_target, correlations, radii)
     turn = slopes / distances
@@ -86,7 +86,9 @@ def linearise(points_world: np.ndarray, mean: np.ndarray, process: ContourProces
     )
 
 
-def information(model: Linearisation, covariances: np.ndarray):
+def information(
+    model: Linearisation, covariances: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float]:
     """Hᵀ R⁻¹ H (3 + N, 3 + N), Hᵀ R⁻¹ v (3 + N,) and vᵀ R⁻¹ v of a scan, rates left out.
 
     R_l = p R^f pᵀ + R, thesis (68c), with `covariances` R in m²: (2, 2), or (n, 2, 2). The two rows
@@ -123,7 +125,13 @@ def factor(covariance: np.ndarray) -> np.ndarray:
     return lower
 
 
-def update(mean, covariance, points_world, covariances, process):
+def update(
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    points_world: np.ndarray,
+    covariances: np.ndarray,
+    process: ContourProcess,
+) -> tuple[np.ndarray, np.ndarray, float]:
     """Posterior mean (6 + N,), covariance, and NIS of a scan; thesis (76) in information form.
 
     `mean` and `covariance` are the *predicted* ones; `points_world` (n, 2) m; `covariances` R
@@ -184,7 +192,7 @@ def track(
             mean, covariance, nis[k] = update(mean, covariance, points[indices], chosen, process)
         means[k], covariances[k] = mean, covariance
 
-    counts = np.array([len(indices) for indices in used], dtype=np.int64)
+    used_offsets, used_points = used_rows(used)
     contours, directions, deviations = contours_of(
         means, covariances, process, tracker.contour_points
     )
@@ -195,24 +203,24 @@ def track(
         contours_world=contours,
         contour_directions=directions,
         contour_deviations=deviations,
-        used_offsets=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
-        used_points=np.concatenate([np.zeros(0, np.int64), *used]).astype(np.int64),
+        used_offsets=used_offsets,
+        used_points=used_points,
         nis=nis,
-        nis_degrees_of_freedom=counts,
+        nis_degrees_of_freedom=np.diff(used_offsets),
     )
 
 
-def contours_of(means, covariances, process: ContourProcess, points: int):
+def contours_of(
+    means: np.ndarray, covariances: np.ndarray, process: ContourProcess, points: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Contours (K, M, 2) m, directions (K, M, 2) and radius deviations (K, M) m of K states.
 
     At M = `points` even angles: r = H^f x^f with variance H^f P^f H^fᵀ + R^f. A radius below zero,
     which the model does not rule out, is drawn as zero, so every contour is star-convex.
     """
-    angles = 2.0 * np.pi * np.arange(points) / points
+    angles, directions = contour_directions(means[:, 2], points)
     matrix, variances = process.at(angles)
     radii = np.maximum(means[:, 2 * SEEN :] @ matrix.T, 0.0)
-    bearings = means[:, 2, None] + angles
-    directions = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
     deviations = np.empty_like(radii)
     for k, covariance in enumerate(covariances):
         spread = np.einsum("ij,ij->i", matrix @ covariance[2 * SEEN :, 2 * SEEN :], matrix)
@@ -220,14 +228,21 @@ def contours_of(means, covariances, process: ContourProcess, points: int):
     return means[:, None, :2] + radii[..., None] * directions, directions, deviations
 
 
-def _measurement_covariances(covariances_world, tracker: GpEkfParameters) -> np.ndarray:
+def _measurement_covariances(covariances_world: np.ndarray, tracker: GpEkfParameters) -> np.ndarray:
     """R: (2, 2) if isotropic, else the scan's own, (n, 2, 2)."""
     if tracker.measurement_covariance == "isotropic":
         return tracker.measurement_deviation**2 * np.eye(2)
     return covariances_world
 
 
-def _associated(points_world, noises, mean, covariance, process, tracker) -> np.ndarray:
+def _associated(
+    points_world: np.ndarray,
+    noises: np.ndarray,
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    process: ContourProcess,
+    tracker: GpEkfParameters,
+) -> np.ndarray:
     """Indices of the points in the gate round the predicted contour that have a direction."""
     turn = rotation(mean[2])
     centroid, extent = contour_moments(process.basis_angles, mean[2 * SEEN :])

@@ -63,11 +63,13 @@ class ContourProcess:
         exponent -= 1.0 / self.length_scale**2
         return np.exp(exponent, out=exponent)
 
-    def regression(self, directions, correlations, out=None) -> tuple[np.ndarray, np.ndarray]:
+    def regression(
+        self, correlations: np.ndarray, out: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """H^f(u), shape (n, N), and R^f(u), shape (n,) in m²; thesis (58).
 
-        H^f = k(u, u^f) K⁻¹ and R^f = k(u, u) - k(u, u^f) K⁻¹ k(u^f, u), for what `correlations`
-        gave for `directions`. `out` (n, N) takes H^f.
+        H^f = k(u, u^f) K⁻¹ and R^f = k(u, u) - k(u, u^f) K⁻¹ k(u^f, u), from the `correlations`
+        (n, N) of the directions. `out` (n, N) takes H^f.
         """
         matrix = np.matmul(correlations, self._weights, out=out)
         matrix += self._offset
@@ -77,8 +79,12 @@ class ContourProcess:
         variance = np.maximum(self.sigma_f**2 + self.sigma_r**2 - explained, 0.0)
         return matrix, variance
 
-    def slope(self, directions, correlations, radii) -> np.ndarray:
-        """(∂H^f / ∂u) x^f, shape (n,) in m/rad, for the basis points' `radii` (N,); thesis (77i).
+    def slope(
+        self, directions: np.ndarray, correlations: np.ndarray, radii: np.ndarray
+    ) -> np.ndarray:
+        """(∂H^f / ∂u) x^f, shape (n,) in m/rad, for the basis points' `radii` (N,) m; thesis (77i).
+
+        `correlations` (n, N) are those of `directions` (n, 2).
 
         sin(u - u_i) = sin u cos u_i - cos u sin u_i, so no second kernel matrix is needed.
         """
@@ -87,10 +93,10 @@ class ContourProcess:
         cross = directions[:, 1] * sums[:, 0] - directions[:, 0] * sums[:, 1]
         return -((self.sigma_f / self.length_scale) ** 2) * cross
 
-    def at(self, angles) -> tuple[np.ndarray, np.ndarray]:
+    def at(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """H^f (n, N) and R^f (n,) in m² at `angles` (n,) rad."""
         directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-        return self.regression(directions, self.correlations(directions))
+        return self.regression(self.correlations(directions))
 
 
 def contour_process(

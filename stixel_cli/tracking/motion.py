@@ -5,6 +5,9 @@ State order: x, y, heading, their three rates, then the N radii. Units m, rad, s
 
 import numpy as np
 
+POSE, RATES = np.arange(3), np.arange(3, 6)
+"""Where the pose and its rates stand in the state."""
+
 
 def intervals(times: np.ndarray) -> np.ndarray:
     """Time in s from each scan's predecessor, shape (K,).
@@ -20,7 +23,7 @@ def intervals(times: np.ndarray) -> np.ndarray:
 def transition(interval: float) -> np.ndarray:
     """F̄ = [[1, T], [0, 1]] ⊗ I₃, shape (6, 6)."""
     matrix = np.eye(6)
-    matrix[[0, 1, 2], [3, 4, 5]] = interval
+    matrix[POSE, RATES] = interval
     return matrix
 
 
@@ -28,14 +31,20 @@ def process_noise(interval: float, sigma_q: float, sigma_q_psi: float) -> np.nda
     """Q̄ = [[T³/3, T²/2], [T²/2, T]] ⊗ diag(sigma_q², sigma_q², sigma_q_psi²), shape (6, 6)."""
     noise = np.zeros((6, 6))
     densities = np.array([sigma_q, sigma_q, sigma_q_psi]) ** 2
-    noise.flat[: 3 * 7 : 7] = interval**3 / 3.0 * densities
-    noise.flat[3 : 3 + 3 * 7 : 7] = interval**2 / 2.0 * densities
-    noise.flat[18 : 18 + 3 * 7 : 7] = interval**2 / 2.0 * densities
-    noise.flat[21::7] = interval * densities
+    noise[POSE, POSE] = interval**3 / 3.0 * densities
+    noise[POSE, RATES] = noise[RATES, POSE] = interval**2 / 2.0 * densities
+    noise[RATES, RATES] = interval * densities
     return noise
 
 
-def predict(mean, covariance, interval, noise, forgetting_rate, radii_covariance):
+def predict(
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    interval: float,
+    noise: np.ndarray,
+    forgetting_rate: float,
+    radii_covariance: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
     """Mean (6 + N,) and covariance (6 + N, 6 + N) one `interval` in s later; thesis (71), (75).
 
     F^f = e^(-alpha T) I and Q^f = (1 - e^(-2 alpha T)) K, with `forgetting_rate` alpha in 1/s and

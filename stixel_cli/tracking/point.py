@@ -21,7 +21,7 @@ from stixel_cli.tracking.association import associate
 from stixel_cli.tracking.motion import intervals, process_noise, transition
 from stixel_cli.tracking.parameters import PointParameters, PriorShape
 from stixel_cli.tracking.prior import prior_radii
-from stixel_cli.tracking.track import InitialState, Track
+from stixel_cli.tracking.track import InitialState, Track, contour_directions, used_rows
 
 MOVING = np.array([0, 1, 3, 4])
 """Where x, y and their rates stand among a track's first six states."""
@@ -80,10 +80,8 @@ def track(
         means[k], covariances[k] = six_states(mean, covariance, heading, interval, tracker)
         heading = (means[k, 2], covariances[k, 2, 2])
 
-    counts = np.array([len(indices) for indices in used], dtype=np.int64)
-    angles = 2.0 * np.pi * np.arange(tracker.contour_points) / tracker.contour_points
-    bearings = means[:, 2, None] + angles
-    directions = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
+    used_offsets, used_points = used_rows(used)
+    _, directions = contour_directions(means[:, 2], tracker.contour_points)
     return Track(
         times=np.array(scans.times, dtype=np.float64),
         means=means,
@@ -91,14 +89,16 @@ def track(
         contours_world=means[:, None, :2] + radius * directions,
         contour_directions=directions,
         contour_deviations=np.full((count, tracker.contour_points), deviation),
-        used_offsets=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
-        used_points=np.concatenate([np.zeros(0, np.int64), *used]).astype(np.int64),
+        used_offsets=used_offsets,
+        used_points=used_points,
         nis=nis,
-        nis_degrees_of_freedom=np.where(counts > 0, 2, 0),
+        nis_degrees_of_freedom=np.where(np.diff(used_offsets) > 0, 2, 0),
     )
 
 
-def predict(mean, covariance, interval, sigma_q) -> tuple[np.ndarray, np.ndarray]:
+def predict(
+    mean: np.ndarray, covariance: np.ndarray, interval: float, sigma_q: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Mean (4,) and covariance (4, 4) one `interval` in s on: thesis (62) without the heading."""
     chosen = np.ix_(MOVING, MOVING)
     matrix = transition(interval)[chosen]
@@ -106,7 +106,9 @@ def predict(mean, covariance, interval, sigma_q) -> tuple[np.ndarray, np.ndarray
     return matrix @ mean, matrix @ covariance @ matrix.T + noise
 
 
-def update(mean, covariance, centroid, variance) -> tuple[np.ndarray, np.ndarray, float]:
+def update(
+    mean: np.ndarray, covariance: np.ndarray, centroid: np.ndarray, variance: float
+) -> tuple[np.ndarray, np.ndarray, float]:
     """Mean (4,), covariance (4, 4) and NIS with a `centroid` (2,) m of `variance` I m².
 
     The covariance is updated in Joseph's form, which keeps it positive.

@@ -1,5 +1,6 @@
 """What a tracker is given at its start and what it gives."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,3 +47,23 @@ class Track:
     used_points: np.ndarray
     nis: np.ndarray
     nis_degrees_of_freedom: np.ndarray
+
+
+def used_rows(used: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """`used_offsets` (K + 1,) and `used_points` (U,) of a `Track`.
+
+    `used` holds, for each of K scans, the rows (n_k,) of the scans' arrays that updated it.
+    """
+    offsets = np.cumsum([0, *(len(rows) for rows in used)], dtype=np.int64)
+    return offsets, np.concatenate([np.zeros(0, np.int64), *used]).astype(np.int64)
+
+
+def contour_directions(headings: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray]:
+    """Where a reported contour has its points, seen from the centre.
+
+    Angles (M,) rad from the heading on, even over a full turn, M = `points`; and unit vectors
+    (K, M, 2) in the world that lead there at the `headings` (K,) rad.
+    """
+    angles = 2.0 * np.pi * np.arange(points) / points
+    bearings = headings[:, None] + angles
+    return angles, np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
