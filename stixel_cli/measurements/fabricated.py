@@ -7,7 +7,7 @@ from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.noise import columns_per_point, measure, range_deviations
 from stixel_cli.measurements.parameters import FabricatedParameters
 from stixel_cli.measurements.rays import Rays, first_crossings, spread_rays
-from stixel_cli.measurements.scans import Scans
+from stixel_cli.measurements.scans import Scans, points_along
 from stixel_cli.randomness import generator
 from stixel_cli.scene.scenario import Scenario
 
@@ -46,14 +46,7 @@ def fabricate_scans(
             zip(scenario.target_poses_world, scenario.ego_poses_world, strict=True)
         )
     ]
-    counts = [len(points) for points, _ in scans]
-    return Scans(
-        times=np.array(scenario.times, dtype=np.float64),
-        sensor_poses_world=np.array(scenario.ego_poses_world, dtype=np.float64),
-        offsets=np.concatenate([[0], np.cumsum(counts, dtype=np.int64)]).astype(np.int64),
-        points_world=np.concatenate([np.zeros((0, 2)), *(points for points, _ in scans)]),
-        covariances_world=np.concatenate([np.zeros((0, 2, 2)), *(spread for _, spread in scans)]),
-    )
+    return Scans.of_each(scenario.times, scenario.ego_poses_world, scans)
 
 
 def fabricate_scan(
@@ -83,15 +76,6 @@ def fabricate_scan(
         steps = np.concatenate([steps, rays.steps[nearest_ray]])
         measured = np.concatenate([measured, far])
 
-    bearings = sensor_pose_world[2] + angles
-    along = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
-    points = sensor_pose_world[:2] + measured[:, None] * along
     along_variance = range_deviations(measurement.noise, measured, angles, rig) ** 2
     across_variance = (measured * steps * columns_per_point(measurement.noise)) ** 2 / 12.0
-    # R = s_across² I + (s_along² - s_across²) d dᵀ
-    covariances = (along_variance - across_variance)[:, None, None] * (
-        along[:, :, None] * along[:, None, :]
-    )
-    covariances[:, 0, 0] += across_variance
-    covariances[:, 1, 1] += across_variance
-    return points, covariances
+    return points_along(sensor_pose_world, angles, measured, along_variance, across_variance)

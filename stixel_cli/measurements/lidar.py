@@ -12,7 +12,7 @@ import numpy as np
 
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.parameters import LidarParameters, Scanner
-from stixel_cli.measurements.scans import Scans
+from stixel_cli.measurements.scans import Scans, points_along
 from stixel_cli.randomness import generator
 from stixel_cli.scene.mesh import Mesh, corners
 from stixel_cli.scene.parameters import RoadUser, World
@@ -110,14 +110,7 @@ def lidar_scans(
         _scan(returns, k, pose, measurement, generator(seed, "lidar", k))
         for k, pose in enumerate(ego_motion.poses_world)
     ]
-    counts = [len(points) for points, _ in scans]
-    return Scans(
-        times=np.array(ego_motion.times, dtype=np.float64),
-        sensor_poses_world=np.array(ego_motion.poses_world, dtype=np.float64),
-        offsets=np.concatenate([[0], np.cumsum(counts, dtype=np.int64)]).astype(np.int64),
-        points_world=np.concatenate([np.zeros((0, 2)), *(points for points, _ in scans)]),
-        covariances_world=np.concatenate([np.zeros((0, 2, 2)), *(spread for _, spread in scans)]),
-    )
+    return Scans.of_each(ego_motion.times, ego_motion.poses_world, scans)
 
 
 def beam_azimuths(scanner: Scanner, camera_field: tuple[float, float]) -> np.ndarray:
@@ -194,15 +187,9 @@ def _scan(
         beam, layer = np.nonzero(inside.T)
 
     distances = ground[layer, beam]
-    bearings = sensor_pose_world[2] + returns.azimuths[beam]
-    along = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
     along_variance = (measurement.range_deviation * np.cos(returns.elevations[layer])) ** 2
     step = np.radians(measurement.scanner.azimuth_step)
     across_variance = (distances * step) ** 2 / 12.0
-    # R = s_across² I + (s_along² - s_across²) d dᵀ
-    covariances = (along_variance - across_variance)[:, None, None] * (
-        along[:, :, None] * along[:, None, :]
+    return points_along(
+        sensor_pose_world, returns.azimuths[beam], distances, along_variance, across_variance
     )
-    covariances[:, 0, 0] += across_variance
-    covariances[:, 1, 1] += across_variance
-    return sensor_pose_world[:2] + distances[:, None] * along, covariances

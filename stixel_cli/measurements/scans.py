@@ -1,5 +1,6 @@
 """Scans: what every tracker is given, whatever the sensor was."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,9 +26,53 @@ class Scans:
     points_world: np.ndarray
     covariances_world: np.ndarray
 
+    @classmethod
+    def of_each(
+        cls,
+        times: np.ndarray,
+        sensor_poses_world: np.ndarray,
+        scans: Sequence[tuple[np.ndarray, np.ndarray]],
+    ) -> "Scans":
+        """From `times` (K,) s, poses (K, 3), and points (n_k, 2) m and covariances (n_k, 2, 2) m².
+
+        The last two are given for each scan, in order; all are in the world.
+        """
+        return cls(
+            times=np.array(times, dtype=np.float64),
+            sensor_poses_world=np.array(sensor_poses_world, dtype=np.float64),
+            offsets=np.cumsum([0, *(len(points) for points, _ in scans)], dtype=np.int64),
+            points_world=np.concatenate([np.zeros((0, 2)), *(points for points, _ in scans)]),
+            covariances_world=np.concatenate(
+                [np.zeros((0, 2, 2)), *(covariances for _, covariances in scans)]
+            ),
+        )
+
     def __len__(self) -> int:
         return len(self.times)
 
     def rows(self, k: int) -> slice:
         """The rows of scan k."""
         return slice(int(self.offsets[k]), int(self.offsets[k + 1]))
+
+
+def points_along(
+    sensor_pose_world: np.ndarray,
+    angles: np.ndarray,
+    ranges: np.ndarray,
+    along_variances: np.ndarray,
+    across_variances: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, 2) m and covariances (n, 2, 2) m² in the world of what was measured along rays.
+
+    The rays leave the sensor at `sensor_pose_world` (3,) at `angles` (n,) rad from its heading. The
+    variances (n,) m² are those along and across the ray: R = s_across² I + (s_along² - s_across²)
+    d dᵀ with the unit vector d.
+    """
+    bearings = sensor_pose_world[2] + angles
+    along = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
+    covariances = (along_variances - across_variances)[:, None, None] * (
+        along[:, :, None] * along[:, None, :]
+    )
+    covariances[:, 0, 0] += across_variances
+    covariances[:, 1, 1] += across_variances
+    return sensor_pose_world[:2] + ranges[:, None] * along, covariances

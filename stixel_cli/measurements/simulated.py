@@ -22,30 +22,23 @@ def gather_scans(
     Raises:
         ValueError: unless the chunks hold each frame of `ego_motion` once, in order.
     """
-    points, covariances, counts = [], [], []
+    scans: list[tuple[np.ndarray, np.ndarray]] = []
     for chunk in stixels:
-        if chunk.first != len(counts):
-            raise ValueError(f"stixels of frame {len(counts)} expected, got {chunk.first}")
+        if chunk.first != len(scans):
+            raise ValueError(f"stixels of frame {len(scans)} expected, got {chunk.first}")
         inside = _candidates(chunk, measurement)
         for i in range(len(chunk.offsets) - 1):
-            if len(counts) == len(ego_motion.times):
-                raise ValueError(f"more stixels than the {len(counts)} frames of the ego motion")
-            pose = ego_motion.poses_world[len(counts)]
+            if len(scans) == len(ego_motion.times):
+                raise ValueError(f"more stixels than the {len(scans)} frames of the ego motion")
+            pose = ego_motion.poses_world[len(scans)]
             rows = chunk.rows(i)
             chosen = np.flatnonzero(inside[rows]) + rows.start
-            points.append(world_from_ego(chunk.points_ego[chosen], pose))
+            points = world_from_ego(chunk.points_ego[chosen], pose)
             turn = pose[2] - STRAIGHT_AHEAD
-            covariances.append(rotate_covariances(chunk.covariances_ego[chosen], turn))
-            counts.append(len(chosen))
-    if len(counts) != len(ego_motion.times):
-        raise ValueError(f"stixels of {len(counts)} frames, but {len(ego_motion.times)} scans")
-    return Scans(
-        times=np.array(ego_motion.times, dtype=np.float64),
-        sensor_poses_world=np.array(ego_motion.poses_world, dtype=np.float64),
-        offsets=np.concatenate([[0], np.cumsum(counts, dtype=np.int64)]).astype(np.int64),
-        points_world=np.concatenate([np.zeros((0, 2)), *points]),
-        covariances_world=np.concatenate([np.zeros((0, 2, 2)), *covariances]),
-    )
+            scans.append((points, rotate_covariances(chunk.covariances_ego[chosen], turn)))
+    if len(scans) != len(ego_motion.times):
+        raise ValueError(f"stixels of {len(scans)} frames, but {len(ego_motion.times)} scans")
+    return Scans.of_each(ego_motion.times, ego_motion.poses_world, scans)
 
 
 def _candidates(chunk: Stixels, gate: SimulatedParameters) -> np.ndarray:
