@@ -25,12 +25,53 @@ Radius = Annotated[float, Ge(LEAST_RADIUS), Le(GREATEST_RADIUS)]
 Side = Literal["left", "right"]
 
 
-def _check_times(duration: float, sample_time: float) -> None:
-    if duration / sample_time > MOST_SCANS:
-        raise ValueError(
-            f"path.duration: {duration:g} s at path.sample_time {sample_time:g} s are more than "
-            f"{MOST_SCANS} scans"
-        )
+def _direction(heading: float) -> tuple[float, float]:
+    return math.cos(math.radians(heading)), math.sin(math.radians(heading))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Driven:
+    """What every path has: how fast it is driven, for how long, and how often it is looked at.
+
+    Attributes:
+        kind: which path it is.
+        speed: m/s.
+        duration: s.
+        sample_time: time from one scan to the next, s.
+    """
+
+    __pydantic_config__ = STRICT
+
+    kind: str
+    speed: Speed
+    duration: Duration
+    sample_time: SampleTime
+
+    def check(self) -> None:
+        """Raise ValueError where the values do not go together."""
+        if self.duration / self.sample_time > MOST_SCANS:
+            raise ValueError(
+                f"path.duration: {self.duration:g} s at path.sample_time {self.sample_time:g} s "
+                f"are more than {MOST_SCANS} scans"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _FromStart(_Driven):
+    """What the paths that are no list of points have besides.
+
+    Attributes:
+        start: first position, m.
+        heading: first heading, degrees.
+    """
+
+    start: Point
+    heading: Degrees
+
+    def check(self) -> None:
+        """Raise ValueError where the values do not go together."""
+        super().check()
+        _check_start(self.start, "path.start")
 
 
 def _check_start(start: Point, key: str) -> None:
@@ -41,31 +82,15 @@ def _check_start(start: Point, key: str) -> None:
         )
 
 
-def _direction(heading: float) -> tuple[float, float]:
-    return math.cos(math.radians(heading)), math.sin(math.radians(heading))
-
-
-@dataclass(frozen=True)
-class Approach:
-    """Straight towards the camera.
-
-    Attributes:
-        start: first position, m. heading: degrees. speed: m/s. duration, sample_time: s.
-    """
-
-    __pydantic_config__ = STRICT
+@dataclass(frozen=True, kw_only=True)
+class Approach(_FromStart):
+    """Straight towards the camera."""
 
     kind: Literal["approach"]
-    start: Point
-    heading: Degrees
-    speed: Speed
-    duration: Duration
-    sample_time: SampleTime
 
     def check(self) -> None:
         """Raise ValueError where the values do not go together."""
-        _check_times(self.duration, self.sample_time)
-        _check_start(self.start, "path.start")
+        super().check()
         along_x, along_y = _direction(self.heading)
         if self.start[0] * along_x + self.start[1] * along_y >= 0.0:
             raise ValueError(
@@ -74,27 +99,15 @@ class Approach:
             )
 
 
-@dataclass(frozen=True)
-class Depart:
-    """Straight away from the camera.
-
-    Attributes:
-        start: first position, m. heading: degrees. speed: m/s. duration, sample_time: s.
-    """
-
-    __pydantic_config__ = STRICT
+@dataclass(frozen=True, kw_only=True)
+class Depart(_FromStart):
+    """Straight away from the camera."""
 
     kind: Literal["depart"]
-    start: Point
-    heading: Degrees
-    speed: Speed
-    duration: Duration
-    sample_time: SampleTime
 
     def check(self) -> None:
         """Raise ValueError where the values do not go together."""
-        _check_times(self.duration, self.sample_time)
-        _check_start(self.start, "path.start")
+        super().check()
         along_x, along_y = _direction(self.heading)
         if self.start[0] * along_x + self.start[1] * along_y <= 0.0:
             raise ValueError(
@@ -103,27 +116,15 @@ class Depart:
             )
 
 
-@dataclass(frozen=True)
-class Crossing:
-    """Straight across, from left to right.
-
-    Attributes:
-        start: first position, m. heading: degrees. speed: m/s. duration, sample_time: s.
-    """
-
-    __pydantic_config__ = STRICT
+@dataclass(frozen=True, kw_only=True)
+class Crossing(_FromStart):
+    """Straight across, from left to right."""
 
     kind: Literal["crossing"]
-    start: Point
-    heading: Degrees
-    speed: Speed
-    duration: Duration
-    sample_time: SampleTime
 
     def check(self) -> None:
         """Raise ValueError where the values do not go together."""
-        _check_times(self.duration, self.sample_time)
-        _check_start(self.start, "path.start")
+        super().check()
         if _direction(self.heading)[0] <= 0.0:
             raise ValueError(
                 f"path.heading: {self.heading:g} degrees does not go from left to right; "
@@ -131,110 +132,64 @@ class Crossing:
             )
 
 
-@dataclass(frozen=True)
-class Turn:
+@dataclass(frozen=True, kw_only=True)
+class Turn(_FromStart):
     """A constant turn.
 
     Attributes:
-        start: first position, m. heading: first heading, degrees. side: where it turns to.
-        radius: m. speed: m/s. duration, sample_time: s.
+        side: where it turns to.
+        radius: m.
     """
 
-    __pydantic_config__ = STRICT
-
     kind: Literal["turn"]
-    start: Point
-    heading: Degrees
     side: Side
     radius: Radius
-    speed: Speed
-    duration: Duration
-    sample_time: SampleTime
-
-    def check(self) -> None:
-        """Raise ValueError where the values do not go together."""
-        _check_times(self.duration, self.sample_time)
-        _check_start(self.start, "path.start")
 
 
-@dataclass(frozen=True)
-class SCurve:
+@dataclass(frozen=True, kw_only=True)
+class SCurve(_FromStart):
     """Swings to the left and to the right of a straight line: heading + swing sin(2π s / λ).
 
     Attributes:
-        start: first position, m. heading: mean heading, degrees.
+        heading: mean heading, degrees, which is the first one too.
         swing: greatest deviation from it, degrees; negative swings to the right first.
         wavelength: λ, length along the path of one swing to both sides, m.
-        speed: m/s. duration, sample_time: s.
     """
 
-    __pydantic_config__ = STRICT
-
     kind: Literal["s_curve"]
-    start: Point
-    heading: Degrees
     swing: Annotated[float, Ge(-90), Le(90)]
     wavelength: Annotated[float, Ge(1), Le(1000)]
-    speed: Speed
-    duration: Duration
-    sample_time: SampleTime
-
-    def check(self) -> None:
-        """Raise ValueError where the values do not go together."""
-        _check_times(self.duration, self.sample_time)
-        _check_start(self.start, "path.start")
 
 
-@dataclass(frozen=True)
-class StopAndGo:
+@dataclass(frozen=True, kw_only=True)
+class StopAndGo(_FromStart):
     """A straight line on which the road user drives, brakes, stands, and pulls away, in turn.
 
     Attributes:
-        start: first position, m. heading: degrees. speed: of driving, m/s.
+        speed: of driving, m/s.
         drive_time, ramp_time, stand_time: how long it drives, brakes (and pulls away: the same
             time, constant acceleration) and stands, s.
-        duration, sample_time: s.
     """
 
-    __pydantic_config__ = STRICT
-
     kind: Literal["stop_and_go"]
-    start: Point
-    heading: Degrees
-    speed: Speed
     drive_time: Annotated[float, Ge(0), Le(3600)]
     ramp_time: Annotated[float, Ge(0.1), Le(60)]
     stand_time: Annotated[float, Ge(0), Le(3600)]
-    duration: Duration
-    sample_time: SampleTime
-
-    def check(self) -> None:
-        """Raise ValueError where the values do not go together."""
-        _check_times(self.duration, self.sample_time)
-        _check_start(self.start, "path.start")
 
 
-@dataclass(frozen=True)
-class Circle:
+@dataclass(frozen=True, kw_only=True)
+class Circle(_FromStart):
     """A circle: every side of the road user is seen.
 
     Attributes:
-        start: first position, m. heading: first heading, degrees. side: where it turns to.
+        side: where it turns to.
         radius: m; null is the radius with which the circle closes in `duration`, which must then
             be one that could be given.
-        speed: m/s. duration, sample_time: s.
     """
 
-    __pydantic_config__ = STRICT
-
     kind: Literal["circle"]
-    start: Point
-    heading: Degrees
     side: Side
     radius: Radius | None
-    speed: Speed
-    duration: Duration
-    sample_time: SampleTime
 
     @property
     def closing_radius(self) -> float:
@@ -243,8 +198,7 @@ class Circle:
 
     def check(self) -> None:
         """Raise ValueError where the values do not go together."""
-        _check_times(self.duration, self.sample_time)
-        _check_start(self.start, "path.start")
+        super().check()
         if self.radius is None and not LEAST_RADIUS <= self.closing_radius <= GREATEST_RADIUS:
             raise ValueError(
                 f"path.duration: {self.duration:g} s at path.speed {self.speed:g} m/s closes a "
@@ -253,26 +207,20 @@ class Circle:
             )
 
 
-@dataclass(frozen=True)
-class Waypoints:
+@dataclass(frozen=True, kw_only=True)
+class Waypoints(_Driven):
     """A cubic spline through the user's points at constant speed, then straight on.
 
     Attributes:
         points: at least two positions, m; the path starts at the first.
-        speed: m/s. duration, sample_time: s.
     """
-
-    __pydantic_config__ = STRICT
 
     kind: Literal["waypoints"]
     points: Annotated[tuple[Point, ...], Len(0, 1000)]
-    speed: Speed
-    duration: Duration
-    sample_time: SampleTime
 
     def check(self) -> None:
         """Raise ValueError where the values do not go together."""
-        _check_times(self.duration, self.sample_time)
+        super().check()
         if len(self.points) < 2:
             raise ValueError(f"path.points: two points at least, not {len(self.points)}")
         if not all(math.isfinite(value) for point in self.points for value in point):

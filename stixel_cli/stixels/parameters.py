@@ -14,12 +14,12 @@ DepthStep = Annotated[float, Ge(0.02), Le(10)]
 Deviation = Annotated[float, Ge(0.05), Le(10)]
 
 
-@dataclass(frozen=True)
-class RigRoad:
-    """The road plane follows from the rig's mounting height and pitch.
+@dataclass(frozen=True, kw_only=True)
+class _Road:
+    """What stands on the road, wherever its plane is taken from.
 
     Attributes:
-        kind: "rig".
+        kind: where the road plane is taken from.
         least_height: pixels that stand higher above the road are obstacles, m.
         greatest_height: pixels above it are overhanging and do not occupy, m.
         disparity_margin: an obstacle's disparity exceeds the road's in its row by this, px.
@@ -27,132 +27,116 @@ class RigRoad:
 
     __pydantic_config__ = STRICT
 
-    kind: Literal["rig"]
+    kind: str
     least_height: Height
     greatest_height: Height
     disparity_margin: DisparityMargin
 
     def check(self) -> None:
         """Raise ValueError where the parameters do not fit together."""
-        _check_heights(self)
+        if self.least_height >= self.greatest_height:
+            raise ValueError(
+                f"road.least_height: {self.least_height} must be below road.greatest_height, "
+                f"which is {self.greatest_height}"
+            )
 
 
-@dataclass(frozen=True)
-class EstimatedRoad:
+@dataclass(frozen=True, kw_only=True)
+class RigRoad(_Road):
+    """The road plane follows from the rig's mounting height and pitch."""
+
+    kind: Literal["rig"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class EstimatedRoad(_Road):
     """The road plane is found in each disparity image, near the one that the rig says.
 
     Attributes:
-        kind: "estimated".
-        least_height: pixels that stand higher above the road are obstacles, m.
-        greatest_height: pixels above it are overhanging and do not occupy, m.
-        disparity_margin: an obstacle's disparity exceeds the road's in its row by this, px.
         pitch_range: greatest difference from the rig's pitch, degrees.
         height_range: greatest difference from the rig's mounting height, as a share of it.
         tolerance: pixels nearer to the plane's disparity than this vote for it, px.
         column_step: every how many-th column is looked at.
     """
 
-    __pydantic_config__ = STRICT
-
     kind: Literal["estimated"]
-    least_height: Height
-    greatest_height: Height
-    disparity_margin: DisparityMargin
     pitch_range: Annotated[float, Gt(0), Le(15)]
     height_range: Annotated[float, Gt(0), Le(0.5)]
     tolerance: Annotated[float, Ge(0.25), Le(5)]
     column_step: Annotated[int, Ge(1), Le(64)]
 
-    def check(self) -> None:
-        """Raise ValueError where the parameters do not fit together."""
-        _check_heights(self)
-
 
 RoadParameters = RigRoad | EstimatedRoad
 
 
-@dataclass(frozen=True)
-class PolarOccupancy:
+@dataclass(frozen=True, kw_only=True)
+class _Occupancy:
+    """What every occupancy grid has.
+
+    Attributes:
+        kind: which grid it is.
+        nearest, farthest: depth of the first and the last row, m.
+        disparity_deviation: standard deviation of a disparity, px.
+        relief: standard deviation of an obstacle's surface in depth, m.
+    """
+
+    __pydantic_config__ = STRICT
+
+    kind: str
+    nearest: Depth
+    farthest: Depth
+    disparity_deviation: Deviation
+    relief: Annotated[float, Ge(0), Le(10)]
+
+    def check(self) -> None:
+        """Raise ValueError where the parameters do not fit together."""
+        if self.nearest >= self.farthest:
+            raise ValueError(
+                f"occupancy.nearest: {self.nearest} must be below occupancy.farthest, "
+                f"which is {self.farthest}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PolarOccupancy(_Occupancy):
     """Grid of image column and depth.
 
     Attributes:
-        kind: "polar".
-        nearest, farthest: depth of the first and the last row, m.
         depth_step: distance of two rows, m.
-        disparity_deviation: standard deviation of a disparity, px.
-        relief: standard deviation of an obstacle's surface in depth, m.
     """
-
-    __pydantic_config__ = STRICT
 
     kind: Literal["polar"]
-    nearest: Depth
-    farthest: Depth
     depth_step: DepthStep
-    disparity_deviation: Deviation
-    relief: Annotated[float, Ge(0), Le(10)]
-
-    def check(self) -> None:
-        """Raise ValueError where the parameters do not fit together."""
-        _check_range(self)
 
 
-@dataclass(frozen=True)
-class ColumnDisparityOccupancy:
-    """Grid of image column and disparity.
+@dataclass(frozen=True, kw_only=True)
+class ColumnDisparityOccupancy(_Occupancy):
+    """Grid of image column and disparity, whose ends are those of the two depths.
 
     Attributes:
-        kind: "column_disparity".
-        nearest, farthest: depths whose disparities are the grid's ends, m.
         disparity_step: distance of two rows, px.
-        disparity_deviation: standard deviation of a disparity, px.
-        relief: standard deviation of an obstacle's surface in depth, m.
     """
 
-    __pydantic_config__ = STRICT
-
     kind: Literal["column_disparity"]
-    nearest: Depth
-    farthest: Depth
     disparity_step: Annotated[float, Ge(0.05), Le(8)]
-    disparity_deviation: Deviation
-    relief: Annotated[float, Ge(0), Le(10)]
-
-    def check(self) -> None:
-        """Raise ValueError where the parameters do not fit together."""
-        _check_range(self)
 
 
-@dataclass(frozen=True)
-class CartesianOccupancy:
+@dataclass(frozen=True, kw_only=True)
+class CartesianOccupancy(_Occupancy):
     """Grid of lateral position and depth on the ground plane.
 
     Attributes:
-        kind: "cartesian".
-        nearest, farthest: depth of the first and the last row, m.
         depth_step: distance of two rows, m.
         half_width: the grid reaches this far to the left and to the right, m.
         lateral_step: width of a cell, m.
-        disparity_deviation: standard deviation of a disparity, px.
-        relief: standard deviation of an obstacle's surface in depth, m.
         column_deviation: standard deviation of a pixel's column, px.
     """
 
-    __pydantic_config__ = STRICT
-
     kind: Literal["cartesian"]
-    nearest: Depth
-    farthest: Depth
     depth_step: DepthStep
     half_width: Annotated[float, Gt(0), Le(200)]
     lateral_step: Annotated[float, Ge(0.02), Le(10)]
-    disparity_deviation: Deviation
-    relief: Annotated[float, Ge(0), Le(10)]
     column_deviation: Deviation
-
-    def check(self) -> None:
-        """Raise ValueError where the parameters do not fit together."""
-        _check_range(self)
 
 
 OccupancyParameters = PolarOccupancy | ColumnDisparityOccupancy | CartesianOccupancy
@@ -236,19 +220,3 @@ class ExtractionParameters:
     least_deviation: Annotated[float, Ge(0), Le(5)]
     correlated_pixels: Annotated[float, Ge(1), Le(10000)]
     relief: Annotated[float, Ge(0), Le(5)]
-
-
-def _check_heights(road) -> None:
-    if road.least_height >= road.greatest_height:
-        raise ValueError(
-            f"road.least_height: {road.least_height} must be below road.greatest_height, "
-            f"which is {road.greatest_height}"
-        )
-
-
-def _check_range(occupancy) -> None:
-    if occupancy.nearest >= occupancy.farthest:
-        raise ValueError(
-            f"occupancy.nearest: {occupancy.nearest} must be below occupancy.farthest, "
-            f"which is {occupancy.farthest}"
-        )

@@ -33,7 +33,14 @@ from stixel_cli.stixels.parameters import FreeSpaceParameters, PolarOccupancy, R
 from stixel_cli.stixels.road import base_rows, road_line
 
 ROAD = RigRoad(kind="rig", least_height=0.25, greatest_height=3.0, disparity_margin=1.0)
-GRID = PolarOccupancy("polar", 3.0, 50.0, 0.25, 0.5, 0.25)
+GRID = PolarOccupancy(
+    kind="polar",
+    nearest=3.0,
+    farthest=50.0,
+    depth_step=0.25,
+    disparity_deviation=0.5,
+    relief=0.25,
+)
 PATH = FreeSpaceParameters(0.3, 5.0, 1.5, 1.0, 0.2, 5.0, 0.0, 3.0)
 DISPARITY = 10.0
 """Of the target, levelled: a whole number, so that the stored disparities hold it exactly."""

@@ -106,14 +106,25 @@ def test_the_preset_circle_closes_in_its_duration(kind):
 
 
 def test_a_circle_to_the_right_of_a_given_radius():
-    path = Circle("circle", (0.0, 20.0), 0.0, "right", 5.0, 2.0, 10.0, 0.1)
+    path = Circle(
+        kind="circle",
+        start=(0.0, 20.0),
+        heading=0.0,
+        side="right",
+        radius=5.0,
+        speed=2.0,
+        duration=10.0,
+        sample_time=0.1,
+    )
     poses, rates = path_poses(path, np.linspace(0.0, 10.0, 33))
     np.testing.assert_allclose(np.hypot(poses[:, 0], poses[:, 1] - 15.0), 5.0)
     np.testing.assert_allclose(rates[:, 2], -0.4)
 
 
 def test_a_straight_line():
-    path = Depart("depart", (1.0, 10.0), 90.0, 2.0, 5.0, 0.1)
+    path = Depart(
+        kind="depart", start=(1.0, 10.0), heading=90.0, speed=2.0, duration=5.0, sample_time=0.1
+    )
     poses, rates = path_poses(path, np.array([0.0, 1.0, 2.5]))
     np.testing.assert_allclose(
         poses, [[1, 10, np.pi / 2], [1, 12, np.pi / 2], [1, 15, np.pi / 2]], atol=1e-12
@@ -126,7 +137,16 @@ def test_a_straight_line():
     st.floats(-180, 180), st.floats(-90, 90), st.floats(2, 100), st.floats(0.5, 30), st.floats(0, 9)
 )
 def test_the_s_curve_is_the_integral_of_its_heading(heading, swing, wavelength, speed, time):
-    path = SCurve("s_curve", (1.0, 50.0), heading, swing, wavelength, speed, 10.0, 0.1)
+    path = SCurve(
+        kind="s_curve",
+        start=(1.0, 50.0),
+        heading=heading,
+        swing=swing,
+        wavelength=wavelength,
+        speed=speed,
+        duration=10.0,
+        sample_time=0.1,
+    )
     pose = path_poses(path, np.array([time]))[0][0]
 
     def heading_at(t):
@@ -140,8 +160,20 @@ def test_the_s_curve_is_the_integral_of_its_heading(heading, swing, wavelength, 
     assert pose[2] == pytest.approx(heading_at(time), abs=1e-9)
 
 
+def stop_and_go(**times):
+    return StopAndGo(
+        kind="stop_and_go",
+        start=(0.0, 30.0),
+        heading=-90.0,
+        speed=4.0,
+        duration=20.0,
+        sample_time=0.1,
+        **times,
+    )
+
+
 def test_stop_and_go_stands_and_holds_its_heading():
-    path = StopAndGo("stop_and_go", (0.0, 30.0), -90.0, 4.0, 1.0, 1.5, 2.0, 20.0, 0.1)
+    path = stop_and_go(drive_time=1.0, ramp_time=1.5, stand_time=2.0)
     times = np.linspace(0.0, 20.0, 2001)
     length, speed = stop_and_go_profile(path, times)
     standing = (times % 6.0 > 2.5) & (times % 6.0 < 4.5)
@@ -156,14 +188,15 @@ def test_stop_and_go_stands_and_holds_its_heading():
 
 
 def test_stop_and_go_without_driving_or_standing():
-    path = StopAndGo("stop_and_go", (0.0, 30.0), -90.0, 4.0, 0.0, 1.0, 0.0, 20.0, 0.1)
+    path = stop_and_go(drive_time=0.0, ramp_time=1.0, stand_time=0.0)
     length, speed = stop_and_go_profile(path, np.array([0.0, 0.5, 1.0, 1.5, 2.0]))
     np.testing.assert_allclose(speed, [4, 2, 0, 2, 4], atol=1e-12)
     np.testing.assert_allclose(length, [0, 1.5, 2, 2.5, 4], atol=1e-12)
 
 
 def waypoints(points, **changes):
-    return replace(Waypoints("waypoints", points, 3.0, 20.0, 0.1), **changes)
+    path = Waypoints(kind="waypoints", points=points, speed=3.0, duration=20.0, sample_time=0.1)
+    return replace(path, **changes)
 
 
 def test_the_spline_passes_through_the_waypoints():

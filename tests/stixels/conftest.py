@@ -9,6 +9,7 @@ from stixel_cli.stereo.disparities import Disparities
 from stixel_cli.stixels.parameters import (
     CartesianOccupancy,
     ColumnDisparityOccupancy,
+    EstimatedRoad,
     ExtractionParameters,
     FreeSpaceParameters,
     HeightParameters,
@@ -63,6 +64,20 @@ def as_disparities():
 @pytest.fixture(scope="session")
 def road():
     return RigRoad(kind="rig", least_height=0.25, greatest_height=3.0, disparity_margin=1.0)
+
+
+@pytest.fixture(scope="session")
+def estimated_road():
+    return EstimatedRoad(
+        kind="estimated",
+        least_height=0.25,
+        greatest_height=3.0,
+        disparity_margin=1.0,
+        pitch_range=2.0,
+        height_range=0.1,
+        tolerance=1.0,
+        column_step=2,
+    )
 
 
 @pytest.fixture(scope="session")

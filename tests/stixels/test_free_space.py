@@ -7,7 +7,6 @@ from stixel_cli.geometry.pose import ego_from_world, world_from_ego
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stixels.free_space import expected_depth, find_free_space, obstacle_base
-from stixel_cli.stixels.parameters import EstimatedRoad
 from stixel_cli.stixels.road import road_line
 
 BOXES = [(-2.0, 9.0, 1.6, 1.5), (2.5, 16.0, 2.0, 1.7)]
@@ -171,20 +170,10 @@ def test_expected_depth_is_the_wall_seen_from_the_next_pose(pitch):
     np.testing.assert_allclose(expected[seen], on_wall, atol=0.06)
 
 
-def test_estimated_road_makes_up_for_a_wrong_rig(find, rig, render, as_disparities):
+def test_estimated_road_makes_up_for_a_wrong_rig(find, rig, estimated_road, render, as_disparities):
     true = replace(rig, pitch=1.0)
     raw = render(true, boxes=[(0.0, 12.0, 2.0, 1.5)])
-    estimated = EstimatedRoad(
-        kind="estimated",
-        least_height=0.25,
-        greatest_height=3.0,
-        disparity_margin=1.0,
-        pitch_range=2.0,
-        height_range=0.1,
-        tolerance=1.0,
-        column_step=2,
-    )
-    found = find(as_disparities(raw), rig, road=estimated)
+    found = find(as_disparities(raw), rig, road=estimated_road)
     box = ~np.isnan(found.disparity[0])
     assert np.count_nonzero(box) == pytest.approx(2.0 * rig.focal / 12.0, abs=2)
     np.testing.assert_allclose(rig.focal * rig.baseline / found.disparity[0][box], 12.0, rtol=0.02)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.stixels.parameters import EstimatedRoad, RigRoad
+from stixel_cli.stixels.parameters import RigRoad
 from stixel_cli.stixels.road import (
     base_rows,
     find_road,
@@ -18,16 +18,6 @@ from stixel_cli.stixels.road import (
 )
 
 PITCHED = Rig(320, 160, None, 300.0, 150.0, 70.0, 0.5, 1.4, 3.0)
-ESTIMATED = EstimatedRoad(
-    kind="estimated",
-    least_height=0.25,
-    greatest_height=3.0,
-    disparity_margin=1.0,
-    pitch_range=2.0,
-    height_range=0.1,
-    tolerance=1.0,
-    column_step=2,
-)
 
 
 def pixels_of_level(rig, points_level):
@@ -59,7 +49,7 @@ def test_line_levels_and_base_agree_with_the_projection():
 @pytest.mark.parametrize("least, greatest", [(0.25, 3.0), (0.25, 1.0), (1.6, 2.0)])
 @pytest.mark.parametrize("rig", [PITCHED, replace(PITCHED, pitch=0.0)])
 def test_obstacle_limits_are_heights_of_unprojected_pixels(rig, least, greatest):
-    road = RigRoad("rig", least_height=least, greatest_height=greatest, disparity_margin=1.0)
+    road = RigRoad(kind="rig", least_height=least, greatest_height=greatest, disparity_margin=1.0)
     line = road_line(rig.pitch_radians, rig.camera_height, rig)
     lowest, highest = obstacle_limits(line, rig, road, 64)
     v, raw = np.mgrid[: rig.height, 1 : 64 * 16]
@@ -90,28 +80,30 @@ def test_v_disparity_counts_every_pixel():
 
 
 @pytest.mark.parametrize("pitch, height", [(0.0, 1.4), (1.3, 1.35), (-0.8, 1.5)])
-def test_estimate_finds_the_plane_under_noise_and_obstacles(rig, render, pitch, height):
+def test_estimate_finds_the_plane_under_noise_and_obstacles(
+    rig, estimated_road, render, pitch, height
+):
     true = replace(rig, pitch=pitch, camera_height=height)
     raw = render(true, boxes=[(-1.0, 12.0, 4.0, 1.5), (3.0, 20.0, 2.0, 2.0)], wall=40.0)
     rng = np.random.default_rng(5)
     noisy = raw + np.rint(rng.normal(0.0, 5.0, raw.shape)).astype(np.int16)
     noisy = np.where((rng.random(raw.shape) < 0.2) | (raw < 0), -1, np.maximum(noisy, 0))
     columns = np.ascontiguousarray(noisy.T.astype(np.int16))
-    line = find_road(columns, 64, rig, ESTIMATED)
+    line = find_road(columns, 64, rig, estimated_road)
     found_pitch, found_height = pitch_and_height(line, rig)
     assert np.degrees(found_pitch) == pytest.approx(pitch, abs=0.1)
     assert found_height == pytest.approx(height, rel=0.02)
 
 
-def test_without_a_vote_or_an_estimate_the_rig_stands(rig, road):
+def test_without_a_vote_or_an_estimate_the_rig_stands(rig, road, estimated_road):
     nothing = np.full((rig.width, rig.height), -1, dtype=np.int16)
     expected = road_line(0.0, 1.4, rig)
-    assert np.array_equal(find_road(nothing, 64, rig, ESTIMATED), expected)
+    assert np.array_equal(find_road(nothing, 64, rig, estimated_road), expected)
     assert np.array_equal(find_road(nothing, 64, rig, road), expected)
 
 
-def test_heights_that_do_not_fit_are_refused(road):
+def test_heights_that_do_not_fit_are_refused(road, estimated_road):
     road.check()
-    for parameters in (road, ESTIMATED):
+    for parameters in (road, estimated_road):
         with pytest.raises(ValueError, match=r"road\.least_height: 3\.5 must be below"):
             replace(parameters, least_height=3.5).check()
