@@ -12,6 +12,8 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotation
+
 STRICT = {"extra": "forbid", "strict": True, "allow_inf_nan": False}
 
 
@@ -111,10 +113,9 @@ class Rig:
 
         `ego_pose_world` (3,) is (x, y, heading); the world is the ego car's frame at k = 0.
         """
-        turn = float(ego_pose_world[2]) - 0.5 * np.pi
-        cosine, sine = np.cos(turn), np.sin(turn)
         ego_from_level = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-        world_from_ego = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+        world_from_ego = np.eye(3)
+        world_from_ego[:2, :2] = rotation(float(ego_pose_world[2]) - STRAIGHT_AHEAD)
         transform = np.eye(4)
         transform[:3, :3] = world_from_ego @ ego_from_level @ self.level_from_camera
         transform[:3, 3] = [ego_pose_world[0], ego_pose_world[1], self.camera_height]

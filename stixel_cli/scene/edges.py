@@ -35,13 +35,11 @@ def edge_pixels(
     """
     return edge_masks(
         len(lit) // rows,
-        hits.body,
-        hits.triangle,
-        hits.depth,
+        (hits.body, hits.triangle, hits.depth),
+        _tables(bodies),
         lit,
         light,
         ENCODE,
-        *_tables(bodies),
         EDGE_CONTRAST,
         EDGE_BEND,
         EDGE_JUMP,
@@ -61,24 +59,25 @@ def unclear_pixels(bodies: list[Body], hits: Hits, lit: np.ndarray, rows: int) -
     """
     return spread_light(
         len(lit) // rows,
-        hits.body,
-        hits.triangle,
-        hits.depth,
+        (hits.body, hits.triangle, hits.depth),
+        _tables(bodies),
         lit,
-        *_tables(bodies),
         FLAT,
         EDGE_JUMP,
     )
 
 
-def _tables(bodies: list[Body]) -> tuple:
+def _tables(bodies: list[Body]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Texture and normals of the first body's triangles, and of the last one's."""
     first, last = bodies[0].surfaces, bodies[-1].surfaces
     return first.texture, first.normals, last.texture, last.normals
 
 
 @njit(cache=True, nogil=True)
-def _continues(one, two, body, triangle, depth, texture0, normals0, texture1, normals1, bend, jump):
+def _continues(one, two, hits, tables, bend, jump):
     """Whether pixels `one` and `two` show one surface: no other body or texture, no bend or gap."""
+    body, triangle, depth = hits
+    texture0, normals0, texture1, normals1 = tables
     if body[one] != body[two]:
         return False
     a, b = triangle[one], triangle[two]
@@ -112,22 +111,7 @@ def _contrasts(one, two, light, encode, contrast):
 
 
 @njit(cache=True, nogil=True)
-def edge_masks(
-    width,
-    body,
-    triangle,
-    depth,
-    lit,
-    light,
-    encode,
-    texture0,
-    normals0,
-    texture1,
-    normals1,
-    contrast,
-    bend,
-    jump,
-):
+def edge_masks(width, hits, tables, lit, light, encode, contrast, bend, jump):
     """Two masks (n,) bool, of the pixels of `edge_pixels`.
 
     Inside one surface the texture's own filter is enough, and an edge that nobody sees needs no
@@ -136,13 +120,15 @@ def edge_masks(
 
     Args:
         width: of the image.
-        body, triangle, depth, lit, light: (n,) and (n, 3), of the pixels in row-major order.
+        hits: body, triangle and depth (n,) of the pixels in row-major order, as `Hits` has them.
+        tables: texture (T,) and normals (T, 3) of the first body, then those of the second.
+        lit, light: (n,) bool and (n, 3) float32, of the same pixels.
         encode: (m,) uint8, sRGB of linear light.
-        texture0, normals0, texture1, normals1: tables of the first and the second body.
         contrast: least difference of colours, grey levels.
         bend: neighbours whose normals' scalar product is below this are bent.
         jump: least relative difference of depths that lie apart.
     """
+    body, triangle, _ = hits
     count = len(body)
     edge = np.zeros(count, dtype=np.bool_)
     at_shadow = np.zeros(count, dtype=np.bool_)
@@ -156,19 +142,7 @@ def edge_masks(
             other_light = lit[one] != lit[two]
             if body[one] == body[two] and triangle[one] == triangle[two] and not other_light:
                 continue
-            same = _continues(
-                one,
-                two,
-                body,
-                triangle,
-                depth,
-                texture0,
-                normals0,
-                texture1,
-                normals1,
-                bend,
-                jump,
-            )
+            same = _continues(one, two, hits, tables, bend, jump)
             if other_light and body[one] >= 0 and body[two] >= 0:
                 at_shadow[one] = at_shadow[two] = True
             if (other_light or not same) and _contrasts(one, two, light, encode, contrast):
@@ -177,10 +151,9 @@ def edge_masks(
 
 
 @njit(cache=True, nogil=True)
-def spread_light(
-    width, body, triangle, depth, lit, texture0, normals0, texture1, normals1, bend, jump
-):
+def spread_light(width, hits, tables, lit, bend, jump):
     """Indices for `unclear_pixels`, whose arguments are as in `edge_masks`; writes to `lit`."""
+    body, triangle, _ = hits
     count = len(body)
     unclear = np.empty(count, dtype=np.int64)
     found = 0
@@ -198,19 +171,7 @@ def spread_light(
                 two = one + step
                 if lit[two] == agreed and triangle[one] == triangle[two] and body[one] == body[two]:
                     continue
-                if lit[two] != agreed or not _continues(
-                    one,
-                    two,
-                    body,
-                    triangle,
-                    depth,
-                    texture0,
-                    normals0,
-                    texture1,
-                    normals1,
-                    bend,
-                    jump,
-                ):
+                if lit[two] != agreed or not _continues(one, two, hits, tables, bend, jump):
                     clear = False
                     break
         if clear:

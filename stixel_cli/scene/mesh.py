@@ -4,6 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stixel_cli.geometry.pose import rotation
+
 
 @dataclass(frozen=True)
 class Part:
@@ -61,8 +63,8 @@ def scaled(mesh: Mesh, factors: np.ndarray) -> Mesh:
 
 def moved(mesh: Mesh, offset: np.ndarray, turn: float = 0.0) -> Mesh:
     """`mesh` turned about z by `turn` rad, counter-clockwise, then shifted by `offset` (3,) m."""
-    cosine, sine = np.cos(turn), np.sin(turn)
-    matrix = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    matrix = np.eye(3)
+    matrix[:2, :2] = rotation(turn)
     return Mesh(
         tuple(
             replace(part, vertices=part.vertices @ matrix.T + np.asarray(offset))

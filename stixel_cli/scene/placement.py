@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from stixel_cli.geometry.pose import rotation
 from stixel_cli.scene.frames import BACKGROUND_ID, ROAD_ID
 from stixel_cli.scene.mesh import Mesh
 from stixel_cli.scene.parameters import World
@@ -32,9 +33,8 @@ def numbered_objects(world: World) -> list[tuple[int, Mesh]]:
 
 def world_from_target_3d(pose_world: np.ndarray) -> np.ndarray:
     """Rigid transform (4, 4) to the world from a target at `pose_world` (3,) = x, y, heading."""
-    cosine, sine = np.cos(pose_world[2]), np.sin(pose_world[2])
     transform = np.eye(4)
-    transform[:2, :2] = [[cosine, -sine], [sine, cosine]]
+    transform[:2, :2] = rotation(pose_world[2])
     transform[:2, 3] = pose_world[:2]
     return transform
 

@@ -166,7 +166,6 @@ class Centres:
         hits: what is met.
         lit: (n,) bool, whether it sees the sun.
         light: (n, 3) float32, linear light.
-        at_shadow: (n,) bool, whether a shadow's edge may lie in the pixel.
     """
 
     rows: np.ndarray
@@ -174,16 +173,32 @@ class Centres:
     hits: Hits
     lit: np.ndarray
     light: np.ndarray
-    at_shadow: np.ndarray
+
+    def at(self, index: np.ndarray) -> "Centres":
+        """Those of the pixels with the indices `index`."""
+        return Centres(
+            self.rows[index],
+            self.columns[index],
+            self.hits.at(index),
+            self.lit[index],
+            self.light[index],
+        )
 
 
 def supersampled(
-    bodies: list[Body], camera: Camera, centres: Centres, sun, light: Light, samples: int
+    bodies: list[Body],
+    camera: Camera,
+    centres: Centres,
+    at_shadow: np.ndarray,
+    sun: np.ndarray,
+    light: Light,
+    samples: int,
 ) -> np.ndarray:
     """Linear light (n, 3) float32 of pixels (n,), the mean of `samples`² rays through each.
 
-    A sample on the centre's triangle has the centre's light, whose filter is a pixel wide; only
-    where a shadow's edge may run between them is the sun asked for.
+    `at_shadow` (n,) tells whether a shadow's edge may lie in the pixel. A sample on the centre's
+    triangle has the centre's light, whose filter is a pixel wide; only where a shadow's edge may
+    run between them is the sun asked for.
     """
     right, down = sample_offsets(samples)
     hits = nearest(bodies, camera, centres.rows, centres.columns, right, down)
@@ -192,7 +207,7 @@ def supersampled(
         hits.triangle == centres.hits.triangle[pixel]
     )
     colours = centres.light[pixel]
-    asked = np.flatnonzero(~alike | (centres.at_shadow[pixel] & (hits.body >= 0)))
+    asked = np.flatnonzero(~alike | (at_shadow[pixel] & (hits.body >= 0)))
     u = np.add.outer(centres.columns, right).ravel()[asked]
     v = np.add.outer(centres.rows, down).ravel()[asked]
     hits = hits.at(asked)

@@ -12,7 +12,7 @@ from stixel_cli.scene import tracing
 from stixel_cli.scene.camera_rays import Camera
 from stixel_cli.scene.edges import edge_pixels, unclear_pixels
 from stixel_cli.scene.frames import SKY_ID
-from stixel_cli.scene.renderer_parameters import RaycastParameters
+from stixel_cli.scene.renderer_parameters import Light, RaycastParameters
 from stixel_cli.scene.surfaces import srgb_from_linear
 from stixel_cli.scene.tracing import Body, Centres, Hits
 
@@ -52,15 +52,18 @@ def still_view(still: Body, camera: Camera, sun, renderer: RaycastParameters) ->
     hits = tracing.nearest([still], camera, rows, columns, *CENTRE)
     lit = _sunlit_still(still, camera, u, v, hits, sun)
     plain = tracing.light_of([still], camera, u, v, hits, lit, sun, renderer.light, 1.0)
-    light = plain.copy()
+    centres, light = Centres(rows, columns, hits, lit, plain), plain.copy()
     if renderer.samples > 1:
         edge, at_shadow = edge_pixels([still], hits, lit, plain, camera.height)
         again = np.flatnonzero(edge)
-        centres = Centres(
-            rows[again], columns[again], hits.at(again), lit[again], plain[again], at_shadow[again]
-        )
         light[again] = tracing.supersampled(
-            [still], camera, centres, sun, renderer.light, renderer.samples
+            [still],
+            camera,
+            centres.at(again),
+            at_shadow[again],
+            sun,
+            renderer.light,
+            renderer.samples,
         )
     ids = np.full(len(u), SKY_ID, dtype=np.uint8)
     ids[hits.body == 0] = still.surfaces.object_ids[hits.triangle[hits.body == 0]]
@@ -114,68 +117,86 @@ def view_with_target(
     if top < bottom:
         pixels = (np.arange(top, bottom)[:, None] * width + np.arange(left, right)).ravel()
         rows, columns = np.divmod(pixels, width)
-        u, v = columns.astype(np.float64), rows.astype(np.float64)
-        hits = Hits(view.hits.depth[pixels], view.hits.body[pixels], view.hits.triangle[pixels])
-        lit, plain = view.lit[pixels], view.plain[pixels]
-        # The target, where it is nearer than what stands still.
         near = np.flatnonzero(_inside(rows, columns, body_box))
-        found, triangle = tracing.intersect(target, camera, rows[near], columns[near], *CENTRE)
-        nearer = found < hits.depth[near]
-        over = np.zeros(len(pixels), dtype=bool)
-        over[near] = nearer
-        hits.depth[over], hits.body[over] = found[nearer], 1
-        hits.triangle[over] = triangle[nearer]
-        # Its shadow on what was in the sun.
-        asked = np.flatnonzero(lit & ~over)
-        shadowed = asked[
-            ~tracing.sunlit(bodies, camera, u[asked], v[asked], hits.at(asked), sun, (1,))
-        ]
-        lit[shadowed] = False
-        covered = np.flatnonzero(over)
-        lit[covered] = tracing.sunlit(
-            bodies, camera, u[covered], v[covered], hits.at(covered), sun, (1, 0)
+        centres, over, changed = _centres_with_target(
+            view, bodies, camera, sun, renderer.light, pixels, near
         )
-        changed = over.copy()
-        changed[shadowed] = True
-        fresh = np.flatnonzero(changed)
-        plain[fresh] = tracing.light_of(
-            bodies,
-            camera,
-            u[fresh],
-            v[fresh],
-            hits.at(fresh),
-            lit[fresh],
-            sun,
-            renderer.light,
-            1.0,
-        )
-        light[pixels[fresh]] = plain[fresh]
+        light[pixels[changed]] = centres.light[changed]
         if renderer.samples > 1:
             shape = bottom - top, right - left
-            edge, at_shadow = edge_pixels(bodies, hits, lit, plain, shape[0])
+            edge, at_shadow = edge_pixels(
+                bodies, centres.hits, centres.lit, centres.light, shape[0]
+            )
             edge &= _grown(changed.reshape(shape)).ravel()
             edge[near] |= _thin(
-                target, camera, rows[near], columns[near], view.hits.depth[pixels[near]], nearer
+                target, camera, rows[near], columns[near], view.hits.depth[pixels[near]], over[near]
             )
             again = np.flatnonzero(edge)
-            centres = Centres(
-                rows[again],
-                columns[again],
-                hits.at(again),
-                lit[again],
-                plain[again],
-                at_shadow[again],
-            )
             light[pixels[again]] = tracing.supersampled(
-                bodies, camera, centres, sun, renderer.light, renderer.samples
+                bodies,
+                camera,
+                centres.at(again),
+                at_shadow[again],
+                sun,
+                renderer.light,
+                renderer.samples,
             )
-        depth[pixels[covered]] = hits.depth[covered]
-        ids[pixels[covered]] = target.surfaces.object_ids[hits.triangle[covered]]
+        depth[pixels[over]] = centres.hits.depth[over]
+        ids[pixels[over]] = target.surfaces.object_ids[centres.hits.triangle[over]]
     return (
         srgb_from_linear(light).reshape(height, width, 3),
         depth.reshape(height, width),
         ids.reshape(height, width),
     )
+
+
+def _centres_with_target(
+    view: StillView,
+    bodies: list[Body],
+    camera: Camera,
+    sun,
+    light: Light,
+    pixels: np.ndarray,
+    near: np.ndarray,
+) -> tuple[Centres, np.ndarray, np.ndarray]:
+    """The rays through the centres of `pixels` (n,) of `view`, with the target in it.
+
+    Args:
+        view: what stands still.
+        bodies: what stands still, and the target.
+        camera, sun, light: as for `view_with_target`.
+        pixels: (n,) indices in row-major order.
+        near: (m,) indices of those `pixels` that the target itself can touch.
+
+    Returns:
+        What is known of them; (n,) bool, whether the target is met; (n,) bool, whether that or its
+        shadow changes the still view's colour.
+    """
+    rows, columns = np.divmod(pixels, camera.width)
+    u, v = columns.astype(np.float64), rows.astype(np.float64)
+    hits, lit, plain = view.hits.at(pixels), view.lit[pixels], view.plain[pixels]
+    # The target, where it is nearer than what stands still.
+    found, triangle = tracing.intersect(bodies[1], camera, rows[near], columns[near], *CENTRE)
+    nearer = found < hits.depth[near]
+    over = np.zeros(len(pixels), dtype=bool)
+    over[near] = nearer
+    hits.depth[over], hits.body[over] = found[nearer], 1
+    hits.triangle[over] = triangle[nearer]
+    # Its shadow on what was in the sun.
+    asked = np.flatnonzero(lit & ~over)
+    shadowed = asked[~tracing.sunlit(bodies, camera, u[asked], v[asked], hits.at(asked), sun, (1,))]
+    lit[shadowed] = False
+    covered = np.flatnonzero(over)
+    lit[covered] = tracing.sunlit(
+        bodies, camera, u[covered], v[covered], hits.at(covered), sun, (1, 0)
+    )
+    changed = over.copy()
+    changed[shadowed] = True
+    fresh = np.flatnonzero(changed)
+    plain[fresh] = tracing.light_of(
+        bodies, camera, u[fresh], v[fresh], hits.at(fresh), lit[fresh], sun, light, 1.0
+    )
+    return Centres(rows, columns, hits, lit, plain), over, changed
 
 
 def _touched_rectangles(still: Body, target: Body, corners_target, camera: Camera, sun):

@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 
 from stixel_cli.geometry.rig import Rig
+from stixel_cli.stereo.disparities import SUBPIXELS
 from stixel_cli.stixels.parameters import HeightParameters
 from stixel_cli.stixels.road import level_factors
 
@@ -35,7 +36,7 @@ def top_rows(
         line: (2,) the road's disparity a v + b, px.
     """
     window = depth_windows(obstacle, rig, height.depth_margin)
-    scale = level_factors(line, rig) / np.float32(16.0)
+    scale = level_factors(line, rig) / np.float32(SUBPIXELS)
     cost = membership_costs(columns, obstacle, window, base_row, scale)
     depth = (rig.focal * rig.baseline / obstacle).astype(np.float32)
     tied = height.smoothness * np.maximum(0.0, 1.0 - np.abs(np.diff(depth)) / height.depth_scale)

@@ -226,7 +226,7 @@ def spread_laterally(polar, starts, widths, cells, deviation):
     width, rows = polar.shape
     values = np.zeros((cells, rows), dtype=np.float32)
     root = np.sqrt(0.5) / deviation
-    reach = 4.0 * deviation
+    reach = REACH * deviation
     for u in range(width):
         for j in range(rows):
             if polar[u, j] <= 0:
