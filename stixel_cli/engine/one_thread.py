@@ -6,17 +6,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from threading import Lock
 
-_LIBRARIES = {
-    name: "1"
-    for name in (
+_LIBRARIES = dict.fromkeys(
+    (
         "OMP_NUM_THREADS",
         "OPENBLAS_NUM_THREADS",
         "MKL_NUM_THREADS",
         "BLIS_NUM_THREADS",
         "VECLIB_MAXIMUM_THREADS",
         "OPENCV_FOR_THREADS_NUM",
-    )
-}
+    ),
+    "1",
+)
 
 ENVIRONMENT = {**_LIBRARIES, "NUMBA_NUM_THREADS": "1"}
 """For a new process. The libraries read it when they are loaded."""

@@ -30,9 +30,12 @@ NAMES = ("local", "threads", "dask", "serial")
 class Pool(Protocol):
     """What the loop of `execute` needs."""
 
-    limit: int
     all_die_together: bool
     kills: bool
+
+    @property
+    def limit(self) -> int:
+        """How many tasks to hand it at a time."""
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
         """Have a worker run `function`."""
@@ -102,15 +105,29 @@ class ProcessPool:
             self._executor = None
 
 
-class ThreadPool:
-    """Threads of this process. They do not hold up its end, as the standard library's would."""
+class _InThisProcess:
+    """What is so of every pool without processes of its own."""
 
     all_die_together = False
     kills = False
 
+    def died(self, error: BaseException | None) -> bool:
+        """It would be this process."""
+        return False
+
+    def renew(self) -> None:
+        """There is nothing to renew."""
+
+    def tend(self, note: Callable[[str], None]) -> None:
+        """Its workers are always there."""
+
+
+class ThreadPool(_InThisProcess):
+    """Threads of this process. They do not hold up its end, as the standard library's would."""
+
     def __init__(self, workers: int):
         self.limit = workers + 1
-        self._tasks: SimpleQueue = SimpleQueue()
+        self._tasks: SimpleQueue[tuple[Future, Callable[..., Any], tuple] | None] = SimpleQueue()
         self._threads = [Thread(target=self._work, daemon=True) for _ in range(workers)]
         for thread in self._threads:
             thread.start()
@@ -120,16 +137,6 @@ class ThreadPool:
         future: Future = Future()
         self._tasks.put((future, function, arguments))
         return future
-
-    def died(self, error: BaseException | None) -> bool:
-        """Threads do not die."""
-        return False
-
-    def renew(self) -> None:
-        """There is nothing to renew."""
-
-    def tend(self, note: Callable[[str], None]) -> None:
-        """They are always there."""
 
     def close(self) -> None:
         """Send the threads home. Those that still run something, after an interrupt, are left."""
@@ -143,28 +150,16 @@ class ThreadPool:
                 _settle(future, function, arguments)
 
 
-class SerialPool:
+class SerialPool(_InThisProcess):
     """This thread: each task is done when `submit` comes back."""
 
     limit = 1
-    all_die_together = False
-    kills = False
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
         """Run `function` now."""
         future: Future = Future()
         _settle(future, function, arguments)
         return future
-
-    def died(self, error: BaseException | None) -> bool:
-        """It would be this process."""
-        return False
-
-    def renew(self) -> None:
-        """There is nothing to renew."""
-
-    def tend(self, note: Callable[[str], None]) -> None:
-        """They are always there."""
 
     def close(self) -> None:
         """There is nothing to close."""

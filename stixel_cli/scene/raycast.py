@@ -57,13 +57,14 @@ class StillScene:
         self.rig, self.renderer = rig, renderer
         self.sun = sun_direction(renderer.light)
         self.body = Body(build_surfaces(objects), np.eye(4))
-        self._pose, self._views = None, ()
+        self._pose: bytes | None = None
+        self._views: list[tuple[Camera, StillView]] = []
 
     def views(self, ego_pose_world: np.ndarray) -> list[tuple[Camera, StillView]]:
         """Left and right camera on the ego car at the pose (3,), and what they see."""
         if self._pose != ego_pose_world.tobytes():
             # Let go of the old views first: two pairs need not be in memory.
-            self._pose, self._views = None, ()
+            self._pose, self._views = None, []
             cameras = rig_cameras(self.rig, ego_pose_world)
             self._views = [
                 (camera, still_view(self.body, camera, self.sun, self.renderer))

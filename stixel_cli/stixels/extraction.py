@@ -40,11 +40,11 @@ def extract_stixels(
                 extraction,
             )
         )
-    names = ("left", "right", "top", "base", "disparity", "disparity_variance", "depth", "height")
-    names += ("points_ego", "covariances_ego")
     offsets = np.cumsum([0] + [len(f["left"]) for f in found], dtype=np.int64)
     empty = group_fields(np.zeros((0, 4)), np.zeros((0, 4)), np.array([1.0, 0.0]), rig, 0.0)
-    arrays = {name: np.concatenate([empty[name], *(f[name] for f in found)]) for name in names}
+    arrays = {
+        name: np.concatenate([none, *(f[name] for f in found)]) for name, none in empty.items()
+    }
     return Stixels(first=frames.start, offsets=offsets, **arrays)
 
 
