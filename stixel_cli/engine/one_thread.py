@@ -1,5 +1,6 @@
 """One thread a stage: the workers give the parallelism, and the bytes do not depend on it."""
 
+import importlib
 import os
 import sys
 from collections.abc import Iterator
@@ -48,10 +49,12 @@ class _Limits:
     def enter(self) -> None:
         with self.lock:
             self.inside += 1
-            cv2 = sys.modules.get("cv2")
-            if cv2 is not None and cv2.getNumThreads() != 1:
-                self.opencv_threads = cv2.getNumThreads()
-                cv2.setNumThreads(1)
+            if "cv2" in sys.modules:
+                # Another thread may be importing it just now: this waits until it has.
+                cv2 = importlib.import_module("cv2")
+                if cv2.getNumThreads() != 1:
+                    self.opencv_threads = cv2.getNumThreads()
+                    cv2.setNumThreads(1)
             if any(os.environ.get(name) != value for name, value in _LIBRARIES.items()):
                 self.environment = {name: os.environ.get(name) for name in _LIBRARIES}
                 os.environ.update(_LIBRARIES)
