@@ -14,8 +14,6 @@ import time
 import psutil
 import pytest
 
-COMMAND = "import sys; from stixel_cli.cli.app import main; sys.exit(main())"
-
 
 def stixel_run(cache, results, *overrides):
     """Wall and processor seconds and peak memory (MB) of one `stixel run` of its own process."""
@@ -23,7 +21,7 @@ def stixel_run(cache, results, *overrides):
     before = os.times()
     started = time.perf_counter()
     process = subprocess.Popen(
-        [sys.executable, "-c", COMMAND, "run", "--results", str(results), *overrides],
+        [sys.executable, "-m", "stixel_cli", "run", "--results", str(results), *overrides],
         env=environment,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,

@@ -7,7 +7,7 @@ from stixel_cli import __version__
 from stixel_cli.cli.app import main
 from stixel_cli.errors import UserError
 
-STIXEL = [sys.executable, "-c", "import sys; from stixel_cli.cli.app import main; sys.exit(main())"]
+STIXEL = [sys.executable, "-m", "stixel_cli"]
 
 
 @pytest.fixture

@@ -335,12 +335,14 @@ def test_words_of_every_command(words, capsys):
     ids=ascii,
 )
 def test_real_processes(words, tmp_path):
-    program = "import sys; from stixel_cli.cli.app import main; sys.exit(main())"
     # An ASCII terminal must not make a crash of a message.
     environment = {"PATH": "/usr/bin:/bin", "PYTHONIOENCODING": "ascii", "HOME": str(tmp_path)}
     environment["PYTHONPATH"] = ":".join(sys.path)
     done = subprocess.run(
-        [sys.executable, "-c", program, *words], capture_output=True, env=environment, cwd=tmp_path
+        [sys.executable, "-m", "stixel_cli", *words],
+        capture_output=True,
+        env=environment,
+        cwd=tmp_path,
     )
     assert done.returncode == 2, done.stderr
     assert done.stdout == b""

@@ -12,7 +12,6 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = ["path.duration=0.6", "rig.width=160", "rig.height=120", "pictures.frames=[1]"]
 SMALL += ["executor=threads"]  # each run is a process of its own already
-COMMAND = "import sys; from stixel_cli.cli.app import main; sys.exit(main())"
 AFTER_SCANS = {"track", "scores", "track_pictures", "run_pictures"}
 
 
@@ -41,7 +40,7 @@ def stixel(checkout: Path, *arguments: str) -> dict:
         "STIXEL_CACHE": str(checkout / "cache"),
     }
     done = subprocess.run(
-        [sys.executable, "-c", COMMAND, "run", "--json", *SMALL, *arguments],
+        [sys.executable, "-m", "stixel_cli", "run", "--json", *SMALL, *arguments],
         cwd=checkout,
         env=environment,
         capture_output=True,

@@ -147,11 +147,10 @@ def test_edited_code_is_named_by_resume_and_by_verify_of_a_point(tmp_path):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     environment = os.environ | {"PYTHONPATH": str(tmp_path), "STIXEL_CACHE": str(tmp_path / "c")}
-    program = "import sys; from stixel_cli.cli.app import main; sys.exit(main())"
 
     def stixel(*words, code):
         done = subprocess.run(
-            [sys.executable, "-c", program, *words],
+            [sys.executable, "-m", "stixel_cli", *words],
             cwd=tmp_path,
             env=environment,
             capture_output=True,
