@@ -7,9 +7,9 @@ from stixel_cli.scene.raycast import render
 
 
 def main() -> None:
-    """Render one frame of the default experiment at 64 × 64 pixels."""
+    """Render one frame of the default experiment at 64 × 64 pixels, whichever its renderer is."""
     small = ("rig.width=64", "rig.height=64", "stereo.disparities=16", "path.duration=0.2")
-    what = compose((*small, "pictures.frames=[0]")).configuration
+    what = compose((*small, "pictures.frames=[0]", "renderer=raycast")).configuration
     ego = ego_motion(what.ego, what.path.duration, what.path.sample_time)
     scenario = build_scenario(ego, what.road_user, what.path)
     render(scenario, what.road_user, what.world, what.rig, what.renderer, range(1))
