@@ -249,6 +249,7 @@ def test_ctrl_c_ends_a_cluster_of_its_own(tmp_path):
             def hang(folder, frames):
                 open(os.path.join(folder, f"running-{os.getpid()}"), "w").close()
                 time.sleep(60.0)
+                open(os.path.join(folder, f"slept-{os.getpid()}"), "w").close()
             """
         )
     )
@@ -265,13 +266,11 @@ def test_ctrl_c_ends_a_cluster_of_its_own(tmp_path):
     while len(list(tmp_path.glob("running-*"))) < 2:
         assert time.monotonic() < deadline and process.poll() is None, process.communicate()
         time.sleep(0.02)
-    started = time.monotonic()
     os.killpg(process.pid, signal.SIGINT)
     assert process.stdout.readline() == "interrupted\n"
-    took = time.monotonic() - started
     _, errors = process.communicate(timeout=15)
     assert errors == ""
-    assert took < 8.0, "2 s on a machine that has nothing else to do"
+    assert not list(tmp_path.glob("slept-*"))
     for path in tmp_path.glob("running-*"):
         assert not runs(int(path.name.partition("-")[2]))
 

@@ -1,7 +1,5 @@
 """A stage over its time limit is killed and has failed; what ran beside it has not."""
 
-import time
-
 import pytest
 
 from stixel_cli.engine import time_limit
@@ -11,7 +9,7 @@ from stixel_cli.engine.time_limit import TimeLimit, limited
 
 LIMIT = 1.0
 LOCAL = LocalExecutor("local", 2, LIMIT)
-HANG = "import time; time.sleep(30)"
+HANG = "import time; time.sleep(30); log.called('slept')"
 
 
 def hang(project, function):
@@ -20,13 +18,12 @@ def hang(project, function):
 
 def test_it_is_killed_and_named_and_not_tried_again(project, notes):
     hang(project, "gather")
-    started = time.monotonic()
     with pytest.raises(StageFailure, match=r"gather: .*over its time limit of 1 s") as caught:
         project.run(executor=LOCAL, progress=notes)
-    assert time.monotonic() - started < 15.0
     assert isinstance(caught.value.cause, TimeLimitExceeded)
     assert "in gather" in caught.value.traceback_text, "where it hung"
-    assert project.calls().count("gather") == 1
+    calls = project.calls()
+    assert calls.count("gather") == 1 and "slept" not in calls
     assert notes.notes == []
 
 
@@ -51,10 +48,9 @@ def test_small_work_in_this_process_is_interrupted(project, monkeypatch):
     monkeypatch.setattr("stixel_cli.engine.execute.make_pool", None)
     hang(project, "gather")
     project.forget()
-    started = time.monotonic()
     with pytest.raises(StageFailure, match=r"gather: .*over its time limit of 0\.2 s"):
         project.run(executor=LocalExecutor("local", 2, 0.2))
-    assert time.monotonic() - started < 10.0
+    assert "slept" not in project.calls()
 
 
 def test_the_time_a_lock_is_held_by_another_does_not_count(project):
