@@ -44,8 +44,8 @@ class DisparityErrors:
             of them that are off by more than `GROSS`.
         total, squares: (n, 3) px and px², sums over the valid pixels that are not gross.
         histogram: (n, 3, 128) int32 of the valid pixels' errors, see `HISTOGRAM_EDGES`.
-        phase_count, phase_total, phase_squares: (n, 3, `PHASES`) the same sums by the fractional
-            part of the true disparity.
+        phase_count, phase_total: (n, 3, `PHASES`), number and sum of the same pixels' errors, by
+            the fractional part of the true disparity.
     """
 
     pixels: np.ndarray
@@ -56,7 +56,6 @@ class DisparityErrors:
     histogram: np.ndarray
     phase_count: np.ndarray
     phase_total: np.ndarray
-    phase_squares: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -174,7 +173,6 @@ def disparity_errors(found: np.ndarray, truth: FrameTruth) -> DisparityErrors:
         .astype(np.int32),
         phase_count=by_phase(),
         phase_total=by_phase(small),
-        phase_squares=by_phase(small**2),
     )
 
 
