@@ -79,12 +79,17 @@ def check_name(results: Path, name: str | None) -> None:
         raise UserError(f"--results: {results}: cannot be made: {error.strerror}") from error
     if name is None:
         return
+    check_plain_name(name)
+    if (results / name).exists():
+        raise UserError(f"--name: {results / name} exists, and is not written over")
+
+
+def check_plain_name(name: str) -> None:
+    """Raise UserError if a name that was given is no plain folder name."""
     if not _NAME.fullmatch(name):
         raise UserError(f"--name: {name!r} is no folder name: use letters, digits and _ . + = , -")
     if len(name) > MOST_CHARACTERS:
         raise UserError(f"--name: {name[:20]}…: at most {MOST_CHARACTERS} characters")
-    if (results / name).exists():
-        raise UserError(f"--name: {results / name} exists, and is not written over")
 
 
 def write_folder(

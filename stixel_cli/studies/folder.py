@@ -7,7 +7,6 @@ tables/ figures/   its tables as CSV, Markdown and LaTeX and its figures as SVG,
 """
 
 import os
-import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,6 +17,7 @@ from typing import Any
 import yaml
 
 from stixel_cli.errors import UserError
+from stixel_cli.experiment.folder import check_plain_name
 from stixel_cli.experiment.recorded_run import provenance
 from stixel_cli.report.folder_reader import read_text
 from stixel_cli.studies.nouns import Findings
@@ -26,13 +26,11 @@ from stixel_cli.studies.tables import figures_of, table_csv, table_latex, table_
 from stixel_cli.sweeps.folder import yaml_text
 
 FILE, PAGE = "study.yaml", "report.html"
-_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+=,-]*")
 
 
 def study_folder(results: Path, name: str) -> Path:
     """The folder `name` in `results`; UserError if that is no plain name."""
-    if not _NAME.fullmatch(name):
-        raise UserError(f"--name: {name!r} is no folder name: use letters, digits and _ . + = , -")
+    check_plain_name(name)
     return results / name
 
 
