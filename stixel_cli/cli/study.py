@@ -123,6 +123,9 @@ class _Command:
 
 def _planned(plan: StudyPlan, json: bool) -> dict[str, Any]:
     parts: dict[str, Any] = {}
+    if not json:
+        for note in plan.notes:
+            print(f"note: {note}")  # noqa: T201
     for one in plan.parts:
         name = one.part.name
         if not json:
@@ -136,7 +139,7 @@ def _planned(plan: StudyPlan, json: bool) -> dict[str, Any]:
         if not json:
             print_plan(one.plan, one.design, one.notes, json=False)
             print()  # noqa: T201
-    return {"study": plan.study.name, "parts": parts}
+    return {"study": plan.study.name, "notes": list(plan.notes), "parts": parts}
 
 
 def _answer(plan: StudyPlan, result: StudyResult) -> dict[str, Any]:
@@ -146,6 +149,7 @@ def _answer(plan: StudyPlan, result: StudyResult) -> dict[str, Any]:
         "report": str(result.page),
         "complete": result.findings is not None,
         "answer": None if result.findings is None else list(result.findings.answer),
+        "notes": list(plan.notes),
         "nodes": {"computed": result.computed, "cached": result.cached},
         "parts": {
             state.name: {

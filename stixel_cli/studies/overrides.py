@@ -8,15 +8,22 @@ from stixel_cli.config.compose_many import Composer
 from stixel_cli.config.folders import group_options
 from stixel_cli.config.overrides import check_overrides, parse_overrides, single_overrides
 from stixel_cli.errors import ConfigurationError
+from stixel_cli.studies.prose import listed
 from stixel_cli.sweeps.design import SEED, Axis, Design, check_each, same
 
 
-def overridden(designs: Sequence[Design], overrides: Sequence[str]) -> list[Design]:
+def overridden(
+    designs: Sequence[Design], overrides: Sequence[str], names: Sequence[str]
+) -> tuple[list[Design], list[str]]:
     """The designs of a study's parts with overrides, each in every part that can have it.
 
     A key that a part fixes or sweeps takes the values that are given, and stays on its axis. Of
     keys that go together only the steps with these values remain. A key that a part does not have
     is fixed in it, or swept, if it fits the part's points.
+
+    Returns:
+        the designs, and a line for each override that is left out of some parts, with their `names`
+        and the reason of the first of them.
 
     Raises:
         ConfigurationError: for an override that cannot be meant, or that fits no part.
@@ -26,22 +33,27 @@ def overridden(designs: Sequence[Design], overrides: Sequence[str]) -> list[Desi
     # Groups first: what a key means follows from the options.
     parsed = sorted(parsed, key=lambda one: one.key_or_group not in group_options())
     composer = Composer()
-    designs = list(designs)
+    designs, notes = list(designs), []
     for override in parsed:
         texts = single_overrides(override, shuffled=False)
         check_each(texts)
         key = override.key_or_group
-        faults = []
+        faults: dict[str, ConfigurationError] = {}
         for i, design in enumerate(designs):
             try:
                 changed = _changed(design, key, texts, override.is_sweep_override())
                 _first_point(changed, composer)
                 designs[i] = changed
             except ConfigurationError as fault:
-                faults.append(fault)
+                faults[names[i]] = fault
+        first = next(iter(faults.values()), None)
         if len(faults) == len(designs):
-            raise faults[0]
-    return designs
+            raise first
+        if faults:
+            parts = "parts" if len(faults) > 1 else "part"
+            given = messages.printable(override.input_line, 100)
+            notes.append(f"{given}: left out of {parts} {listed(list(faults))}: {first}")
+    return designs, notes
 
 
 def _changed(design: Design, key: str, texts: Sequence[str], several: bool) -> Design:

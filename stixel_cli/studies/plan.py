@@ -27,11 +27,12 @@ class PlannedPart:
 
 @dataclass(frozen=True)
 class StudyPlan:
-    """A study with its overrides."""
+    """A study with its overrides; `notes` say which of them are left out of which parts."""
 
     study: StudyFile
     overrides: tuple[str, ...]
     parts: tuple[PlannedPart, ...]
+    notes: tuple[str, ...]
 
     def request(self) -> dict[str, Any]:
         """What is asked for, in plain types: equal for two commands that mean the same results."""
@@ -65,14 +66,16 @@ def plan_study(study: StudyFile, overrides: Sequence[str]) -> StudyPlan:
     Raises:
         ConfigurationError: in one line, for whatever is wrong with any of its points.
     """
-    designs = overridden([part.design() for part in study.parts], overrides)
+    designs, notes = overridden(
+        [part.design() for part in study.parts], overrides, [part.name for part in study.parts]
+    )
     parts = []
     for part, design in zip(study.parts, designs, strict=True):
         if part.derive is None:
             parts.append(PlannedPart(part, design, *_plan(part, design)))
         else:
             parts.append(PlannedPart(part, design, None, ()))
-    return StudyPlan(study, tuple(overrides), tuple(parts))
+    return StudyPlan(study, tuple(overrides), tuple(parts), tuple(notes))
 
 
 def derived_design(plan: StudyPlan, one: PlannedPart, axes: list[dict[str, list]]) -> Design:

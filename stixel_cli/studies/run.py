@@ -63,8 +63,8 @@ def run_study(
         fresh: begin anew, and take away what the folder holds.
         workers: how many compute at a time; None for what the configuration says.
         visible: show progress on stderr.
-        tell: called with notes on the axes before anything runs, and before a part with how many
-            of its finished points are computed again, and why.
+        tell: called with notes on the overrides and the axes before anything runs, and before a
+            part with how many of its finished points are computed again, and why.
 
     Raises:
         UserError: in one line; before anything is written for what is wrong with the plan or the
@@ -73,6 +73,8 @@ def run_study(
     """
     run = _Run(plan, StudyFolder(folder), command, workers, visible, tell)
     run.folder.begin(plan, command, fresh)
+    for note in plan.notes:
+        tell(note)
     for one in plan.parts:
         for note in one.notes:
             tell(f"{one.part.name}: {note}")
@@ -144,6 +146,7 @@ class _Run:
         origin = Origin(
             command=self.command,
             overrides=self.plan.overrides,
+            notes=self.plan.notes,
             seeds={
                 name: sorted({point.planned.point.seed for point in result.points})
                 for name, result in self.results.items()

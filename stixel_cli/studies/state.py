@@ -37,6 +37,7 @@ class Origin:
     Attributes:
         command: that makes it.
         overrides: that were given.
+        notes: which of them are left out of which parts.
         seeds: of each part's points.
         provenance: revision, versions and machine as a manifest has them.
         created: when, UTC.
@@ -48,6 +49,7 @@ class Origin:
 
     command: str
     overrides: Sequence[str]
+    notes: Sequence[str]
     seeds: Mapping[str, Sequence[int]]
     provenance: Mapping[str, Any]
     created: str

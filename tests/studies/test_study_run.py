@@ -120,6 +120,7 @@ def test_another_configuration_is_refused_but_for_name_or_fresh(studies, toy):
     (studies.results / "mine/text").write_text("mine\n")
     assert "no folder of a study" in studies.refused(file, "--name", "mine", "--fresh")
     assert "is no folder name" in studies.refused(file, "--name", "a/b")
+    assert "at most 200 characters" in studies.refused(file, "--name", "a" * 201)
 
 
 def test_what_fails_is_told_and_gone_on_with(studies, toy, tmp_path):
@@ -229,6 +230,21 @@ def test_overrides_take_the_place_of_what_parts_have(studies, toy):
         {"keys": ["seed"], "values": 3},
     ]
     assert not studies.results.exists()
+
+
+def test_an_override_that_is_left_out_of_a_part_is_told(studies, toy, capsys):
+    file = toy()
+    note = (
+        "path=s_curve: left out of part first: path: goes together with road_user here: give one "
+        "of turn, crossing"
+    )
+    assert studies.run(file, "road_user=car", "--dry-run")["notes"] == []
+    assert studies.run(file, "path=s_curve", "seed=0", "--dry-run")["notes"] == [note]
+    assert main(["study", str(file), "path=s_curve", "--dry-run"]) == 0
+    assert capsys.readouterr().out.startswith(f"note: {note}\n")
+    answer = studies.run(file, "path=s_curve", "seed=0")
+    assert answer["notes"] == [note] and studies.error.startswith(f"stixel: {note}\n")
+    assert note in (studies.results / "toy/report.html").read_text()
 
 
 def test_an_override_that_fits_no_part_is_refused(studies, toy):
