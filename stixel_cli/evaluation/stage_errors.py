@@ -68,12 +68,16 @@ class ColumnErrors:
         grid: (n, W) float32, the cell that the occupancy grid alone would choose, column by column,
             without the path's ties to the neighbours and to the last frame.
         path: (n, W) float32, what free space says.
+        grid_there, path_there: (n, W) bool, whether anything stands in the column where `grid` and
+            `path` say so, be it ever so little of it, ever so low or beyond the grid's range.
     """
 
     of_target: np.ndarray
     true: np.ndarray
     grid: np.ndarray
     path: np.ndarray
+    grid_there: np.ndarray
+    path_there: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -119,7 +123,8 @@ def stage_errors(
         alone = grid_choice(raw, line, rig, road, grid, occupancy, free_space)
         truths.append((_nearest(truth), int(np.sum(truth.ids == TARGET_ID))))
         disparity.append(disparity_errors(found, truth))
-        columns.append(column_errors(alone, obstacles.disparity[k - obstacles.first], truth, rig))
+        path = obstacles.disparity[k - obstacles.first]
+        columns.append(column_errors(alone, path, truth, rig, road))
         of_stixels.append(stixel_errors(stixels, k - stixels.first, truth, rig, GROSS))
     return StageErrors(
         first=frames.start,
@@ -195,14 +200,31 @@ def grid_choice(
     return nearest_obstacle(columns, line, None, rig, road, grid, occupancy, untied)
 
 
-def column_errors(grid: np.ndarray, path: np.ndarray, truth: FrameTruth, rig: Rig) -> ColumnErrors:
+def column_errors(
+    grid: np.ndarray, path: np.ndarray, truth: FrameTruth, rig: Rig, road: RoadParameters
+) -> ColumnErrors:
     """The columns (W,) of one frame: choices of the grid and of the path beside the truth."""
     return ColumnErrors(
         of_target=truth.of_target,
         true=rig.disparity_from_depth(truth.nearest_depth).astype(np.float32),
         grid=grid.astype(np.float32),
         path=path.astype(np.float32),
+        grid_there=stands(grid, truth, rig, road),
+        path_there=stands(path, truth, rig, road),
     )
+
+
+def stands(found: np.ndarray, truth: FrameTruth, rig: Rig, road: RoadParameters) -> np.ndarray:
+    """Whether each column (W,) shows anything that stands within `GROSS` px of what is found.
+
+    `found` (W,) px is levelled, NaN where free. Any pixel below the clearance height counts that is
+    neither road nor sky.
+    """
+    standing = (truth.ids != ROAD_ID) & (truth.ids != SKY_ID)
+    with np.errstate(invalid="ignore"):
+        standing &= truth.height <= road.greatest_height
+        near = np.abs(rig.disparity_from_depth(truth.depth) - found) <= GROSS
+    return (standing & near).any(axis=0)
 
 
 def _nearest(truth: FrameTruth) -> float:

@@ -5,7 +5,7 @@ NaN is what cannot be had.
 """
 
 from collections.abc import Iterable
-from dataclasses import fields
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -94,29 +94,62 @@ def phase_bias(errors: DisparityErrors, zone: int) -> tuple[np.ndarray, np.ndarr
     return (np.arange(PHASES) + 0.5) / PHASES, mean, count
 
 
-def column_summary(true: np.ndarray, found: np.ndarray, rig: Rig) -> dict[str, float]:
+@dataclass(frozen=True)
+class ColumnKinds:
+    """What was made of each column; bool arrays of any one shape.
+
+    Attributes:
+        real: has a true nearest obstacle.
+        hit: that was found within `GROSS` px.
+        missed: it has one, and none was found, or one that is more than `GROSS` px farther.
+        unasked: an obstacle was found more than `GROSS` px nearer than the true one, or where there
+            is none, and something stands there: less of it than the least obstacle, or beyond the
+            grid's range.
+        invented: the same, and nothing stands there.
+    """
+
+    real: np.ndarray
+    hit: np.ndarray
+    missed: np.ndarray
+    unasked: np.ndarray
+    invented: np.ndarray
+
+
+def column_kinds(true: np.ndarray, found: np.ndarray, there: np.ndarray) -> ColumnKinds:
+    """Kinds of columns, of levelled disparities in px, NaN where free; see `ColumnErrors`."""
+    real, any_ = np.isfinite(true), np.isfinite(found)
+    error = found.astype(np.float64) - true.astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        extra = any_ & (~real | (error > GROSS))
+        return ColumnKinds(
+            real=real,
+            hit=np.abs(error) <= GROSS,
+            missed=real & (~any_ | (error < -GROSS)),
+            unasked=extra & there,
+            invented=extra & ~there,
+        )
+
+
+def column_summary(
+    true: np.ndarray, found: np.ndarray, there: np.ndarray, rig: Rig
+) -> dict[str, float]:
     """Sum up columns (any shape) of levelled disparities in px, NaN where free.
 
     Returns:
-        columns; missed: share of the columns with an obstacle in which none is found, or one that
-        is more than `GROSS` px farther; invented: share of all columns in which an obstacle is
-        found where none is, or more than `GROSS` px nearer; bias, rms: px, and bias_m, rms_m: m in
-        depth, of the columns with an obstacle that is found within `GROSS` px.
+        columns; missed: share of the columns with an obstacle; unasked, invented: share of all
+        columns, see `ColumnKinds`; bias, rms: px, and bias_m, rms_m: m in depth, of the columns
+        that are hit.
     """
-    true, found = true.astype(np.float64).ravel(), found.astype(np.float64).ravel()
-    real, any_ = np.isfinite(true), np.isfinite(found)
-    error = found - true
-    with np.errstate(invalid="ignore"):
-        hit = np.abs(error) <= GROSS
-        missed = real & (~any_ | (error < -GROSS))
-        invented = any_ & (~real | (error > GROSS))
-    metres = rig.depth_from_disparity(found[hit]) - rig.depth_from_disparity(true[hit])
+    kinds = column_kinds(true, found, there)
+    true, found = (one[kinds.hit].astype(np.float64) for one in (true, found))
+    metres = rig.depth_from_disparity(found) - rig.depth_from_disparity(true)
     return {
-        "columns": float(len(true)),
-        "missed": _ratio(missed.sum(), real.sum()),
-        "invented": _ratio(invented.sum(), len(true)),
-        "bias": _mean(error[hit]),
-        "rms": _root_mean_square(error[hit]),
+        "columns": float(kinds.real.size),
+        "missed": _ratio(kinds.missed.sum(), kinds.real.sum()),
+        "unasked": _ratio(kinds.unasked.sum(), kinds.real.size),
+        "invented": _ratio(kinds.invented.sum(), kinds.real.size),
+        "bias": _mean(found - true),
+        "rms": _root_mean_square(found - true),
         "bias_m": _mean(metres),
         "rms_m": _root_mean_square(metres),
     }

@@ -8,9 +8,11 @@ import pytest
 from stixel_cli.evaluation.stage_errors import (
     GROSS,
     ZONES,
+    column_errors,
     disparity_errors,
     grid_choice,
     stage_errors,
+    stands,
     zones,
 )
 from stixel_cli.evaluation.stage_stixels import overhang, stixel_errors
@@ -228,9 +230,11 @@ def test_perfect_inputs_give_no_errors():
         assert of["pixels"] > 0 and of["density"] == 1.0 and of["gross"] == 0.0
         # The depth is rendered to a quarter of a millimetre.
         assert abs(of["bias"]) < 1e-3 and of["rms"] < 1e-3
-    columns = column_summary(errors.columns.true, errors.columns.path, rig)
+    of = errors.columns
+    assert of.path_there.all()
+    columns = column_summary(of.true, of.path, of.path_there, rig)
     assert columns["columns"] == rig.width
-    assert columns["missed"] == columns["invented"] == 0.0
+    assert columns["missed"] == columns["unasked"] == columns["invented"] == 0.0
     assert columns["rms"] < 1e-3 and columns["rms_m"] < 1e-3
     stixels = stixel_summary(errors.stixels)
     assert stixels.pop("stixels") == np.diff(errors.stixels.offsets)[0] > 3
@@ -284,11 +288,12 @@ def test_an_offset_of_the_disparities_comes_back(shift):
     assert of["bias"] == pytest.approx(shift / 16, abs=1e-3)
     assert of["rms"] == pytest.approx(abs(shift) / 16, abs=1e-3)
     assert of["median"] == pytest.approx(shift / 16, abs=1 / 32)
-    columns = column_summary(errors.columns.true, errors.columns.path, rig)
+    of = errors.columns
+    columns = column_summary(of.true, of.path, of.path_there, rig)
     assert columns["bias"] == pytest.approx(shift / 16, abs=1e-3)
     metres = rig.depth_from_disparity(DISPARITY + shift / 16) - rig.depth_from_disparity(DISPARITY)
-    of_target = errors.columns.of_target
-    target = column_summary(errors.columns.true[of_target], errors.columns.path[of_target], rig)
+    chosen = (one[of.of_target] for one in (of.true, of.path, of.path_there))
+    target = column_summary(*chosen, rig)
     assert target["bias_m"] == pytest.approx(metres, abs=1e-3)
 
 
@@ -442,15 +447,37 @@ def test_the_grids_own_choice_has_no_ties():
     assert np.delete(alone, 50) == pytest.approx(8.0, abs=0.3)
 
 
-def test_columns_missed_and_invented_are_told_apart():
+def test_what_stands_below_the_least_obstacle_is_there_and_what_does_not_is_invented():
+    rig = make_rig()
+    depth = rig.depth_from_disparity(DISPARITY)
+    # 0.35 m high: within the height gate it is less than the least obstacle of 0.3 m.
+    truth = truth_of(rig, depth=depth, height=0.35, wall=80.0)
+    shows = (truth.ids == TARGET_ID).any(axis=0)
+    assert shows.any() and np.isnan(truth.nearest_depth).all()
+    found = np.full(rig.width, DISPARITY)
+    of = column_errors(found, found + 1.5, truth, rig, ROAD)
+    assert np.array_equal(of.grid_there, shows) and not of.path_there.any()
+    columns = column_summary(of.true, of.grid, of.grid_there, rig)
+    assert columns["unasked"] == shows.mean() and columns["invented"] == 1.0 - shows.mean()
+    # Of the wall, beyond the grid's range, there is something too; of the road and above there is
+    # nothing that stands.
+    found[:] = rig.disparity_from_depth(np.float64(80.0))
+    assert stands(found, truth, rig, ROAD).all()
+    assert not stands(np.full(rig.width, np.nan), truth, rig, ROAD).any()
+    low = replace(ROAD, least_height=-2.0, greatest_height=-1.0)
+    assert not stands(found, truth, rig, low).any()
+
+
+def test_columns_missed_unasked_and_invented_are_told_apart():
     nan = np.nan
     true = np.array([10.0, 10.0, 10.0, 10.0, nan, nan, 10.0, 10.0, 10.0])
     found = np.array([10.5, nan, 8.0, 12.0, nan, 5.0, 9.5, 7.0, 8.5])
-    of = column_summary(true, found, make_rig())
+    there = np.array([True, False, True, False, False, True, True, True, False])
+    of = column_summary(true, found, there, make_rig())
     assert of["missed"] == pytest.approx(4 / 7)
-    assert of["invented"] == pytest.approx(2 / 9)
+    assert of["invented"] == of["unasked"] == pytest.approx(1 / 9)
     assert of["bias"] == 0.0 and of["rms"] == pytest.approx(0.5)
-    empty = column_summary(np.zeros(0), np.zeros(0), make_rig())
+    empty = column_summary(np.zeros(0), np.zeros(0), np.zeros(0, bool), make_rig())
     assert all(np.isnan(value) for name, value in empty.items() if name != "columns")
 
 

@@ -1,19 +1,40 @@
 """Intervals of RQ1 count poses: neither seeds nor stixels of a pose make them shorter."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from stixel_cli.evaluation.stage_summary import column_summary, coverage_summary
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.studies.rq1 import figures
 from stixel_cli.studies.rq1.intervals import (
+    BASE_RMS,
+    COLUMN_BIAS,
+    COLUMN_MISSED,
+    COLUMN_RMS,
+    COLUMN_RMS_M,
+    ELSEWHERE,
+    LATERAL_RMS,
+    NONE,
+    OVERHANG,
     STIXEL_BIAS,
     STIXEL_RMS,
+    STIXELS_A_FRAME,
+    TOP_BIAS,
+    TOP_RMS,
+    UNCOVERED,
     Estimate,
+    column_sums,
+    cover_sums,
     difference,
     estimate,
+    over_range,
     ratio,
     stixel_sums,
 )
+from stixel_cli.studies.rq1.pool import Group, counts
 
 
 def group(values, seeds=1):
@@ -68,6 +89,9 @@ def test_sums_of_stixels_leave_out_gross_errors_and_other_ranges():
         area_depth=np.array([0.4, 9.0, 9.0, np.nan, 1.0]),
         sigma=np.full(5, 1.0),
         height=np.zeros(5),
+        lateral=np.full(5, 0.1),
+        top=np.full(5, -2.0),
+        base=np.full(5, 3.0),
     )
     made = SimpleNamespace(errors=SimpleNamespace(stixels=errors))
     sums = stixel_sums(made, 5.0, 50.0)
@@ -75,7 +99,92 @@ def test_sums_of_stixels_leave_out_gross_errors_and_other_ranges():
     total = sums.sum(axis=0)
     assert STIXEL_BIAS(total) == pytest.approx((0.5 + 1.0 - 2.0) / 3)
     assert STIXEL_RMS(total) == pytest.approx(np.sqrt((0.25 + 1.0 + 4.0) / 3))
+    assert LATERAL_RMS(total) == pytest.approx(0.1)
+    assert (TOP_BIAS(total), TOP_RMS(total), BASE_RMS(total)) == pytest.approx((-2.0, 2.0, 3.0))
     assert (total[4], total[5]) == (2.0, pytest.approx(0.16 + 1.0))
+
+
+def seen_group(frames=8, columns=30):
+    """Frames of two road users from 6 to 20 m, with columns and coverage at random."""
+    random = np.random.default_rng(3)
+    true = random.choice([np.nan, 10.0, 20.0], (frames, columns))
+    found = np.where(
+        random.random(true.shape) < 0.1, np.nan, true + random.normal(0, 1, true.shape)
+    )
+    there = random.random(true.shape) < 0.5
+    covered = np.full(frames, 9)
+    errors = SimpleNamespace(
+        target_depth=np.linspace(6.0, 20.0, frames),
+        columns=SimpleNamespace(
+            of_target=np.isfinite(true), true=true, path=found, path_there=there
+        ),
+        stixels=SimpleNamespace(
+            offsets=4 * np.arange(frames + 1),
+            columns=np.full(frames, 10),
+            covered=covered,
+            matched=covered - np.arange(frames) % 3,
+            overhang=random.integers(0, 3, (frames, 2)),
+            hanging=np.zeros(frames),
+        ),
+    )
+    return Group(
+        label="all",
+        rig=Rig(64, 48, 60.0, None, None, None, 0.3, 1.2, 0.0),
+        points=(),
+        errors=errors,
+        poses=np.arange(frames),
+        pose_strata=("car", "cyclist") * (frames // 2),
+        pose_frames=tuple(range(frames)),
+    )
+
+
+def test_values_with_intervals_are_those_of_the_summaries():
+    made = seen_group()
+    chosen = made.frames(5.0, 15.0)
+    of = made.errors.columns
+    mask = of.of_target & chosen[:, None]
+    summary = column_summary(of.true[mask], of.path[mask], of.path_there[mask], made.rig)
+    named = {
+        "bias": COLUMN_BIAS, "rms": COLUMN_RMS, "rms_m": COLUMN_RMS_M, "missed": COLUMN_MISSED,
+    }  # fmt: skip
+    for name, statistic in named.items():
+        found = over_range(lambda g, low, high: column_sums(g, "path", low, high), statistic)(
+            made, 5.0, 15.0
+        )
+        assert found.value == pytest.approx(summary[name]), name
+        assert found.low < found.value < found.high
+    cover = coverage_summary(made.errors.stixels, chosen)
+    named = {
+        "missed": UNCOVERED, "elsewhere": ELSEWHERE, "stixels": STIXELS_A_FRAME,
+        "overhang": OVERHANG,
+    }  # fmt: skip
+    for name, statistic in named.items():
+        assert over_range(cover_sums, statistic, 1)(made, 5.0, 15.0).value == cover[name], name
+    # Too little to be drawn.
+    assert np.isnan(over_range(cover_sums, OVERHANG)(made, 5.0, 9.0).value)
+
+
+def test_the_first_of_a_groups_lines_has_its_interval_as_a_band():
+    made = seen_group()
+
+    def values(group, low, high):
+        return Estimate(0.5, 0.3, 0.8) if low < 20.0 else NONE
+
+    one, two = (
+        figures.over_range("a", "A.", [made], [("Title", "m", drawn)]).svg.decode()
+        for drawn in ({"": values}, {"full": values, "dashed": values})
+    )
+    assert one.count('id="FillBetweenPolyCollection') == 1
+    assert two.count('id="FillBetweenPolyCollection') == 1
+
+
+def test_a_caption_says_what_a_line_counts():
+    made = seen_group()
+    points = tuple(SimpleNamespace(seed=seed) for seed in (0, 1, 2))
+    few = replace(made, points=points[:1], poses=np.zeros(8, int))
+    made = replace(made, points=points)
+    assert counts([made, made]) == "8 poses a line, 3 seeds a pose"
+    assert counts([made, few]) == "1 to 8 poses a line, 1 to 3 seeds a pose"
 
 
 def test_shares_are_told_as_per_cent():

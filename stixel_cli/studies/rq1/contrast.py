@@ -1,11 +1,15 @@
 """RQ1's chapter on the contrast of the paint."""
 
 from collections.abc import Callable
+from itertools import chain
 
-from stixel_cli.evaluation.stage_summary import coverage_summary, disparity_summary, stixel_summary
+import numpy as np
+
 from stixel_cli.studies.nouns import Paragraph, Part, Section, StudyData, Table
 from stixel_cli.studies.rq1 import figures
-from stixel_cli.studies.rq1.pool import EDGES, Group, by_label, cell, contrast, pool, road_user
+from stixel_cli.studies.rq1 import intervals as by_pose
+from stixel_cli.studies.rq1.intervals import cover_sums, estimate, pixel_sums, stixel_sums
+from stixel_cli.studies.rq1.pool import EDGES, Group, by_label, contrast, counts, pool, road_user
 
 INSIDE = 0
 
@@ -14,28 +18,22 @@ def contrast_section(data: StudyData) -> Section:
     """What the texture of the paint does to disparities and stixels."""
     lines = contrast_lines(data.parts["contrast"])
 
-    def pixels(name: str) -> Callable[[Group], float]:
-        return lambda group: disparity_summary(group.errors.disparity, group.seen, INSIDE)[name]
+    def of(sums: Callable[..., np.ndarray], statistic: by_pose.Statistic, *zone: int):
+        return lambda group: estimate(group, sums(group, *zone, EDGES[0], EDGES[-1]), statistic)
 
     panels = [
-        ("Density inside the target", "share", pixels("density")),
-        ("Disparity RMS inside the target", "px", pixels("rms")),
-        (
-            "RMS of the stixels in disparity",
-            "px",
-            lambda g: stixel_summary(g.errors.stixels, EDGES[0], EDGES[-1])["rms_px"],
-        ),
-        (
-            "Columns in no stixel",
-            "share",
-            lambda g: coverage_summary(g.errors.stixels, g.seen)["missed"],
-        ),
+        ("Density inside the target", "share", of(pixel_sums, by_pose.PIXEL_DENSITY, INSIDE)),
+        ("Disparity RMS inside the target", "px", of(pixel_sums, by_pose.PIXEL_RMS, INSIDE)),
+        ("RMS of the stixels in disparity", "px", of(stixel_sums, by_pose.STIXEL_RMS_PX)),
+        ("Columns in no stixel", "share", of(cover_sums, by_pose.UNCOVERED)),
     ]
-    rows = [
-        (label, at, *(cell(value(group)) for _, _, value in panels))
-        for label, found in lines.items()
-        for at, group in found
-    ]
+    rows = []
+    for label, found in lines.items():
+        for at, group in found:
+            estimates = [(value(group), unit) for _, unit, value in panels]
+            cells = (e.scaled(100.0 if unit == "share" else 1.0).cells for e, unit in estimates)
+            rows.append((label, at, *chain.from_iterable(cells)))
+    told = counts(group for found in lines.values() for _, group in found)
     return Section(
         "Contrast of the paint",
         (
@@ -44,18 +42,30 @@ def contrast_section(data: StudyData) -> Section:
                 "background stay; all ranges together, default rig and matcher."
             ),
             figures.over_contrast(
-                "contrast", "Disparities and stixels over the paint's contrast.", lines, panels
+                "contrast",
+                "Disparities and stixels over the paint's contrast. Bands: 95 % intervals; "
+                f"{told}.",
+                lines,
+                panels,
             ),
             Table(
                 "contrast",
-                "The same as numbers.",
+                f"The same as numbers; brackets: 95 % intervals over the poses; {told}.",
                 (
                     "road user",
                     "contrast",
-                    "density",
+                    "density %",
+                    "low density",
+                    "high density",
                     "disparity RMS px",
+                    "low disparity",
+                    "high disparity",
                     "stixel RMS px",
-                    "columns in no stixel",
+                    "low stixel",
+                    "high stixel",
+                    "columns in no stixel %",
+                    "low columns",
+                    "high columns",
                 ),
                 tuple(rows),
             ),

@@ -11,9 +11,9 @@ from stixel_cli.studies.rq1.intervals import estimate
 from stixel_cli.studies.rq1.pool import (
     COARSE,
     EDGES,
-    LEAST,
     Group,
     cell,
+    counts,
     groups,
     locking_swing,
     matcher,
@@ -26,17 +26,19 @@ def disparity_section(data: StudyData, users: Sequence[Group]) -> Section:
     """Bias, RMS, gross share and density over range, pixel locking, SGM against BM."""
     matchers = groups(data.parts["matchers"], matcher)
 
-    def of(zone: int, name: str) -> figures.Values:
-        return lambda group, low, high: _disparity(group, zone, low, high)[name]
+    def of(zone: int, value: by_pose.Statistic) -> figures.Values:
+        return by_pose.over_range(
+            lambda group, low, high: by_pose.pixel_sums(group, zone, low, high), value
+        )
 
     both = {"inside": INSIDE, "border": BORDER}
     panels = [
-        (title, unit, {where: of(zone, name) for where, zone in zones.items()})
-        for title, unit, name, zones in (
-            ("Bias", "px", "bias", both),
-            ("RMS", "px", "rms", both),
-            ("Gross share", "share", "gross", both),
-            ("Density", "share", "density", both),
+        (title, unit, {where: of(zone, value) for where, zone in both.items()})
+        for title, unit, value in (
+            ("Bias", "px", by_pose.pixel_bias),
+            ("RMS", "px", by_pose.PIXEL_RMS),
+            ("Gross share", "share", by_pose.PIXEL_GROSS),
+            ("Density", "share", by_pose.PIXEL_DENSITY),
         )
     ]
     inside = [(title, unit, {"": drawn["inside"]}) for title, unit, drawn in panels]
@@ -47,13 +49,15 @@ def disparity_section(data: StudyData, users: Sequence[Group]) -> Section:
             figures.over_range(
                 "disparity",
                 "Disparity on the target over range, inside it (full) and within its border "
-                "(dashed); default rig, semi-global matching.",
+                "(dashed); default rig, semi-global matching. Bands: 95 % intervals inside it; "
+                f"{counts(users)}.",
                 users,
                 panels,
             ),
             Table(
                 "disparity",
-                "Disparity on the target, default rig, semi-global matching.",
+                "Disparity on the target, default rig, semi-global matching. Pixels are counted "
+                f"in every seed: {counts(users)}.",
                 ("road user", "zone", "range m", *columns),
                 tuple(_disparity_rows(users)),
             ),
@@ -63,7 +67,8 @@ def disparity_section(data: StudyData, users: Sequence[Group]) -> Section:
                     figures.over_range(
                         "matchers",
                         "Disparity inside the target over range, all road users, by matcher. "
-                        "“One match” is without the second match that cancels the locking.",
+                        "“One match” is without the second match that cancels the locking. Bands: "
+                        f"95 % intervals; {counts(matchers)}.",
                         matchers,
                         inside,
                     ),
@@ -71,7 +76,8 @@ def disparity_section(data: StudyData, users: Sequence[Group]) -> Section:
                         "locking",
                         "Pixel locking: the mean error by the fractional part of the true "
                         "disparity. A matcher that locks to whole pixels errs downwards before "
-                        "one half and upwards after it.",
+                        "one half and upwards after it. Every frame of every road user; bands: "
+                        "95 % intervals over the poses.",
                         matchers,
                         {"inside the target": 0, "inside other obstacles": 2},
                     ),
@@ -79,7 +85,8 @@ def disparity_section(data: StudyData, users: Sequence[Group]) -> Section:
                         "matchers",
                         "All road users and ranges, by matcher; locking is the greatest less the "
                         "least mean error over the fraction. The stixels' columns are of the same "
-                        "frames; brackets: 95 % intervals over the poses.",
+                        "frames, gross errors left out; brackets: 95 % intervals over the poses; "
+                        f"{counts(matchers)}.",
                         (
                             "matcher",
                             *columns,
@@ -98,11 +105,6 @@ def disparity_section(data: StudyData, users: Sequence[Group]) -> Section:
             ),
         ),
     )
-
-
-def _disparity(group: Group, zone: int, low: float, high: float) -> dict[str, float]:
-    found = disparity_summary(group.errors.disparity, group.frames(low, high), zone)
-    return found if found["pixels"] >= LEAST else dict.fromkeys(found, float("nan"))
 
 
 def _pixel_cells(found: dict[str, float]) -> tuple:

@@ -8,9 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from stixel_cli.evaluation.stage_errors import GROSS
-from stixel_cli.evaluation.stage_summary import phase_bias
+from stixel_cli.evaluation.stage_summary import in_range, phase_bias
 from stixel_cli.report import style
 from stixel_cli.studies.nouns import Figure
+from stixel_cli.studies.rq1.intervals import NONE, PHASE_BIAS, Estimate, estimate, phase_sums
 from stixel_cli.studies.rq1.pool import EDGES, LEAST, Group
 
 CENTRES = 0.5 * (np.array(EDGES[1:]) + np.array(EDGES[:-1]))
@@ -24,7 +25,7 @@ _TITLE = 30
 STYLES = ("-", "--", ":", "-.")
 MARKERS = ("o", "s", "^", "D", "v")
 
-Values = Callable[[Group, float, float], "float | tuple[float, float]"]
+Values = Callable[[Group, float, float], Estimate]
 
 
 def over_range(
@@ -42,7 +43,7 @@ def over_range(
         lines: the groups.
         panels: title, unit, and what is drawn of each group: a name (shown where there are several
             of them, each with a dash of its own) to a function of the group and the ends of a
-            range, m, that gives a value, or a value and the half width of a band round it.
+            range, m. The first has its interval as a band; those of more would hide each other.
         prepare: does more with the axes.
         log: whether values are drawn on a logarithmic axis.
     """
@@ -55,7 +56,9 @@ def over_range(
             for colour, marker, group in zip(style.RUNS, MARKERS * 2, lines, strict=False):
                 for dash, (what, values) in zip(STYLES, drawn.items(), strict=False):
                     label = f"{group.label}, {what}" if len(drawn) > 1 else group.label
-                    _line(place, group, values, colour, dash, marker, label)
+                    found = [values(group, low, high) for low, high in pairwise(EDGES)]
+                    drawn_band = what == next(iter(drawn))
+                    _line(place, CENTRES, found, colour, dash, marker, label, drawn_band)
             place.set(title=fill(title, _TITLE), ylabel=unit, xlim=(EDGES[0] - 1, EDGES[-1] + 1))
             if i >= len(panels) - 2:
                 place.set_xlabel("depth of the target (m)")
@@ -70,17 +73,15 @@ def over_range(
         return Figure(name, caption, style.svg(figure))
 
 
-def _line(axes: Axes, group: Group, values: Values, colour, dash, marker, label) -> None:
-    found = [values(group, low, high) for low, high in pairwise(EDGES)]
-    band = isinstance(found[0], tuple)
-    middle = np.array([one[0] if band else one for one in found], dtype=np.float64)
+def _line(
+    axes: Axes, x, found: Sequence[Estimate], colour, dash, marker, label, band: bool = True
+) -> None:
+    """A line through the values, and their intervals as a band or, if `band` is not set, none."""
     options = {"color": colour, "linestyle": dash, "marker": marker, "markersize": 2.5}
-    axes.plot(CENTRES, middle, label=label, **options)
+    axes.plot(x, [one.value for one in found], label=label, **options)
     if band:
-        half = np.array([one[1] for one in found], dtype=np.float64)
-        axes.fill_between(
-            CENTRES, middle - half, middle + half, color=colour, alpha=0.15, linewidth=0
-        )
+        low, high = [one.low for one in found], [one.high for one in found]
+        axes.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0)
 
 
 def _legend(figure, axes: Sequence[Axes]) -> None:
@@ -104,9 +105,12 @@ def locking(name: str, caption: str, lines: Sequence[Group], zones: dict[str, in
         axes = figure.subplots(1, len(zones), sharey=True, squeeze=False)[0]
         for place, (title, zone) in zip(axes, zones.items(), strict=True):
             for colour, marker, group in zip(style.RUNS, MARKERS, lines, strict=False):
-                phase, mean, count = phase_bias(group.errors.disparity, zone)
-                shown = np.where(count >= LEAST, mean, np.nan)
-                place.plot(phase, shown, color=colour, marker=marker, ms=2.5, label=group.label)
+                phase, _, count = phase_bias(group.errors.disparity, zone)
+                found = [
+                    estimate(group, phase_sums(group, zone, i), PHASE_BIAS) if n >= LEAST else NONE
+                    for i, n in enumerate(count)
+                ]
+                _line(place, phase, found, colour, "-", marker, group.label)
             place.axhline(0.0, color=style.TRUTH, linewidth=0.7)
             place.set(title=title, xlabel="fraction of the true disparity (px)", xlim=(0, 1))
         axes[0].set_ylabel("mean error (px)")
@@ -122,7 +126,7 @@ def normalised(name: str, caption: str, lines: Sequence[Group]) -> Figure:
         edges = np.linspace(-4.0, 4.0, 33)
         for colour, group in zip(style.RUNS, lines, strict=False):
             of = group.errors.stixels
-            fine = (np.abs(of.disparity) <= GROSS) & (of.true_depth >= EDGES[0])
+            fine = (np.abs(of.disparity) <= GROSS) & in_range(of.true_depth, EDGES[0], EDGES[-1])
             ratio = of.depth[fine] / of.sigma[fine]
             if len(ratio) >= LEAST:
                 # What lies outside is drawn in the outermost bins.
@@ -140,7 +144,7 @@ def over_contrast(
     name: str,
     caption: str,
     lines: dict[str, list[tuple[float, Group]]],
-    panels: Sequence[tuple[str, str, Callable[[Group], float]]],
+    panels: Sequence[tuple[str, str, Callable[[Group], Estimate]]],
 ) -> Figure:
     """Panels over the contrast of the paint, one line for each road user."""
     with style.drawing(_SETTINGS):
@@ -151,8 +155,8 @@ def over_contrast(
                 style.RUNS, MARKERS, lines.items(), strict=False
             ):
                 x = [contrast for contrast, _ in groups]
-                y = [value(group) for _, group in groups]
-                place.plot(x, y, color=colour, marker=marker, markersize=2.5, label=label)
+                found = [value(group) for _, group in groups]
+                _line(place, x, found, colour, "-", marker, label)
             place.set(title=fill(title, _TITLE), ylabel=unit, xlim=(0.0, 1.05))
             # From nothing; what is all there has room above its line.
             place.set_ylim(0.0, 1.08 * max(place.get_ylim()[1], 1e-9))

@@ -7,7 +7,8 @@ import numpy as np
 from stixel_cli.evaluation.stage_summary import column_summary
 from stixel_cli.studies.nouns import Paragraph, Section, StudyData, Table
 from stixel_cli.studies.rq1 import figures
-from stixel_cli.studies.rq1.pool import LEAST, Group, cell, grid, groups
+from stixel_cli.studies.rq1 import intervals as by_pose
+from stixel_cli.studies.rq1.pool import Group, cell, counts, grid, groups
 
 
 def free_space_section(data: StudyData, users: Sequence[Group]) -> Section:
@@ -16,12 +17,12 @@ def free_space_section(data: StudyData, users: Sequence[Group]) -> Section:
 
     def panels(kinds: dict[str, str]):
         return [
-            (title, unit, {what: _column_value(step, name) for what, step in kinds.items()})
-            for title, unit, name in (
-                ("Bias", "px", "bias"),
-                ("RMS", "px", "rms"),
-                ("RMS in depth", "m", "rms_m"),
-                ("Columns missed", "share", "missed"),
+            (title, unit, {what: _column_value(step, of) for what, step in kinds.items()})
+            for title, unit, of in (
+                ("Bias", "px", by_pose.COLUMN_BIAS),
+                ("RMS", "px", by_pose.COLUMN_RMS),
+                ("RMS in depth", "m", by_pose.COLUMN_RMS_M),
+                ("Columns missed", "share", by_pose.COLUMN_MISSED),
             )
         ]
 
@@ -32,30 +33,35 @@ def free_space_section(data: StudyData, users: Sequence[Group]) -> Section:
                 "The grid alone is the cheapest cell of each column by itself; the path adds the "
                 "ties to neighbouring columns and to the last frame (Badino, Franke, Mester 2007). "
                 "The nearest obstacle's depth is that of its nearest surface; a slanted or stepped "
-                "face votes for what lies behind it as well, which shows as a bias towards farther "
-                "(smaller disparity) near the camera."
+                "face can vote for what lies behind it as well, which would show as a bias towards "
+                "farther (smaller disparity) near the camera, and least for who is narrow."
             ),
             figures.over_range(
                 "free_space",
-                "The target's columns over range, the grid's own choice (full) and the path's "
-                "(dashed); default rig, polar grid.",
+                "The target's columns over range, the path's choice (full) and the grid's own "
+                "(dashed); default rig, polar grid. Bands: 95 % intervals of the path's; "
+                f"{counts(users)}.",
                 users,
-                panels({"grid": "grid", "path": "path"}),
+                panels({"path": "path", "grid": "grid"}),
             ),
             figures.over_range(
                 "grids",
-                "The three grids: the target's columns over range, all road users, after the path.",
+                "The three grids: the target's columns over range, all road users, after the path. "
+                f"Bands: 95 % intervals; {counts(grids)}.",
                 grids,
                 panels({"": "path"}),
             ),
             Table(
                 "grids",
-                "Columns at all ranges. “All” are the columns of the whole image.",
+                "Columns at all ranges. “All” are those of the whole image, with the street's "
+                "houses and trees up to the grid's far end, where one pixel of disparity is many "
+                f"metres; {counts(grids)}.",
                 (
                     "grid",
                     "columns",
                     "step",
                     "missed %",
+                    "not asked for %",
                     "invented %",
                     "bias px",
                     "RMS px",
@@ -68,18 +74,17 @@ def free_space_section(data: StudyData, users: Sequence[Group]) -> Section:
     )
 
 
-def _column_value(step: str, name: str) -> figures.Values:
-    def value(group: Group, low: float, high: float) -> float:
-        found = _columns(group, step, group.frames(low, high)[:, None])
-        return found[name] if found["columns"] >= LEAST else float("nan")
-
-    return value
+def _column_value(step: str, of: by_pose.Statistic) -> figures.Values:
+    return by_pose.over_range(
+        lambda group, low, high: by_pose.column_sums(group, step, low, high), of
+    )
 
 
 def _columns(group: Group, step: str, frames, of_target: bool = True) -> dict[str, float]:
     columns = group.errors.columns
     chosen = frames & (columns.of_target if of_target else np.ones_like(columns.of_target))
-    return column_summary(columns.true[chosen], getattr(columns, step)[chosen], group.rig)
+    found, there = (getattr(columns, name)[chosen] for name in (step, f"{step}_there"))
+    return column_summary(columns.true[chosen], found, there, group.rig)
 
 
 def _grid_rows(grids: Sequence[Group]) -> Iterator[tuple]:
@@ -91,7 +96,6 @@ def _grid_rows(grids: Sequence[Group]) -> Iterator[tuple]:
                     group.label,
                     where,
                     step,
-                    cell(found["missed"], 100.0),
-                    cell(found["invented"], 100.0),
+                    *(cell(found[name], 100.0) for name in ("missed", "unasked", "invented")),
                     *(cell(found[name]) for name in ("bias", "rms", "bias_m", "rms_m")),
                 )

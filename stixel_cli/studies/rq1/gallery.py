@@ -4,6 +4,7 @@ import io
 
 from PIL import Image
 
+from stixel_cli.report.style import DEPTH_TICKS
 from stixel_cli.studies.nouns import Paragraph, Part, Picture, Section
 from stixel_cli.studies.rq1.pool import by_label, road_user, text
 
@@ -17,7 +18,9 @@ def gallery_section(part: Part) -> Section:
     blocks: list[Paragraph | Picture] = [
         Paragraph(
             "Left camera without noise, disparity, occupancy grid from above, free space, free "
-            "space with height, and stixels. Colours mean depth, near yellow, far violet."
+            "space with height, and stixels. Colours of disparity and stixels mean depth, from "
+            f"yellow at {DEPTH_TICKS[0]:g} m to violet at {DEPTH_TICKS[-1]:g} m; the grid is dark "
+            "where an obstacle is likely; green is free, red stands."
         )
     ]
     for label, points in by_label(part.points, road_user).items():

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from stixel_cli.evaluation.stage_errors import GROSS
-from stixel_cli.evaluation.stage_summary import in_range
+from stixel_cli.evaluation.stage_summary import column_kinds, in_range
 from stixel_cli.studies.inference import interval, weights
 from stixel_cli.studies.prose import quantity, with_interval
-from stixel_cli.studies.rq1.pool import Group
+from stixel_cli.studies.rq1.pool import EDGES, LEAST, Group
 
 Statistic = Callable[[np.ndarray], np.ndarray]
 """Gives a number of sums (…, m) over frames."""
@@ -50,11 +50,14 @@ class Estimate:
         )
 
 
+NONE = Estimate(np.nan, np.nan, np.nan)
+
+
 def estimate(group: Group, sums: np.ndarray, of: Statistic) -> Estimate:
     """A statistic of sums (n, m) over the group's frames; those of which all are 0 do not count."""
     chosen = np.any(sums != 0.0, axis=1)
     if not chosen.any():
-        return Estimate(np.nan, np.nan, np.nan)
+        return NONE
     poses, place = np.unique(group.poses[chosen], return_inverse=True)
     by_pose = np.zeros((len(poses), sums.shape[1]))
     np.add.at(by_pose, place, sums[chosen])
@@ -75,7 +78,7 @@ def difference(
     sides = [_by_pose(group, sums(group)) for group in (one, other)]
     both = sorted(set(sides[0]) & set(sides[1]))
     if not both:
-        return Estimate(np.nan, np.nan, np.nan)
+        return NONE
     stacked = np.stack([np.concatenate([side[pose] for side in sides]) for pose in both])
     half = stacked.shape[1] // 2
 
@@ -100,11 +103,11 @@ def _by_pose(group: Group, sums: np.ndarray) -> dict[tuple, np.ndarray]:
 
 
 STIXEL_SUMS = ("count", "depth", "depth²", "disparity²", "areas", "area²")
-STIXEL_SUMS += ("ratio²", "in 1", "in 2", "height", "height²")
+STIXEL_SUMS += ("ratio²", "in 1", "in 2", "height", "height²", "lateral²", "top", "top²", "base²")
 
 
 def stixel_sums(group: Group, low: float, high: float) -> np.ndarray:
-    """`STIXEL_SUMS` (n, 11) of the stixels of a true depth in [low, high) m, without gross errors.
+    """`STIXEL_SUMS` (n, 15) of the stixels of a true depth in [low, high) m, without gross errors.
 
     Areas are counted by themselves, for not every stixel has the target's pixels in its own.
     """
@@ -126,6 +129,10 @@ def stixel_sums(group: Group, low: float, high: float) -> np.ndarray:
             np.abs(ratio) <= 2.0,
             errors.height[fine],
             errors.height[fine] ** 2,
+            errors.lateral[fine] ** 2,
+            errors.top[fine],
+            errors.top[fine] ** 2,
+            errors.base[fine] ** 2,
         ],
         axis=-1,
     )
@@ -134,18 +141,81 @@ def stixel_sums(group: Group, low: float, high: float) -> np.ndarray:
     return sums
 
 
-def pixel_sums(group: Group, zone: int) -> np.ndarray:
-    """Pixels, valid, gross, total px, squares px² (n, 5) of the frames that see the target."""
+def pixel_sums(
+    group: Group, zone: int, low: float = EDGES[0], high: float = EDGES[-1]
+) -> np.ndarray:
+    """Pixels, valid, gross, total px, squares px² (n, 5) of the frames that see the target.
+
+    In [`low`, `high`) m, as everywhere here.
+    """
     names = ("pixels", "valid", "gross", "total", "squares")
     found = np.stack([getattr(group.errors.disparity, name)[:, zone] for name in names], axis=-1)
-    return found.astype(np.float64) * group.seen[:, None]
+    return found.astype(np.float64) * group.frames(low, high)[:, None]
 
 
-def cover_sums(group: Group) -> np.ndarray:
-    """Columns of the target and those in no stixel (n, 2) of the frames that see it."""
+def phase_sums(group: Group, zone: int, phase: int) -> np.ndarray:
+    """Pixels and total px (n, 2) of a fractional part of the true disparity; see `phase_bias`."""
+    of = group.errors.disparity
+    return np.stack([of.phase_count[:, zone, phase], of.phase_total[:, zone, phase]], axis=-1)
+
+
+def column_sums(
+    group: Group, step: str, low: float = EDGES[0], high: float = EDGES[-1]
+) -> np.ndarray:
+    """Sums (n, 6) over the target's columns, of the frames that see it, of a step (grid or path).
+
+    Columns, those that are missed, those that are hit, and of these the sums of error px, error²
+    px² and depth error² m².
+    """
+    columns = group.errors.columns
+    true, found = columns.true.astype(np.float64), getattr(columns, step).astype(np.float64)
+    chosen = columns.of_target & group.frames(low, high)[:, None]
+    kinds = column_kinds(true, found, getattr(columns, f"{step}_there"))
+    hit = kinds.hit & chosen
+    with np.errstate(divide="ignore", invalid="ignore"):
+        error = np.where(hit, found - true, 0.0)
+        metres = group.rig.depth_from_disparity(found) - group.rig.depth_from_disparity(true)
+    metres = np.where(hit, metres, 0.0)
+    parts = (chosen, kinds.missed & chosen, hit, error, error**2, metres**2)
+    return np.stack([part.sum(axis=1) for part in parts], axis=-1).astype(np.float64)
+
+
+def cover_sums(group: Group, low: float = EDGES[0], high: float = EDGES[-1]) -> np.ndarray:
+    """How the target is covered (n, 6), of the frames that see it.
+
+    Frames; columns of the target; those in no stixel; those in a stixel elsewhere; stixels on the
+    target; columns beside it that get its disparity.
+    """
     errors = group.errors.stixels
-    found = np.stack([errors.columns, errors.columns - errors.covered], axis=-1)
-    return found.astype(np.float64) * group.seen[:, None]
+    found = np.stack(
+        [
+            np.ones(len(errors.columns)),
+            errors.columns,
+            errors.columns - errors.covered,
+            errors.covered - errors.matched,
+            np.diff(errors.offsets),
+            errors.overhang.sum(axis=1),
+        ],
+        axis=-1,
+    )
+    return found * (group.frames(low, high) & (errors.columns > 0))[:, None]
+
+
+def over_range(
+    sums: Callable[[Group, float, float], np.ndarray], of: Statistic, least: int = LEAST
+) -> Callable[[Group, float, float], Estimate]:
+    """The estimate of a group for the ends of a range, m; NaN if less than `least` is in it.
+
+    What is counted is the first of the `sums`.
+    """
+
+    def value(group: Group, low: float, high: float) -> Estimate:
+        found = sums(group, low, high)
+        if found[:, 0].sum() < least:
+            return NONE
+        return estimate(group, found, of)
+
+    return value
 
 
 def ratio(part: int, whole: int = 0) -> Statistic:
@@ -180,5 +250,10 @@ PIXEL_GROSS = ratio(2, 1)
 PIXEL_DENSITY = ratio(1, 0)
 STIXEL_BIAS, STIXEL_RMS, STIXEL_RMS_PX = ratio(1), root(2), root(3)
 AREA_RMS, NEES, WITHIN_1, WITHIN_2 = root(5, 4), ratio(6), ratio(7), ratio(8)
-HEIGHT_BIAS, HEIGHT_RMS = ratio(9), root(10)
-MISSED = ratio(1, 0)
+HEIGHT_BIAS, HEIGHT_RMS, LATERAL_RMS = ratio(9), root(10), root(11)
+TOP_BIAS, TOP_RMS, BASE_RMS = ratio(12), root(13), root(14)
+COLUMN_MISSED, COLUMN_BIAS = ratio(1, 0), ratio(3, 2)
+COLUMN_RMS, COLUMN_RMS_M = root(4, 2), root(5, 2)
+UNCOVERED, ELSEWHERE = ratio(2, 1), ratio(3, 1)
+STIXELS_A_FRAME, OVERHANG = ratio(4), ratio(5)
+PHASE_BIAS = ratio(1)

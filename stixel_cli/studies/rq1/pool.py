@@ -10,7 +10,7 @@ from stixel_cli.evaluation.stage_errors import StageErrors
 from stixel_cli.evaluation.stage_summary import phase_bias, pooled, stixel_summary
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.studies.nouns import Part, StudyPoint
-from stixel_cli.studies.prose import percent, quantity
+from stixel_cli.studies.prose import counted, percent, quantity
 
 EDGES = tuple(float(edge) for edge in range(5, 51, 5))
 """Ends of the ranges in the figures, m: true depth of the target's nearest surface."""
@@ -135,6 +135,19 @@ def needed_disparity(rig: Rig, deviation: float, depth: float) -> float:
 def achieved(group: Group) -> dict[str, float]:
     """The stixels of a group round the depth that *The Stixel World* names."""
     return stixel_summary(group.errors.stixels, *ROUND)
+
+
+def counts(lines: Iterable[Group]) -> str:
+    """What a line of a figure or table counts: poses and seeds, as a caption has it."""
+    lines = list(lines)
+    poses = {len(set(group.poses[group.seen].tolist())) for group in lines}
+    seeds = {len({point.seed for point in group.points}) for group in lines}
+
+    def told(numbers: set[int], what: str) -> str:
+        least, most = min(numbers), max(numbers)
+        return counted(most, what) if least == most else f"{least} to {most} {what}s"
+
+    return f"{told(poses, 'pose')} a line, {told(seeds, 'seed')} a pose"
 
 
 def locking_swing(group: Group, zone: int) -> float:

@@ -4,15 +4,19 @@ Chapters, stage by stage, from the records of `evaluation.stage_errors`. Every n
 is computed from the study's data.
 """
 
+from collections.abc import Sequence
+from itertools import pairwise
+
 from stixel_cli.evaluation.stage_errors import BORDER, GROSS
 from stixel_cli.studies.inference import DRAWS
 from stixel_cli.studies.nouns import Findings, Paragraph, Section, StudyData
+from stixel_cli.studies.prose import counted
 from stixel_cli.studies.rq1.answer import answer
 from stixel_cli.studies.rq1.contrast import contrast_section
 from stixel_cli.studies.rq1.disparity import disparity_section
 from stixel_cli.studies.rq1.free_space import free_space_section
 from stixel_cli.studies.rq1.gallery import gallery_section
-from stixel_cli.studies.rq1.pool import groups, road_user
+from stixel_cli.studies.rq1.pool import EDGES, LEAST, Group, groups, road_user
 from stixel_cli.studies.rq1.setup import setup_section
 from stixel_cli.studies.rq1.stixels import height_section, rigs_section, stixels_section
 
@@ -23,7 +27,7 @@ def report(data: StudyData) -> Findings:
     return Findings(
         answer=tuple(answer(data, users)),
         sections=(
-            _method(),
+            _method(users),
             disparity_section(data, users),
             free_space_section(data, users),
             height_section(users),
@@ -37,7 +41,10 @@ def report(data: StudyData) -> Findings:
     )
 
 
-def _method() -> Section:
+def _method(users: Sequence[Group]) -> Section:
+    first = users[0].points[0].configuration
+    road, free_space, farthest = first.road, first.free_space, first.occupancy.farthest
+    in_a_range = counted(_poses_in_a_range(users), "pose")
     return Section(
         "What is compared with what",
         (
@@ -53,8 +60,11 @@ def _method() -> Section:
                 "stixels of a frame share its errors. So what is counted as independent are poses: "
                 "a road user at a range, with all of its seeds. Intervals in brackets are 95 % "
                 f"percentiles of {DRAWS} bootstrap draws of poses, road user by road user; paired "
-                "differences draw the same poses for both. Lines without a band are means over all "
-                "that is there, and tell by how they jump from range to range how sure they are."
+                "differences draw the same poses for both. Bands in figures are such intervals "
+                f"too. A range of 5 m holds only {in_a_range} of a road user, of which percentiles "
+                "tend to be too narrow: read the bands as how much poses differ, not as a test. "
+                f"What is a mean of fewer than {LEAST} pixels, columns or stixels is not drawn, "
+                "and of a single pose there is no band."
             ),
             Paragraph(
                 f"Disparity: found minus f B / z, pixel by pixel. An error above {GROSS:g} px is "
@@ -63,14 +73,29 @@ def _method() -> Section:
             ),
             Paragraph(
                 "Free space: a column's true nearest obstacle is the depth by which the column's "
-                "pixels that stand above the road's margin and below the clearance height, nearest "
-                "first, are as many as the least obstacle that the grid is asked for. A column is "
-                f"missed if nothing is found there, or more than {GROSS:g} px farther; it is "
-                f"invented if something is found where nothing is, or above {GROSS:g} px nearer."
+                f"pixels that stand {road.least_height:g} to {road.greatest_height:g} m above the "
+                "road, nearest first, are as many as the least obstacle that free space is asked "
+                f"for: {free_space.obstacle_height:g} m of height there, and "
+                f"{free_space.obstacle_pixels:g} px. A column is missed if nothing is found there, "
+                f"or more than {GROSS:g} px farther. Where something is found more than {GROSS:g} "
+                "px nearer, or in a column without a true obstacle, it is “not asked for” if "
+                f"something stands there within {GROSS:g} px, only less of it than the least "
+                "obstacle (a wheel's rim, a foot) or beyond the grid's far end at "
+                f"{farthest:g} m, and “invented” if nothing does (mostly what a matcher spreads "
+                "beyond an object's edge)."
             ),
             Paragraph(
                 "Stixels: on the target are those in at least half of whose columns it is the "
                 "nearest obstacle; their truth is the median over those columns."
             ),
         ),
+    )
+
+
+def _poses_in_a_range(users: Sequence[Group]) -> int:
+    """The most poses of a road user that any of the figures' ranges holds."""
+    return max(
+        len(set(group.poses[group.frames(low, high)].tolist()))
+        for group in users
+        for low, high in pairwise(EDGES)
     )

@@ -2,43 +2,40 @@
 
 from collections.abc import Iterator, Sequence
 
-from stixel_cli.evaluation.stage_summary import coverage_summary, stixel_summary
+from stixel_cli.evaluation.stage_errors import GROSS
+from stixel_cli.evaluation.stage_summary import stixel_summary
 from stixel_cli.studies.nouns import Paragraph, Section, StudyData, Table
+from stixel_cli.studies.prose import listed
 from stixel_cli.studies.rq1 import figures
 from stixel_cli.studies.rq1 import intervals as by_pose
 from stixel_cli.studies.rq1.intervals import estimate
 from stixel_cli.studies.rq1.pool import (
     COARSE,
-    LEAST,
+    EDGES,
     ROUND,
     SW_DEPTH,
     SW_DEVIATION,
     Group,
     achieved,
     cell,
+    counts,
     groups,
     needed_disparity,
     rig,
 )
 
 
-def _stixel_value(name: str, spread: str | None = None) -> figures.Values:
-    def value(group: Group, low: float, high: float):
-        found = stixel_summary(group.errors.stixels, low, high)
-        enough = found["stixels"] >= LEAST
-        middle = found[name] if enough else float("nan")
-        return middle if spread is None else (middle, found[spread] if enough else float("nan"))
-
-    return value
+def _stixel_value(of: by_pose.Statistic) -> figures.Values:
+    return by_pose.over_range(by_pose.stixel_sums, of)
 
 
 def height_section(users: Sequence[Group]) -> Section:
     """Top and base rows of the stixels on the target, and their height."""
     panels = [
-        ("Top row, bias (down is positive)", "px", {"": _stixel_value("top_bias")}),
-        ("Top row, RMS", "px", {"": _stixel_value("top_rms")}),
-        ("Height, bias", "m", {"": _stixel_value("height_bias")}),
-        ("Base row, RMS", "px", {"": _stixel_value("base_rms")}),
+        ("Top row, bias (down is positive)", "px", {"": _stixel_value(by_pose.TOP_BIAS)}),
+        ("Top row, RMS", "px", {"": _stixel_value(by_pose.TOP_RMS)}),
+        ("Height, bias", "m", {"": _stixel_value(by_pose.HEIGHT_BIAS)}),
+        ("Base row, RMS", "px", {"": _stixel_value(by_pose.BASE_RMS)}),
     ]
     names = ("top_bias", "top_rms", "base_bias", "base_rms", "height_bias", "height_rms")
     return Section(
@@ -47,13 +44,16 @@ def height_section(users: Sequence[Group]) -> Section:
             figures.over_range(
                 "height",
                 "Rows and height of the stixels on the target against the target's topmost row in "
-                "their columns, and the row where its nearest surface stands; default rig.",
+                "their columns, and the row where its nearest surface stands; default rig. Bands: "
+                f"95 % intervals; {counts(users)}.",
                 users,
                 panels,
             ),
             Table(
                 "height",
-                "Errors of the stixels on the target whose depth is not off by a gross error.",
+                "Rows and height of the stixels on the target, default rig. The errors are of "
+                "those whose disparity is not off by a gross error (see the stixels' own table "
+                f"for how many are); {counts(users)}.",
                 (
                     "road user",
                     "range m",
@@ -82,12 +82,12 @@ def _stixel_rows(lines: Sequence[Group], names: Sequence[str], percent=()) -> It
 def stixels_section(users: Sequence[Group]) -> Section:
     """Depth over range, normalised by σ, lateral, and how the target is covered."""
     cover = [
-        (title, unit, {"": _cover_value(name)})
-        for title, unit, name in (
-            ("Stixels on the target", "a frame", "stixels"),
-            ("Columns in no stixel", "share", "missed"),
-            ("Columns in a stixel elsewhere", "share", "elsewhere"),
-            ("Columns beside it that get its disparity", "a frame", "overhang"),
+        (title, unit, {"": by_pose.over_range(by_pose.cover_sums, of, 1)})
+        for title, unit, of in (
+            ("Stixels on the target", "a frame", by_pose.STIXELS_A_FRAME),
+            ("Columns in no stixel", "share", by_pose.UNCOVERED),
+            ("Columns in a stixel elsewhere", "share", by_pose.ELSEWHERE),
+            ("Columns beside it that get its disparity", "a frame", by_pose.OVERHANG),
         )
     ]
     names = ("gross", "bias", "rms", "area_bias", "area_rms", "sigma", "nees", "within_1")
@@ -97,28 +97,34 @@ def stixels_section(users: Sequence[Group]) -> Section:
         (
             figures.over_range(
                 "depth",
-                "Depth error of the stixels on the target over range: mean, and as a band the "
-                "standard deviation of single stixels round it (no interval of the mean); error in "
-                "disparity; normalised square of the depth error; lateral error; default rig.",
+                "Stixels on the target over range: mean depth error (farther than the nearest "
+                "surface where positive), RMS error in disparity, mean square of the depth error "
+                "over its stated σ, RMS lateral error; default rig, gross errors left out. Bands: "
+                f"95 % intervals; {counts(users)}.",
                 users,
                 [
-                    ("Depth error", "m", {"": _stixel_value("bias", "spread")}),
-                    ("RMS in disparity", "px", {"": _stixel_value("rms_px")}),
-                    ("Mean square of error / σ (1: consistent)", "", {"": _stixel_value("nees")}),
-                    ("Lateral RMS", "m", {"": _stixel_value("lateral_rms")}),
+                    ("Depth error, mean", "m", {"": _stixel_value(by_pose.STIXEL_BIAS)}),
+                    ("RMS in disparity", "px", {"": _stixel_value(by_pose.STIXEL_RMS_PX)}),
+                    (
+                        "Mean square of error / σ (1: consistent)",
+                        "",
+                        {"": _stixel_value(by_pose.NEES)},
+                    ),
+                    ("Lateral RMS", "m", {"": _stixel_value(by_pose.LATERAL_RMS)}),
                 ],
             ),
             figures.normalised(
                 "normalised",
                 "Depth error over the stixel's own stated σ, all ranges, beside the standard "
-                "normal; what is beyond ± 4 is in the outermost bins.",
+                f"normal; what is beyond ± 4 is in the outermost bins; {_stixel_counts(users)}.",
                 users,
             ),
             Table(
                 "stixels",
                 "Stixels on the target, default rig. The error is against the nearest surface in "
                 "the stixel's columns; “area” is against the median depth of the target's pixels "
-                "in the stixel.",
+                "in the stixel. Gross errors are counted among the stixels and left out of the "
+                f"other columns; {counts(users)}.",
                 (
                     "road user",
                     "range m",
@@ -136,16 +142,22 @@ def stixels_section(users: Sequence[Group]) -> Section:
                 tuple(_stixel_rows(users, names, percent=("gross", "within_1"))),
             ),
             figures.over_range(
-                "coverage", "How the target is covered by stixels; default rig.", users, cover
+                "coverage",
+                "How the target is covered by stixels; default rig. “Elsewhere” is more than "
+                f"{GROSS:g} px off. Bands: 95 % intervals; {counts(users)}.",
+                users,
+                cover,
             ),
         ),
     )
 
 
-def _cover_value(name: str) -> figures.Values:
-    return lambda group, low, high: coverage_summary(group.errors.stixels, group.frames(low, high))[
-        name
+def _stixel_counts(users: Sequence[Group]) -> str:
+    found = [
+        f"{group.label} {int(by_pose.stixel_sums(group, EDGES[0], EDGES[-1])[:, 0].sum())}"
+        for group in users
     ]
+    return f"stixels of all seeds: {listed(found)}"
 
 
 def rigs_section(data: StudyData) -> Section:
@@ -162,21 +174,23 @@ def rigs_section(data: StudyData) -> Section:
             ),
             figures.precision(
                 "rigs",
-                "RMS depth error of the stixels on all road users over range. The dashed line is "
-                "what one and the same disparity error gives.",
+                "RMS depth error of the stixels on all road users over range, gross errors left "
+                "out. The dashed line is what one and the same disparity error gives. Bands: 95 % "
+                f"intervals; {counts(lines)}.",
                 lines,
                 SW_DEPTH,
                 SW_DEVIATION,
-                _stixel_value("rms"),
+                _stixel_value(by_pose.STIXEL_RMS),
             ),
             Table(
                 "rigs",
                 f"Stixels at {ROUND[0]:g}–{ROUND[1]:g} m against the {SW_DEVIATION:g} m at "
-                f"{SW_DEPTH:g} m of The Stixel World. “Area” is against the median depth of the "
-                "target's pixels in the stixel, without what the surface's shape adds. Brackets: "
-                "95 % intervals over the poses.",
+                f"{SW_DEPTH:g} m of The Stixel World; gross errors left out. “Area” is against the "
+                "median depth of the target's pixels in the stixel, which on a stepped shape lie "
+                "behind its nearest surface. Brackets: 95 % intervals over the poses.",
                 (
                     "rig",
+                    "image px",
                     "f px",
                     "B m",
                     "disparity there px",
@@ -210,6 +224,7 @@ def _rig_rows(lines: Sequence[Group]) -> Iterator[tuple]:
         needed = needed_disparity(group.rig, SW_DEVIATION, SW_DEPTH)
         yield (
             group.label,
+            f"{group.rig.width} × {group.rig.height}",
             float(group.rig.focal),
             float(group.rig.baseline),
             float(group.rig.disparity_from_depth(SW_DEPTH)),
