@@ -28,8 +28,10 @@ _PIXELS_A_POINT = 1.75
 """How large a figure is shown at most: its text is then as large as the page's."""
 _NARROW = 700
 """Figures of at most this width, px, stand side by side where there is room."""
-_MANY = 9
-"""A table of more columns is printed on a page across."""
+_ACROSS = 120
+"""A table of lines of more characters is printed on a page across."""
+_WHOLE = 20
+"""A table of at most so many rows is not broken between printed pages."""
 _SHORT = 30
 """Columns of at most so many characters are not broken into lines."""
 
@@ -103,7 +105,8 @@ class _Numbered:
                             "header": header,
                             "rows": rows,
                             "numeric": numeric,
-                            "wide": len(header) > _MANY,
+                            "wide": _characters(header, rows) > _ACROSS,
+                            "whole": len(rows) <= _WHOLE,
                             "classes": _classes(rows, numeric),
                         }
                     )
@@ -118,6 +121,13 @@ def _classes(rows: Sequence[Sequence[str]], numeric: Sequence[bool]) -> list[str
         "number" if right else "short" if fits else ""
         for right, fits in zip(numeric, short, strict=True)
     ]
+
+
+def _characters(header: Sequence[str], rows: Sequence[Sequence[str]]) -> int:
+    """Characters of a line of a table: cells are not broken if short, the header is by words."""
+    words = [max(map(len, name.split()), default=0) for name in header]
+    cells = [max(map(len, column)) for column in zip(*rows, strict=True)] or [0] * len(words)
+    return sum(2 + max(word, min(cell, _SHORT)) for word, cell in zip(words, cells, strict=True))
 
 
 def _side_by_side(blocks: list[dict[str, Any]]) -> list[dict[str, Any]]:

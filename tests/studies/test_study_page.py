@@ -11,7 +11,7 @@ from stixel_cli.cli.app import main
 from stixel_cli.report import style
 from stixel_cli.studies.folder import files_of
 from stixel_cli.studies.nouns import Findings, Section, Table
-from stixel_cli.studies.page import svg_for_page
+from stixel_cli.studies.page import _Numbered, svg_for_page
 from stixel_cli.studies.prose import counted, decimals, listed, number, percent, quantity
 from stixel_cli.studies.tables import over_seeds, shown_table, table_csv, table_latex
 
@@ -79,6 +79,18 @@ def test_the_page_in_a_browser(page, open_page):
         opened = open_page(page, width=width, height=900, dark=dark)
         assert opened.problems == []
         assert opened.overflow() == 0
+
+
+def test_a_tables_size_decides_how_it_is_printed():
+    def printed(columns, rows, text):
+        table = Table("t", "T.", tuple("a b" for _ in range(columns)), ((text,) * columns,) * rows)
+        (block,) = _Numbered().sections([Section("S", (table,))], "")[0]["blocks"]
+        return block["wide"], block["whole"]
+
+    assert printed(12, 20, "0.12") == (False, True)
+    assert printed(12, 21, "0.123 [0.1, 0.2]") == (True, False)
+    # What is longer is broken into lines.
+    assert printed(3, 1, "long " * 40) == (False, True)
 
 
 def test_black_becomes_the_ink_of_the_page():
