@@ -28,10 +28,10 @@ _PIXELS_A_POINT = 1.75
 """How large a figure is shown at most: its text is then as large as the page's."""
 _NARROW = 700
 """Figures of at most this width, px, stand side by side where there is room."""
-_ACROSS = 120
-"""A table of lines of more characters is printed on a page across."""
-_WHOLE = 20
-"""A table of at most so many rows is not broken between printed pages."""
+_WIDEST = 125
+"""A table of more characters side by side is printed on a page across."""
+_LONG = 27
+"""A table of more rows is printed small, unless it is across."""
 _SHORT = 30
 """Columns of at most so many characters are not broken into lines."""
 
@@ -96,6 +96,7 @@ class _Numbered:
                 case Table():
                     self.tables += 1
                     header, rows, numeric = shown_table(block)
+                    wide = _characters(header, rows) > _WIDEST
                     blocks.append(
                         {
                             "kind": "table",
@@ -105,12 +106,21 @@ class _Numbered:
                             "header": header,
                             "rows": rows,
                             "numeric": numeric,
-                            "wide": _characters(header, rows) > _ACROSS,
-                            "whole": len(rows) <= _WHOLE,
+                            "wide": wide,
+                            "long": len(rows) > _LONG and not wide,
                             "classes": _classes(rows, numeric),
                         }
                     )
         return {"number": number, "title": section.title, "blocks": _side_by_side(blocks)}
+
+
+def _characters(header: Sequence[str], rows: Sequence[Sequence[str]]) -> int:
+    """Characters side by side: of each column the longest cell, or word of its header, and one."""
+    columns = zip(header, *rows, strict=True)
+    return sum(
+        1 + max(*map(len, name.split()), *(min(len(cell), _SHORT) for cell in cells), 0)
+        for name, *cells in columns
+    )
 
 
 def _classes(rows: Sequence[Sequence[str]], numeric: Sequence[bool]) -> list[str]:
@@ -121,13 +131,6 @@ def _classes(rows: Sequence[Sequence[str]], numeric: Sequence[bool]) -> list[str
         "number" if right else "short" if fits else ""
         for right, fits in zip(numeric, short, strict=True)
     ]
-
-
-def _characters(header: Sequence[str], rows: Sequence[Sequence[str]]) -> int:
-    """Characters of a line of a table: cells are not broken if short, the header is by words."""
-    words = [max(map(len, name.split()), default=0) for name in header]
-    cells = [max(map(len, column)) for column in zip(*rows, strict=True)] or [0] * len(words)
-    return sum(2 + max(word, min(cell, _SHORT)) for word, cell in zip(words, cells, strict=True))
 
 
 def _side_by_side(blocks: list[dict[str, Any]]) -> list[dict[str, Any]]:

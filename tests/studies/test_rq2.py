@@ -168,6 +168,22 @@ def test_the_answer_is_made_of_what_is_there():
     assert "answers nothing" in answer([one for one in runs if one.kind == "lidar"])[0]
 
 
+def test_a_tracker_below_the_floor_is_said_to_be():
+    runs = []
+    for user, shift in {"car": -0.5, "cyclist": 0.5, "pedestrian": 0.0}.items():
+        for seed in range(3):
+            change = shift + 0.01 * seed * (1.0 if shift else (-1.0) ** seed)
+            own = {"kind": "simulated", "road_user": user, "seed": seed}
+            runs.append(run(measurement="stixels", centre=1.0 + change, **own))
+            runs.append(run(measurement="stixels", tracker="point", centre=1.0, **own))
+            runs.append(run(seed, "lidar", centre=1.0, road_user=user))
+    text = " ".join(answer(runs))
+    told = "better for the car; worse for the cyclist; no difference is shown for the pedestrian."
+    assert told in text
+    # NEES / NIS, on stixels and on the lidar.
+    assert "car 1.00 / 1.00, 1.00 / 1.00;" in text
+
+
 def test_only_what_stands_up_to_all_tests_is_worse():
     seeds = range(5)
     # Far apart, by a little, and not at all: 0.03 is told by its interval alone.

@@ -58,7 +58,7 @@ def test_names_are_unique_and_every_reference_is_there(page):
 def test_dark_phones_and_paper_are_thought_of(page):
     html = page.read_text(encoding="utf-8")
     assert "@media screen and (prefers-color-scheme: dark)" in html
-    assert "@media print" in html and "break-before: page" in html
+    assert "@media print" in html and "break-inside: avoid" in html
     assert 'name="viewport"' in html
     assert len(re.findall(r'<div class="scroll[^>]*><table', html)) == html.count("<table")
 
@@ -164,3 +164,17 @@ def test_statistics_over_seeds():
     # Student's t with one degree of freedom: 12.706 sigma / sqrt(2), sigma = sqrt(2).
     assert one.high - one.mean == pytest.approx(12.7062, abs=1e-4)
     assert over_seeds([None]).mean is None
+
+
+def test_tables_are_printed_across_or_small_where_they_are_too_large():
+    def printed(columns: int, rows: int) -> tuple[bool, bool]:
+        table = Table(
+            "t", "c", tuple(f"a {i}" for i in range(columns)), ((1.234,) * columns,) * rows
+        )
+        (block,) = _Numbered().sections([Section("s", (table,))], "")[0]["blocks"]
+        return block["wide"], block["long"]
+
+    assert printed(9, 20) == (False, False)
+    assert printed(9, 64) == (False, True)
+    assert printed(26, 64) == (True, False)
+    assert printed(3, 0) == (False, False)

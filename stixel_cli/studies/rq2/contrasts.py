@@ -6,13 +6,11 @@ from dataclasses import dataclass, replace
 
 from scipy.stats import t as student
 
+from stixel_cli.studies.field_names import FLOOR, LIDAR, STIXELS
 from stixel_cli.studies.inference import SIGNIFICANT, holm
 from stixel_cli.studies.nouns import Paragraph, Section, Table
 from stixel_cli.studies.prose import MINUS
 from stixel_cli.studies.rq2.runs import (
-    FLOOR,
-    LIDAR,
-    STIXELS,
     Run,
     chosen,
     metric_over_seeds,

@@ -18,11 +18,15 @@ WIDTH = 4.9
 """in: about that of a phone's page, on which the text is then as large as it was drawn."""
 
 ERRORS = {"centre": "centre (m)", "orientation": "orientation (°)", "iou": "IoU"}
+CONSISTENCY = {"nees": "NEES / 2", "nis": "NIS / d.o.f."}
 BOXED = {
     "centre_rmse_m": "centre RMSE (m)",
     "orientation_rmse_deg": "orientation RMSE (°)",
     "iou_mean": "mean IoU",
+    "nees_position_mean": "NEES / 2",
+    "nis_mean": "NIS / d.o.f.",
 }
+RATIOS = ("nees_position_mean", "nis_mean")
 
 
 def colour(measurement: str, measurements: Sequence[str]) -> str:
@@ -71,9 +75,9 @@ def _scan(axes, run: Run) -> None:
 def over_time(name: str, runs: Sequence[Run], measurements: Sequence[str]) -> Figure:
     """Errors and consistency over time on one path: a column a tracker, a line a measurement."""
     trackers = names(runs, "tracker")
-    rows = [*ERRORS, "nees", "nis"]
+    rows = {**ERRORS, **CONSISTENCY}
     with style.drawing():
-        figure = _figure(WIDTH, 0.6 + 1.25 * len(rows))
+        figure = _figure(WIDTH, 0.6 + 1.1 * len(rows))
         grid = figure.subplots(len(rows), len(trackers), sharex=True, squeeze=False)
         for j, tracker in enumerate(trackers):
             for measurement in names(runs, "measurement"):
@@ -85,8 +89,7 @@ def over_time(name: str, runs: Sequence[Run], measurements: Sequence[str]) -> Fi
                     _band(grid[i, j], row, same, shade, measurement)
             grid[0, j].set_title(tracker)
             grid[-1, j].set_xlabel("t (s)")
-        labels = [*ERRORS.values(), "NEES / 2", "NIS / d.o.f."]
-        for i, label in enumerate(labels):
+        for i, label in enumerate(rows.values()):
             grid[i, 0].set_ylabel(label, fontsize=8.0)
         count = len(names(runs, "seed"))
         for axes in grid.flat:
@@ -102,10 +105,7 @@ def over_time(name: str, runs: Sequence[Run], measurements: Sequence[str]) -> Fi
         return Figure(
             name,
             f"{capital(runs[0].road_user)}, path {runs[0].path}: errors and consistency over time, "
-            f"mean over {count} seeds; coloured bands: 95 % "
-            "interval of that mean at each time by itself (Student's t, cut at 0). NEES and NIS "
-            "are 1 (dashed) where the filter is consistent; grey: 95 % chi-square bounds of the "
-            f"NEES of a mean over {count} runs. Scales differ between trackers.",
+            f"n = {count} seeds.",
             style.svg(figure),
         )
 
@@ -135,7 +135,7 @@ def boxes(name: str, runs: Sequence[Run], measurements: Sequence[str]) -> Figure
     trackers, there = names(runs, "tracker"), names(runs, "measurement")
     groups = len(trackers) * len(there)
     with style.drawing():
-        figure = _figure(WIDTH, 0.5 + 1.7 * len(BOXED))
+        figure = _figure(WIDTH, 0.5 + 1.3 * len(BOXED))
         grid = figure.subplots(len(BOXED), 1, sharex=True, squeeze=False)
         for axes, (metric, label) in zip(grid[:, 0], BOXED.items(), strict=True):
             for i, tracker in enumerate(trackers):
@@ -143,6 +143,9 @@ def boxes(name: str, runs: Sequence[Run], measurements: Sequence[str]) -> Figure
                     same = chosen(runs, tracker=tracker, measurement=measurement)
                     values = [run.point.metrics.get(metric) for run in same]
                     values = [value for value in values if value is not None]
+                    if metric in RATIOS:
+                        # On a logarithmic axis, as a run of no scan that counts has none.
+                        values = [value for value in values if value > 0.0]
                     shade = colour(measurement, measurements)
                     place = i + 0.8 * ((j + 0.5) / len(there) - 0.5)
                     if values:
@@ -152,7 +155,9 @@ def boxes(name: str, runs: Sequence[Run], measurements: Sequence[str]) -> Figure
             axes.set_ylabel(label, fontsize=8.0)
             axes.grid(True, axis="y")
             axes.set_xticks(range(len(trackers)), trackers)
-            if metric == "iou_mean":
+            if metric in RATIOS:
+                _ratio_axis(axes)
+            elif metric == "iou_mean":
                 axes.set_ylim(0.0, 1.0)
             else:
                 axes.set_ylim(bottom=0.0)
@@ -163,7 +168,8 @@ def boxes(name: str, runs: Sequence[Run], measurements: Sequence[str]) -> Figure
             f"{len(runs) // groups} runs a box: median, quartiles, whiskers to the last value "
             "within 1.5 times the box's height, and dots for what is beyond. A box shows how runs "
             "spread, paths among them; "
-            "it is no interval of a mean.",
+            "it is no interval of a mean. NEES and NIS are means over a run's scans; 1, dashed, is "
+            "consistent.",
             style.svg(figure),
         )
 
@@ -186,13 +192,13 @@ def _box(axes, values: Sequence[float], place: float, width: float, shade: str) 
 def by_condition(
     name: str, condition: Condition, runs: Sequence[Run], measurements: Sequence[str]
 ) -> Figure:
-    """Errors and NEES by a condition of the scans: a column a tracker, a line a measurement."""
+    """Errors and consistency by a condition: a column a tracker, a line a measurement."""
     trackers, there = names(runs, "tracker"), names(runs, "measurement")
-    rows = {**ERRORS, "nees": "NEES / 2"}
+    rows = {**ERRORS, **CONSISTENCY}
     found = condition_statistics(condition, runs)
     bins = [b for b in range(len(condition.labels)) if any(key[2] == b for key in found)]
     with style.drawing():
-        figure = _figure(WIDTH, 0.9 + 1.3 * len(rows))
+        figure = _figure(WIDTH, 0.7 + 1.1 * len(rows))
         grid = figure.subplots(len(rows), len(trackers), sharex=True, squeeze=False)
         for j, tracker in enumerate(trackers):
             for m, measurement in enumerate(there):
@@ -233,18 +239,15 @@ def by_condition(
             grid[i, 0].set_ylabel(label, fontsize=8.0)
         for axes in grid.flat:
             axes.grid(True, axis="y")
-        for axes in grid[-1]:
+        for axes in grid[-2:].flat:
             _ratio_axis(axes)
         for axes in grid[2]:
             axes.set_ylim(0.0, 1.0)
         _legend(figure, grid)
         return Figure(
             name,
-            f"{capital(runs[0].road_user)}: errors by {condition.what}: of each seed the mean over "
-            "its scans of all paths, then mean and 95 % interval over the seeds (Student's t). "
-            "Which paths a class has scans of differs, so classes differ by more than what they "
-            "are named for. Scales differ "
-            "between trackers. The numbers stand in the appendix.",
+            f"{capital(runs[0].road_user)}: errors and consistency by {condition.what}; "
+            f"n = {len(names(runs, 'seed'))} seeds.",
             style.svg(figure),
         )
 

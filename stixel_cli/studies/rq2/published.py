@@ -27,7 +27,7 @@ _READ = (
     (
         "Wahlström & Özkan 2015, IEEE TSP 63(16)",
         "GP on the contour of a star-convex target, extended Kalman filter",
-        "title, abstract and introduction",
+        "title, abstract and introduction; the authors' example code, which holds no result",
         "none: they hold no result",
     ),
     (
@@ -39,8 +39,14 @@ _READ = (
     (
         "Steuernagel, Thormann & Baum 2024, FUSION",
         "random matrix for rectangles on contour points; simulation with a real lidar's parameters",
-        "abstract, and the description of the published code",
+        "abstract, and the published code, whose scripts draw the results but hold none",
         "none: they hold no result",
+    ),
+    (
+        "Li, Chen, You & Qiu 2023, Scientific Reports 13, doi:10.1038/s41598-023-32236-w",
+        "random matrix, modified for scans of a 2D lidar",
+        "introduction",
+        "none: it holds no result",
     ),
     (
         "Yurdakul, Çetinkaya, Çelebi & Özkan 2024, arXiv:2406.10389",
@@ -53,6 +59,12 @@ _READ = (
         "extruded B-spline of a side view; lidar and radar, CARLA and recorded data",
         "abstract and introduction",
         "none: they hold no result",
+    ),
+    (
+        "Steuernagel & Baum 2025, arXiv:2512.14426",
+        "ellipse, its state parts decoupled; simulated, and recorded radar",
+        "abstract",
+        "none; radar, no lidar",
     ),
     (
         "Scheel & Dietmayer 2019, IEEE T-ITS 20(10)",

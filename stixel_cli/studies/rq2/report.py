@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from stixel_cli.studies.field_names import LIDAR, STIXELS
 from stixel_cli.studies.nouns import Findings, Paragraph, Section, StudyData, Table
 from stixel_cli.studies.prose import capital, listed, number, percent
 from stixel_cli.studies.rq2.answer import answer
@@ -16,8 +17,6 @@ from stixel_cli.studies.rq2.contrasts import ERRORS, contrasts_section
 from stixel_cli.studies.rq2.figures import boxes, by_condition, example_scans, over_time
 from stixel_cli.studies.rq2.published import published
 from stixel_cli.studies.rq2.runs import (
-    LIDAR,
-    STIXELS,
     Run,
     chosen,
     contour_distances,
@@ -107,16 +106,32 @@ def _chapter(user: str, runs: Sequence[Run], measurements: Sequence[str]) -> Sec
         boxes(f"{user}_boxes", runs, measurements),
         Section(
             "Over time",
-            tuple(
-                over_time(f"{user}_{path}_over_time", chosen(runs, path=path), measurements)
-                for path in names(runs, "path")
+            (
+                Paragraph(
+                    "Means over the seeds; coloured bands: 95 % interval of that mean at each time "
+                    "by itself (Student's t, cut at 0). NEES and NIS are 1 (dashed) where the "
+                    "filter is consistent; grey: 95 % chi-square bounds of the NEES of a mean "
+                    "over as many runs. Scales differ between trackers."
+                ),
+                *(
+                    over_time(f"{user}_{path}_over_time", chosen(runs, path=path), measurements)
+                    for path in names(runs, "path")
+                ),
             ),
         ),
         Section(
             "By range, by the sides that are seen, by the number of points",
-            tuple(
-                by_condition(f"{user}_by_{condition.name}", condition, runs, measurements)
-                for condition in CONDITIONS
+            (
+                Paragraph(
+                    "Of each seed the mean over its scans of all paths, then mean and 95 % "
+                    "interval over the seeds (Student's t). Which paths a class has scans of "
+                    "differs, so classes differ by more than what they are named for. Scales "
+                    "differ between trackers. The numbers stand in the appendix."
+                ),
+                *(
+                    by_condition(f"{user}_by_{condition.name}", condition, runs, measurements)
+                    for condition in CONDITIONS
+                ),
             ),
         ),
     ]

@@ -12,12 +12,10 @@ from stixel_cli.geometry.angles import wrap_angle
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
+from stixel_cli.studies.field_names import measurement_name, tracker_name
 from stixel_cli.studies.nouns import StudyData, StudyPoint
 from stixel_cli.studies.tables import over_seeds
 from stixel_cli.sweeps.statistics import CONFIDENCE, Statistic
-
-STIXELS, LIDAR, FLOOR = "simulated", "lidar", "point"
-"""Kinds of measurement and of tracker that the question names."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +24,7 @@ class Run:
 
     Attributes:
         road_user, path: as they are called in the study.
-        measurement, tracker: as the field calls them, see `measurement_name`, `tracker_name`.
+        measurement, tracker: as the field calls them, see `studies.field_names`.
         kind, tracker_kind: of measurement and tracker, whatever the options are called.
         seed: of the run.
         point: what it comes from.
@@ -68,19 +66,6 @@ def runs_of(data: StudyData) -> list[Run]:
         "tracker": _called(points, "tracker", tracker_name),
     }
     return [_run(point, called) for point in points]
-
-
-def measurement_name(option: str, configuration: Configuration) -> str:
-    """What the field calls a measurement: stixels, fabricated rays, a lidar of so many layers."""
-    measurement = configuration.measurement
-    if measurement.kind == LIDAR:
-        return f"{measurement.scanner.layers}-layer lidar"
-    return {STIXELS: "stixels", "fabricated": "fabricated rays"}.get(measurement.kind, option)
-
-
-def tracker_name(option: str, configuration: Configuration) -> str:
-    """What the field calls a tracker; one without a name of its own is called as its option."""
-    return {"gp_ekf": "GP-EKF", FLOOR: "point tracker"}.get(configuration.tracker.kind, option)
 
 
 def _called(

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from stixel_cli.evaluation.point_errors import PointErrors
+from stixel_cli.studies.field_names import tracker_name
 from stixel_cli.studies.nouns import Part, StudyPoint
-from stixel_cli.studies.rq2.runs import tracker_name
 
 SIMULATED, FABRICATED, FITTED = "simulated", "fabricated", "fitted"
 
