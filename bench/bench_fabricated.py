@@ -28,9 +28,7 @@ STEREO = FabricatedParameters(
 # As fitted to a cyclist; every ray gives a point, which is the most there can be.
 FITTED = dataclasses.replace(
     STEREO,
-    noise=FittedNoise(
-        "fitted", 1, 0.005, 0.13, 0.17, 0.067, 7.0, 0.0, 1.0, -0.1, 0.1, 0.09, 0.016, 6.0
-    ),
+    noise=FittedNoise("fitted", 1, 0.16, 0.23, 9.0, -0.04, 0.09, 0.14, 0.014, 7.3),
 )
 RAYS = spread_rays(640, RIG.field_of_view, True)
 SENSOR = np.array([0.0, 0.0, np.pi / 2])

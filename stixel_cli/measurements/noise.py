@@ -11,10 +11,7 @@ def range_deviations(noise: Noise, ranges: np.ndarray, angles: np.ndarray, rig: 
     """Standard deviation (n,) m along rays `angles` (n,) rad off the optical axis, thesis (17)."""
     if noise.kind == "constant":
         return np.full(len(ranges), noise.range_deviation)
-    stereo = range_per_disparity(ranges, angles, rig, noise.disparity_deviation)
-    if noise.kind == "stereo":
-        return stereo
-    return np.hypot(stereo, noise.range_deviation)
+    return range_per_disparity(ranges, angles, rig, noise.disparity_deviation)
 
 
 def columns_per_point(noise: Noise) -> int:
@@ -72,8 +69,7 @@ def _measure_blocks(
         return hit, ranges, ranges
     ends = [0, -1]
     per_metre = 1.0 / (ranges[ends] * rays.steps[hit[ends]])
-    spread = np.hypot(noise.edge_shift_deviation, noise.edge_metres_deviation * per_metre)
-    shifts = noise.edge_shift + noise.edge_metres * per_metre + spread * drawn
+    shifts = (noise.edge_metres + noise.edge_metres_deviation * drawn) * per_metre
     width, last_ray = noise.columns_per_point, len(rays.angles) - 1
     # An end at the image's border is none of the silhouette's.
     left = hit[0] - 0.5 - (shifts[0] if hit[0] > 0 else 0.0)
@@ -84,8 +80,8 @@ def _measure_blocks(
     nearest = np.clip(np.searchsorted(hit, ray), 0, len(hit) - 1)
     true, angles = ranges[nearest], rays.angles[ray]
     lever = range_per_disparity(true, angles, rig)
-    error = noise.range_bias - noise.disparity_bias * lever
-    error += range_deviations(noise, true, angles, rig) * _neighbours(noise, len(ray), random)
+    correlated = _neighbours(noise, len(ray), random)
+    error = noise.range_bias + range_deviations(noise, true, angles, rig) * correlated
     mixed = noise.edge_disparity_deviation * random.standard_normal(2)
     if len(ray) > 1:
         error[[0, -1]] -= mixed * lever[[0, -1]]

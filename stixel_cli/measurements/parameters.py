@@ -63,23 +63,23 @@ class ConstantNoise:
 class FittedNoise:
     """Noise fitted to the errors of simulated points: `stixel study rq3` makes the presets.
 
-    Columns are rays. The error along the ray is `range_bias` - `disparity_bias` l + e with
-    l = dr/dd, the range that a pixel of disparity is worth; e has the two deviations' variance,
-    `range_deviation`² + (`disparity_deviation` l)², and is correlated along the row.
+    Columns are rays. The error along the ray is `range_bias` + e; e has the standard deviation
+    `disparity_deviation` dr/dd, dr/dd the range that a pixel of disparity is worth, and is
+    correlated along the row. One part each for bias, spread and ends: with a second (bias of the
+    disparity, spread of the range, ends in columns) the fit follows the ranges of its own paths,
+    and is farther from the points of others.
 
     Attributes:
         columns_per_point: columns that make one point, as those of a stixel do.
-        disparity_bias: measured minus true disparity, px: what the matching does.
         range_bias: measured minus true range, m: the seen surface lies behind the contour, which
             is the outermost outline over all heights.
-        disparity_deviation, range_deviation: standard deviation of either part, px and m.
+        disparity_deviation: standard deviation, px.
         correlation_columns: columns over which the correlation of neighbours falls to 1/e; 0:
             none.
-        edge_shift, edge_shift_deviation: how far the points reach beyond either end of the
-            silhouette, mean and standard deviation, columns. Positive is edge fattening, points
-            beside the target; negative are ends that give no points.
-        edge_metres, edge_metres_deviation: the same in metres at the target, and added: what is
-            the shape's there, such as arms and wheels too slight for a stixel.
+        edge_metres, edge_metres_deviation: how far the points reach beyond either end of the
+            silhouette, mean and standard deviation, metres at the target. Positive is edge
+            fattening, points beside the target; negative are ends that give no points, such as
+            arms and wheels too slight for a stixel.
         edge_disparity_deviation: standard deviation, px, that the outermost point of either end
             has besides: depths that are mixed there.
         missed_share: share of the points between the ends that are missed.
@@ -90,13 +90,9 @@ class FittedNoise:
 
     kind: Literal["fitted"]
     columns_per_point: Annotated[int, Ge(1), Le(256)]
-    disparity_bias: Annotated[float, Ge(-10), Le(10)]
     range_bias: Annotated[float, Ge(-10), Le(10)]
     disparity_deviation: Annotated[float, Ge(0), Le(10)]
-    range_deviation: Annotated[float, Ge(0), Le(10)]
     correlation_columns: Annotated[float, Ge(0), Le(1000)]
-    edge_shift: Annotated[float, Ge(-100), Le(100)]
-    edge_shift_deviation: Annotated[float, Ge(0), Le(100)]
     edge_metres: Annotated[float, Ge(-10), Le(10)]
     edge_metres_deviation: Annotated[float, Ge(0), Le(10)]
     edge_disparity_deviation: Annotated[float, Ge(0), Le(10)]

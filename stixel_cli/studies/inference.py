@@ -1,4 +1,4 @@
-"""RQ3: statistics of paired runs.
+"""Statistics of paired runs, and of several tests together.
 
 The unit is a pair of runs: the same road user, path and seed, so the same motion and the same noisy
 start. Scans of one run follow each other and are no units of their own. The paths are a given set,
@@ -114,7 +114,7 @@ def holm(p_values: Mapping[str, float]) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Closed:
-    """Share of a gap that is closed: 1 - |mean rest| / |mean gap|; see `gap_closed`."""
+    """Share of a gap that is closed, and its 95 % interval; see `gap_closed`."""
 
     share: float | None
     low: float | None
@@ -122,17 +122,26 @@ class Closed:
 
 
 def gap_closed(gap: np.ndarray, rest: np.ndarray, strata: Sequence[str], name: str) -> Closed:
-    """How much of the mean gap (n,) the mean rest (n,), of the same pairs, leaves not.
+    """How much of the gap (n,) the rest (n,), of the same pairs, leaves not.
 
-    1: nothing of it is left; 0: all of it; below 0: it became wider. None where the gap's own 95 %
-    interval holds 0: what may not be there cannot be closed.
+    1 - sum over the strata of |sum of the rest| / the same of the gap. The size is taken in each
+    stratum (path), so that a rest that is too large on one path and too small on another does not
+    pass for none. 1: nothing of it is left; 0: all of it; below 0: it became wider. None where the
+    95 % interval of the mean gap holds 0: what may not be there cannot be closed.
     """
     if len(gap) < 2:
         return Closed(None, None, None)
     drawn = weights(strata, name)
-    gaps, rests = drawn @ gap, drawn @ rest
-    low, high = interval(gaps)
+    low, high = interval(drawn @ gap)
     if low <= 0.0 <= high:
         return Closed(None, None, None)
-    shares = 1.0 - np.abs(rests) / np.maximum(np.abs(gaps), 1e-12)
-    return Closed(float(1.0 - abs(rest.mean()) / abs(gap.mean())), *interval(shares))
+    columns = np.array(strata)
+    of_stratum = (columns[:, None] == np.unique(columns)).astype(np.float64)
+
+    def size(rows: np.ndarray, values: np.ndarray) -> np.ndarray:
+        return np.abs((rows * values) @ of_stratum).sum(axis=-1)
+
+    whole = np.full((1, len(gap)), 1.0 / len(gap))
+    share = 1.0 - size(whole, rest) / size(whole, gap)
+    shares = 1.0 - size(drawn, rest) / np.maximum(size(drawn, gap), 1e-12)
+    return Closed(float(share[0]), *interval(shares))

@@ -23,7 +23,7 @@ LINES = [
 WRONG = [
     ["measurement/noise=constant"],
     ["measurement=fabricated", "measurement.noise=constant"],
-    ["measurement=fabricated", "measurement/noise=constant", "measurement.noise.edge_shift=1"],
+    ["measurement=fabricated", "measurement/noise=constant", "measurement.noise.edge_metres=1"],
     ["measurement.noise.range_deviation=1"],
     ["path=turn", "path.swing=3"],
     ["seed=-1"],

@@ -76,7 +76,7 @@ def test_a_point_of_several_columns_lies_anywhere_in_them():
     truth = scenario(count=3)
     spread = {}
     for width in (1, 5):
-        noise = FittedNoise("fitted", width, *11 * [0.0], 1.0)
+        noise = FittedNoise("fitted", width, *7 * [0.0], 1.0)
         scans = fabricate_scans(truth, RIG, dataclasses.replace(EXACT, noise=noise), seed=0)
         k = np.repeat(np.arange(3), np.diff(scans.offsets))
         offset = scans.points_world - scans.sensor_poses_world[k, :2]

@@ -73,6 +73,10 @@ def test_how_much_of_a_gap_is_closed():
     half = gap_closed(gap, 0.5 * gap[::-1], path, "x")
     assert half.low < half.share == 0.5 < half.high
     assert gap_closed(gap, 2.0 * gap, path, "x").share == -1.0
+    # Too much on one path and too little on the other is 0 in the mean, and closes nothing.
+    two = ["turn", "turn", "circle", "circle"]
+    signs = np.array([1.0, 1.0, -1.0, -1.0])
+    np.testing.assert_allclose(gap_closed(np.ones(4), signs, two, "x").share, 0.0)
     # What may not be there cannot be closed.
     assert gap_closed(np.array([1.0, -1.0, 0.9, -0.9]), gap, path, "x").share is None
     assert gap_closed(gap[:1], gap[:1], path[:1], "x").share is None

@@ -32,8 +32,8 @@ def study(tmp_path):
     for name in ("training", "simulated"):
         content["parts"][name]["fixed"] = {
             "measurement": "fabricated",
-            "measurement/noise": "constant",
-            "measurement.noise.range_deviation": 0.05,
+            "measurement/noise": "stereo",
+            "measurement.noise.disparity_deviation": 0.3,
         }
     file = tmp_path / "tiny.yaml"
     file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
@@ -44,7 +44,7 @@ def test_the_study_answers_and_makes_its_preset(studies, study):
     studies.run(study, *TINY)
     folder = studies.results / "tiny"
     page = (folder / "report.html").read_text("utf-8")
-    for words in ("Car, points (simulated / fabricated / fitted", "rank-biserial", "Holm"):
+    for words in ("Car, points, n = 2 (simulated / fabricated / fitted", "rank-biserial", "Holm"):
         assert words in page
     assert "seeds 0 and 1 are in both" in page
     for name in ("point_errors", "range_law", "neighbours", "edges", "tracker_differences"):
@@ -57,8 +57,7 @@ def test_the_study_answers_and_makes_its_preset(studies, study):
     noise = yaml.safe_load((folder / "noise" / "fitted_car.yaml").read_text("utf-8"))
     plain = yaml.safe_load(one.read_text("utf-8"))
     assert plain["measurement"]["noise"] == noise
-    assert abs(noise["range_deviation"] - 0.05) < 0.01
-    assert noise["disparity_deviation"] < 0.1
+    assert abs(noise["disparity_deviation"] - 0.3) < 0.02
     assert from_resolved(plain).measurement.noise.kind == "fitted"
 
 
@@ -70,10 +69,12 @@ def test_a_path_is_judged_with_a_noise_that_has_not_seen_it(studies, study):
         for path in (folder / "parts" / "fitted" / "points").rglob("config.yaml")
     ]
     assert len(runs) == 2 * 2
-    used = {run["path"]["kind"]: run["measurement"]["noise"]["range_deviation"] for run in runs}
+    used = {run["path"]["kind"]: run["measurement"]["noise"]["disparity_deviation"] for run in runs}
     table = (folder / "tables" / "held_out_noise.csv").read_text("utf-8")
     with io.StringIO(table) as file:
-        held_out = {row["fitted to"]: float(row["range_deviation"]) for row in csv.DictReader(file)}
+        held_out = {
+            row["fitted to"]: float(row["disparity_deviation"]) for row in csv.DictReader(file)
+        }
     assert used == {path: held_out[f"car, without {path}"] for path in ("depart", "crossing")}
     assert used["depart"] != used["crossing"]
     page = (folder / "report.html").read_text("utf-8")

@@ -27,6 +27,9 @@ _TOLD = (
 )
 """What the answer tells of the points; the table has the rest."""
 
+_DECADES = "log10 of mean "
+"""How the labels of measures in decades begin."""
+
 _ORDER = f"({SIMULATED} / {FABRICATED} / {FITTED}; in brackets fabricated minus simulated, 95 %)"
 
 
@@ -41,7 +44,8 @@ def answer(
     sentences = [_apart(points)]
     for user in dict.fromkeys(one.road_user for one in points):
         own = [one for one in points if one.road_user == user and one.measure.label in _TOLD]
-        sentences.append(f"{capital(user)}, points {_ORDER}: {_values(own)}.")
+        pairs = own[0].apart[FABRICATED].n
+        sentences.append(f"{capital(user)}, points, n = {pairs} {_ORDER}: {_values(own)}.")
     for tracker in dict.fromkeys(one.tracker for one in tracks):
         own = [one for one in tracks if one.tracker == tracker]
         sentences += [_matters(tracker, own), _tracker_numbers(tracker, own)]
@@ -78,11 +82,19 @@ def _apart(found: Sequence[Comparison]) -> str:
 
 
 def _values(found: Sequence[Comparison]) -> str:
-    return "; ".join(f"{one.measure.label} {_triple(one)}" for one in found)
+    return "; ".join(f"{_called(one.measure.label)} {_triple(one)}" for one in found)
+
+
+def _called(label: str) -> str:
+    if not label.startswith(_DECADES):
+        return label
+    return label.removeprefix(_DECADES) + ", geometric mean,"
 
 
 def _triple(one: Comparison) -> str:
     gap = one.apart[FABRICATED]
+    if one.measure.label.startswith(_DECADES):
+        return _factor(one)
     places = None
     if gap.low is not None:
         places = decimals(0.5 * (gap.high - gap.low))
@@ -92,6 +104,19 @@ def _triple(one: Comparison) -> str:
     if gap.mean is None or gap.low is None:
         return shown
     return f"{shown} [{number(gap.low, places)}, {number(gap.high, places)}]"
+
+
+def _factor(one: Comparison) -> str:
+    """A measure in decades as what it is the logarithm of, and its difference as a factor."""
+    gap = one.apart[FABRICATED]
+    shown = " / ".join(number(_power(value)) for value in one.means.values())
+    if gap.low is None:
+        return shown
+    return f"{shown} [times {number(_power(gap.low))}, {number(_power(gap.high))}]"
+
+
+def _power(decades: float | None) -> float | None:
+    return None if decades is None else 10.0**decades
 
 
 def _matters(tracker: str, found: Sequence[Comparison]) -> str:
@@ -112,8 +137,8 @@ def _matters(tracker: str, found: Sequence[Comparison]) -> str:
     return f"{text} No difference is shown for {alike}." if alike else text
 
 
-def _without_zero(one: Comparison) -> bool:
-    gap = one.apart[FABRICATED]
+def _without_zero(one: Comparison, part: str = FABRICATED) -> bool:
+    gap = one.apart[part]
     return gap.low is not None and not gap.low <= 0.0 <= gap.high
 
 
@@ -126,7 +151,7 @@ def _by_user(found: Sequence[Comparison]) -> str:
 
 
 def _short(label: str) -> str:
-    label = label.removeprefix("log10 of mean ").partition(" / ")[0]
+    label = label.removeprefix(_DECADES).partition(" / ")[0]
     return label.removeprefix("mean ").removesuffix(" RMSE")
 
 
@@ -134,8 +159,7 @@ def _tracker_numbers(tracker: str, found: Sequence[Comparison]) -> str:
     parts = []
     for user in dict.fromkeys(one.road_user for one in found):
         own = [one for one in found if one.road_user == user]
-        shown = [one for one in own if not one.measure.label.startswith("log10")]
-        parts.append(f"{user}, n = {own[0].apart[FABRICATED].n}: {_values(shown)}")
+        parts.append(f"{user}, n = {own[0].apart[FABRICATED].n}: {_values(own)}")
     return f"{capital(tracker)} {_ORDER}. {'. '.join(map(capital, parts))}."
 
 
@@ -147,11 +171,13 @@ def _closed(owner: str, found: Sequence[Comparison]) -> str:
     surely = sum(one.closed.low > 0.0 for one in gaps)
     wider = sum(one.closed.high < 0.0 for one in gaps)
     left = sum(one.differs(FITTED) for one in found)
+    known = sum(_without_zero(one, FITTED) for one in found)
     return (
         f"Of the {owner} {counted(len(gaps), 'gap')} that the test shows, the fitted noise closes "
-        f"{percent(share)} in the median; by the 95 % interval it narrows {surely} and widens "
-        f"{wider}. The test still tells fitted from simulated in {left} of "
-        f"{counted(len(found), 'comparison')}."
+        f"{percent(share)} in the median, path by path; by the 95 % interval it narrows {surely} "
+        f"and widens {wider}. Of {counted(len(found), 'comparison')} the test still tells fitted "
+        f"from simulated in {left}, and the interval of the mean difference leaves out 0 in "
+        f"{known}: that the test is silent where paths disagree does not say that they are alike."
     )
 
 

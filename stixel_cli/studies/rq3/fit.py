@@ -1,8 +1,8 @@
 """RQ3: the parameters of the fitted noise, by moments of the errors of simulated points.
 
-Each estimator is the plain one for what `FittedNoise` says: least squares for the two parts of the
-bias and of the variance, the mean product of neighbouring residuals for the correlation, mean and
-variance of how far the points reach beyond the silhouette's ends, counts of what is missed between.
+Each estimator is the plain one for what `FittedNoise` says: means for bias and variance, the mean
+product of neighbouring residuals for the correlation, mean and variance of how far the points reach
+beyond the silhouette's ends, counts of what is missed between.
 """
 
 from collections.abc import Sequence
@@ -43,28 +43,21 @@ def fit_noise(runs: Sequence[PointErrors]) -> FittedNoise:
         )
     width = max(1, round(float(np.median(spacings))))
 
-    range_bias, disparity_bias = _bias(along[core], lever[core])
-    rest = along - range_bias + disparity_bias * lever
-    range_variance, disparity_variance = _variance(rest[core], lever[core])
-    variance = range_variance + disparity_variance * lever**2
-    edge_variance = np.mean((rest[outermost] ** 2 - variance[outermost]) / lever[outermost] ** 2)
-    whitened = rest / np.sqrt(np.maximum(variance, 1e-12))
+    # In units of the lever, px, errors are about as large at all ranges.
+    range_bias = float(np.average(along[core], weights=lever[core] ** -2.0))
+    rest = (along - range_bias) / lever
+    variance = float(np.mean(rest[core] ** 2))
+    edge_variance = float(np.mean(rest[outermost] ** 2)) - variance
     missed_share, missed_columns = _missed(scan, column, width)
-    metres, shift, metres_variance, shift_variance = _ends(
-        runs, width, missed_share, missed_columns
-    )
+    metres, metres_variance = _ends(runs, width, missed_share, missed_columns)
     return FittedNoise(
         kind="fitted",
         columns_per_point=width,
-        disparity_bias=_rounded(disparity_bias),
         range_bias=_rounded(range_bias),
-        disparity_deviation=_root(disparity_variance),
-        range_deviation=_root(range_variance),
+        disparity_deviation=_root(variance),
         correlation_columns=_rounded(
-            _correlation_columns(whitened, scan, column, core, width), 0.0, 1000.0
+            _correlation_columns(rest, scan, column, core, width), 0.0, 1000.0
         ),
-        edge_shift=_rounded(shift),
-        edge_shift_deviation=_root(shift_variance),
         edge_metres=_rounded(metres),
         edge_metres_deviation=_root(metres_variance),
         edge_disparity_deviation=_root(edge_variance),
@@ -83,34 +76,8 @@ def _outermost(run: PointErrors) -> np.ndarray:
     return mask
 
 
-def _bias(along: np.ndarray, lever: np.ndarray) -> tuple[float, float]:
-    """(range_bias, disparity_bias) of along = range_bias - disparity_bias lever, least squares.
-
-    In units of the lever, px, in which errors are about as large at all ranges.
-    """
-    design = np.stack([1.0 / lever, -np.ones_like(lever)], axis=-1)
-    solution = np.linalg.lstsq(design, along / lever, rcond=None)[0]
-    return float(solution[0]), float(solution[1])
-
-
-def _variance(rest: np.ndarray, lever: np.ndarray) -> tuple[float, float]:
-    """Variances (range, disparity) of rest² = range + disparity lever², neither below 0."""
-    return _two_variances((rest / lever) ** 2, 1.0 / lever**2)
-
-
-def _two_variances(squares: np.ndarray, scale: np.ndarray) -> tuple[float, float]:
-    """(a, b) of squares = a scale + b by least squares, neither below 0."""
-    design = np.stack([scale, np.ones_like(scale)], axis=-1)
-    solution = np.linalg.lstsq(design, squares, rcond=None)[0]
-    if solution[0] < 0.0:
-        return 0.0, max(0.0, float(squares.mean()))
-    if solution[1] < 0.0:
-        return max(0.0, float(scale @ squares / (scale @ scale))), 0.0
-    return float(solution[0]), float(solution[1])
-
-
 def _correlation_columns(
-    whitened: np.ndarray, scan: np.ndarray, column: np.ndarray, core: np.ndarray, width: int
+    rest: np.ndarray, scan: np.ndarray, column: np.ndarray, core: np.ndarray, width: int
 ) -> float:
     """Length L, columns, of e^(-width / L) = the correlation of direct neighbours; 0 if none."""
     left, right = np.arange(len(scan) - 1), np.arange(1, len(scan))
@@ -118,16 +85,16 @@ def _correlation_columns(
     pairs &= np.rint((column[right] - column[left]) / width) == 1
     if not pairs.any():
         return 0.0
-    power = np.mean(whitened[core] ** 2)
-    product = np.mean(whitened[left][pairs] * whitened[right][pairs])
+    power = np.mean(rest[core] ** 2)
+    product = np.mean(rest[left][pairs] * rest[right][pairs])
     correlation = float(product / power) if power > 0.0 else 0.0
     return -width / np.log(correlation) if 0.0 < correlation < 1.0 else 0.0
 
 
 def _ends(
     runs: Sequence[PointErrors], width: int, missed_share: float, missed_columns: float
-) -> tuple[float, float, float, float]:
-    """Mean shift of the ends, in metres and in columns, and the two parts' variances.
+) -> tuple[float, float]:
+    """Mean shift of the ends, m, and its variance, m²: least squares in columns.
 
     Missed points shorten the reach where they are the outermost. The noise misses them after it
     has moved the ends, so what they take is given back here: with the probability `missed_share`
@@ -139,15 +106,14 @@ def _ends(
     known = np.isfinite(reach) & np.isfinite(scale)
     reach, scale = reach[known], scale[known]
     if len(reach) == 0:
-        return 0.0, 0.0, 0.0, 0.0
-    design = np.stack([scale, np.ones_like(scale)], axis=-1)
-    metres, shift = np.linalg.lstsq(design, reach, rcond=None)[0]
-    rest = reach - design @ np.array([metres, shift])
+        return 0.0, 0.0
     taken = missed_share * missed_columns
+    metres = float(scale @ (reach + taken) / (scale @ scale))
+    squares = (reach + taken - metres * scale) ** 2
     taken_variance = missed_share * (2.0 * missed_columns - width) * missed_columns - taken**2
     # A block counts if its middle is before the end: its own end is anywhere within one block.
-    parts = _two_variances(rest**2 - width**2 / 12.0 - taken_variance, scale**2)
-    return float(metres), float(shift + taken), *parts
+    squares = squares - width**2 / 12.0 - taken_variance
+    return metres, float(scale**2 @ squares / (scale**2 @ scale**2))
 
 
 def _missed(scan: np.ndarray, column: np.ndarray, width: int) -> tuple[float, float]:
@@ -174,13 +140,9 @@ def preset(noise: FittedNoise, what: str, command: str) -> str:
     """The text of a file of `conf/measurement/noise/` with this noise, and where it comes from."""
     units = {
         "columns_per_point": "columns",
-        "disparity_bias": "px",
         "range_bias": "m",
         "disparity_deviation": "px",
-        "range_deviation": "m",
         "correlation_columns": "columns",
-        "edge_shift": "columns",
-        "edge_shift_deviation": "columns",
         "edge_metres": "m",
         "edge_metres_deviation": "m",
         "edge_disparity_deviation": "px",

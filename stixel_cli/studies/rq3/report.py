@@ -168,10 +168,13 @@ def _method(data: StudyData, parts: dict[str, Runs], lag: float) -> tuple[Paragr
             "corrected; the intervals still tell how large the difference is."
         ),
         Paragraph(
-            "Gap closed: 1 − |mean of fitted minus simulated| / |mean of fabricated minus "
-            "simulated|, with the bootstrap's interval over the same pairs. 1: nothing of the gap "
-            "is left, 0: all of it, below 0: it became wider. It is not given where the interval "
-            "of the gap holds 0."
+            "Gap closed: 1 − sum over the paths of |mean of fitted minus simulated| / the same of "
+            "fabricated minus simulated, with the bootstrap's interval over the same pairs. 1: "
+            "nothing of the gap is left, 0: all of it, below 0: it became wider. It is not given "
+            "where the interval of the gap holds 0. The size is taken path by path: a noise that "
+            "is fitted to the other paths errs the one way on one path and the other way on the "
+            "next, and in the mean over all paths, as the differences in the tables are, such "
+            "errors cancel."
         ),
     )
 
@@ -220,17 +223,14 @@ def _fit(data: StudyData, noises: dict[str, FittedNoise]) -> tuple:
         (f"{user}, without {path}", *(getattr(noise, key) for key in keys))
         for (user, path), noise in held_out.items()
     ]
-    biases = "; ".join(
-        f"{user} {quantity(noise.range_bias, 'm')} and {quantity(noise.disparity_bias, 'px')}"
-        for user, noise in noises.items()
-    )
+    biases = listed([f"{user} {quantity(noise.range_bias, 'm')}" for user, noise in noises.items()])
     return (
         Paragraph(
             "One set for each road user, since the bias is mostly its shape's: the contour is the "
             "outermost outline over all heights, and the surface that a stixel sees lies behind "
-            f"it. Range and disparity bias: {biases}. Estimated by moments: least squares for the "
-            "two parts of bias and variance, neighbouring residuals for the correlation, how far "
-            "points reach beyond the silhouette for the ends, counts for what is missed."
+            f"it. Bias of the range: {biases}. Estimated by moments: means for bias and spread, "
+            "neighbouring residuals for the correlation, how far points reach beyond the "
+            "silhouette for the ends, counts for what is missed."
         ),
         Table(
             "fitted_noise",
@@ -255,9 +255,10 @@ def _fit(data: StudyData, noises: dict[str, FittedNoise]) -> tuple:
         ),
         Paragraph(
             "What the model leaves out: a shift of both ends to one side, so its bias across the "
-            "ray is none, and an error that scans share. Its noise is new in every scan, "
-            "while the relief of a road user stays with it; see the correlation of successive "
-            "scans' means above."
+            "ray is none; how the bias changes with the side that is seen, which is why a fit "
+            "carries over to another path only in part; and an error that scans share. Its noise "
+            "is new in every scan, while the relief of a road user stays with it; see the "
+            "correlation of successive scans' means above."
         ),
     )
 
