@@ -74,7 +74,9 @@ def _method(runs: Sequence[Run]) -> tuple[Paragraph | Table, ...]:
             "rendered stereo images (the thesis's simulated measurements); fabricated ones are the "
             "camera's rays cut by the true contour, with noise; a lidar's are its beams cast "
             "against the same meshes, put to the ground plane. A tracker is given the scans and "
-            "the noisy start, and no truth."
+            "the noisy start, and no truth. Its settings are those of its option and of the road "
+            "user, whatever is measured: where the NIS is below 1, a tracker reckons with more "
+            "noise than it meets, and weighs points less than it could."
         ),
         Paragraph(
             f"The unit of replication is the seed, n = {len(seeds)}. A seed draws the noise of "
