@@ -7,8 +7,9 @@ for, and on from there. First-party is what shares the function's top-level pack
 - A class counts whole, with its bases and all its methods reach: which methods are called on an
   object does not show in the text.
 - Comments, layout and docstrings do not count.
-- Statements of a module that do more than bind a name (calls, assignments to attributes) count for
-  everything in that module and in those that import it.
+- Statements of a module that do more than bind a name (calls, assignments to attributes, functions
+  under a decorator of the package's own, which may register them) count for everything in that
+  module and in those that import it.
 - A module counts whole where a name cannot be resolved: the module handed on as an object
   (`getattr(module, name)`), a name it does not bind, `globals()`; the whole package where even the
   module cannot be told.

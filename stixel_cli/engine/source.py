@@ -144,6 +144,10 @@ def _bind(module: SourceModule, statement: ast.stmt) -> None:
         case ast.Import() | ast.ImportFrom():
             _bind_import(module, statement, executes=True)
         case ast.FunctionDef() | ast.AsyncFunctionDef() | ast.ClassDef():
+            if any(_is_first_party(module, decorator) for decorator in statement.decorator_list):
+                # It may register what it decorates, as `@area.register` does: then what calls it
+                # does not name it.
+                module.effects.append(statement)
             module.bindings.setdefault(statement.name, []).append(statement)
         case ast.Expr(value=ast.Constant()) | ast.Pass():
             pass
@@ -160,6 +164,20 @@ def _bind(module: SourceModule, statement: ast.stmt) -> None:
             module.bindings.setdefault(statement.name.id, []).append(statement)
         case _:
             _bind_effect(module, statement)
+
+
+def _is_first_party(module: SourceModule, decorator: ast.expr) -> bool:
+    """Whether what stands after the @ begins with a name that the package itself has made."""
+    root = decorator
+    while isinstance(root, ast.Attribute | ast.Call | ast.Subscript):
+        root = root.func if isinstance(root, ast.Call) else root.value
+    if not isinstance(root, ast.Name):
+        return True
+    package = module.name.partition(".")[0]
+    targets = module.imports.get(root.id, ())
+    return root.id in module.bindings or any(
+        target.module.partition(".")[0] == package for target in targets
+    )
 
 
 def _bind_effect(module: SourceModule, statement: ast.stmt) -> None:

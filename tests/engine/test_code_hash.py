@@ -94,6 +94,11 @@ def test_does_not_change_with_the_rest(project, code, module, old, new):
         "from .helpers import scale\nF = None\nF = scale\ndef g(x): return F(x)",
         "from .helpers import scale\nT = {}\nT['a'] = scale\ndef g(x): return T",
         "from .helpers import scale\nscale(1)\ndef g(x): return x",
+        "from functools import singledispatch\nfrom .helpers import scale\n@singledispatch\n"
+        "def g(x): return x\n@g.register\ndef _(x: int): return scale(x)",
+        "from .helpers import scale\nT = {}\ndef kept(f): return T.setdefault('a', f)\n@kept\n"
+        "def a(x): return scale(x)\ndef g(x): return T[x]",
+        "from . import registered\nfrom .registry import T\ndef g(x): return T['a'](x)",
         "import importlib\ndef g(x): return importlib.import_module('.helpers', __package__)",
         "import importlib\ndef g(x): return importlib.import_module(x)",
         "from . import helpers\ndef g(x): return getattr(helpers, x)(x)",
@@ -107,6 +112,12 @@ def test_does_not_change_with_the_rest(project, code, module, old, new):
 )
 def test_reaches_the_helper_however_it_is_named(project, code, text):
     project.write("middle", "from .helpers import scale as again")
+    project.write("registry", "T = {}\ndef kept(name): return lambda f: T.setdefault(name, f)")
+    project.write(
+        "registered",
+        "from .helpers import scale\nfrom .registry import kept\n@kept('a')\n"
+        "def a(x): return scale(x)",
+    )
     before = code("g", "other", other=text)
     # Where a local name hides the import there is nothing to reach.
     hidden = "(scale := y)" in text
