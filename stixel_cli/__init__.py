@@ -3,7 +3,12 @@
 From Python: `from stixel_cli import compose, run, sweep`, see `stixel_cli.api`.
 """
 
+import time
+
 __version__ = "0.1.0"
+FIRST_IMPORT = time.time()
+"""When this process imported the package; whatever it has of it was read from the disk later."""
+
 __all__ = ["__version__", "compose", "run", "sweep"]
 
 

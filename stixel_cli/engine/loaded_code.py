@@ -6,15 +6,18 @@ module before an edit, or imports it after one, would store the result of other 
 
 import socket
 import sys
-import time
-from collections.abc import Iterable, Mapping
+import threading
+from collections.abc import Callable, Iterable, Mapping
+from importlib import import_module
 from typing import Any
 
+from stixel_cli import FIRST_IMPORT
 from stixel_cli.engine.code_hash import CodeHash, CodeIndex, same_files
 from stixel_cli.engine.errors import CodeChanged
 from stixel_cli.engine.keys import installed_version, python_version
 
-_started = time.time()
+_started = FIRST_IMPORT
+_lock = threading.Lock()
 _parts: dict[str, str] = {}
 _modules: dict[str, str] = {}
 """Digests of the code parts and of the modules' files when this process imported them."""
@@ -31,19 +34,35 @@ def may_run_here(code: CodeHash) -> bool:
     )
 
 
-def check_imported(function: str, types: Iterable[tuple[str, str]], code: CodeHash) -> None:
-    """Raise CodeChanged unless `function`, which has just been imported, is the planned code."""
-    new = {module: file for module, file in code.files.items() if module not in _modules}
-    # The bytes of the files tell most often; a changed comment takes the longer way.
-    if _is_stale(code) or not (
-        same_files(new) or CodeIndex().hash(function, types).digest == code.digest
-    ):
-        raise CodeChanged(
-            f"the code of {function} was edited after this run was planned or after this process "
-            "had imported it: start again to use it"
-        )
-    _parts.update(code.parts)
-    _modules.update({module: digest for module, (_, digest) in new.items()})
+def planned_function(
+    name: str, types: Iterable[tuple[str, str]], code: CodeHash
+) -> Callable[..., Any]:
+    """The function "package.module:function".
+
+    Raises:
+        CodeChanged: it is not the planned code, or that cannot be told: a module was edited, and
+            this process had imported it some time before.
+    """
+    # Between the import and the note of it, another thread would take the module for an old one.
+    with _lock:
+        if not may_run_here(code):
+            raise _changed(name)
+        module, _, attribute = name.partition(":")
+        function = getattr(import_module(module), attribute)
+        new = {module: file for module, file in code.files.items() if module not in _modules}
+        # The bytes of the files tell most often; a changed comment takes the longer way.
+        if not (same_files(new) or CodeIndex().hash(name, types).digest == code.digest):
+            raise _changed(name)
+        _parts.update(code.parts)
+        _modules.update({module: digest for module, (_, digest) in new.items()})
+    return function
+
+
+def _changed(function: str) -> CodeChanged:
+    return CodeChanged(
+        f"the code of {function} was edited after this run was planned or after this process "
+        "had imported it: start again to use it"
+    )
 
 
 def check_versions(notes: Mapping[str, Any]) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from stixel_cli.engine.errors import MissingEntry
-from stixel_cli.engine.loaded_code import check_imported, check_versions
+from stixel_cli.engine.loaded_code import check_versions, planned_function
 from stixel_cli.engine.one_thread import one_thread
 from stixel_cli.engine.store import Store
 from stixel_cli.engine.task import Outcome, Task
@@ -56,8 +56,7 @@ def _compute(task: Task, inputs: "_Inputs", store: Store) -> int:
     """Load, call and store; the size of the result in bytes."""
     started = time.perf_counter()
     check_versions(task.notes)
-    function = import_function(task.function)
-    check_imported(task.function, task.types, task.code)
+    function = planned_function(task.function, task.types, task.code)
     with one_thread():
         value = function(**_arguments(task, inputs))
     return store.save(

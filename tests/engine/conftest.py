@@ -3,6 +3,7 @@
 import importlib
 import itertools
 import sys
+import time
 from pathlib import Path
 from textwrap import dedent
 
@@ -146,6 +147,7 @@ class Project:
         importlib.invalidate_caches()
         loaded_code._parts.clear()
         loaded_code._modules.clear()
+        loaded_code._started = time.time()
 
     def calls(self) -> list[str]:
         """The calls since the last time this was asked, in sorted order."""

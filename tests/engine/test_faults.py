@@ -1,5 +1,6 @@
 """What goes wrong: nothing is lost, nothing wrong is taken for right, and one clear message."""
 
+import importlib
 import os
 import signal
 import subprocess
@@ -11,6 +12,7 @@ from textwrap import dedent
 import pytest
 
 from stixel_cli.engine.errors import CacheError, StageFailure, WorkerDied
+from stixel_cli.engine.execute import execute
 from stixel_cli.engine.store import VALUE, Store
 from stixel_cli.engine.upkeep import collect, entries, verify_all
 
@@ -141,6 +143,21 @@ def test_a_cache_that_cannot_be_written_is_said_before_anything_runs(project):
     with pytest.raises(CacheError, match="cannot write in the cache"):
         project.run()
     assert project.calls() == []
+
+
+@pytest.mark.parametrize("executor", ["serial", "threads"])
+def test_code_that_was_imported_before_an_edit_is_not_taken_for_the_edited(project, executor):
+    project.forget()
+    importlib.import_module(f"{project.name}.helpers")
+    project.edit("helpers", "FACTOR = 3.0", "FACTOR = 4.0")
+    # Clocks of file systems are coarse.
+    os.utime(project.package / "helpers.py", (time.time() + 1.0,) * 2)
+    with pytest.raises(Exception, match=r"steps:double was edited"):
+        execute(project.graph(), ["gather"], project.store, executor=executor)
+    assert "double[0:4]" not in project.contents(project.graph())
+    # Worker processes import what is there now.
+    execute(project.graph(), ["gather"], project.store, executor="local")
+    assert "double[0:4]" in project.contents(project.graph())
 
 
 def test_code_that_is_edited_on_the_way_is_not_stored_under_the_old_key(project):
