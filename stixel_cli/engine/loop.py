@@ -8,6 +8,7 @@ import traceback
 from collections import defaultdict, deque
 from collections.abc import Collection
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from contextlib import nullcontext
 from graphlib import TopologicalSorter
 
 from stixel_cli.engine.errors import (
@@ -17,9 +18,10 @@ from stixel_cli.engine.errors import (
     StageFailure,
     WorkerDied,
 )
+from stixel_cli.engine.interrupts import deferred_interrupts
 from stixel_cli.engine.leases import Lease
 from stixel_cli.engine.plan import Plan, missing_nodes
-from stixel_cli.engine.pools import Pool
+from stixel_cli.engine.pools import Pool, SerialPool
 from stixel_cli.engine.progress import Progress, obituary
 from stixel_cli.engine.records import NodeRecord, Status
 from stixel_cli.engine.run_task import run_task
@@ -85,9 +87,19 @@ class Run:
         self._suspects: deque[str] = deque()
         """Nodes that were in flight when a worker died: tried again, each with nothing beside."""
         self._fatal: BaseException | None = None
+        self._check_interrupt = _never
 
     def all(self) -> None:
-        """Compute all that is missing. Inputs that turn out damaged make for another round."""
+        """Compute all that is missing. Inputs that turn out damaged make for another round.
+
+        Ctrl-C ends it between two looks at the futures; a stage in this process at once.
+        """
+        here = isinstance(self.pool, SerialPool)
+        with nullcontext(_never) if here else deferred_interrupts() as check:
+            self._check_interrupt = check
+            self._all()
+
+    def _all(self) -> None:
         missing: Collection[str] = self.planned.missing
         cached = len(self.planned.needed) - len(missing)
         self.progress.begin([self.graph.nodes[key] for key in missing], cached)
@@ -154,6 +166,7 @@ class Run:
             if not self._in_flight:
                 return
             finished, _ = wait(self._in_flight, timeout=TICK, return_when=FIRST_COMPLETED)
+            self._check_interrupt()
             for key in self._collect(finished):
                 sorter.done(key)
             if self.store.max_size and self._written > self.store.max_size * SLACK:
@@ -292,6 +305,10 @@ class Run:
             if not found.isdisjoint(self.graph.nodes[other].sources):
                 found.add(other)
         return found - {key} - self._done
+
+
+def _never() -> None:
+    """No Ctrl-C is kept in mind."""
 
 
 def _error(future: Future) -> BaseException | None:

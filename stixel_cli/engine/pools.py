@@ -11,8 +11,9 @@ own.
 import os
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Future
+from contextlib import contextmanager
 from queue import SimpleQueue
 from threading import Thread
 from typing import Any, Literal, Protocol
@@ -71,8 +72,14 @@ class ProcessPool:
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
         """Run `function` in a process."""
         if self._executor is None:
-            from joblib.externals.loky import ProcessPoolExecutor
+            from multiprocessing import resource_tracker
 
+            from joblib.externals.loky import ProcessPoolExecutor
+            from joblib.externals.loky.backend import resource_tracker as loky_tracker
+
+            # Starting these lets Ctrl-C through again, which is to be held back, see below.
+            resource_tracker.ensure_running()
+            loky_tracker.ensure_running()
             self._executor = ProcessPoolExecutor(
                 self._workers,
                 initializer=_prepare_worker,
@@ -80,7 +87,8 @@ class ProcessPool:
                 env=ENVIRONMENT,
             )
         try:
-            return self._executor.submit(function, *arguments)
+            with _without_interrupts():
+                return self._executor.submit(function, *arguments)
         except BrokenExecutor as error:
             # A worker died just now. This task is as suspect as those in flight, no more.
             future: Future = Future()
@@ -204,6 +212,20 @@ def _settle(future: Future, function: Callable[..., Any], arguments: tuple) -> N
         future.set_result(function(*arguments))
     except Exception as error:
         future.set_exception(error)
+
+
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
+    """Hold Ctrl-C back until afterwards.
+
+    It reaches the whole group of processes. One that is started within holds it back for good, and
+    so does not die of it with a traceback while it still imports what would have it ignored.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _prepare_worker(parent: int) -> None:

@@ -146,6 +146,8 @@ class SweepFolder:
         self._write_folder(self.point(index), files)
         with suppress(OSError):
             shutil.rmtree(self.path / FAILED / f"{index:04d}")
+            # With the last of them goes the folder, which would look as if something had failed.
+            (self.path / FAILED).rmdir()
 
     def write_failure(self, index: int, files: Mapping[str, str]) -> None:
         """Write what became of a point that failed, and take away what an older run left of it."""

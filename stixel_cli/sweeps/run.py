@@ -20,7 +20,7 @@ from stixel_cli.sweeps.point_files import failure_files, point_files
 from stixel_cli.sweeps.progress import SweepProgress
 from stixel_cli.sweeps.results import DONE, FAILED, MISSING, SKIPPED, PointResult, SweepResult
 from stixel_cli.sweeps.resume import resume_words
-from stixel_cli.sweeps.summary import SUMMARIES, summary_of, write_summary
+from stixel_cli.sweeps.summary import SUMMARIES, summary_of, write_figures, write_tables
 
 
 class SweepInterrupted(UserError):
@@ -61,16 +61,13 @@ def run_sweep(
     except KeyboardInterrupt:
         done = len(sweep.metrics)
         again = "" if folder is None else f"; go on with: {resume_command(folder)}"
-        # What is in the folder counts, not whether its table could be written as well.
-        with suppress(UserError):
-            sweep.write_runs()
+        sweep.leave()
         raise SweepInterrupted(
             f"interrupted: {done} of {len(plan.points)} points are done, and what was computed "
             f"is kept{again}"
         ) from None
     except UserError as error:
-        with suppress(UserError):
-            sweep.write_runs()
+        sweep.leave()
         if folder is None:
             raise
         raise type(error)(f"{error}; go on with: {resume_command(folder)}") from error
@@ -185,11 +182,11 @@ class _Sweep:
     def finish(self, axes: Sequence[Sequence[str]]) -> SweepResult:
         """Write the tables, and of the settings that are complete the statistics and figures."""
         records = self.write_runs()
-        points = tuple(self._result(one) for one in self._in_order())
+        points = self._results()
         summary = summary_of(points)
         if self.folder is not None:
-            title = str(self.notes.get("sweep", self.folder.path.name))
-            write_summary(self.folder, summary, title, axes)
+            write_tables(self.folder, summary, self._title(self.folder))
+            write_figures(self.folder, summary, axes)
             remove_unused_code(self.folder)
         return SweepResult(
             folder=None if self.folder is None else self.folder.path,
@@ -204,12 +201,20 @@ class _Sweep:
             cached=len(self.there),
         )
 
+    def leave(self) -> None:
+        """Write the tables as things stand. Figures would take longer than Ctrl-C may."""
+        # What is in the folder counts, not whether its tables could be written as well.
+        with suppress(UserError):
+            self.write_runs()
+            if self.folder is not None:
+                summary = summary_of(self._results())
+                write_tables(self.folder, summary, self._title(self.folder))
+
     def write_runs(self) -> list[dict[str, Any]]:
         """Write `runs.csv` as things stand; its rows."""
         from stixel_cli.sweeps.tables import csv_text
 
-        results = [self._result(one) for one in self._in_order()]
-        records = [self._record(result) for result in results]
+        records = [self._record(result) for result in self._results()]
         if self.folder is not None:
             columns = dict.fromkeys(name for record in records for name in record)
             self.folder.write_table(RUNS, csv_text(list(columns), records))
@@ -239,8 +244,13 @@ class _Sweep:
             return PointResult(planned, status, failure=self.failures[index])
         return PointResult(planned, MISSING)
 
-    def _in_order(self) -> list[PlannedPoint]:
-        return sorted(self.plan.points, key=lambda one: one.point.index)
+    def _results(self) -> tuple[PointResult, ...]:
+        """Of every point, in the order of their indices."""
+        in_order = sorted(self.plan.points, key=lambda one: one.point.index)
+        return tuple(self._result(one) for one in in_order)
+
+    def _title(self, folder: SweepFolder) -> str:
+        return str(self.notes.get("sweep", folder.path.name))
 
     def _failure_of(
         self, planned: PlannedPoint, execution: Execution

@@ -43,15 +43,12 @@ def summary_of(points: Sequence[PointResult]) -> Summary:
     return Summary(tuple(complete), statistics, tuple(incomplete))
 
 
-def write_summary(
-    folder: SweepFolder, summary: Summary, title: str, axes: Sequence[Sequence[str]]
-) -> None:
-    """Write the tables and figures, unless no setting is complete.
+def write_tables(folder: SweepFolder, summary: Summary, title: str) -> None:
+    """Write the tables, unless no setting is complete.
 
     Raises:
         UserError: if the folder cannot be written.
     """
-    from stixel_cli.sweeps.figures import axis_figures
     from stixel_cli.sweeps.tables import summary_csv, summary_latex, summary_markdown
 
     if not summary.statistics:
@@ -60,6 +57,18 @@ def write_summary(
     folder.write_table("summary.csv", summary_csv(*given))
     folder.write_table("summary.md", summary_markdown(*given, title))
     folder.write_table("summary.tex", summary_latex(*given, title))
+
+
+def write_figures(folder: SweepFolder, summary: Summary, axes: Sequence[Sequence[str]]) -> None:
+    """Write the figures, unless no setting is complete.
+
+    Raises:
+        UserError: if the folder cannot be written.
+    """
+    from stixel_cli.sweeps.figures import axis_figures
+
+    if not summary.statistics:
+        return
     figures = axis_figures(
         [point.planned.point.setting for point in summary.complete],
         [point.metrics for point in summary.complete],

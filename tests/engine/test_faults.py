@@ -6,11 +6,13 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import wait
 from pathlib import Path
 from textwrap import dedent
 
 import pytest
 
+from stixel_cli.engine import loop
 from stixel_cli.engine.errors import CacheError, StageFailure, WorkerDied
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.store import VALUE, Store
@@ -287,3 +289,39 @@ def test_ctrl_c_ends_it_and_its_workers(project, executor):
     output, errors = process.communicate(timeout=10)
     assert (output, errors) == ("interrupted\n", "")
     assert not any(path.name == VALUE for path in project.store.folder.rglob("*"))
+
+
+@pytest.mark.parametrize("executor", ["local", "threads"])
+def test_ctrl_c_in_the_midst_of_waiting_ends_it_at_the_next_look(project, monkeypatch, executor):
+    """An exception in there would leave a future's lock held, and the pool's end wait for it."""
+    seen = []
+
+    def interrupted(*arguments, **options):
+        signal.raise_signal(signal.SIGINT)
+        seen.append("went on")
+        return wait(*arguments, **options)
+
+    monkeypatch.setattr(loop, "wait", interrupted)
+    # Where the tests run in the background of a shell, Ctrl-C is ignored from the start.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            project.run(executor=executor)
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert seen == ["went on"]
+
+
+def test_ctrl_c_does_not_reach_workers_that_are_being_started():
+    """They would die of it with a traceback, while they import what would have it ignored."""
+    # In a process of its own: the first pool of one starts more than its workers.
+    script = """
+        import signal
+        from stixel_cli.engine.pools import ProcessPool
+        pool = ProcessPool(1)
+        assert signal.SIGINT in pool.submit(signal.pthread_sigmask, signal.SIG_BLOCK, ()).result()
+        pool.close()
+        assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+        """
+    subprocess.run([sys.executable, "-c", dedent(script)], check=True, timeout=60)
