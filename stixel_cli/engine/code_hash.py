@@ -40,11 +40,13 @@ class CodeHash:
         digest: of all of it.
         parts: "module:name" (methods "module:Class.name") -> digest of that text alone.
         files: module -> the file it was read from and the SHA-256 of its bytes.
+        outside: top-level modules of others that it imports from, the standard library's included.
     """
 
     digest: str
     parts: dict[str, str]
     files: dict[str, tuple[Path, str]]
+    outside: frozenset[str] = frozenset()
 
 
 def same_files(files: Mapping[str, tuple[Path, str]]) -> bool:
@@ -113,6 +115,7 @@ class _Reach:
         self.sources = sources
         self.parts: dict[str, str] = {}
         self.files: dict[str, tuple[Path, str]] = {}
+        self.outside: set[str] = set()
         self.seen: set[tuple] = set()
         self.pending: list[tuple[SourceModule, str]] = []
 
@@ -125,7 +128,9 @@ class _Reach:
             self.follow_uses(module, uses)
         parts = dict(sorted(self.parts.items()))
         text = "\n".join(f"{name} {digest}" for name, digest in parts.items())
-        return CodeHash(sha256(text.encode()).hexdigest(), parts, dict(sorted(self.files.items())))
+        files = dict(sorted(self.files.items()))
+        digest = sha256(text.encode()).hexdigest()
+        return CodeHash(digest, parts, files, frozenset(self.outside))
 
     def follow_uses(self, module: SourceModule, uses: Uses) -> None:
         for chain in sorted(uses.names):
@@ -182,6 +187,7 @@ class _Reach:
     def follow_import(self, target: ImportedName, tail: tuple[str, ...]) -> None:
         module = self.sources.find(target.module)
         if module is None:
+            self.outside.add(target.module.partition(".")[0])
             return
         if target.attribute is None:
             self.follow_module(module, tail)

@@ -17,8 +17,10 @@ from stixel_cli.config.folders import shipped_folder
 from stixel_cli.config.schema import Configuration
 from stixel_cli.engine.stage import Stage
 from stixel_cli.errors import UserError
+from stixel_cli.scene.mesh_references import referred_files
 
 OPEN3D = ("open3d-cpu", "open3d")
+OPENCV = "opencv-python-headless"
 CHUNK_SIZE = 10
 """Frames a node: small enough that two workers stay busy, large enough to share a background."""
 
@@ -36,7 +38,7 @@ class Definition:
         chosen_by: dotted path of the slice whose `kind` picks the function; "" if there is no
             choice.
         seeded: whether it draws random numbers, and so is given the experiment's seed.
-        reads_mesh: whether it reads the user's own mesh file.
+        reads_mesh: whether it reads the user's own mesh file, and those that this refers to.
     """
 
     functions: Mapping[str, str]
@@ -66,7 +68,7 @@ TABLE: dict[str, Definition] = {
         _only("scene.build:build_scenario"),
         "once",
         _same("road_user", "path"),
-        packages=("numpy", "scipy", "shapely"),
+        packages=("numpy", "scipy", "shapely", OPENCV, *OPEN3D),
         reads_mesh=True,
     ),
     "render": Definition(
@@ -76,31 +78,35 @@ TABLE: dict[str, Definition] = {
         },
         "map",
         _same("road_user", "world", "rig", "renderer"),
-        packages=("numpy", "numba", *OPEN3D),
+        packages=("numpy", "numba", "scipy", OPENCV, *OPEN3D),
         chosen_by="renderer",
         reads_mesh=True,
     ),
     "expose": Definition(
-        _only("scene.exposure:expose"), "map", _same("sensor"), packages=("numpy",), seeded=True
+        _only("scene.exposure:expose"),
+        "map",
+        _same("sensor"),
+        packages=("numpy", OPENCV),
+        seeded=True,
     ),
     "match": Definition(
         {"sgm": "stixel_cli.stereo.sgm:match", "bm": "stixel_cli.stereo.bm:match"},
         "map",
         _same("rig", "stereo"),
-        packages=("numpy", "opencv-python-headless"),
+        packages=("numpy", OPENCV),
         chosen_by="stereo",
     ),
     "free_space": Definition(
         _only("stixels.free_space:find_free_space"),
         "fold",
         _same("rig", "road", "occupancy", "free_space"),
-        packages=("numpy", "numba", "opencv-python-headless"),
+        packages=("numpy", "numba", "scipy", OPENCV),
     ),
     "stixels": Definition(
         _only("stixels.extraction:extract_stixels"),
         "map",
         _same("rig", "height", "extraction"),
-        packages=("numpy", "numba", "opencv-python-headless"),
+        packages=("numpy", "numba", OPENCV),
     ),
     "gather_scans": Definition(
         _only("measurements.simulated:gather_scans"), "once", _same("measurement")
@@ -120,7 +126,7 @@ TABLE: dict[str, Definition] = {
             "scanner": "measurement.scanner",
             "camera_field": "rig.field_of_view",
         },
-        packages=("numpy", *OPEN3D),
+        packages=("numpy", "scipy", OPENCV, *OPEN3D),
         reads_mesh=True,
     ),
     "lidar_scans": Definition(
@@ -144,37 +150,37 @@ TABLE: dict[str, Definition] = {
         _only("evaluation.stage_errors:stage_errors"),
         "map",
         _same("rig", "road", "occupancy", "free_space"),
-        packages=("numpy", "numba", "scipy", "opencv-python-headless"),
+        packages=("numpy", "numba", "scipy", OPENCV),
     ),
     "point_errors": Definition(_only("evaluation.point_errors:point_errors"), "once", _same("rig")),
     "occupancy": Definition(
         _only("stixels.occupancy:picture_grid"),
         "pick",
         _same("rig", "road", "occupancy"),
-        packages=("numpy", "numba", "opencv-python-headless"),
+        packages=("numpy", "numba", "scipy", OPENCV),
     ),
     "camera_pictures": Definition(
         _only("report.camera:camera_pictures"),
         "pick",
         _same("rig"),
-        packages=("numpy", "matplotlib"),
+        packages=("numpy", "matplotlib", "pillow", OPENCV),
     ),
     "camera_frames": Definition(
         _only("report.camera_frames:camera_frames"),
         "map",
-        packages=("numpy", "opencv-python-headless"),
+        packages=("numpy", OPENCV),
     ),
     "track_pictures": Definition(
         _only("report.birds_eye:track_pictures"),
         "pick",
         _same("rig"),
-        packages=("numpy", "matplotlib"),
+        packages=("numpy", "matplotlib", "pillow"),
     ),
     "run_pictures": Definition(
         _only("report.over_time:run_pictures"),
         "once",
         _same("rig"),
-        packages=("numpy", "matplotlib"),
+        packages=("numpy", "scipy", "matplotlib", "pillow"),
     ),
 }
 
@@ -236,9 +242,13 @@ def _stage(configuration: Configuration, path: Path, name: str, wiring: dict[str
         packages=definition.packages,
         seed=configuration.seed if definition.seeded else None,
         frames=pictured_frames(configuration) if definition.pattern == "pick" else (),
-        files=(Path(mesh),) if definition.reads_mesh and mesh is not None else (),
+        files=_mesh_files(Path(mesh)) if definition.reads_mesh and mesh is not None else (),
         keys=definition.reads,
     )
+
+
+def _mesh_files(mesh: Path) -> tuple[Path, ...]:
+    return (mesh, *referred_files(mesh))
 
 
 def _slice(configuration: Configuration, path: str) -> Any:

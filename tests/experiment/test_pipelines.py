@@ -1,10 +1,13 @@
 """How the stages are wired: what may see the truth, and what the table says of them."""
 
 import inspect
+import sys
+from importlib.metadata import packages_distributions
 
 import pytest
 
 from stixel_cli.config.compose import compose
+from stixel_cli.engine.code_hash import CodeIndex
 from stixel_cli.engine.run_task import import_function
 from stixel_cli.engine.stage import GIVEN
 from stixel_cli.experiment.stages import TABLE, pictured_frames, pipeline_stages, scan_count
@@ -37,6 +40,18 @@ def test_the_track_sees_no_truth_and_does_not_depend_on_pictures(measurement):
     assert stages["track"].inputs == {"scans": "scans", "initial": "start"}
     for stage in stages.values():
         assert not any(source.endswith("_pictures") for source in stage.inputs.values())
+
+
+@pytest.mark.parametrize("row", TABLE)
+def test_the_version_of_every_package_that_a_stage_reaches_is_in_its_key(row):
+    definition = TABLE[row]
+    distributions = packages_distributions()
+    # Bounds that are checked before anything runs; and a library that Open3D only has to find.
+    passive = {"annotated_types", "libusb_package"}
+    for function in definition.functions.values():
+        outside = CodeIndex().hash(function).outside - sys.stdlib_module_names - passive
+        for module in outside:
+            assert set(distributions[module]) & set(definition.packages), (function, module)
 
 
 @pytest.mark.parametrize("row", TABLE)

@@ -1,0 +1,81 @@
+"""The files that a mesh file refers to: materials, textures, buffers.
+
+Read from the text of Wavefront's .obj and .mtl, of .gltf, and of the head of .ply. The other
+formats hold what they need, or name it in ways that are not read here.
+"""
+
+import json
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+from urllib.parse import unquote
+
+MAPS = (b"map_", b"bump", b"disp", b"decal", b"refl", b"norm")
+"""How the lines of an .mtl begin that name an image, as their last word."""
+
+
+def referred_files(path: Path) -> tuple[Path, ...]:
+    """The files that the mesh file `path` refers to, at one or two removes, and that are there."""
+    found: dict[Path, None] = {}
+    pending = [path]
+    while pending:
+        one = pending.pop(0)
+        try:
+            stat = one.stat()
+            names = _names(one, stat.st_mtime_ns, stat.st_size)
+        except OSError:
+            continue
+        for other in (one.parent / name for name in names):
+            if other not in found and other != path and other.is_file():
+                found[other] = None
+                pending.append(other)
+    return tuple(found)
+
+
+@lru_cache(maxsize=64)
+def _names(path: Path, *state: int) -> tuple[str, ...]:
+    """The names in a file, read once for all points of a sweep while its `state` is the same."""
+    reader = {".obj": _of_obj, ".mtl": _of_mtl, ".gltf": _of_gltf, ".ply": _of_ply}.get(
+        path.suffix.lower()
+    )
+    return () if reader is None else tuple(name for name in reader(path) if "\0" not in name)
+
+
+def _of_obj(path: Path) -> Iterator[str]:
+    with path.open("rb") as file:
+        for line in file:
+            if line.lstrip().startswith(b"mtllib"):
+                # Several names, or one with blanks in it.
+                rest = _text(line.split(maxsplit=1)[1:])
+                yield from dict.fromkeys((rest, *rest.split()))
+
+
+def _of_mtl(path: Path) -> Iterator[str]:
+    with path.open("rb") as file:
+        for line in file:
+            if line.lstrip().lower().startswith(MAPS):
+                rest = _text(line.split(maxsplit=1)[1:])
+                yield from dict.fromkeys((rest, *rest.split()[-1:]))
+
+
+def _of_gltf(path: Path) -> Iterator[str]:
+    try:
+        tree = json.loads(path.read_bytes())
+        entries = [*tree.get("buffers", ()), *tree.get("images", ())]
+        names = [entry["uri"] for entry in entries if "uri" in entry]
+    except (ValueError, TypeError, AttributeError):
+        return
+    yield from (unquote(name) for name in names if not name.startswith("data:"))
+
+
+def _of_ply(path: Path) -> Iterator[str]:
+    with path.open("rb") as file:
+        for line in file:
+            if line.startswith(b"end_header"):
+                return
+            if line.startswith(b"comment TextureFile"):
+                yield _text(line.split(maxsplit=2)[2:])
+
+
+def _text(words: list[bytes]) -> str:
+    return b" ".join(words).decode("utf-8", "replace").strip().replace("\\", "/")
