@@ -45,7 +45,10 @@ OpenPage = Callable[..., OpenedPage]
 
 @pytest.fixture(scope="module")
 def open_page() -> Iterator[OpenPage]:
-    """Function (file, width=1440, height=900, dark=False) -> OpenedPage; one browser a module."""
+    """Function (file, width=1440, height=900, dark=False, touch=False) -> OpenedPage.
+
+    One browser a module.
+    """
     program = next(filter(None, map(shutil.which, NAMES)), None)
     if program is None:
         pytest.skip(f"no browser is installed: none of {', '.join(NAMES)} is found")
@@ -56,12 +59,18 @@ def open_page() -> Iterator[OpenPage]:
         )
 
         def open_file(
-            file: Path, width: int = 1440, height: int = 900, dark: bool = False
+            file: Path,
+            width: int = 1440,
+            height: int = 900,
+            dark: bool = False,
+            touch: bool = False,
         ) -> OpenedPage:
             address = file.resolve().as_uri()
             page = browser.new_page(
                 viewport={"width": width, "height": height},
                 color_scheme="dark" if dark else "light",
+                has_touch=touch,
+                is_mobile=touch,
             )
             page.set_default_timeout(10_000)
             opened = OpenedPage(page)

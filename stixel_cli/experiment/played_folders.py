@@ -54,8 +54,12 @@ def folders_page(
         played_run(name, one.composition, outcome, folder=label if len(stored) > 1 else None)
         for name, label, one, outcome in zip(names, labels, stored, outcomes, strict=True)
     ]
-    title = labels[0] if len(runs) == 1 else f"{' and '.join(names)} on one scene"
+    title = labels[0] if len(runs) == 1 else f"{_listed(names)} on one scene"
     return playback_html(runs, title, notes), notes
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
 
 
 def check_one_scene(stored: Sequence[StoredRun], labels: Sequence[str]) -> None:

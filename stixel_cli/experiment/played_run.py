@@ -1,6 +1,7 @@
 """A run as the page that plays it back is given it."""
 
 import math
+from pathlib import Path
 
 from stixel_cli.config.compose import Composition
 from stixel_cli.config.schema import Configuration
@@ -21,6 +22,9 @@ def played_run(
     """A run called `label` with what the page says of it; `folder` is named where it is given."""
     facts = [("folder", folder)] if folder is not None else []
     facts += [(group, choice(composition, group)) for group in _SHOWN]
+    mesh = composition.configuration.road_user.mesh
+    if mesh is not None:
+        facts.append(("mesh", Path(mesh).name))
     facts.append(("seed", str(composition.configuration.seed)))
     return PlayedRun(
         label=label,

@@ -88,10 +88,26 @@ def test_two_trackers_on_one_scene(results, tmp_path, capsys):
 
 def test_runs_of_one_tracker_are_called_by_their_folders(results, tmp_path, capsys):
     page = tmp_path / "same.html"
-    assert play(capsys, results / "one", results / "again", "--output", page)[0] == 0
-    one, other = page_data(page)["runs"]
+    folders = [results / name for name in ("one", "again", "point")]
+    assert play(capsys, *folders, "--output", page)[0] == 0
+    data = page_data(page)
+    assert data["title"] == "one, again and point on one scene"
+    one, other, _ = data["runs"]
     assert (one["label"], other["label"]) == ("one", "again")
     assert one["contours"] == other["contours"]
+
+
+def test_a_mesh_of_ones_own_is_named(tmp_path, capsys):
+    corners = [(x, y, z) for x in (-1, 1) for y in (-0.5, 0.5) for z in (0, 1)]
+    quads = ((1, 2, 4, 3), (5, 7, 8, 6), (1, 5, 6, 2), (3, 4, 8, 7), (1, 3, 7, 5), (2, 6, 8, 4))
+    lines = [f"v {x} {y} {z}" for x, y, z in corners]
+    lines += [f"f {a} {b} {c}\nf {a} {c} {d}" for a, b, c, d in quads]
+    mesh = tmp_path / "barrow.obj"
+    mesh.write_text("\n".join(lines))
+    make_point(tmp_path / "own", [*FABRICATED, f"road_user.mesh={mesh}"])
+    assert play(capsys, tmp_path / "own")[0] == 0
+    facts = page_data(tmp_path / "play-own.html")["runs"][0]["facts"]
+    assert ["mesh", "barrow.obj"] in facts
 
 
 def test_a_page_is_written_beside_its_folder_and_over_none(results, capsys):

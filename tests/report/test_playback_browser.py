@@ -4,6 +4,7 @@ Skipped, with the reason, where there is no browser.
 """
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,9 +23,28 @@ def pages(tmp_path_factory):
     folder = tmp_path_factory.mktemp("pages")
     gp, point = make_run("gp_ekf"), make_run("point", seed=1, corners=24)
     blind = make_run("gp_ekf", with_camera=False)
-    for name, runs in (("one", [gp]), ("two", [gp, point]), ("blind", [blind])):
+    fewer = replace(blind, label="fewer", scans=without_last_points(blind.scans))
+    for name, runs in (
+        ("one", [gp]),
+        ("two", [gp, point]),
+        ("blind", [blind]),
+        ("unlike", [gp, fewer]),
+    ):
         (folder / f"{name}.html").write_text(playback_html(runs, name), encoding="utf-8")
     return folder
+
+
+def without_last_points(scans):
+    """The scans with the points of the last one gone."""
+    rows = scans.rows(SCANS - 1)
+    offsets = scans.offsets.copy()
+    offsets[-1] = rows.start
+    return replace(
+        scans,
+        offsets=offsets,
+        points_world=scans.points_world[: rows.start],
+        covariances_world=scans.covariances_world[: rows.start],
+    )
 
 
 @pytest.fixture
@@ -179,6 +199,66 @@ def test_two_runs_lie_over_each_other(open_page, pages):
     page.get_by_label("Points and image of").select_option("point")
     assert opened.problems == []
     page.close()
+
+
+def test_points_image_and_their_count_are_those_of_the_run_chosen(open_page, pages):
+    opened = open_page(pages / "unlike.html")
+    page = opened.page
+    counts = page.locator(".chart").last.locator(".curve").first
+    of_the_first = counts.get_attribute("d")
+    said = page.locator("#camera-caption").inner_text()
+    assert "stixels" in said
+    choice = page.get_by_label("Points and image of")
+    choice.select_option("fewer")
+    assert counts.get_attribute("d") != of_the_first
+    assert page.locator("#camera-caption").inner_text() == ""
+    choice.select_option("gp_ekf")
+    assert counts.get_attribute("d") == of_the_first
+    assert page.locator("#camera-caption").inner_text() == said
+    assert opened.problems == []
+    page.close()
+
+
+def test_space_plays_after_a_click_on_a_button(one):
+    page = one.page
+    page.get_by_role("button", name="One scan forward").click()
+    page.get_by_role("checkbox", name="Stixels").click()
+    page.get_by_role("button", name="Whole scene").click()
+    page.keyboard.press("Space")
+    expect(page.locator("#scrub")).to_have_value(re.compile("[2-9]"))
+    page.keyboard.press("Space")
+    # A button reached by keys is pressed by the space bar, as anywhere.
+    there = frame(page)
+    page.get_by_role("button", name="One scan back").focus()
+    page.keyboard.press("Space")
+    assert frame(page) == there - 1
+    assert page.get_by_role("button", name="Play", exact=True).is_visible()
+
+
+def test_a_finger_hits_what_can_be_pressed(open_page, pages):
+    """44 px a side, on a phone; and no more is needed to the right for it."""
+    opened = open_page(pages / "two.html", 390, 844, touch=True)
+    small = opened.page.evaluate(
+        "[...document.querySelectorAll('button, select, input[type=range], label')]"
+        ".filter(e => e.checkVisibility()).map(e => [e.id, e.getBoundingClientRect()])"
+        ".filter(([, box]) => Math.min(box.width, box.height) < 44).map(([id]) => id)"
+    )
+    assert small == []
+    assert opened.overflow() == 0
+    opened.page.close()
+
+
+def test_the_plots_stand_level_and_bands_have_no_gaps(one):
+    page = one.page
+    for width in (1206, 1280, 1400):
+        page.set_viewport_size({"width": width, "height": 900})
+        tops = [plot.bounding_box()["y"] for plot in page.locator(".plot").all()]
+        assert len(tops) == 6
+        assert max(tops) - min(tops) < 1.0, width
+    band = page.locator(".plot").nth(3).locator(".consistent").get_attribute("d")
+    steps = np.array(re.findall(r"M(\S+) \S+H([\d.]+)V", band), dtype=float)
+    assert len(steps) == SCANS
+    assert (steps[1:, 0] <= steps[:-1, 1]).all()
 
 
 def test_a_run_without_images_says_so(open_page, pages):

@@ -18,6 +18,7 @@ function drawCamera() {
     const measurement = (run.facts.find(([what]) => what === "measurement") || ["", "these"])[1];
     find("no-camera").textContent = `No camera image: ${measurement} measurements are made without one.`;
     find("camera-caption").textContent = "";
+    imageShown = null;
     return;
   }
   const i = Math.min(Math.floor(frame / shots.every), shots.frames.length - 1), name = `${run.camera}-${i}`;
@@ -59,4 +60,7 @@ find("source").addEventListener("change", (event) => {
   source = Number(event.target.value);
   drawMap();
   drawCamera();
+  const points = charts.find((chart) => chart.key === "points");
+  drawChart(points);
+  drawCursor(points);
 });

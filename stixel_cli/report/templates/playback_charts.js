@@ -75,12 +75,13 @@ function drawChart(chart) {
   if (chart.bounds) for (const run of runs.slice(0, chart.key === "nees" ? 1 : undefined)) {
     svg("path", { class: "consistent", d: bandOverTime(chart, chart.bounds(run)) }, plot);
   }
+  const rise = Math.max(niceStep((high - low) / 3.2), chart.digits ? 0 : 1);  // a count has no half
   const ticks = chart.log ? [0.001, 0.01, 0.1, 1, 10, 100, 1000, 1e4].filter((v) => v >= low && v <= high)
-    : linearTicks(low, high, niceStep((high - low) / 3.2));
+    : linearTicks(low, high, rise);
   for (const tick of ticks) {
     const y = chart.y(tick);
     svg("line", { class: "rule", x1: chart.left, x2: chart.right, y1: y, y2: y }, plot);
-    const text = chart.log ? String(tick) : tickText(tick, niceStep((high - low) / 3.2));
+    const text = chart.log ? String(tick) : tickText(tick, rise);
     svg("text", { x: chart.left - 5, y: y + 3.5, "text-anchor": "end" }, plot).textContent = text;
   }
   const step = niceStep(DURATION / Math.max(1, (chart.right - chart.left) / 60));
@@ -93,7 +94,7 @@ function drawChart(chart) {
     svg("line", { class: kind, x1: chart.left, x2: chart.right, y1: chart.y(value), y2: chart.y(value) }, plot);
   }
   if (chart.key === "points") {
-    const curve = svg("path", { class: "curve", d: curveOf(chart, counts(runs[0])) }, plot);
+    const curve = svg("path", { class: "curve", d: curveOf(chart, counts(runs[source])) }, plot);
     curve.style.stroke = "var(--unused)";
     curve.style.strokeWidth = 3;
   }
@@ -130,7 +131,7 @@ function curveOf(chart, values) {
 
 function bandOverTime(chart, bounds) {
   let text = "";
-  const width = (chart.right - chart.left) / times.length;
+  const width = (chart.right - chart.left) / Math.max(1, LAST);
   bounds.forEach(([low, high], k) => {
     if (low === null || high === null) return;
     const x = Math.max(chart.left, chart.x(times[k]) - width / 2 - 0.3);
@@ -144,7 +145,9 @@ function drawCursor(chart) {
   runs.forEach((run, r) => {
     const value = run.errors[chart.key][frame];
     const total = chart.key === "points" ? ` of ${counts(run)[frame]}` : "";
-    chart.values[r].textContent = shown(value, chart.digits, chart.unit) + total;
+    const small = chart.log && Math.abs(value) < 1 && value;
+    chart.values[r].textContent =
+      (small ? shownSmall(value) : shown(value, chart.digits, chart.unit)) + total;
   });
   if (!chart.cursor) return;
   const x = chart.x(times[frame]);

@@ -27,7 +27,8 @@ function describe() {
       swatch(name, lineSwatch(colourOf(r), dashOf(r)));
       name.append(run.label);
     }
-    facts(line, runs.length === 1 ? run.facts : run.facts.filter((fact) => !inAll(fact)));
+    const said = ([what, value]) => inAll([what, value]) || what === "folder" && value === run.label;
+    facts(line, runs.length === 1 ? run.facts : run.facts.filter((fact) => !said(fact)));
     facts(line, runs.length === 1 ? run.summary : run.summary.slice(0, 3));
     html("option", { value: r, textContent: run.label }, find("source"));
   });
@@ -51,7 +52,9 @@ function describe() {
     [dot("var(--unused)"), "point not used"],
     [(picture) => { svg("path", { d: "M16 0 22 12H10Z" }, picture).style.fill = "var(--ego)"; }, "ego car's sensor"],
     [area("var(--field-of-view)", 0.35), "field of view"],
-    [area("var(--consistent)", 1), "95 % of a consistent filter"]);
+    [area("var(--consistent)", 1), "NEES, NIS: 95 % of a consistent filter"],
+    [lineSwatch("var(--unused)", "4 3", 1.5), `IoU: a scan below ${LOST_BELOW} is lost`],
+    [lineSwatch("var(--unused)", "", 3), runs.length === 1 ? "points in the scan" : "points in the scan of the run chosen"]);
   for (const [draw, text] of entries) {
     const item = html("li", {}, find("legend"));
     swatch(item, draw);

@@ -45,6 +45,11 @@ function shown(value, digits, unit) {
   return text + unit;
 }
 
+// Two digits that count, for what is far below 1: the NIS of many points would be 0.00.
+function shownSmall(value) {
+  return value < 1e-4 ? value.toExponential(0) : value.toPrecision(2);
+}
+
 
 function polygon(flat, close = true) {
   if (!flat || !flat.length) return "";

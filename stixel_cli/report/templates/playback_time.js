@@ -77,5 +77,11 @@ document.addEventListener("keydown", (event) => {
   actions[key]();
 });
 
+// A button that was clicked does not keep the keys: space plays. One reached by keys keeps them.
+document.addEventListener("click", (event) => {
+  const control = event.target.closest("button, [type=checkbox]");
+  if (event.detail && control) control.blur();
+});
+
 describe();
 show(0);
