@@ -20,7 +20,7 @@ WIDEST = 760
 QUALITY = 72
 
 NEAR = {"car": "[-0.4,13]", "cyclist": "[-0.2,7.5]", "pedestrian": "[0,6.5]"}
-"""Where each class stands for its portrait, m."""
+"""Where each stands for its portrait, m; any other where the car does."""
 
 STREET = ["path=crossing", "path.duration=1.6", "pictures.frames=[15]"]
 FABRICATED = ["measurement=fabricated", "pictures.frames=[]"]
@@ -56,7 +56,7 @@ def sections() -> dict[str, list[Entry]]:
         ],
         "Road users": [
             Entry(f"road_user_{user}", f"`road_user={user}`",
-                  [f"road_user={user}", "path=crossing", f"path.start={NEAR[user]}",
+                  [f"road_user={user}", "path=crossing", f"path.start={NEAR.get(user, NEAR['car'])}",
                    "path.heading=-35", "path.duration=0.2", "rig.horizontal_fov=32",
                    "pictures.frames=[0]"],
                   "k0000/left.png", 420)

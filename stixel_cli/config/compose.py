@@ -138,7 +138,7 @@ def _compose(parsed: "Sequence[Override]") -> tuple[dict[str, Any], dict[str, st
     except OmegaConfBaseException as fault:
         raise ConfigurationError(_unresolved(fault)) from None
     except HydraException as fault:
-        raise ConfigurationError(_first_line(fault)) from None
+        raise ConfigurationError(_not_composed(fault)) from None
     return plain, dict(choices)
 
 
@@ -176,6 +176,21 @@ def _no_hydra_of_others() -> Iterator[None]:
         yield
     finally:
         GlobalHydra.instance().hydra = theirs
+
+
+def _not_composed(fault: Any) -> str:
+    """One line for what Hydra cannot put together.
+
+    An option that was typed has been checked before: one that is missing here follows another
+    group's, as `pace` and `prior` follow `road_user`.
+    """
+    group, _, option = (getattr(fault, "missing_cfg_file", None) or "").rpartition("/")
+    if group not in group_options():
+        return _first_line(fault)
+    return (
+        f"{group}: there is no option {option!r}, which follows from what is chosen; add "
+        f"conf/{group}/{option}.yaml, or choose {group}={'|'.join(group_options()[group])}"
+    )
 
 
 def _unresolved(fault: Any) -> str:

@@ -196,6 +196,25 @@ def test_an_edited_file_is_seen(tmp_path, monkeypatch):
     group_options.cache_clear()
 
 
+def test_an_option_that_follows_and_is_not_there_says_where_it_belongs(tmp_path, monkeypatch):
+    package = tmp_path / "stixel_cli"
+    shutil.copytree(configuration_folder(), package / "conf")
+    monkeypatch.setattr("stixel_cli.config.folders._PACKAGE", package)
+    users = package / "conf" / "road_user"
+    shutil.copy(users / "cyclist.yaml", users / "cargo.yaml")
+    with pytest.raises(ConfigurationError) as error:
+        compose(["road_user=cargo"])
+    group = str(error.value).partition(":")[0]
+    assert group in {"pace", "prior"}
+    assert str(error.value) == (
+        f"{group}: there is no option 'cargo', which follows from what is chosen; "
+        f"add conf/{group}/cargo.yaml, or choose {group}=car|cyclist|pedestrian"
+    )
+    chosen = compose(["road_user=cargo", "pace=cyclist", "prior=cyclist"])
+    assert chosen.choices["road_user"] == "cargo"
+    group_options.cache_clear()
+
+
 def test_a_configuration_is_nobody_else_s(default):
     compose().resolved["rig"]["width"] = 1
     assert compose() == default

@@ -15,6 +15,12 @@ def test_every_room_of_the_way_is_named():
     assert {name.split(".")[0] for name in NAMES} == set(ROOMS)
 
 
+def test_no_function_is_named_in_another_form():
+    """One written `room.module.name`, or with a slash, would not be looked up below."""
+    odd = re.findall(rf"`((?:{'|'.join(ROOMS)})[./][^`\n]*)`", PAGE)
+    assert [name for name in odd if name not in NAMES] == []
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_the_function_is_there(name):
     module, _, path = name.partition(":")
