@@ -56,7 +56,8 @@ def sections() -> dict[str, list[Entry]]:
         ],
         "Road users": [
             Entry(f"road_user_{user}", f"`road_user={user}`",
-                  [f"road_user={user}", "path=crossing", f"path.start={NEAR.get(user, NEAR['car'])}",
+                  [f"road_user={user}", "path=crossing",
+                   f"path.start={NEAR.get(user, NEAR['car'])}",
                    "path.heading=-35", "path.duration=0.2", "rig.horizontal_fov=32",
                    "pictures.frames=[0]"],
                   "k0000/left.png", 420)

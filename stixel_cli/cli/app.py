@@ -22,6 +22,7 @@ from stixel_cli.cli.options import (
     Pictures,
     Results,
     Shuffle,
+    StudyName,
     StudyWords,
     SweepOverrides,
     Workers,
@@ -160,10 +161,10 @@ def sweep(
     dry_run: DryRun = False,
     json: Json = False,
 ) -> None:
-    """Run all combinations of several values; what points share is computed once.
+    """Run all combinations of several values; what they share is computed once.
 
-    A point that fails fails alone. The folder holds a row a point, statistics over the seeds, and a
-    figure for each axis.
+    A combination, a seed with it, is called a point. One that fails fails alone. The folder holds a
+    row a point, statistics over the seeds, and a figure for each axis.
 
     \b
     Examples:
@@ -183,7 +184,7 @@ def sweep(
 @app.command(short_help="Answer a research question: its sweeps, and a report.")
 def study(
     words: StudyWords = None,
-    name: Name = None,
+    name: StudyName = None,
     results: Results = Path("results"),
     workers: Workers = None,
     fresh: Fresh = False,
@@ -191,6 +192,12 @@ def study(
     json: Json = False,
 ) -> None:
     """Run a study of pipelines/studies and write its report, tables and figures.
+
+    \b
+    rq1  Are these stixels like those of The Stixel World?
+    rq2  How does the tracker do on stixels, against lidar?
+    rq3  What do fabricated measurements miss?
+    all  The three, one after the other.
 
     One that was interrupted, or of which points failed, is gone on with by the same command. The
     statistics are refused until all of it is there.
@@ -217,6 +224,9 @@ def plan(
     json: Json = False,
 ) -> None:
     """Print points, nodes, nodes cached and nodes to run, by stage, with an estimate of the time.
+
+    A point is one combination of values, a node one step of the computation (of a few frames,
+    where it goes frame by frame), kept in the cache under its own key.
 
     Example: stixel plan tracker.length_scale=0.2,0.4,0.8 seed=0,1,2
     """

@@ -43,6 +43,8 @@ def verify(
     Everything is computed anew, away from the cache. If something differs: which stage first, by
     how much, and which version or function changed. The exit code is 0 if all results are
     identical, 1 if not.
+
+    Example: stixel verify results/wide-prior
     """
     with interruptible():
         from stixel_cli.cli.verify import verify_command
@@ -69,7 +71,10 @@ def ls(
 
 
 def show(folder: Folder, json: Json = False) -> None:
-    """Show what a result folder tells: where it comes from, its scores, its stages."""
+    """Show what a result folder tells: where it comes from, its scores, its stages.
+
+    Example: stixel show results/wide-prior
+    """
     with interruptible():
         from stixel_cli.cli.show import show_command
 
@@ -114,7 +119,7 @@ def play(
         list[Path],
         typer.Argument(
             help="Result folders of runs, or points of a sweep; several must be of one scene.",
-            metavar="FOLDER...",
+            metavar="FOLDER",
             autocompletion=complete_folder,
             show_default=False,
         ),

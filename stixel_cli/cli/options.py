@@ -52,13 +52,17 @@ Folders = Annotated[
     list[Path],
     typer.Argument(
         help="Result folders of two or more runs.",
-        metavar="FOLDER FOLDER...",
+        metavar="FOLDER",
         autocompletion=complete_folder,
         show_default=False,
     ),
 ]
 Name = Annotated[
     str | None, typer.Option(help="Name of the result folder; if not given, from time and choices.")
+]
+StudyName = Annotated[
+    str | None,
+    typer.Option(help="Name of the result folder; if not given, the study's own.", metavar="<str>"),
 ]
 Results = Annotated[Path, typer.Option(metavar="DIR", help="Where the result folder is made.")]
 Workers = Annotated[

@@ -1,3 +1,4 @@
+import re
 import subprocess
 import sys
 
@@ -6,6 +7,7 @@ import pytest
 from stixel_cli import __version__
 from stixel_cli.cli.app import main
 from stixel_cli.errors import UserError
+from stixel_cli.studies.file import shipped_studies
 
 STIXEL = [sys.executable, "-m", "stixel_cli"]
 
@@ -52,6 +54,14 @@ def test_every_command_has_a_help(command, capsys):
     said = capsys.readouterr().out
     assert said.startswith(f"Usage: stixel {command} ")
     assert max(map(len, said.splitlines())) <= 100
+
+
+def test_help_of_study_names_the_studies_that_are_there(capsys):
+    assert main(["study", "--help"]) == 0
+    said = capsys.readouterr().out
+    named = re.findall(r"^  (\w+)  [A-Z]", said, flags=re.MULTILINE)
+    assert named == [*sorted(shipped_studies()), "all"]
+    assert "the study's own" in " ".join(said.split())
 
 
 def test_version(capsys):
