@@ -81,18 +81,6 @@ def test_the_page_in_a_browser(page, open_page):
         assert opened.overflow() == 0
 
 
-def test_a_tables_size_decides_how_it_is_printed():
-    def printed(columns, rows, text):
-        table = Table("t", "T.", tuple("a b" for _ in range(columns)), ((text,) * columns,) * rows)
-        (block,) = _Numbered().sections([Section("S", (table,))], "")[0]["blocks"]
-        return block["wide"], block["whole"]
-
-    assert printed(12, 20, "0.12") == (False, True)
-    assert printed(12, 21, "0.123 [0.1, 0.2]") == (True, False)
-    # What is longer is broken into lines.
-    assert printed(3, 1, "long " * 40) == (False, True)
-
-
 def test_black_becomes_the_ink_of_the_page():
     with style.drawing():
         figure = style.new_figure(2.0, 1.0)
