@@ -8,12 +8,14 @@ from typing import Any
 
 from stixel_cli.cli.errors import tell
 from stixel_cli.cli.plan import plan_content, print_plan
+from stixel_cli.cli.terminal import print_table
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.experiment.text import json_text
 from stixel_cli.studies.file import ALL, find_study, read_study, shipped_studies
 from stixel_cli.studies.folder import StudyFolder, study_folder
 from stixel_cli.studies.plan import StudyPlan, plan_study
 from stixel_cli.studies.run import StudyResult, run_study
+from stixel_cli.studies.tables import shown_table
 from stixel_cli.sweeps.run import SweepInterrupted
 
 INCOMPLETE = 1
@@ -50,7 +52,9 @@ def study_command(
     options = _options(name, results, workers)
     if study != ALL:
         one = _Command(study, overrides, options, workers, dry_run, fresh)
-        answer, code = one.run(study_folder(results, name or Path(study).stem), json)
+        # A study that is not there is said before its name is judged as a folder's.
+        found = find_study(study)
+        answer, code = one.run(study_folder(results, name or found.stem), json)
         if json:
             sys.stdout.write(json_text(answer))
         return code
@@ -171,6 +175,11 @@ def _print(plan: StudyPlan, result: StudyResult) -> None:
         console.print(plan.study.title, markup=False, style="bold")
         for text in result.findings.answer:
             console.print(text, markup=False)
+        for table in result.findings.summary:
+            header, rows, numeric = shown_table(table)
+            print()  # noqa: T201
+            print_table(header, rows, "".join(str(i) for i, right in enumerate(numeric) if right))
+            console.print(table.caption, markup=False)
     done = sum(state.done for state in result.parts)
     console.print(
         f"{done} points done; nodes: {result.computed} computed, {result.cached} cached; "

@@ -94,7 +94,10 @@ class Section:
     """A chapter, or a part of one."""
 
     title: str
-    blocks: tuple["Paragraph | Figure | Picture | Table | Section", ...]
+    blocks: tuple["Block", ...]
+
+
+Block = Paragraph | Figure | Picture | Table | Section
 
 
 @dataclass(frozen=True)
@@ -105,8 +108,10 @@ class Findings:
         answer: to its question, in a few sentences.
         sections: of the report, in order.
         files: more files for the study's folder, by name.
+        summary: the numbers that the answer rests on, shown beneath it.
     """
 
     answer: tuple[str, ...]
     sections: tuple[Section, ...]
     files: Mapping[str, str | bytes]
+    summary: tuple[Table, ...] = ()

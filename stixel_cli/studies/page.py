@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from stixel_cli.report import style
 from stixel_cli.report.metrics import format_value
-from stixel_cli.studies.nouns import Figure, Findings, Paragraph, Picture, Section, Table
+from stixel_cli.studies.nouns import Block, Figure, Findings, Paragraph, Picture, Section, Table
 from stixel_cli.studies.state import Origin, PartState
 from stixel_cli.studies.tables import shown_table
 
@@ -50,11 +50,14 @@ def study_page(
     template = environment.from_string(
         resources.files(__package__).joinpath("templates/study.html.j2").read_text("utf-8")
     )
-    sections = _Numbered().sections(findings.sections, "") if findings is not None else []
+    numbered = _Numbered()
+    summary = [] if findings is None else numbered.blocks(findings.summary, "")
+    sections = [] if findings is None else numbered.sections(findings.sections, "")
     return template.render(
         title=title,
         question=question,
         answer=None if findings is None else findings.answer,
+        summary=summary,
         sections=sections,
         states=states,
         origin=origin,
@@ -81,13 +84,18 @@ class _Numbered:
         ]
 
     def _section(self, section: Section, number: str) -> dict[str, Any]:
+        blocks = self.blocks(section.blocks, number)
+        return {"number": number, "title": section.title, "blocks": blocks}
+
+    def blocks(self, content: Sequence[Block], number: str) -> list[dict[str, Any]]:
+        """What a section of this number, or the answer, consists of."""
         blocks, inner = [], 0
-        for block in section.blocks:
+        for block in content:
             match block:
                 case Section():
                     inner += 1
-                    content = self._section(block, f"{number}.{inner}")
-                    blocks.append({"kind": "section", **content})
+                    own = self._section(block, f"{number}.{inner}")
+                    blocks.append({"kind": "section", **own})
                 case Paragraph(text):
                     blocks.append({"kind": "paragraph", "text": text})
                 case Figure() | Picture():
@@ -111,7 +119,7 @@ class _Numbered:
                             "classes": _classes(rows, numeric),
                         }
                     )
-        return {"number": number, "title": section.title, "blocks": _side_by_side(blocks)}
+        return _side_by_side(blocks)
 
 
 def _characters(header: Sequence[str], rows: Sequence[Sequence[str]]) -> int:

@@ -23,7 +23,8 @@ def over_seeds(values: Sequence[float | int | None]) -> Statistic:
 
 def tables_of(findings: Findings) -> Iterator[Table]:
     """Every table, in the order of the report."""
-    return (block for block in _blocks(findings.sections) if isinstance(block, Table))
+    blocks = (*findings.summary, *_blocks(findings.sections))
+    return (block for block in blocks if isinstance(block, Table))
 
 
 def figures_of(findings: Findings) -> Iterator[Figure]:

@@ -80,4 +80,5 @@ def report(data, seen):
             ),
         ),
         {"extra/note.txt": "kept\n"},
+        (Table("answer", "In short.", ("who", "seed"), (("car", 7),)),),
     )

@@ -55,6 +55,12 @@ def test_names_are_unique_and_every_reference_is_there(page):
         assert reference in names
 
 
+def test_the_answer_shows_its_numbers(page):
+    html = page.read_text("utf-8")
+    assert html.index(">Answer<") < html.index("Table 1. In short.") < html.index("One &amp; only")
+    assert "Table 2. 50 % of a_b." in html
+
+
 def test_dark_phones_and_paper_are_thought_of(page):
     html = page.read_text(encoding="utf-8")
     assert "@media screen and (prefers-color-scheme: dark)" in html

@@ -66,6 +66,7 @@ def test_the_tables_hold_what_was_computed(studies, toy, capsys):
     folder = studies.results / "toy"
     with (folder / "parts/first/runs.csv").open(encoding="utf-8") as file:
         runs = list(csv.DictReader(file))
+    assert (folder / "tables/answer.csv").read_text() == "who,seed\ncar,7\n"
     with (folder / "tables/numbers.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [row["IoU"] for row in rows] == [run["iou_mean"] for run in runs]

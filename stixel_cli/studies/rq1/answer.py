@@ -3,9 +3,11 @@
 import math
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from stixel_cli.evaluation.stage_errors import GROSS
 from stixel_cli.evaluation.stage_summary import stixel_summary
-from stixel_cli.studies.nouns import StudyData
+from stixel_cli.studies.nouns import StudyData, Table
 from stixel_cli.studies.prose import counted, listed, number, quantity
 from stixel_cli.studies.rq1 import intervals as by_pose
 from stixel_cli.studies.rq1.intervals import Estimate, estimate
@@ -20,10 +22,8 @@ from stixel_cli.studies.rq1.pool import (
     contrast,
     grid,
     groups,
-    locking_swing,
     matcher,
     needed_disparity,
-    pool,
     rig,
     share,
     text,
@@ -33,18 +33,30 @@ from stixel_cli.studies.rq1.setup import lines_of, seconds_a_frame, values_of
 _INSIDE = 0
 
 
-def answer(data: StudyData, users: Sequence[Group]) -> Iterator[str]:
-    """Sentences, the verdict first."""
-    every = pool("all", [point for group in users for point in group.points])
+def answer(data: StudyData, users: Sequence[Group], every: Group) -> Iterator[str]:
+    """Sentences, the verdict first; `every` is all road users together."""
     yield _verdict(every)
     yield from _rigs(data)
-    yield _stages(every)
     yield from _matchers(data)
     yield from _grids(data)
     yield _consistency(every, users)
     yield from _contrast(data)
     yield _setup(data)
     yield _limits(every)
+
+
+def answer_table(every: Group) -> Table:
+    """What each stage of the default configuration is off by, over all road users and ranges."""
+    return Table(
+        "answer",
+        f"Stage by stage, default configuration, {EDGES[0]:g} to {EDGES[-1]:g} m, with 95 % "
+        "intervals. Gross errors are counted apart and left out of every bias, RMS and σ.",
+        ("stage", "measure", "unit", "value", "low value", "high value"),
+        tuple(
+            (stage, measure, unit, *(found.scaled(100.0) if unit == "%" else found).cells)
+            for stage, measure, unit, found in _stages(every)
+        ),
+    )
 
 
 def _verdict(every: Group) -> str:
@@ -82,73 +94,61 @@ def _verdict(every: Group) -> str:
 def _rigs(data: StudyData) -> Iterator[str]:
     told = []
     for group in groups(data.parts["rigs"], rig):
-        near = by_pose.stixel_sums(group, *ROUND)
-        rms = estimate(group, near, by_pose.STIXEL_RMS)
+        rms = estimate(group, by_pose.stixel_sums(group, *ROUND), by_pose.STIXEL_RMS)
         needed = needed_disparity(group.rig, SW_DEVIATION, SW_DEPTH)
         if math.isfinite(rms.value):
-            pixels = estimate(group, near, by_pose.STIXEL_RMS_PX)
             told.append(
-                f"{rms.text('m')} with the {group.label} rig ({pixels.text('px')}, where "
-                f"{SW_DEVIATION:g} m takes {text(needed, 3, 'px')})"
+                f"{rms.text('m')} with the {group.label} rig, where {SW_DEVIATION:g} m takes "
+                f"{text(needed, 3, 'px')}"
             )
     if told:
-        yield f"How far the depth is off depends on the rig. RMS at that range: {listed(told)}."
+        yield f"How far the depth is off depends on the rig. RMS at that range: {'; '.join(told)}."
 
 
-def _stages(every: Group) -> str:
+def _stages(every: Group) -> Iterator[tuple[str, str, str, Estimate]]:
+    """Stage, measure, unit and estimate."""
     pixels = by_pose.pixel_sums(every, _INSIDE)
-    bias, rms, gross, density = (
-        estimate(every, pixels, of)
-        for of in (
-            by_pose.pixel_bias,
-            by_pose.PIXEL_RMS,
-            by_pose.PIXEL_GROSS,
-            by_pose.PIXEL_DENSITY,
-        )
-    )
-    grid_missed, path_missed = (
-        estimate(every, by_pose.column_sums(every, step), by_pose.COLUMN_MISSED)
-        for step in ("grid", "path")
-    )
-    gross_stixels = stixel_summary(every.errors.stixels, EDGES[0], EDGES[-1])["gross"]
+    yield "disparity", "bias", "px", estimate(every, pixels, by_pose.pixel_bias)
+    yield "disparity", "RMS", "px", estimate(every, pixels, by_pose.PIXEL_RMS)
+    yield "disparity", "gross errors", "%", estimate(every, pixels, by_pose.PIXEL_GROSS)
+    yield "disparity", "pixels that have one", "%", estimate(every, pixels, by_pose.PIXEL_DENSITY)
+    for stage, step in (("occupancy grid, by itself", "grid"), ("free space", "path")):
+        columns = by_pose.column_sums(every, step)
+        missed = estimate(every, columns, by_pose.COLUMN_MISSED)
+        yield stage, "target's columns missed", "%", missed
     cover = by_pose.cover_sums(every)
-    in_none, beside = (estimate(every, cover, of) for of in (by_pose.UNCOVERED, by_pose.OVERHANG))
-    stixels = by_pose.stixel_sums(every, EDGES[0], EDGES[-1])
-    heights = [estimate(every, stixels, of) for of in (by_pose.HEIGHT_BIAS, by_pose.HEIGHT_RMS)]
-    return (
-        f"Stage by stage, over {EDGES[0]:g} to {EDGES[-1]:g} m: disparities inside the target have "
-        f"a bias of {bias.text('px', sign=True)} and an RMS of {rms.text('px')}; {gross.share()} "
-        f"are gross errors and {density.share()} of the pixels have one. The occupancy grid by "
-        f"itself misses {grid_missed.share()} of the target's columns, free space's path through "
-        f"it {path_missed.share()}; {in_none.share()} end up in no stixel, and {beside.text()} "
-        "columns a frame beside the target are given its disparity. Of the stixels on it "
-        f"{share(gross_stixels)} are gross errors, which are left out of what follows. "
-        f"A stixel's height is off by {heights[1].text('m')} RMS, with a bias of "
-        f"{heights[0].text('m', sign=True)}."
-    )
+    uncovered = estimate(every, cover, by_pose.UNCOVERED)
+    yield "stixels", "target's columns in none", "%", uncovered
+    overhang = estimate(every, cover, by_pose.OVERHANG)
+    yield "stixels", "columns beside the target, a frame", "", overhang
+    gross = stixel_summary(every.errors.stixels, EDGES[0], EDGES[-1])["gross"]
+    yield "stixels", "gross errors", "%", Estimate(gross, math.nan, math.nan)
+    stixels = _stixels(every)
+    yield "stixels", "disparity, RMS", "px", estimate(every, stixels, by_pose.STIXEL_RMS_PX)
+    yield "stixels", "depth, bias", "m", estimate(every, stixels, by_pose.STIXEL_BIAS)
+    yield "stixels", "depth, RMS", "m", estimate(every, stixels, by_pose.STIXEL_RMS)
+    yield "stixels", "height, bias", "m", estimate(every, stixels, by_pose.HEIGHT_BIAS)
+    yield "stixels", "height, RMS", "m", estimate(every, stixels, by_pose.HEIGHT_RMS)
+    yield "stated σ", "mean square of error / σ", "", estimate(every, stixels, by_pose.NEES)
+    yield "stated σ", "stixels within 1 σ", "%", estimate(every, stixels, by_pose.WITHIN_1)
+    yield "stated σ", "stixels within 2 σ", "%", estimate(every, stixels, by_pose.WITHIN_2)
 
 
 def _matchers(data: StudyData) -> Iterator[str]:
     found = groups(data.parts["matchers"], matcher)
-    told = []
-    for group in found:
-        pixels = estimate(group, by_pose.pixel_sums(group, _INSIDE), by_pose.PIXEL_RMS)
-        stixels = estimate(
-            group, by_pose.stixel_sums(group, EDGES[0], EDGES[-1]), by_pose.STIXEL_RMS_PX
-        )
-        told.append(
-            f"{group.label}: pixels {pixels.text('px')} RMS, stixels {stixels.text('px')}, locking "
-            f"to whole pixels {text(locking_swing(group, _INSIDE), 3, 'px')} from peak to peak"
-        )
-    if not told:
+    if not found:
         return
+    told = [
+        f"{estimate(group, _stixels(group), by_pose.STIXEL_RMS_PX).text('px')} with {group.label}"
+        for group in found
+    ]
     sentence = (
-        "Matchers (SGM: semi-global, Hirschmüller 2008; BM: block matching, Konolige 1997), inside "
-        f"the target. {'; '.join(told)}."
+        "Matchers (SGM: semi-global, Hirschmüller 2008; BM: block matching, Konolige 1997), "
+        f"disparity of the stixels, RMS: {listed(told)}."
     )
     by_name = {group.label: group for group in found}
     if {"SGM", "BM"} <= set(by_name):
-        apart = _matchers_apart(by_name["BM"], by_name["SGM"])
+        apart = by_pose.difference(by_name["BM"], by_name["SGM"], _stixels, by_pose.STIXEL_RMS_PX)
         verdict = (
             "no difference is shown"
             if not math.isfinite(apart.low) or apart.low <= 0.0 <= apart.high
@@ -156,20 +156,12 @@ def _matchers(data: StudyData) -> Iterator[str]:
             if apart.high < 0.0
             else "SGM is the better"
         )
-        sentence += (
-            f" Stixels of BM minus those of SGM, of the same poses: {apart.text('px', sign=True)} "
-            f"RMS, {verdict}."
-        )
+        sentence += f" BM less SGM, of the same poses: {apart.text('px', sign=True)}, {verdict}."
     yield sentence
 
 
-def _matchers_apart(one: Group, other: Group) -> Estimate:
-    return by_pose.difference(
-        one,
-        other,
-        lambda group: by_pose.stixel_sums(group, EDGES[0], EDGES[-1]),
-        by_pose.STIXEL_RMS_PX,
-    )
+def _stixels(group: Group) -> np.ndarray:
+    return by_pose.stixel_sums(group, EDGES[0], EDGES[-1])
 
 
 def _grids(data: StudyData) -> Iterator[str]:
@@ -197,10 +189,7 @@ def _grids(data: StudyData) -> Iterator[str]:
 
 
 def _consistency(every: Group, users: Sequence[Group]) -> str:
-    sums = by_pose.stixel_sums(every, EDGES[0], EDGES[-1])
-    nees, within_1, within_2 = (
-        estimate(every, sums, of) for of in (by_pose.NEES, by_pose.WITHIN_1, by_pose.WITHIN_2)
-    )
+    nees = estimate(every, _stixels(every), by_pose.NEES)
     if not math.isfinite(nees.value):
         return "Of the stated σ nothing can be said: no stixel lies on a road user."
     verdict = (
@@ -226,9 +215,7 @@ def _consistency(every: Group, users: Sequence[Group]) -> str:
         )
     return (
         f"Over all ranges together, the stated σ of the depth is {verdict}: the mean square of "
-        f"error over σ is {nees.text()} (1 is consistent){spread}; {within_1.share()} of the "
-        f"stixels lie within 1 σ and {within_2.share()} within 2 σ, where a normal has 68 % and "
-        "95 %."
+        f"error over σ is {nees.text()} (1 is consistent){spread}."
     )
 
 

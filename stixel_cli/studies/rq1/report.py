@@ -11,12 +11,12 @@ from stixel_cli.evaluation.stage_errors import BORDER, GROSS
 from stixel_cli.studies.inference import DRAWS
 from stixel_cli.studies.nouns import Findings, Paragraph, Section, StudyData
 from stixel_cli.studies.prose import counted
-from stixel_cli.studies.rq1.answer import answer
+from stixel_cli.studies.rq1.answer import answer, answer_table
 from stixel_cli.studies.rq1.contrast import contrast_section
 from stixel_cli.studies.rq1.disparity import disparity_section
 from stixel_cli.studies.rq1.free_space import free_space_section
 from stixel_cli.studies.rq1.gallery import gallery_section
-from stixel_cli.studies.rq1.pool import EDGES, LEAST, Group, groups, road_user
+from stixel_cli.studies.rq1.pool import EDGES, LEAST, Group, groups, pool, road_user
 from stixel_cli.studies.rq1.setup import setup_section
 from stixel_cli.studies.rq1.stixels import height_section, rigs_section, stixels_section
 
@@ -24,8 +24,9 @@ from stixel_cli.studies.rq1.stixels import height_section, rigs_section, stixels
 def report(data: StudyData) -> Findings:
     """The report of the study, from all of its parts."""
     users = groups(data.parts["ranges"], road_user)
+    every = pool("all", [point for group in users for point in group.points])
     return Findings(
-        answer=tuple(answer(data, users)),
+        answer=tuple(answer(data, users, every)),
         sections=(
             _method(users),
             disparity_section(data, users),
@@ -38,6 +39,7 @@ def report(data: StudyData) -> Findings:
             gallery_section(data.parts["gallery"]),
         ),
         files={},
+        summary=(answer_table(every),),
     )
 
 

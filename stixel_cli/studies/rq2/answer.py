@@ -3,15 +3,8 @@
 from collections.abc import Sequence
 
 from stixel_cli.studies.field_names import LIDAR, STIXELS
-from stixel_cli.studies.prose import (
-    capital,
-    decimals,
-    listed,
-    number,
-    percent,
-    quantity,
-    with_interval,
-)
+from stixel_cli.studies.nouns import Table
+from stixel_cli.studies.prose import MINUS, capital, listed
 from stixel_cli.studies.rq2.contrasts import (
     ERRORS,
     Contrast,
@@ -28,6 +21,12 @@ from stixel_cli.studies.rq2.runs import (
 )
 from stixel_cli.sweeps.statistics import Statistic
 
+_BESIDE = {
+    "lost_share": "share of scans lost",
+    "nees_position_mean": "position NEES / 2",
+    "nis_mean": "NIS / d.o.f.",
+}
+"""What stands beside the errors, without a test."""
 _SHORT = {"centre_rmse_m": "centre", "orientation_rmse_deg": "orientation", "iou_mean": "IoU"}
 
 
@@ -41,21 +40,107 @@ def answer(runs: Sequence[Run]) -> list[str]:
             "the question itself. What it holds stands below."
         ]
     tested = family(runs)
-    trackers = list(dict.fromkeys(one.tracker for one in tested))
     sentences = []
-    for tracker in trackers:
+    for tracker in dict.fromkeys(one.tracker for one in tested):
         for lidar in lidars:
             own = [one for one in tested if (one.tracker, one.other) == (tracker, lidar)]
             sentences.append(_verdict(own))
-        for user in names(runs, "road_user"):
-            sentences.append(_numbers(runs, tested, user, tracker))
-    floors = [tracker for tracker in names(runs, "tracker") if is_floor(runs, tracker)]
-    for tracker in trackers:
-        for floor in floors:
-            if floor != tracker:
-                sentences.append(_against_floor(runs, tracker, floor, stixels[0]))
-        sentences.append(_consistency(runs, tracker, (stixels[0], *lidars)))
+        sentences += [
+            _against_floor(runs, tracker, floor, stixels[0]) for floor in _floors(runs, tracker)
+        ]
     return [*sentences, _limits(runs, tested)]
+
+
+def answer_tables(runs: Sequence[Run]) -> tuple[Table, ...]:
+    """The numbers of the answer; none where there are not both stixels and a lidar."""
+    stixels, lidars = of_kind(runs, STIXELS), of_kind(runs, LIDAR)
+    tested = family(runs)
+    if not tested:
+        return ()
+    trackers = list(dict.fromkeys(one.tracker for one in tested))
+    tables = [_lidar_table(runs, tested, trackers, stixels[0], lidars)]
+    floors = [(tracker, floor) for tracker in trackers for floor in _floors(runs, tracker)]
+    if floors:
+        tables.append(_floor_table(chosen(runs, measurement=stixels[0]), floors))
+    return tuple(tables)
+
+
+def _floors(runs: Sequence[Run], tracker: str) -> list[str]:
+    """The trackers that this one is to beat."""
+    return [one for one in names(runs, "tracker") if one != tracker and is_floor(runs, one)]
+
+
+def _lidar_table(
+    runs: Sequence[Run],
+    tested: Sequence[Contrast],
+    trackers: Sequence[str],
+    stixels: str,
+    lidars: Sequence[str],
+) -> Table:
+    columns = ["road user", "tracker", "mean over paths and seeds", stixels]
+    for lidar in lidars:
+        columns += [lidar, f"{stixels} {MINUS} {lidar}", f"low {lidar}", f"high {lidar}"]
+    rows = []
+    for user in names(runs, "road_user"):
+        for tracker in trackers:
+            own = [one for one in tested if (one.road_user, one.tracker) == (user, tracker)]
+            for metric, (name, unit, _) in ERRORS.items():
+                row = [user, tracker, _with_unit(name, unit)]
+                for i, one in enumerate(one for one in own if one.metric == metric):
+                    row += one.values if i == 0 else one.values[1:]
+                    row += [one.difference.mean, one.difference.low, one.difference.high]
+                rows.append(tuple(row))
+            for metric, name in _BESIDE.items():
+                row = [user, tracker, name, _metric(runs, user, tracker, stixels, metric)]
+                for lidar in lidars:
+                    row += [_metric(runs, user, tracker, lidar, metric), None, None, None]
+                rows.append(tuple(row))
+    return Table(
+        "answer_lidar",
+        "Stixels against lidar: means over paths and seeds, and the difference, paired, with its "
+        "95 % interval over the seeds. Of the errors a positive difference, of the IoU a negative "
+        "one, is worse for stixels. NEES / 2 and NIS / d.o.f. are 1 where the stated covariance "
+        "is right and more where the tracker is too sure of itself; a mean of them is moved most "
+        "by the runs that diverge. A lost scan overlaps by less than 0.2.",
+        tuple(columns),
+        tuple(rows),
+    )
+
+
+def _floor_table(on_stixels: Sequence[Run], pairs: Sequence[tuple[str, str]]) -> Table:
+    rows = []
+    for user in names(on_stixels, "road_user"):
+        for tracker, floor in pairs:
+            for metric, (name, unit, _) in ERRORS.items():
+                values = [
+                    metric_over_seeds(chosen(on_stixels, road_user=user, tracker=one), metric).mean
+                    for one in (tracker, floor)
+                ]
+                apart = floor_difference(on_stixels, user, tracker, floor, metric)
+                row = (user, tracker, floor, _with_unit(name, unit), *values)
+                rows.append((*row, apart.mean, apart.low, apart.high))
+    return Table(
+        "answer_floor",
+        "On stixels, a tracker beside the least that it must beat: means over paths and seeds, and "
+        "the tracker minus that floor, paired, with its 95 % interval over the seeds; not "
+        "corrected for the number of comparisons.",
+        (
+            "road user",
+            "tracker",
+            "floor",
+            "mean over paths and seeds",
+            "of the tracker",
+            "of the floor",
+            "difference",
+            "low difference",
+            "high difference",
+        ),
+        tuple(rows),
+    )
+
+
+def _with_unit(name: str, unit: str) -> str:
+    return f"{name}, {unit}" if unit else name
 
 
 def _verdict(found: Sequence[Contrast]) -> str:
@@ -95,56 +180,8 @@ def _by_user(found: Sequence[Contrast]) -> str:
     return listed(parts)
 
 
-def _numbers(runs: Sequence[Run], tested: Sequence[Contrast], user: str, tracker: str) -> str:
-    """The errors on stixels and on each lidar, with the paired differences."""
-    own = [one for one in tested if (one.road_user, one.tracker) == (user, tracker)]
-    stixels, lidars = own[0].one, list(dict.fromkeys(one.other for one in own))
-    parts = []
-    for metric, (name, unit, _) in ERRORS.items():
-        same = [one for one in own if one.metric == metric and one.one == stixels]
-        places = _places(same)
-        beside = [
-            f"{quantity(one.values[1], unit, places)} on the {one.other} ({_difference(one, unit)})"
-            for one in same
-        ]
-        parts.append(
-            f"{name} {quantity(same[0].values[0], unit, places)} on {stixels} against "
-            f"{listed(beside)}"
-        )
-    lost = [
-        f"{percent(_metric(runs, user, tracker, measurement, 'lost_share'))} on "
-        + (measurement if measurement == stixels else f"the {measurement}")
-        for measurement in (stixels, *lidars)
-    ]
-    return f"{capital(user)}, {tracker}: {'; '.join(parts)}. Scans lost: {listed(lost)}."
-
-
-def _places(found: Sequence[Contrast]) -> int | None:
-    """Decimals that the differences' intervals bear, the coarsest."""
-    halves = [
-        0.5 * (one.difference.high - one.difference.low)
-        for one in found
-        if one.difference.low is not None
-    ]
-    return decimals(max(halves)) if halves else None
-
-
-def _difference(one: Contrast, unit: str) -> str:
-    found = one.difference
-    if found.mean is None:
-        return "no pair has both"
-    return f"difference {with_interval(found.mean, found.low, found.high, unit, sign=True)}"
-
-
 def _against_floor(runs: Sequence[Run], tracker: str, floor: str, stixels: str) -> str:
-    parts = []
     on_stixels = chosen(runs, measurement=stixels)
-    for user in names(runs, "road_user"):
-        told = []
-        for metric, (name, unit, _) in ERRORS.items():
-            one = floor_difference(on_stixels, user, tracker, floor, metric)
-            told.append(f"{name} {_signed(one, unit)}")
-        parts.append(f"{user}: {', '.join(told)}")
     told: dict[str, list[str]] = {}
     for user in names(runs, "road_user"):
         overlap = floor_difference(on_stixels, user, tracker, floor, "iou_mean")
@@ -152,8 +189,8 @@ def _against_floor(runs: Sequence[Run], tracker: str, floor: str, stixels: str) 
     verdict = "; ".join(f"{how} for {listed(users)}" for how, users in told.items())
     return (
         f"On stixels the {tracker} beside the {floor}, the least that an extended tracker must "
-        f"beat, by the interval of the IoU, which is not corrected for the number of comparisons: "
-        f"{verdict}. Differences, {tracker} minus {floor}: {'; '.join(parts)}."
+        "beat, by the interval of the IoU, which is not corrected for the number of comparisons: "
+        f"{verdict}."
     )
 
 
@@ -169,29 +206,6 @@ def _beside_floor(iou: Statistic) -> str:
     if iou.low is None or iou.low <= 0.0 <= iou.high:
         return "no difference is shown"
     return "better" if iou.low > 0.0 else "worse"
-
-
-def _signed(found: Statistic, unit: str) -> str:
-    if found.mean is None:
-        return "–"
-    return with_interval(found.mean, found.low, found.high, unit, sign=True)
-
-
-def _consistency(runs: Sequence[Run], tracker: str, measurements: Sequence[str]) -> str:
-    parts = []
-    for user in names(runs, "road_user"):
-        shown = [
-            f"{number(_metric(runs, user, tracker, one, 'nees_position_mean'))} / "
-            f"{number(_metric(runs, user, tracker, one, 'nis_mean'))}"
-            for one in measurements
-        ]
-        parts.append(f"{user} {', '.join(shown)}")
-    return (
-        f"Consistency of the {tracker}, mean position NEES / 2 and mean NIS / d.o.f. over scans, "
-        "paths and seeds: 1 where the stated covariance is right, more where the tracker is too "
-        "sure of itself; a mean is moved most by the runs that diverge. On "
-        f"{listed(measurements)}, in this order: {'; '.join(parts)}."
-    )
 
 
 def _limits(runs: Sequence[Run], tested: Sequence[Contrast]) -> str:

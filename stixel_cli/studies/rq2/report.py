@@ -11,7 +11,7 @@ import numpy as np
 from stixel_cli.studies.field_names import LIDAR, STIXELS
 from stixel_cli.studies.nouns import Findings, Paragraph, Section, StudyData, Table
 from stixel_cli.studies.prose import capital, listed, number, percent
-from stixel_cli.studies.rq2.answer import answer
+from stixel_cli.studies.rq2.answer import answer, answer_tables
 from stixel_cli.studies.rq2.conditions import CONDITIONS, condition_table
 from stixel_cli.studies.rq2.contrasts import ERRORS, contrasts_section
 from stixel_cli.studies.rq2.figures import boxes, by_condition, example_scans, over_time
@@ -57,7 +57,7 @@ def report(data: StudyData) -> Findings:
         published(),
         Section("Appendix: the numbers behind the figures by range, aspect and points", appendix),
     )
-    return Findings(tuple(answer(runs)), sections, {})
+    return Findings(tuple(answer(runs)), sections, {}, answer_tables(runs))
 
 
 def _method(runs: Sequence[Run]) -> tuple[Paragraph | Table, ...]:

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from stixel_cli.studies.nouns import Table
 from stixel_cli.studies.prose import (
-    capital,
     counted,
     decimals,
     listed,
@@ -15,7 +15,7 @@ from stixel_cli.studies.prose import (
 )
 from stixel_cli.studies.rq3.compare import Comparison
 from stixel_cli.studies.rq3.price import THESIS, Price
-from stixel_cli.studies.rq3.runs import FABRICATED, FITTED, SIMULATED
+from stixel_cli.studies.rq3.runs import FABRICATED, FITTED, SIMULATED, Measure
 
 _TOLD = (
     "bias along the ray",
@@ -25,12 +25,10 @@ _TOLD = (
     "share of the target's columns without a point",
     "reach beyond the silhouette's ends",
 )
-"""What the answer tells of the points; the table has the rest."""
+"""What the answer tells of the points; their own table has the rest."""
 
 _DECADES = "log10 of mean "
 """How the labels of measures in decades begin."""
-
-_ORDER = f"({SIMULATED} / {FABRICATED} / {FITTED}; in brackets fabricated minus simulated, 95 %)"
 
 
 def answer(
@@ -42,13 +40,8 @@ def answer(
 ) -> list[str]:
     """The answer in sentences; `seeds` and `paths` are how many the runs have."""
     sentences = [_apart(points)]
-    for user in dict.fromkeys(one.road_user for one in points):
-        own = [one for one in points if one.road_user == user and one.measure.label in _TOLD]
-        pairs = own[0].apart[FABRICATED].n
-        sentences.append(f"{capital(user)}, points, n = {pairs} {_ORDER}: {_values(own)}.")
     for tracker in dict.fromkeys(one.tracker for one in tracks):
-        own = [one for one in tracks if one.tracker == tracker]
-        sentences += [_matters(tracker, own), _tracker_numbers(tracker, own)]
+        sentences.append(_matters(tracker, [one for one in tracks if one.tracker == tracker]))
     sentences.append(" ".join([_closed("points'", points), _closed("trackers'", tracks)]))
     sentences.append(_price(price))
     sentences.append(
@@ -63,6 +56,25 @@ def answer(
         + ", but of the same road users, street and light: of other shapes it says nothing."
     )
     return sentences
+
+
+def answer_table(points: Sequence[Comparison], tracks: Sequence[Comparison]) -> Table:
+    """The numbers of the answer: of every road user, by all three kinds of measurement."""
+    users = list(dict.fromkeys(one.road_user for one in points))
+    told = [one for one in points if one.measure.label in _TOLD]
+    rows: dict[tuple[str, str], dict[str, str]] = {}
+    for one in (*told, *tracks):
+        row = rows.setdefault((one.tracker or "points", _called(one.measure)), {})
+        row[one.road_user] = _values(one)
+    pairs = sorted({one.apart[FABRICATED].n for one in (*told, *tracks)})
+    return Table(
+        "answer",
+        f"{SIMULATED} / {FABRICATED} / {FITTED}, means over n = {listed(pairs)} runs; * where the "
+        f"corrected test tells {FABRICATED} from {SIMULATED}. Intervals and effect sizes are in "
+        "the tables below.",
+        ("of", "measure", *users),
+        tuple((*key, *(row.get(user) for user in users)) for key, row in rows.items()),
+    )
 
 
 def _apart(found: Sequence[Comparison]) -> str:
@@ -81,38 +93,22 @@ def _apart(found: Sequence[Comparison]) -> str:
     )
 
 
-def _values(found: Sequence[Comparison]) -> str:
-    return "; ".join(f"{_called(one.measure.label)} {_triple(one)}" for one in found)
+def _called(measure: Measure) -> str:
+    """Name and unit; what is measured in decades is shown as its geometric mean."""
+    if measure.label.startswith(_DECADES):
+        return f"{measure.label.removeprefix(_DECADES)}, geometric mean"
+    return f"{measure.label}, {measure.unit}" if measure.unit else measure.label
 
 
-def _called(label: str) -> str:
-    if not label.startswith(_DECADES):
-        return label
-    return label.removeprefix(_DECADES) + ", geometric mean,"
-
-
-def _triple(one: Comparison) -> str:
+def _values(one: Comparison) -> str:
+    """Of all three, to the digits that the difference bears; starred if the test tells them."""
     gap = one.apart[FABRICATED]
     if one.measure.label.startswith(_DECADES):
-        return _factor(one)
-    places = None
-    if gap.low is not None:
-        places = decimals(0.5 * (gap.high - gap.low))
-    unit = one.measure.unit
-    values = " / ".join(number(value, places) for value in one.means.values())
-    shown = values + unit if unit == "°" else f"{values}\u202f{unit}" if unit else values
-    if gap.mean is None or gap.low is None:
-        return shown
-    return f"{shown} [{number(gap.low, places)}, {number(gap.high, places)}]"
-
-
-def _factor(one: Comparison) -> str:
-    """A measure in decades as what it is the logarithm of, and its difference as a factor."""
-    gap = one.apart[FABRICATED]
-    shown = " / ".join(number(_power(value)) for value in one.means.values())
-    if gap.low is None:
-        return shown
-    return f"{shown} [times {number(_power(gap.low))}, {number(_power(gap.high))}]"
+        shown = [number(_power(value)) for value in one.means.values()]
+    else:
+        places = None if gap.low is None else decimals(0.5 * (gap.high - gap.low))
+        shown = [number(value, places) for value in one.means.values()]
+    return " / ".join(shown) + (" *" if one.differs(FABRICATED) else "")
 
 
 def _power(decades: float | None) -> float | None:
@@ -153,14 +149,6 @@ def _by_user(found: Sequence[Comparison]) -> str:
 def _short(label: str) -> str:
     label = label.removeprefix(_DECADES).partition(" / ")[0]
     return label.removeprefix("mean ").removesuffix(" RMSE")
-
-
-def _tracker_numbers(tracker: str, found: Sequence[Comparison]) -> str:
-    parts = []
-    for user in dict.fromkeys(one.road_user for one in found):
-        own = [one for one in found if one.road_user == user]
-        parts.append(f"{user}, n = {own[0].apart[FABRICATED].n}: {_values(own)}")
-    return f"{capital(tracker)} {_ORDER}. {'. '.join(map(capital, parts))}."
 
 
 def _closed(owner: str, found: Sequence[Comparison]) -> str:

@@ -7,7 +7,7 @@ from stixel_cli.measurements.parameters import FittedNoise
 from stixel_cli.studies.inference import DRAWS
 from stixel_cli.studies.nouns import Findings, Paragraph, Part, Section, StudyData, Table
 from stixel_cli.studies.prose import listed, quantity
-from stixel_cli.studies.rq3.answer import answer
+from stixel_cli.studies.rq3.answer import answer, answer_table
 from stixel_cli.studies.rq3.compare import Comparison, compare, difference_table
 from stixel_cli.studies.rq3.figures import (
     Pools,
@@ -101,6 +101,7 @@ def report(data: StudyData) -> Findings:
             f"noise/fitted_{user}.yaml": preset(noise, _what(data, user), COMMAND)
             for user, noise in noises.items()
         },
+        (answer_table(points, tracks),),
     )
 
 
