@@ -178,6 +178,7 @@ def test_the_answer_is_made_of_what_is_there():
     no_stixels = [one for one in runs if one.kind == "lidar"]
     assert "answers nothing" in answer(no_stixels)[0]
     assert answer_tables(no_stixels) == ()
+    assert "position NEES / 2 is 1.00 for the car" in text
 
 
 def test_a_tracker_below_the_floor_is_said_to_be():

@@ -44,7 +44,7 @@ def test_the_study_answers_and_makes_its_preset(studies, study):
     studies.run(study, *TINY)
     folder = studies.results / "tiny"
     page = (folder / "report.html").read_text("utf-8")
-    for words in ("simulated / fabricated / fitted, means over n = 2", "rank-biserial", "Holm"):
+    for words in ("Simulated / fabricated / fitted, means over n = 2", "rank-biserial", "Holm"):
         assert words in page
     assert "seeds 0 and 1 are in both" in page
     for name in ("point_errors", "range_law", "neighbours", "edges", "tracker_differences"):

@@ -75,11 +75,11 @@ def _verdict(every: Group) -> str:
         else "In depth it cannot be told"
     )
     gross = stixel_summary(every.errors.stixels, *ROUND)["gross"]
+    left_out = f" ({share(gross)} of them, off by more than {GROSS:g} px, left out)" * (gross > 0.0)
     needed = needed_disparity(every.rig, SW_DEVIATION, SW_DEPTH)
     return (
         f"{beginning}: between {ROUND[0]:g} and {ROUND[1]:g} m the stixels of the default rig on "
-        f"all road users are off by {rms.text('m')} RMS ({share(gross)} of them, off by more than "
-        f"{GROSS:g} px, left out), with a bias of "
+        f"all road users are off by {rms.text('m')} RMS{left_out}, with a bias of "
         f"{estimate(every, near, by_pose.STIXEL_BIAS).text('m', sign=True)} (farther than the "
         f"nearest surface where positive); that is {rms.scaled(1.0 / SW_DEVIATION).text()} times "
         f"the {SW_DEVIATION:g} m at {SW_DEPTH:g} m below which Badino, Franke and Pfeiffer (2009, "

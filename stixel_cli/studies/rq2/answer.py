@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from stixel_cli.studies.field_names import LIDAR, STIXELS
 from stixel_cli.studies.nouns import Table
-from stixel_cli.studies.prose import MINUS, capital, listed
+from stixel_cli.studies.prose import MINUS, capital, listed, number
 from stixel_cli.studies.rq2.contrasts import (
     ERRORS,
     Contrast,
@@ -48,6 +48,7 @@ def answer(runs: Sequence[Run]) -> list[str]:
         sentences += [
             _against_floor(runs, tracker, floor, stixels[0]) for floor in _floors(runs, tracker)
         ]
+        sentences.append(_consistency(runs, tracker, stixels[0]))
     return [*sentences, _limits(runs, tested)]
 
 
@@ -206,6 +207,17 @@ def _beside_floor(iou: Statistic) -> str:
     if iou.low is None or iou.low <= 0.0 <= iou.high:
         return "no difference is shown"
     return "better" if iou.low > 0.0 else "worse"
+
+
+def _consistency(runs: Sequence[Run], tracker: str, stixels: str) -> str:
+    told = [
+        f"{number(_metric(runs, user, tracker, stixels, 'nees_position_mean'))} for the {user}"
+        for user in names(runs, "road_user")
+    ]
+    return (
+        f"Consistency of the {tracker} on {stixels}: position NEES / 2 is {listed(told)}, where 1 "
+        "is right and more is too sure of itself."
+    )
 
 
 def _limits(runs: Sequence[Run], tested: Sequence[Contrast]) -> str:

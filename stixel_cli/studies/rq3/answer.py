@@ -6,6 +6,7 @@ import numpy as np
 
 from stixel_cli.studies.nouns import Table
 from stixel_cli.studies.prose import (
+    capital,
     counted,
     decimals,
     listed,
@@ -31,6 +32,11 @@ _DECADES = "log10 of mean "
 """How the labels of measures in decades begin."""
 
 
+_SILENT = (
+    "That the test is silent where paths disagree does not say that the measurements are alike."
+)
+
+
 def answer(
     points: Sequence[Comparison],
     tracks: Sequence[Comparison],
@@ -42,7 +48,7 @@ def answer(
     sentences = [_apart(points)]
     for tracker in dict.fromkeys(one.tracker for one in tracks):
         sentences.append(_matters(tracker, [one for one in tracks if one.tracker == tracker]))
-    sentences.append(" ".join([_closed("points'", points), _closed("trackers'", tracks)]))
+    sentences.append(" ".join([_closed("points'", points), _closed("trackers'", tracks), _SILENT]))
     sentences.append(_price(price))
     sentences.append(
         f"Brackets are 95 % intervals of a bootstrap over {counted(seeds, 'seed')} in each "
@@ -69,9 +75,9 @@ def answer_table(points: Sequence[Comparison], tracks: Sequence[Comparison]) -> 
     pairs = sorted({one.apart[FABRICATED].n for one in (*told, *tracks)})
     return Table(
         "answer",
-        f"{SIMULATED} / {FABRICATED} / {FITTED}, means over n = {listed(pairs)} runs; * where the "
-        f"corrected test tells {FABRICATED} from {SIMULATED}. Intervals and effect sizes are in "
-        "the tables below.",
+        f"{capital(SIMULATED)} / {FABRICATED} / {FITTED}, means over n = {listed(pairs)} runs; * "
+        f"where the corrected test tells {FABRICATED} from {SIMULATED}. Intervals and effect sizes "
+        "are in the tables below.",
         ("of", "measure", *users),
         tuple((*key, *(row.get(user) for user in users)) for key, row in rows.items()),
     )
@@ -165,7 +171,7 @@ def _closed(owner: str, found: Sequence[Comparison]) -> str:
         f"{percent(share)} in the median, path by path; by the 95 % interval it narrows {surely} "
         f"and widens {wider}. Of {counted(len(found), 'comparison')} the test still tells fitted "
         f"from simulated in {left}, and the interval of the mean difference leaves out 0 in "
-        f"{known}: that the test is silent where paths disagree does not say that they are alike."
+        f"{known}."
     )
 
 
