@@ -44,13 +44,10 @@ class PointErrors:
         along: (N,) m, error of the range.
         disparities: (N,) px, error of the disparity.
         levers: (N,) m, the range that a pixel of disparity is worth there.
-        incidences: (N,) cosine of the angle between the ray and the contour's normal.
         inside: (N,) px from the nearer end of the silhouette; negative beside it.
         across: (N,) m beside the silhouette, across the ray; 0 inside, negative left of it.
         column_scans: (C,) int64, the scan of each column of the image, a pixel wide round its
             pixels' middles, that is in the silhouette from its left to its right.
-        column_inside: (C,) px, as `inside`.
-        column_incidences: (C,), as `incidences`.
         covered: (C,) whether a point of the target is within half of `spacing`.
         reach_left, reach_right: (K,) px, how far the scan's points, half of `spacing` round the
             outermost, go beyond either end of the silhouette; negative if they fall short; NaN
@@ -68,12 +65,9 @@ class PointErrors:
     along: np.ndarray
     disparities: np.ndarray
     levers: np.ndarray
-    incidences: np.ndarray
     inside: np.ndarray
     across: np.ndarray
     column_scans: np.ndarray
-    column_inside: np.ndarray
-    column_incidences: np.ndarray
     covered: np.ndarray
     reach_left: np.ndarray
     reach_right: np.ndarray
@@ -100,8 +94,8 @@ def point_errors(scans: Scans, scenario: Scenario, rig: Rig) -> PointErrors:
             (contour - pose[:2]) @ turn, (scans.points_world[scans.rows(k)] - pose[:2]) @ turn, rig
         )
         if seen is None:
-            points.append(np.zeros((9, 0)))
-            columns.append(np.zeros((4, 0)))
+            points.append(np.zeros((8, 0)))
+            columns.append(np.zeros((2, 0)))
             spans.append((np.nan, np.nan, np.nan))
             continue
         rows, its_columns, span, clutter[k] = seen
@@ -122,12 +116,9 @@ def point_errors(scans: Scans, scenario: Scenario, rig: Rig) -> PointErrors:
         along=rows[3],
         disparities=rows[4],
         levers=rows[5],
-        incidences=rows[6],
-        inside=rows[7],
-        across=rows[8],
+        inside=rows[6],
+        across=rows[7],
         column_scans=its_columns[0].astype(np.int64),
-        column_inside=its_columns[2],
-        column_incidences=its_columns[3],
         covered=_covered(its_columns[0], its_columns[1], scan, column, spacing),
         reach_left=reach[0],
         reach_right=reach[1],
@@ -137,7 +128,7 @@ def point_errors(scans: Scans, scenario: Scenario, rig: Rig) -> PointErrors:
 
 
 def _of_scan(contour, points, rig):
-    """Rows of the target's points (8, n) and columns (3, c), the silhouette's span, clutter."""
+    """Rows of the target's points (7, n) and its columns (1, c), the silhouette's span, clutter."""
     if contour[:, 0].min() < _BEHIND:
         return None
     left, right = -0.5 - rig.u0, rig.width - 0.5 - rig.u0
@@ -158,7 +149,7 @@ def _of_scan(contour, points, rig):
     met = np.clip(column, seeing[0], seeing[-1])
     met = np.where((column > low) & (column < high), column, met)
     bearing = -np.arctan(column / rig.focal)
-    true, incidence = ranges_along(contour, -np.arctan(met / rig.focal))
+    true = ranges_along(contour, -np.arctan(met / rig.focal))
     measured = np.hypot(points[:, 0], points[:, 1])
     along = measured - true
     disparity = rig.disparity_from_depth(points[:, 0]) - rig.disparity_from_depth(
@@ -170,13 +161,15 @@ def _of_scan(contour, points, rig):
     across = beside * true * np.cos(bearing) ** 2 / rig.focal
     own = (np.abs(disparity) <= DISPARITY_REACH) & (np.abs(along) <= RANGE_REACH)
     own |= np.abs(disparity) <= GROSS
-    rows = np.vstack([column, true, along, disparity, lever, incidence, inside, across])[:, own]
+    rows = np.vstack([column, true, along, disparity, lever, inside, across])[:, own]
 
-    depths, facing = ranges_along(contour, -np.arctan(seeing / rig.focal))
+    ends = seeing[[0, -1]]
     # f / (r cos²) at a bearing, the inverse of the metres r cos² / f across one column.
-    per_metre = (rig.focal + seeing**2 / rig.focal)[[0, -1]] / depths[[0, -1]]
+    per_metre = (rig.focal + ends**2 / rig.focal) / ranges_along(
+        contour, -np.arctan(ends / rig.focal)
+    )
     margin = np.minimum(seeing - low, high - seeing)
-    its_columns = np.vstack([seeing, margin, facing])[:, margin >= 0.5 - 1e-9]
+    its_columns = seeing[None, margin >= 0.5 - 1e-9]
     span = (
         first if first > left else np.nan,
         last if last < right else np.nan,
@@ -185,12 +178,11 @@ def _of_scan(contour, points, rig):
     return rows, its_columns, span, np.count_nonzero(~own & (inside > 0.0))
 
 
-def ranges_along(contour_sensor: np.ndarray, bearings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Range (n,) m to the first crossing along `bearings` (n,) rad, and the incidence's cosine.
+def ranges_along(contour_sensor: np.ndarray, bearings: np.ndarray) -> np.ndarray:
+    """Range (n,) m to the first crossing along `bearings` (n,) rad, infinite where there is none.
 
-    `contour_sensor` (M, 2) m is a polygon, counter-clockwise. Infinite, and 0, where there is no
-    crossing. Every ray is cut with every edge: bearings need no order here, unlike those of
-    `measurements.rays`, which this is independent of.
+    `contour_sensor` (M, 2) m is a polygon, counter-clockwise. Every ray is cut with every edge:
+    bearings need no order here, unlike those of `measurements.rays`, which this is independent of.
     """
     direction = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
     start = contour_sensor
@@ -199,13 +191,9 @@ def ranges_along(contour_sensor: np.ndarray, bearings: np.ndarray) -> tuple[np.n
     with np.errstate(divide="ignore", invalid="ignore"):
         ranges = (start[:, 0] * edge[:, 1] - start[:, 1] * edge[:, 0]) / rate
         share = (start[:, 0] * direction[:, 1:] - start[:, 1] * direction[:, :1]) / rate
-        facing = -rate / np.hypot(edge[:, 0], edge[:, 1])
     # A ray through a vertex must not slip between two edges.
     ranges[~((rate < 0.0) & (share >= -1e-9) & (share <= 1.0 + 1e-9) & (ranges > 0.0))] = np.inf
-    nearest = np.argmin(ranges, axis=1)
-    rows = np.arange(len(bearings))
-    found = ranges[rows, nearest]
-    return found, np.where(np.isfinite(found), facing[rows, nearest], 0.0)
+    return ranges.min(axis=1)
 
 
 def _reach(spans, scan, column, spacing):
