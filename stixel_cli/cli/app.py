@@ -1,5 +1,7 @@
 """The command `stixel`. Nothing heavy is imported before a command's body runs."""
 
+import atexit
+import gc
 import sys
 import textwrap
 from collections.abc import Sequence
@@ -43,6 +45,9 @@ app = typer.Typer(
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command line and return its exit code; nothing but an exit code comes out."""
     given = list(sys.argv[1:] if arguments is None else arguments)
+    if arguments is None:
+        # A process that ends need not look through its objects for garbage: 0.25 s of a warm run.
+        atexit.register(gc.freeze)
     return guarded(lambda: _run(given or ["--help"]))
 
 
