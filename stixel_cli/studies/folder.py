@@ -6,10 +6,7 @@ report.html        the report
 tables/ figures/   its tables as CSV, Markdown and LaTeX and its figures as SVG, once all is there
 """
 
-import os
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -19,6 +16,7 @@ import yaml
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.folder import check_plain_name
 from stixel_cli.experiment.recorded_run import provenance
+from stixel_cli.files import write_whole, written
 from stixel_cli.report.folder_reader import read_text
 from stixel_cli.studies.nouns import Findings
 from stixel_cli.studies.plan import StudyPlan
@@ -86,38 +84,20 @@ class StudyFolder:
             "overrides": list(plan.overrides),
             **plan.request(),
         }
-        with self._written():
+        with written(self.path):
             if fresh and self.path.exists():
                 shutil.rmtree(self.path)
-            self.path.mkdir(parents=True, exist_ok=True)
-            self._write(self.path / FILE, yaml_text(content).encode())
+            write_whole(self.path / FILE, yaml_text(content))
 
     def write(self, html: str, findings: Findings | None) -> Path:
         """Write the report, and its tables and figures if there are any; the page's path."""
-        with self._written():
+        with written(self.path):
             for name in ("tables", "figures"):
                 shutil.rmtree(self.path / name, ignore_errors=True)
             for name, content in files_of(findings).items() if findings is not None else ():
-                file = self.path / name
-                file.parent.mkdir(parents=True, exist_ok=True)
-                self._write(file, content.encode() if isinstance(content, str) else content)
-            self._write(self.path / PAGE, html.encode())
+                write_whole(self.path / name, content)
+            write_whole(self.path / PAGE, html)
         return self.path / PAGE
-
-    def _write(self, file: Path, content: bytes) -> None:
-        partial = file.with_name(f".{file.name}.partial-{os.getpid()}")
-        try:
-            partial.write_bytes(content)
-            partial.replace(file)
-        finally:
-            partial.unlink(missing_ok=True)
-
-    @contextmanager
-    def _written(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            raise UserError(f"{self.path}: cannot be written: {error.strerror or error}") from error
 
 
 def files_of(findings: Findings) -> dict[str, str | bytes]:

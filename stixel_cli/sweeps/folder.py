@@ -12,8 +12,8 @@ failed/0007/ …     config.yaml, failure.json, traceback.txt
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from typing import Any
 import yaml
 
 from stixel_cli.errors import FolderTaken, UserError
+from stixel_cli.files import write_whole, written
 
 PLAN = "sweep.yaml"
 RUNS = "runs.csv"
@@ -69,7 +70,7 @@ class SweepFolder:
             FolderTaken: if there is a folder of its name by now.
             UserError: if it cannot be written.
         """
-        with self._written():
+        with written(self.path):
             try:
                 self.path.mkdir(parents=True)
             except FileExistsError:
@@ -157,12 +158,12 @@ class SweepFolder:
 
     def write_table(self, name: str, text: str) -> None:
         """Write a file of the folder: whole, or not at all."""
-        with self._written():
-            self._write(name, text)
+        with written(self.path):
+            write_whole(self.path / name, text)
 
     def write_figures(self, figures: Mapping[str, bytes]) -> None:
         """Write the figures."""
-        with self._written():
+        with written(self.path):
             (self.path / FIGURES).mkdir(exist_ok=True)
             for name, data in figures.items():
                 (self.path / FIGURES / name).write_bytes(data)
@@ -185,7 +186,7 @@ class SweepFolder:
     ) -> None:
         partial = folder.with_name(f".{folder.name}.partial-{os.getpid()}")
         try:
-            with self._written():
+            with written(self.path):
                 partial.mkdir(parents=True)
                 for name, content in files.items():
                     file = partial / name
@@ -203,24 +204,6 @@ class SweepFolder:
         finally:
             if partial.exists():
                 shutil.rmtree(partial, ignore_errors=True)
-
-    def _write(self, name: str, text: str) -> None:
-        file = self.path / name
-        partial = file.with_name(f".{file.name}.partial-{os.getpid()}")
-        try:
-            if "/" in name:
-                file.parent.mkdir(exist_ok=True)
-            partial.write_text(text, encoding="utf-8")
-            partial.replace(file)
-        finally:
-            partial.unlink(missing_ok=True)
-
-    @contextmanager
-    def _written(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            raise UserError(f"{self.path}: cannot be written: {error.strerror or error}") from error
 
 
 def yaml_text(content: Any) -> str:
