@@ -9,9 +9,9 @@ import math
 from collections.abc import Iterator, Sequence
 
 from stixel_cli.studies.nouns import Figure, Findings, Section, Table
-from stixel_cli.studies.prose import MINUS, decimals, number, with_interval
+from stixel_cli.studies.prose import decimals, number, with_interval
 from stixel_cli.sweeps.statistics import Statistic, statistic
-from stixel_cli.sweeps.tables import csv_text, latex_row, latex_text, markdown_row
+from stixel_cli.sweeps.tables import csv_text, latex_table, markdown_row
 
 SPREAD, LOW, HIGH = "±", "low ", "high "
 
@@ -100,17 +100,4 @@ def table_markdown(table: Table) -> str:
 def table_latex(table: Table) -> str:
     """The table in LaTeX; it needs no package."""
     header, rows, numeric = shown_table(table)
-    lines = [
-        r"\begin{table}",
-        rf"\caption{{{latex_text(table.caption)}}}",
-        rf"\begin{{tabular}}{{{''.join('r' if right else 'l' for right in numeric)}}}",
-        r"\hline",
-        latex_row(header),
-        r"\hline",
-        *(latex_row(row).replace(MINUS, "$-$") for row in rows),
-        r"\hline",
-        r"\end{tabular}",
-        r"\end{table}",
-        "",
-    ]
-    return "\n".join(lines)
+    return "\n".join(latex_table(table.caption, numeric, header, rows))

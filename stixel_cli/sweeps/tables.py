@@ -23,6 +23,11 @@ _LATEX = {
     "°": r"\textdegree{}",
     "±": r"$\pm$",
     "–": "--",
+    "\u2212": "$-$",
+    "×": r"$\times$",
+    "²": "$^2$",
+    "σ": r"$\sigma$",
+    "\u202f": r"\,",
 }
 
 
@@ -90,19 +95,8 @@ def summary_latex(
     for name, rows in _by_metric(statistics):
         header, *body = _cells(rows, incomplete)
         keys = len(rows[0].setting)
-        lines += [
-            r"\begin{table}",
-            rf"\caption{{{latex_text(_heading(name))}}}",
-            rf"\begin{{tabular}}{{{'l' * keys}{'r' * (len(header) - keys)}}}",
-            r"\hline",
-            latex_row(header),
-            r"\hline",
-            *map(latex_row, body),
-            r"\hline",
-            r"\end{tabular}",
-            r"\end{table}",
-            "",
-        ]
+        numeric = [False] * keys + [True] * (len(header) - keys)
+        lines += latex_table(_heading(name), numeric, header, body)
     return "\n".join(lines)
 
 
@@ -151,11 +145,29 @@ def markdown_row(cells: Sequence[str]) -> str:
     return "| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |"
 
 
-def latex_row(cells: Sequence[str]) -> str:
-    """A row of a table in LaTeX."""
-    return " & ".join(latex_text(cell).replace("…", r"\ldots{}") for cell in cells) + r" \\"
+def latex_table(
+    caption: str, numeric: Sequence[bool], header: Sequence[str], rows: Iterable[Sequence[str]]
+) -> list[str]:
+    """Lines of a table in LaTeX, the last one empty; columns that are `numeric` end flush right."""
+    return [
+        r"\begin{table}",
+        rf"\caption{{{_latex_text(caption)}}}",
+        rf"\begin{{tabular}}{{{''.join('r' if right else 'l' for right in numeric)}}}",
+        r"\hline",
+        _latex_row(header),
+        r"\hline",
+        *map(_latex_row, rows),
+        r"\hline",
+        r"\end{tabular}",
+        r"\end{table}",
+        "",
+    ]
 
 
-def latex_text(text: str) -> str:
+def _latex_row(cells: Sequence[str]) -> str:
+    return " & ".join(_latex_text(cell).replace("…", r"\ldots{}") for cell in cells) + r" \\"
+
+
+def _latex_text(text: str) -> str:
     """Text with LaTeX's own characters escaped."""
     return "".join(_LATEX.get(character, character) for character in text)

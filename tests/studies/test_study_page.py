@@ -132,6 +132,15 @@ def test_an_interval_is_shown_to_the_digits_that_it_bears():
     assert "-26.196" in table_csv(table)
 
 
+def test_a_table_in_latex_needs_no_package():
+    """pdflatex stops at a σ, a minus or a narrow space of Unicode; it knows letters and quotes."""
+    table = Table("t", "σ² of 3 × 2\u202fpx", ("σ", "stixels \u2212 lidar"), (("±1 °", -0.5),))
+    latex = table_latex(table)
+    assert r"\caption{$\sigma$$^2$ of 3 $\times$ 2\,px}" in latex
+    assert r"$\sigma$ & stixels $-$ lidar \\" in latex
+    assert latex.isascii()
+
+
 def test_numbers_in_prose():
     assert quantity(-34.654, "°") == "−34.7°" and quantity(0.0212, "px", 3) == "0.021\u202fpx"
     assert number(None) == number(float("nan")) == "–" and quantity(None, "m") == "–"
