@@ -34,12 +34,4 @@ def match(pairs: StereoPairs, stereo: BmParameters, rig: Rig, frames: range) -> 
     matcher.setUniquenessRatio(stereo.uniqueness_ratio)
     matcher.setSpeckleWindowSize(stereo.speckle_window)
     matcher.setSpeckleRange(stereo.speckle_range)
-    return match_pairs(
-        pairs,
-        frames,
-        matcher,
-        stereo.minimum_disparity,
-        count,
-        margin=stereo.block_size // 2,
-        error_cancellation=stereo.error_cancellation,
-    )
+    return match_pairs(pairs, frames, matcher, stereo, count, margin=stereo.block_size // 2)

@@ -1,6 +1,7 @@
 """What both matchers share: the range of disparities, the padded border and the threads."""
 
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 
@@ -28,25 +29,25 @@ def disparity_count(stereo: SgmParameters | BmParameters, rig: Rig) -> int:
 def match_pairs(
     pairs: StereoPairs,
     frames: range,
-    matcher,
-    minimum: int,
+    matcher: Any,
+    stereo: SgmParameters | BmParameters,
     count: int,
     margin: int,
-    error_cancellation: bool,
 ) -> Disparities:
-    """Disparities of the pairs of `frames` by an OpenCV matcher.
+    """Disparities of the pairs of `frames` by an OpenCV `matcher`.
 
-    The matcher reports nothing in the leftmost `minimum + count + margin` columns, so that much is
-    put in front of the images and taken off again. `margin` is half the matcher's window where it
-    needs one, px.
+    The matcher reports nothing in the leftmost `stereo.minimum_disparity` + `count` + `margin`
+    columns, so that much is put in front of the images and taken off again. `count` is the number
+    of disparities that it searches, `margin` half its window where it needs one, px.
     """
+    minimum = stereo.minimum_disparity
     border = minimum + count + margin
     raw = []
     with _one_thread():
         for k in frames:
             left, right = pairs.left[k - pairs.first], pairs.right[k - pairs.first]
             found = _match(matcher, left, right, minimum, border)
-            if error_cancellation:
+            if stereo.error_cancellation:
                 moved = _match(matcher, left, half_pixel_right(right), minimum, border)
                 found = cancel_errors(found, moved)
             # In the leftmost columns a large disparity lies in the border, where no image is.
@@ -55,7 +56,9 @@ def match_pairs(
     return Disparities.from_raw(frames.start, minimum + count, raw)
 
 
-def _match(matcher, left: np.ndarray, right: np.ndarray, minimum: int, border: int) -> np.ndarray:
+def _match(
+    matcher: Any, left: np.ndarray, right: np.ndarray, minimum: int, border: int
+) -> np.ndarray:
     """Raw disparity (H, W) int16 in 1/16 px of two grey images (H, W) uint8."""
     widen = ((0, 0), (border, 0))
     raw = matcher.compute(np.pad(left, widen, mode="edge"), np.pad(right, widen, mode="edge"))

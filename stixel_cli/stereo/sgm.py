@@ -35,12 +35,4 @@ def match(pairs: StereoPairs, stereo: SgmParameters, rig: Rig, frames: range) ->
         speckleRange=stereo.speckle_range,
         mode=modes[stereo.mode],
     )
-    return match_pairs(
-        pairs,
-        frames,
-        matcher,
-        stereo.minimum_disparity,
-        count,
-        margin=0,
-        error_cancellation=stereo.error_cancellation,
-    )
+    return match_pairs(pairs, frames, matcher, stereo, count, margin=0)
