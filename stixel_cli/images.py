@@ -1,5 +1,6 @@
 """Stacks of images held compressed and without loss, decoded one at a time."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,8 +17,8 @@ class ImageStack:
     encoded: tuple[bytes, ...]
 
     @classmethod
-    def from_images(cls, images) -> "ImageStack":
-        """Compress an iterable of (H, W) uint8 or uint16, or (H, W, 3) uint8 RGB, images."""
+    def from_images(cls, images: Iterable[np.ndarray]) -> "ImageStack":
+        """Compress (H, W) uint8 or uint16, or (H, W, 3) uint8 RGB, images."""
         return cls(tuple(encode_png(image) for image in images))
 
     def __len__(self) -> int:

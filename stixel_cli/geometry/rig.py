@@ -85,12 +85,12 @@ class Rig:
         cosine, sine = np.cos(self.pitch_radians), np.sin(self.pitch_radians)
         return np.array([[1.0, 0.0, 0.0], [0.0, cosine, sine], [0.0, -sine, cosine]])
 
-    def disparity_from_depth(self, depth):
-        """Disparity f_u B / z in px of a depth z in m along the optical axis, thesis (3)."""
+    def disparity_from_depth(self, depth: float | np.ndarray) -> float | np.ndarray:
+        """Disparity f_u B / z in px of depths z in m along the optical axis, any shape; (3)."""
         return self.focal * self.baseline / depth
 
-    def depth_from_disparity(self, disparity):
-        """Depth f_u B / d in m along the optical axis of a disparity d in px, thesis (5)."""
+    def depth_from_disparity(self, disparity: float | np.ndarray) -> float | np.ndarray:
+        """Depth f_u B / d in m along the optical axis of disparities d in px, any shape; (5)."""
         return self.focal * self.baseline / disparity
 
     def project(self, points_camera: np.ndarray) -> np.ndarray:

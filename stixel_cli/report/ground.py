@@ -9,6 +9,7 @@ from matplotlib.collections import EllipseCollection
 from matplotlib.markers import MarkerStyle
 from matplotlib.patches import PathPatch, Polygon
 from matplotlib.path import Path
+from matplotlib.typing import ColorType
 
 from stixel_cli.report import style
 
@@ -56,7 +57,12 @@ def draw_points(
 
 
 def draw_ellipses(
-    axes: Axes, centres: np.ndarray, covariances: np.ndarray, deviations: float, colour, **options
+    axes: Axes,
+    centres: np.ndarray,
+    covariances: np.ndarray,
+    deviations: float,
+    colour: ColorType,
+    **options,
 ) -> None:
     """Ellipses of `deviations` standard deviations round centres (n, 2), as one artist."""
     a, b, c = covariances[:, 0, 0], covariances[:, 0, 1], covariances[:, 1, 1]

@@ -5,6 +5,7 @@ kinds of colour vision. One colour means one thing in every picture.
 """
 
 import io
+from collections.abc import Iterator
 from contextlib import contextmanager
 from threading import RLock
 
@@ -13,6 +14,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 
 TRUTH = "#1a1a1a"
 ESTIMATE = "#0072b2"
@@ -67,7 +69,7 @@ _one_at_a_time = RLock()
 
 
 @contextmanager
-def drawing(settings: dict | None = None):
+def drawing(settings: dict | None = None) -> Iterator[None]:
     """Context in which figures are made and written: our settings over Matplotlib's defaults.
 
     What the user's own matplotlibrc says is put aside, for it would change the bytes. `settings`
@@ -108,7 +110,7 @@ def svg(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
-def depth_colours(depth) -> np.ndarray:
+def depth_colours(depth: ArrayLike) -> np.ndarray:
     """RGB colours, depth's shape + (3,), 0 … 1, of depths in m: near is yellow, far is violet."""
     near, far = np.log(DEPTH_TICKS[0]), np.log(DEPTH_TICKS[-1])
     with np.errstate(divide="ignore"):

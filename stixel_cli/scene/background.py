@@ -1,15 +1,24 @@
 """What stands about a town square: houses, trees, lamp posts, signs, hedges, bollards.
 
-Each function makes one object in the world's axes, standing on z = 0.
+Each function makes one object in the world's axes, standing on z = 0. Textures are (h, w, 3) uint8
+RGB.
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from stixel_cli.scene.mesh import Mesh, Part
 from stixel_cli.scene.shapes import box, ellipsoid, lathe, loft, part, tube
 
 
-def house(low, high, height: float, front: np.ndarray, roof: np.ndarray, ridge: str) -> Mesh:
+def house(
+    low: ArrayLike,
+    high: ArrayLike,
+    height: float,
+    front: np.ndarray,
+    roof: np.ndarray,
+    ridge: str,
+) -> Mesh:
     """A house with a gabled roof and a chimney.
 
     Args:
@@ -56,8 +65,10 @@ def _chimney(low, high, height):
     return box((*corner, height), (*(corner + 0.8), height + 0.40 * depth))
 
 
-def tower(low, high, height: float, front: np.ndarray, roof: np.ndarray) -> Mesh:
-    """A church tower with a steep pyramid on top, over the footprint `low` … `high`, (2,) m."""
+def tower(
+    low: ArrayLike, high: ArrayLike, height: float, front: np.ndarray, roof: np.ndarray
+) -> Mesh:
+    """A church tower with a steep pyramid on top; see `house` for what it is given."""
     shaft = house(low, high, height, front, roof, "x").parts[0]
     middle = 0.5 * (np.asarray(low) + np.asarray(high))
     half = 0.5 * (np.asarray(high) - np.asarray(low)) + 0.3
@@ -69,8 +80,14 @@ def tower(low, high, height: float, front: np.ndarray, roof: np.ndarray) -> Mesh
     return Mesh((shaft, part("roof", [loft(np.array(rings))], roof, 4.0)))
 
 
-def tree(draws: np.random.Generator, place, height: float, bark, foliage) -> Mesh:
-    """A tree at `place` (2,) m: a trunk and a crown of lumps."""
+def tree(
+    draws: np.random.Generator,
+    place: ArrayLike,
+    height: float,
+    bark: np.ndarray,
+    foliage: np.ndarray,
+) -> Mesh:
+    """A tree of `height` m at `place` (2,) m: a trunk and a crown of lumps."""
     x, y = place
     girth = 0.022 * height
     crown = 0.62 * height
@@ -95,8 +112,10 @@ def tree(draws: np.random.Generator, place, height: float, bark, foliage) -> Mes
     return Mesh((part("trunk", surfaces, bark, 1.0), part("crown", lumps, foliage, 2.5)))
 
 
-def lamp_post(place, height: float, reach, metal, glass) -> Mesh:
-    """A lamp post at `place` (2,) m, its arm of `reach` (2,) m."""
+def lamp_post(
+    place: ArrayLike, height: float, reach: ArrayLike, metal: np.ndarray, glass: np.ndarray
+) -> Mesh:
+    """A lamp post of `height` m at `place` (2,) m, its arm of `reach` (2,) m."""
     x, y = place
     tip = np.array([x + reach[0], y + reach[1], height])
     pole = [
@@ -108,7 +127,7 @@ def lamp_post(place, height: float, reach, metal, glass) -> Mesh:
     return Mesh((part("pole", pole, metal, 0.6), part("lamp", [lamp], glass, 0.6)))
 
 
-def sign(place, metal: np.ndarray, plate: np.ndarray) -> Mesh:
+def sign(place: ArrayLike, metal: np.ndarray, plate: np.ndarray) -> Mesh:
     """A traffic sign at `place` (2,) m that faces −y."""
     x, y = place
     pole = tube([(x, y, 0.0), (x, y, 2.75)], 0.04, 5)
@@ -116,12 +135,12 @@ def sign(place, metal: np.ndarray, plate: np.ndarray) -> Mesh:
     return Mesh((part("pole", [pole], metal, 0.5), part("plate", [disc], plate, 0.5)))
 
 
-def hedge(low, high, foliage: np.ndarray) -> Mesh:
+def hedge(low: ArrayLike, high: ArrayLike, foliage: np.ndarray) -> Mesh:
     """A clipped hedge that fills the box `low` … `high`, (3,) m."""
     return Mesh((part("hedge", [box(low, high)], foliage, 2.0),))
 
 
-def bollard(place, metal: np.ndarray) -> Mesh:
+def bollard(place: ArrayLike, metal: np.ndarray) -> Mesh:
     """A bollard of a metre at `place` (2,) m."""
     x, y = place
     shaft = tube([(x, y, 0.0), (x, y, 0.85)], [0.10, 0.08], 8)

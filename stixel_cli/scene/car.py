@@ -20,7 +20,7 @@ from stixel_cli.scene.shapes import (
     rounded_rectangle,
     tube,
 )
-from stixel_cli.scene.textures import mottled, paint
+from stixel_cli.scene.textures import Colour, mottled, paint
 
 WHEEL_X = (1.37, -1.30)
 WHEEL_Y = 0.70
@@ -53,8 +53,8 @@ _SECTION = np.array(
 )
 
 
-def car(colour, contrast: float) -> Mesh:
-    """The car, its paint of `colour` (3,) 0 … 255 and of `contrast` 0 … 1."""
+def car(colour: Colour, contrast: float) -> Mesh:
+    """The car, its paint of `colour` and of `contrast` 0 … 1."""
     painted = paint(colour, contrast)
     shell, windows = _cabin(painted)
     trim = mottled("trim", (34, 34, 37), 0.20)

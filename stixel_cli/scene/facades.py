@@ -2,15 +2,17 @@
 
 import numpy as np
 
-from stixel_cli.scene.textures import SIZE, noise, tinted
+from stixel_cli.scene.textures import SIZE, Colour, noise, tinted
 
 
-def facade(name: str, colour, floors: int, bays: int, brick: bool, contrast: float) -> np.ndarray:
+def facade(
+    name: str, colour: Colour, floors: int, bays: int, brick: bool, contrast: float
+) -> np.ndarray:
     """A house front, (512, 512, 3) uint8: laid on once over a wall, not repeated.
 
     Args:
         name: of the front; its windows and stains depend on it.
-        colour: of the wall, (3,) 0 … 255.
+        colour: of the wall.
         floors, bays: rows and columns of windows; a door is in the middle of the lowest row.
         brick: courses of bricks, or plaster.
         contrast: 0 … 1.
@@ -79,7 +81,7 @@ def _door(image, draws, top, left, bottom, right):
             image[r : r + height - 10, c : c + width - 10] = colour * (0.75 if row else 1.5)
 
 
-def roof_tiles(name: str, colour, contrast: float) -> np.ndarray:
+def roof_tiles(name: str, colour: Colour, contrast: float) -> np.ndarray:
     """Rows of roof tiles, (512, 512, 3) uint8, seamless."""
     rows, columns = np.indices((SIZE, SIZE))
     step = 32

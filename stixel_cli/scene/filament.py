@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from stixel_cli.geometry.rig import Rig
 from stixel_cli.scene.camera_rays import Camera, rig_cameras
 from stixel_cli.scene.filament_process import REASON, main
 from stixel_cli.scene.frames import TARGET_ID, RenderedFrames
+from stixel_cli.scene.mesh import Mesh
 from stixel_cli.scene.parameters import RoadUser, World
 from stixel_cli.scene.placement import (
     SUN_COLOUR,
@@ -66,7 +68,11 @@ def render(
 
 
 def describe_scene(
-    scenario: Scenario, objects, rig: Rig, renderer: FilamentParameters, frames: range
+    scenario: Scenario,
+    objects: Iterable[tuple[int, Mesh]],
+    rig: Rig,
+    renderer: FilamentParameters,
+    frames: range,
 ) -> dict[str, np.ndarray]:
     """The arrays that the child reads; `objects` are (id, Mesh), the target in its own frame."""
     arrays: dict[str, np.ndarray] = {}
@@ -103,7 +109,9 @@ def describe_scene(
     }
 
 
-def rendered(scene: dict[str, np.ndarray], renderer: FilamentParameters, command):
+def rendered(
+    scene: dict[str, np.ndarray], renderer: FilamentParameters, command: Sequence[str]
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
     """Yield (left, right, depth, ids) of each frame of `scene`, from as many children as it takes.
 
     Raises:

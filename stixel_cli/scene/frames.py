@@ -1,5 +1,6 @@
 """What a renderer gives: a chunk of noise-free stereo pairs with the left view's truth."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,13 +34,22 @@ class RenderedFrames:
     ids: ImageStack
 
     @classmethod
-    def from_arrays(cls, first, left, right, depth, ids) -> "RenderedFrames":
-        """From iterables of arrays; `depth` in m, float, with inf or NaN where there is none."""
+    def from_arrays(
+        cls,
+        first: int,
+        left: Iterable[np.ndarray],
+        right: Iterable[np.ndarray],
+        depth: Iterable[np.ndarray],
+        ids: Iterable[np.ndarray],
+    ) -> "RenderedFrames":
+        """From the frames' arrays; `depth` in m, float, with inf or NaN where there is none."""
         return cls.from_frames(first, zip(left, right, depth, ids, strict=True))
 
     @classmethod
-    def from_frames(cls, first, frames) -> "RenderedFrames":
-        """From an iterable of (left, right, depth, ids), compressed one frame after the other."""
+    def from_frames(
+        cls, first: int, frames: Iterable[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]
+    ) -> "RenderedFrames":
+        """From (left, right, depth, ids) of each frame, compressed one frame after the other."""
         stacks = ([], [], [], [], [])
         for left, right, depth, ids in frames:
             depth = np.asarray(depth)

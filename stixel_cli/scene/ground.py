@@ -1,5 +1,7 @@
 """The ground of the town square: asphalt, lane marks, patches, covers, raised pavements."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from stixel_cli.scene.mesh import Mesh, Part
@@ -47,7 +49,13 @@ def ground(contrast: float) -> Mesh:
     )  # fmt: skip
 
 
-def flat(name: str, rectangles, height: float, texture: np.ndarray, tile: float) -> Part:
+def flat(
+    name: str,
+    rectangles: Iterable[tuple[float, float, float, float]],
+    height: float,
+    texture: np.ndarray,
+    tile: float,
+) -> Part:
     """Level rectangles (x0, y0, x1, y1) m, seen from above, `tile` m a repetition."""
     vertices, triangles = [], []
     for x0, y0, x1, y1 in rectangles:

@@ -4,6 +4,7 @@ Modelled at about 0.6 × 0.36 × 1.75 m, x forward, y left, z up; the caller fit
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from stixel_cli.scene.mesh import Mesh
 from stixel_cli.scene.shapes import ellipsoid, loft, part, tube
@@ -24,7 +25,7 @@ def pedestrian(contrast: float) -> Mesh:
     )
 
 
-def torso_rings(sections) -> np.ndarray:
+def torso_rings(sections: ArrayLike) -> np.ndarray:
     """Closed rings (S, N, 3) of `sections`: rows (x, z, half depth, half breadth), m."""
     angles = 2.0 * np.pi * np.arange(20) / 20
     # A superellipse: flatter in front and behind than an ellipse.

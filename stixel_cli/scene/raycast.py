@@ -1,5 +1,6 @@
 """The default renderer: rays against the meshes on Embree, exact and repeatable to the bit."""
 
+from collections.abc import Iterable
 from functools import lru_cache
 from itertools import product
 
@@ -53,7 +54,7 @@ class StillScene:
     `objects` are (object id, Mesh in the world).
     """
 
-    def __init__(self, objects, rig: Rig, renderer: RaycastParameters):
+    def __init__(self, objects: Iterable[tuple[int, Mesh]], rig: Rig, renderer: RaycastParameters):
         self.rig, self.renderer = rig, renderer
         self.sun = sun_direction(renderer.light)
         self.body = Body(build_surfaces(objects), np.eye(4))

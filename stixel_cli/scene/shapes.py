@@ -4,6 +4,7 @@ A surface is (vertices (V, 3) m, triangles (T, 3) int32, counter-clockwise seen 
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from stixel_cli.scene.mesh import Part
 
@@ -37,7 +38,8 @@ def joined(surfaces: list[Surface]) -> Surface:
 def cube_uvs(vertices: np.ndarray, triangles: np.ndarray, tile: float) -> np.ndarray:
     """Texture coordinates (T, 3, 2): each triangle seen along the axis that its normal is nearest.
 
-    The texture's rows point down (−z) on upright faces.
+    `vertices` (V, 3) m and `triangles` (T, 3); one repetition covers `tile` m. The texture's rows
+    point down (−z) on upright faces.
     """
     points = vertices[triangles]
     normals = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
@@ -48,7 +50,7 @@ def cube_uvs(vertices: np.ndarray, triangles: np.ndarray, tile: float) -> np.nda
 
 
 def outward(vertices: np.ndarray, triangles: np.ndarray) -> Surface:
-    """A closed surface, its triangles turned so that they face outwards."""
+    """A closed surface of `vertices` (V, 3) m, its `triangles` (T, 3) turned to face outwards."""
     points = vertices[triangles]
     volume = np.einsum("ti,ti->", points[:, 0], np.cross(points[:, 1], points[:, 2]))
     if volume < 0.0:
@@ -56,7 +58,7 @@ def outward(vertices: np.ndarray, triangles: np.ndarray) -> Surface:
     return vertices, np.ascontiguousarray(triangles, dtype=np.int32)
 
 
-def box(low, high) -> Surface:
+def box(low: ArrayLike, high: ArrayLike) -> Surface:
     """The box between the corners `low` and `high`, (3,) m."""
     low, high = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
     ring = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
@@ -73,7 +75,7 @@ def ring_quads(stations: int, points: int) -> np.ndarray:
 
 
 def quads_to_triangles(quads: np.ndarray) -> np.ndarray:
-    """Quads (…, 4) as triangles (2 n, 3) int32."""
+    """The n quads (…, 4) of vertices as triangles (2 n, 3) int32."""
     quads = quads.reshape(-1, 4)
     return np.stack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]], 1).reshape(-1, 3).astype(np.int32)
 
@@ -91,7 +93,7 @@ def loft(rings: np.ndarray) -> Surface:
     return outward(vertices, np.concatenate([body, start, end]))
 
 
-def tube(points, radii, sides: int = 10) -> Surface:
+def tube(points: ArrayLike, radii: ArrayLike, sides: int = 10) -> Surface:
     """A round tube along the polyline `points` (n, 3) m, with radii (n,) or one, m.
 
     Its ends are rounded off, so that limbs join.
@@ -124,7 +126,7 @@ def tube(points, radii, sides: int = 10) -> Surface:
     return loft(rings)
 
 
-def ellipsoid(centre, radii, rings: int = 8, sides: int = 14) -> Surface:
+def ellipsoid(centre: ArrayLike, radii: ArrayLike, rings: int = 8, sides: int = 14) -> Surface:
     """The ellipsoid about `centre` (3,) m with half axes `radii` (3,) m."""
     polar = np.pi * (np.arange(rings) + 0.5) / rings
     # The first and the last ring are drawn together, so that the fans close nearly flat poles.
@@ -141,7 +143,7 @@ def ellipsoid(centre, radii, rings: int = 8, sides: int = 14) -> Surface:
     return loft(np.asarray(centre) + unit * np.asarray(radii))
 
 
-def lathe(profile, centre, sides: int = 28) -> Surface:
+def lathe(profile: ArrayLike, centre: ArrayLike, sides: int = 28) -> Surface:
     """A body turned about the y axis through `centre` (3,) m.
 
     `profile` (n, 2) m is (y, radius), from one side to the other.
@@ -159,7 +161,9 @@ def lathe(profile, centre, sides: int = 28) -> Surface:
     return loft(np.asarray(centre) + rings)
 
 
-def torus(centre, radius: float, thickness: float, sides: int = 36, around: int = 8) -> Surface:
+def torus(
+    centre: ArrayLike, radius: float, thickness: float, sides: int = 36, around: int = 8
+) -> Surface:
     """A ring in the x-z plane about `centre` (3,) m: a bicycle's tyre.
 
     `radius` goes to the middle of the tube, whose own radius is `thickness`, m.
@@ -179,11 +183,14 @@ def torus(centre, radius: float, thickness: float, sides: int = 36, around: int 
     return outward(np.asarray(centre) + vertices, quads_to_triangles(quads))
 
 
-def rounded_rectangle(low, high, radius: float, per_side: int, per_corner: int) -> np.ndarray:
+def rounded_rectangle(
+    low: ArrayLike, high: ArrayLike, radius: float, per_side: int, per_corner: int
+) -> np.ndarray:
     """A closed ring (4 (per_side + per_corner), 2), counter-clockwise from the corner of `high`.
 
-    In turn: corner, then side; sides go −x, −y, +x, +y. Rings of equal counts match point by
-    point, whatever their size: a loft's columns stay what they are.
+    `low` and `high` (2,) are opposite corners; they and `radius` have one unit. In turn: corner,
+    then side; sides go −x, −y, +x, +y. Rings of equal counts match point by point, whatever their
+    size: a loft's columns stay what they are.
     """
     low, high = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
     x0, y0, x1, y1 = low[0] + radius, low[1] + radius, high[0] - radius, high[1] - radius

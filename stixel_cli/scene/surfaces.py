@@ -1,9 +1,11 @@
 """Triangles as the ray caster wants them: tables of planes, texture gradients and mip-maps."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
+from stixel_cli.scene.mesh import Mesh
 from stixel_cli.scene.open3d_import import import_open3d
 from stixel_cli.scene.shading import GREEN, RED, TEXEL_STEP
 
@@ -76,8 +78,12 @@ class Surfaces:
     textures: Textures
 
 
-def build_surfaces(objects) -> Surfaces:
-    """Surfaces of `objects`, an iterable of (object id, Mesh), all in one frame."""
+def build_surfaces(objects: Iterable[tuple[int, Mesh]]) -> Surfaces:
+    """Surfaces of `objects`, meshes with their ids, all in one frame.
+
+    Raises:
+        ValueError: as `build_textures` does.
+    """
     vertices, triangles, uvs, texture, ids, images = [], [], [], [], [], []
     count = 0
     for object_id, mesh in objects:
@@ -129,7 +135,7 @@ def _uv_gradients(corners: np.ndarray, normals: np.ndarray, uvs: np.ndarray) -> 
     return np.ascontiguousarray(np.concatenate([gradient, constant[:, :, None]], axis=2))
 
 
-def build_textures(images) -> Textures:
+def build_textures(images: Iterable[np.ndarray]) -> Textures:
     """Mip-maps of `images`, (h, w, 3) uint8 sRGB with sides that are powers of two.
 
     Averages are taken in linear light, for that is what a pixel collects.

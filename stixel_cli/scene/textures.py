@@ -11,9 +11,12 @@ import numpy as np
 
 SIZE = 512
 
+Colour = tuple[float, float, float]
+"""Red, green, blue, 0 … 255 each."""
+
 
 @lru_cache(maxsize=64)
-def noise(name: str, size: int = SIZE, coarsest: float = 1.0, finest: float = 256.0):
+def noise(name: str, size: int = SIZE, coarsest: float = 1.0, finest: float = 256.0) -> np.ndarray:
     """Seamless noise (size, size) float32 of mean 0 and deviation 1, always the same for a `name`.
 
     Octaves between `coarsest` and `finest` cycles an image have equal variance.
@@ -29,8 +32,8 @@ def noise(name: str, size: int = SIZE, coarsest: float = 1.0, finest: float = 25
     return values
 
 
-def tinted(colour, values: np.ndarray, hue: np.ndarray | None = None) -> np.ndarray:
-    """`colour` (3,) 0 … 255, brightened by the factors exp(`values`), (h, w).
+def tinted(colour: Colour, values: np.ndarray, hue: np.ndarray | None = None) -> np.ndarray:
+    """`colour`, brightened by the factors exp(`values`), (h, w).
 
     `hue` (h, w) shifts it from blue to red by that share.
     """
@@ -41,8 +44,8 @@ def tinted(colour, values: np.ndarray, hue: np.ndarray | None = None) -> np.ndar
 
 
 @lru_cache(maxsize=64)
-def mottled(name: str, colour, depth: float, coarsest: float = 1.0) -> np.ndarray:
-    """`colour` (3,) with noise of relative deviation `depth`, and a little of it in hue."""
+def mottled(name: str, colour: Colour, depth: float, coarsest: float = 1.0) -> np.ndarray:
+    """`colour` with noise of relative deviation `depth`, and a little of it in hue."""
     values = np.clip(noise(name, 256, coarsest), -2.5, 2.5)
     hue = np.clip(noise(name + " hue", 256, coarsest), -2.5, 2.5)
     image = tinted(colour, depth * values - 0.5 * depth**2, 0.15 * depth * hue)
@@ -50,7 +53,7 @@ def mottled(name: str, colour, depth: float, coarsest: float = 1.0) -> np.ndarra
     return image
 
 
-def paint(colour, contrast: float) -> np.ndarray:
+def paint(colour: Colour, contrast: float) -> np.ndarray:
     """Car paint: plain at `contrast` 0; clouded, with flakes and grime, at 1."""
     flakes = noise("paint flakes", coarsest=12.0)
     clouds = noise("paint clouds", finest=24.0)
@@ -58,7 +61,7 @@ def paint(colour, contrast: float) -> np.ndarray:
     return tinted(colour, values, 0.06 * contrast * clouds)
 
 
-def cloth(colour, contrast: float, checks: int = 0) -> np.ndarray:
+def cloth(colour: Colour, contrast: float, checks: int = 0) -> np.ndarray:
     """Cloth: folds and weave; with `checks` bands a tile, a checked shirt."""
     folds = np.clip(noise("folds", coarsest=3.0), -2.3, 2.3)
     values = contrast * 0.23 * folds
@@ -92,7 +95,7 @@ def paving(contrast: float, slabs: int = 8) -> np.ndarray:
     return tinted((150, 145, 137), values.astype(np.float32))
 
 
-def leaves(name: str, colour, contrast: float) -> np.ndarray:
+def leaves(name: str, colour: Colour, contrast: float) -> np.ndarray:
     """Foliage: clumps of light and shadow."""
     clumps = noise(name, SIZE, 5.0, 128.0)
     values = contrast * 0.5 * np.clip(clumps, -2.2, 2.0)

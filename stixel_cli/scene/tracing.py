@@ -1,5 +1,6 @@
 """Colour, depth and identity of samples: rays to a scene's bodies, and from there to the sun."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,10 +44,18 @@ class Hits:
         return Hits(self.depth[index], self.body[index], self.triangle[index])
 
 
-def intersect(body: Body, camera: Camera, rows, columns, right, down):
+def intersect(
+    body: Body,
+    camera: Camera,
+    rows: np.ndarray,
+    columns: np.ndarray,
+    right: np.ndarray,
+    down: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
     """Depths (n s,) m (inf if none) and triangles (n s,) int32 of `body` behind samples.
 
-    Pixels (n,) have s samples each, which lie `right` and `down` (s,) px from the centre.
+    Pixels in `rows` and `columns` (n,) have s samples each, which lie `right` and `down` (s,) px
+    from the centre.
     """
     u, v = np.add.outer(columns, right).ravel(), np.add.outer(rows, down).ravel()
     surfaces = body.surfaces
@@ -56,7 +65,14 @@ def intersect(body: Body, camera: Camera, rows, columns, right, down):
     return depth, triangle
 
 
-def nearest(bodies: list[Body], camera: Camera, rows, columns, right, down) -> Hits:
+def nearest(
+    bodies: list[Body],
+    camera: Camera,
+    rows: np.ndarray,
+    columns: np.ndarray,
+    right: np.ndarray,
+    down: np.ndarray,
+) -> Hits:
     """What the samples of `intersect` meet first."""
     depth, triangle = intersect(bodies[0], camera, rows, columns, right, down)
     hits = Hits(depth, np.where(triangle >= 0, 0, -1).astype(np.int8), triangle)
@@ -69,10 +85,18 @@ def nearest(bodies: list[Body], camera: Camera, rows, columns, right, down) -> H
     return hits
 
 
-def sunlit(bodies: list[Body], camera: Camera, u, v, hits: Hits, sun, blockers) -> np.ndarray:
+def sunlit(
+    bodies: list[Body],
+    camera: Camera,
+    u: np.ndarray,
+    v: np.ndarray,
+    hits: Hits,
+    sun: np.ndarray,
+    blockers: Iterable[int],
+) -> np.ndarray:
     """Whether the hits (n,) see the sun past the bodies whose indices are in `blockers`; (n,) bool.
 
-    `sun` (3,) points to the sun in the world.
+    `u`, `v` (n,) px are the samples that hit; `sun` (3,) points to the sun in the world.
     """
     lit = np.zeros(len(u), dtype=bool)
     for index, body in enumerate(bodies):
@@ -101,9 +125,21 @@ def sunlit(bodies: list[Body], camera: Camera, u, v, hits: Hits, sun, blockers) 
 
 
 def light_of(
-    bodies: list[Body], camera: Camera, u, v, hits: Hits, lit, sun, light: Light, spread: float
+    bodies: list[Body],
+    camera: Camera,
+    u: np.ndarray,
+    v: np.ndarray,
+    hits: Hits,
+    lit: np.ndarray,
+    sun: np.ndarray,
+    light: Light,
+    spread: float,
 ) -> np.ndarray:
-    """Linear light (n, 3) float32 of samples that each stand for a square of `spread` px."""
+    """Linear light (n, 3) float32 of samples that each stand for a square of `spread` px.
+
+    Samples `u`, `v` (n,) px meet `hits`, which see the sun where `lit` (n,) bool says so; `sun`
+    (3,) points to it in the world.
+    """
     result = np.empty((len(u), 3), dtype=np.float32)
     for index, body in enumerate(bodies):
         surfaces = body.surfaces
@@ -196,9 +232,9 @@ def supersampled(
 ) -> np.ndarray:
     """Linear light (n, 3) float32 of pixels (n,), the mean of `samples`² rays through each.
 
-    `at_shadow` (n,) tells whether a shadow's edge may lie in the pixel. A sample on the centre's
-    triangle has the centre's light, whose filter is a pixel wide; only where a shadow's edge may
-    run between them is the sun asked for.
+    `sun` (3,) points to the sun in the world. `at_shadow` (n,) tells whether a shadow's edge may
+    lie in the pixel. A sample on the centre's triangle has the centre's light, whose filter is a
+    pixel wide; only where a shadow's edge may run between them is the sun asked for.
     """
     right, down = sample_offsets(samples)
     hits = nearest(bodies, camera, centres.rows, centres.columns, right, down)

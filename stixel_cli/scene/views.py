@@ -45,8 +45,10 @@ class StillView:
     ids: np.ndarray
 
 
-def still_view(still: Body, camera: Camera, sun, renderer: RaycastParameters) -> StillView:
-    """The view of what stands still."""
+def still_view(
+    still: Body, camera: Camera, sun: np.ndarray, renderer: RaycastParameters
+) -> StillView:
+    """The view of what stands still; `sun` (3,) points to the sun in the world."""
     rows, columns = np.divmod(np.arange(camera.height * camera.width), camera.width)
     u, v = columns.astype(np.float64), rows.astype(np.float64)
     hits = tracing.nearest([still], camera, rows, columns, *CENTRE)
@@ -89,7 +91,7 @@ def view_with_target(
     target: Body,
     corners_target: np.ndarray,
     camera: Camera,
-    sun,
+    sun: np.ndarray,
     renderer: RaycastParameters,
     whole: bool = False,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -154,7 +156,7 @@ def _centres_with_target(
     view: StillView,
     bodies: list[Body],
     camera: Camera,
-    sun,
+    sun: np.ndarray,
     light: Light,
     pixels: np.ndarray,
     near: np.ndarray,

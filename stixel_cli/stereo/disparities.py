@@ -1,5 +1,6 @@
 """Disparity images of the left view."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,8 +29,8 @@ class Disparities:
     stored: ImageStack
 
     @classmethod
-    def from_raw(cls, first: int, count: int, raw) -> "Disparities":
-        """From an iterable of raw disparities (H, W) int16: 1/16 px, `INVALID` where none."""
+    def from_raw(cls, first: int, count: int, raw: Iterable[np.ndarray]) -> "Disparities":
+        """From raw disparities (H, W) int16: 1/16 px, `INVALID` where none."""
         return cls(first, count, ImageStack.from_images((r + 1).astype(np.uint16) for r in raw))
 
     def __len__(self) -> int:

@@ -23,7 +23,7 @@ REFINEMENTS = 5
 """Least squares are repeated this often after the vote, each with half the former tolerance."""
 
 
-def road_line(pitch, height, rig: Rig) -> np.ndarray:
+def road_line(pitch: float | np.ndarray, height: float | np.ndarray, rig: Rig) -> np.ndarray:
     """Slope and offset (…, 2) of the road's disparity, px.
 
     `pitch` in rad and camera `height` in m are numbers, or arrays of one shape.
@@ -43,8 +43,8 @@ def pitch_and_height(line: np.ndarray, rig: Rig) -> tuple[float, float]:
 def level_factors(line: np.ndarray, rig: Rig) -> np.ndarray:
     """Factors (H,) float32 from a row's disparity to f B / z_level, z_level along the road.
 
-    An upright object has one z_level in all its rows, but not one disparity, if the camera is
-    pitched: z_level = z (cos p - sin p (v - v0) / f).
+    `line` (2,) is the road's disparity a v + b, px. An upright object has one z_level in all its
+    rows, but not one disparity, if the camera is pitched: z_level = z (cos p - sin p (v - v0) / f).
     """
     pitch, _ = pitch_and_height(line, rig)
     rows = np.arange(rig.height)
@@ -53,9 +53,10 @@ def level_factors(line: np.ndarray, rig: Rig) -> np.ndarray:
 
 
 def base_rows(level_disparity: np.ndarray, line: np.ndarray, rig: Rig) -> np.ndarray:
-    """Rows, any shape, float px, in which an upright object of that levelled disparity stands.
+    """Rows, any shape, float px, in which an upright object of that levelled disparity px stands.
 
-    Where the road line a v + b meets the object's disparity d_level (cos p - sin p (v - v0) / f).
+    Where the road `line` (2,), a v + b, meets the object's disparity
+    d_level (cos p - sin p (v - v0) / f).
     """
     pitch, _ = pitch_and_height(line, rig)
     sine = np.sin(pitch) / rig.focal

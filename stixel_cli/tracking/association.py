@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import chdtri
 
 
-def contour_moments(angles, radii) -> tuple[np.ndarray, np.ndarray]:
+def contour_moments(angles: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Centroid (2,) in m and second central moments (2, 2) in m² of the area inside a contour.
 
     `angles` (n,) rad, even over a full turn, and `radii` (n,) m describe the contour from its

@@ -11,10 +11,17 @@ Gaussian process*.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import cho_factor, cho_solve
 
 
-def kernel(angles, other_angles, length_scale: float, sigma_f: float, sigma_r: float) -> np.ndarray:
+def kernel(
+    angles: ArrayLike,
+    other_angles: ArrayLike,
+    length_scale: float,
+    sigma_f: float,
+    sigma_r: float,
+) -> np.ndarray:
     """k(u, u') = sigma_f² exp(-2 sin²((u - u') / 2) / l²) + sigma_r², shape (n, m), m².
 
     `angles` (n,) and `other_angles` (m,) in rad. The second term is the unknown mean radius.
@@ -23,7 +30,9 @@ def kernel(angles, other_angles, length_scale: float, sigma_f: float, sigma_r: f
     return sigma_f**2 * np.exp(-2.0 * np.sin(half) ** 2 / length_scale**2) + sigma_r**2
 
 
-def kernel_derivative(angles, other_angles, length_scale: float, sigma_f: float) -> np.ndarray:
+def kernel_derivative(
+    angles: ArrayLike, other_angles: ArrayLike, length_scale: float, sigma_f: float
+) -> np.ndarray:
     """∂k(u, u') / ∂u, shape (n, m), m²/rad: of the exponential part alone, sigma_r² is constant."""
     exponential = kernel(angles, other_angles, length_scale, sigma_f, 0.0)
     difference = np.asarray(angles)[:, None] - np.asarray(other_angles)[None, :]
