@@ -97,6 +97,17 @@ def test_the_summary_is_that_of_pencil_and_paper():
     assert metrics == pytest.approx(expected, abs=1e-12)
 
 
+def test_a_scan_is_lost_below_an_overlap_of_a_fifth():
+    """Squares of side 2, one shifted along the other's side by s: (2 - s) / (2 + s)."""
+    still = dataclasses.replace(SCENARIO, target_poses_world=POSES * [1, 1, 0])
+    shifts = np.zeros((COUNT, 3))
+    shifts[:, 2] = -POSES[:, 2]
+    shifts[1:, 0] = 1.3, 1.33, 1.34, 2.5
+    scores = evaluate(track_with(shifts), still, SCANS)
+    np.testing.assert_allclose(scores.iou[1:4], [0.7 / 3.3, 0.67 / 3.33, 0.66 / 3.34], atol=1e-9)
+    assert scores.metrics["lost_share"] == pytest.approx(2 / 5)
+
+
 def test_metrics_are_plain_numbers():
     metrics = evaluate(track_with(SHIFTS), SCENARIO, SCANS).metrics
     assert all(type(value) in (int, float) for value in metrics.values())
@@ -136,8 +147,10 @@ def test_scans_of_another_time_are_refused():
         evaluate(track_with(SHIFTS), SCENARIO, dataclasses.replace(SCANS, times=TIMES + 1.0))
     with pytest.raises(ValueError, match="times of the track"):
         evaluate(dataclasses.replace(track_with(SHIFTS), times=TIMES[:3]), SCENARIO, SCANS)
+    # The track's last point is that of row 7.
+    evaluate(track_with(SHIFTS), SCENARIO, SCANS)
     with pytest.raises(ValueError, match="used points"):
-        few = dataclasses.replace(SCANS, points_world=np.zeros((3, 2)))
+        few = dataclasses.replace(SCANS, points_world=np.zeros((7, 2)))
         evaluate(track_with(SHIFTS), SCENARIO, few)
 
 

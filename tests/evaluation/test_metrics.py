@@ -67,6 +67,19 @@ def test_intersection_over_union(true, estimated, score):
     np.testing.assert_allclose(found, [score], rtol=0, atol=1e-12)
 
 
+def test_the_overlap_knows_no_unit_of_length():
+    """A pedestrian's area is well below 1 m²."""
+    for scale in (0.01, 0.3, 50.0):
+        found = intersections_over_unions(scale * SQUARE[None] + scale, scale * SQUARE[None])
+        np.testing.assert_allclose(found, [1.0 / 7.0], rtol=0, atol=1e-12)
+
+
+def test_of_many_scans_those_that_cross_themselves_are_repaired():
+    estimated = np.array([SQUARE, SQUARE[[0, 1, 3, 2]], SQUARE * np.nan, np.add(SQUARE, [1, 0])])
+    found = intersections_over_unions(estimated, np.array([SQUARE] * 4))
+    np.testing.assert_allclose(found, [1.0, 0.5, 0.0, 1.0 / 3.0], rtol=0, atol=1e-12)
+
+
 def test_normalised_error():
     errors = np.array([[1.0, 0.0], [2.0, 1.0], [1.0, 1.0]])
     covariances = np.array([np.diag([0.5, 9.0]), [[2.0, 1.0], [1.0, 2.0]], np.diag([1.0, 0.0])])

@@ -21,7 +21,7 @@ BOXES = [(-2.0, 9.0, 1.6, 1.5), (2.5, 16.0, 2.0, 1.7)]
 
 @pytest.fixture
 def pipeline(road, occupancies, free_space, height, extraction):
-    def run(disparities, rig):
+    def run(disparities, rig, extraction=extraction):
         frames = range(disparities.first, disparities.first + len(disparities))
         poses = np.tile([0.0, 0.0, np.pi / 2], (frames.stop, 1))
         found = find_free_space(
@@ -96,6 +96,50 @@ def test_covariances_are_those_of_the_disparity_and_the_width(
         stixels.covariances_ego[:, 0, 0], (sigma * bearing) ** 2 + width**2 / 12, rtol=1e-6
     )
     np.testing.assert_allclose(stixels.covariances_ego[:, 0, 1], sigma**2 * bearing, rtol=1e-6)
+
+
+@pytest.mark.parametrize("pitch", [0.0, 3.0])
+def test_points_lie_in_the_middle_of_their_columns(pipeline, rig, render, as_disparities, pitch):
+    rig = replace(rig, pitch=pitch, principal_u=140.25)
+    stixels = pipeline(as_disparities(render(rig, boxes=BOXES, wall=30.0)), rig)
+    points = stixels.points_ego
+    down = (0.5 * (stixels.top + stixels.base) - rig.v0) / rig.focal
+    # What has one depth along the road has another along the optical axis in every row.
+    depth_camera = points[:, 1] / (rig.level_from_camera[2] @ [0.0 * down, down, 0.0 * down + 1.0])
+    middles = [np.mean(range(a, b)) for a, b in zip(stixels.left, stixels.right, strict=True)]
+    assert len(middles) > 50
+    columns = rig.u0 + rig.focal * points[:, 0] / depth_camera
+    np.testing.assert_allclose(columns, middles, atol=1e-6 if pitch == 0.0 else 0.3)
+
+
+def test_pixels_that_agree_by_chance_alone_make_the_variance_less(
+    pipeline, rig, render, as_disparities, extraction
+):
+    """Of n pixels, each as good as its neighbours over `correlated_pixels`, n / that many count."""
+    rng = np.random.default_rng(2)
+    raw = render(rig, boxes=[(0.0, 10.0, 12.0, 1.5)], wall=30.0)
+    raw = np.where(raw < 0, raw, raw + np.rint(rng.normal(0.0, 6.0, raw.shape))).astype(np.int16)
+    variances = {}
+    for correlated in (10.0, 20.0, 1e9):
+        changed = replace(extraction, correlated_pixels=correlated)
+        stixels = pipeline(as_disparities(raw), rig, extraction=changed)
+        variances[correlated] = stixels.disparity_variance - extraction.least_deviation**2
+    assert len(variances[10.0]) > 5
+    np.testing.assert_allclose(variances[20.0], 2.0 * variances[10.0])
+    pixels = 10.0 * variances[1e9] / variances[10.0]
+    # Five columns, from the top to `least_height` above the base.
+    rows = stixels.base - stixels.top + 1 - 0.25 * rig.focal / 10.0
+    np.testing.assert_allclose(pixels, 5.0 * rows, rtol=0.05)
+
+
+def test_frames_are_those_of_their_numbers(pipeline, rig, render, as_disparities):
+    images = [render(rig, boxes=[(x, 12.0, 2.0, 1.5)]) for x in (-1.0, 1.0)]
+    first = pipeline(as_disparities(*images), rig)
+    later = pipeline(as_disparities(*images, first=3), rig)
+    assert later.first == 3
+    np.testing.assert_array_equal(later.points_ego, first.points_ego)
+    np.testing.assert_array_equal(later.offsets, first.offsets)
+    assert np.mean(first.points_ego[first.rows(0), 0]) == pytest.approx(-1.0, abs=0.1)
 
 
 def test_no_stixels_are_arrays_of_the_right_shape(pipeline, rig, as_disparities):

@@ -82,6 +82,15 @@ def test_what_hangs_over_the_road_is_no_obstacle(find, rig, render, as_dispariti
     assert np.all(np.isnan(find(as_disparities(bridge), rig).disparity))
 
 
+@pytest.mark.parametrize(("depth", "tall", "stands"), [(5.0, 0.4, False), (5.0, 0.7, True)])
+def test_the_least_obstacle_has_a_height_and_not_just_pixels(
+    find, rig, render, as_disparities, depth, tall, stands
+):
+    """Of 0.4 m at 5 m nine rows stand above `road.least_height`: pixels enough, not 0.3 m."""
+    found = find(as_disparities(render(rig, boxes=[(0.0, depth, 1.0, tall)])), rig)
+    assert np.isfinite(found.disparity[0, int(rig.u0)]) == stands
+
+
 def test_disparity_of_noise_alone_is_free(find, rig, as_disparities):
     invalid = np.full((rig.height, rig.width), -1, dtype=np.int16)
     assert np.all(np.isnan(find(as_disparities(invalid), rig).disparity))
@@ -168,6 +177,36 @@ def test_expected_depth_is_the_wall_seen_from_the_next_pose(pitch):
     lateral = (seen - rig.u0) / rig.focal * expected[seen]
     on_wall = wall[0, 1] + slope * (lateral - wall[0, 0])
     np.testing.assert_allclose(expected[seen], on_wall, atol=0.06)
+
+
+def test_what_stands_still_is_expected_where_it_was_up_to_the_image_s_borders(rig):
+    line = road_line(0.0, rig.camera_height, rig)
+    depth = np.linspace(5.0, 40.0, rig.width)
+    obstacle = (rig.focal * rig.baseline / depth).astype(np.float32)
+    pose = np.array([1.0, 2.0, 1.5])
+    expected = expected_depth(obstacle, obstacle_base(obstacle, line, rig), line, rig, pose, pose)
+    # Rounded to either side, the point is the neighbour's as well: the nearer one's counts.
+    np.testing.assert_allclose(expected, depth, atol=depth[1] - depth[0])
+
+
+@pytest.mark.parametrize("column", [60, 110, 220])
+def test_one_column_s_obstacle_is_expected_in_the_column_of_its_foot(column):
+    """Pitched by 8 degrees, a row says by how much depth along the road is not that of the image:
+    5 px here."""
+    rig = Rig(320, 160, None, 300.0, 150.0, None, 0.5, 1.4, 8.0)
+    line = road_line(rig.pitch_radians, rig.camera_height, rig)
+    before, now = np.array([1.0, 2.0, 1.5]), np.array([1.1, 4.5, 1.6])
+    obstacle = np.full(rig.width, np.nan, dtype=np.float32)
+    obstacle[column] = rig.focal * rig.baseline / 9.0
+    base = obstacle_base(obstacle, line, rig)
+    ray = rig.level_from_camera @ rig.unproject(np.array([[column, base[column], 1.0]]))[0]
+    place = ray[[0, 2]] * 9.0 / ray[2]
+    x, y = ego_from_world(world_from_ego(place[None], before), now)[0]
+    foot = np.array([[x, rig.camera_height, y]]) @ rig.level_from_camera
+    expected = expected_depth(obstacle, base, line, rig, before, now)
+    at = np.flatnonzero(np.isfinite(expected))
+    assert len(at) == 2 and np.all(np.abs(at - rig.project(foot)[0, 0]) < 1.1)
+    np.testing.assert_allclose(expected[at], y, rtol=1e-5)
 
 
 def test_estimated_road_makes_up_for_a_wrong_rig(find, rig, estimated_road, render, as_disparities):

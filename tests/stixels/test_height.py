@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,7 +11,9 @@ from stixel_cli.stixels.height import (
     cheapest_tops,
     depth_windows,
     membership_costs,
+    top_rows,
 )
+from stixel_cli.stixels.road import road_line
 
 
 @njit
@@ -50,6 +54,33 @@ def test_costs_follow_from_the_membership():
         for v in range(base[u] + 1):
             expected = member[:v].sum() - member[v : base[u] + 1].sum()
             assert costs[u, v] == pytest.approx(expected, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("beyond", "smoothness", "top"),
+    [
+        (0.0, 3.0, 60),
+        (0.0, 0.9, 50),
+        (0.0, 1.1, 60),
+        (3.0, 3.0, 60),
+        (3.6, 3.0, 50),
+        (8.0, 3.0, 50),
+    ],
+)
+def test_neighbours_are_tied_by_how_near_their_depths_are(rig, height, beyond, smoothness, top):
+    """Ten more rows of one column gain 20 and cost 10 C_s (1 - |z_u - z_v| / 5 m) on each side."""
+    depth = np.full(rig.width, 10.0 + beyond)
+    depth[100] = 10.0
+    obstacle = (rig.focal * rig.baseline / depth).astype(np.float32)
+    base = np.full(rig.width, 120, dtype=np.int32)
+    columns = np.full((rig.width, rig.height), 16 * 4, dtype=np.int16)
+    columns[:, 60:121] = np.rint(16.0 * obstacle)[:, None]
+    columns[100, 50:60] = columns[100, 60]
+    line = road_line(0.0, rig.camera_height, rig)
+    changed = replace(height, smoothness=smoothness)
+    tops = top_rows(columns, obstacle, base, line, rig, changed)
+    assert tops[100] == top
+    assert np.all(np.delete(tops, 100) == 60)
 
 
 def total_cost(tops, cost, tied):
