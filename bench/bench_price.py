@@ -6,11 +6,11 @@ default experiment; the simulated one shares its still background among ten fram
 
 import time
 from dataclasses import replace
+from pkgutil import resolve_name
 
 import pytest
 
 from stixel_cli.config.compose import compose
-from stixel_cli.engine.run_task import import_function
 from stixel_cli.experiment.stages import pipeline_stages
 
 FRAMES = range(30, 40)
@@ -20,7 +20,7 @@ def call(stages, name, **inputs):
     """The result of a stage's function, called as the engine does."""
     stage = stages[name]
     seed = {} if stage.seed is None else {"seed": stage.seed}
-    return import_function(stage.function)(**inputs, **stage.settings, **seed)
+    return resolve_name(stage.function)(**inputs, **stage.settings, **seed)
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,6 @@
 """What an execution did, node by node and stage by stage."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -57,12 +57,15 @@ class Execution:
     records: Mapping[str, NodeRecord]
     failures: Mapping[str, StageFailure] = field(default_factory=dict)
 
-    def failure_of(self, target: str) -> StageFailure | None:
-        """Why a node is not there: its own failure, or the first of what it depends on; or None."""
-        ancestors = self.graph.ancestors([target]) if self.failures else set()
+    def failure_of(self, targets: Sequence[str]) -> tuple[str, StageFailure] | None:
+        """The node for which not all of `targets` are there, and how it failed; None if all are.
+
+        Of several it is the first in the data's way.
+        """
+        ancestors = self.graph.ancestors(targets) if self.failures else set()
         failed = [key for key in self.failures if key in ancestors]
         first = min(failed, key=lambda key: (self.graph.nodes[key].depth, key), default=None)
-        return None if first is None else self.failures[first]
+        return None if first is None else (first, self.failures[first])
 
     def of_stage(self, name: str) -> StageRecord:
         """The record of a stage.

@@ -1,6 +1,5 @@
 """What a worker does with a task: lock, look again, load, call, store."""
 
-import importlib
 import pickle
 import time
 import traceback
@@ -67,12 +66,6 @@ def _compute(task: Task, inputs: "_Inputs", store: Store) -> int:
         seconds=round(time.perf_counter() - started, 4),
         created=round(time.time(), 3),
     )
-
-
-def import_function(name: str) -> Callable[..., Any]:
-    """The function "package.module:function"."""
-    module, _, function = name.partition(":")
-    return getattr(importlib.import_module(module), function)
 
 
 class _Inputs:

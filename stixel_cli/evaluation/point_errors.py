@@ -45,7 +45,6 @@ class PointErrors:
         disparities: (N,) px, error of the disparity.
         levers: (N,) m, the range that a pixel of disparity is worth there.
         inside: (N,) px from the nearer end of the silhouette; negative beside it.
-        across: (N,) m beside the silhouette, across the ray; 0 inside, negative left of it.
         column_scans: (C,) int64, the scan of each column of the image, a pixel wide round its
             pixels' middles, that is in the silhouette from its left to its right.
         covered: (C,) whether a point of the target is within half of `spacing`.
@@ -66,7 +65,6 @@ class PointErrors:
     disparities: np.ndarray
     levers: np.ndarray
     inside: np.ndarray
-    across: np.ndarray
     column_scans: np.ndarray
     covered: np.ndarray
     reach_left: np.ndarray
@@ -94,7 +92,7 @@ def point_errors(scans: Scans, scenario: Scenario, rig: Rig) -> PointErrors:
             (contour - pose[:2]) @ turn, (scans.points_world[scans.rows(k)] - pose[:2]) @ turn, rig
         )
         if seen is None:
-            points.append(np.zeros((8, 0)))
+            points.append(np.zeros((7, 0)))
             columns.append(np.zeros((2, 0)))
             spans.append((np.nan, np.nan, np.nan))
             continue
@@ -117,7 +115,6 @@ def point_errors(scans: Scans, scenario: Scenario, rig: Rig) -> PointErrors:
         disparities=rows[4],
         levers=rows[5],
         inside=rows[6],
-        across=rows[7],
         column_scans=its_columns[0].astype(np.int64),
         covered=_covered(its_columns[0], its_columns[1], scan, column, spacing),
         reach_left=reach[0],
@@ -128,7 +125,7 @@ def point_errors(scans: Scans, scenario: Scenario, rig: Rig) -> PointErrors:
 
 
 def _of_scan(contour, points, rig):
-    """Rows of the target's points (7, n) and its columns (1, c), the silhouette's span, clutter."""
+    """Rows of the target's points (6, n) and its columns (1, c), the silhouette's span, clutter."""
     if contour[:, 0].min() < _BEHIND:
         return None
     left, right = -0.5 - rig.u0, rig.width - 0.5 - rig.u0
@@ -157,11 +154,9 @@ def _of_scan(contour, points, rig):
     )
     lever = range_per_disparity(true, bearing, rig)
     inside = np.minimum(column - low, high - column)
-    beside = np.where(column < low, column - low, np.where(column > high, column - high, 0.0))
-    across = beside * true * np.cos(bearing) ** 2 / rig.focal
     own = (np.abs(disparity) <= DISPARITY_REACH) & (np.abs(along) <= RANGE_REACH)
     own |= np.abs(disparity) <= GROSS
-    rows = np.vstack([column, true, along, disparity, lever, inside, across])[:, own]
+    rows = np.vstack([column, true, along, disparity, lever, inside])[:, own]
 
     ends = seeing[[0, -1]]
     # f / (r cos²) at a bearing, the inverse of the metres r cos² / f across one column.

@@ -37,11 +37,6 @@ class Mesh:
 
     parts: tuple[Part, ...]
 
-    @property
-    def triangle_count(self) -> int:
-        """Triangles of all parts."""
-        return sum(len(part.triangles) for part in self.parts)
-
 
 def bounding_box(mesh: Mesh) -> np.ndarray:
     """Least and greatest coordinates, (2, 3) m, of the vertices that `mesh`'s triangles use."""

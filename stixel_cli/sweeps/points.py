@@ -78,17 +78,6 @@ def sweep_design(
     return design
 
 
-def sweep_points(
-    overrides: Sequence[str], file: str | None = None, shuffle_seed: int | None = None
-) -> list[Point]:
-    """The points of a sweep, every one of them validated; in drawn order if a seed is given.
-
-    Raises:
-        ConfigurationError: in one line, for what is wrong with any of them; see `sweep_design`.
-    """
-    return shuffled_points(design_points(sweep_design(overrides, file, shuffle_seed)), shuffle_seed)
-
-
 def design_points(design: Design) -> list[Point]:
     """The points of a design, in the order of its axes, every one of them validated.
 

@@ -9,7 +9,6 @@ from typing import Any
 from stixel_cli.engine.durations import Durations
 from stixel_cli.engine.errors import MissingEntry, StageFailure
 from stixel_cli.engine.execute import execute
-from stixel_cli.engine.records import Execution
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.recorded_run import told_in_one_line
@@ -148,7 +147,7 @@ class _Sweep:
         for planned in waiting:
             if planned.point.index in self.metrics:
                 continue
-            failure = self._failure_of(planned, execution)
+            failure = execution.failure_of(planned.targets)
             if failure is None:
                 self.take(planned, progress.node_seconds)
             else:
@@ -251,19 +250,6 @@ class _Sweep:
 
     def _title(self, folder: SweepFolder) -> str:
         return str(self.notes.get("sweep", folder.path.name))
-
-    def _failure_of(
-        self, planned: PlannedPoint, execution: Execution
-    ) -> tuple[str, StageFailure] | None:
-        """The node that failed, of those that a point needs the first in the data's way."""
-        if not execution.failures:
-            return None
-        ancestors = planned.graph.ancestors(planned.targets)
-        failed = [key for key in execution.failures if key in ancestors]
-        if not failed:
-            return None
-        first = min(failed, key=lambda key: (planned.graph.nodes[key].depth, key))
-        return first, execution.failures[first]
 
     def _known_seconds(self) -> dict[str, float]:
         durations = Durations(self.store.folder)

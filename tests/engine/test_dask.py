@@ -92,11 +92,6 @@ def alone(name):
     return build_graph([Stage(name, f"dask_steps.steps:{name}", "map", {}, {})], 4, 1)
 
 
-def pids_of(cluster):
-    with distributed.Client(cluster, set_as_default=False) as client:
-        return set(client.run(os.getpid).values())
-
-
 def test_a_worker_is_killed_in_the_midst_and_the_bytes_are_those_of_local(
     cluster, project, notes, tmp_path
 ):

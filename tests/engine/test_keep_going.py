@@ -25,8 +25,8 @@ def test_a_failed_node_fails_alone(project, notes, executor):
     assert isinstance(failure, StageFailure) and failure.label == "running[4:8]"
     assert "in running" in failure.traceback_text
     running, gather = graph.of_stage("running"), graph.of_stage("gather")[0]
-    assert execution.failure_of(gather.key) is failure
-    assert execution.failure_of(running[0].key) is None
+    assert execution.failure_of([gather.key]) == (running[1].key, failure)
+    assert execution.failure_of([running[0].key]) is None
     assert [record["status"] for record in execution.stage_records()] == [
         *("computed", "computed", "failed", "skipped", "computed", "computed")
     ]
@@ -60,9 +60,9 @@ def test_two_failures_with_a_common_successor(project, notes):
         "show[9]",
     ]
     graph = execution.graph
-    first = execution.failure_of(graph.of_stage("gather")[0].key)
+    _, first = execution.failure_of([graph.of_stage("gather")[0].key])
     assert first.label in ("double[0:4]", "double[4:8]")
-    assert execution.failure_of(graph.of_stage("show")[1].key) is None
+    assert execution.failure_of([graph.of_stage("show")[1].key]) is None
 
 
 def test_a_killer_of_workers_fails_alone(project, notes):
@@ -113,4 +113,5 @@ def test_a_failure_of_a_shared_node_is_every_points(project, notes):
     execution = project.run(merge(graphs), keep_going=True, progress=notes)
     assert len(execution.failures) == 1
     for graph in graphs:
-        assert execution.failure_of(graph.of_stage("gather")[0].key).label == "numbers"
+        node, failure = execution.failure_of([graph.of_stage("gather")[0].key])
+        assert failure.label == "numbers" and node in execution.failures

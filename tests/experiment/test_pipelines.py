@@ -3,12 +3,12 @@
 import inspect
 import sys
 from importlib.metadata import packages_distributions
+from pkgutil import resolve_name
 
 import pytest
 
 from stixel_cli.config.compose import compose
 from stixel_cli.engine.code_hash import CodeIndex
-from stixel_cli.engine.run_task import import_function
 from stixel_cli.engine.stage import GIVEN
 from stixel_cli.experiment.stages import TABLE, pictured_frames, pipeline_stages, scan_count
 
@@ -67,7 +67,7 @@ def test_a_stages_arguments_are_those_of_every_function_it_may_call(row):
     given = {*wired[0].inputs, *wired[0].settings, *GIVEN[definition.pattern]}
     given |= {"seed"} if definition.seeded else set()
     for function in definition.functions.values():
-        parameters = inspect.signature(import_function(function)).parameters.values()
+        parameters = inspect.signature(resolve_name(function)).parameters.values()
         needed = {p.name for p in parameters if p.default is p.empty}
         assert needed <= given, function
         assert given <= {p.name for p in parameters}, function

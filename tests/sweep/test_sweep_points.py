@@ -1,12 +1,12 @@
 """From overrides and files to points: the grammar, and what is refused."""
 
 import pytest
+from points_of import sweep_points
 
 from stixel_cli.config.compose import compose
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.sweeps.checks import check_axes
 from stixel_cli.sweeps.graphs import plan_points
-from stixel_cli.sweeps.points import sweep_points
 
 FABRICATED = "measurement=fabricated"
 

@@ -1,9 +1,10 @@
 """What is shown of a sweep on its way."""
 
+from points_of import sweep_points
+
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.progress import duration
 from stixel_cli.sweeps.graphs import plan_points
-from stixel_cli.sweeps.points import sweep_points
 from stixel_cli.sweeps.progress import SweepProgress
 
 

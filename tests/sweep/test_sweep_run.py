@@ -53,8 +53,9 @@ def test_points_share_what_they_have_in_common(sweeps, capsys):
 
 
 def test_two_hundred_tracker_points_compute_their_scans_once():
+    from points_of import sweep_points
+
     from stixel_cli.sweeps.graphs import plan_points, plan_sweep
-    from stixel_cli.sweeps.points import sweep_points
 
     points = sweep_points(["tracker.sigma_q=range(0.5,2.5,0.01)"])
     plan = plan_sweep(plan_points(points), store=_Empty())

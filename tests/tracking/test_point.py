@@ -130,11 +130,12 @@ def test_the_contour_is_a_circle_of_the_shapes_area_about_the_centre(shape):
         assert ring.is_ccw
         np.testing.assert_allclose(shapely.polygons(ring).area, area, rtol=1e-3)
     # The band holds the class: two deviations reach from its shortest to its longest radius.
-    radii = prior_radii(prior, np.linspace(0.0, np.pi, 400))
+    radii = prior_radii(prior, np.linspace(0.0, 2.0 * np.pi, 4001)[:-1])
     assert radius - 2.0 * deviation < radii.min()
     assert radii.max() < radius + 2.0 * deviation
     np.testing.assert_array_equal(result.contour_deviations, deviation)
     certain = class_circle(dataclasses.replace(prior, sigma_f=1e-9, sigma_r=0.0))[1]
+    np.testing.assert_allclose(certain, np.sqrt(np.mean((radii - radius) ** 2)), rtol=1e-4)
     np.testing.assert_allclose(deviation**2 - certain**2, prior.sigma_f**2 + prior.sigma_r**2)
 
 
@@ -203,6 +204,8 @@ def test_a_target_that_stands_keeps_its_heading_and_no_variance_is_without_bound
     assert states.tolist() == [1.0, 2.0, 4.0, 0.1, 0.2, 0.0]
     assert spread[2].tolist() == [0.0, 0.0, 0.2, 0.0, 0.0, 0.0]
     unsure = six_states(np.array([0.0, 0.0, 1.0, 0.0]), 1e4 * np.eye(4), (0.0, 0.1), 0.1, TRACKER)
+    even = np.linspace(-np.pi, np.pi, 100_001)
+    np.testing.assert_allclose(GREATEST_VARIANCE, np.mean(even**2), rtol=1e-4)
     np.testing.assert_allclose(unsure[1][2, 2], GREATEST_VARIANCE)
     assert np.linalg.eigvalsh(unsure[1]).min() > -1e-9
     assert spread[5, 5] == GREATEST_VARIANCE
