@@ -50,53 +50,85 @@ def group_columns(
     found = 0
     for left in range(0, width, stixel_width):
         right = min(left + stixel_width, width)
-        n = 0
-        for u in range(left, right):
-            if base_row[u] >= 0:
-                members[n] = u
-                n += 1
-        if n == 0 or 2 * n < right - left:
+        middle, kept = _members(left, right, obstacle, window, base_row, members)
+        if kept == 0:
             continue
-        middle = members[np.argsort(obstacle[members[:n]], kind="mergesort")[n // 2]]
+        chosen = members[:kept]
         centre, reach = obstacle[middle], window[middle]
-        kept = 0
-        for i in range(n):
-            u = members[i]
-            if abs(obstacle[u] - centre) <= reach:
-                members[kept] = u
-                kept += 1
-        members_tops = np.sort(tops[members[:kept]])
-        least, most, pixels, rows = bins, -1, 0, 0
-        for i in range(kept):
-            u = members[i]
-            for v in range(tops[u], foot[u] + 1):
-                raw = columns[u, v]
-                if raw < 0:
-                    continue
-                disparity = np.float32(raw) * scale[v]
-                if abs(disparity - centre) < reach:
-                    b = min(int(disparity * bins_per_pixel + np.float32(0.5)), bins - 1)
-                    histogram[b] += 1
-                    least, most = min(least, b), max(most, b)
-                    pixels += 1
-                    rows += v
+        least, most, pixels, rows = _vote(
+            columns, chosen, tops, foot, scale, centre, reach, bins_per_pixel, histogram
+        )
         if pixels >= least_pixels:
             peak = histogram_peak(histogram[least : most + 1], kernel)
-            low = max(least, int(peak + least - len(kernel) // 2))
-            high = min(most, int(peak + least + len(kernel) // 2))
-            votes = spread = 0.0
-            for b in range(low, high + 1):
-                votes += histogram[b]
-                spread += histogram[b] * (b - peak - least) ** 2
+            spread = _spread(histogram, least, most, peak, len(kernel) // 2)
             areas[found, 0], areas[found, 1] = left, right
-            areas[found, 2], areas[found, 3] = members_tops[kept // 2], base_row[middle]
+            areas[found, 2], areas[found, 3] = np.sort(tops[chosen])[kept // 2], base_row[middle]
             values[found, 0] = (peak + least) / bins_per_pixel
-            values[found, 1] = spread / max(votes, 1.0) / bins_per_pixel**2
+            values[found, 1] = spread / bins_per_pixel**2
             values[found, 2], values[found, 3] = pixels, rows / pixels
             found += 1
         for b in range(least, most + 1):
             histogram[b] = 0
     return areas[:found], values[:found]
+
+
+@njit(cache=True, nogil=True)
+def _members(left, right, obstacle, window, base_row, members):
+    """The median column of a group, and how many of its columns are a stixel; 0 if they are none.
+
+    Those are written to `members`.
+    """
+    n = 0
+    for u in range(left, right):
+        if base_row[u] >= 0:
+            members[n] = u
+            n += 1
+    if n == 0 or 2 * n < right - left:
+        return -1, 0
+    middle = members[np.argsort(obstacle[members[:n]], kind="mergesort")[n // 2]]
+    kept = 0
+    for i in range(n):
+        u = members[i]
+        if abs(obstacle[u] - obstacle[middle]) <= window[middle]:
+            members[kept] = u
+            kept += 1
+    return middle, kept
+
+
+@njit(cache=True, nogil=True)
+def _vote(columns, members, tops, foot, scale, centre, reach, bins_per_pixel, histogram):
+    """Add a stixel's disparities to the empty `histogram`.
+
+    Returns:
+        The first and the last bin that is not empty, the number of pixels, the sum of their rows.
+    """
+    bins = len(histogram)
+    least, most, pixels, rows = bins, -1, 0, 0
+    for u in members:
+        for v in range(tops[u], foot[u] + 1):
+            raw = columns[u, v]
+            if raw < 0:
+                continue
+            disparity = np.float32(raw) * scale[v]
+            if abs(disparity - centre) < reach:
+                b = min(int(disparity * bins_per_pixel + np.float32(0.5)), bins - 1)
+                histogram[b] += 1
+                least, most = min(least, b), max(most, b)
+                pixels += 1
+                rows += v
+    return least, most, pixels, rows
+
+
+@njit(cache=True, nogil=True)
+def _spread(histogram, least, most, peak, reach):
+    """Variance, bins², about `peak`, counted from `least`, of the votes within `reach` of it."""
+    low = max(least, int(peak + least - reach))
+    high = min(most, int(peak + least + reach))
+    votes = spread = 0.0
+    for b in range(low, high + 1):
+        votes += histogram[b]
+        spread += histogram[b] * (b - peak - least) ** 2
+    return spread / max(votes, 1.0)
 
 
 @njit(cache=True, nogil=True)

@@ -204,7 +204,7 @@ def test_a_group_follows_its_median_column():
 
 
 def brute_groups(columns, obstacle, window, tops, foot, base, grouping):
-    """The stixels one by one, straight from the definition: areas, and (disparity, n, mean row)."""
+    """The stixels one by one, straight from the definition: the rows of areas and of values."""
     found = []
     for left in range(0, len(columns), grouping["stixel_width"]):
         group = np.arange(left, min(left + grouping["stixel_width"], len(columns)))
@@ -226,9 +226,14 @@ def brute_groups(columns, obstacle, window, tops, foot, base, grouping):
         bins = np.array([int(d * BINS_PER_PIXEL + 0.5) for d, _ in pixels])
         histogram = np.bincount(bins - bins.min()).astype(np.int32)
         disparity = (histogram_peak(histogram, grouping["kernel"]) + bins.min()) / BINS_PER_PIXEL
+        # One pixel's variance: of the bins that the smoothing's kernel covers about the peak.
+        peak, reach = disparity * BINS_PER_PIXEL, len(grouping["kernel"]) // 2
+        about = bins[(bins >= int(peak - reach)) & (bins <= int(peak + reach))]
+        variance = np.mean((about / BINS_PER_PIXEL - disparity) ** 2) if len(about) else 0.0
         top = sorted(tops[members])[len(members) // 2]
         area = (group[0], group[-1] + 1, top, base[middle])
-        found.append((area, (disparity, len(pixels), np.mean([v for _, v in pixels]))))
+        mean_row = np.mean([v for _, v in pixels])
+        found.append((area, (disparity, variance, len(pixels), mean_row)))
     return found
 
 
@@ -249,8 +254,7 @@ def test_groups_are_those_of_a_brute_force(seed, stixel_width, width):
     areas, values = group_columns(columns, obstacle, window, tops, foot, base, **grouping)
     expected = brute_groups(columns, obstacle, window, tops, foot, base, grouping)
     assert areas.tolist() == [list(area) for area, _ in expected]
-    got = values[:, [0, 2, 3]].reshape(-1, 3)
-    np.testing.assert_allclose(got, np.reshape([v for _, v in expected], (-1, 3)), rtol=1e-6)
+    np.testing.assert_allclose(values, np.reshape([v for _, v in expected], (-1, 4)), rtol=1e-6)
 
 
 @pytest.mark.parametrize("pitch", [0.0, 3.0])
