@@ -1,0 +1,43 @@
+"""What the package imports is what it declares: pip installs no more and no less."""
+
+import ast
+import re
+import sys
+import tomllib
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import stixel_cli
+
+PACKAGE = Path(stixel_cli.__file__).parent
+PROJECT = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+def plain(name):
+    """A distribution's name as pip compares it; the two wheels of Open3D are one library."""
+    return re.sub(r"[-_.]+", "-", name).lower().removesuffix("-cpu")
+
+
+def declared():
+    needed = [*PROJECT["dependencies"], *PROJECT["optional-dependencies"]["dask"]]
+    return {plain(re.match(r"[\w.-]+", text)[0]) for text in needed}
+
+
+def imported():
+    names = set()
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                names |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.level == 0:
+                names.add(node.module.split(".")[0])
+    return names - set(sys.stdlib_module_names) - {"stixel_cli"}
+
+
+def test_what_is_imported_is_declared_and_what_is_declared_is_imported():
+    distributions = packages_distributions()
+    found = {plain(distributions[name][0]) for name in imported() if name in distributions}
+    # Dask is an extra: where it is not installed it cannot be looked up.
+    missing = {name for name in imported() if name not in distributions}
+    assert missing <= {"distributed"}
+    assert found | missing == declared()
