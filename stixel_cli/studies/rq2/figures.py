@@ -12,7 +12,7 @@ from stixel_cli.studies.nouns import Figure
 from stixel_cli.studies.prose import capital
 from stixel_cli.studies.rq2.conditions import Condition, condition_statistics
 from stixel_cli.studies.rq2.runs import Run, chi_square_bounds, chosen, names
-from stixel_cli.sweeps.statistics import student_t
+from stixel_cli.sweeps.statistics import Statistic, student_t
 
 WIDTH = 4.9
 """in: about that of a phone's page, on which the text is then as large as it was drawn."""
@@ -89,19 +89,11 @@ def over_time(name: str, runs: Sequence[Run], measurements: Sequence[str]) -> Fi
                     _band(grid[i, j], row, same, shade, measurement)
             grid[0, j].set_title(tracker)
             grid[-1, j].set_xlabel("t (s)")
-        for i, label in enumerate(rows.values()):
-            grid[i, 0].set_ylabel(label, fontsize=8.0)
         count = len(names(runs, "seed"))
-        for axes in grid.flat:
-            axes.grid(True)
         low, high = (float(bound) / (2 * count) for bound in chi_square_bounds(2 * count))
-        for axes in grid[-2:].flat:
-            _ratio_axis(axes)
+        _finish(figure, grid, list(rows.values()), "both")
         for axes in grid[-2]:
             axes.axhspan(low, high, color=style.CONSISTENT, zorder=0)
-        for axes in grid[2]:
-            axes.set_ylim(0.0, 1.0)
-        _legend(figure, grid)
         return Figure(
             name,
             f"{capital(runs[0].road_user)}, path {runs[0].path}: errors and consistency over time, "
@@ -203,53 +195,60 @@ def by_condition(
         for j, tracker in enumerate(trackers):
             for m, measurement in enumerate(there):
                 shift = 0.5 * ((m + 0.5) / len(there) - 0.5)
+                here = [found.get((tracker, measurement, b)) for b in bins]
                 for i, row in enumerate(rows):
-                    places, means, halves = [], [], []
-                    for place, b in enumerate(bins):
-                        one = found.get((tracker, measurement, b))
-                        if one is None or one.errors[row].mean is None:
-                            continue
-                        statistic = one.errors[row]
-                        places.append(place + shift)
-                        means.append(statistic.mean)
-                        halves.append(
-                            0.0 if statistic.low is None else statistic.mean - statistic.low
-                        )
-                    if not places:
-                        continue
-                    # Below nothing there is no error; a logarithm has no room for it at all.
-                    below = np.minimum(halves, 0.9 * np.array(means))
-                    grid[i, j].errorbar(
-                        places,
-                        means,
-                        yerr=[below, halves],
-                        color=colour(measurement, measurements),
-                        linestyle=LINE_STYLES[0],
-                        linewidth=0.8,
-                        elinewidth=1.0,
-                        marker="o",
-                        markersize=3.0,
-                        label=measurement,
-                    )
+                    statistics = [None if one is None else one.errors[row] for one in here]
+                    shade = colour(measurement, measurements)
+                    _means(grid[i, j], statistics, shift, shade, measurement)
             grid[0, j].set_title(tracker)
             grid[-1, j].set_xlabel(condition.label)
             grid[-1, j].set_xticks(range(len(bins)), [condition.labels[b] for b in bins])
             grid[-1, j].tick_params("x", labelrotation=35.0, labelsize=7.0)
-        for i, label in enumerate(rows.values()):
-            grid[i, 0].set_ylabel(label, fontsize=8.0)
-        for axes in grid.flat:
-            axes.grid(True, axis="y")
-        for axes in grid[-2:].flat:
-            _ratio_axis(axes)
-        for axes in grid[2]:
-            axes.set_ylim(0.0, 1.0)
-        _legend(figure, grid)
+        _finish(figure, grid, list(rows.values()), "y")
         return Figure(
             name,
             f"{capital(runs[0].road_user)}: errors and consistency by {condition.what}; "
             f"n = {len(names(runs, 'seed'))} seeds.",
             style.svg(figure),
         )
+
+
+def _means(
+    axes, statistics: Sequence[Statistic | None], shift: float, shade: str, label: str
+) -> None:
+    """Means and their intervals at the places 0, 1, … moved by `shift`, where there is a mean."""
+    known = [(i, s) for i, s in enumerate(statistics) if s is not None and s.mean is not None]
+    if not known:
+        return
+    means = [s.mean for _, s in known]
+    halves = [0.0 if s.low is None else s.mean - s.low for _, s in known]
+    # Below nothing there is no error; a logarithm has no room for it at all.
+    below = np.minimum(halves, 0.9 * np.array(means))
+    axes.errorbar(
+        [i + shift for i, _ in known],
+        means,
+        yerr=[below, halves],
+        color=shade,
+        linestyle=LINE_STYLES[0],
+        linewidth=0.8,
+        elinewidth=1.0,
+        marker="o",
+        markersize=3.0,
+        label=label,
+    )
+
+
+def _finish(figure, grid, labels: Sequence[str], lines: str) -> None:
+    """Labels, grid lines of the axis `lines`, the axes of IoU, NEES and NIS, and the legend."""
+    for axes, label in zip(grid[:, 0], labels, strict=True):
+        axes.set_ylabel(label, fontsize=8.0)
+    for axes in grid.flat:
+        axes.grid(True, axis=lines)
+    for axes in grid[2]:
+        axes.set_ylim(0.0, 1.0)
+    for axes in grid[-2:].flat:
+        _ratio_axis(axes)
+    _legend(figure, grid)
 
 
 def _ratio_axis(axes) -> None:
