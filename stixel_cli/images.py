@@ -29,7 +29,11 @@ class ImageStack:
 
 
 def encode_png(image: np.ndarray) -> bytes:
-    """One image, (H, W) uint8 or uint16 or (H, W, 3) uint8 RGB, as the bytes of a PNG."""
+    """One image, (H, W) uint8 or uint16 or (H, W, 3) uint8 RGB, as the bytes of a PNG.
+
+    Raises:
+        ValueError: for an image of another shape or type.
+    """
     import cv2
 
     ordered = image if image.ndim == 2 else image[..., ::-1]
@@ -43,7 +47,11 @@ def encode_png(image: np.ndarray) -> bytes:
 
 
 def decode_png(data: bytes) -> np.ndarray:
-    """The image in the bytes of a PNG, as `encode_png` took it."""
+    """The image in the bytes of a PNG, as `encode_png` took it.
+
+    Raises:
+        ValueError: if they are none.
+    """
     import cv2
 
     image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)

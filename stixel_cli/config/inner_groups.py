@@ -24,7 +24,11 @@ def group_by_dots(name: str, value: Any) -> str:
 
 
 def refuse_without_outer(parsed: "Sequence[Override]") -> None:
-    """Refuse a group within another whose chosen option has no such group."""
+    """Refuse a group within another whose chosen option has no such group.
+
+    Raises:
+        ConfigurationError: in one line that says which option has it.
+    """
     chosen = {one.key_or_group: one for one in parsed}
     for group in chosen:
         outer = group.rpartition("/")[0]
@@ -42,7 +46,11 @@ def refuse_without_outer(parsed: "Sequence[Override]") -> None:
 
 
 def refuse_group_as_key(name: str, value: Any) -> None:
-    """Refuse a group that is typed with dots, and a `kind`, which follows from the option."""
+    """Refuse a group that is typed with dots, and a `kind`, which follows from the option.
+
+    Raises:
+        ConfigurationError: in one line that says how it is written.
+    """
     if name.replace(".", "/") in group_options():
         raise ConfigurationError(group_by_dots(name, value))
     group = innermost_group(name)

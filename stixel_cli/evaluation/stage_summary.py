@@ -76,7 +76,7 @@ def disparity_summary(errors: DisparityErrors, frames: np.ndarray, zone: int) ->
 
 
 def histogram_median(histogram: np.ndarray) -> float:
-    """Median px of a histogram over `HISTOGRAM_EDGES`, even inside a bin; NaN if it is empty."""
+    """Median px of counts (n,) over `HISTOGRAM_EDGES`, even inside a bin; NaN if all are 0."""
     before = np.concatenate([[0], np.cumsum(histogram)])
     if before[-1] == 0:
         return float("nan")
@@ -116,7 +116,10 @@ class ColumnKinds:
 
 
 def column_kinds(true: np.ndarray, found: np.ndarray, there: np.ndarray) -> ColumnKinds:
-    """Kinds of columns, of levelled disparities in px, NaN where free; see `ColumnErrors`."""
+    """Kinds of columns of levelled disparities in px, any shape, NaN where free.
+
+    See `ColumnErrors`.
+    """
     real, any_ = np.isfinite(true), np.isfinite(found)
     error = found.astype(np.float64) - true.astype(np.float64)
     with np.errstate(invalid="ignore"):

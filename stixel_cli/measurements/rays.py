@@ -27,7 +27,7 @@ class Rays:
     even_tangent: bool
 
     def position(self, angles: np.ndarray) -> np.ndarray:
-        """Where `angles` fall among the rays: a real index, -1 and n beyond the field of view."""
+        """Where `angles` rad, any shape, fall among the rays: a real index; -1, n beyond them."""
         low, high = self.field_of_view
         beyond = np.where(angles < low, -1.0, float(len(self.angles)))
         # Clipping must not bring to the border what lies beyond it.

@@ -21,7 +21,11 @@ _LONGEST_NAME = 150
 
 
 def run_labels(folders: Sequence[Path]) -> list[str]:
-    """What each run is called: its folder's name, with the parents' where names are alike."""
+    """What each run is called: its folder's name, with the parents' where names are alike.
+
+    Raises:
+        UserError: if a folder is named twice.
+    """
     paths = [folder.resolve() for folder in folders]
     for parts in range(1, max(len(path.parts) for path in paths) + 1):
         labels = ["/".join(path.parts[-parts:]) for path in paths]

@@ -15,7 +15,7 @@ from stixel_cli.report import style
 
 
 def draw_contour(axes: Axes, contour_world: np.ndarray, colour: str, **options) -> None:
-    """The outline of a polygon (M, 2); nothing if it is not finite."""
+    """The outline of a polygon (M, 2) m; nothing if it is not finite."""
     if np.isfinite(contour_world).all():
         options = {"linewidth": 1.6, "zorder": 4.0, "joinstyle": "round"} | options
         axes.add_patch(Polygon(contour_world, closed=True, fill=False, edgecolor=colour, **options))
@@ -85,7 +85,7 @@ def draw_ellipses(
 
 
 def draw_heading(axes: Axes, pose_world: np.ndarray, length: float, colour: str) -> None:
-    """An arrow of `length` m from a target's centre along its heading."""
+    """An arrow of `length` m from a target at `pose_world` (3,) along its heading."""
     if not np.isfinite(pose_world).all():
         return
     x, y, heading = pose_world
@@ -107,7 +107,7 @@ def draw_heading(axes: Axes, pose_world: np.ndarray, length: float, colour: str)
 
 
 def draw_field_of_view(axes: Axes, pose_world: np.ndarray, bearings: tuple[float, float]) -> None:
-    """The wedge that a sensor at `pose_world` sees between two `bearings`, rad from its heading.
+    """The wedge that a sensor at `pose_world` (3,) sees between `bearings`, rad from its heading.
 
     It reaches past the limits of the axes, which must be set before.
     """
@@ -126,7 +126,7 @@ def draw_field_of_view(axes: Axes, pose_world: np.ndarray, bearings: tuple[float
 
 
 def draw_ego(axes: Axes, pose_world: np.ndarray, size: float = 9.0) -> None:
-    """A triangle of `size` pt that points along the ego car's heading; its place is the camera."""
+    """A triangle of `size` pt at the camera, `pose_world` (3,), along the ego car's heading."""
     shape = MarkerStyle([(-0.7, -1.0), (0.7, -1.0), (0.0, 1.0)])
     turned = shape.rotated(rad=float(pose_world[2]) - 0.5 * np.pi)
     axes.plot(
@@ -135,7 +135,7 @@ def draw_ego(axes: Axes, pose_world: np.ndarray, size: float = 9.0) -> None:
 
 
 def near(points_world: np.ndarray, reference_world: np.ndarray) -> np.ndarray:
-    """The points (n, 2) which are finite and no further from the reference's box than it is large.
+    """The points (n, 2) m, finite and no further from the reference's box than it is large.
 
     Thus an estimate that has gone astray does not shrink all the rest of a picture.
     """

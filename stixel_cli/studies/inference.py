@@ -77,7 +77,7 @@ def weights(strata: Sequence[str], name: str) -> np.ndarray:
 
 
 def interval(values: np.ndarray) -> tuple[float, float]:
-    """Percentiles of bootstrap values that enclose `LEVEL` of them."""
+    """Percentiles of bootstrap values (n,) that enclose `LEVEL` of them."""
     low, high = np.quantile(values, [0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL])
     return float(low), float(high)
 

@@ -111,6 +111,17 @@ def test_disparity_count_follows_the_rig(stereo):
     assert disparity_count(stereo, RIG) == 32
 
 
+@pytest.mark.parametrize(
+    ("greatest", "minimum", "count"),
+    [(100.0, 0, 112), (110.9, 0, 112), (111.1, 0, 128), (100.0, 30, 80), (100.0, 99, 16)],
+)
+def test_disparities_reach_one_beyond_the_nearest_point_s(greatest, minimum, count):
+    """The sub-pixel parabola at `greatest` px needs the one behind it."""
+    nearest = RIG.focal * RIG.baseline / greatest
+    derived = replace(SGM, disparities=None, nearest=nearest, minimum_disparity=minimum)
+    assert disparity_count(derived, RIG) == count
+
+
 def test_parameters_that_do_not_fit_are_refused():
     SGM.check()
     BM.check()
@@ -140,6 +151,9 @@ def test_cancelled_errors_are_the_mean_of_both():
     moved = np.array([[156, 153, 155, 120, 152, -1, 154]], dtype=np.int16)
     # 162, 160.5 and 161.5 to the even neighbour, three that stay, 162.5.
     assert cancel_errors(raw, moved).tolist() == [[162, 160, 162, 160, -1, 160, 162]]
+    # A pixel apart, and a sixteenth more.
+    raw, moved = (np.array([values], dtype=np.int16) for values in ([160, 160], [168, 169]))
+    assert cancel_errors(raw, moved).tolist() == [[168, 160]]
 
 
 def test_error_cancellation_takes_the_pull_to_whole_pixels_away():

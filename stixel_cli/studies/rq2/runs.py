@@ -207,7 +207,10 @@ def within_bounds(runs: Sequence[Run]) -> tuple[float | None, float | None]:
 
 
 def chi_square_bounds(degrees: np.ndarray | int) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds that a chi-square sum leaves by chance in 5 % of all cases, half at each end."""
+    """Bounds that a chi-square sum leaves by chance in 5 % of all cases, half at each end.
+
+    They have the shape of `degrees`.
+    """
     edge = 0.5 * (1.0 - CONFIDENCE)
     return chi2.ppf(edge, degrees), chi2.ppf(1.0 - edge, degrees)
 
