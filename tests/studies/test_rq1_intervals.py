@@ -10,21 +10,28 @@ from stixel_cli.evaluation.stage_summary import column_summary, coverage_summary
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.studies.rq1 import figures
 from stixel_cli.studies.rq1.intervals import (
+    AREA_RMS,
     BASE_RMS,
     COLUMN_BIAS,
     COLUMN_MISSED,
     COLUMN_RMS,
     COLUMN_RMS_M,
     ELSEWHERE,
+    HEIGHT_BIAS,
+    HEIGHT_RMS,
     LATERAL_RMS,
+    NEES,
     NONE,
     OVERHANG,
     STIXEL_BIAS,
     STIXEL_RMS,
+    STIXEL_RMS_PX,
     STIXELS_A_FRAME,
     TOP_BIAS,
     TOP_RMS,
     UNCOVERED,
+    WITHIN_1,
+    WITHIN_2,
     Estimate,
     column_sums,
     cover_sums,
@@ -87,8 +94,8 @@ def test_sums_of_stixels_leave_out_gross_errors_and_other_ranges():
         disparity=np.array([0.1, 0.1, 3.0, 0.2, -0.2]),
         depth=np.array([0.5, 9.0, 9.0, 1.0, -2.0]),
         area_depth=np.array([0.4, 9.0, 9.0, np.nan, 1.0]),
-        sigma=np.full(5, 1.0),
-        height=np.zeros(5),
+        sigma=np.array([0.5, 1.0, 1.0, 2.0, 1.6]),
+        height=np.array([0.3, 9.0, 9.0, -0.1, 0.2]),
         lateral=np.full(5, 0.1),
         top=np.full(5, -2.0),
         base=np.full(5, 3.0),
@@ -99,6 +106,13 @@ def test_sums_of_stixels_leave_out_gross_errors_and_other_ranges():
     total = sums.sum(axis=0)
     assert STIXEL_BIAS(total) == pytest.approx((0.5 + 1.0 - 2.0) / 3)
     assert STIXEL_RMS(total) == pytest.approx(np.sqrt((0.25 + 1.0 + 4.0) / 3))
+    assert STIXEL_RMS_PX(total) == pytest.approx(np.sqrt((0.01 + 0.04 + 0.04) / 3))
+    # Depth errors of 1, 0.5 and -1.25 of what the stixels state.
+    assert NEES(total) == pytest.approx((1.0 + 0.25 + 1.5625) / 3)
+    assert (WITHIN_1(total), WITHIN_2(total)) == pytest.approx((2 / 3, 1.0))
+    assert HEIGHT_BIAS(total) == pytest.approx(0.4 / 3)
+    assert HEIGHT_RMS(total) == pytest.approx(np.sqrt((0.09 + 0.01 + 0.04) / 3))
+    assert AREA_RMS(total) == pytest.approx(np.sqrt((0.16 + 1.0) / 2))
     assert LATERAL_RMS(total) == pytest.approx(0.1)
     assert (TOP_BIAS(total), TOP_RMS(total), BASE_RMS(total)) == pytest.approx((-2.0, 2.0, 3.0))
     assert (total[4], total[5]) == (2.0, pytest.approx(0.16 + 1.0))
