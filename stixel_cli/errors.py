@@ -14,5 +14,9 @@ class ConfigurationError(UserError):
     """A configuration that cannot be run: the text names the key, the fault and what is right."""
 
 
+class BelongsElsewhere(ConfigurationError):
+    """A key or group that is there only with other options than those that are chosen."""
+
+
 class FolderTaken(UserError):
     """Another process has made a folder that was to be made."""

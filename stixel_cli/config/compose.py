@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 from stixel_cli.config import messages
 from stixel_cli.config.folders import conf_state, configuration_folder, group_options
 from stixel_cli.config.keys import chosen_kinds, known_keys
-from stixel_cli.config.overrides import check_overrides, parse_overrides, refuse_sweeps
+from stixel_cli.config.overrides import check_overrides, parse_overrides, refuse_for_one
 from stixel_cli.config.schema import Configuration, adapter
-from stixel_cli.errors import ConfigurationError
+from stixel_cli.errors import BelongsElsewhere, ConfigurationError
 
 if TYPE_CHECKING:
     from hydra.core.override_parser.types import Override
@@ -69,7 +69,7 @@ def compose(overrides: Sequence[str] = ()) -> Composition:
     group_options.cache_clear()  # a notebook lives longer than the files stay as they are
     parsed = parse_overrides(texts)
     check_overrides(parsed)
-    refuse_sweeps(parsed)
+    refuse_for_one(parsed)
     resolved, choices = _compose(parsed)
     name_files_in_full(resolved)
     typed = [override.key_or_group for override in parsed]
@@ -131,9 +131,7 @@ def _compose(parsed: "Sequence[Override]") -> tuple[dict[str, Any], dict[str, st
                 OmegaConf.update(composed, name, override.value(), merge=True)
             except (ConfigAttributeError, ConfigKeyError):
                 # The schema knows the key, so it belongs to another variant of its group.
-                raise ConfigurationError(
-                    messages.unknown_key(name, chosen_kinds(composed))
-                ) from None
+                raise BelongsElsewhere(messages.unknown_key(name, chosen_kinds(composed))) from None
         plain = OmegaConf.to_container(composed, resolve=True, throw_on_missing=True)
     except OmegaConfBaseException as fault:
         raise ConfigurationError(_unresolved(fault)) from None

@@ -9,7 +9,7 @@ from stixel_cli.config.folders import (
     innermost_group,
     outer_options,
 )
-from stixel_cli.errors import ConfigurationError
+from stixel_cli.errors import BelongsElsewhere, ConfigurationError
 
 if TYPE_CHECKING:
     from hydra.core.override_parser.types import Override
@@ -34,12 +34,10 @@ def refuse_without_outer(parsed: "Sequence[Override]") -> None:
         outer = group.rpartition("/")[0]
         if group not in group_options() or not outer:
             continue
-        if outer in chosen and chosen[outer].is_sweep_override():
-            continue  # each point of it will be seen here again
         option = str(chosen[outer].value()) if outer in chosen else default_option(outer)
         owners = outer_options(group)
         if option not in owners:
-            raise ConfigurationError(
+            raise BelongsElsewhere(
                 f"{group}: there is no such group with {outer}={option}; it belongs to "
                 f"{outer}={'|'.join(owners)}"
             )

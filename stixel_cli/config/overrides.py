@@ -113,7 +113,7 @@ def _unreadable(text: str) -> str:
 def check_overrides(parsed: "Sequence[Override]") -> None:
     """Refuse what Hydra would let pass, or answer in a way that helps no one.
 
-    Sweeps are not refused here: see `refuse_sweeps`.
+    What depends on the others of one configuration is left to `refuse_for_one`.
 
     Raises:
         ConfigurationError: for the first override that cannot be meant.
@@ -132,7 +132,6 @@ def check_overrides(parsed: "Sequence[Override]") -> None:
             there = f"belongs to {owners}, and is there with it" if owners else "is there already"
             raise ConfigurationError(f"{line}: {name} {there}: leave out the +")
     _refuse_repeated(parsed)
-    inner_groups.refuse_without_outer(parsed)
 
 
 def _check_name(override: "Override") -> None:
@@ -186,8 +185,8 @@ def _refuse_repeated(parsed: "Sequence[Override]") -> None:
         seen[name] = override
 
 
-def refuse_sweeps(parsed: "Sequence[Override]") -> None:
-    """Refuse overrides with several values.
+def refuse_for_one(parsed: "Sequence[Override]") -> None:
+    """Refuse what one configuration cannot have: several values, a group where there is none.
 
     Raises:
         ConfigurationError: for the first of them.
@@ -201,6 +200,7 @@ def refuse_sweeps(parsed: "Sequence[Override]") -> None:
                 f"{name}: {value} stands for several values: one run needs one{hint}; "
                 "`stixel sweep` takes several"
             )
+    inner_groups.refuse_without_outer(parsed)
 
 
 def single_overrides(override: "Override", shuffled: bool) -> list[str]:

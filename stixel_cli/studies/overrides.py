@@ -1,13 +1,15 @@
 """Overrides of a whole study: they take the place of what its parts have."""
 
+import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 from stixel_cli.config import messages
 from stixel_cli.config.compose_many import Composer
 from stixel_cli.config.folders import group_options
 from stixel_cli.config.overrides import check_overrides, parse_overrides, single_overrides
-from stixel_cli.errors import ConfigurationError
+from stixel_cli.errors import BelongsElsewhere, ConfigurationError
 from stixel_cli.studies.prose import listed
 from stixel_cli.sweeps.design import SEED, Axis, Design, check_each, same
 
@@ -19,39 +21,50 @@ def overridden(
 
     A key that a part fixes or sweeps takes the values that are given, and stays on its axis. Of
     keys that go together only the steps with these values remain. A key that a part does not have
-    is fixed in it, or swept, if it fits the part's points.
+    is fixed in it, or swept, if it fits the part's points; one value that fits only some steps of
+    an axis, as a noise fits fabricated measurements alone, goes with these steps.
 
     Returns:
-        the designs, and a line for each override that is left out of some parts, with their `names`
-        and the reason of the first of them.
+        the designs, and a line for each override that is left out of some parts or of some of their
+        points, with the parts' `names` and the reason of the first of them.
 
     Raises:
         ConfigurationError: for an override that cannot be meant, or that fits no part.
     """
     parsed = parse_overrides(overrides)
     check_overrides(parsed)
-    # Groups first: what a key means follows from the options.
-    parsed = sorted(parsed, key=lambda one: one.key_or_group not in group_options())
+    # Groups first, and those inside others after them: what a key means follows from the options.
+    parsed = sorted(
+        parsed,
+        key=lambda one: (one.key_or_group not in group_options(), one.key_or_group.count("/")),
+    )
     composer = Composer()
     designs, notes = list(designs), []
     for override in parsed:
         texts = single_overrides(override, shuffled=False)
         check_each(texts)
-        key = override.key_or_group
+        given = messages.printable(override.input_line, 100)
         faults: dict[str, ConfigurationError] = {}
         for i, design in enumerate(designs):
             try:
-                changed = _changed(design, key, texts, override.is_sweep_override())
+                changed = _changed(
+                    design, override.key_or_group, texts, override.is_sweep_override()
+                )
+                without = ""
+                if texts[0] in changed.fixed:
+                    changed, without = _where_it_fits(changed, texts[0], composer)
                 _first_point(changed, composer)
                 designs[i] = changed
+                if without:
+                    notes.append(f"{given}: left out of part {names[i]} with {without}")
             except ConfigurationError as fault:
                 faults[names[i]] = fault
-        first = next(iter(faults.values()), None)
         if len(faults) == len(designs):
-            raise first
+            # What is wrong where the key is helps more than where it is not.
+            raise min(faults.values(), key=lambda fault: isinstance(fault, BelongsElsewhere))
         if faults:
             parts = "parts" if len(faults) > 1 else "part"
-            given = messages.printable(override.input_line, 100)
+            first = next(iter(faults.values()))
             notes.append(f"{given}: left out of {parts} {listed(list(faults))}: {first}")
     return designs, notes
 
@@ -98,6 +111,39 @@ def _first_point(design: Design, composer: Composer) -> None:
     first = next(iter(design.combinations(composer)), None)
     if first is not None:
         composer.compose((*design.fixed, *first))
+
+
+def _where_it_fits(design: Design, text: str, composer: Composer) -> tuple[Design, str]:
+    """The design, an override moved from what is fixed to the steps of an axis that have its key.
+
+    Returns:
+        the design, and what is left out and why; "" if nothing is.
+
+    Raises:
+        ConfigurationError: for whatever else is wrong with the step's first point.
+    """
+    group = re.split("[./]", key_of(text))[0]
+    every = list(design.combinations(composer))
+    for i, axis in enumerate(design.axes):
+        # What a key means is said by its group's option, or by that of a group within.
+        if not any(key in group_options() and key.split("/")[0] == group for key in axis.keys):
+            continue
+        faults: dict[tuple[str, ...], BelongsElsewhere] = {}
+        for step in axis.steps:
+            point = next((texts for texts in every if set(step) <= set(texts)), None)
+            try:
+                composer.compose((*design.fixed, *(point or step)))
+            except BelongsElsewhere as fault:
+                faults[step] = fault
+        if 0 < len(faults) < len(axis.steps):
+            fixed = tuple(one for one in design.fixed if one != text)
+            steps = tuple(step if step in faults else (*step, text) for step in axis.steps)
+            axes = (*design.axes[:i], Axis(axis.keys, steps), *design.axes[i + 1 :])
+            left_out = listed([" ".join(step) for step in faults])
+            return replace(
+                design, fixed=fixed, axes=axes
+            ), f"{left_out}: {next(iter(faults.values()))}"
+    return design, ""
 
 
 def key_of(text: str) -> str:

@@ -195,7 +195,12 @@ def _parts(origin: Origin) -> list[dict[str, Any]]:
         axes = []
         for axis in part["axes"]:
             key = " + ".join(axis["keys"])
-            values = [" ".join(text.partition("=")[2] for text in step) for step in axis["steps"]]
+            count = len(axis["keys"])
+            # What goes with one step alone is shown with its key.
+            values = [
+                " ".join([*(text.partition("=")[2] for text in step[:count]), *step[count:]])
+                for step in axis["steps"]
+            ]
             axes.append((key, ", ".join(values)))
         parts.append(
             {

@@ -25,7 +25,8 @@ class Axis:
 
     Attributes:
         keys: one, or several that go together.
-        steps: one a value; each has an override of one value, `key=value`, for each key.
+        steps: one a value; each has an override of one value, `key=value`, for each key, and after
+            these any that go with this step alone.
     """
 
     keys: tuple[str, ...]

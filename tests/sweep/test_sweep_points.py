@@ -50,6 +50,15 @@ def test_all_combinations_with_the_seed_running_fastest():
     assert points[1].setting == {"path": "turn"}
 
 
+def test_a_group_inside_another_is_swept():
+    noises = [f"measurement/noise={noise}" for noise in ("stereo", "constant")]
+    assert labels(FABRICATED, "measurement/noise=stereo,constant") == noises
+    with pytest.raises(
+        ConfigurationError, match=r"no such group with measurement=simulated.*point 0"
+    ):
+        sweep_points(["measurement/noise=stereo,constant"])
+
+
 def test_the_order_is_drawn_with_the_seed_that_is_given():
     in_order = labels("seed=range(20)")
     drawn = labels("seed=range(20)", shuffle_seed=1)
