@@ -14,7 +14,7 @@ from stixel_cli.report import style
 from stixel_cli.report.metrics import format_value
 from stixel_cli.studies.nouns import Block, Figure, Findings, Paragraph, Picture, Section, Table
 from stixel_cli.studies.state import Origin, PartState
-from stixel_cli.studies.tables import shown_table
+from stixel_cli.studies.tables import INTERVAL, shown_table
 
 _COLOURS = {
     "#000000": "currentColor",
@@ -34,6 +34,8 @@ _LONG = 27
 """A table of more rows is printed small, unless it is across."""
 _SHORT = 30
 """Columns of at most so many characters are not broken into lines."""
+_SIDE_BY_SIDE = 2
+"""Of a table with more columns of intervals, these stand below their values."""
 
 
 def study_page(
@@ -104,6 +106,9 @@ class _Numbered:
                 case Table():
                     self.tables += 1
                     header, rows, numeric = shown_table(block)
+                    intervals = sum(name.endswith(INTERVAL) for name in header)
+                    if intervals > _SIDE_BY_SIDE:
+                        header, *rows = [list(map(_stacked, row)) for row in (header, *rows)]
                     wide = _characters(header, rows) > _WIDEST
                     blocks.append(
                         {
@@ -126,7 +131,7 @@ def _characters(header: Sequence[str], rows: Sequence[Sequence[str]]) -> int:
     """Characters side by side: of each column the longest cell, or word of its header, and one."""
     columns = zip(header, *rows, strict=True)
     return sum(
-        1 + max(*map(len, name.split()), *(min(len(cell), _SHORT) for cell in cells), 0)
+        1 + max(*map(len, name.split()), *(min(_width(cell), _SHORT) for cell in cells), 0)
         for name, *cells in columns
     )
 
@@ -134,11 +139,20 @@ def _characters(header: Sequence[str], rows: Sequence[Sequence[str]]) -> int:
 def _classes(rows: Sequence[Sequence[str]], numeric: Sequence[bool]) -> list[str]:
     """How each column's cells are set: numbers to the right, and nothing short broken."""
     columns = zip(*rows, strict=True)
-    short = [max(map(len, column)) <= _SHORT for column in columns] or [True] * len(numeric)
+    short = [max(map(_width, column)) <= _SHORT for column in columns] or [True] * len(numeric)
     return [
         "number" if right else "short" if fits else ""
         for right, fits in zip(numeric, short, strict=True)
     ]
+
+
+def _stacked(cell: str) -> str:
+    """The cell with its interval on a line of its own."""
+    return cell.replace(" [", "\n[") if cell.endswith("]") else cell
+
+
+def _width(cell: str) -> int:
+    return max(map(len, cell.split("\n")))
 
 
 def _side_by_side(blocks: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -16,6 +16,11 @@ from stixel_cli.sweeps.tables import csv_text, latex_table, markdown_row
 SPREAD, LOW, HIGH = "±", "low ", "high "
 
 
+def with_ends(names: Sequence[str]) -> tuple[str, ...]:
+    """Names of columns, after each those of the ends of its 95 % interval."""
+    return tuple(one for name in names for one in (name, f"{LOW}{name}", f"{HIGH}{name}"))
+
+
 def over_seeds(values: Sequence[float | int | None]) -> Statistic:
     """n, mean, standard deviation and 95 % t-interval of values, those that are None left out."""
     return statistic({}, "", values)
@@ -65,7 +70,9 @@ def shown_table(table: Table) -> tuple[list[str], list[list[str]], list[bool]]:
     return header, rows, numeric
 
 
-_SUFFIXES = {1: "", 2: f" {SPREAD} sd", 3: " [95 %]"}
+INTERVAL = " [95 %]"
+"""At the end of a header whose cells have an interval."""
+_SUFFIXES = {1: "", 2: f" {SPREAD} sd", 3: INTERVAL}
 
 
 def _cell(values: Sequence[str | int | float | None]) -> str:

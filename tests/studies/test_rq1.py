@@ -88,6 +88,9 @@ def test_a_tiny_study_gives_a_whole_report(studies, tiny):
     assert {row["range m"] for row in seen} <= {"5–10", "10–20"} and len(seen) >= 2
     for row in seen:
         assert 0.0 <= float(row["density %"]) <= 100.0
+    for table in ("disparity", "matchers", "grids", "height", "stixels"):
+        header = (folder / f"tables/{table}.csv").read_text(encoding="utf-8").partition("\n")[0]
+        assert header.count(",low ") == header.count(",high ") >= 4, table
     with (folder / "tables/rigs.csv").open(encoding="utf-8") as file:
         rigs = list(csv.DictReader(file))
     assert [row["rig"] for row in rigs] == ["default", "KITTI"]

@@ -11,11 +11,16 @@ from stixel_cli.geometry.rig import Rig
 from stixel_cli.studies.rq1 import figures
 from stixel_cli.studies.rq1.intervals import (
     AREA_RMS,
+    AREA_BIAS,
+    BASE_BIAS,
     BASE_RMS,
     COLUMN_BIAS,
+    COLUMN_BIAS_M,
+    COLUMN_INVENTED,
     COLUMN_MISSED,
     COLUMN_RMS,
     COLUMN_RMS_M,
+    COLUMN_UNASKED,
     ELSEWHERE,
     HEIGHT_BIAS,
     HEIGHT_RMS,
@@ -37,6 +42,7 @@ from stixel_cli.studies.rq1.intervals import (
     cover_sums,
     difference,
     estimate,
+    gross_sums,
     over_range,
     ratio,
     stixel_sums,
@@ -87,6 +93,11 @@ def test_a_difference_is_paired_by_pose():
     assert 0.09 < found.low <= found.high < 0.11
 
 
+def test_poses_that_all_agree_have_no_interval():
+    found = estimate(*group(np.full(12, 0.25)), ratio(1))
+    assert found.cells == (0.25, None, None)
+
+
 def test_sums_of_stixels_leave_out_gross_errors_and_other_ranges():
     errors = SimpleNamespace(
         offsets=np.array([0, 2, 2, 5]),
@@ -116,6 +127,8 @@ def test_sums_of_stixels_leave_out_gross_errors_and_other_ranges():
     assert LATERAL_RMS(total) == pytest.approx(0.1)
     assert (TOP_BIAS(total), TOP_RMS(total), BASE_RMS(total)) == pytest.approx((-2.0, 2.0, 3.0))
     assert (total[4], total[5]) == (2.0, pytest.approx(0.16 + 1.0))
+    assert (AREA_BIAS(total), BASE_BIAS(total)) == pytest.approx((0.7, 3.0))
+    assert gross_sums(made, 5.0, 50.0).tolist() == [[1.0, 0.0], [0.0, 0.0], [3.0, 1.0]]
 
 
 def seen_group(frames=8, columns=30):
@@ -156,12 +169,19 @@ def test_values_with_intervals_are_those_of_the_summaries():
     made = seen_group()
     chosen = made.frames(5.0, 15.0)
     of = made.errors.columns
+    of.of_target[:, :3] = False
+    named = {
+        "bias": COLUMN_BIAS, "rms": COLUMN_RMS, "bias_m": COLUMN_BIAS_M, "rms_m": COLUMN_RMS_M,
+        "missed": COLUMN_MISSED, "unasked": COLUMN_UNASKED, "invented": COLUMN_INVENTED,
+    }  # fmt: skip
+    every = np.broadcast_to(chosen[:, None], of.true.shape)
+    summary = column_summary(of.true[every], of.path[every], of.path_there[every], made.rig)
+    for name, statistic in named.items():
+        sums = column_sums(made, "path", 5.0, 15.0, of_target=False)
+        assert estimate(made, sums, statistic).value == pytest.approx(summary[name]), name
     mask = of.of_target & chosen[:, None]
     summary = column_summary(of.true[mask], of.path[mask], of.path_there[mask], made.rig)
-    named = {
-        "bias": COLUMN_BIAS, "rms": COLUMN_RMS, "rms_m": COLUMN_RMS_M, "missed": COLUMN_MISSED,
-    }  # fmt: skip
-    for name, statistic in named.items():
+    for name, statistic in list(named.items())[:5]:
         found = over_range(lambda g, low, high: column_sums(g, "path", low, high), statistic)(
             made, 5.0, 15.0
         )

@@ -13,7 +13,13 @@ from stixel_cli.studies.folder import files_of
 from stixel_cli.studies.nouns import Findings, Section, Table
 from stixel_cli.studies.page import _Numbered, svg_for_page
 from stixel_cli.studies.prose import counted, decimals, listed, number, percent, quantity
-from stixel_cli.studies.tables import over_seeds, shown_table, table_csv, table_latex
+from stixel_cli.studies.tables import (
+    over_seeds,
+    shown_table,
+    table_csv,
+    table_latex,
+    with_ends,
+)
 
 
 @pytest.fixture(scope="module")
@@ -181,3 +187,14 @@ def test_tables_are_printed_across_or_small_where_they_are_too_large():
     assert printed(9, 64) == (False, True)
     assert printed(26, 64) == (True, False)
     assert printed(3, 0) == (False, False)
+
+
+def test_intervals_of_many_columns_stand_below_their_values():
+    def cells(columns: int) -> list[str]:
+        names = with_ends([f"a{i}" for i in range(columns)])
+        table = Table("t", "c", names, ((1.2, 1.1, 1.4) * columns,))
+        (block,) = _Numbered().sections([Section("s", (table,))], "")[0]["blocks"]
+        return block["rows"][0]
+
+    assert cells(2) == ["1.20 [1.10, 1.40]"] * 2
+    assert cells(3) == ["1.20\n[1.10, 1.40]"] * 3

@@ -25,6 +25,7 @@ from stixel_cli.studies.rq1.pool import (
     matcher,
     needed_disparity,
     rig,
+    seeds,
     share,
     text,
 )
@@ -93,7 +94,8 @@ def _verdict(every: Group) -> str:
 
 def _rigs(data: StudyData) -> Iterator[str]:
     told = []
-    for group in groups(data.parts["rigs"], rig):
+    lines = groups(data.parts["rigs"], rig)
+    for group in lines:
         rms = estimate(group, by_pose.stixel_sums(group, *ROUND), by_pose.STIXEL_RMS)
         needed = needed_disparity(group.rig, SW_DEVIATION, SW_DEPTH)
         if math.isfinite(rms.value):
@@ -102,7 +104,10 @@ def _rigs(data: StudyData) -> Iterator[str]:
                 f"{text(needed, 3, 'px')}"
             )
     if told:
-        yield f"How far the depth is off depends on the rig. RMS at that range: {'; '.join(told)}."
+        yield (
+            "How far the depth is off depends on the rig. RMS at that range, "
+            f"{seeds(lines)}: {'; '.join(told)}."
+        )
 
 
 def _stages(every: Group) -> Iterator[tuple[str, str, str, Estimate]]:
@@ -121,8 +126,8 @@ def _stages(every: Group) -> Iterator[tuple[str, str, str, Estimate]]:
     yield "stixels", "target's columns in none", "%", uncovered
     overhang = estimate(every, cover, by_pose.OVERHANG)
     yield "stixels", "columns beside the target, a frame", "", overhang
-    gross = stixel_summary(every.errors.stixels, EDGES[0], EDGES[-1])["gross"]
-    yield "stixels", "gross errors", "%", Estimate(gross, math.nan, math.nan)
+    gross = by_pose.gross_sums(every, EDGES[0], EDGES[-1])
+    yield "stixels", "gross errors", "%", estimate(every, gross, by_pose.STIXEL_GROSS)
     stixels = _stixels(every)
     yield "stixels", "disparity, RMS", "px", estimate(every, stixels, by_pose.STIXEL_RMS_PX)
     yield "stixels", "depth, bias", "m", estimate(every, stixels, by_pose.STIXEL_BIAS)
@@ -229,11 +234,11 @@ def _contrast(data: StudyData) -> Iterator[str]:
         pixels = by_pose.pixel_sums(group, _INSIDE)
         in_none = estimate(group, by_pose.cover_sums(group), by_pose.UNCOVERED)
         told.append(
-            f"with contrast {group.label} {estimate(group, pixels, by_pose.PIXEL_RMS).text('px')} "
-            f"RMS, {estimate(group, pixels, by_pose.PIXEL_DENSITY).share()} of the pixels with a "
+            f"at {group.label} an RMS of {estimate(group, pixels, by_pose.PIXEL_RMS).text('px')}, "
+            f"{estimate(group, pixels, by_pose.PIXEL_DENSITY).share()} of the pixels with a "
             f"disparity, {in_none.share()} of the columns in no stixel"
         )
-    yield f"The paint's contrast, disparities inside the target: {'; '.join(told)}."
+    yield f"Disparities inside the target by the contrast of its paint: {'; '.join(told)}."
 
 
 def _setup(data: StudyData) -> str:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from stixel_cli.evaluation.stage_errors import ZONES
-from stixel_cli.evaluation.stage_summary import coverage_summary, disparity_summary
+from stixel_cli.evaluation.stage_summary import disparity_summary
 from stixel_cli.studies.nouns import Section, StudyData, Table
 from stixel_cli.studies.rq1 import figures
 from stixel_cli.studies.rq1 import intervals as by_pose
@@ -17,9 +17,17 @@ from stixel_cli.studies.rq1.pool import (
     groups,
     locking_swing,
     matcher,
+    seeds,
 )
+from stixel_cli.studies.tables import with_ends
 
 INSIDE, BORDER = 0, 1
+_COLUMNS = {
+    "density %": by_pose.PIXEL_DENSITY,
+    "gross %": by_pose.PIXEL_GROSS,
+    "bias px": by_pose.pixel_bias,
+    "RMS px": by_pose.PIXEL_RMS,
+}
 
 
 def disparity_section(data: StudyData, users: Sequence[Group]) -> Section:
@@ -42,7 +50,7 @@ def disparity_section(data: StudyData, users: Sequence[Group]) -> Section:
         )
     ]
     inside = [(title, unit, {"": drawn["inside"]}) for title, unit, drawn in panels]
-    columns = ("pixels", "density %", "gross %", "bias px", "RMS px", "median px")
+    columns = ("pixels", *with_ends(_COLUMNS), "median px")
     return Section(
         "Disparity",
         (
@@ -57,8 +65,9 @@ def disparity_section(data: StudyData, users: Sequence[Group]) -> Section:
             Table(
                 "disparity",
                 "Disparity on the target, default rig, semi-global matching. Pixels are counted "
-                f"in every seed: {counts(users)}.",
-                ("road user", "zone", "range m", *columns),
+                f"in every seed: {seeds(users)}. Brackets: 95 % intervals over the poses. The "
+                "median is of all pixels with a disparity, gross errors among them.",
+                ("road user", "zone", "range m", "poses", *columns),
                 tuple(_disparity_rows(users)),
             ),
             Section(
@@ -85,19 +94,13 @@ def disparity_section(data: StudyData, users: Sequence[Group]) -> Section:
                         "matchers",
                         "All road users and ranges, by matcher; locking is the greatest less the "
                         "least mean error over the fraction. The stixels' columns are of the same "
-                        "frames, gross errors left out; brackets: 95 % intervals over the poses; "
-                        f"{counts(matchers)}.",
+                        "frames, gross errors left out; the median is of all disparities. "
+                        f"Brackets: 95 % intervals over the poses; {counts(matchers)}.",
                         (
                             "matcher",
                             *columns,
                             "locking px",
-                            "stixel RMS px",
-                            "low px",
-                            "high px",
-                            "stixel RMS m",
-                            "low m",
-                            "high m",
-                            "columns in no stixel %",
+                            *with_ends(("stixel RMS px", "stixel RMS m", "columns in no stixel %")),
                         ),
                         tuple(_matcher_rows(matchers)),
                     ),
@@ -107,35 +110,35 @@ def disparity_section(data: StudyData, users: Sequence[Group]) -> Section:
     )
 
 
-def _pixel_cells(found: dict[str, float]) -> tuple:
-    percent = (cell(found[name], 100.0) for name in ("density", "gross"))
-    return (
-        int(found["pixels"]),
-        *percent,
-        *(cell(found[name]) for name in ("bias", "rms", "median")),
-    )
+def _pixel_cells(group: Group, zone: int, low: float, high: float) -> Iterator[float | None]:
+    """Pixels, what `_COLUMNS` names with its ends, and the median."""
+    sums = by_pose.pixel_sums(group, zone, low, high)
+    yield int(sums[:, 0].sum())
+    for name, of in _COLUMNS.items():
+        yield from estimate(group, sums, of).scaled(100.0 if name.endswith("%") else 1.0).cells
+    yield cell(disparity_summary(group.errors.disparity, group.frames(low, high), zone)["median"])
 
 
 def _disparity_rows(users: Sequence[Group]) -> Iterator[tuple]:
     for group in users:
         for zone in (INSIDE, BORDER):
             for low, high in COARSE:
-                chosen = group.frames(low, high)
-                found = disparity_summary(group.errors.disparity, chosen, zone)
+                pixels = by_pose.pixel_sums(group, zone, low, high)[:, 0]
+                poses = len(set(group.poses[pixels > 0.0].tolist()))
                 where = ZONES[zone].rpartition(" ")[2]
-                yield (group.label, where, f"{low:g}–{high:g}", *_pixel_cells(found))
+                cells = _pixel_cells(group, zone, low, high)
+                yield (group.label, where, f"{low:g}–{high:g}", poses, *cells)
 
 
 def _matcher_rows(matchers: Sequence[Group]) -> Iterator[tuple]:
     for group in matchers:
-        found = disparity_summary(group.errors.disparity, group.seen, INSIDE)
         stixels = by_pose.stixel_sums(group, EDGES[0], EDGES[-1])
-        cover = coverage_summary(group.errors.stixels, group.seen)
+        uncovered = estimate(group, by_pose.cover_sums(group), by_pose.UNCOVERED)
         yield (
             group.label,
-            *_pixel_cells(found),
+            *_pixel_cells(group, INSIDE, EDGES[0], EDGES[-1]),
             cell(locking_swing(group, INSIDE)),
             *estimate(group, stixels, by_pose.STIXEL_RMS_PX).cells,
             *estimate(group, stixels, by_pose.STIXEL_RMS).cells,
-            cell(cover["missed"], 100.0),
+            *uncovered.scaled(100.0).cells,
         )

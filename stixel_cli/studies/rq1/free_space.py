@@ -1,14 +1,24 @@
 """RQ1's chapter on the occupancy grid and free space: grid and path, and the three grids."""
 
 from collections.abc import Iterator, Sequence
+from itertools import chain
 
-import numpy as np
-
-from stixel_cli.evaluation.stage_summary import column_summary
 from stixel_cli.studies.nouns import Paragraph, Section, StudyData, Table
 from stixel_cli.studies.rq1 import figures
 from stixel_cli.studies.rq1 import intervals as by_pose
-from stixel_cli.studies.rq1.pool import Group, cell, counts, grid, groups
+from stixel_cli.studies.rq1.intervals import estimate
+from stixel_cli.studies.rq1.pool import Group, counts, grid, groups
+from stixel_cli.studies.tables import with_ends
+
+_COLUMNS = {
+    "missed %": by_pose.COLUMN_MISSED,
+    "not asked for %": by_pose.COLUMN_UNASKED,
+    "invented %": by_pose.COLUMN_INVENTED,
+    "bias px": by_pose.COLUMN_BIAS,
+    "RMS px": by_pose.COLUMN_RMS,
+    "bias m": by_pose.COLUMN_BIAS_M,
+    "RMS m": by_pose.COLUMN_RMS_M,
+}
 
 
 def free_space_section(data: StudyData, users: Sequence[Group]) -> Section:
@@ -55,19 +65,8 @@ def free_space_section(data: StudyData, users: Sequence[Group]) -> Section:
                 "grids",
                 "Columns at all ranges. “All” are those of the whole image, with the street's "
                 "houses and trees up to the grid's far end, where one pixel of disparity is many "
-                f"metres; {counts(grids)}.",
-                (
-                    "grid",
-                    "columns",
-                    "step",
-                    "missed %",
-                    "not asked for %",
-                    "invented %",
-                    "bias px",
-                    "RMS px",
-                    "bias m",
-                    "RMS m",
-                ),
+                f"metres; brackets: 95 % intervals over the poses; {counts(grids)}.",
+                ("grid", "columns", "step", *with_ends(_COLUMNS)),
                 tuple(_grid_rows(grids)),
             ),
         ),
@@ -80,22 +79,19 @@ def _column_value(step: str, of: by_pose.Statistic) -> figures.Values:
     )
 
 
-def _columns(group: Group, step: str, frames, of_target: bool = True) -> dict[str, float]:
-    columns = group.errors.columns
-    chosen = frames & (columns.of_target if of_target else np.ones_like(columns.of_target))
-    found, there = (getattr(columns, name)[chosen] for name in (step, f"{step}_there"))
-    return column_summary(columns.true[chosen], found, there, group.rig)
-
-
 def _grid_rows(grids: Sequence[Group]) -> Iterator[tuple]:
     for group in grids:
         for where, of_target in (("of the target", True), ("all", False)):
             for step in ("grid", "path"):
-                found = _columns(group, step, group.seen[:, None], of_target)
+                sums = by_pose.column_sums(group, step, of_target=of_target)
+                found = [estimate(group, sums, of) for of in _COLUMNS.values()]
+                shown = (
+                    one.scaled(100.0) if name.endswith("%") else one
+                    for name, one in zip(_COLUMNS, found, strict=True)
+                )
                 yield (
                     group.label,
                     where,
                     step,
-                    *(cell(found[name], 100.0) for name in ("missed", "unasked", "invented")),
-                    *(cell(found[name]) for name in ("bias", "rms", "bias_m", "rms_m")),
+                    *chain.from_iterable(one.cells for one in shown),
                 )

@@ -22,7 +22,7 @@ Statistic = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its 95 % interval; NaN where there is none."""
+    """A number with its 95 % interval; NaN where there is none, or all poses agree."""
 
     value: float
     low: float
@@ -67,8 +67,10 @@ def estimate(group: Group, sums: np.ndarray, of: Statistic) -> Estimate:
         return Estimate(value, np.nan, np.nan)
     drawn = of(weights(strata, "poses") @ by_pose * len(poses))
     drawn = drawn[np.isfinite(drawn)]
-    low, high = interval(drawn) if len(drawn) else (np.nan, np.nan)
-    return Estimate(value, low, high)
+    # Poses that all agree do not tell how much they scatter.
+    if len(drawn) == 0 or np.ptp(drawn) <= 1e-12 * max(1.0, abs(value)):
+        return Estimate(value, np.nan, np.nan)
+    return Estimate(value, *interval(drawn))
 
 
 def difference(
@@ -104,10 +106,11 @@ def _by_pose(group: Group, sums: np.ndarray) -> dict[tuple, np.ndarray]:
 
 STIXEL_SUMS = ("count", "depth", "depth²", "disparity²", "areas", "area²")
 STIXEL_SUMS += ("ratio²", "in 1", "in 2", "height", "height²", "lateral²", "top", "top²", "base²")
+STIXEL_SUMS += ("area", "base")
 
 
 def stixel_sums(group: Group, low: float, high: float) -> np.ndarray:
-    """`STIXEL_SUMS` (n, 15) of the stixels of a true depth in [low, high) m, without gross errors.
+    """`STIXEL_SUMS` (n, 17) of the stixels of a true depth in [low, high) m, without gross errors.
 
     Areas are counted by themselves, for not every stixel has the target's pixels in its own.
     """
@@ -133,12 +136,24 @@ def stixel_sums(group: Group, low: float, high: float) -> np.ndarray:
             errors.top[fine],
             errors.top[fine] ** 2,
             errors.base[fine] ** 2,
+            np.nan_to_num(area),
+            errors.base[fine],
         ],
         axis=-1,
     )
     sums = np.zeros((len(errors.offsets) - 1, len(STIXEL_SUMS)))
     np.add.at(sums, frame, rows)
     return sums
+
+
+def gross_sums(group: Group, low: float, high: float) -> np.ndarray:
+    """Stixels of a true depth in [low, high) m, and those of them with a gross error (n, 2)."""
+    errors = group.errors.stixels
+    chosen = in_range(errors.true_depth, low, high)
+    gross = chosen & (np.abs(errors.disparity) > GROSS)
+    before = np.zeros((len(chosen) + 1, 2))
+    before[1:] = np.cumsum(np.stack([chosen, gross], axis=-1), axis=0)
+    return np.diff(before[errors.offsets], axis=0)
 
 
 def pixel_sums(
@@ -160,23 +175,29 @@ def phase_sums(group: Group, zone: int, phase: int) -> np.ndarray:
 
 
 def column_sums(
-    group: Group, step: str, low: float = EDGES[0], high: float = EDGES[-1]
+    group: Group,
+    step: str,
+    low: float = EDGES[0],
+    high: float = EDGES[-1],
+    of_target: bool = True,
 ) -> np.ndarray:
-    """Sums (n, 6) over the target's columns, of the frames that see it, of a step (grid or path).
+    """Sums (n, 10) over columns, of the frames that see the target, of a step (grid or path).
 
-    Columns, those that are missed, those that are hit, and of these the sums of error px, error²
-    px² and depth error² m².
+    Columns with an obstacle, those that are missed, those that are hit, and of these the sums of
+    error px, error² px², depth error² m² and depth error m; then all columns, those that are found
+    unasked, and the invented: see `ColumnKinds`. `of_target`: the target's columns alone.
     """
     columns = group.errors.columns
     true, found = columns.true.astype(np.float64), getattr(columns, step).astype(np.float64)
-    chosen = columns.of_target & group.frames(low, high)[:, None]
+    chosen = group.frames(low, high)[:, None] & (columns.of_target if of_target else True)
     kinds = column_kinds(true, found, getattr(columns, f"{step}_there"))
     hit = kinds.hit & chosen
     with np.errstate(divide="ignore", invalid="ignore"):
         error = np.where(hit, found - true, 0.0)
         metres = group.rig.depth_from_disparity(found) - group.rig.depth_from_disparity(true)
     metres = np.where(hit, metres, 0.0)
-    parts = (chosen, kinds.missed & chosen, hit, error, error**2, metres**2)
+    parts = (kinds.real & chosen, kinds.missed & chosen, hit, error, error**2, metres**2, metres)
+    parts += (np.broadcast_to(chosen, true.shape), kinds.unasked & chosen, kinds.invented & chosen)
     return np.stack([part.sum(axis=1) for part in parts], axis=-1).astype(np.float64)
 
 
@@ -249,11 +270,13 @@ PIXEL_RMS = root(4, 1, less=2)
 PIXEL_GROSS = ratio(2, 1)
 PIXEL_DENSITY = ratio(1, 0)
 STIXEL_BIAS, STIXEL_RMS, STIXEL_RMS_PX = ratio(1), root(2), root(3)
+AREA_BIAS, STIXEL_GROSS = ratio(15, 4), ratio(1)
 AREA_RMS, NEES, WITHIN_1, WITHIN_2 = root(5, 4), ratio(6), ratio(7), ratio(8)
 HEIGHT_BIAS, HEIGHT_RMS, LATERAL_RMS = ratio(9), root(10), root(11)
-TOP_BIAS, TOP_RMS, BASE_RMS = ratio(12), root(13), root(14)
+TOP_BIAS, TOP_RMS, BASE_BIAS, BASE_RMS = ratio(12), root(13), ratio(16), root(14)
 COLUMN_MISSED, COLUMN_BIAS = ratio(1, 0), ratio(3, 2)
-COLUMN_RMS, COLUMN_RMS_M = root(4, 2), root(5, 2)
+COLUMN_RMS, COLUMN_RMS_M, COLUMN_BIAS_M = root(4, 2), root(5, 2), ratio(6, 2)
+COLUMN_UNASKED, COLUMN_INVENTED = ratio(8, 7), ratio(9, 7)
 UNCOVERED, ELSEWHERE = ratio(2, 1), ratio(3, 1)
 STIXELS_A_FRAME, OVERHANG = ratio(4), ratio(5)
 PHASE_BIAS = ratio(1)

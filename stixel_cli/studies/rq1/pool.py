@@ -141,13 +141,17 @@ def counts(lines: Iterable[Group]) -> str:
     """What a line of a figure or table counts: poses and seeds, as a caption has it."""
     lines = list(lines)
     poses = {len(set(group.poses[group.seen].tolist())) for group in lines}
-    seeds = {len({point.seed for point in group.points}) for group in lines}
+    return f"{_told(poses, 'pose')} a line, {seeds(lines)}"
 
-    def told(numbers: set[int], what: str) -> str:
-        least, most = min(numbers), max(numbers)
-        return counted(most, what) if least == most else f"{least} to {most} {what}s"
 
-    return f"{told(poses, 'pose')} a line, {told(seeds, 'seed')} a pose"
+def seeds(lines: Iterable[Group]) -> str:
+    """How many seeds each pose of a table has, whose rows say how many poses they have."""
+    return f"{_told({len({p.seed for p in group.points}) for group in lines}, 'seed')} a pose"
+
+
+def _told(numbers: set[int], what: str) -> str:
+    least, most = min(numbers), max(numbers)
+    return counted(most, what) if least == most else f"{least} to {most} {what}s"
 
 
 def locking_swing(group: Group, zone: int) -> float:

@@ -10,7 +10,7 @@ from itertools import pairwise
 from stixel_cli.evaluation.stage_errors import BORDER, GROSS
 from stixel_cli.studies.inference import DRAWS
 from stixel_cli.studies.nouns import Findings, Paragraph, Section, StudyData
-from stixel_cli.studies.prose import counted
+from stixel_cli.studies.prose import counted, quantity
 from stixel_cli.studies.rq1.answer import answer, answer_table
 from stixel_cli.studies.rq1.contrast import contrast_section
 from stixel_cli.studies.rq1.disparity import disparity_section
@@ -64,9 +64,18 @@ def _method(users: Sequence[Group]) -> Section:
                 f"percentiles of {DRAWS} bootstrap draws of poses, road user by road user; paired "
                 "differences draw the same poses for both. Bands in figures are such intervals "
                 f"too. A range of 5 m holds only {in_a_range} of a road user, of which percentiles "
-                "tend to be too narrow: read the bands as how much poses differ, not as a test. "
-                f"What is a mean of fewer than {LEAST} pixels, columns or stixels is not drawn, "
-                "and of a single pose there is no band."
+                "tend to be too narrow: read bands, and brackets of a range, as how much poses "
+                "differ, not as a test. Where all poses agree, as on no gross error at all, or "
+                "there is one alone, nothing is known of how they scatter and no interval is "
+                f"given. What is a mean of fewer than {LEAST} pixels, columns or stixels is not "
+                "drawn."
+            ),
+            Paragraph(
+                "Poses are not quite independent either. Those next to each other are "
+                f"{quantity(first.path.sample_time, 's')} apart, and free space looks back at the "
+                "frame before: what neighbours share makes intervals too short. What changes with "
+                "the range is counted as scatter where all ranges are together, which makes them "
+                "too long. Neither is allowed for."
             ),
             Paragraph(
                 f"Disparity: found minus f B / z, pixel by pixel. An error above {GROSS:g} px is "

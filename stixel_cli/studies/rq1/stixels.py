@@ -1,6 +1,7 @@
 """RQ1's chapters on height, on stixels, and on what three rigs make of them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
 
 from stixel_cli.evaluation.stage_errors import GROSS
 from stixel_cli.evaluation.stage_summary import stixel_summary
@@ -22,7 +23,9 @@ from stixel_cli.studies.rq1.pool import (
     groups,
     needed_disparity,
     rig,
+    seeds,
 )
+from stixel_cli.studies.tables import with_ends
 
 
 def _stixel_value(of: by_pose.Statistic) -> figures.Values:
@@ -37,7 +40,14 @@ def height_section(users: Sequence[Group]) -> Section:
         ("Height, bias", "m", {"": _stixel_value(by_pose.HEIGHT_BIAS)}),
         ("Base row, RMS", "px", {"": _stixel_value(by_pose.BASE_RMS)}),
     ]
-    names = ("top_bias", "top_rms", "base_bias", "base_rms", "height_bias", "height_rms")
+    columns = {
+        "top bias px": by_pose.TOP_BIAS,
+        "top RMS px": by_pose.TOP_RMS,
+        "base bias px": by_pose.BASE_BIAS,
+        "base RMS px": by_pose.BASE_RMS,
+        "height bias m": by_pose.HEIGHT_BIAS,
+        "height RMS m": by_pose.HEIGHT_RMS,
+    }
     return Section(
         "Height",
         (
@@ -53,30 +63,54 @@ def height_section(users: Sequence[Group]) -> Section:
                 "height",
                 "Rows and height of the stixels on the target, default rig. The errors are of "
                 "those whose disparity is not off by a gross error (see the stixels' own table "
-                f"for how many are); {counts(users)}.",
-                (
-                    "road user",
-                    "range m",
-                    "stixels",
-                    "top bias px",
-                    "top RMS px",
-                    "base bias px",
-                    "base RMS px",
-                    "height bias m",
-                    "height RMS m",
-                ),
-                tuple(_stixel_rows(users, names)),
+                f"for how many are); brackets: 95 % intervals over the poses; {seeds(users)}.",
+                ("road user", "range m", "poses", "stixels", *with_ends(columns)),
+                tuple(_height_rows(users, columns.values())),
             ),
         ),
     )
 
 
-def _stixel_rows(lines: Sequence[Group], names: Sequence[str], percent=()) -> Iterator[tuple]:
-    for group in lines:
+def _height_rows(
+    users: Sequence[Group], statistics: Iterable[by_pose.Statistic]
+) -> Iterator[tuple]:
+    for group, low, high, begin in _by_range(users):
+        sums = by_pose.stixel_sums(group, low, high)
+        yield (*begin, *chain.from_iterable(estimate(group, sums, of).cells for of in statistics))
+
+
+def _stixel_rows(users: Sequence[Group]) -> Iterator[tuple]:
+    for group, low, high, begin in _by_range(users):
+        sums = by_pose.stixel_sums(group, low, high)
+        gross = estimate(group, by_pose.gross_sums(group, low, high), by_pose.STIXEL_GROSS)
+        bias, rms, area_bias, area_rms, nees, within, lateral = (
+            estimate(group, sums, of)
+            for of in (
+                by_pose.STIXEL_BIAS,
+                by_pose.STIXEL_RMS,
+                by_pose.AREA_BIAS,
+                by_pose.AREA_RMS,
+                by_pose.NEES,
+                by_pose.WITHIN_1,
+                by_pose.LATERAL_RMS,
+            )
+        )
+        shown = (gross.scaled(100.0), bias, rms, area_bias, area_rms, nees, within.scaled(100.0))
+        sigma = stixel_summary(group.errors.stixels, low, high)["sigma"]
+        yield (
+            *begin,
+            *chain.from_iterable(one.cells for one in (*shown, lateral)),
+            cell(sigma),
+        )
+
+
+def _by_range(users: Sequence[Group]) -> Iterator[tuple[Group, float, float, tuple]]:
+    """Each road user and range, with the beginning of its row: those, poses, stixels."""
+    for group in users:
         for low, high in COARSE:
-            found = stixel_summary(group.errors.stixels, low, high)
-            cells = (cell(found[n], 100.0 if n in percent else 1.0) for n in names)
-            yield (group.label, f"{low:g}–{high:g}", int(found["stixels"]), *cells)
+            count = by_pose.gross_sums(group, low, high)[:, 0]
+            poses = len(set(group.poses[count > 0.0].tolist()))
+            yield group, low, high, (group.label, f"{low:g}–{high:g}", poses, int(count.sum()))
 
 
 def stixels_section(users: Sequence[Group]) -> Section:
@@ -90,8 +124,6 @@ def stixels_section(users: Sequence[Group]) -> Section:
             ("Columns beside it that get its disparity", "a frame", by_pose.OVERHANG),
         )
     ]
-    names = ("gross", "bias", "rms", "area_bias", "area_rms", "sigma", "nees", "within_1")
-    names += ("lateral_rms",)
     return Section(
         "Stixels",
         (
@@ -124,22 +156,28 @@ def stixels_section(users: Sequence[Group]) -> Section:
                 "Stixels on the target, default rig. The error is against the nearest surface in "
                 "the stixel's columns; “area” is against the median depth of the target's pixels "
                 "in the stixel. Gross errors are counted among the stixels and left out of the "
-                f"other columns; {counts(users)}.",
+                "other columns; brackets: 95 % intervals over the poses; "
+                f"{seeds(users)}.",
                 (
                     "road user",
                     "range m",
+                    "poses",
                     "stixels",
-                    "gross %",
-                    "bias m",
-                    "RMS m",
-                    "area bias m",
-                    "area RMS m",
+                    *with_ends(
+                        (
+                            "gross %",
+                            "bias m",
+                            "RMS m",
+                            "area bias m",
+                            "area RMS m",
+                            "error²/σ²",
+                            "within σ %",
+                            "lateral RMS m",
+                        )
+                    ),
                     "stated σ m",
-                    "error²/σ²",
-                    "within σ %",
-                    "lateral RMS m",
                 ),
-                tuple(_stixel_rows(users, names, percent=("gross", "within_1"))),
+                tuple(_stixel_rows(users)),
             ),
             figures.over_range(
                 "coverage",
