@@ -45,9 +45,9 @@ OpenPage = Callable[..., OpenedPage]
 
 @pytest.fixture(scope="module")
 def open_page() -> Iterator[OpenPage]:
-    """Function (file, width=1440, height=900, dark=False, touch=False) -> OpenedPage.
+    """Function (file, width=1440, height=900, dark=False, touch=False, still=False) -> OpenedPage.
 
-    One browser a module.
+    `still` is a user's wish for little motion. One browser a module.
     """
     program = next(filter(None, map(shutil.which, NAMES)), None)
     if program is None:
@@ -64,6 +64,7 @@ def open_page() -> Iterator[OpenPage]:
             height: int = 900,
             dark: bool = False,
             touch: bool = False,
+            still: bool = False,
         ) -> OpenedPage:
             address = file.resolve().as_uri()
             page = browser.new_page(
@@ -71,6 +72,7 @@ def open_page() -> Iterator[OpenPage]:
                 color_scheme="dark" if dark else "light",
                 has_touch=touch,
                 is_mobile=touch,
+                reduced_motion="reduce" if still else "no-preference",
             )
             page.set_default_timeout(10_000)
             opened = OpenedPage(page)

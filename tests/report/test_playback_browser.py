@@ -201,6 +201,51 @@ def test_two_runs_lie_over_each_other(open_page, pages):
     page.close()
 
 
+def test_an_estimate_outside_the_picture_is_pointed_at(open_page, tmp_path):
+    run = make_run("lost")
+    away = np.array([30.0, -40.0])
+    means = run.track.means.copy()
+    means[:, :2] += away
+    track = replace(run.track, means=means, contours_world=run.track.contours_world + away)
+    file = tmp_path / "lost.html"
+    file.write_text(playback_html([make_run("held"), replace(run, track=track)], "two"), "utf-8")
+    opened = open_page(file)
+    page = opened.page
+    to(page, 5)
+    assert not page.locator("#far-0").is_visible() and not page.locator("#outside-0").is_visible()
+    off = np.linalg.norm(means[5, :2] - run.scenario.target_poses_world[5, :2])
+    assert page.locator("#far-1").text_content() == f"{off:.1f} m off"
+    picture, pointer = (page.locator(name).bounding_box() for name in ("#map", "#outside-1"))
+    middle = [picture[side] + picture[size] / 2 for side, size in (("x", "width"), ("y", "height"))]
+    # To the right and down, and in the picture.
+    assert middle[0] < pointer["x"] < picture["x"] + picture["width"] - pointer["width"]
+    assert middle[1] < pointer["y"] < picture["y"] + picture["height"] - pointer["height"]
+    said = page.locator("#scan-caption").inner_text()
+    assert said == "An empty scan: the track is a prediction."
+    assert opened.problems == []
+    page.close()
+
+
+def test_nothing_moves_by_itself_for_who_wants_little_motion(open_page, pages):
+    opened = open_page(pages / "one.html", still=True)
+    page = opened.page
+    assert page.evaluate("matchMedia('(prefers-reduced-motion: reduce)').matches")
+    for press in ("One scan forward", "Zoom in", "Whole scene"):
+        page.get_by_role("button", name=press).click()
+        # A transition would be running now; the map and the cursors are where they will stay.
+        assert page.evaluate("document.getAnimations().length") == 0
+    places = "[...document.querySelectorAll('#world, .cursor')].map(e => e.outerHTML).join()"
+    before = page.evaluate(places)
+    page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    assert page.evaluate(places) == before and frame(page) == 1
+    # Playing is asked for, and still plays.
+    page.get_by_role("button", name="Play", exact=True).click()
+    expect(page.locator("#scrub")).to_have_value(re.compile("[3-9]"))
+    page.get_by_role("button", name="Pause").click()
+    assert opened.problems == []
+    page.close()
+
+
 def test_points_image_and_their_count_are_those_of_the_run_chosen(open_page, pages):
     opened = open_page(pages / "unlike.html")
     page = opened.page

@@ -30,6 +30,8 @@ const estimates = runs.map((run, r) => {
     contour: path("estimates", "estimate", "line"),
     heading: path("estimates", "heading", "line"),
     head: path("estimates", "head", "fill", false),
+    outside: svg("path", { id: id("outside"), d: "M9 0L-6 7V-7Z" }, find("outside")),
+    far: svg("text", { id: id("far") }, find("outside")),
   };
 });
 const truthTrail = svg("path", { id: "truth-trail", class: "trail truth" }, find("trails"));
@@ -78,6 +80,30 @@ function drawMap() {
     arrow(parts.heading, parts.head, pose, 0.75 * extent, scale);
   });
   drawScan(scan, run.used[k], k);
+  drawOutside(x, y, scale);
+}
+
+// At the edge, where an estimate is that is not in the picture, and how far it is from the target.
+function drawOutside(x, y, scale) {
+  const target = data.target[frame], halfX = view.width / 2, halfY = view.height / 2;
+  runs.forEach((run, r) => {
+    const { outside, far } = estimates[r], pose = run.poses[frame];
+    const dx = pose ? (pose[0] / 1e3 - x) * scale : 0, dy = pose ? (y - pose[1] / 1e3) * scale : 0;
+    const shown = Math.abs(dx) > halfX || Math.abs(dy) > halfY;
+    outside.style.display = far.style.display = shown ? "" : "none";
+    if (!shown) return;
+    // Clear of the buttons to the right and of the axes' numbers.
+    const share = Math.min((halfX - 56) / Math.abs(dx), (halfY - 30) / Math.abs(dy));
+    const atX = halfX + share * dx, atY = halfY + share * dy;
+    const turn = Math.atan2(dy, dx) * 180 / Math.PI;
+    outside.setAttribute("transform", `translate(${atX} ${atY}) rotate(${turn})`);
+    outside.style.fill = far.style.fill = colourOf(r);
+    far.textContent = target
+      ? `${(Math.hypot(pose[0] - target[0], pose[1] - target[1]) / 1e3).toFixed(1)} m off` : "";
+    // Of several in one direction each has a line of its own.
+    const attributes = { x: atX, y: atY + (dy > 0 ? -12 - 14 * r : 20 + 14 * r), "text-anchor": "middle" };
+    for (const [key, value] of Object.entries(attributes)) far.setAttribute(key, value);
+  });
 }
 
 function drawGrid(x, y, scale) {
@@ -134,8 +160,10 @@ function drawScan(scan, used, k) {
   find("ellipses-unused").setAttribute("d", rings[0]);
   find("ellipses-used").setAttribute("d", rings[1]);
   const count = points.length / 2;
+  const of = `${count} point${count === 1 ? "" : "s"} in the scan, `;
   find("scan-caption").textContent = (count === 0 ? "An empty scan: the track is a prediction."
-    : `${count} point${count === 1 ? "" : "s"} in the scan, ${used.length} used by the tracker`) +
+    : used.length === 0 ? `${of}none used: the track is a prediction`
+      : `${of}${used.length} used by the tracker`) +
     (scan.ellipses ? "" : "; too many in the run to show their σ");
 }
 
