@@ -10,8 +10,8 @@ from stixel_cli.evaluation.stage_summary import column_summary, coverage_summary
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.studies.rq1 import figures
 from stixel_cli.studies.rq1.intervals import (
-    AREA_RMS,
     AREA_BIAS,
+    AREA_RMS,
     BASE_BIAS,
     BASE_RMS,
     COLUMN_BIAS,

@@ -17,6 +17,7 @@ from stixel_cli.studies.nouns import StudyData
 from stixel_cli.studies.rq2.answer import answer, answer_tables
 from stixel_cli.studies.rq2.conditions import CONDITIONS, condition_statistics
 from stixel_cli.studies.rq2.contrasts import family, p_value
+from stixel_cli.studies.rq2.figures import by_condition
 from stixel_cli.studies.rq2.runs import (
     Run,
     contour_distances,
@@ -133,7 +134,19 @@ def test_scans_are_sorted_by_their_conditions():
         found = condition_statistics(condition, runs)
         assert {condition.labels[key[2]]: one.scans for key, one in found.items()} == counts
     (one, *_) = found.values()
+    assert one.seeds == 2
     assert one.errors["centre"].n == 2 and one.errors["centre"].mean == 1.0
+
+
+def test_a_condition_that_few_seeds_have_says_so():
+    near = np.full(4, 5.0)
+    for runs, told in (
+        ([run(seed) for seed in range(3)], "n = 3 seeds"),
+        ([run(seed) for seed in (0, 1)] + [run(2, ranges=near)], "n = 2 to 3 seeds"),
+        ([run(0)] + [run(seed, ranges=near) for seed in (1, 2)], "n = 1 (without a bar) to 3"),
+    ):
+        figure = by_condition("by_range", CONDITIONS[0], runs, ["simulated"])
+        assert told in figure.caption
 
 
 def test_distances_from_the_contour():

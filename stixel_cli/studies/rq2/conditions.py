@@ -63,9 +63,16 @@ CONDITIONS = (
 
 @dataclass(frozen=True)
 class Binned:
-    """Scans of one tracker, measurement and bin: how many, and statistics over seeds by error."""
+    """Scans of one tracker, measurement and bin.
+
+    Attributes:
+        scans: how many.
+        seeds: how many have any of them.
+        errors: statistics over these seeds, by error.
+    """
 
     scans: int
+    seeds: int
     errors: dict[str, Statistic]
 
 
@@ -88,6 +95,7 @@ def condition_statistics(
         count = sum(len(part) for errors in by_seed.values() for part in errors["iou"])
         found[key] = Binned(
             count,
+            len(by_seed),
             {
                 name: over_seeds([_mean(errors[name]) for errors in by_seed.values()])
                 for name in names
@@ -108,19 +116,20 @@ def condition_table(name: str, condition: Condition, runs: Sequence[Run], of: st
     rows = []
     for (tracker, measurement, b), one in sorted(found.items(), key=lambda item: item[0][2]):
         cells: list[str | float | int | None] = [condition.labels[b], tracker, measurement]
-        cells.append(one.scans)
+        cells += [one.scans, one.seeds]
         for error in ("centre", "orientation", "iou"):
             cells += [one.errors[error].mean, one.errors[error].deviation]
         rows.append((*cells, one.errors["nees"].mean, one.errors["nis"].mean))
     return Table(
         name,
-        f"{of}, by {condition.what}. Of each seed the mean over its scans; mean ± standard "
-        "deviation over the seeds.",
+        f"{of}, by {condition.what}. Of each seed that has such scans the mean over them; mean ± "
+        "standard deviation over these seeds.",
         (
             condition.label,
             "tracker",
             "measurement",
             "scans",
+            "seeds",
             "centre error (m)",
             "± centre",
             "orientation error (°)",

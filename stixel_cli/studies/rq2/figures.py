@@ -205,10 +205,14 @@ def by_condition(
             grid[-1, j].set_xticks(range(len(bins)), [condition.labels[b] for b in bins])
             grid[-1, j].tick_params("x", labelrotation=35.0, labelsize=7.0)
         _finish(figure, grid, list(rows.values()), "y")
+        most, least = len(names(runs, "seed")), min(one.seeds for one in found.values())
+        # A single seed has no interval.
+        fewest = f"{least} (without a bar)" if least == 1 else f"{least}"
+        counted = f"{most}" if least == most else f"{fewest} to {most}"
         return Figure(
             name,
             f"{capital(runs[0].road_user)}: errors and consistency by {condition.what}; "
-            f"n = {len(names(runs, 'seed'))} seeds.",
+            f"n = {counted} seeds.",
             style.svg(figure),
         )
 

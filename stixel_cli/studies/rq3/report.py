@@ -256,10 +256,12 @@ def _fit(data: StudyData, noises: dict[str, FittedNoise]) -> tuple:
         ),
         Paragraph(
             "What the model leaves out: a shift of both ends to one side, so its bias across the "
-            "ray is none; how the bias changes with the side that is seen, which is why a fit "
-            "carries over to another path only in part; and an error that scans share. Its noise "
-            "is new in every scan, while the relief of a road user stays with it; see the "
-            "correlation of successive scans' means above."
+            "ray is none; how the bias grows with the range (the figure of the error along the "
+            "ray) and changes with the side that is seen, so that it is another on another path; "
+            "and an error that scans share. Its noise is new in every scan, while the relief of a "
+            "road user stays with it; see the correlation of successive scans' means above. How "
+            "well the noise would do on the very paths that it was fitted to was not tried, so how "
+            "much of a gap stays for the model's form and how much for the path is not known."
         ),
     )
 
