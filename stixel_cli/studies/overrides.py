@@ -1,7 +1,7 @@
 """Overrides of a whole study: they take the place of what its parts have."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,14 +15,18 @@ from stixel_cli.sweeps.design import SEED, Axis, Design, check_each, same
 
 
 def overridden(
-    designs: Sequence[Design], overrides: Sequence[str], names: Sequence[str]
+    designs: Sequence[Design],
+    overrides: Sequence[str],
+    names: Sequence[str],
+    derived: Collection[str] = (),
 ) -> tuple[list[Design], list[str]]:
     """The designs of a study's parts with overrides, each in every part that can have it.
 
     A key that a part fixes or sweeps takes the values that are given, and stays on its axis. Of
     keys that go together only the steps with these values remain. A key that a part does not have
     is fixed in it, or swept, if it fits the part's points; one value that fits only some steps of
-    an axis, as a noise fits fabricated measurements alone, goes with these steps.
+    an axis, as a noise fits fabricated measurements alone, goes with these steps. Options that are
+    fixed in the parts whose names are in `derived` stay, for further axes will be made for them.
 
     Returns:
         the designs, and a line for each override that is left out of some parts or of some of their
@@ -47,6 +51,8 @@ def overridden(
         faults: dict[str, ConfigurationError] = {}
         for i, design in enumerate(designs):
             try:
+                if names[i] in derived:
+                    _refuse_option(design, override.key_or_group)
                 changed = _changed(
                     design, override.key_or_group, texts, override.is_sweep_override()
                 )
@@ -105,6 +111,13 @@ def _left_out(entries: Sequence[Any], axes: Sequence[Axis]) -> Iterator[Any]:
     for entry in entries:
         if all(any(k == key and same(v, value) for k, v in swept) for key, value in entry.items()):
             yield entry
+
+
+def _refuse_option(design: Design, key: str) -> None:
+    """Refuse another option of a group that a design with axes yet to be derived fixes."""
+    own = next((text for text in design.fixed if key_of(text) == key), None)
+    if own is not None and key in group_options():
+        raise ConfigurationError(f"{key}: its axes are made for {own}")
 
 
 def _first_point(design: Design, composer: Composer) -> None:

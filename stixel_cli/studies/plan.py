@@ -67,7 +67,10 @@ def plan_study(study: StudyFile, overrides: Sequence[str]) -> StudyPlan:
         ConfigurationError: in one line, for whatever is wrong with any of its points.
     """
     designs, notes = overridden(
-        [part.design() for part in study.parts], overrides, [part.name for part in study.parts]
+        [part.design() for part in study.parts],
+        overrides,
+        [part.name for part in study.parts],
+        [part.name for part in study.parts if part.derive is not None],
     )
     parts = []
     for part, design in zip(study.parts, designs, strict=True):

@@ -61,6 +61,13 @@ def test_the_study_answers_and_makes_its_preset(studies, study):
     assert from_resolved(plain).measurement.noise.kind == "fitted"
 
 
+def test_the_method_says_what_noise_was_compared(studies, study):
+    studies.run(study, *TINY, "measurement/noise=constant", "measurement.noise.range_deviation=0.2")
+    page = (studies.results / "tiny" / "report.html").read_text("utf-8")
+    assert "white noise of the range (0.200\u202fm) along the ray" in page
+    assert "white noise of the disparity" not in page
+
+
 def test_a_path_is_judged_with_a_noise_that_has_not_seen_it(studies, study):
     studies.run(study, *TINY[:1], "path=depart,crossing", *TINY[3:])
     folder = studies.results / "tiny"

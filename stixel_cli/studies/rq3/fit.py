@@ -12,7 +12,9 @@ import numpy as np
 
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.point_errors import PointErrors
-from stixel_cli.measurements.parameters import FittedNoise
+from stixel_cli.measurements.parameters import ConstantNoise, FittedNoise, Noise, StereoNoise
+from stixel_cli.studies.nouns import Part
+from stixel_cli.studies.prose import quantity
 
 _FEWEST = 10
 _DIGITS = 4
@@ -154,3 +156,18 @@ def preset(noise: FittedNoise, what: str, command: str) -> str:
         unit = f" # {units[name]}" if name in units else ""
         lines.append(f"{name}: {value}{unit}")
     return "\n".join(lines) + "\n"
+
+
+def noises_of(part: Part) -> list[str]:
+    """What noise the fabricated points of a part have along the ray, as prose has it."""
+    return list(dict.fromkeys(_told(p.configuration.measurement.noise) for p in part.points))
+
+
+def _told(noise: Noise) -> str:
+    match noise:
+        case StereoNoise(disparity_deviation=deviation):
+            return f"white noise of the disparity ({quantity(deviation, 'px')})"
+        case ConstantNoise(range_deviation=deviation):
+            return f"white noise of the range ({quantity(deviation, 'm')})"
+        case _:
+            return "a fitted noise"

@@ -17,7 +17,7 @@ from stixel_cli.studies.rq3.figures import (
     range_law,
     tracker_differences,
 )
-from stixel_cli.studies.rq3.fit import fit_noise, preset
+from stixel_cli.studies.rq3.fit import fit_noise, noises_of, preset
 from stixel_cli.studies.rq3.price import SHARED, Price, price_of
 from stixel_cli.studies.rq3.runs import (
     FABRICATED,
@@ -140,8 +140,8 @@ def _method(data: StudyData, parts: dict[str, Runs], lag: float) -> tuple[Paragr
         Paragraph(
             "Three kinds of scan of the same poses. Simulated: rendered stereo images, matching, "
             "free space, stixels, points. Fabricated: the camera's rays cut by the true contour, "
-            "white noise of the disparity along the ray. Fitted: fabricated with the noise whose "
-            "parameters were estimated from simulated points."
+            f"{listed(noises_of(data.parts[FABRICATED]))} along the ray. Fitted: fabricated with "
+            "the noise whose parameters were estimated from simulated points."
         ),
         Paragraph(
             "A point is the target's if its column is in the true silhouette widened by 10 px and "
