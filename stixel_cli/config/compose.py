@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from stixel_cli.config import messages
 from stixel_cli.config.folders import conf_state, configuration_folder, group_options
 from stixel_cli.config.keys import chosen_kinds, known_keys
-from stixel_cli.config.overrides import check_overrides, parse_overrides, refuse_for_one
+from stixel_cli.config.overrides import check_one_run, check_overrides, parse_overrides
 from stixel_cli.config.schema import Configuration, adapter
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError
 
@@ -69,7 +69,7 @@ def compose(overrides: Sequence[str] = ()) -> Composition:
     group_options.cache_clear()  # a notebook lives longer than the files stay as they are
     parsed = parse_overrides(texts)
     check_overrides(parsed)
-    refuse_for_one(parsed)
+    check_one_run(parsed)
     resolved, choices = _compose(parsed)
     name_files_in_full(resolved)
     typed = [override.key_or_group for override in parsed]

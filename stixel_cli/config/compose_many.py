@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from stixel_cli.config.checks import check
 from stixel_cli.config.compose import Composition, compose, name_files_in_full
 from stixel_cli.config.folders import configuration_folder, group_options
-from stixel_cli.config.overrides import check_overrides, parse_overrides, refuse_for_one
+from stixel_cli.config.overrides import check_one_run, check_overrides, parse_overrides
 from stixel_cli.config.schema import Configuration, adapter
 from stixel_cli.errors import ConfigurationError
 
@@ -53,7 +53,7 @@ class Composer:
         parsed = [self.parse(text) for text in texts]
         try:
             check_overrides(parsed)
-            refuse_for_one(parsed)
+            check_one_run(parsed)
             resolved, choices = self._resolved(parsed)
             name_files_in_full(resolved)
             text = json.dumps(resolved)

@@ -26,8 +26,10 @@ def group_by_dots(name: str, value: Any) -> str:
 def refuse_without_outer(parsed: "Sequence[Override]") -> None:
     """Refuse a group within another whose chosen option has no such group.
 
+    `parsed` are all overrides of one run, of one value each.
+
     Raises:
-        ConfigurationError: in one line that says which option has it.
+        BelongsElsewhere: in one line that says which option has it.
     """
     chosen = {one.key_or_group: one for one in parsed}
     for group in chosen:

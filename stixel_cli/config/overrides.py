@@ -113,7 +113,8 @@ def _unreadable(text: str) -> str:
 def check_overrides(parsed: "Sequence[Override]") -> None:
     """Refuse what Hydra would let pass, or answer in a way that helps no one.
 
-    What depends on the others of one configuration is left to `refuse_for_one`.
+    Sweeps are not refused here, nor what only all overrides of a run together can tell: see
+    `check_one_run`.
 
     Raises:
         ConfigurationError: for the first override that cannot be meant.
@@ -185,8 +186,10 @@ def _refuse_repeated(parsed: "Sequence[Override]") -> None:
         seen[name] = override
 
 
-def refuse_for_one(parsed: "Sequence[Override]") -> None:
-    """Refuse what one configuration cannot have: several values, a group where there is none.
+def check_one_run(parsed: "Sequence[Override]") -> None:
+    """Refuse overrides with several values, and a group within an option that has none such.
+
+    `parsed` are all overrides of one run: half of them would not say which option is chosen.
 
     Raises:
         ConfigurationError: for the first of them.
@@ -247,6 +250,10 @@ def single_overrides(override: "Override", shuffled: bool) -> list[str]:
                 values = override.sweep_string_iterator()
                 texts = list(itertools.islice(values, MOST_VALUES + 1))
     except (HydraException, ValueError, ArithmeticError):
+        if not isinstance(value, RangeSweep):
+            raise ConfigurationError(
+                f"{line}: several values within several: write them one by one, {name}=A,B,C"
+            ) from None
         raise ConfigurationError(f"{line}: no such range: the step must not be 0") from None
     if not texts:
         options = (

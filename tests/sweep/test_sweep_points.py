@@ -36,6 +36,26 @@ def test_the_sweep_grammar(override, expected):
     assert labels(override) == expected
 
 
+def test_a_group_within_another_is_swept_wherever_the_outer_option_stands(tmp_path):
+    swept = "measurement/noise=stereo,constant"
+    assert labels(FABRICATED, swept) == ["measurement/noise=stereo", "measurement/noise=constant"]
+    file = tmp_path / "study.yaml"
+    for text, overrides, count in (
+        ("fixed: {measurement: fabricated}", [swept], 2),
+        ("fixed: {measurement: fabricated}\nseeds: 2", ["measurement/noise=constant"], 2),
+        ("axes: {measurement/noise: [stereo, constant]}", [FABRICATED], 2),
+        ("axes:\n  measurement/noise: glob(fitted_*)", [FABRICATED], 3),
+        (
+            "fixed: {measurement: fabricated}\n"
+            "zipped: [{road_user: [car], measurement/noise: [fitted_car]}]",
+            ["seed=0,1"],
+            2,
+        ),
+    ):
+        file.write_text(text, encoding="utf-8")
+        assert len(labels(*overrides, file=str(file))) == count, text
+
+
 def test_all_combinations_with_the_seed_running_fastest():
     points = sweep_points(["seed=0,1", FABRICATED, "path=turn,circle"])
     assert [point.label for point in points] == [
@@ -100,6 +120,10 @@ def test_the_order_is_drawn_with_the_seed_that_is_given():
         (["rig.width=640,640,'${rig.height}'"], "given twice"),
         (["rig.width='${rig.height}',480"], "are the same configuration"),
         (["hydra.job.name=a,b"], "no effect here"),
+        (["measurement/noise=stereo,constant"], "with measurement=simulated; it belongs to"),
+        (["measurement=fabricated,simulated", "measurement/noise=stereo"], "(point 1: "),
+        (["road_user=choice(car,cyclist),pedestrian"], "write them one by one, road_user=A,B,C"),
+        (["seed=range(0,2),range(5,7)"], "several values within several"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(line, said):
