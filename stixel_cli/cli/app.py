@@ -233,7 +233,13 @@ def plan(
     A point is one combination of values, a node one step of the computation (of a few frames,
     where it goes frame by frame), kept in the cache under its own key.
 
-    Example: stixel plan tracker.length_scale=0.2,0.4,0.8 seed=0,1,2
+    Where no key has several values, it is what `stixel run` would compute, with its pictures; else
+    what `stixel sweep` would, which draws none unless told to.
+
+    \b
+    Examples:
+      stixel plan tracker.length_scale=0.5
+      stixel plan tracker.length_scale=0.2,0.4,0.8 seed=0,1,2
     """
     with interruptible():
         from stixel_cli.cli.plan import plan_command
@@ -259,7 +265,7 @@ def explain(
     """Say of each node that would run why: new, a setting, a function, a version, evicted, input.
 
     Of several values, a file or the folder of a sweep, for all points together: each node once,
-    with the points that need it.
+    with the points that need it. Pictures count where `stixel plan` counts them.
 
     \b
     Examples:

@@ -48,7 +48,7 @@ def list_command(json: bool) -> int:
         for name, row in stages.items()
     ]
     if rows:
-        print_table(("stage", "entries", "size", "last use"), rows, right="12")
+        print_table(("stage", "entries", "size", "last use"), rows, right=(1, 2))
     limit = "no limit" if store.max_size is None else f"limit {show_size(store.max_size)}"
     sys.stdout.write(f"{store.folder}: {len(found)} results, {show_size(total)}, {limit}\n")
     return 0

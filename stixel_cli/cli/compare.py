@@ -45,8 +45,7 @@ def compare_command(folders: list[Path], json: bool) -> int:
         if row["name"] in differing
     ]
     if rows:
-        numbers = "".join(str(i) for i in range(1, min(10, 1 + len(runs))))
-        print_table(("metric (* is the best)", *labels), rows, right=numbers)
+        print_table(("metric (* is the best)", *labels), rows, right=range(1, 1 + len(runs)))
     else:
         sys.stdout.write("the metrics are the same\n")
     return 0

@@ -29,7 +29,7 @@ def ls_command(folder: Path, json: bool) -> int:
         tell(f"{folder}: no result folders")
         return 0
     columns = ["folder", "created", "choices", "seed", *SHOWN.values()]
-    print_table(columns, map(_row, runs), right="345")
+    print_table(columns, map(_row, runs), right=(3, 4, 5))
     return 0
 
 

@@ -5,12 +5,19 @@ from collections.abc import Sequence
 from typing import Any
 
 from stixel_cli.cli.run import with_workers
+from stixel_cli.cli.terminal import print_table
 from stixel_cli.engine.progress import duration
 from stixel_cli.experiment.folder import json_text
+from stixel_cli.experiment.run import CAMERA, RESULTS
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.graphs import SweepPlan
 from stixel_cli.sweeps.points import design_points, sweep_design
 from stixel_cli.sweeps.whole import planned_sweep
+
+AS_RUN = (
+    "what stixel run would compute, pictures and page with it; "
+    "a sweep draws pictures only with --pictures"
+)
 
 
 def plan_command(
@@ -22,11 +29,18 @@ def plan_command(
 ) -> int:
     """Print what a sweep, or a run, would compute; the exit code. Nothing is written.
 
+    Where nothing has several values it is a run, as for `stixel explain`.
+
     Raises:
         UserError: for whatever the user can put right.
     """
     design = sweep_design(with_workers(overrides, workers), file, one_is_enough=True)
-    plan, notes = planned_sweep(design_points(design), None, pictures)
+    points = design_points(design)
+    if design.axes:
+        plan, notes = planned_sweep(points, None, pictures)
+    else:
+        plan, notes = planned_sweep(points, None, pictures=True, steps=(*RESULTS, CAMERA))
+        notes = [AS_RUN, *notes]
     print_plan(plan, design, notes, json)
     return 0
 
@@ -37,30 +51,26 @@ def print_plan(plan: SweepPlan, design: Design, notes: Sequence[str], json: bool
     if json:
         sys.stdout.write(json_text(content))
         return
-    from rich import box
     from rich.console import Console
-    from rich.table import Table
 
     console = Console(highlight=False, soft_wrap=True)
     for axis in design.axes:
         values = [" ".join(step) for step in axis.steps]
         shown = ", ".join(values[:6]) + (", …" if len(values) > 6 else "")
-        console.print(f"{axis.name}: {len(values)} values: {shown}", markup=False)
+        console.print(f"{axis.name}: {_many(len(values), 'value')}: {shown}", markup=False)
     for note in notes:
         console.print(f"note: {note}", markup=False)
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
-    table.add_column("stage")
-    for name in ("nodes", "cached", "to run", "time"):
-        table.add_column(name, justify="right")
-    for stage in plan.stages:
-        table.add_row(
+    rows = [
+        (
             stage.name,
             str(stage.nodes),
             str(stage.cached),
             str(stage.to_run),
             "" if not stage.to_run else "?" if stage.seconds is None else duration(stage.seconds),
         )
-    console.print(table)
+        for stage in plan.stages
+    ]
+    print_table(("stage", "nodes", "cached", "to run", "time"), rows, right=(1, 2, 3, 4))
     counts = content["nodes"]
     console.print(
         f"{_many(content['points'], 'point')}, {content['points_cached']} complete; "

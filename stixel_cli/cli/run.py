@@ -7,6 +7,7 @@ from typing import Any
 
 import yaml
 
+from stixel_cli.cli.terminal import print_table
 from stixel_cli.config.compose import Composition, compose
 from stixel_cli.engine.progress import make_progress
 from stixel_cli.engine.store import Store, open_store
@@ -82,23 +83,15 @@ def _print_plan(composition: Composition, store: Store, json: bool) -> int:
     missing = set(planned.missing)
     stages: list[dict[str, Any]] = []
     for name in planned.graph.stage_names:
-        nodes = [node.id for node in planned.graph.of_stage(name)]
-        stages.append(
-            {"name": name, "nodes": len(nodes), "to_run": sum(node in missing for node in nodes)}
-        )
+        # A pipeline has steps that only studies ask for.
+        nodes = planned.needed.intersection(planned.graph.stages[name])
+        if nodes:
+            to_run = len(missing.intersection(nodes))
+            stages.append({"name": name, "nodes": len(nodes), "to_run": to_run})
     if json:
         sys.stdout.write(json_text({"config": composition.resolved, "stages": stages}))
         return 0
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-
     sys.stdout.write(yaml.safe_dump(composition.resolved, sort_keys=False, allow_unicode=True))
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
-    table.add_column("stage")
-    table.add_column("nodes", justify="right")
-    table.add_column("to run", justify="right")
-    for stage in stages:
-        table.add_row(*(str(value) for value in stage.values()))
-    Console(highlight=False).print(table)
+    rows = [tuple(str(value) for value in stage.values()) for stage in stages]
+    print_table(("stage", "nodes", "to run"), rows, right=(1, 2))
     return 0

@@ -42,9 +42,9 @@ def show_command(folder: Path, json: bool) -> int:
     print_table(("of the run", str(folder)), _provenance(manifest), width=WIDTH)
     sys.stdout.write("\n")
     rows = [(metric(name).label, format_value(v), metric(name).unit) for name, v in metrics.items()]
-    print_table(("score", "value", "unit"), rows, right="1")
+    print_table(("score", "value", "unit"), rows, right=(1,))
     sys.stdout.write("\n")
-    print_table(("stage", "status", "nodes", "seconds", "key"), _stages(manifest), right="23")
+    print_table(("stage", "status", "nodes", "seconds", "key"), _stages(manifest), right=(2, 3))
     return 0
 
 

@@ -178,7 +178,7 @@ def _print(plan: StudyPlan, result: StudyResult) -> None:
         for table in result.findings.summary:
             header, rows, numeric = shown_table(table)
             print()  # noqa: T201
-            print_table(header, rows, "".join(str(i) for i, right in enumerate(numeric) if right))
+            print_table(header, rows, [i for i, right in enumerate(numeric) if right])
             console.print(table.caption, markup=False)
     done = sum(state.done for state in result.parts)
     console.print(

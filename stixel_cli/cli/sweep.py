@@ -9,6 +9,7 @@ from typing import Any
 from stixel_cli.cli.errors import tell
 from stixel_cli.cli.plan import print_plan
 from stixel_cli.cli.run import with_workers
+from stixel_cli.cli.terminal import print_table
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.folder import json_text
 from stixel_cli.sweeps.points import design_points, sweep_design
@@ -118,25 +119,17 @@ def _answer(result: SweepResult) -> dict[str, Any]:
 
 def _print_statistics(console: Any, result: SweepResult) -> None:
     """The first of the shown metrics by setting; all of it is in the summary."""
-    from rich import box
-    from rich.table import Table
-
-    from stixel_cli.report.metrics import format_value, metric
+    from stixel_cli.report.metrics import format_value
     from stixel_cli.sweeps.figures import SHOWN
+    from stixel_cli.sweeps.tables import heading
 
     by_setting: dict[tuple, dict[str, Any]] = {}
     for one in result.statistics:
         by_setting.setdefault(tuple(one.setting.items()), {})[one.metric] = one
     names = [name for name in SHOWN if any(name in row for row in by_setting.values())]
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
-    for key in result.points[0].planned.point.setting:
-        table.add_column(key)
-    table.add_column("n", justify="right")
-    for name in names:
-        shown = metric(name)
-        table.add_column(
-            f"{shown.label}{f' ({shown.unit})' if shown.unit else ''}", justify="right"
-        )
+    keys = list(result.points[0].planned.point.setting)
+    header = [*keys, "n", *(heading(name) for name in names)]
+    rows = []
     for setting, row in list(by_setting.items())[: 2 * _MOST_SHOWN]:
         cells = []
         for name in names:
@@ -144,8 +137,8 @@ def _print_statistics(console: Any, result: SweepResult) -> None:
             spread = "" if one.low is None else f" ± {format_value(one.mean - one.low)}"
             cells.append(f"{format_value(one.mean)}{spread}")
         n = max((row[name].n for name in names), default=0)
-        table.add_row(*(value for _, value in setting), str(n), *cells)
-    console.print(table)
+        rows.append((*(value for _, value in setting), str(n), *cells))
+    print_table(header, rows, right=range(len(keys), len(header)))
     more = len(by_setting) - 2 * _MOST_SHOWN
     console.print(
         "Mean over seeds ± half of the 95 % interval"

@@ -1,7 +1,7 @@
 """Tables on the terminal."""
 
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 LONGEST_LINE = 400
 """Characters of a line where there is no terminal."""
@@ -10,10 +10,10 @@ LONGEST_LINE = 400
 def print_table(
     columns: Sequence[str],
     rows: Iterable[Sequence[str]],
-    right: str = "",
+    right: Collection[int] = (),
     width: int = LONGEST_LINE,
 ) -> None:
-    """Print a table; `right` names the columns, by their place, whose cells end in a line.
+    """Print a table; `right` are the places of the columns whose cells end in a line.
 
     What the cells hold is printed as it is: brackets mean nothing. `width` is that of the longest
     line where there is no terminal; what is longer goes on in the next.
@@ -25,7 +25,7 @@ def print_table(
 
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
     for i, column in enumerate(columns):
-        side = "right" if str(i) in right else "left"
+        side = "right" if i in right else "left"
         table.add_column(Text(column), justify=side, overflow="fold")
     for row in rows:
         table.add_row(*(Text(cell) for cell in row))

@@ -116,6 +116,8 @@ def compose_points(
         try:
             composition = composer.compose(overrides)
         except ConfigurationError as fault:
+            if not settings:
+                raise
             label = " ".join(f"{key}={value}" for key, value in settings.items())
             raise ConfigurationError(f"{fault} (point {index}: {label})") from None
         points.append(Point(index, tuple(overrides), settings, composition))

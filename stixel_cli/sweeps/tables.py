@@ -76,7 +76,7 @@ def summary_markdown(
         lines += [f"{_refusal(incomplete)}:", "", *(f"- {one.label}" for one in incomplete), ""]
     for name, rows in _by_metric(statistics):
         header, *body = _cells(rows, incomplete)
-        lines += [f"## {_heading(name)}", ""]
+        lines += [f"## {heading(name)}", ""]
         keys = len(rows[0].setting)
         lines += [markdown_row(header)]
         lines += ["|" + " --- |" * keys + " ---: |" * (len(header) - keys)]
@@ -96,7 +96,7 @@ def summary_latex(
         header, *body = _cells(rows, incomplete)
         keys = len(rows[0].setting)
         numeric = [False] * keys + [True] * (len(header) - keys)
-        lines += latex_table(_heading(name), numeric, header, body)
+        lines += latex_table(heading(name), numeric, header, body)
     return "\n".join(lines)
 
 
@@ -117,7 +117,8 @@ def _by_metric(statistics: Sequence[Statistic]) -> list[tuple[str, list[Statisti
     return [(name, [one for one in statistics if one.metric == name]) for name in names]
 
 
-def _heading(name: str) -> str:
+def heading(name: str) -> str:
+    """What a metric is called, with its unit."""
     shown = metric(name)
     return f"{shown.label} ({shown.unit})" if shown.unit else shown.label
 

@@ -248,6 +248,10 @@ def test_sweeps_that_cannot_be_meant(command, words, said, capsys):
     assert said in say_one_line(words, capsys, command)
 
 
+def test_one_point_is_not_named_by_what_does_not_differ(capsys):
+    assert "(point" not in say_one_line(["rig.width=wide"], capsys, "plan")
+
+
 @pytest.mark.parametrize("command", OVERRIDES)
 @pytest.mark.parametrize(
     "words",

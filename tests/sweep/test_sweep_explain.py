@@ -46,6 +46,42 @@ def test_each_node_once_with_the_points_that_need_it(sweeps, explained, capsys):
     assert explained(*line) == []
 
 
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        ("run", ()),
+        ("run", ("tracker.sigma_f=0.5",)),
+        ("sweep", ("seed=0,1",)),
+        ("sweep", ("path=choice(turn)",)),
+    ],
+)
+def test_plan_explain_dry_run_and_the_command_itself_agree(
+    command, words, sweeps, explained, capsys
+):
+    if words == ("tracker.sigma_f=0.5",):
+        assert main(["run", *FEW, "--results", str(sweeps.results)]) == 0
+
+    def answer(*line):
+        capsys.readouterr()
+        assert main([*line, *FEW, *words, "--json"]) == 0
+        return json.loads(capsys.readouterr().out)
+
+    planned = answer("plan")
+    counts = {stage["name"]: (stage["nodes"], stage["to_run"]) for stage in planned["stages"]}
+    dry = answer(command, "--dry-run")["stages"]
+    assert {stage["name"]: (stage["nodes"], stage["to_run"]) for stage in dry} == counts
+    assert any("pictures" in note for note in planned["notes"]) == (command == "run")
+    why = explained(*FEW, *words)
+    done = answer(command, "--results", str(sweeps.results))
+    if command == "run":
+        computed = sum(stage["nodes_computed"] for stage in done["stages"])
+        assert counts["track_pictures"][1] > 0
+    else:
+        computed = done["nodes"]["computed"]
+        assert "track_pictures" not in counts
+    assert computed == planned["nodes"]["to_run"] == len(why) > 0
+
+
 def test_a_file_and_the_folder_of_a_sweep(sweeps, explained, tmp_path, capsys):
     file = tmp_path / "mine.yaml"
     file.write_text("fixed: {measurement: fabricated, path.duration: 0.3}\nseeds: 2\n")

@@ -283,6 +283,23 @@ def test_the_summary_for_the_eye(sweeps, capsys):
     assert "Mean over seeds" in said
 
 
+@pytest.mark.parametrize("columns", ["40", "80"])
+def test_no_cell_of_a_table_is_cut_off_or_broken_where_there_is_no_terminal(
+    sweeps, capsys, monkeypatch, columns
+):
+    monkeypatch.setenv("COLUMNS", columns)
+    line = [*FEW, "tracker.sigma_f=0.05,0.15", "start.position=0.1,0.2", "seed=0,1"]
+    assert main(["plan", *line]) == 0
+    assert main(["sweep", *line, "--results", str(sweeps.results)]) == 0
+    said = capsys.readouterr().out
+    assert "…" not in said
+    heads = [row for row in said.splitlines() if "tracker.sigma_f" in row and "RMSE" in row]
+    assert len(heads) == 1
+    assert "start.position" in heads[0]
+    assert "orientation error, RMSE (°)" in heads[0]
+    assert sum(row.count("±") == 4 for row in said.splitlines()) == 4
+
+
 def test_the_folder_is_told_in_full_and_shown_in_lines_one_can_read(
     sweeps, tmp_path, capsys, monkeypatch
 ):
