@@ -8,6 +8,7 @@ from itertools import groupby
 from pathlib import Path
 
 from stixel_cli.config.compose import Composition
+from stixel_cli.config.compose_many import Composer
 from stixel_cli.engine.explain import Explanation, by_stage, explain
 from stixel_cli.engine.graph import Graph
 from stixel_cli.engine.store import Store, open_store
@@ -72,7 +73,8 @@ def _asked(what: Sequence[str], file: str | None) -> _Asked:
         folder = Path(what[0])
         if (folder / SWEEP_FILE).is_file():
             request = SweepFolder(folder).request()
-            points = compose_points(request.points, request.keys)
+            composer = Composer(request.working_directory)
+            points = compose_points(request.points, request.keys, composer)
             return _of_points(*planned_sweep(points, None, request.pictures, request.steps))
         stored = read_stored_run(folder)
         return _of_run(stored.composition, stored.pictures)

@@ -57,10 +57,15 @@ class Composition:
         return value
 
 
-def compose(overrides: Sequence[str] = ()) -> Composition:
+def compose(overrides: Sequence[str] = (), working_directory: str = "") -> Composition:
     """The default configuration with `overrides`, in Hydra's grammar, applied.
 
     Nothing stays behind in the process, so it can be called from anywhere, any number of times.
+
+    Args:
+        overrides: the changes.
+        working_directory: in which names of files are meant that are relative; "" for the
+            process's own.
 
     Raises:
         ConfigurationError: in one line, for whatever is wrong with the overrides.
@@ -71,16 +76,22 @@ def compose(overrides: Sequence[str] = ()) -> Composition:
     check_overrides(parsed)
     check_one_run(parsed)
     resolved, choices = _compose(parsed)
-    name_files_in_full(resolved)
+    name_files_in_full(resolved, working_directory)
     typed = [override.key_or_group for override in parsed]
     return Composition(_validate(resolved, typed), choices, texts, resolved)
 
 
-def name_files_in_full(resolved: dict[str, Any]) -> None:
-    """Make the names of the user's files absolute, so that they hold in any working directory."""
-    mesh = resolved["road_user"]["mesh"]
-    if isinstance(mesh, str):
-        resolved["road_user"]["mesh"] = os.path.abspath(mesh)
+def name_files_in_full(resolved: dict[str, Any], working_directory: str = "") -> None:
+    """Make the names of the user's files absolute, so that they hold in any working directory.
+
+    `working_directory` is the one in which they are meant; "" for the process's own.
+    """
+    for group, key in (("road_user", "mesh"), ("cache", "folder")):
+        name = resolved[group][key]
+        # An empty name is no folder: the checks will say so.
+        if isinstance(name, str) and name:
+            name = os.path.join(working_directory, os.path.expanduser(name))
+            resolved[group] = resolved[group] | {key: os.path.abspath(name)}
 
 
 def from_resolved(resolved: Mapping[str, Any]) -> Configuration:

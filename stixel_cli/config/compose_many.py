@@ -31,10 +31,11 @@ class Composer:
     """Composes one configuration after the other, as the files of `conf/` were at the first.
 
     Equal groups of different configurations are one object, so that what is derived of a group can
-    be kept by its identity.
+    be kept by its identity. `working_directory` is as that of `compose`.
     """
 
-    def __init__(self):
+    def __init__(self, working_directory: str = ""):
+        self._working_directory = working_directory
         group_options.cache_clear()
         self._parsed: dict[str, Override] = {}
         self._files: dict[tuple[str, str], dict[str, Any]] = {}
@@ -55,13 +56,13 @@ class Composer:
             check_overrides(parsed)
             check_one_run(parsed)
             resolved, choices = self._resolved(parsed)
-            name_files_in_full(resolved)
+            name_files_in_full(resolved, self._working_directory)
             text = json.dumps(resolved)
             configuration = adapter().validate_json(text)
             check(configuration)
         except (_Beyond, ConfigurationError, TypeError, ValueError):
             # The unusual way, or the one that knows how to say what is wrong.
-            composition = compose(texts)
+            composition = compose(texts, self._working_directory)
             resolved, choices = composition.resolved, composition.choices
             configuration = composition.configuration
         return Composition(self._shared(configuration, resolved), choices, texts, resolved)

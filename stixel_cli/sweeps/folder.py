@@ -41,6 +41,8 @@ class SweepRequest:
         shuffle: seed of the order in which they run; None for theirs.
         pictures: whether pictures are drawn.
         steps: of the pipelines, whose results are wanted beside the scores.
+        working_directory: in which the points' names of files are meant that are relative; "" in
+            the folder of an older version, which does not say.
         notes: command, time, revision, versions, machine; and `resumed`, when it was gone on with.
     """
 
@@ -49,6 +51,7 @@ class SweepRequest:
     shuffle: int | None
     pictures: bool
     steps: tuple[str, ...]
+    working_directory: str
     notes: Mapping[str, Any]
 
     @property
@@ -81,6 +84,7 @@ class SweepFolder:
         """Write `sweep.yaml`."""
         content = {
             **request.notes,
+            "working_directory": request.working_directory,
             "shuffle": request.shuffle,
             "pictures": request.pictures,
             "steps": list(request.steps),
@@ -104,6 +108,7 @@ class SweepFolder:
             points = tuple(tuple(map(str, overrides)) for overrides in content.pop("points"))
             shuffle, pictures = content.pop("shuffle"), content.pop("pictures")
             steps = tuple(map(str, content.pop("steps", ())))
+            working_directory = str(content.pop("working_directory", ""))
         except FileNotFoundError:
             raise UserError(f"{self.path}: no folder of a sweep ({PLAN} is missing)") from None
         except OSError as error:
@@ -112,7 +117,7 @@ class SweepFolder:
             raise UserError(f"{file}: not what a sweep was asked for") from None
         if not points or not isinstance(shuffle, int | None) or not isinstance(pictures, bool):
             raise UserError(f"{file}: not what a sweep was asked for")
-        return SweepRequest(axes, points, shuffle, pictures, steps, content)
+        return SweepRequest(axes, points, shuffle, pictures, steps, working_directory, content)
 
     def point(self, index: int) -> Path:
         """The folder of a point, whether it is there or not."""

@@ -1,17 +1,21 @@
 """Going on with a sweep elsewhere: another executor, another cache, and the note of it."""
 
+import os
 import shlex
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config import messages
-from stixel_cli.config.overrides import check_overrides, parse_overrides
+from stixel_cli.config.overrides import check_overrides, override_text, parse_overrides
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.experiment.stored_run import OF_THE_MACHINE
 from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
 from stixel_cli.sweeps.graphs import SweepPlan
+
+if TYPE_CHECKING:
+    from hydra.core.override_parser.types import Override
 
 
 def on_this_machine(
@@ -38,9 +42,18 @@ def on_this_machine(
             raise ConfigurationError(f"{line}: --resume: one value is needed")
     check_overrides(parsed)
     names = {override.key_or_group for override in parsed}
-    return [
-        (*(text for text in texts if not _replaced(text, names)), *overrides) for texts in points
-    ]
+    given = [_as_meant_here(override) for override in parsed]
+    return [(*(text for text in texts if not _replaced(text, names)), *given) for texts in points]
+
+
+def _as_meant_here(override: "Override") -> str:
+    """The text of an override; a folder in full, for the points' own names are meant elsewhere."""
+    folder = override.value()
+    if override.key_or_group == "cache.folder" and isinstance(folder, str) and folder:
+        in_full = os.path.abspath(os.path.expanduser(folder))
+        if in_full != folder:
+            return override_text("cache.folder", in_full)
+    return str(override.input_line)
 
 
 def _replaced(text: str, names: set[str]) -> bool:

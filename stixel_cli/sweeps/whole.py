@@ -1,11 +1,13 @@
 """A whole sweep, new or gone on with, as the command line and Python call it."""
 
+import os
 import shlex
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from stixel_cli.config.compose_many import Composer
 from stixel_cli.engine.probe import probe
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import FolderTaken
@@ -132,7 +134,8 @@ def resumed_sweep(
     folder = SweepFolder(path)
     request = folder.request()
     overrides = [*overrides, *([] if workers is None else [f"executor.workers={workers}"])]
-    points = compose_points(on_this_machine(request.points, overrides), request.keys)
+    texts = on_this_machine(request.points, overrides)
+    points = compose_points(texts, request.keys, Composer(request.working_directory))
     plan, _ = planned_sweep(points, request.shuffle, request.pictures, request.steps)
     origin = _origin(str(request.notes.get("command", path.name)), datetime.now(UTC))
     older = older_points(folder, plan.points)
@@ -197,6 +200,7 @@ def _request(
         shuffle=shuffle,
         pictures=pictures,
         steps=tuple(steps),
+        working_directory=os.getcwd(),
         notes=origin,
     )
 

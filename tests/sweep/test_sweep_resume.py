@@ -101,6 +101,35 @@ TETRAHEDRON = "v -2 -1 0\nv 2 -1 0\nv 2 1 0\nv -2 1 0\nv 0 0 {}\nf 1 3 2\nf 1 4 
 )
 
 
+def test_relative_names_of_files_hold_in_another_working_directory(
+    sweeps, tmp_path, capsys, monkeypatch
+):
+    there, here = tmp_path / "there", tmp_path / "here"
+    there.mkdir()
+    here.mkdir()
+    (there / "mine.obj").write_text(TETRAHEDRON.format(1.5))
+    (here / "mine.obj").write_text("another one, and no mesh")
+    monkeypatch.chdir(there)
+    given = ("road_user.mesh=mine.obj", "cache.folder=kept")
+    whole = sweeps.run(*FEW, *given, "seed=0,1", "--name", "mine")
+    folder = sweeps.results / "mine"
+    shutil.rmtree(folder / "points" / "0001")
+    monkeypatch.chdir(here)
+    capsys.readouterr()
+    assert main(["explain", str(folder)]) == 0
+    assert capsys.readouterr().out == "nothing would run: all is cached\n"
+    again = sweeps.run("--resume", folder)
+    assert again["summary"] == whole["summary"]
+    assert again["nodes"]["computed"] == 0
+    assert sweeps.error == ""
+    # What is typed now is meant here.
+    shutil.rmtree(folder / "points" / "0001")
+    elsewhere = sweeps.run("--resume", folder, "cache.folder=other")
+    assert elsewhere["nodes"]["computed"] > 0
+    assert elsewhere["summary"] == whole["summary"]
+    assert sorted(path.name for path in here.iterdir()) == ["mine.obj", "other"]
+
+
 def test_a_mesh_that_changed_is_named_and_verified(sweeps, tmp_path, capsys):
     mesh = tmp_path / "mine.obj"
     mesh.write_text(TETRAHEDRON.format(1.5))
