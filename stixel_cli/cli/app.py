@@ -13,7 +13,7 @@ import typer
 from stixel_cli import __version__
 from stixel_cli.cli import cache_commands, folder_commands
 from stixel_cli.cli.completion import complete_folder, complete_run_or_override
-from stixel_cli.cli.errors import guarded, interruptible, usage_line
+from stixel_cli.cli.errors import guarded, interruptible, settle_streams, usage_line
 from stixel_cli.cli.options import (
     DryRun,
     Fresh,
@@ -46,6 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command line and return its exit code; nothing but an exit code comes out."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     if arguments is None:
+        settle_streams()
         # A process that ends need not look through its objects for garbage: 0.25 s of a warm run.
         atexit.register(gc.freeze)
     return guarded(lambda: _run(given or ["--help"]))

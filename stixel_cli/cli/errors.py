@@ -1,6 +1,7 @@
 """How a command ends: one line on stderr and an exit code, whatever went wrong."""
 
 import errno
+import io
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -15,6 +16,9 @@ CRASHED = 1
 
 _OF_THE_USER = (errno.ENAMETOOLONG, errno.EACCES)
 """What any look at a path that was typed may end with, be it only whether something is there."""
+
+_OF_STDOUT = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EPIPE)
+"""What ends a print, which has no file name; what fails to write a file of ours is told as that."""
 
 
 class Interrupted(UserError):
@@ -41,7 +45,10 @@ def guarded(command: Callable[[], int]) -> int:
     A `UserError` is told as it is. A crash leaves its traceback in a log file that is named.
     """
     try:
-        return command()
+        code = command()
+        # What does not fit on the disk is told now, and not by Python in its last moments.
+        sys.stdout.flush()
+        return code
     except UserError as error:
         tell(str(error))
         return error.exit_code
@@ -52,8 +59,44 @@ def guarded(command: Callable[[], int]) -> int:
         if isinstance(error, OSError) and error.errno in _OF_THE_USER and error.filename:
             tell(f"{error.filename}: {error.strerror}")
             return UserError.exit_code
+        if isinstance(error, OSError) and error.errno in _OF_STDOUT and error.filename is None:
+            _leave_stdout(error)
+            return CRASHED
+        if isinstance(error, FileNotFoundError) and _working_directory_is_gone():
+            tell("the working directory is not there any more: change to one that is")
+            return UserError.exit_code
         _tell_crash(error)
         return CRASHED
+
+
+def settle_streams() -> None:
+    """Make the standard streams take what they are given, whatever the shell made of them.
+
+    One that was closed (`>&-`) is None and leads nowhere; a character that the encoding lacks is
+    escaped, as it is on stderr anyway.
+    """
+    # In the order of their numbers, so that no file of ours is opened under one of them.
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
+
+
+def _leave_stdout(error: OSError) -> None:
+    """Tell that stdout cannot be written, unless its reader has gone away, and write no more."""
+    if error.errno != errno.EPIPE:
+        tell(f"standard output: cannot be written: {error.strerror}")
+    # Or Python tries again at its end, and complains.
+    sys.stdout = open(os.devnull, "w")  # noqa: SIM115
+
+
+def _working_directory_is_gone() -> bool:
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        return True
+    return False
 
 
 def tell(message: str) -> None:

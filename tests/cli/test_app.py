@@ -1,6 +1,8 @@
+import os
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -9,6 +11,7 @@ from stixel_cli.cli.app import main
 from stixel_cli.errors import UserError
 from stixel_cli.studies.file import shipped_studies
 
+ROOT = Path(__file__).resolve().parents[2]
 STIXEL = [sys.executable, "-m", "stixel_cli"]
 
 
@@ -199,3 +202,31 @@ def test_reader_that_goes_away_is_no_crash():
     done = subprocess.run(["bash", "-c", shell], capture_output=True, text=True)
     assert done.stderr == ""
     assert done.returncode in (0, 1)
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "said", "printed"),
+    [
+        ("{} cache ls >/dev/full", 1, "stixel: standard output: cannot be written: No space", ""),
+        ("{} cache ls --json >/dev/full", 1, "standard output: cannot be written", ""),
+        ("{} cache ls >&-", 0, "", ""),
+        ("{} cache clear <&-", 2, "add --yes, there is no one to ask", ""),
+        ("PYTHONIOENCODING=ascii {} cache ls", 0, "", r"cach\xe9: 0 results"),
+        ("mkdir gone; cd gone; rmdir ../gone; {} run", 2, "the working directory is not there", ""),
+    ],
+)
+def test_streams_and_folders_that_a_shell_takes_away(line, code, said, printed, tmp_path):
+    if "/dev/full" in line and not Path("/dev/full").exists():
+        pytest.skip("no /dev/full here")
+    command = " ".join(f"'{part}'" for part in STIXEL)
+    done = subprocess.run(
+        ["bash", "-c", line.format(command)],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env=os.environ | {"STIXEL_CACHE": str(tmp_path / "caché"), "PYTHONPATH": str(ROOT)},
+    )
+    assert done.returncode == code, done.stderr
+    assert said in done.stderr
+    assert done.stderr.count("\n") == bool(said)
+    assert printed in done.stdout
