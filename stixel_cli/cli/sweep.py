@@ -127,6 +127,7 @@ def _print_statistics(console: Any, result: SweepResult) -> None:
     for one in result.statistics:
         by_setting.setdefault(tuple(one.setting.items()), {})[one.metric] = one
     names = [name for name in SHOWN if any(name in row for row in by_setting.values())]
+    spread = any(one.low is not None for one in result.statistics)
     keys = list(result.points[0].planned.point.setting)
     header = [*keys, "n", *(heading(name) for name in names)]
     rows = []
@@ -134,14 +135,14 @@ def _print_statistics(console: Any, result: SweepResult) -> None:
         cells = []
         for name in names:
             one = row[name]
-            spread = "" if one.low is None else f" ± {format_value(one.mean - one.low)}"
-            cells.append(f"{format_value(one.mean)}{spread}")
+            half = "" if one.low is None else f" ± {format_value(one.mean - one.low)}"
+            cells.append(f"{format_value(one.mean)}{half}")
         n = max((row[name].n for name in names), default=0)
         rows.append((*(value for _, value in setting), str(n), *cells))
     print_table(header, rows, right=range(len(keys), len(header)))
     more = len(by_setting) - 2 * _MOST_SHOWN
     console.print(
-        "Mean over seeds ± half of the 95 % interval"
+        ("Mean over seeds ± half of the 95 % interval" if spread else "One seed each: no interval")
         + (f"; {more} more settings, and" if more > 0 else ";")
         + " all metrics: summary.csv, .md, .tex"
     )

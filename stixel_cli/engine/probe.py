@@ -31,4 +31,6 @@ def check_writable(missing: int, store: Store) -> None:
         store.check_writable()
     except CacheError as error:
         results = "1 of the results" if missing == 1 else f"{missing} of the results"
-        raise CacheError(f"{error}; it lacks {results} needed") from error
+        raise CacheError(
+            f"{error}; it lacks {results} needed (STIXEL_CACHE or cache.folder=… names another)"
+        ) from error

@@ -32,7 +32,9 @@ def find_file(name: str) -> Path:
     inside = shipped / f"{name.removesuffix('.yaml')}.yaml"
     if path.name == name and inside.is_file():
         return inside
-    known = sorted(file.stem for file in shipped.glob("*.yaml"))
+    files = sorted(shipped.glob("*.yaml"))
+    # Studies are in the same folder.
+    known = [file.stem for file in files if "\nparts:" not in file.read_text("utf-8")]
     hint = messages.suggestion(name, known) or (f" (shipped: {', '.join(known)})" if known else "")
     raise ConfigurationError(f"--from: {messages.printable(name)}: there is no such file{hint}")
 

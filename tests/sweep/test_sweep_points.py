@@ -252,4 +252,5 @@ def test_a_key_in_the_file_and_on_the_line_is_refused(tmp_path):
 def test_no_such_file(name):
     with pytest.raises(ConfigurationError, match="there is no such file") as error:
         sweep_points([], file=name)
+    assert "rq1" not in str(error.value), "a study is no sweep"
     assert "\n" not in str(error.value)

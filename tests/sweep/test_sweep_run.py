@@ -281,6 +281,8 @@ def test_the_summary_for_the_eye(sweeps, capsys):
     assert "4 of 4 points done" in said
     assert said.splitlines()[-1] == str(sweeps.results / "mine")
     assert "Mean over seeds" in said
+    assert main(["sweep", *FEW, "tracker.sigma_q=1,2", "--results", str(sweeps.results)]) == 0
+    assert "One seed each: no interval; all metrics: summary.csv" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("columns", ["40", "80"])
