@@ -6,6 +6,7 @@ import pytest
 import yaml
 
 from stixel_cli.config.compose import compose, from_resolved
+from stixel_cli.config.compose_many import Composer
 from stixel_cli.config.folders import configuration_folder, group_options, outer_options
 from stixel_cli.config.schema import Configuration
 from stixel_cli.errors import ConfigurationError
@@ -251,3 +252,13 @@ def test_a_stored_group_within_another_that_is_wrong(change, message):
         from_resolved(plain)
     assert message in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_names_of_files_are_absolute_wherever_they_are_meant(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / "mine.obj").touch()
+    for given, directory in (("'~/mine.obj'", "/"), ("mine.obj", str(tmp_path))):
+        words = [f"road_user.mesh={given}", f"cache.folder={given}"]
+        for composed in (compose(words, directory), Composer(directory).compose(words)):
+            assert composed.resolved["road_user"]["mesh"] == str(tmp_path / "mine.obj")
+            assert composed.configuration.cache.folder == str(tmp_path / "mine.obj")
