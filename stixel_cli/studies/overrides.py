@@ -1,7 +1,7 @@
 """Overrides of a whole study: they take the place of what its parts have."""
 
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -26,7 +26,8 @@ def overridden(
     keys that go together only the steps with these values remain. A key that a part does not have
     is fixed in it, or swept, if it fits the part's points; one value that fits only some steps of
     an axis, as a noise fits fabricated measurements alone, goes with these steps. Options that are
-    fixed in the parts whose names are in `derived` stay, for further axes will be made for them.
+    fixed in the parts whose names are in `derived` stay, for further axes will be made for them. No
+    part is given what is fixed to tell it from the others.
 
     Returns:
         the designs, and a line for each override that is left out of some parts or of some of their
@@ -47,6 +48,10 @@ def overridden(
     for override in parsed:
         texts = single_overrides(override, shuffled=False)
         check_each(texts)
+        _refuse_what_tells_apart(
+            override.key_or_group,
+            {n: design for n, design in zip(names, designs, strict=True) if n not in derived},
+        )
         given = messages.printable(override.input_line, 100)
         faults: dict[str, ConfigurationError] = {}
         for i, design in enumerate(designs):
@@ -111,6 +116,16 @@ def _left_out(entries: Sequence[Any], axes: Sequence[Axis]) -> Iterator[Any]:
     for entry in entries:
         if all(any(k == key and same(v, value) for k, v in swept) for key, value in entry.items()):
             yield entry
+
+
+def _refuse_what_tells_apart(key: str, parts: Mapping[str, Design]) -> None:
+    """Refuse a key that parts fix at different values: they would be named after what is not so."""
+    fixed = {
+        name: text for name, design in parts.items() for text in design.fixed if key_of(text) == key
+    }
+    if len(set(fixed.values())) > 1:
+        told = ", ".join(f"{text} in {name}" for name, text in fixed.items())
+        raise ConfigurationError(f"{key}: it tells the study's parts apart ({told}): leave it out")
 
 
 def _refuse_option(design: Design, key: str) -> None:

@@ -61,3 +61,20 @@ def test_a_value_that_is_wrong_where_the_key_is_is_refused():
         )
     with pytest.raises(ConfigurationError, match="belongs to measurement=fabricated"):
         overridden([STEREO_ONLY], ["measurement/noise=constant"], ["stereo"])
+
+
+def test_what_tells_the_parts_apart_stays():
+    rays = Design(("measurement=fabricated", "path=turn"), ())
+    stereo = Design(("measurement=simulated", "path=turn"), ())
+    with pytest.raises(ConfigurationError, match="measurement=fabricated in rays, measurement=sim"):
+        overridden([rays, stereo], ["measurement=lidar"], ["rays", "stereo"])
+    designs, notes = overridden([rays, stereo], ["path=circle"], ["rays", "stereo"])
+    assert all("path=circle" in design.fixed for design in designs) and not notes
+    # A part whose axes are derived keeps its own, and so stands in nobody's way.
+    fitted = Design(("measurement=fabricated", "measurement/noise=fitted_car"), ())
+    plain = Design(("measurement=fabricated", "measurement/noise=stereo"), ())
+    (changed, kept), _ = overridden(
+        [plain, fitted], ["measurement/noise=constant"], ["plain", "fitted"], derived=["fitted"]
+    )
+    assert "measurement/noise=constant" in changed.fixed
+    assert kept == fitted
