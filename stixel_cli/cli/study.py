@@ -54,27 +54,37 @@ def study_command(
         one = _Command(study, overrides, options, workers, dry_run, fresh)
         # A study that is not there is said before its name is judged as a folder's.
         found = find_study(study)
-        answer, code = one.run(study_folder(results, name or found.stem), json)
+        answer, code = one.run(one.plan(), study_folder(results, name or found.stem), json)
         if json:
             sys.stdout.write(json_text(answer))
         return code
     if name is not None:
         raise UserError(f"--name: names the folder of one study: leave it out with {ALL}")
-    answers, codes = [], []
-    for one in shipped:
-        command = _Command(one, overrides, options, workers, dry_run, fresh)
+    commands = {one: _Command(one, overrides, options, workers, dry_run, fresh) for one in shipped}
+    answers, codes, plans = {}, [], {}
+    # Before the first of them runs for minutes, it is known which cannot.
+    for one, command in commands.items():
         try:
-            answer, code = command.run(study_folder(results, one), json)
+            plans[one] = command.plan()
+        except UserError as error:
+            answers[one] = _failed(one, error)
+            codes.append(error.exit_code)
+    for one, plan in plans.items():
+        try:
+            answers[one], code = commands[one].run(plan, study_folder(results, one), json)
         except SweepInterrupted:
             raise
         except UserError as error:
-            tell(f"{one}: {error}")
-            answer, code = {"study": one, "complete": False, "error": str(error)}, error.exit_code
-        answers.append(answer)
+            answers[one], code = _failed(one, error), error.exit_code
         codes.append(code)
     if json:
-        sys.stdout.write(json_text({"studies": answers}))
+        sys.stdout.write(json_text({"studies": [answers[one] for one in shipped]}))
     return max(codes, default=0)
+
+
+def _failed(study: str, error: UserError) -> dict[str, Any]:
+    tell(f"{study}: {error}")
+    return {"study": study, "complete": False, "error": str(error)}
 
 
 def _options(name: str | None, results: Path, workers: int | None) -> list[str]:
@@ -102,9 +112,16 @@ class _Command:
         self.dry_run = dry_run
         self.fresh = fresh
 
-    def run(self, folder: Path, json: bool) -> tuple[dict[str, Any], int]:
+    def plan(self) -> StudyPlan:
+        """The study with its overrides.
+
+        Raises:
+            UserError: if it cannot be had with them.
+        """
+        return plan_study(read_study(find_study(self.study)), self.overrides)
+
+    def run(self, plan: StudyPlan, folder: Path, json: bool) -> tuple[dict[str, Any], int]:
         """What came of it in plain types, printed for the eye unless `json`, and the exit code."""
-        plan = plan_study(read_study(find_study(self.study)), self.overrides)
         if self.dry_run:
             StudyFolder(folder).check(plan, self.fresh)
             return _planned(plan, json), 0

@@ -273,6 +273,21 @@ def test_a_study_whose_file_fails_fails_alone(studies, toy, monkeypatch, tmp_pat
     assert re.search("bad.yaml: question: must be there", studies.error)
 
 
+def test_which_studies_cannot_be_run_is_told_before_the_first_runs(studies, toy, monkeypatch):
+    from stixel_cli.cli import study
+
+    good, bad = toy(name="good"), toy("title: x\n", name="bad")
+    told = []
+    monkeypatch.setattr(study, "shipped_studies", lambda: [str(good), str(bad)])
+    monkeypatch.setattr(study, "study_folder", lambda results, name: results / Path(name).stem)
+    monkeypatch.setattr(study, "tell", told.append)
+    run = study.run_study
+    monkeypatch.setattr(study, "run_study", lambda *a, **k: told.append("runs") or run(*a, **k))
+    answer = studies.run("all", "road_user=car", "seed=0", code=2)
+    assert [one["complete"] for one in answer["studies"]] == [True, False]
+    assert "bad.yaml: question" in told[0] and told[1] == "runs"
+
+
 def test_what_was_asked_for_is_kept(studies, toy):
     studies.run(toy(), "road_user=car", "seed=0")
     content = yaml.safe_load((studies.results / "toy/study.yaml").read_text())
