@@ -14,6 +14,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from stixel_cli.engine.errors import CacheError
+from stixel_cli.engine.locks import file_lock, unwritable
 
 FOLDER = "leases"
 PATIENCE = 60.0
@@ -41,7 +42,7 @@ class Lease:
             # A collector that is at it has read the leases already: wait for its end.
             with collector_lock(self._folder):
                 path.write_text("\n".join(keys), encoding="ascii")
-                lock = FileLock(path.with_suffix(".lock"))
+                lock = file_lock(path.with_suffix(".lock"))
                 lock.acquire(timeout=0)
             self.end()
             self._path, self._lock = path, lock
@@ -73,30 +74,18 @@ def collector_lock(folder: Path) -> Iterator[None]:
         CacheError: the folder cannot be written, or another process holds the lock for long.
     """
     try:
-        lock = FileLock(folder / "collector.lock")
+        lock = file_lock(folder / "collector.lock")
         lock.acquire(timeout=PATIENCE)
     except Timeout as error:
         raise CacheError(
             f"another process has been tidying up the cache {folder} for {PATIENCE:.0f} s"
         ) from error
     except OSError as error:
-        raise CacheError(
-            f"cannot write in the cache {folder}: {error.strerror or error}"
-        ) from error
-    except NotImplementedError as error:
-        raise no_locks(folder) from error
+        raise unwritable(folder, error) from error
     try:
         yield
     finally:
         lock.release()
-
-
-def no_locks(folder: Path) -> CacheError:
-    """What is said of a file system without locks."""
-    return CacheError(
-        f"the file system of the cache {folder} knows no locks (flock): mount it with them, or "
-        "take another folder"
-    )
 
 
 def leased_keys(folder: Path) -> set[str]:
@@ -110,7 +99,7 @@ def leased_keys(folder: Path) -> set[str]:
     except OSError:
         return keys
     for path in paths:
-        lock = FileLock(path.with_suffix(".lock"))
+        lock = file_lock(path.with_suffix(".lock"))
         try:
             lock.acquire(timeout=0)
         except (Timeout, OSError):

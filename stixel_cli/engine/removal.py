@@ -11,11 +11,12 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from filelock import FileLock, Timeout
+from filelock import Timeout
 
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.leases import collector_lock, leased_keys
 from stixel_cli.engine.listing import Found, scan, stage_and_label
+from stixel_cli.engine.locks import file_lock
 from stixel_cli.engine.store import META, Store
 
 EVICTED = "evicted.jsonl"
@@ -148,7 +149,7 @@ def _orphans(store: Store, dry_run: bool) -> Iterator[Removed]:
             continue
         if dry_run:
             continue
-        lock = FileLock(path)
+        lock = file_lock(path)
         with suppress(OSError, Timeout):
             lock.acquire(timeout=0)
             # Removed while it is held, as the store does it.

@@ -19,10 +19,9 @@ from pathlib import Path
 from typing import Any
 
 import joblib
-from filelock import FileLock
 
 from stixel_cli.engine.errors import CacheError, MissingEntry
-from stixel_cli.engine.leases import no_locks
+from stixel_cli.engine.locks import file_lock, unwritable
 from stixel_cli.engine.parameters import CacheParameters
 from stixel_cli.engine.units import parse_size
 
@@ -131,7 +130,7 @@ class Store:
             self._put_in_place(partial, self.entry(key))
         except OSError as error:
             shutil.rmtree(partial, ignore_errors=True)
-            raise self._unwritable(error) from error
+            raise unwritable(self.folder, error) from error
         except BaseException:
             shutil.rmtree(partial, ignore_errors=True)
             raise
@@ -147,12 +146,10 @@ class Store:
         path = self.folder / "locks" / f"{key}.lock"
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            lock = FileLock(path)
+            lock = file_lock(path)
             lock.acquire()
         except OSError as error:
-            raise self._unwritable(error) from error
-        except NotImplementedError as error:
-            raise no_locks(self.folder) from error
+            raise unwritable(self.folder, error) from error
         try:
             yield
         finally:
@@ -170,7 +167,7 @@ class Store:
             probe.touch()
             probe.unlink()
         except OSError as error:
-            raise self._unwritable(error) from error
+            raise unwritable(self.folder, error) from error
 
     def _content(self, key: str) -> bytes:
         meta = self.meta(key)
@@ -214,9 +211,6 @@ class Store:
             # What is left of an entry that was not removed to the end, or was damaged.
             self._set_aside(entry.name, "it is not complete")
             _move(partial, entry)
-
-    def _unwritable(self, error: OSError) -> CacheError:
-        return CacheError(f"cannot write in the cache {self.folder}: {error.strerror or error}")
 
 
 def _move(partial: Path, entry: Path) -> None:

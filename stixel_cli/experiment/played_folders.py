@@ -11,6 +11,7 @@ from stixel_cli.experiment.played_run import choice, played_run
 from stixel_cli.experiment.recorded_run import told_in_one_line
 from stixel_cli.experiment.run import Outcome, run_experiment
 from stixel_cli.experiment.stored_run import StoredRun
+from stixel_cli.experiment.text import listed
 from stixel_cli.report.folder_reader import flat_settings
 from stixel_cli.report.playback import playback_html
 
@@ -54,12 +55,8 @@ def folders_page(
         played_run(name, one.composition, outcome, folder=label if len(stored) > 1 else None)
         for name, label, one, outcome in zip(names, labels, stored, outcomes, strict=True)
     ]
-    title = labels[0] if len(runs) == 1 else f"{_listed(names)} on one scene"
+    title = labels[0] if len(runs) == 1 else f"{listed(names)} on one scene"
     return playback_html(runs, title, notes), notes
-
-
-def _listed(names: Sequence[str]) -> str:
-    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
 
 
 def check_one_scene(stored: Sequence[StoredRun], labels: Sequence[str]) -> None:

@@ -1,9 +1,16 @@
-"""JSON as the result folders and the commands' `--json` have it."""
+"""Text as result folders and commands have it: JSON, lists of words."""
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 
 def json_text(value: Any) -> str:
     """JSON with two spaces of indent and a newline at its end; NaN is refused."""
     return json.dumps(value, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def listed(parts: Sequence[object]) -> str:
+    """a, b and c."""
+    texts = [str(part) for part in parts]
+    return " and ".join([", ".join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)

@@ -13,7 +13,7 @@ from stixel_cli.config.folders import shipped_folder
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.file import ENTRIES as SWEEP_ENTRIES
-from stixel_cli.sweeps.file import design_of, read_mapping, refuse_unknown
+from stixel_cli.sweeps.file import design_of, is_study, read_mapping, refuse_unknown
 
 ALL = "all"
 ENTRIES = ("title", "question", "report", "parts")
@@ -86,7 +86,7 @@ class StudyFile:
 def shipped_studies() -> list[str]:
     """Names of the studies that are shipped; plain sweeps are in the same folder."""
     files = sorted((shipped_folder("pipelines") / "studies").glob("*.yaml"))
-    return [file.stem for file in files if re.search("^parts:", file.read_text("utf-8"), re.M)]
+    return [file.stem for file in files if is_study(file)]
 
 
 def find_study(name: str) -> Path:

@@ -10,7 +10,7 @@ from stixel_cli.config.compose_many import Composer
 from stixel_cli.config.folders import group_options
 from stixel_cli.config.overrides import check_overrides, parse_overrides, single_overrides
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError
-from stixel_cli.studies.prose import listed
+from stixel_cli.experiment.text import listed
 from stixel_cli.sweeps.design import SEED, Axis, Design, check_each, same
 
 
@@ -167,10 +167,9 @@ def _where_it_fits(design: Design, text: str, composer: Composer) -> tuple[Desig
             fixed = tuple(one for one in design.fixed if one != text)
             steps = tuple(step if step in faults else (*step, text) for step in axis.steps)
             axes = (*design.axes[:i], Axis(axis.keys, steps), *design.axes[i + 1 :])
-            left_out = listed([" ".join(step) for step in faults])
-            return replace(
-                design, fixed=fixed, axes=axes
-            ), f"{left_out}: {next(iter(faults.values()))}"
+            without = listed([" ".join(step) for step in faults])
+            reason = next(iter(faults.values()))
+            return replace(design, fixed=fixed, axes=axes), f"{without}: {reason}"
     return design, ""
 
 

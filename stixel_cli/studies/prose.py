@@ -1,7 +1,6 @@
 """Numbers in sentences and tables: as many digits as their uncertainty bears, true minus signs."""
 
 import math
-from collections.abc import Sequence
 
 from stixel_cli.report.metrics import NO_VALUE
 
@@ -53,12 +52,6 @@ def with_interval(
 def percent(share: float | None, places: int = 0) -> str:
     """A share as per cent."""
     return quantity(None if share is None else 100.0 * share, "%", places)
-
-
-def listed(parts: Sequence[object]) -> str:
-    """a, b and c."""
-    texts = [str(part) for part in parts]
-    return " and ".join([", ".join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)
 
 
 def counted(count: int, what: str) -> str:

@@ -1,5 +1,6 @@
 """A sweep from a file: YAML with `fixed`, `axes`, `zipped`, `seeds` and `leave_out`."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -32,11 +33,14 @@ def find_file(name: str) -> Path:
     inside = shipped / f"{name.removesuffix('.yaml')}.yaml"
     if path.name == name and inside.is_file():
         return inside
-    files = sorted(shipped.glob("*.yaml"))
-    # Studies are in the same folder.
-    known = [file.stem for file in files if "\nparts:" not in file.read_text("utf-8")]
+    known = [file.stem for file in sorted(shipped.glob("*.yaml")) if not is_study(file)]
     hint = messages.suggestion(name, known) or (f" (shipped: {', '.join(known)})" if known else "")
     raise ConfigurationError(f"--from: {messages.printable(name)}: there is no such file{hint}")
+
+
+def is_study(path: Path) -> bool:
+    """Whether a file is of a study, of several sweeps, and not of one; both are in `pipelines/`."""
+    return re.search("^parts:", path.read_text("utf-8"), re.M) is not None
 
 
 def read_design(path: Path, shuffled: bool) -> Design:

@@ -1,6 +1,8 @@
 """The store: what comes back is what was put in, or nothing does."""
 
+import errno
 import json
+import os
 import subprocess
 import sys
 import threading
@@ -9,6 +11,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.engine.errors import CacheError, MissingEntry
+from stixel_cli.engine.leases import collector_lock
 from stixel_cli.engine.store import META, VALUE, Store, default_cache_folder
 
 KEY = "ab" + "0" * 62
@@ -222,3 +225,21 @@ def test_the_folder_is_named_by_the_environment(monkeypatch, tmp_path):
     assert default_cache_folder() == tmp_path / "here"
     monkeypatch.delenv("STIXEL_CACHE")
     assert default_cache_folder().name == "stixel"
+
+
+@pytest.mark.parametrize("fault", [errno.ENOSYS, errno.ENOLCK])
+def test_a_file_system_without_locks_is_refused_and_no_substitute_is_left(
+    store, monkeypatch, fault
+):
+    def no_lock(*arguments):
+        raise OSError(fault, os.strerror(fault))
+
+    store.save(KEY, 1)
+    monkeypatch.setattr("fcntl.flock", no_lock)
+    with pytest.raises(CacheError, match="knows no locks"), store.lock(KEY):
+        raise AssertionError("held")
+    with pytest.raises(CacheError, match="knows no locks"), collector_lock(store.folder):
+        raise AssertionError("held")
+    monkeypatch.undo()
+    with store.lock(KEY), collector_lock(store.folder):
+        assert store.load(KEY) == 1

@@ -8,11 +8,12 @@ import yaml
 from study_toy import TOY, toy_module
 
 from stixel_cli.cli.app import main
+from stixel_cli.experiment.text import listed
 from stixel_cli.report import style
 from stixel_cli.studies.folder import files_of
 from stixel_cli.studies.nouns import Findings, Section, Table
 from stixel_cli.studies.page import _Numbered, svg_for_page
-from stixel_cli.studies.prose import counted, decimals, listed, number, percent, quantity
+from stixel_cli.studies.prose import counted, decimals, number, percent, quantity
 from stixel_cli.studies.tables import (
     over_seeds,
     shown_table,

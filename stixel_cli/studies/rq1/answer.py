@@ -7,8 +7,9 @@ import numpy as np
 
 from stixel_cli.evaluation.stage_errors import GROSS
 from stixel_cli.evaluation.stage_summary import stixel_summary
+from stixel_cli.experiment.text import listed
 from stixel_cli.studies.nouns import StudyData, Table
-from stixel_cli.studies.prose import counted, listed, number, quantity
+from stixel_cli.studies.prose import counted, number, quantity
 from stixel_cli.studies.rq1 import intervals as by_pose
 from stixel_cli.studies.rq1.intervals import Estimate, estimate
 from stixel_cli.studies.rq1.pool import (

@@ -7,7 +7,6 @@ from stixel_cli.evaluation.stage_summary import disparity_summary
 from stixel_cli.studies.nouns import Section, StudyData, Table
 from stixel_cli.studies.rq1 import figures
 from stixel_cli.studies.rq1 import intervals as by_pose
-from stixel_cli.studies.rq1.intervals import estimate
 from stixel_cli.studies.rq1.pool import (
     COARSE,
     EDGES,
@@ -28,6 +27,11 @@ _COLUMNS = {
     "bias px": by_pose.pixel_bias,
     "RMS px": by_pose.PIXEL_RMS,
 }
+_OF_STIXELS = {
+    "stixel RMS px": by_pose.STIXEL_RMS_PX,
+    "stixel RMS m": by_pose.STIXEL_RMS,
+}
+_OF_COVER = {"columns in no stixel %": by_pose.UNCOVERED}
 
 
 def disparity_section(data: StudyData, users: Sequence[Group]) -> Section:
@@ -100,7 +104,7 @@ def disparity_section(data: StudyData, users: Sequence[Group]) -> Section:
                             "matcher",
                             *columns,
                             "locking px",
-                            *with_ends(("stixel RMS px", "stixel RMS m", "columns in no stixel %")),
+                            *with_ends((*_OF_STIXELS, *_OF_COVER)),
                         ),
                         tuple(_matcher_rows(matchers)),
                     ),
@@ -114,8 +118,7 @@ def _pixel_cells(group: Group, zone: int, low: float, high: float) -> Iterator[f
     """Pixels, what `_COLUMNS` names with its ends, and the median."""
     sums = by_pose.pixel_sums(group, zone, low, high)
     yield int(sums[:, 0].sum())
-    for name, of in _COLUMNS.items():
-        yield from estimate(group, sums, of).scaled(100.0 if name.endswith("%") else 1.0).cells
+    yield from by_pose.cells(group, sums, _COLUMNS)
     yield cell(disparity_summary(group.errors.disparity, group.frames(low, high), zone)["median"])
 
 
@@ -133,12 +136,10 @@ def _disparity_rows(users: Sequence[Group]) -> Iterator[tuple]:
 def _matcher_rows(matchers: Sequence[Group]) -> Iterator[tuple]:
     for group in matchers:
         stixels = by_pose.stixel_sums(group, EDGES[0], EDGES[-1])
-        uncovered = estimate(group, by_pose.cover_sums(group), by_pose.UNCOVERED)
         yield (
             group.label,
             *_pixel_cells(group, INSIDE, EDGES[0], EDGES[-1]),
             cell(locking_swing(group, INSIDE)),
-            *estimate(group, stixels, by_pose.STIXEL_RMS_PX).cells,
-            *estimate(group, stixels, by_pose.STIXEL_RMS).cells,
-            *uncovered.scaled(100.0).cells,
+            *by_pose.cells(group, stixels, _OF_STIXELS),
+            *by_pose.cells(group, by_pose.cover_sums(group), _OF_COVER),
         )

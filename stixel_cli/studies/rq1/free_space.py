@@ -1,12 +1,10 @@
 """RQ1's chapter on the occupancy grid and free space: grid and path, and the three grids."""
 
 from collections.abc import Iterator, Sequence
-from itertools import chain
 
 from stixel_cli.studies.nouns import Paragraph, Section, StudyData, Table
 from stixel_cli.studies.rq1 import figures
 from stixel_cli.studies.rq1 import intervals as by_pose
-from stixel_cli.studies.rq1.intervals import estimate
 from stixel_cli.studies.rq1.pool import Group, counts, grid, groups
 from stixel_cli.studies.tables import with_ends
 
@@ -84,14 +82,4 @@ def _grid_rows(grids: Sequence[Group]) -> Iterator[tuple]:
         for where, of_target in (("of the target", True), ("all", False)):
             for step in ("grid", "path"):
                 sums = by_pose.column_sums(group, step, of_target=of_target)
-                found = [estimate(group, sums, of) for of in _COLUMNS.values()]
-                shown = (
-                    one.scaled(100.0) if name.endswith("%") else one
-                    for name, one in zip(_COLUMNS, found, strict=True)
-                )
-                yield (
-                    group.label,
-                    where,
-                    step,
-                    *chain.from_iterable(one.cells for one in shown),
-                )
+                yield (group.label, where, step, *by_pose.cells(group, sums, _COLUMNS))

@@ -5,7 +5,7 @@ of a frame share its errors. What is independent of each other, as far as anythi
 poses: a frame of one road user, with all of its seeds. They are drawn, road user by road user.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,6 +71,15 @@ def estimate(group: Group, sums: np.ndarray, of: Statistic) -> Estimate:
     if len(drawn) == 0 or np.ptp(drawn) <= 1e-12 * max(1.0, abs(value)):
         return Estimate(value, np.nan, np.nan)
     return Estimate(value, *interval(drawn))
+
+
+def cells(
+    group: Group, sums: np.ndarray, columns: Mapping[str, Statistic]
+) -> Iterator[float | None]:
+    """Estimates and their ends for the columns of a table; those named so are per cent."""
+    for name, of in columns.items():
+        factor = 100.0 if name.endswith("%") else 1.0
+        yield from estimate(group, sums, of).scaled(factor).cells
 
 
 def difference(

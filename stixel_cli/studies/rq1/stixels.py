@@ -1,12 +1,11 @@
 """RQ1's chapters on height, on stixels, and on what three rigs make of them."""
 
-from collections.abc import Iterable, Iterator, Sequence
-from itertools import chain
+from collections.abc import Iterator, Sequence
 
 from stixel_cli.evaluation.stage_errors import GROSS
 from stixel_cli.evaluation.stage_summary import stixel_summary
+from stixel_cli.experiment.text import listed
 from stixel_cli.studies.nouns import Paragraph, Section, StudyData, Table
-from stixel_cli.studies.prose import listed
 from stixel_cli.studies.rq1 import figures
 from stixel_cli.studies.rq1 import intervals as by_pose
 from stixel_cli.studies.rq1.intervals import estimate
@@ -27,6 +26,25 @@ from stixel_cli.studies.rq1.pool import (
 )
 from stixel_cli.studies.tables import with_ends
 
+_OF_HEIGHT = {
+    "top bias px": by_pose.TOP_BIAS,
+    "top RMS px": by_pose.TOP_RMS,
+    "base bias px": by_pose.BASE_BIAS,
+    "base RMS px": by_pose.BASE_RMS,
+    "height bias m": by_pose.HEIGHT_BIAS,
+    "height RMS m": by_pose.HEIGHT_RMS,
+}
+_OF_GROSS = {"gross %": by_pose.STIXEL_GROSS}
+_OF_STIXELS = {
+    "bias m": by_pose.STIXEL_BIAS,
+    "RMS m": by_pose.STIXEL_RMS,
+    "area bias m": by_pose.AREA_BIAS,
+    "area RMS m": by_pose.AREA_RMS,
+    "error²/σ²": by_pose.NEES,
+    "within σ %": by_pose.WITHIN_1,
+    "lateral RMS m": by_pose.LATERAL_RMS,
+}
+
 
 def _stixel_value(of: by_pose.Statistic) -> figures.Values:
     return by_pose.over_range(by_pose.stixel_sums, of)
@@ -40,14 +58,6 @@ def height_section(users: Sequence[Group]) -> Section:
         ("Height, bias", "m", {"": _stixel_value(by_pose.HEIGHT_BIAS)}),
         ("Base row, RMS", "px", {"": _stixel_value(by_pose.BASE_RMS)}),
     ]
-    columns = {
-        "top bias px": by_pose.TOP_BIAS,
-        "top RMS px": by_pose.TOP_RMS,
-        "base bias px": by_pose.BASE_BIAS,
-        "base RMS px": by_pose.BASE_RMS,
-        "height bias m": by_pose.HEIGHT_BIAS,
-        "height RMS m": by_pose.HEIGHT_RMS,
-    }
     return Section(
         "Height",
         (
@@ -64,43 +74,26 @@ def height_section(users: Sequence[Group]) -> Section:
                 "Rows and height of the stixels on the target, default rig. The errors are of "
                 "those whose disparity is not off by a gross error (see the stixels' own table "
                 f"for how many are); brackets: 95 % intervals over the poses; {seeds(users)}.",
-                ("road user", "range m", "poses", "stixels", *with_ends(columns)),
-                tuple(_height_rows(users, columns.values())),
+                ("road user", "range m", "poses", "stixels", *with_ends(_OF_HEIGHT)),
+                tuple(_height_rows(users)),
             ),
         ),
     )
 
 
-def _height_rows(
-    users: Sequence[Group], statistics: Iterable[by_pose.Statistic]
-) -> Iterator[tuple]:
+def _height_rows(users: Sequence[Group]) -> Iterator[tuple]:
     for group, low, high, begin in _by_range(users):
-        sums = by_pose.stixel_sums(group, low, high)
-        yield (*begin, *chain.from_iterable(estimate(group, sums, of).cells for of in statistics))
+        yield (*begin, *by_pose.cells(group, by_pose.stixel_sums(group, low, high), _OF_HEIGHT))
 
 
 def _stixel_rows(users: Sequence[Group]) -> Iterator[tuple]:
     for group, low, high, begin in _by_range(users):
         sums = by_pose.stixel_sums(group, low, high)
-        gross = estimate(group, by_pose.gross_sums(group, low, high), by_pose.STIXEL_GROSS)
-        bias, rms, area_bias, area_rms, nees, within, lateral = (
-            estimate(group, sums, of)
-            for of in (
-                by_pose.STIXEL_BIAS,
-                by_pose.STIXEL_RMS,
-                by_pose.AREA_BIAS,
-                by_pose.AREA_RMS,
-                by_pose.NEES,
-                by_pose.WITHIN_1,
-                by_pose.LATERAL_RMS,
-            )
-        )
-        shown = (gross.scaled(100.0), bias, rms, area_bias, area_rms, nees, within.scaled(100.0))
-        sigma = stixel_summary(group.errors.stixels, low, high)["sigma"]
         yield (
             *begin,
-            *chain.from_iterable(one.cells for one in (*shown, lateral)),
-            cell(sigma),
+            *by_pose.cells(group, by_pose.gross_sums(group, low, high), _OF_GROSS),
+            *by_pose.cells(group, sums, _OF_STIXELS),
+            cell(stixel_summary(group.errors.stixels, low, high)["sigma"]),
         )
 
 
@@ -163,18 +156,7 @@ def stixels_section(users: Sequence[Group]) -> Section:
                     "range m",
                     "poses",
                     "stixels",
-                    *with_ends(
-                        (
-                            "gross %",
-                            "bias m",
-                            "RMS m",
-                            "area bias m",
-                            "area RMS m",
-                            "error²/σ²",
-                            "within σ %",
-                            "lateral RMS m",
-                        )
-                    ),
+                    *with_ends((*_OF_GROSS, *_OF_STIXELS)),
                     "stated σ m",
                 ),
                 tuple(_stixel_rows(users)),

@@ -2,9 +2,10 @@
 
 from collections.abc import Sequence
 
+from stixel_cli.experiment.text import listed
 from stixel_cli.studies.field_names import LIDAR, STIXELS
 from stixel_cli.studies.nouns import Table
-from stixel_cli.studies.prose import MINUS, capital, listed, number
+from stixel_cli.studies.prose import MINUS, capital, number
 from stixel_cli.studies.rq2.contrasts import (
     ERRORS,
     Contrast,

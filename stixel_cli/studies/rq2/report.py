@@ -8,9 +8,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from stixel_cli.experiment.text import listed
 from stixel_cli.studies.field_names import LIDAR, STIXELS
 from stixel_cli.studies.nouns import Findings, Paragraph, Section, StudyData, Table
-from stixel_cli.studies.prose import capital, listed, number, percent
+from stixel_cli.studies.prose import capital, number, percent
 from stixel_cli.studies.rq2.answer import answer, answer_tables
 from stixel_cli.studies.rq2.conditions import CONDITIONS, condition_table
 from stixel_cli.studies.rq2.contrasts import ERRORS, contrasts_section

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from stixel_cli.experiment.text import listed
 from stixel_cli.studies.nouns import Table
 from stixel_cli.studies.prose import (
     capital,
     counted,
     decimals,
-    listed,
     number,
     percent,
     quantity,

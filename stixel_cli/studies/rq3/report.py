@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import asdict
 
+from stixel_cli.experiment.text import listed
 from stixel_cli.measurements.parameters import FittedNoise
 from stixel_cli.studies.inference import DRAWS
 from stixel_cli.studies.nouns import Findings, Paragraph, Part, Section, StudyData, Table
-from stixel_cli.studies.prose import listed, quantity
+from stixel_cli.studies.prose import quantity
 from stixel_cli.studies.rq3.answer import answer, answer_table
 from stixel_cli.studies.rq3.compare import Comparison, compare, difference_table
 from stixel_cli.studies.rq3.figures import (
