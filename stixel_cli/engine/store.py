@@ -160,12 +160,16 @@ class Store:
             lock.release()
 
     def check_writable(self) -> None:
-        """Raise CacheError if entries cannot be written, before anything is computed in vain."""
+        """Raise CacheError if entries cannot be written or locked, before a stage runs in vain."""
         probe = self.folder / "tmp" / f"probe-{os.getpid()}-{time.monotonic_ns():x}"
         try:
             probe.parent.mkdir(parents=True, exist_ok=True)
             probe.touch()
-            probe.unlink()
+            try:
+                with file_lock(probe):
+                    pass
+            finally:
+                probe.unlink()
         except OSError as error:
             raise unwritable(self.folder, error) from error
 

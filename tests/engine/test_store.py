@@ -240,6 +240,9 @@ def test_a_file_system_without_locks_is_refused_and_no_substitute_is_left(
         raise AssertionError("held")
     with pytest.raises(CacheError, match="knows no locks"), collector_lock(store.folder):
         raise AssertionError("held")
+    with pytest.raises(CacheError, match="knows no locks"):
+        store.check_writable()
     monkeypatch.undo()
+    assert list((store.folder / "tmp").iterdir()) == []
     with store.lock(KEY), collector_lock(store.folder):
         assert store.load(KEY) == 1
