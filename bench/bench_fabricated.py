@@ -10,8 +10,8 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.measurements.fabricated import fabricate_scan
-from stixel_cli.measurements.parameters import FabricatedParameters, FittedNoise, StereoNoise
+from stixel_cli.measurements.fabricated import FabricatedParameters, fabricate_scan
+from stixel_cli.measurements.noise import FittedNoise, StereoNoise
 from stixel_cli.measurements.rays import first_crossings, spread_rays
 from stixel_cli.randomness import generator
 

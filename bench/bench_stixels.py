@@ -16,22 +16,22 @@ import yaml
 from pydantic import TypeAdapter
 from scipy.special import ndtr
 
+from stixel_cli.config.schema import StereoParameters
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
 from stixel_cli.scene.frames import StereoPairs
 from stixel_cli.stereo import bm, sgm
-from stixel_cli.stereo.parameters import StereoParameters
 from stixel_cli.stixels.extraction import stixels_of_frame
-from stixel_cli.stixels.free_space import expected_depth, nearest_obstacle, obstacle_base
-from stixel_cli.stixels.height import top_rows
-from stixel_cli.stixels.occupancy import column_histograms, fill, layout
-from stixel_cli.stixels.parameters import (
-    ExtractionParameters,
+from stixel_cli.stixels.extraction_parameters import ExtractionParameters, HeightParameters
+from stixel_cli.stixels.free_space import expected_depth, obstacle_base
+from stixel_cli.stixels.free_space_parameters import (
     FreeSpaceParameters,
-    HeightParameters,
     OccupancyParameters,
     RoadParameters,
 )
+from stixel_cli.stixels.height import top_rows
+from stixel_cli.stixels.nearest_obstacle import nearest_obstacle
+from stixel_cli.stixels.occupancy import column_histograms, fill, layout
 from stixel_cli.stixels.path import cell_costs, cheapest_path
 from stixel_cli.stixels.road import find_road, obstacle_limits, road_line
 

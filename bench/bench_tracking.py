@@ -9,10 +9,10 @@ from scipy.linalg import block_diag, cho_factor, cho_solve
 from threadpoolctl import threadpool_limits
 
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.gp_ekf import track, update
+from stixel_cli.tracking.gp_ekf import GpEkfParameters, track, update
 from stixel_cli.tracking.kernel import contour_process, kernel, kernel_derivative
 from stixel_cli.tracking.motion import predict, process_noise, transition
-from stixel_cli.tracking.parameters import GpEkfParameters, PriorShape
+from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
 
 POINTS, SCANS, INTERVAL, DEVIATION = 600, 30, 0.1, 0.1

@@ -13,19 +13,35 @@ from pydantic import Field, TypeAdapter
 
 from stixel_cli.engine.parameters import CacheParameters, Executor
 from stixel_cli.geometry.rig import STRICT, Rig
-from stixel_cli.measurements.parameters import MeasurementParameters
+from stixel_cli.measurements.fabricated import FabricatedParameters
+from stixel_cli.measurements.lidar import LidarParameters
+from stixel_cli.measurements.simulated import SimulatedParameters
 from stixel_cli.report.parameters import PicturesParameters
-from stixel_cli.scene.parameters import Ego, Pace, Path, RoadUser, World
-from stixel_cli.scene.renderer_parameters import Renderer, Sensor
-from stixel_cli.stereo.parameters import StereoParameters
-from stixel_cli.stixels.parameters import (
-    ExtractionParameters,
+from stixel_cli.scene.ego import Ego
+from stixel_cli.scene.exposure import Sensor
+from stixel_cli.scene.filament_parameters import FilamentParameters
+from stixel_cli.scene.pace_parameters import Pace
+from stixel_cli.scene.path_parameters import Path
+from stixel_cli.scene.raycast_parameters import RaycastParameters
+from stixel_cli.scene.road_user_parameters import RoadUser
+from stixel_cli.scene.world_parameters import World
+from stixel_cli.stereo.bm import BmParameters
+from stixel_cli.stereo.sgm import SgmParameters
+from stixel_cli.stixels.extraction_parameters import ExtractionParameters, HeightParameters
+from stixel_cli.stixels.free_space_parameters import (
     FreeSpaceParameters,
-    HeightParameters,
     OccupancyParameters,
     RoadParameters,
 )
-from stixel_cli.tracking.parameters import PriorShape, StartParameters, Tracker
+from stixel_cli.tracking.gp_ekf import GpEkfParameters
+from stixel_cli.tracking.point import PointParameters
+from stixel_cli.tracking.prior import PriorShape
+from stixel_cli.tracking.start import StartParameters
+
+Renderer = RaycastParameters | FilamentParameters
+StereoParameters = SgmParameters | BmParameters
+MeasurementParameters = SimulatedParameters | FabricatedParameters | LidarParameters
+Tracker = GpEkfParameters | PointParameters
 
 _BY_KIND = Field(discriminator="kind")
 

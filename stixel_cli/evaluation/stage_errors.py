@@ -14,14 +14,14 @@ from stixel_cli.evaluation.stage_truth import FrameTruth, frame_truth
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.scene.frames import ROAD_ID, SKY_ID, TARGET_ID, RenderedFrames
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stixels.free_space import nearest_obstacle
-from stixel_cli.stixels.nouns import FreeSpace, Stixels
-from stixel_cli.stixels.occupancy import Layout, layout
-from stixel_cli.stixels.parameters import (
+from stixel_cli.stixels.free_space_parameters import (
     FreeSpaceParameters,
     OccupancyParameters,
     RoadParameters,
 )
+from stixel_cli.stixels.nearest_obstacle import nearest_obstacle
+from stixel_cli.stixels.nouns import FreeSpace, Stixels
+from stixel_cli.stixels.occupancy import Layout, layout
 
 GROSS = 1.0
 """An error of more than this is gross, px."""

@@ -118,7 +118,7 @@ TABLE: dict[str, Definition] = {
         seeded=True,
     ),
     "cast_lidar": Definition(
-        _only("measurements.lidar:cast_lidar"),
+        _only("measurements.lidar_casting:cast_lidar"),
         "once",
         {
             "road_user": "road_user",
@@ -154,7 +154,7 @@ TABLE: dict[str, Definition] = {
     ),
     "point_errors": Definition(_only("evaluation.point_errors:point_errors"), "once", _same("rig")),
     "occupancy": Definition(
-        _only("stixels.occupancy:picture_grid"),
+        _only("stixels.displayed_grid:picture_grid"),
         "pick",
         _same("rig", "road", "occupancy"),
         packages=("numpy", "numba", "scipy", OPENCV),

@@ -1,15 +1,62 @@
 """Fabricated scans: rays against the true contour, with noise along the ray; thesis (16)-(17)."""
 
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, get_args, get_type_hints
+
 import numpy as np
+from annotated_types import Ge, Gt, Le
 
 from stixel_cli.geometry.pose import rotation, world_from_target
-from stixel_cli.geometry.rig import Rig
-from stixel_cli.measurements.noise import columns_per_point, measure, range_deviations
-from stixel_cli.measurements.parameters import FabricatedParameters
+from stixel_cli.geometry.rig import STRICT, Rig
+from stixel_cli.measurements.noise import Noise, columns_per_point, measure, range_deviations
 from stixel_cli.measurements.rays import Rays, first_crossings, spread_rays
 from stixel_cli.measurements.scans import Scans, points_along
 from stixel_cli.randomness import generator
 from stixel_cli.scene.scenario import Scenario
+
+
+class _ByKind:
+    """Says to the schema that `kind` alone tells the members of an annotated union apart.
+
+    The protocol is pydantic's, as `__pydantic_config__` is, and takes no import of it.
+    """
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> dict[str, Any]:
+        members = {get_args(get_type_hints(one)["kind"])[0]: one for one in get_args(source)}
+        choices = {kind: handler(member) for kind, member in members.items()}
+        return {"type": "tagged-union", "discriminator": "kind", "choices": choices}
+
+
+@dataclass(frozen=True)
+class FabricatedParameters:
+    """Scans straight from the true contour, thesis (16)-(17).
+
+    Attributes:
+        rays: number of rays n_a over the field of view; null is the image's width.
+        spacing: rays even in the `angle`, or even in its `tangent` as a pinhole's columns are.
+        noise: what is between the crossings and the points, a group of its own.
+        clutter_rate: mean number of clutter points a scan, uniform over field of view and range.
+        missed_probability: probability that a ray which hits gives no point.
+        range_max: farthest range that is measured, m.
+    """
+
+    __pydantic_config__ = STRICT
+
+    kind: Literal["fabricated"]
+    rays: Annotated[int, Ge(2), Le(4096)] | None
+    spacing: Literal["angle", "tangent"]
+    noise: Annotated[Noise, _ByKind()]
+    clutter_rate: Annotated[float, Ge(0), Le(1000)]
+    missed_probability: Annotated[float, Ge(0), Le(1)]
+    range_max: Annotated[float, Gt(0), Le(1000)]
+
+    def check(self, rig: Rig) -> None:
+        """Raise ValueError if there are more rays than the image of `rig` has columns."""
+        if self.rays is not None and self.rays > rig.width:
+            raise ValueError(
+                f"measurement.rays: {self.rays} rays are more than the {rig.width} columns of the "
+                "image (rig.width)"
+            )
 
 
 def fabricate_scans(

@@ -1,10 +1,85 @@
 """What lies between the crossings of rays with a contour and the points that a sensor gives."""
 
-import numpy as np
+from dataclasses import dataclass
+from typing import Annotated, Literal
 
-from stixel_cli.geometry.rig import Rig
-from stixel_cli.measurements.parameters import FittedNoise, Noise
+import numpy as np
+from annotated_types import Ge, Le, Lt
+
+from stixel_cli.geometry.rig import STRICT, Rig
 from stixel_cli.measurements.rays import Rays
+
+
+@dataclass(frozen=True)
+class StereoNoise:
+    """Noise along the ray that grows with the depth: white in the disparity.
+
+    Attributes:
+        disparity_deviation: standard deviation of the disparity, px.
+    """
+
+    __pydantic_config__ = STRICT
+
+    kind: Literal["stereo"]
+    disparity_deviation: Annotated[float, Ge(0), Le(10)]
+
+
+@dataclass(frozen=True)
+class ConstantNoise:
+    """Noise along the ray that is the same at every range.
+
+    Attributes:
+        range_deviation: standard deviation of the range, m.
+    """
+
+    __pydantic_config__ = STRICT
+
+    kind: Literal["constant"]
+    range_deviation: Annotated[float, Ge(0), Le(10)]
+
+
+@dataclass(frozen=True)
+class FittedNoise:
+    """Noise fitted to the errors of simulated points: `stixel study rq3` makes the presets.
+
+    Columns are rays. The error along the ray is `range_bias` + e; e has the standard deviation
+    `disparity_deviation` dr/dd, dr/dd the range that a pixel of disparity is worth, and is
+    correlated along the row. One part each for bias, spread and ends: with a second (bias of the
+    disparity, spread of the range, ends in columns) the fit follows the ranges of its own paths,
+    and is farther from the points of others.
+
+    Attributes:
+        columns_per_point: columns that make one point, as those of a stixel do.
+        range_bias: measured minus true range, m: the seen surface lies behind the contour, which
+            is the outermost outline over all heights.
+        disparity_deviation: standard deviation, px.
+        correlation_columns: columns over which the correlation of neighbours falls to 1/e; 0:
+            none.
+        edge_metres, edge_metres_deviation: how far the points reach beyond either end of the
+            silhouette, mean and standard deviation, metres at the target. Positive is edge
+            fattening, points beside the target; negative are ends that give no points, such as
+            arms and wheels too slight for a stixel.
+        edge_disparity_deviation: standard deviation, px, that the outermost point of either end
+            has besides: depths that are mixed there.
+        missed_share: share of the points between the ends that are missed.
+        missed_columns: mean length of a run of missed points, columns.
+    """
+
+    __pydantic_config__ = STRICT
+
+    kind: Literal["fitted"]
+    columns_per_point: Annotated[int, Ge(1), Le(256)]
+    range_bias: Annotated[float, Ge(-10), Le(10)]
+    disparity_deviation: Annotated[float, Ge(0), Le(10)]
+    correlation_columns: Annotated[float, Ge(0), Le(1000)]
+    edge_metres: Annotated[float, Ge(-10), Le(10)]
+    edge_metres_deviation: Annotated[float, Ge(0), Le(10)]
+    edge_disparity_deviation: Annotated[float, Ge(0), Le(10)]
+    missed_share: Annotated[float, Ge(0), Lt(1)]
+    missed_columns: Annotated[float, Ge(1), Le(1000)]
+
+
+Noise = StereoNoise | ConstantNoise | FittedNoise
 
 
 def range_deviations(noise: Noise, ranges: np.ndarray, angles: np.ndarray, rig: Rig) -> np.ndarray:

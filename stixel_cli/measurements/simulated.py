@@ -1,14 +1,41 @@
 """Scans from stixels: the candidate points that the scene alone lets through."""
 
 from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Annotated, Literal
 
 import numpy as np
+from annotated_types import Ge, Gt, Le
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotate_covariances, world_from_ego
-from stixel_cli.measurements.parameters import SimulatedParameters
+from stixel_cli.geometry.rig import STRICT
+from stixel_cli.measurements.gates import check_gates
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stixels.nouns import Stixels
+
+
+@dataclass(frozen=True)
+class SimulatedParameters:
+    """Scans from stixels. The gates look at the stixel alone: at no tracker and at no truth.
+
+    Attributes:
+        height_min, height_max: a stixel's height above the road, m, to be a candidate: below are
+            kerbs and errors of the road, above are walls, poles and trees.
+        range_min, range_max: distance from the sensor on the ground plane, m.
+    """
+
+    __pydantic_config__ = STRICT
+
+    kind: Literal["simulated"]
+    height_min: Annotated[float, Ge(0), Le(10)]
+    height_max: Annotated[float, Gt(0), Le(100)]
+    range_min: Annotated[float, Ge(0), Le(1000)]
+    range_max: Annotated[float, Gt(0), Le(1000)]
+
+    def check(self) -> None:
+        """Raise ValueError unless both gates are open."""
+        check_gates(self.height_min, self.height_max, self.range_min, self.range_max)
 
 
 def gather_scans(

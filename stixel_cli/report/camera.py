@@ -21,7 +21,7 @@ from stixel_cli.stereo.disparities import Disparities
 from stixel_cli.stixels.nouns import FreeSpace, Stixels
 
 if TYPE_CHECKING:  # the module compiles kernels, which no picture needs
-    from stixel_cli.stixels.occupancy import OccupancyGrid
+    from stixel_cli.stixels.nouns import OccupancyGrid
 
 LEFT, RIGHT, TOP, BOTTOM = 58, 18, 34, 52  # margins, px
 BAR, LEGEND = 92, 26  # room for a colour bar, for a legend, px

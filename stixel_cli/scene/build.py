@@ -1,9 +1,10 @@
 """The scenario: the ground truth of one run, from the configuration alone."""
 
 from stixel_cli.scene.contour import ground_contour, is_star_convex
-from stixel_cli.scene.parameters import Path, RoadUser
 from stixel_cli.scene.path import path_poses
+from stixel_cli.scene.path_parameters import Path
 from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.scenario import EgoMotion, Scenario
 
 

@@ -1,10 +1,56 @@
 """The ego car's known motion."""
 
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
 import numpy as np
+from annotated_types import Ge, Le
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
-from stixel_cli.scene.parameters import Ego, Straight, Turning
+from stixel_cli.geometry.rig import STRICT
 from stixel_cli.scene.scenario import EgoMotion
+
+
+@dataclass(frozen=True)
+class Parked:
+    """The ego car stands."""
+
+    __pydantic_config__ = STRICT
+
+    kind: Literal["parked"]
+
+
+@dataclass(frozen=True)
+class Straight:
+    """The ego car drives straight ahead.
+
+    Attributes:
+        speed: m/s.
+    """
+
+    __pydantic_config__ = STRICT
+
+    kind: Literal["straight"]
+    speed: Annotated[float, Ge(0), Le(60)]
+
+
+@dataclass(frozen=True)
+class Turning:
+    """The ego car drives along an arc.
+
+    Attributes:
+        speed: m/s.
+        yaw_rate: degrees/s, positive to the left.
+    """
+
+    __pydantic_config__ = STRICT
+
+    kind: Literal["turning"]
+    speed: Annotated[float, Ge(0), Le(60)]
+    yaw_rate: Annotated[float, Ge(-90), Le(90)]
+
+
+Ego = Parked | Straight | Turning
 
 
 def ego_motion(ego: Ego, duration: float, sample_time: float) -> EgoMotion:

@@ -1,11 +1,36 @@
 """The sensors: noise-free colour pictures become the grey images that all later stages see."""
 
-import numpy as np
+from dataclasses import dataclass
+from typing import Annotated
 
+import numpy as np
+from annotated_types import Ge, Le
+
+from stixel_cli.geometry.rig import STRICT
 from stixel_cli.images import ImageStack, encode_png
 from stixel_cli.randomness import generator
 from stixel_cli.scene.frames import RenderedFrames, StereoPairs
-from stixel_cli.scene.renderer_parameters import Sensor
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """The cameras' sensors: what they do to a noise-free picture. Grey levels are of 255.
+
+    The variance of a grey value g is read_noise² + shot_noise² g / 255: photons are counted, so
+    their noise grows with the root of the light.
+
+    Attributes:
+        read_noise: standard deviation in the dark, grey levels.
+        shot_noise: standard deviation that is added at full scale, grey levels.
+        right_gain: brightness of the right camera over that of the left.
+    """
+
+    __pydantic_config__ = STRICT
+
+    read_noise: Annotated[float, Ge(0), Le(50)]
+    shot_noise: Annotated[float, Ge(0), Le(50)]
+    right_gain: Annotated[float, Ge(0.5), Le(2)]
+
 
 LUMA = np.array([0.299, 0.587, 0.114], dtype=np.float32)
 """Weights of red, green and blue in grey, Rec. ITU-R BT.601."""

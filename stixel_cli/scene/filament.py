@@ -12,19 +12,20 @@ import numpy as np
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.scene.camera_rays import Camera, rig_cameras
+from stixel_cli.scene.filament_parameters import FilamentParameters
 from stixel_cli.scene.filament_process import REASON, main
 from stixel_cli.scene.frames import TARGET_ID, RenderedFrames
 from stixel_cli.scene.mesh import Mesh
-from stixel_cli.scene.parameters import RoadUser, World
 from stixel_cli.scene.placement import (
     SUN_COLOUR,
     numbered_objects,
     sun_direction,
     world_from_target_3d,
 )
-from stixel_cli.scene.renderer_parameters import FilamentParameters
 from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.scenario import Scenario
+from stixel_cli.scene.world_parameters import World
 
 COMMAND = (sys.executable, "-m", main.__module__)
 """The child process; the folder that it works in, or `--probe`, follows."""

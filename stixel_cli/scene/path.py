@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from stixel_cli.scene.parameters import (
+from stixel_cli.scene.path_parameters import (
     Approach,
     Circle,
     Crossing,

@@ -3,8 +3,8 @@
 from stixel_cli.scene.car import car
 from stixel_cli.scene.cyclist import cyclist
 from stixel_cli.scene.mesh import Mesh, fitted
-from stixel_cli.scene.parameters import RoadUser
 from stixel_cli.scene.pedestrian import pedestrian
+from stixel_cli.scene.road_user_parameters import RoadUser
 
 CAR_COLOUR = (66, 108, 160)
 

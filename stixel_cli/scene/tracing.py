@@ -7,8 +7,8 @@ import numpy as np
 
 from stixel_cli.scene import shading
 from stixel_cli.scene.camera_rays import Camera
+from stixel_cli.scene.light import Light
 from stixel_cli.scene.placement import SUN_COLOUR
-from stixel_cli.scene.renderer_parameters import Light
 from stixel_cli.scene.surfaces import Surfaces
 
 SKY_COLOUR = np.array([0.86, 0.94, 1.10])

@@ -12,7 +12,8 @@ from stixel_cli.scene import tracing
 from stixel_cli.scene.camera_rays import Camera
 from stixel_cli.scene.edges import edge_pixels, unclear_pixels
 from stixel_cli.scene.frames import SKY_ID
-from stixel_cli.scene.renderer_parameters import Light, RaycastParameters
+from stixel_cli.scene.light import Light
+from stixel_cli.scene.raycast_parameters import RaycastParameters
 from stixel_cli.scene.surfaces import srgb_from_linear
 from stixel_cli.scene.tracing import Body, Centres, Hits
 

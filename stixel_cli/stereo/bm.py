@@ -1,10 +1,36 @@
 """Block matching, Konolige 1997, by OpenCV."""
 
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Le
+
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.scene.frames import StereoPairs
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stereo.matching import disparity_count, match_pairs
-from stixel_cli.stereo.parameters import BmParameters
+from stixel_cli.stereo.matching import MatchingParameters, check_odd, disparity_count, match_pairs
+
+
+@dataclass(frozen=True, kw_only=True)
+class BmParameters(MatchingParameters):
+    """Block matching, Konolige 1997, as OpenCV's StereoBM.
+
+    Attributes:
+        pre_filter: what is matched: "normalized_response" or "x_sobel".
+        pre_filter_size: window of the normalised response, px, odd.
+        texture_threshold: blocks whose summed filter response is below it are invalid.
+    """
+
+    kind: Literal["bm"]
+    block_size: Annotated[int, Ge(5), Le(255)]
+    pre_filter: Literal["normalized_response", "x_sobel"]
+    pre_filter_size: Annotated[int, Ge(5), Le(255)]
+    texture_threshold: Annotated[int, Ge(0), Le(100000)]
+
+    def check(self) -> None:
+        """Raise ValueError where the parameters do not fit together."""
+        super().check()
+        check_odd("pre_filter_size", self.pre_filter_size)
 
 
 def match(pairs: StereoPairs, stereo: BmParameters, rig: Rig, frames: range) -> Disparities:

@@ -1,20 +1,68 @@
 """What both matchers share: the range of disparities, the padded border and the threads."""
 
 from contextlib import contextmanager
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Ge, Gt, Le, MultipleOf
 
-from stixel_cli.geometry.rig import Rig
+from stixel_cli.geometry.rig import STRICT, Rig
 from stixel_cli.scene.frames import StereoPairs
 from stixel_cli.stereo.disparities import INVALID, SUBPIXELS, Disparities
-from stixel_cli.stereo.parameters import BmParameters, SgmParameters
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatchingParameters:
+    """What both matchers have.
+
+    Attributes:
+        kind: which matcher it is.
+        disparities: number of disparities searched, px, a multiple of 16; null: as many as an
+            object `nearest` metres away needs with the rig at hand.
+        nearest: least depth that must be measurable, m; read where `disparities` is null.
+        minimum_disparity: the least disparity searched, px.
+        block_size: side of the matched block, px, odd, below the image's sides.
+        left_right_difference: greatest difference of the left and the right view's disparity, px;
+            -1: not checked.
+        pre_filter_cap: bound of the filtered image that is matched, grey levels.
+        uniqueness_ratio: per cent by which the best cost must beat the others.
+        speckle_window: smaller regions of even disparity are invalid, px²; 0: not filtered.
+        speckle_range: greatest disparity step inside such a region, px.
+        error_cancellation: match once more with the right image moved half a pixel and take the
+            mean, which cancels most of the pull to whole pixels, in twice the time.
+    """
+
+    __pydantic_config__ = STRICT
+
+    kind: str
+    disparities: Annotated[int, Ge(16), Le(1024), MultipleOf(16)] | None
+    nearest: Annotated[float, Gt(0), Le(100)]
+    minimum_disparity: Annotated[int, Ge(0), Le(512)]
+    block_size: int
+    left_right_difference: Annotated[int, Ge(-1), Le(1024)]
+    pre_filter_cap: Annotated[int, Ge(1), Le(63)]
+    uniqueness_ratio: Annotated[int, Ge(0), Le(100)]
+    speckle_window: Annotated[int, Ge(0), Le(10000)]
+    speckle_range: Annotated[int, Ge(0), Le(64)]
+    error_cancellation: bool
+
+    def check(self) -> None:
+        """Raise ValueError where the parameters do not fit together."""
+        check_odd("block_size", self.block_size)
+
 
 BLOCK = 16
 """OpenCV searches a multiple of this many disparities."""
 
 
-def disparity_count(stereo: SgmParameters | BmParameters, rig: Rig) -> int:
+def check_odd(name: str, value: int) -> None:
+    """Raise ValueError where the key `name` of the group has an even value."""
+    if value % 2 == 0:
+        raise ValueError(f"stereo.{name}: {value} is even, it must be odd")
+
+
+def disparity_count(stereo: MatchingParameters, rig: Rig) -> int:
     """Number of disparities to search, a multiple of 16.
 
     `stereo.disparities` where it is given, else enough for the depth `stereo.nearest` with this
@@ -30,7 +78,7 @@ def match_pairs(
     pairs: StereoPairs,
     frames: range,
     matcher: Any,
-    stereo: SgmParameters | BmParameters,
+    stereo: MatchingParameters,
     count: int,
     margin: int,
 ) -> Disparities:

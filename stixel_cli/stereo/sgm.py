@@ -1,10 +1,36 @@
 """Semi-global matching, Hirschmüller 2008, in OpenCV's modes."""
 
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Le
+
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.scene.frames import StereoPairs
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stereo.matching import disparity_count, match_pairs
-from stixel_cli.stereo.parameters import SgmParameters
+from stixel_cli.stereo.matching import MatchingParameters, disparity_count, match_pairs
+
+
+@dataclass(frozen=True, kw_only=True)
+class SgmParameters(MatchingParameters):
+    """Semi-global matching, Hirschmüller 2008, as OpenCV's StereoSGBM; it filters by x-derivative.
+
+    Attributes:
+        mode: directions of the path cost: "sgbm" five, "hh" eight, "3way" three, "hh4" four.
+        p1, p2: penalty of a disparity change by one, and by more, between neighbours; p2 > p1.
+    """
+
+    kind: Literal["sgm"]
+    mode: Literal["sgbm", "hh", "3way", "hh4"]
+    block_size: Annotated[int, Ge(1), Le(21)]
+    p1: Annotated[int, Ge(0), Le(100000)]
+    p2: Annotated[int, Ge(0), Le(100000)]
+
+    def check(self) -> None:
+        """Raise ValueError where the parameters do not fit together."""
+        super().check()
+        if self.p2 <= self.p1:
+            raise ValueError(f"stereo.p2: {self.p2} must be above stereo.p1, which is {self.p1}")
 
 
 def match(pairs: StereoPairs, stereo: SgmParameters, rig: Rig, frames: range) -> Disparities:

@@ -5,10 +5,10 @@ import numpy as np
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.stereo.disparities import SUBPIXELS, Disparities
+from stixel_cli.stixels.extraction_parameters import ExtractionParameters, HeightParameters
 from stixel_cli.stixels.grouping import group_columns
 from stixel_cli.stixels.height import depth_windows, top_rows
 from stixel_cli.stixels.nouns import FreeSpace, Stixels
-from stixel_cli.stixels.parameters import ExtractionParameters, HeightParameters
 from stixel_cli.stixels.road import base_rows, level_factors, pitch_and_height
 
 BINS_PER_PIXEL = 8

@@ -7,15 +7,14 @@ from stixel_cli.geometry.pose import ego_from_world, world_from_ego
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stixels.nouns import FreeSpace
-from stixel_cli.stixels.occupancy import BINS_PER_PIXEL, Layout, accumulate, layout, to_polar
-from stixel_cli.stixels.parameters import (
-    CartesianOccupancy,
+from stixel_cli.stixels.free_space_parameters import (
     FreeSpaceParameters,
     OccupancyParameters,
     RoadParameters,
 )
-from stixel_cli.stixels.path import add_temporal, cell_costs, cheapest_path, refine
+from stixel_cli.stixels.nearest_obstacle import nearest_obstacle
+from stixel_cli.stixels.nouns import FreeSpace
+from stixel_cli.stixels.occupancy import layout
 from stixel_cli.stixels.road import base_rows, find_road, level_factors
 
 
@@ -55,58 +54,6 @@ def find_free_space(
         base_row=np.array([f[1] for f in found], dtype=np.int32).reshape(-1, width),
         road=np.array([f[2] for f in found], dtype=np.float64).reshape(-1, 2),
     )
-
-
-def nearest_obstacle(
-    columns: np.ndarray,
-    line: np.ndarray,
-    expected: np.ndarray | None,
-    rig: Rig,
-    road: RoadParameters,
-    grid: Layout,
-    occupancy: OccupancyParameters,
-    free_space: FreeSpaceParameters,
-) -> np.ndarray:
-    """Levelled disparity (W,) float32 px of each column's nearest obstacle, NaN where it is free.
-
-    Args:
-        columns: (W, H) int16 raw disparities, column by column.
-        line: (2,) the road's disparity a v + b, px.
-        expected: (W,) depths of the last solution in this frame, m, NaN where unknown; or None.
-        grid: `layout` of the same rig, occupancy parameters and disparities.
-    """
-    histogram, values = accumulate(columns, line, rig, road, grid, occupancy)
-    if isinstance(occupancy, CartesianOccupancy):
-        values = to_polar(values, grid, rig)
-    # An obstacle of height h has f h / z = h d / B rows.
-    pixels = np.maximum(
-        free_space.obstacle_pixels,
-        free_space.obstacle_height * grid.disparities / rig.baseline,
-    )
-    requirement = (pixels * grid.peaks).astype(np.float32)
-    costs = cell_costs(
-        values,
-        np.float32(1.0) / requirement,
-        np.float32(free_space.cost_bound),
-        np.float32(free_space.free_cost),
-    )
-    # "No obstacle" lies one row behind the grid.
-    depths = np.append(grid.depths, 2.0 * grid.depths[-1] - grid.depths[-2]).astype(np.float32)
-    if expected is not None and free_space.temporal_cost > 0:
-        add_temporal(
-            costs,
-            depths,
-            expected.astype(np.float32),
-            np.float32(free_space.temporal_cost),
-            np.float32(free_space.temporal_limit),
-        )
-    path = cheapest_path(
-        costs,
-        depths,
-        np.float32(free_space.spatial_cost),
-        np.float32(free_space.spatial_limit),
-    )
-    return refine(path, histogram, grid.disparities, grid.reaches, BINS_PER_PIXEL)
 
 
 def obstacle_base(obstacle: np.ndarray, line: np.ndarray, rig: Rig) -> np.ndarray:

@@ -58,3 +58,22 @@ class Stixels:
     def rows(self, index: int) -> slice:
         """The rows of the `index`-th frame here."""
         return slice(int(self.offsets[index]), int(self.offsets[index + 1]))
+
+
+@dataclass(frozen=True)
+class OccupancyGrid:
+    """The occupancy grid of one frame, for its picture.
+
+    Attributes:
+        kind: "polar", "column_disparity" or "cartesian".
+        values: (R, C) float32, obstacle pixels per px of disparity (cartesian: per px²).
+        depths: (R,) m, depth of each row's centre, nearest first.
+        disparities: (R,) px, the same as disparities.
+        laterals: (C,) m lateral position of each column (cartesian), else the image column u, px.
+    """
+
+    kind: str
+    values: np.ndarray
+    depths: np.ndarray
+    disparities: np.ndarray
+    laterals: np.ndarray

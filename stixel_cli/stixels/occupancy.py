@@ -14,9 +14,8 @@ from numba import njit
 from scipy.special import ndtr
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.stereo.disparities import SUBPIXELS, Disparities
-from stixel_cli.stixels.nouns import FreeSpace
-from stixel_cli.stixels.parameters import (
+from stixel_cli.stereo.disparities import SUBPIXELS
+from stixel_cli.stixels.free_space_parameters import (
     CartesianOccupancy,
     ColumnDisparityOccupancy,
     OccupancyParameters,
@@ -29,25 +28,6 @@ BINS_PER_PIXEL = 2
 
 REACH = 4.0
 """Likelihoods are cut off this many standard deviations from the cell."""
-
-
-@dataclass(frozen=True)
-class OccupancyGrid:
-    """The occupancy grid of one frame, for its picture.
-
-    Attributes:
-        kind: "polar", "column_disparity" or "cartesian".
-        values: (R, C) float32, obstacle pixels per px of disparity (cartesian: per px²).
-        depths: (R,) m, depth of each row's centre, nearest first.
-        disparities: (R,) px, the same as disparities.
-        laterals: (C,) m lateral position of each column (cartesian), else the image column u, px.
-    """
-
-    kind: str
-    values: np.ndarray
-    depths: np.ndarray
-    disparities: np.ndarray
-    laterals: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -242,28 +222,3 @@ def spread_laterally(polar, starts, widths, cells, deviation):
                 values[i, j] += share * (after - before)
                 before = after
     return values
-
-
-def picture_grid(
-    disparities: Disparities,
-    free_space: FreeSpace,
-    rig: Rig,
-    road: RoadParameters,
-    occupancy: OccupancyParameters,
-    frame: int,
-) -> OccupancyGrid:
-    """The occupancy grid of frame `frame`, with the road line that free space was found with."""
-    index = frame - disparities.first
-    columns = np.ascontiguousarray(disparities.raw(index).T)
-    line = free_space.road[frame - free_space.first]
-    grid = layout(occupancy, rig, disparities.count)
-    _, values = accumulate(columns, line, rig, road, grid, occupancy)
-    return OccupancyGrid(
-        kind=occupancy.kind,
-        values=np.ascontiguousarray(values.T),
-        depths=grid.depths,
-        disparities=grid.disparities,
-        laterals=grid.laterals
-        if isinstance(occupancy, CartesianOccupancy)
-        else np.arange(rig.width, dtype=np.float32),
-    )

@@ -8,7 +8,6 @@ of any rectangle has the squared distance 6, an ellipse's outline 4, while the c
 """
 
 import numpy as np
-from scipy.special import chdtri
 
 
 def contour_moments(angles: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -42,6 +41,8 @@ def associate(
     """
     if probability is None:
         return np.arange(len(points_world))
+    from scipy.special import chdtri
+
     x, y = (points_world - expected_world).T
     xx, xy, yy = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
     distance = (yy * x**2 - 2.0 * xy * x * y + xx * y**2) / (xx * yy - xy**2)

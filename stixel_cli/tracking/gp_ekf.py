@@ -12,21 +12,62 @@ Jacobian of thesis (77) is
 because p ⊥ ∂p/∂w. So a scan of n points is n radial rows of all states, and n tangential ones that
 touch the centre alone. With A = Hᵀ R⁻¹ H summed over the points and P = L Lᵀ,
 P⁺ = L (I + Lᵀ A L)⁻¹ Lᵀ: O(n N²), and P, which is near singular, is never inverted.
+
+SciPy is imported where it is used: the schema of a configuration imports this module for its
+parameters, and SciPy takes 0.2 s.
 """
 
 from dataclasses import dataclass
+from typing import Annotated, Literal
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf, dpstrf, dtrtrs
+from annotated_types import Ge, Gt, Le, Lt
 
 from stixel_cli.geometry.pose import rotation
+from stixel_cli.geometry.rig import STRICT
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.association import associate, contour_moments
 from stixel_cli.tracking.kernel import ContourProcess, contour_process
 from stixel_cli.tracking.motion import intervals, predict, process_noise
-from stixel_cli.tracking.parameters import GpEkfParameters, PriorShape
-from stixel_cli.tracking.prior import prior_radii
+from stixel_cli.tracking.prior import PriorShape, prior_radii
 from stixel_cli.tracking.track import InitialState, Track, contour_directions, used_rows
+
+
+@dataclass(frozen=True)
+class GpEkfParameters:
+    """The extended Kalman filter on a Gaussian process contour, [GP] Wahlström & Özkan 2015.
+
+    Attributes:
+        basis_points: number N_f of basis angles, even in [0, 2 pi).
+        length_scale: kernel's length l, rad.
+        sigma_f: kernel's deviation of the radius, m.
+        sigma_r: deviation of the unknown mean radius, m.
+        forgetting_rate: alpha, 1/s: how fast radii that are not seen return to the kernel's mean.
+        jitter: variance, m², added to K's diagonal where K is inverted, and nowhere else.
+        sigma_q: process noise of the position, a white acceleration's root density, m/s^1.5.
+        sigma_q_psi: process noise of the heading, rad/s^1.5.
+        measurement_covariance: R of a point is `isotropic`, or taken from the scan's `points`.
+        measurement_deviation: standard deviation of the isotropic R along each axis, m.
+        gate_probability: chi-square probability of the association's gate; null takes every point.
+        contour_points: number M of points of the contour that is reported.
+    """
+
+    __pydantic_config__ = STRICT
+
+    kind: Literal["gp_ekf"]
+    basis_points: Annotated[int, Ge(4), Le(500)]
+    length_scale: Annotated[float, Gt(0), Le(10)]
+    sigma_f: Annotated[float, Gt(0), Le(20)]
+    sigma_r: Annotated[float, Ge(0), Le(20)]
+    forgetting_rate: Annotated[float, Ge(0), Le(100)]
+    jitter: Annotated[float, Gt(0), Le(1)]
+    sigma_q: Annotated[float, Ge(0), Le(100)]
+    sigma_q_psi: Annotated[float, Ge(0), Le(100)]
+    measurement_covariance: Literal["isotropic", "points"]
+    measurement_deviation: Annotated[float, Gt(0), Le(10)]
+    gate_probability: Annotated[float, Gt(0), Lt(1)] | None
+    contour_points: Annotated[int, Ge(8), Le(1000)]
+
 
 SEEN = 3
 """The first states, the pose, are seen by a point; then come three rates, which are not."""
@@ -118,6 +159,8 @@ def factor(covariance: np.ndarray) -> np.ndarray:
     Cholesky with diagonal pivoting stops at the numerical rank: what is left out is within
     rounding of the largest variance, and no jitter is needed.
     """
+    from scipy.linalg.lapack import dpstrf
+
     packed, pivots, rank, _ = dpstrf(covariance, lower=1)
     packed[:, rank:] = 0.0
     lower = np.empty_like(packed)
@@ -137,6 +180,8 @@ def update(
     `mean` and `covariance` are the *predicted* ones; `points_world` (n, 2) m; `covariances` R
     (2, 2) or (n, 2, 2) m². The NIS by Woodbury: vᵀ S⁻¹ v = vᵀ R⁻¹ v - (Hᵀ R⁻¹ v)ᵀ P⁺ (Hᵀ R⁻¹ v).
     """
+    from scipy.linalg.lapack import dpotrf, dtrtrs
+
     matrix, vector, norm = information(linearise(points_world, mean, process), covariances)
     lower = factor(covariance)
     seen = np.concatenate([lower[:SEEN], lower[2 * SEEN :]])

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import cho_factor, cho_solve
 
 
 def kernel(
@@ -116,6 +115,8 @@ def contour_process(
     Raises:
         numpy.linalg.LinAlgError: if the jitter is too small for K to be inverted.
     """
+    from scipy.linalg import cho_factor, cho_solve
+
     angles = 2.0 * np.pi * np.arange(basis_points) / basis_points
     covariance = kernel(angles, angles, length_scale, sigma_f, sigma_r)
     identity = np.eye(basis_points)

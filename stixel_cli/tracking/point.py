@@ -13,15 +13,45 @@ c the configuration's `centroid_offset`. The shared error is no white noise: it 
 the same side is seen, and no such filter can be consistent with it.
 """
 
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
 import numpy as np
+from annotated_types import Ge, Gt, Le, Lt
 
 from stixel_cli.geometry.angles import wrap_angle
+from stixel_cli.geometry.rig import STRICT
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.association import associate
 from stixel_cli.tracking.motion import intervals, process_noise, transition
-from stixel_cli.tracking.parameters import PointParameters, PriorShape
-from stixel_cli.tracking.prior import prior_radii
+from stixel_cli.tracking.prior import PriorShape, prior_radii
 from stixel_cli.tracking.track import InitialState, Track, contour_directions, used_rows
+
+
+@dataclass(frozen=True)
+class PointParameters:
+    """The centroid of a scan in a Kalman filter of constant velocity: the floor to compare with.
+
+    Attributes:
+        sigma_q: process noise of the position, a white acceleration's root density, m/s^1.5.
+        measurement_deviation: standard deviation of a point along each axis, m.
+        centroid_offset: standard deviation, along each axis, of the distance from the centre to the
+            centroid of what is seen, in radii of the circle.
+        gate_probability: chi-square probability of the association's gate; null takes every point.
+        least_speed: below this speed, m/s, the heading is kept as it was.
+        contour_points: number M of points of the circle that is reported.
+    """
+
+    __pydantic_config__ = STRICT
+
+    kind: Literal["point"]
+    sigma_q: Annotated[float, Ge(0), Le(100)]
+    measurement_deviation: Annotated[float, Gt(0), Le(10)]
+    centroid_offset: Annotated[float, Ge(0), Le(10)]
+    gate_probability: Annotated[float, Gt(0), Lt(1)] | None
+    least_speed: Annotated[float, Gt(0), Le(100)]
+    contour_points: Annotated[int, Ge(8), Le(1000)]
+
 
 MOVING = np.array([0, 1, 3, 4])
 """Where x, y and their rates stand among a track's first six states."""

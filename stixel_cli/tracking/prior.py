@@ -1,8 +1,45 @@
 """The shape that a class of road users has before any of it is seen."""
 
-import numpy as np
+from dataclasses import dataclass
+from typing import Annotated, Literal
 
-from stixel_cli.tracking.parameters import PriorShape
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from stixel_cli.geometry.rig import STRICT
+
+
+@dataclass(frozen=True)
+class PriorShape:
+    """What is known of a class of road users before any is measured; not the true size.
+
+    Attributes:
+        length: along the heading, m.
+        width: across the heading, m.
+        shape: seen from above, a `rectangle` with rounded corners or an `ellipse`.
+        corner_radius: of the rectangle's corners, m, at most half of its shorter side.
+        sigma_f, sigma_r: the kernel's deviations that suit the class, m, and
+        measurement_deviation: of a point, m: noise, and error of the shape that neighbouring points
+            share. A tracker's configuration takes the three up, or has its own.
+    """
+
+    __pydantic_config__ = STRICT
+
+    length: Annotated[float, Gt(0), Le(30)]
+    width: Annotated[float, Gt(0), Le(30)]
+    shape: Literal["rectangle", "ellipse"]
+    corner_radius: Annotated[float, Ge(0), Le(15)]
+    sigma_f: Annotated[float, Gt(0), Le(20)]
+    sigma_r: Annotated[float, Ge(0), Le(20)]
+    measurement_deviation: Annotated[float, Gt(0), Le(10)]
+
+    def check(self) -> None:
+        """Raise ValueError if the rounded corners do not fit."""
+        if self.shape == "rectangle" and 2.0 * self.corner_radius > min(self.length, self.width):
+            raise ValueError(
+                f"prior.corner_radius: {self.corner_radius} m is more than half of the shorter "
+                f"side, {min(self.length, self.width)} m"
+            )
 
 
 def prior_radii(prior: PriorShape, angles: np.ndarray) -> np.ndarray:

@@ -1,12 +1,35 @@
 """Where a tracker starts: the truth, with noise."""
 
-import numpy as np
+from dataclasses import dataclass
+from typing import Annotated
 
+import numpy as np
+from annotated_types import Gt, Le
+
+from stixel_cli.geometry.rig import STRICT
 from stixel_cli.randomness import generator
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.motion import intervals, transition
-from stixel_cli.tracking.parameters import StartParameters
 from stixel_cli.tracking.track import InitialState
+
+
+@dataclass(frozen=True)
+class StartParameters:
+    """Standard deviations of the noise on the true pose and rates that a tracker starts from.
+
+    Attributes:
+        position: of x and of y, m.
+        heading: rad.
+        velocity: of the rates of x and of y, m/s.
+        heading_rate: rad/s.
+    """
+
+    __pydantic_config__ = STRICT
+
+    position: Annotated[float, Gt(0), Le(100)]
+    heading: Annotated[float, Gt(0), Le(3.2)]
+    velocity: Annotated[float, Gt(0), Le(100)]
+    heading_rate: Annotated[float, Gt(0), Le(10)]
 
 
 def noisy_start(scenario: Scenario, start: StartParameters, seed: int) -> InitialState:

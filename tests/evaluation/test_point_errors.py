@@ -5,8 +5,8 @@ import pytest
 
 from stixel_cli.evaluation.point_errors import point_errors, ranges_along
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.measurements.fabricated import fabricate_scans
-from stixel_cli.measurements.parameters import ConstantNoise, FabricatedParameters, StereoNoise
+from stixel_cli.measurements.fabricated import FabricatedParameters, fabricate_scans
+from stixel_cli.measurements.noise import ConstantNoise, StereoNoise
 from stixel_cli.measurements.rays import first_crossings, spread_rays
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario

@@ -5,13 +5,8 @@ import pytest
 
 from stixel_cli.geometry.pose import ego_from_world, rotation, world_from_target
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.measurements.fabricated import fabricate_scans
-from stixel_cli.measurements.parameters import (
-    ConstantNoise,
-    FabricatedParameters,
-    FittedNoise,
-    StereoNoise,
-)
+from stixel_cli.measurements.fabricated import FabricatedParameters, fabricate_scans
+from stixel_cli.measurements.noise import ConstantNoise, FittedNoise, StereoNoise
 from stixel_cli.scene.scenario import Scenario
 
 RIG = Rig(

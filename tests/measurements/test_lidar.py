@@ -6,23 +6,22 @@ import pytest
 from stixel_cli.config.compose import compose
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.geometry.pose import target_from_world
-from stixel_cli.measurements.lidar import (
-    LidarReturns,
+from stixel_cli.measurements.lidar import LidarParameters, lidar_scans
+from stixel_cli.measurements.lidar_casting import (
     beam_azimuths,
     beam_directions,
     beam_elevations,
     cast_beams,
     cast_lidar,
-    lidar_scans,
     ray_tree,
 )
-from stixel_cli.measurements.parameters import LidarParameters, Scanner
+from stixel_cli.measurements.scanner import LidarReturns, Scanner
 from stixel_cli.scene.mesh import Mesh, corners
 from stixel_cli.scene.open3d_import import import_open3d
-from stixel_cli.scene.parameters import World
 from stixel_cli.scene.road_user import road_user_mesh
 from stixel_cli.scene.scenario import EgoMotion, Scenario
 from stixel_cli.scene.shapes import box, part
+from stixel_cli.scene.world_parameters import World
 
 AHEAD = 0.5 * np.pi
 FIELD = (-np.radians(30.0), np.radians(30.0))

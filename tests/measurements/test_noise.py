@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.measurements.noise import measure, range_deviations, range_per_disparity
-from stixel_cli.measurements.parameters import ConstantNoise, FittedNoise, StereoNoise
+from stixel_cli.measurements.noise import (
+    ConstantNoise,
+    FittedNoise,
+    StereoNoise,
+    measure,
+    range_deviations,
+    range_per_disparity,
+)
 from stixel_cli.measurements.rays import spread_rays
 from stixel_cli.randomness import generator
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.measurements.parameters import SimulatedParameters
-from stixel_cli.measurements.simulated import gather_scans
+from stixel_cli.measurements.simulated import SimulatedParameters, gather_scans
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stixels.nouns import Stixels
 

@@ -8,7 +8,11 @@ from omegaconf import OmegaConf
 from pydantic import Field, TypeAdapter
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.scene.parameters import Ego, Pace, Path, RoadUser, World
+from stixel_cli.scene.ego import Ego
+from stixel_cli.scene.pace_parameters import Pace
+from stixel_cli.scene.path_parameters import Path
+from stixel_cli.scene.road_user_parameters import RoadUser
+from stixel_cli.scene.world_parameters import World
 
 CONF = FilePath(__file__).parents[2] / "conf"
 ROAD_USERS = ("car", "cyclist", "pedestrian")

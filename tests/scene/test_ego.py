@@ -5,8 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stixel_cli.geometry.pose import ego_from_world
-from stixel_cli.scene.ego import ego_motion, ego_poses
-from stixel_cli.scene.parameters import Parked, Straight, Turning
+from stixel_cli.scene.ego import Parked, Straight, Turning, ego_motion, ego_poses
 from stixel_cli.scene.path import path_poses
 
 

@@ -5,9 +5,8 @@ import pytest
 
 from stixel_cli.images import encode_png
 from stixel_cli.scene import frames
-from stixel_cli.scene.exposure import expose, grey_levels, noise_deviation
+from stixel_cli.scene.exposure import Sensor, expose, grey_levels, noise_deviation
 from stixel_cli.scene.frames import RenderedFrames, StereoPairs
-from stixel_cli.scene.renderer_parameters import Sensor
 
 SENSOR = Sensor(read_noise=1.2, shot_noise=1.8, right_gain=1.0)
 

@@ -14,10 +14,10 @@ from stixel_cli.scene.filament import (
     probe_filament,
     rendered,
 )
+from stixel_cli.scene.filament_parameters import FilamentParameters
 from stixel_cli.scene.filament_process import ID_STEPS, encoded, identities, identity_colour, main
 from stixel_cli.scene.frames import SKY_ID, TARGET_ID
 from stixel_cli.scene.raycast import StillScene, Target, render_frame
-from stixel_cli.scene.renderer_parameters import FilamentParameters
 from stixel_cli.scene.surfaces import linear_from_srgb
 
 FILAMENT = FilamentParameters("filament", LIGHT, start_timeout=60, frame_timeout=60, attempts=3)

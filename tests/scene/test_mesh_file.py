@@ -4,8 +4,8 @@ import pytest
 from stixel_cli.scene.contour import ground_contour
 from stixel_cli.scene.mesh import bounding_box
 from stixel_cli.scene.mesh_file import load_mesh
-from stixel_cli.scene.parameters import RoadUser
 from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.road_user_parameters import RoadUser
 
 WEDGE = """{header}v 1 1 3
 v 3 1 3

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from stixel_cli.geometry.pose import world_from_target
-from stixel_cli.scene.ego import ego_motion
-from stixel_cli.scene.parameters import Circle, Depart, Parked, SCurve, StopAndGo, Waypoints
+from stixel_cli.scene.ego import Parked, ego_motion
 from stixel_cli.scene.path import path_poses, stop_and_go_profile, waypoint_spline
+from stixel_cli.scene.path_parameters import Circle, Depart, SCurve, StopAndGo, Waypoints
 
 EVERY = [(kind, path) for kind in scene_presets.ROAD_USERS for path in scene_presets.PATHS]
 

@@ -8,9 +8,10 @@ from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
 from stixel_cli.scene.frames import StereoPairs
 from stixel_cli.stereo import bm, sgm
+from stixel_cli.stereo.bm import BmParameters
 from stixel_cli.stereo.disparities import INVALID
 from stixel_cli.stereo.matching import cancel_errors, disparity_count, half_pixel_right
-from stixel_cli.stereo.parameters import BmParameters, SgmParameters
+from stixel_cli.stereo.sgm import SgmParameters
 
 SHIFT = 10
 SGM = SgmParameters(

@@ -6,13 +6,12 @@ import pytest
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stixels.parameters import (
+from stixel_cli.stixels.extraction_parameters import ExtractionParameters, HeightParameters
+from stixel_cli.stixels.free_space_parameters import (
     CartesianOccupancy,
     ColumnDisparityOccupancy,
     EstimatedRoad,
-    ExtractionParameters,
     FreeSpaceParameters,
-    HeightParameters,
     PolarOccupancy,
     RigRoad,
 )

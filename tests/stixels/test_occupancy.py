@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from stixel_cli.stixels.displayed_grid import picture_grid
 from stixel_cli.stixels.nouns import FreeSpace
 from stixel_cli.stixels.occupancy import (
     BINS_PER_PIXEL,
@@ -13,7 +14,6 @@ from stixel_cli.stixels.occupancy import (
     column_histograms,
     fill,
     layout,
-    picture_grid,
     spread_laterally,
     to_polar,
 )

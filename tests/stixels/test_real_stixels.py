@@ -10,18 +10,17 @@ import pytest
 import yaml
 from pydantic import TypeAdapter
 
+from stixel_cli.config.schema import StereoParameters
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
 from stixel_cli.scene.frames import StereoPairs
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stereo import sgm
-from stixel_cli.stereo.parameters import StereoParameters
 from stixel_cli.stixels.extraction import extract_stixels
+from stixel_cli.stixels.extraction_parameters import ExtractionParameters, HeightParameters
 from stixel_cli.stixels.free_space import find_free_space
-from stixel_cli.stixels.parameters import (
-    ExtractionParameters,
+from stixel_cli.stixels.free_space_parameters import (
     FreeSpaceParameters,
-    HeightParameters,
     OccupancyParameters,
     RoadParameters,
 )

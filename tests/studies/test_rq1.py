@@ -12,8 +12,8 @@ from PIL import Image
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.scene.parameters import RoadUser
 from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.studies.file import find_study, read_study
 from stixel_cli.studies.rq1.gallery import by_frame, contact_sheet
 from stixel_cli.studies.rq1.pool import (

@@ -11,8 +11,8 @@ from pydantic import TypeAdapter
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.point_errors import point_errors
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.measurements.fabricated import fabricate_scans
-from stixel_cli.measurements.parameters import ConstantNoise, FabricatedParameters, FittedNoise
+from stixel_cli.measurements.fabricated import FabricatedParameters, fabricate_scans
+from stixel_cli.measurements.noise import ConstantNoise, FittedNoise
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.studies.rq3.fit import fit_noise, preset
 

@@ -8,8 +8,7 @@ from tracking_cases import poses_of_turn, scans_of, seen_car
 from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.tracking.association import associate, contour_moments
 from stixel_cli.tracking.gp_ekf import track
-from stixel_cli.tracking.parameters import PriorShape
-from stixel_cli.tracking.prior import prior_radii
+from stixel_cli.tracking.prior import PriorShape, prior_radii
 
 ANGLES = 2.0 * np.pi * np.arange(2000) / 2000
 

@@ -10,8 +10,7 @@ from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.tracking import gp_ekf
 from stixel_cli.tracking.gp_ekf import contours_of, factor, linearise, track, update
 from stixel_cli.tracking.kernel import contour_process
-from stixel_cli.tracking.parameters import PriorShape
-from stixel_cli.tracking.prior import prior_radii
+from stixel_cli.tracking.prior import PriorShape, prior_radii
 from stixel_cli.tracking.track import InitialState
 
 SEEDS = st.integers(0, 2**31)

@@ -10,10 +10,10 @@ from tracking_cases import CAR, START, poses_of_turn, scans_of, seen_car
 
 from stixel_cli.geometry.angles import wrap_angle
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.tracking.parameters import PointParameters
 from stixel_cli.tracking.point import (
     GREATEST_VARIANCE,
     MOVING,
+    PointParameters,
     class_circle,
     predict,
     six_states,

@@ -6,9 +6,8 @@ from tracking_cases import CAR
 
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.motion import transition
-from stixel_cli.tracking.parameters import PriorShape, StartParameters
-from stixel_cli.tracking.prior import prior_radii
-from stixel_cli.tracking.start import noisy_start
+from stixel_cli.tracking.prior import PriorShape, prior_radii
+from stixel_cli.tracking.start import StartParameters, noisy_start
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 721)
 

@@ -5,9 +5,10 @@ import pytest
 from tracking_cases import GOLDEN, scans_of
 
 from stixel_cli.tracking import gp_ekf
+from stixel_cli.tracking.gp_ekf import GpEkfParameters
 from stixel_cli.tracking.kernel import contour_process
 from stixel_cli.tracking.motion import predict, process_noise, transition
-from stixel_cli.tracking.parameters import GpEkfParameters, PriorShape
+from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
 
 

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.parameters import GpEkfParameters, PriorShape
+from stixel_cli.tracking.gp_ekf import GpEkfParameters
+from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
 
 GOLDEN = Path(__file__).parent / "golden"

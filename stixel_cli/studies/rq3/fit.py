@@ -12,7 +12,7 @@ import numpy as np
 
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.point_errors import PointErrors
-from stixel_cli.measurements.parameters import ConstantNoise, FittedNoise, Noise, StereoNoise
+from stixel_cli.measurements.noise import ConstantNoise, FittedNoise, Noise, StereoNoise
 from stixel_cli.studies.nouns import Part
 from stixel_cli.studies.prose import quantity
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 
 from stixel_cli.experiment.text import listed
-from stixel_cli.measurements.parameters import FittedNoise
+from stixel_cli.measurements.noise import FittedNoise
 from stixel_cli.studies.inference import DRAWS
 from stixel_cli.studies.nouns import Findings, Paragraph, Part, Section, StudyData, Table
 from stixel_cli.studies.prose import quantity

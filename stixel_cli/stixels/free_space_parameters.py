@@ -1,4 +1,4 @@
-"""What can be chosen on the way from disparity to stixels; the defaults are in conf/."""
+"""Parameters from disparity to free space: the groups `road`, `occupancy`, `free_space`."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -8,9 +8,17 @@ from annotated_types import Ge, Gt, Le
 from stixel_cli.geometry.rig import STRICT
 
 Height = Annotated[float, Ge(0), Le(20)]
+
+
 DisparityMargin = Annotated[float, Ge(0), Le(20)]
+
+
 Depth = Annotated[float, Gt(0), Le(500)]
+
+
 DepthStep = Annotated[float, Ge(0.02), Le(10)]
+
+
 Deviation = Annotated[float, Ge(0.05), Le(10)]
 
 
@@ -177,46 +185,3 @@ class FreeSpaceParameters:
                 f"free_space.free_cost: {self.free_cost} must be below free_space.cost_bound, "
                 f"which is {self.cost_bound}"
             )
-
-
-@dataclass(frozen=True)
-class HeightParameters:
-    """Where the obstacles end upwards, Badino, Franke, Pfeiffer 2009.
-
-    Attributes:
-        depth_margin: what lies this much behind the obstacle is no part of it, m (ΔZ).
-        smoothness: cost of one row's step of the top between neighbouring columns (C_s).
-        depth_scale: neighbours this far apart in depth are not tied to each other, m (N_Z).
-    """
-
-    __pydantic_config__ = STRICT
-
-    depth_margin: Annotated[float, Gt(0), Le(100)]
-    smoothness: Annotated[float, Ge(0), Le(1000)]
-    depth_scale: Annotated[float, Gt(0), Le(500)]
-
-
-@dataclass(frozen=True)
-class ExtractionParameters:
-    """How columns become stixels.
-
-    Attributes:
-        width: columns of a stixel, px.
-        smoothing: standard deviation of the kernel that smooths the histogram, px.
-        least_height: pixels that stand lower above the road do not count, m: at the foot of an
-            obstacle a matcher blends it with the road.
-        least_pixels: fewer pixels of the obstacle's disparity make no stixel.
-        least_deviation: part of the disparity's standard deviation that no averaging removes, px.
-        correlated_pixels: that many neighbouring pixels count as one independent measurement.
-        relief: standard deviation of an object's surface round the flat stixel, in depth, m.
-    """
-
-    __pydantic_config__ = STRICT
-
-    width: Annotated[int, Ge(1), Le(64)]
-    smoothing: Annotated[float, Ge(0.1), Le(4)]
-    least_height: Height
-    least_pixels: Annotated[int, Ge(1), Le(10000)]
-    least_deviation: Annotated[float, Ge(0), Le(5)]
-    correlated_pixels: Annotated[float, Ge(1), Le(10000)]
-    relief: Annotated[float, Ge(0), Le(5)]

@@ -1,0 +1,111 @@
+"""A lidar's beams against the renderer's meshes.
+
+The lidar stands `mount_height` above the origin of the ego car's ground plane, where the camera is,
+and looks along the ego car's heading. Azimuths are counter-clockwise from there, elevations above
+the horizon, rad. All beams of a scan leave at its time: nothing moves while it is scanned.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+
+from stixel_cli.geometry.pose import rotation
+from stixel_cli.measurements.scanner import LidarReturns, Scanner
+from stixel_cli.scene.mesh import Mesh, corners
+from stixel_cli.scene.placement import numbered_objects, world_from_target_3d
+from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.road_user_parameters import RoadUser
+from stixel_cli.scene.scenario import Scenario
+from stixel_cli.scene.surfaces import RayTree
+from stixel_cli.scene.world_parameters import World
+
+
+def cast_lidar(
+    scenario: Scenario,
+    road_user: RoadUser,
+    world: World,
+    scanner: Scanner,
+    camera_field: tuple[float, float],
+) -> LidarReturns:
+    """Distances to the first surface along all beams, at the poses of the scenario.
+
+    The target, the road and the background are the renderers' meshes, so whatever hides the target
+    from the camera hides it here. `camera_field` is the field of view where `scanner` has none of
+    its own: bearings of the camera's right and left border, rad.
+    """
+    static, target = _static_tree(world), ray_tree(road_user_mesh(road_user))
+    return cast_beams(static, target, scenario, scanner, camera_field)
+
+
+def cast_beams(
+    static: RayTree,
+    target: RayTree,
+    scenario: Scenario,
+    scanner: Scanner,
+    camera_field: tuple[float, float],
+) -> LidarReturns:
+    """As `cast_lidar`, of what stands still (world frame) and a target (its own frame)."""
+    azimuths = beam_azimuths(scanner, camera_field)
+    elevations = beam_elevations(scanner)
+    beams = beam_directions(elevations, azimuths)
+    ranges = np.empty((len(scenario.times), len(elevations), len(azimuths)), dtype=np.float32)
+    seen_from, behind = None, None
+    for k, (ego, pose) in enumerate(
+        zip(scenario.ego_poses_world, scenario.target_poses_world, strict=True)
+    ):
+        origin = np.array([ego[0], ego[1], scanner.mount_height])
+        directions = beams.copy()
+        directions[:, :2] = beams[:, :2] @ rotation(ego[2]).T
+        if seen_from != ego.tobytes():
+            # While the ego car stands, what stands still is asked once.
+            seen_from, behind = ego.tobytes(), _distances(static, origin, directions)
+        world_from_target = world_from_target_3d(pose)
+        turn, shift = world_from_target[:3, :3], world_from_target[:3, 3]
+        front = _distances(target, (origin - shift) @ turn, directions @ turn)
+        ranges[k] = np.minimum(front, behind).reshape(ranges.shape[1:])
+    return LidarReturns(elevations, azimuths, ranges)
+
+
+def beam_azimuths(scanner: Scanner, camera_field: tuple[float, float]) -> np.ndarray:
+    """Azimuths (A,) rad, one step apart, even about the middle of the field of view, inside it."""
+    step = np.radians(scanner.azimuth_step)
+    own = scanner.horizontal_fov
+    right, left = camera_field if own is None else np.radians([-0.5 * own, 0.5 * own])
+    # On a full turn the last beam must not be the first one again.
+    count = min(int((left - right) / step + 1e-9) + 1, int(np.ceil(2.0 * np.pi / step - 1e-9)))
+    return 0.5 * (right + left) + (np.arange(count) - 0.5 * (count - 1)) * step
+
+
+def beam_elevations(scanner: Scanner) -> np.ndarray:
+    """Elevations (L,) rad of the layers, ascending."""
+    lowest, highest = np.radians([scanner.elevation_lowest, scanner.elevation_highest])
+    if scanner.layers == 1:
+        return np.array([0.5 * (lowest + highest)])
+    return np.linspace(lowest, highest, scanner.layers)
+
+
+def beam_directions(elevations: np.ndarray, azimuths: np.ndarray) -> np.ndarray:
+    """Unit vectors (L A, 3), layer by layer: x along the heading, y to the left, z up."""
+    flat = np.cos(elevations)[:, None]
+    up = np.broadcast_to(np.sin(elevations)[:, None], (len(elevations), len(azimuths)))
+    beams = np.stack([flat * np.cos(azimuths), flat * np.sin(azimuths), up], axis=-1)
+    return beams.reshape(-1, 3)
+
+
+# To build the world takes as long as to cast hundreds of scans, and many experiments share it.
+@lru_cache(maxsize=1)
+def _static_tree(world: World) -> RayTree:
+    return ray_tree(*(mesh for _, mesh in numbered_objects(world)))
+
+
+def ray_tree(*meshes: Mesh) -> RayTree:
+    """All triangles of `meshes`, which are in one frame, ready for beams."""
+    points = np.concatenate([corners(mesh) for mesh in meshes]).reshape(-1, 3)
+    return RayTree(points, np.arange(len(points)).reshape(-1, 3))
+
+
+def _distances(tree: RayTree, origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Distances (n,) float32 m to the first triangle along unit `directions` (n, 3), or inf."""
+    rays = np.empty((len(directions), 6), dtype=np.float32)
+    rays[:, :3], rays[:, 3:] = origin, directions
+    return tree.first_hits(rays)[0]

@@ -1,0 +1,30 @@
+"""The light of a scene, for both renderers."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from annotated_types import Ge, Gt, Le
+
+from stixel_cli.geometry.rig import STRICT
+
+
+@dataclass(frozen=True)
+class Light:
+    """The light of the scene, in linear units: a white surface in full light shines with about 1.
+
+    Attributes:
+        sun_azimuth: where the sun stands, degrees counter-clockwise from the world's +x axis
+            (the ego car looks along +90 at k = 0).
+        sun_elevation: height of the sun above the horizon, degrees.
+        sun: irradiance of a surface that faces the sun, over pi.
+        ambient: irradiance from the sky of a surface that faces up, over pi.
+        exposure: factor from light to the image's linear grey, of which 1 is full scale.
+    """
+
+    __pydantic_config__ = STRICT
+
+    sun_azimuth: Annotated[float, Ge(-180), Le(360)]
+    sun_elevation: Annotated[float, Ge(5), Le(90)]
+    sun: Annotated[float, Ge(0), Le(10)]
+    ambient: Annotated[float, Ge(0), Le(10)]
+    exposure: Annotated[float, Gt(0), Le(10)]

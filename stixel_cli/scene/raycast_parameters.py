@@ -1,0 +1,27 @@
+"""Parameters of the renderer `raycast`."""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Le
+
+from stixel_cli.geometry.rig import STRICT
+from stixel_cli.scene.light import Light
+
+
+@dataclass(frozen=True)
+class RaycastParameters:
+    """Rays against the meshes (Open3D's RaycastingScene): exact, repeats to the bit, no driver.
+
+    Attributes:
+        kind: `raycast`.
+        samples: its square is the number of rays through a pixel that shows an edge; 1 is one ray
+            everywhere.
+        light: the sun, the sky and the exposure.
+    """
+
+    __pydantic_config__ = STRICT
+
+    kind: Literal["raycast"]
+    samples: Annotated[int, Ge(1), Le(8)]
+    light: Light

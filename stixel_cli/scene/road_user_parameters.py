@@ -1,0 +1,37 @@
+"""Parameters of the target: the group `road_user`."""
+
+import os.path
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Le
+
+from stixel_cli.geometry.rig import STRICT
+
+
+@dataclass(frozen=True)
+class RoadUser:
+    """The target.
+
+    Attributes:
+        kind: the class of road user.
+        length, width, height: size of the mesh's bounding box, m: along the heading, across it and
+            upwards. A pedestrian's length is the stride, the width goes over shoulders and arms.
+            A user's own mesh brings its size along, and these three are not read.
+        contrast: how strong the texture of paint and cloth is, 0 (plain) … 1; stereo fails on 0.
+        mesh: file with the user's own mesh (whatever Open3D reads; m, x forward, z up) or null.
+    """
+
+    __pydantic_config__ = STRICT
+
+    kind: Literal["car", "cyclist", "pedestrian"]
+    length: Annotated[float, Ge(0.1), Le(30)]
+    width: Annotated[float, Ge(0.1), Le(10)]
+    height: Annotated[float, Ge(0.1), Le(10)]
+    contrast: Annotated[float, Ge(0), Le(1)]
+    mesh: str | None
+
+    def check(self) -> None:
+        """Raise ValueError where the user's mesh is no file; what is in it is seen on reading."""
+        if self.mesh is not None and not os.path.isfile(self.mesh):
+            raise ValueError(f"road_user.mesh: there is no file {self.mesh!r}")
