@@ -9,7 +9,7 @@ from pathlib import Path
 
 from stixel_cli.config.compose import Composition
 from stixel_cli.config.compose_many import Composer
-from stixel_cli.engine.explain import Explanation, by_stage, explain
+from stixel_cli.engine.explain import Change, Explanation, by_stage, explain
 from stixel_cli.engine.graph import Graph
 from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import UserError
@@ -22,6 +22,9 @@ from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.graphs import PlannedPoint, SweepPlan
 from stixel_cli.sweeps.points import compose_points, design_points, sweep_design
 from stixel_cli.sweeps.whole import planned_sweep
+
+MOST_LINES = 30
+"""So many lines of a module's difference are printed; --json gives all."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +57,7 @@ def explain_command(what: Sequence[str], json: bool, file: str | None = None) ->
     if json:
         sys.stdout.write(json_text([_as_json(one, needed_by.get(one.key)) for one in found]))
         return 0
+    shown: set[tuple[str, ...]] = set()
     for group, text in by_stage(found):
         first, last = group[0].label, group[-1].label
         labels = first if first == last else f"{first} … {last}"
@@ -61,9 +65,21 @@ def explain_command(what: Sequence[str], json: bool, file: str | None = None) ->
         points = sorted({index for one in group for index in needed_by.get(one.key, ())})
         where = f" ({shown_points(points, len(asked.points))})" if asked.points else ""
         sys.stdout.write(f"{labels}{where}: {text}\n")
+        for change in (*group[0].changes, *group[0].roots):
+            if change.difference and change.difference not in shown:
+                shown.add(change.difference)
+                sys.stdout.write("".join(f"    {line}\n" for line in _shortened(change)))
     if not found:
         sys.stdout.write("nothing would run: all is cached\n")
     return 0
+
+
+def _shortened(change: Change) -> list[str]:
+    """The lines of a module's difference, without its two lines of head; no more than some."""
+    lines = list(change.difference[2:])
+    if len(lines) > MOST_LINES:
+        return [*lines[:MOST_LINES], f"… {len(lines) - MOST_LINES} more lines"]
+    return lines
 
 
 def _asked(what: Sequence[str], file: str | None) -> _Asked:
@@ -139,7 +155,14 @@ def _as_json(one: Explanation, points: Sequence[int] | None) -> dict:
         "node": one.label,
         **({} if points is None else {"points": sorted(points)}),
         "why": [
-            {"kind": c.kind, "what": c.what, "before": c.before, "after": c.after, "text": str(c)}
+            {
+                "kind": c.kind,
+                "what": c.what,
+                "before": c.before,
+                "after": c.after,
+                "difference": list(c.difference),
+                "text": str(c),
+            }
             for c in (*one.changes, *one.roots)
         ],
     }

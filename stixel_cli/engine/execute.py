@@ -13,6 +13,7 @@ from stixel_cli.engine.pools import ExecutorName, SerialPool, executor_of, make_
 from stixel_cli.engine.probe import check_writable
 from stixel_cli.engine.progress import Progress, Silent
 from stixel_cli.engine.records import Execution
+from stixel_cli.engine.sources import keep_sources
 from stixel_cli.engine.store import Store
 from stixel_cli.engine.time_limit import can_interrupt
 
@@ -56,6 +57,7 @@ def execute(
         planned = plan(graph, targets, store)
         nodes = [graph.nodes[key] for key in planned.missing]
         check_writable(len(nodes), store)
+        keep_sources(store.folder, {node.stage.name: node.identity.code for node in nodes}.values())
         here = not nodes or _runs_here(chosen, nodes, durations)
         pool = SerialPool() if here else make_pool(chosen)
         progress.expect(durations.by_stage(nodes), 1 if here else chosen.workers)

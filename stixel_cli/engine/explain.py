@@ -2,12 +2,15 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
+from stixel_cli.engine.code import Code
 from stixel_cli.engine.graph import Graph, Node
 from stixel_cli.engine.plan import plan
 from stixel_cli.engine.removal import evicted
 from stixel_cli.engine.setting_differences import differences, plain
+from stixel_cli.engine.sources import source_difference
 from stixel_cli.engine.store import Store
 from stixel_cli.engine.upkeep import stored_notes
 
@@ -27,15 +30,18 @@ class Change:
             `needed` (nothing changed, but what it gives is to be loaded and is not there),
             or what differs: a `setting`, the `seed`, a `file`, the `code`, a `version` or an
             `input`.
-        what: `tracker.sigma_f`; `function scale of project.helpers`; a package; the input's stage.
+        what: `tracker.sigma_f`; a module; a distribution; the input's stage.
         before, after: of the nearest stored result, and now; "" where there is none, as for a
             setting that is read now and was not, or the other way round.
+        difference: of changed code, lines of the unified difference; () where the source of the
+            nearest stored result is not known.
     """
 
     kind: Kind
     what: str
     before: str = ""
     after: str = ""
+    difference: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         match self.kind:
@@ -110,7 +116,7 @@ def by_stage(explanations: Iterable[Explanation]) -> list[tuple[list[Explanation
 
 
 class _Memory:
-    """The notes of what is stored, and what was removed."""
+    """The notes of what is stored, what was removed, and the sources of the code."""
 
     def __init__(self, store: Store, stages: set[str]):
         self.by_key: dict[str, dict[str, Any]] = {}
@@ -119,6 +125,14 @@ class _Memory:
             self.by_key[notes["key"]] = notes
             self.by_stage.setdefault(notes["stage"], []).append(notes)
         self.evicted = evicted(store)
+        self.folder = store.folder
+        self.differences: dict[tuple[str, str], tuple[str, ...]] = {}
+
+    def source_difference(self, before: str, now: Path) -> tuple[str, ...]:
+        known = (before, str(now))
+        if known not in self.differences:
+            self.differences[known] = source_difference(self.folder, before, now)
+        return self.differences[known]
 
 
 def _explain(graph: Graph, node: Node, memory: _Memory) -> Explanation:
@@ -132,7 +146,7 @@ def _explain(graph: Graph, node: Node, memory: _Memory) -> Explanation:
     if not known:
         return Explanation(node.key, name, node.label, (Change("new", name),))
     nearest = min(known, key=lambda notes: _distance(node, notes))
-    changes = _identity_changes(node, nearest)
+    changes = _identity_changes(node, nearest, memory)
     roots = _roots(graph, node, nearest, memory, set())
     if nearest.get("frames") == _frames(node):
         changes += _input_changes(graph, node, nearest) or ([] if changes else [NEEDED])
@@ -166,7 +180,7 @@ def _distance(node: Node, notes: Mapping[str, Any]) -> tuple:
     )
 
 
-def _identity_changes(node: Node, notes: Mapping[str, Any]) -> list[Change]:
+def _identity_changes(node: Node, notes: Mapping[str, Any], memory: _Memory) -> list[Change]:
     """What differs in the stage itself."""
     content = node.identity.content
     changes = [
@@ -180,14 +194,15 @@ def _identity_changes(node: Node, notes: Mapping[str, Any]) -> list[Change]:
             Change("setting", "its function", str(notes.get("function")), content["function"])
         )
     elif notes.get("code") != content["code"]:
-        changes += _code_changes(notes.get("code_parts", {}), node.identity.code.parts)
+        changes += _code_changes(notes.get("modules", {}), node.identity.code, memory)
     if notes.get("seed") != content["seed"]:
         changes.append(Change("seed", "seed", plain(notes.get("seed")), plain(content["seed"])))
     if notes.get("files") != content["files"]:
         named = ", ".join(str(path) for path in node.stage.files) or "a file"
         changes.append(Change("file", named))
     before, after = notes.get("versions", {}), content["versions"]
-    pairs = {name: (before.get(name), after.get(name)) for name in sorted({*before, *after})}
+    # A distribution that only one of the two imports follows from their code.
+    pairs = {name: (before[name], after[name]) for name in sorted(before.keys() & after.keys())}
     pairs = {"Python": (notes.get("python"), content["python"]), **pairs}
     changes += [
         Change("version", name, old or "not installed", new or "not installed")
@@ -209,20 +224,23 @@ def _key(node: Node, path: str) -> str:
     return f"{node.stage.keys.get(argument, argument)}{dot}{rest}"
 
 
-def _code_changes(before: Mapping[str, str], after: Mapping[str, str]) -> list[Change]:
-    changes = []
-    for part in sorted({*before, *after}):
-        if before.get(part) != after.get(part):
-            module, _, name = part.partition(":")
-            what = f"{name} of {module}" if not name.startswith("<") else f"the top of {module}"
-            word = (
-                "changed"
-                if part in before and part in after
-                else ("no longer reached" if part in before else "reached now")
-            )
-            changes.append(Change("code", what, word))
-    # What is reached or no more follows from what changed; told only where it stands alone.
-    return [one for one in changes if one.before == "changed"] or changes
+def _code_changes(before: Mapping[str, str], code: Code, memory: _Memory) -> list[Change]:
+    changed = [name for name in code.modules if name in before]
+    changes = [
+        Change(
+            "code",
+            name,
+            "changed",
+            difference=memory.source_difference(before[name], code.files[name][0]),
+        )
+        for name in changed
+        if before[name] != code.modules[name]
+    ]
+    # Which modules are reached follows from what changed; it is a reason only where nothing did.
+    return changes or [
+        Change("code", name, "reached now" if name in code.modules else "no longer reached")
+        for name in sorted(before.keys() ^ code.modules.keys())
+    ]
 
 
 def _input_changes(graph: Graph, node: Node, notes: Mapping[str, Any]) -> list[Change]:
@@ -251,6 +269,6 @@ def _roots(
             # What would run has an explanation of its own.
             if key in memory.by_key and old in memory.by_key:
                 giver = graph.nodes[key]
-                found += _identity_changes(giver, memory.by_key[old])
+                found += _identity_changes(giver, memory.by_key[old], memory)
                 found += _roots(graph, giver, memory.by_key[old], memory, seen)
     return found

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 
-from stixel_cli.engine.code_hash import CodeIndex
+from stixel_cli.engine.code import CodeIndex
 from stixel_cli.engine.keys import Identity, node_key, stage_identity
 from stixel_cli.engine.stage import CHUNKED, Stage
 
@@ -169,7 +169,7 @@ class GraphBuilder:
 
     def _identity(self, stage: Stage) -> Identity:
         # A pickle tells apart all that a key does, types and the last bit of floats among it.
-        what = (stage.name, stage.function, stage.pattern, stage.packages, stage.seed)
+        what = (stage.name, stage.function, stage.pattern, stage.modules, stage.seed)
         files = [str(path) for path in stage.files]
         try:
             known = pickle.dumps((what, files, dict(stage.settings)))

@@ -3,17 +3,15 @@
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
 from hashlib import file_digest
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from stixel_cli.engine.canonical import canonical, digest, settings_types
-from stixel_cli.engine.code_hash import CodeHash, CodeIndex
+from stixel_cli.engine.code import Code, CodeIndex
 from stixel_cli.engine.stage import Stage
 
-LAYOUT = 2
+LAYOUT = 3
 """Goes up when entries are stored in another way, so that older ones are not read."""
 
 
@@ -23,13 +21,11 @@ class Identity:
 
     Attributes:
         code: the code that the stage reaches.
-        types: the settings' classes whose code counts, as (module, qualified name).
         content: stage, function, settings, code, versions, seed and files as a JSON tree.
         digest: of `content`.
     """
 
-    code: CodeHash
-    types: tuple[tuple[str, str], ...]
+    code: Code
     content: dict[str, Any]
     digest: str
 
@@ -38,19 +34,13 @@ def stage_identity(stage: Stage, index: CodeIndex) -> Identity:
     """The part of the key that does not change from node to node of a stage.
 
     Raises:
-        LookupError: there is no such function.
+        LookupError: there is no such module, or one that is not Python.
         TypeError: a setting that cannot be part of a key.
         OSError: one of the stage's files cannot be read.
     """
-    package = stage.function.partition(".")[0].partition(":")[0]
-    types = tuple(
-        sorted(
-            (kind.__module__, kind.__qualname__)
-            for kind in settings_types(dict(stage.settings))
-            if kind.__module__.partition(".")[0] == package
-        )
-    )
-    code = index.hash(stage.function, types)
+    types = settings_types(dict(stage.settings))
+    module = stage.function.partition(":")[0]
+    code = index.code({module, *stage.modules, *(kind.__module__ for kind in types)})
     content = {
         "layout": LAYOUT,
         "stage": stage.name,
@@ -59,11 +49,11 @@ def stage_identity(stage: Stage, index: CodeIndex) -> Identity:
         "settings": {name: canonical(stage.settings[name]) for name in sorted(stage.settings)},
         "code": code.digest,
         "python": python_version(),
-        "versions": {name: installed_version(name) for name in sorted(stage.packages)},
+        "versions": code.versions,
         "seed": stage.seed,
         "files": [_content_digest(path) for path in stage.files],
     }
-    return Identity(code, types, content, digest(content))
+    return Identity(code, content, digest(content))
 
 
 def node_key(
@@ -91,15 +81,6 @@ def node_key(
 def python_version() -> str:
     """As it counts in keys: without the last part."""
     return f"{sys.version_info.major}.{sys.version_info.minor}"
-
-
-@cache
-def installed_version(name: str) -> str | None:
-    """Version of a distribution, None if it is not installed. Looked up once a process."""
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return None
 
 
 def _content_digest(path: Path) -> str:

@@ -7,39 +7,37 @@ module before an edit, or imports it after one, would store the result of other 
 import socket
 import sys
 import threading
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
 
 from stixel_cli import FIRST_IMPORT
-from stixel_cli.engine.code_hash import CodeHash, CodeIndex, same_files
+from stixel_cli.engine.code import Code, CodeIndex, installed_version, same_files
 from stixel_cli.engine.errors import CodeChanged
-from stixel_cli.engine.keys import installed_version, python_version
+from stixel_cli.engine.keys import python_version
 
 _started = FIRST_IMPORT
 _lock = threading.Lock()
-_parts: dict[str, str] = {}
-_modules: dict[str, str] = {}
-"""Digests of the code parts and of the modules' files when this process imported them."""
+_imported: dict[str, str] = {}
+"""Digest of each module's code when this process imported it."""
 
 
-def may_run_here(code: CodeHash) -> bool:
+def may_run_here(code: Code) -> bool:
     """Whether this process can run the planned code, whatever it has imported already."""
-    if _is_stale(code):
-        return False
-    return not any(
-        module in sys.modules and module not in _modules and path.stat().st_mtime > _started
-        for module, (path, _) in code.files.items()
-        if path.is_file()
-    )
+    for module, (path, _) in code.files.items():
+        if module in _imported:
+            if _imported[module] != code.modules[module]:
+                return False
+        elif module in sys.modules and path.is_file() and path.stat().st_mtime > _started:
+            return False
+    return True
 
 
-def planned_function(
-    name: str, types: Iterable[tuple[str, str]], code: CodeHash
-) -> Callable[..., Any]:
+def planned_function(name: str, code: Code) -> Callable[..., Any]:
     """The function "package.module:function".
 
     Raises:
+        LookupError: the module has no such function.
         CodeChanged: it is not the planned code, or that cannot be told: a module was edited, and
             this process had imported it some time before.
     """
@@ -48,13 +46,14 @@ def planned_function(
         if not may_run_here(code):
             raise _changed(name)
         module, _, attribute = name.partition(":")
-        function = getattr(import_module(module), attribute)
-        new = {module: file for module, file in code.files.items() if module not in _modules}
-        # The bytes of the files tell most often; a changed comment takes the longer way.
-        if not (same_files(new) or CodeIndex().hash(name, types).digest == code.digest):
+        function = getattr(import_module(module), attribute, None)
+        if function is None:
+            raise LookupError(f"module {module} has no function {attribute}")
+        new = {module: file for module, file in code.files.items() if module not in _imported}
+        # Equal bytes are enough; after an edit of a comment alone the digests decide.
+        if not (same_files(new) or CodeIndex().code(code.roots).digest == code.digest):
             raise _changed(name)
-        _parts.update(code.parts)
-        _modules.update({module: digest for module, (_, digest) in new.items()})
+        _imported.update(code.modules)
     return function
 
 
@@ -80,15 +79,3 @@ def check_versions(notes: Mapping[str, Any]) -> None:
                 f"worker on {socket.gethostname()}: it has {name} {here[name]}, this run was "
                 f"planned with {version}"
             )
-
-
-def _is_stale(code: CodeHash) -> bool:
-    """Whether a part is known to differ from what is imported, or cannot be known to agree."""
-    for part, digest in code.parts.items():
-        module = part.partition(":")[0]
-        if part in _parts:
-            if _parts[part] != digest:
-                return True
-        elif module in _modules and _modules[module] != code.files[module][1]:
-            return True
-    return False

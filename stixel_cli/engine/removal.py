@@ -17,6 +17,7 @@ from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.leases import collector_lock, leased_keys
 from stixel_cli.engine.listing import Found, scan, stage_and_label
 from stixel_cli.engine.locks import file_lock
+from stixel_cli.engine.sources import remove_sources
 from stixel_cli.engine.store import META, Store
 
 EVICTED = "evicted.jsonl"
@@ -99,6 +100,7 @@ def remove(
             kept += 1
         if not dry_run:
             _remove_empty(store)
+            remove_sources(store.folder, everything=kept == 0)
         if not dry_run:
             damaged = [(one.name, "damaged", when) for one, when in aside]
             _remember(store, [*damaged, *((one.name, one.reason, now) for one in gone)])

@@ -55,14 +55,14 @@ def _compute(task: Task, inputs: "_Inputs", store: Store) -> int:
     """Load, call and store; the size of the result in bytes."""
     started = time.perf_counter()
     check_versions(task.notes)
-    function = planned_function(task.function, task.types, task.code)
+    function = planned_function(task.function, task.code)
     with one_thread():
         value = function(**_arguments(task, inputs))
     return store.save(
         task.key,
         value,
         **task.notes,
-        code_parts=task.code.parts,
+        modules=task.code.modules,
         seconds=round(time.perf_counter() - started, 4),
         created=round(time.time(), 3),
     )

@@ -33,7 +33,8 @@ class Stage:
             chunked stage as the chunk with the same frames, in `pick` as the chunk that holds
             the frame, and in `once` as a lazy sequence of all chunks.
         settings: argument name -> slice of the configuration, a frozen dataclass or plain value.
-        packages: distributions whose installed version is part of the key.
+        modules: further modules whose code is part of the key: those that no import statement of
+            the function's module leads to.
         seed: given as `seed` and part of the key; None for a stage that draws nothing.
         frames: the chosen frames of a `pick` stage.
         files: outside files; the digest of their content is part of the key.
@@ -46,7 +47,7 @@ class Stage:
     pattern: Pattern
     inputs: Mapping[str, str]
     settings: Mapping[str, Any]
-    packages: tuple[str, ...] = ()
+    modules: tuple[str, ...] = ()
     seed: int | None = None
     frames: tuple[int, ...] = ()
     files: tuple[Path, ...] = ()

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from stixel_cli.engine.code_hash import CodeHash
+from stixel_cli.engine.code import Code
 from stixel_cli.engine.graph import Node
 from stixel_cli.engine.time_limit import TimeLimit
 
@@ -19,7 +19,7 @@ class Task:
         inputs: argument name -> keys; those in `sequences` arrive as a lazy sequence.
         previous: key of the fold's node before, None at the first; `fold` tells whether there
             is such an argument.
-        code, types: the code as it was planned, and the settings' classes that belong to it.
+        code: the code as it was planned.
         notes: stored beside the value.
         limit: on the time it takes, None for none.
     """
@@ -32,8 +32,7 @@ class Task:
     sequences: frozenset[str]
     fold: bool
     previous: str | None
-    code: CodeHash
-    types: tuple[tuple[str, str], ...]
+    code: Code
     notes: Mapping[str, Any]
     limit: TimeLimit | None
 
@@ -86,7 +85,6 @@ def task_of(node: Node, limit: TimeLimit | None = None) -> Task:
         fold=stage.pattern == "fold",
         previous=node.previous,
         code=node.identity.code,
-        types=node.identity.types,
         notes=notes,
         limit=limit,
     )

@@ -62,12 +62,12 @@ def _causes(
         files = ", ".join(after.files or {}) if before.files is None else ""
         yield f"{settings[:-1]}, or {files}?" if files else settings
     if code is None:
-        yield "which code changed is not known: the folder of its sweep does not say"
+        yield "which code changed is not known: the folder does not say"
         return
-    changes = _code_changes(code, node.identity.code.parts)
+    changes = _code_changes(code, node.identity.code.modules)
     yield from changes[:MOST_CAUSES]
     if len(changes) > MOST_CAUSES:
-        yield f"and {len(changes) - MOST_CAUSES} more functions"
+        yield f"and {len(changes) - MOST_CAUSES} more modules"
 
 
 def _settings_with_files(node: Node, before: StageLineage) -> str:
@@ -80,12 +80,9 @@ def _settings_with_files(node: Node, before: StageLineage) -> str:
 
 
 def _code_changes(old: Mapping[str, str], reached: Mapping[str, str]) -> list[str]:
-    """Which functions, of those that a stage reaches, were edited or are new."""
-    changed = {part for part, digest in reached.items() if old.get(part) != digest}
-    changes = []
-    for part in sorted(changed):
-        # A class counts with its methods: those that were edited say more.
-        if not any(other.startswith(f"{part}.") for other in changed):
-            module, _, name = part.partition(":")
-            changes.append(f"{name} of {module} {'was edited' if part in old else 'is new'}")
-    return changes
+    """Which modules, of those that a stage reaches, were edited or are new."""
+    return [
+        f"{module} {'was edited' if module in old else 'is new'}"
+        for module, digest in sorted(reached.items())
+        if old.get(module) != digest
+    ]

@@ -47,8 +47,8 @@ class Lineage:
 
     Attributes:
         stages: by name.
-        code: "module:name" of all code that the stages reach -> digest of its text; None if it is
-            not there, as where a point's folder was taken out of its sweep's.
+        code: module -> digest, of all code that the stages reach; None if it is not known, as in
+            a folder of an older version, or of a run that was moved out of its sweep.
     """
 
     stages: Mapping[str, StageLineage]
@@ -79,7 +79,7 @@ def lineage_of(
         nodes = [node for node in graph.of_stage(name) if node.key in wanted]
         if nodes:
             stages[name] = _stage_lineage(nodes, store, known)
-            code |= nodes[0].identity.code.parts
+            code |= nodes[0].identity.code.modules
     return Lineage(stages, code)
 
 
@@ -119,8 +119,8 @@ def _stored_digest(key: str, store: Store | None, known: MutableMapping[str, str
 
 
 def lineage_tree(lineage: Lineage) -> dict[str, Any]:
-    """The lineage as JSON, for the file of a result folder; code by module."""
-    return {"stages": stages_tree(lineage), "code": code_tree(lineage)}
+    """The lineage as JSON, for the file of a result folder."""
+    return {"stages": stages_tree(lineage), "code": dict(sorted((lineage.code or {}).items()))}
 
 
 def stages_tree(lineage: Lineage) -> dict[str, Any]:
@@ -137,18 +137,9 @@ def stages_tree(lineage: Lineage) -> dict[str, Any]:
     }
 
 
-def code_tree(lineage: Lineage) -> dict[str, dict[str, str]]:
-    """The code as JSON, by module."""
-    code: dict[str, dict[str, str]] = {}
-    for part, value in sorted((lineage.code or {}).items()):
-        module, _, name = part.partition(":")
-        code.setdefault(module, {})[name] = value
-    return code
-
-
 def shared_code(lineage: Lineage) -> tuple[str, str]:
     """What a point's lineage refers to its code by, and the text of that file of the sweep's."""
-    text = _compact(code_tree(lineage))
+    text = _compact(dict(sorted((lineage.code or {}).items())))
     return digest(text)[:_CODE_DIGITS], text
 
 
@@ -200,12 +191,9 @@ def _code_file(folder: Path, code: str) -> Path:
     return folder.resolve().parent.parent / CODE_FOLDER / f"{code}.json"
 
 
-def _read_code(tree: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
-    return {
-        f"{module}:{name}": str(value)
-        for module, parts in tree.items()
-        for name, value in parts.items()
-    }
+def _read_code(tree: Mapping[str, Any]) -> dict[str, str] | None:
+    """Digests by module; None for those of an older version, which are digests of functions."""
+    return dict(tree) if all(isinstance(digest, str) for digest in tree.values()) else None
 
 
 def _read_stage(stage: Mapping[str, Any]) -> StageLineage:

@@ -1,7 +1,7 @@
 """The table of stages: what the engine needs to know of each, kept outside the domain rooms.
 
 A row says which function does the work, which slice of the configuration each of its arguments is,
-how the stage runs over the frames, and which packages' versions matter to its result.
+and how the stage runs over the frames.
 `pipelines/*.yaml` wires rows by name.
 """
 
@@ -19,8 +19,6 @@ from stixel_cli.engine.stage import Stage
 from stixel_cli.errors import UserError
 from stixel_cli.scene.mesh_references import referred_files
 
-OPEN3D = ("open3d-cpu", "open3d")
-OPENCV = "opencv-python-headless"
 CHUNK_SIZE = 10
 """Frames a node: small enough that two workers stay busy, large enough to share a background."""
 
@@ -34,7 +32,7 @@ class Definition:
             stage of one implementation has the single entry "".
         pattern: how it runs over the frames, see `stixel_cli.engine.stage.Stage`.
         reads: argument name to the dotted path of its slice in the configuration.
-        packages: distributions whose version is part of the key.
+        modules: code that no import statement leads to, see `Stage.modules`.
         chosen_by: dotted path of the slice whose `kind` picks the function; "" if there is no
             choice.
         seeded: whether it draws random numbers, and so is given the experiment's seed.
@@ -44,7 +42,7 @@ class Definition:
     functions: Mapping[str, str]
     pattern: Literal["once", "map", "fold", "pick"]
     reads: Mapping[str, str] = field(default_factory=dict)
-    packages: tuple[str, ...] = ("numpy",)
+    modules: tuple[str, ...] = ()
     chosen_by: str = ""
     seeded: bool = False
     reads_mesh: bool = False
@@ -68,7 +66,6 @@ TABLE: dict[str, Definition] = {
         _only("scene.build:build_scenario"),
         "once",
         _same("road_user", "path"),
-        packages=("numpy", "scipy", "shapely", OPENCV, *OPEN3D),
         reads_mesh=True,
     ),
     "render": Definition(
@@ -78,7 +75,6 @@ TABLE: dict[str, Definition] = {
         },
         "map",
         _same("road_user", "world", "rig", "renderer"),
-        packages=("numpy", "numba", "scipy", OPENCV, *OPEN3D),
         chosen_by="renderer",
         reads_mesh=True,
     ),
@@ -86,27 +82,23 @@ TABLE: dict[str, Definition] = {
         _only("scene.exposure:expose"),
         "map",
         _same("sensor"),
-        packages=("numpy", OPENCV),
         seeded=True,
     ),
     "match": Definition(
         {"sgm": "stixel_cli.stereo.sgm:match", "bm": "stixel_cli.stereo.bm:match"},
         "map",
         _same("rig", "stereo"),
-        packages=("numpy", OPENCV),
         chosen_by="stereo",
     ),
     "free_space": Definition(
         _only("stixels.free_space:find_free_space"),
         "fold",
         _same("rig", "road", "occupancy", "free_space"),
-        packages=("numpy", "numba", "scipy", OPENCV),
     ),
     "stixels": Definition(
         _only("stixels.extraction:extract_stixels"),
         "map",
         _same("rig", "height", "extraction"),
-        packages=("numpy", "numba", OPENCV),
     ),
     "gather_scans": Definition(
         _only("measurements.simulated:gather_scans"), "once", _same("measurement")
@@ -126,7 +118,6 @@ TABLE: dict[str, Definition] = {
             "scanner": "measurement.scanner",
             "camera_field": "rig.field_of_view",
         },
-        packages=("numpy", "scipy", OPENCV, *OPEN3D),
         reads_mesh=True,
     ),
     "lidar_scans": Definition(
@@ -140,47 +131,38 @@ TABLE: dict[str, Definition] = {
         },
         "once",
         _same("prior", "tracker"),
-        packages=("numpy", "scipy"),
         chosen_by="tracker",
     ),
-    "scores": Definition(
-        _only("evaluation.evaluate:evaluate"), "once", packages=("numpy", "scipy", "shapely")
-    ),
+    "scores": Definition(_only("evaluation.evaluate:evaluate"), "once"),
     "stage_errors": Definition(
         _only("evaluation.stage_errors:stage_errors"),
         "map",
         _same("rig", "road", "occupancy", "free_space"),
-        packages=("numpy", "numba", "scipy", OPENCV),
     ),
     "point_errors": Definition(_only("evaluation.point_errors:point_errors"), "once", _same("rig")),
     "occupancy": Definition(
         _only("stixels.displayed_grid:picture_grid"),
         "pick",
         _same("rig", "road", "occupancy"),
-        packages=("numpy", "numba", "scipy", OPENCV),
     ),
     "camera_pictures": Definition(
         _only("report.camera:camera_pictures"),
         "pick",
         _same("rig"),
-        packages=("numpy", "matplotlib", "pillow", OPENCV),
     ),
     "camera_frames": Definition(
         _only("report.camera_frames:camera_frames"),
         "map",
-        packages=("numpy", OPENCV),
     ),
     "track_pictures": Definition(
         _only("report.birds_eye:track_pictures"),
         "pick",
         _same("rig"),
-        packages=("numpy", "matplotlib", "pillow"),
     ),
     "run_pictures": Definition(
         _only("report.over_time:run_pictures"),
         "once",
         _same("rig"),
-        packages=("numpy", "scipy", "matplotlib", "pillow"),
     ),
 }
 
@@ -239,7 +221,7 @@ def _stage(configuration: Configuration, path: Path, name: str, wiring: dict[str
         pattern=definition.pattern,
         inputs=inputs,
         settings={a: _slice(configuration, p) for a, p in definition.reads.items()},
-        packages=definition.packages,
+        modules=definition.modules,
         seed=configuration.seed if definition.seeded else None,
         frames=pictured_frames(configuration) if definition.pattern == "pick" else (),
         files=_mesh_files(Path(mesh)) if definition.reads_mesh and mesh is not None else (),

@@ -55,35 +55,52 @@ MODULES = {
             with open(os.environ["CALLS"], "a") as file:
                 file.write(name + "\\n")
         """,
-    "steps": """
+    "numbers": """
         import numpy as np
 
         from . import log
-        from .helpers import scale
-        from .nouns import Chunk, Gain
 
         def numbers(count):
             log.called("numbers")
             return np.arange(count, dtype=np.float64)
+        """,
+    "double": """
+        from . import log
+        from .helpers import scale
+        from .nouns import Chunk, Gain
 
         def double(numbers, gain: Gain, frames):
             \"\"\"A docstring.\"\"\"
             log.called(f"double {frames.start}")
             values = numbers[frames.start:frames.stop]
             return Chunk(frames.start, gain.factor * scale(values) + gain.offset)
+        """,
+    "running": """
+        from . import log
 
         def running(doubled, frames, previous):
             log.called(f"running {frames.start}")
             return doubled.total() + (0.0 if previous is None else previous)
+        """,
+    "gather": """
+        import numpy as np
+
+        from . import log
 
         def gather(doubled, running, seed):
             log.called("gather")
             noise = np.random.default_rng(seed).normal(size=3)
             return [chunk.total() for chunk in doubled], list(running), noise
+        """,
+    "show": """
+        from . import log
 
         def show(doubled, grid, frame):
             log.called(f"show {frame}")
             return doubled.first, grid, frame
+        """,
+    "grid": """
+        from . import log
 
         def grid(doubled, frame):
             log.called(f"grid {frame}")
@@ -129,7 +146,9 @@ class Project:
 
     def add_line(self, function: str, line: str) -> None:
         """Put a line at the beginning of a stage's body."""
-        self.edit("steps", f'log.called("{function}")', f'log.called("{function}"); {line}')
+        self.edit(
+            function.split()[0], f'log.called("{function}")', f'log.called("{function}"); {line}'
+        )
 
     def contents(self, graph) -> dict[str, bytes]:
         """The stored bytes of every node that is there."""
@@ -145,8 +164,7 @@ class Project:
             if name.partition(".")[0] == self.name:
                 del sys.modules[name]
         importlib.invalidate_caches()
-        loaded_code._parts.clear()
-        loaded_code._modules.clear()
+        loaded_code._imported.clear()
         loaded_code._started = time.time()
 
     def calls(self) -> list[str]:
@@ -155,8 +173,9 @@ class Project:
         self.calls_file.unlink(missing_ok=True)
         return sorted(text.split("\n")[:-1])
 
-    def function(self, name: str, module: str = "steps") -> str:
-        return f"{self.name}.{module}:{name}"
+    def function(self, name: str, module: str | None = None) -> str:
+        """A stage's function; each stage is in a module of its own name."""
+        return f"{self.name}.{module or name}:{name}"
 
     def stages(self, factor=2.0, offset=0.0, seed=1, frames=(2, 9), count=FRAMES) -> list[Stage]:
         gain = importlib.import_module(f"{self.name}.nouns").Gain(factor, offset)
@@ -168,7 +187,6 @@ class Project:
                 "map",
                 {"numbers": "numbers"},
                 {"gain": gain},
-                packages=("numpy",),
             ),
             Stage("running", self.function("running"), "fold", {"doubled": "double"}, {}),
             Stage(

@@ -60,7 +60,7 @@ def test_a_setting_by_the_name_that_the_user_gave_it(project, said):
 
 
 def test_a_setting_that_only_one_of_the_two_has(project, said):
-    project.edit("steps", "def numbers(count)", "def numbers(count, start=0.0)")
+    project.edit("numbers", "def numbers(count)", "def numbers(count, start=0.0)")
     project.forget()
     (stage, *_) = project.stages()
     with_start = replace(stage, settings={"count": FRAMES, "start": 1.0})
@@ -82,25 +82,21 @@ def forget_numbers_without_start(project):
 
 
 def test_another_function(project, said):
-    project.edit("steps", "def double(", "def other(rig):\n    return rig\n\ndef double(")
+    project.write("other", "def other(rig):\n    return rig")
     project.forget()
     name = project.name
     stage = project.stages()[0]
     other = replace(stage, function=project.function("other"), settings={"rig": 3})
     graph = build_graph([other], FRAMES, CHUNK)
     # What the other function reads is no change of its own.
-    assert said(graph) == {
-        "numbers": f"numbers: its function changed from {name}.steps:numbers to {name}.steps:other"
-    }
+    assert said(graph)["numbers"] == (
+        f"numbers: its function changed from {name}.numbers:numbers to {name}.other:other"
+    )
 
 
 def test_the_nearest_has_the_same_function(project):
     stage = project.stages()[1]
-    project.edit(
-        "steps",
-        "def running(",
-        "def twin(numbers, gain: Gain, frames):\n    return 1\n\ndef running(",
-    )
+    project.write("twin", "def twin(numbers, gain, frames):\n    return 1")
     project.forget()
     numbers = project.stages()[0]
     twin = replace(project.stages()[1], function=project.function("twin"))
@@ -122,26 +118,31 @@ def test_the_code(project, said):
     project.forget()
     name = project.name
     assert said(project.graph(), ["double"])["double[0:4]"] == (
-        f"double[0:4]: code: FACTOR of {name}.helpers changed; "
-        f"code: scale of {name}.helpers changed"
+        f"double[0:4]: code: {name}.helpers changed"
     )
+    (change,) = explain(project.graph(), project.store, ["double"])[0].changes
+    assert [line for line in change.difference if line[0] in "+-"][2:] == [
+        "-FACTOR = 3.0",
+        "+FACTOR = 3.5",
+        "-    return FACTOR * values",
+        "+    return values * FACTOR",
+    ]
 
 
 def test_code_that_is_reached_anew(project, said):
-    project.edit("steps", "np.arange(count, dtype=np.float64)", "scale(np.arange(count) / 1.0)")
+    project.write("more", "OFFSET = 1.0")
+    project.edit("helpers", "UNUSED = 1.0", "from .more import OFFSET as UNUSED")
     project.forget()
-    # What is reached by the change is not a second reason.
-    assert (
-        said(project.graph())["numbers"]
-        == f"numbers: code: numbers of {project.name}.steps changed"
-    )
+    # What is reached because of the change is not a second reason.
+    answer = said(project.graph())["double[0:4]"]
+    assert answer == f"double[0:4]: code: {project.name}.helpers changed"
 
 
 def test_a_version(project, said, monkeypatch):
-    monkeypatch.setattr("stixel_cli.engine.keys.installed_version", lambda name: "0.0")
-    answer = said(project.graph(), ["double"])
-    assert "numpy changed from " in answer["double[0:4]"]
-    assert answer["double[0:4]"].endswith(" to 0.0")
+    monkeypatch.setattr("stixel_cli.engine.code.installed_version", lambda name: "0.0")
+    answer = said(project.graph(), ["numbers"])
+    assert answer["numbers"].startswith("numbers: numpy changed from ")
+    assert answer["numbers"].endswith(" to 0.0")
 
 
 def test_a_file(project, tmp_path):

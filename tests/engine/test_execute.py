@@ -83,11 +83,11 @@ def test_records_by_stage(project):
         ("helpers", "FACTOR * values", "values * FACTOR * 2", set(ALL) - {"numbers"}),
         ("helpers", "FACTOR = 3.0", "FACTOR = 4.0", set(ALL) - {"numbers"}),
         ("helpers", "# a comment", "# another", set()),
-        ("steps", "A docstring.", "Another.", set()),
-        ("helpers", "UNUSED * values", "UNUSED + values", set()),
-        ("steps", "list(running)", "list(running)[:]", {"gather"}),
-        ("steps", "0.0 if previous is None", "1.0 if previous is None", {*RUNNING, "gather"}),
-        ("steps", "return doubled.first, grid", "return doubled.first, -grid", {*PICKS[2:]}),
+        ("double", "A docstring.", "Another.", set()),
+        ("helpers", "UNUSED * values", "UNUSED + values", set(ALL) - {"numbers"}),
+        ("gather", "list(running)", "list(running)[:]", {"gather"}),
+        ("running", "0.0 if previous is None", "1.0 if previous is None", {*RUNNING, "gather"}),
+        ("show", "return doubled.first, grid", "return doubled.first, -grid", {*PICKS[2:]}),
     ],
 )
 def test_an_edit_reruns_the_stage_and_what_depends_on_it(project, module, old, new, rerun):
@@ -142,7 +142,7 @@ def test_small_known_work_starts_no_workers(project, monkeypatch):
 def test_edited_code_that_is_imported_already_runs_in_a_new_process(project):
     graph = project.graph()
     project.run(graph)
-    project.edit("steps", "return doubled.first, grid", "return doubled.first, -grid")
+    project.edit("show", "return doubled.first, grid", "return doubled.first, -grid")
     # As in a notebook: the old module is still loaded.
     graph = project.graph()
     execute(graph, ["show"], project.store)
@@ -175,7 +175,7 @@ def test_refuses_pools_that_do_not_exist(project, options, message):
 
 def test_a_chunk_sequence_can_be_read_again_and_in_part(project):
     project.edit(
-        "steps",
+        "gather",
         "return [chunk.total() for chunk in doubled], list(running), noise",
         "return len(doubled), doubled[-1].first, [c.first for c in doubled[1:]], "
         "[c.first for c in doubled] == [c.first for c in doubled]",

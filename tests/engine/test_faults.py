@@ -28,7 +28,7 @@ def test_a_stage_that_raises(project):
     assert isinstance(failure.cause, ValueError) and failure.__cause__ is failure.cause
     assert "in gather" in failure.traceback_text and "run_task" not in failure.traceback_text
     project.calls()
-    project.edit("steps", "; raise ValueError('no such thing')", "")
+    project.edit("gather", "; raise ValueError('no such thing')", "")
     project.run()
     # What was finished is kept: only the stage itself, and pictures not begun by then.
     assert set(project.calls()) <= {"gather", "grid 2", "grid 9", "show 2", "show 9"}
@@ -41,7 +41,7 @@ def test_an_error_that_cannot_travel_arrives_as_text(project):
 
 
 def test_a_result_that_cannot_be_stored_is_the_stages_failure(project):
-    project.edit("steps", "return doubled.first, grid, frame", "return lambda: 1")
+    project.edit("show", "return doubled.first, grid, frame", "return lambda: 1")
     with pytest.raises(StageFailure, match=r"^show\[\d\]: .*pickle"):
         project.run()
 
@@ -56,7 +56,7 @@ def test_a_stage_that_always_kills_its_worker(project, notes):
     assert isinstance(caught.value.cause, WorkerDied)
     assert len(notes.notes) == 2 and "gather" in notes.notes[1]
     assert project.calls().count("gather") == 2
-    project.edit("steps", KILL, "pass")
+    project.edit("gather", KILL, "pass")
     project.run()
     assert "numbers" not in project.calls()
 
@@ -65,7 +65,7 @@ def test_a_worker_that_is_killed_once_costs_nothing_but_time(project, notes):
     marker = project.folder / "killed"
     project.add_line("gather", f"open({str(marker)!r}, 'x') and None")
     project.edit(
-        "steps",
+        "gather",
         f"open({str(marker)!r}, 'x') and None",
         f"import pathlib; p = pathlib.Path({str(marker)!r}); "
         "p.exists() or (p.touch(), __import__('os').kill(__import__('os').getpid(), 9))",
@@ -154,7 +154,7 @@ def test_code_that_was_imported_before_an_edit_is_not_taken_for_the_edited(proje
     project.edit("helpers", "FACTOR = 3.0", "FACTOR = 4.0")
     # Clocks of file systems are coarse.
     os.utime(project.package / "helpers.py", (time.time() + 1.0,) * 2)
-    with pytest.raises(Exception, match=r"steps:double was edited"):
+    with pytest.raises(Exception, match=r"double:double was edited"):
         execute(project.graph(), ["gather"], project.store, executor=executor)
     assert "double[0:4]" not in project.contents(project.graph())
     # Worker processes import what is there now.
@@ -165,7 +165,7 @@ def test_code_that_was_imported_before_an_edit_is_not_taken_for_the_edited(proje
 def test_code_that_is_edited_on_the_way_is_not_stored_under_the_old_key(project):
     graph = project.graph()
     project.edit("helpers", "FACTOR = 3.0", "FACTOR = 4.0")
-    with pytest.raises(Exception, match=r"steps:double was edited"):
+    with pytest.raises(Exception, match=r"double:double was edited"):
         project.run(graph, executor="local")
     assert not any(project.store.has(node.key) for node in graph.of_stage("double"))
     # A comment does not matter.

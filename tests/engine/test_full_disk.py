@@ -41,13 +41,13 @@ def disk(tmp_path):
 def test_a_full_disk(project, disk, executor):
     folder, _ = disk
     project.store.folder = folder / "cache"
-    project.edit("steps", "np.arange(count, dtype=np.float64)", "np.arange(200_000.0)")
+    project.edit("numbers", "np.arange(count, dtype=np.float64)", "np.arange(200_000.0)")
     with pytest.raises(CacheError, match=r"^cannot write in the cache .*: No space left on device"):
         project.run(executor=executor, keep_going=True)
     assert entries(project.store) == []
     assert list((project.store.folder / "tmp").glob("*/*")) == []
     # With a smaller result all goes on, from what is there.
-    project.edit("steps", "np.arange(200_000.0)", "np.arange(count, dtype=np.float64)")
+    project.edit("numbers", "np.arange(200_000.0)", "np.arange(count, dtype=np.float64)")
     project.run(executor=executor)
     assert verify_all(project.store) == [] and len(entries(project.store)) == 12
 

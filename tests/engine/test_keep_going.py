@@ -13,7 +13,7 @@ def statuses(execution):
 @pytest.mark.parametrize("executor", ["serial", "threads", "local"])
 def test_a_failed_node_fails_alone(project, notes, executor):
     project.edit(
-        "steps", "return doubled.total()", "assert frames.start != 4; return doubled.total()"
+        "running", "return doubled.total()", "assert frames.start != 4; return doubled.total()"
     )
     graph = project.graph()
     execution = project.run(graph, executor=executor, keep_going=True, progress=notes)
@@ -38,14 +38,14 @@ def test_what_is_missing_or_failed_is_run_the_next_time(project, notes):
     project.add_line("gather", "raise ValueError('once')")
     project.run(keep_going=True, progress=notes)
     project.calls()
-    project.edit("steps", "; raise ValueError('once')", "")
+    project.edit("gather", "; raise ValueError('once')", "")
     execution = project.run(keep_going=True)
     assert project.calls() == ["gather"] and execution.failures == {}
 
 
 def test_two_failures_with_a_common_successor(project, notes):
     project.edit(
-        "steps", "values = numbers[", "assert frames.start == 8, frames; values = numbers["
+        "double", "values = numbers[", "assert frames.start == 8, frames; values = numbers["
     )
     execution = project.run(keep_going=True, progress=notes)
     found = statuses(execution)
@@ -79,7 +79,7 @@ def test_a_killer_of_workers_fails_alone(project, notes):
 def test_what_would_befall_the_next_node_as_well_ends_all(project):
     project.add_line("gather", "raise CacheError('cannot write')")
     project.edit(
-        "steps",
+        "gather",
         "import numpy as np",
         "import numpy as np\nfrom stixel_cli.engine.errors import CacheError",
     )

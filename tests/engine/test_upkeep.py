@@ -230,7 +230,7 @@ def test_the_limit_is_kept_on_the_way(project, monkeypatch):
     monkeypatch.syspath_prepend(str(project.folder))
     monkeypatch.setenv("CALLS", str(project.calls_file))
     project.store.max_size = 1
-    project.edit("steps", 'log.called("gather")', "raise ValueError")
+    project.edit("gather", 'log.called("gather")', "raise ValueError")
     with pytest.raises(Exception, match="ValueError"):
         project.run(project.graph())
     assert not old & {one.key for one in entries(project.store)}

@@ -1,16 +1,17 @@
 """How the stages are wired: what may see the truth, and what the table says of them."""
 
+import ast
 import inspect
-import sys
-from importlib.metadata import packages_distributions
+import re
 from pkgutil import resolve_name
 
 import pytest
 
 from stixel_cli.config.compose import compose
-from stixel_cli.engine.code_hash import CodeIndex
+from stixel_cli.engine.code import CodeIndex
 from stixel_cli.engine.stage import GIVEN
 from stixel_cli.experiment.stages import TABLE, pictured_frames, pipeline_stages, scan_count
+from stixel_cli.tracking.gp_ekf import GpEkfParameters
 
 TRUTH = {"scenario", "render"}
 MAY_SEE_TRUTH = {"render", "expose", "start", "scores", "stage_errors", "point_errors"}
@@ -42,16 +43,78 @@ def test_the_track_sees_no_truth_and_does_not_depend_on_pictures(measurement):
         assert not any(source.endswith("_pictures") for source in stage.inputs.values())
 
 
+def reached(function):
+    """Modules that a stage's key holds, by its function."""
+    return CodeIndex().code([function.partition(":")[0]]).modules.keys()
+
+
+FUNCTIONS = [function for row in TABLE.values() for function in row.functions.values()]
+
+
+@pytest.mark.parametrize("function", FUNCTIONS)
+def test_a_stage_reaches_neither_another_stage_nor_the_engine(function):
+    own = function.partition(":")[0]
+    holders = {other.partition(":")[0] for other in FUNCTIONS} - {own}
+    assert not holders & reached(function)
+    frame = ("engine", "experiment", "config", "cli", "sweeps", "studies")
+    above = tuple(f"stixel_cli.{folder}" for folder in frame)
+    assert not [module for module in reached(function) if module.startswith(above)]
+
+
+def test_each_stage_has_a_module_of_its_own():
+    modules = [function.partition(":")[0] for function in FUNCTIONS]
+    assert len(set(modules)) == len(modules)
+
+
+def test_an_edit_of_one_tracker_or_its_parameters_makes_no_other_stage_stale():
+    readers = [f for f in FUNCTIONS if "stixel_cli.tracking.gp_ekf" in reached(f)]
+    assert readers == ["stixel_cli.tracking.gp_ekf:track"]
+    assert GpEkfParameters.__module__ == "stixel_cli.tracking.gp_ekf"
+
+
+HIDDEN = re.compile(
+    r"\b(?:import_module|__import__|importlib|sys\.modules|exec|eval|globals|resources|runpy"
+    r"|open|read_text|read_bytes|loadtxt|genfromtxt|fromfile|imread|Popen)\b\s*[(.\[]"
+)
+"""Ways to code and data that no import statement shows."""
+
+DECLARED = {
+    # The user's mesh and what it refers to: the stage's files, see `reads_mesh`.
+    "stixel_cli.scene.mesh_file": "reads_mesh",
+    "stixel_cli.scene.mesh_references": "reads_mesh",
+    # The child process runs filament_process, which the module imports; the files are its answers.
+    "stixel_cli.scene.filament": "stixel_cli.scene.filament_process",
+    "stixel_cli.scene.filament_process": "stixel_cli.scene.filament_process",
+}
+
+
 @pytest.mark.parametrize("row", TABLE)
-def test_the_version_of_every_package_that_a_stage_reaches_is_in_its_key(row):
+def test_what_imports_do_not_show_is_declared(row):
     definition = TABLE[row]
-    distributions = packages_distributions()
-    # Bounds that are checked before anything runs; and a library that Open3D only has to find.
-    passive = {"annotated_types", "libusb_package"}
     for function in definition.functions.values():
-        outside = CodeIndex().hash(function).outside - sys.stdlib_module_names - passive
-        for module in outside:
-            assert set(distributions[module]) & set(definition.packages), (function, module)
+        code = CodeIndex().code([function.partition(":")[0], *definition.modules])
+        for module, (path, _) in code.files.items():
+            tree = ast.parse(path.read_text("utf-8"))
+            uses = [n for n in ast.walk(tree) if HIDDEN.match(_spelled(n))]
+            if not uses:
+                continue
+            declared = DECLARED.get(module)
+            lines = [use.lineno for use in uses]
+            assert declared, f"{module}, lines {lines}: see CONTRIBUTING, what a key cannot see"
+            assert declared in code.modules or getattr(definition, declared)
+
+
+def _spelled(node):
+    """The name of a call, an attribute or an item, as far as `HIDDEN` looks at it."""
+    if isinstance(node, ast.Call):
+        name = getattr(node.func, "attr", getattr(node.func, "id", ""))
+        return f"{name}("
+    if isinstance(node, ast.Attribute | ast.Subscript):
+        return ast.unparse(node) + ("." if isinstance(node, ast.Attribute) else "")
+    if isinstance(node, ast.Import | ast.ImportFrom):
+        names = [getattr(node, "module", None) or "", *(alias.name for alias in node.names)]
+        return next((f"{name}." for name in names if name.partition(".")[0] == "importlib"), "")
+    return ""
 
 
 @pytest.mark.parametrize("row", TABLE)
