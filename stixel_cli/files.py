@@ -1,28 +1,66 @@
-"""Files of result folders: whole or not at all, and a failure of the disk told in one line."""
+"""Files: written whole or not at all, and read with limits, because anybody may have made them.
 
+Every file that may come from somebody else is read here. It must be a regular file (a FIFO or a
+device would block, or never end) of a limited size; what it holds must be nested to a limited
+depth, with finite numbers and valid text. Nothing is unpickled. Each fault is one line.
+"""
+
+import json
 import os
+import re
+import stat
+import sys
+import warnings
+import zipfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from stixel_cli.errors import UserError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+GREATEST_TEXT = 64 * 2**20
+"""Bytes of a text, a JSON or a YAML file: the `sweep.yaml` of 100,000 runs has 10 MB."""
+
+GREATEST_ARRAYS = 2**30
+"""Bytes of all arrays of an `.npz` file: the points of 10,000 scans take 200 MB."""
+
+DEEPEST = 50
+"""Levels of lists and mappings in JSON and YAML; libyaml overflows the stack at some 10,000."""
+
+MOST_VALUES = 4_000_000
+"""Values of a YAML file, each alias counted as all that it stands for."""
+
+_LONG_NUMBER = re.compile(r"[-+0-9_:.]{1000,}")
+"""A number in YAML may be written to base 60, which takes quadratic time to read."""
 
 
 def write_whole(file: Path, content: str | bytes) -> None:
     """Write a file, a text in UTF-8: what stands under its name is whole at any time.
 
-    The folder it lies in is made where it is not there.
+    Missing folders above it are created, and removed again if it cannot be written.
 
     Raises:
         OSError: if it cannot be written; what stood there stays.
     """
     partial = file.with_name(f".{file.name}.partial-{os.getpid()}")
-    file.parent.mkdir(parents=True, exist_ok=True)
+    missing = [folder for folder in file.parents if not folder.exists()]
     try:
-        partial.write_bytes(content.encode() if isinstance(content, str) else content)
-        partial.replace(file)
-    finally:
-        partial.unlink(missing_ok=True)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            partial.write_bytes(content.encode() if isinstance(content, str) else content)
+            partial.replace(file)
+        finally:
+            partial.unlink(missing_ok=True)
+    except OSError:
+        for folder in missing:
+            # Another process may have put something into it.
+            with suppress(OSError):
+                folder.rmdir()
+        raise
 
 
 @contextmanager
@@ -36,3 +74,220 @@ def written(folder: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise UserError(f"{folder}: cannot be written: {error.strerror or error}") from error
+
+
+@contextmanager
+def opened(file: Path, greatest: int = GREATEST_ARRAYS) -> Iterator[BinaryIO]:
+    """A regular file of at most `greatest` bytes, open to be read.
+
+    Raises:
+        UserError: if it is missing, is anything else, or cannot be read.
+    """
+    try:
+        # O_NONBLOCK: without it, to open a FIFO waits for somebody who writes into it.
+        descriptor = os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
+        with open(descriptor, "rb") as stream:
+            status = os.fstat(descriptor)
+            if not stat.S_ISREG(status.st_mode):
+                raise UserError(f"{file}: not a regular file")
+            if status.st_size > greatest:
+                raise UserError(f"{file}: too large: {status.st_size} bytes, at most {greatest}")
+            yield stream
+    except FileNotFoundError:
+        raise UserError(f"{file.parent}: {file.name} is missing") from None
+    except OSError as error:
+        raise UserError(f"{file}: cannot be read: {error.strerror or error}") from error
+
+
+def read_bytes(file: Path, greatest: int = GREATEST_TEXT) -> bytes:
+    """The content of a regular file of at most `greatest` bytes; UserError if it is none."""
+    with opened(file, greatest) as stream:
+        # A file of /proc says that it has 0 bytes. None: it has nothing to read at the moment.
+        content = stream.read(greatest + 1) or b""
+    if len(content) > greatest:
+        raise UserError(f"{file}: too large: more than {greatest} bytes")
+    return content
+
+
+def read_text(file: Path) -> str:
+    """The text of a file; UserError if it is missing, too large, or not in UTF-8."""
+    try:
+        return read_bytes(file).decode("utf-8")
+    except UnicodeDecodeError:
+        raise UserError(f"{file}: not a text in UTF-8") from None
+
+
+def read_json(file: Path) -> dict[str, Any]:
+    """The names and values of a JSON file.
+
+    Raises:
+        UserError: if it is missing, is no JSON object, or a value is not what `check_plain` takes.
+    """
+    text = read_text(file)
+    try:
+        content = json.loads(text, object_pairs_hook=_unique)
+    except (ValueError, RecursionError):
+        raise UserError(f"{file}: not valid JSON") from None
+    check_plain(content, file)
+    if not isinstance(content, dict):
+        raise UserError(f"{file}: must hold names and values, not a {type(content).__name__}")
+    return content
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    content = dict(pairs)
+    if len(content) < len(pairs):
+        raise ValueError("a name is given twice")
+    return content
+
+
+def read_yaml(file: Path) -> Any:
+    """The content of a YAML file in plain types.
+
+    Raises:
+        UserError: if it is missing, is no YAML, or a value is not what `check_plain` takes.
+    """
+    import yaml
+
+    text = read_yaml_text(file)
+    try:
+        content = yaml.load(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    except (yaml.YAMLError, ValueError, TypeError, RecursionError):
+        raise UserError(f"{file}: not valid YAML") from None
+    check_plain(content, file)
+    return content
+
+
+def read_yaml_text(file: Path) -> str:
+    """The text of a YAML file that any loader can take: no deep nesting, no bomb of aliases.
+
+    Raises:
+        UserError: if it is missing or is no such file.
+    """
+    import yaml
+
+    text = read_text(file)
+    total = 0
+    sizes: dict[str, int] = {}  # Of each anchor: how many values it stands for.
+    started: list[tuple[str | None, int]] = []  # Of each open collection: anchor, total before.
+    try:
+        # Events come one at a time: neither parser recurses here, only the loaders do.
+        for event in yaml.parse(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
+            if isinstance(event, yaml.CollectionEndEvent):
+                anchor, before = started.pop()
+                if anchor is not None:
+                    sizes[anchor] = total - before
+            elif isinstance(event, yaml.CollectionStartEvent):
+                started.append((event.anchor, total))
+                sizes.pop(event.anchor, None)
+                total += 1
+            elif isinstance(event, yaml.AliasEvent):
+                if event.anchor not in sizes:
+                    raise UserError(
+                        f"{file}: *{event.anchor[:40]}: an alias of itself, or of nothing"
+                    )
+                total += sizes[event.anchor]
+            elif isinstance(event, yaml.ScalarEvent):
+                total += 1
+                if event.anchor is not None:
+                    sizes[event.anchor] = 1
+                if _LONG_NUMBER.fullmatch(event.value):
+                    raise UserError(f"{file}: a number of {len(event.value)} characters")
+            if len(started) > DEEPEST:
+                raise UserError(f"{file}: nested more than {DEEPEST} levels deep")
+            if total > MOST_VALUES:
+                raise UserError(f"{file}: more than {MOST_VALUES} values, aliases expanded")
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        line = "" if mark is None else f"line {mark.line + 1}: {error.problem}: "
+        raise UserError(f"{file}: {line}not valid YAML") from None
+    return text
+
+
+def check_plain(content: Any, file: Path) -> None:
+    """Check what was read from `file`.
+
+    Raises:
+        UserError: unless it is of lists, mappings, valid text, finite numbers, booleans and null
+            alone, nested no deeper than `DEEPEST`.
+    """
+    pending: list[tuple[Any, Any, int]] = [("content", content, 0)]
+    while pending:
+        name, value, depth = pending.pop()
+        where = f"{file}: {str(name)[:60]}"
+        if depth > DEEPEST:
+            raise UserError(f"{file}: nested more than {DEEPEST} levels deep")
+        if isinstance(value, str):
+            if not value.isascii() and any("\ud800" <= c <= "\udfff" for c in value):
+                raise UserError(f"{where}: not valid text (half of a surrogate pair)")
+        elif isinstance(value, int | float):
+            # No integer that a float cannot hold: 400 digits have no place in any arithmetic.
+            if not abs(value) <= sys.float_info.max:
+                raise UserError(f"{where}: not a finite number below 1.8e308")
+        elif isinstance(value, dict):
+            pending += [(key, item, depth + 1) for key, item in value.items()]
+            pending += [("a name", key, depth + 1) for key in value]
+        elif isinstance(value, list):
+            pending += [(name, item, depth + 1) for item in value]
+        elif value is not None:
+            raise UserError(
+                f"{where}: a {type(value).__name__}: must be text, a number, true, false or null"
+            )
+
+
+def read_arrays(file: Path) -> "dict[str, np.ndarray]":
+    """The numeric arrays of an `.npz` file, by name.
+
+    Raises:
+        UserError: if it is missing, damaged or encrypted, if an array is not of booleans or
+            numbers, or if all together are larger than `GREATEST_ARRAYS`.
+    """
+    with opened(file) as stream:
+        try:
+            # A damaged header may warn as well; that would be a second line.
+            with zipfile.ZipFile(stream) as archive, warnings.catch_warnings(action="error"):
+                members = archive.infolist()
+                _check_members(members, file)
+                return {
+                    member.filename.removesuffix(".npy"): _read_array(archive, member)
+                    for member in members
+                }
+        except (UserError, KeyboardInterrupt):
+            raise
+        except Exception:
+            # What NumPy, zipfile and zlib raise on damaged bytes has no common class.
+            raise UserError(f"{file}: not a file of numeric arrays") from None
+
+
+def _check_members(members: list[zipfile.ZipInfo], file: Path) -> None:
+    if sum(member.file_size for member in members) > GREATEST_ARRAYS:
+        raise UserError(f"{file}: too large: its arrays have more than {GREATEST_ARRAYS} bytes")
+    if len({member.filename for member in members}) < len(members):
+        raise UserError(f"{file}: two of its arrays have one name")
+    for member in members:
+        name = ascii(member.filename)
+        if member.flag_bits & 1:
+            raise UserError(f"{file}: {name} is encrypted")
+        if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise UserError(f"{file}: {name} is compressed by a method other than deflate")
+
+
+def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> "np.ndarray":
+    """One array, its declared size compared with that of its bytes before memory is taken."""
+    import numpy as np
+
+    readers = {
+        (1, 0): np.lib.format.read_array_header_1_0,
+        (2, 0): np.lib.format.read_array_header_2_0,
+    }
+    with archive.open(member) as stream:
+        shape, _, dtype = readers[np.lib.format.read_magic(stream)](stream)
+        size = dtype.itemsize
+        for side in shape:
+            size *= side
+        if dtype.kind not in "biuf" or min(shape, default=0) < 0:
+            raise ValueError("not an array of numbers")
+        if size != member.file_size - stream.tell():
+            raise ValueError("the declared shape is not that of the bytes")
+    with archive.open(member) as stream:
+        return np.lib.format.read_array(stream, allow_pickle=False)

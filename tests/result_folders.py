@@ -37,7 +37,7 @@ def make_folder(folder, seed=0, config=None, metrics=None, series=None):
     (folder / "config.yaml").write_text(yaml.safe_dump(config or CONFIG, sort_keys=False))
     summary = {
         "centre_rmse_m": float(np.sqrt(np.mean(centre**2))),
-        "iou_mean": float(arrays["iou"].mean()) if arrays["iou"] is not None else None,
+        "iou_mean": None if np.isnan(arrays["iou"]).any() else float(arrays["iou"].mean()),
         "nees_position_mean": 1.07,
         "nis_mean": None,
         "scans": scans,

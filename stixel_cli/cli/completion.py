@@ -9,7 +9,8 @@ from stixel_cli.config.folders import (
     option_values,
     shipped_folder,
 )
-from stixel_cli.errors import ConfigurationError
+from stixel_cli.errors import ConfigurationError, UserError
+from stixel_cli.files import read_text
 
 MANIFEST = "manifest.json"
 
@@ -49,8 +50,8 @@ def complete_study(incomplete: str) -> list[str]:
     try:
         files = sorted(folder.glob("*.yaml"))
         # Plain sweeps are in the same folder.
-        names = [file.stem for file in files if "\nparts:" in file.read_text("utf-8")]
-    except (OSError, ConfigurationError):
+        names = [file.stem for file in files if "\nparts:" in read_text(file)]
+    except (OSError, UserError):
         names = []
     studies = [name for name in (*names, "all") if name.startswith(incomplete)]
     return studies + (complete_sweep(incomplete) if incomplete else [])

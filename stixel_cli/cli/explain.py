@@ -87,7 +87,7 @@ def _asked(what: Sequence[str], file: str | None) -> _Asked:
         if file is not None:
             raise UserError(f"{what[0]}: name one result folder, or --from FILE, not both")
         folder = Path(what[0])
-        if (folder / SWEEP_FILE).is_file():
+        if (folder / SWEEP_FILE).exists():
             request = SweepFolder(folder).request()
             composer = Composer(request.working_directory)
             points = compose_points(request.points, request.keys, composer)

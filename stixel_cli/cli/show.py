@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from stixel_cli.cli.terminal import print_table
+from stixel_cli.errors import UserError
 from stixel_cli.experiment.text import json_text
+from stixel_cli.files import read_text
 from stixel_cli.report.folder_reader import (
     SWEEP_FILE,
     check_folder,
@@ -15,7 +17,6 @@ from stixel_cli.report.folder_reader import (
     read_config,
     read_manifest,
     read_metrics,
-    read_text,
 )
 from stixel_cli.report.metrics import format_value, metric
 
@@ -30,7 +31,7 @@ def show_command(folder: Path, json: bool) -> int:
     Raises:
         UserError: if it is no result folder, or a file of it is not what it must be.
     """
-    if (folder / SWEEP_FILE).is_file():
+    if (folder / SWEEP_FILE).exists():
         return _show_sweep(folder, json)
     check_folder(folder)
     manifest, metrics = read_manifest(folder), read_metrics(folder)
@@ -64,7 +65,7 @@ def _show_sweep(folder: Path, json: bool) -> int:
     rows += [(name, str(notes[name])) for name in ("command", "created") if name in notes]
     print_table(("of the sweep", str(folder)), rows, width=WIDTH)
     summary = folder / "summary.md"
-    if summary.is_file():
+    if summary.exists():
         head, *sections = read_text(summary).split("\n## ")
         sys.stdout.write("\n## ".join([f"\n{head}", *sections[:MOST_SECTIONS]]))
         if len(sections) > MOST_SECTIONS:
@@ -73,10 +74,14 @@ def _show_sweep(folder: Path, json: bool) -> int:
 
 
 def _read_rows(file: Path) -> list[dict[str, str]]:
-    if not file.is_file():
+    if not file.exists():
         return []
     lines = read_text(file).splitlines()
-    return [dict(row) for row in csv.DictReader(lines)]
+    try:
+        rows = [dict(row) for row in csv.DictReader(lines, restkey="", restval="", strict=True)]
+    except csv.Error as error:
+        raise UserError(f"{file}: not a table: {error}") from None
+    return rows
 
 
 def _provenance(manifest: dict[str, Any]) -> list[tuple[str, str]]:

@@ -16,6 +16,7 @@ from stixel_cli.config.folders import configuration_folder, group_options
 from stixel_cli.config.overrides import check_one_run, check_overrides, parse_overrides
 from stixel_cli.config.schema import Configuration, adapter
 from stixel_cli.errors import ConfigurationError
+from stixel_cli.files import read_yaml_text
 
 if TYPE_CHECKING:
     from hydra.core.override_parser.types import Override
@@ -180,11 +181,12 @@ def _load(path: Any) -> dict[str, Any]:
     from omegaconf import OmegaConf
 
     try:
-        if "@package" in path.read_text(encoding="utf-8"):
+        text = read_yaml_text(path)
+        if "@package" in text:
             raise _Beyond
         # Its YAML takes 1e-6 for a number, which YAML's own does not.
-        content = OmegaConf.to_container(OmegaConf.load(path), resolve=False)
-    except OSError:
+        content = OmegaConf.to_container(OmegaConf.create(text), resolve=False)
+    except AssertionError:
         raise _Beyond from None
     if not isinstance(content, dict):
         raise _Beyond

@@ -11,7 +11,7 @@ from stixel_cli.engine.errors import MissingEntry
 from stixel_cli.engine.graph import Graph, Node
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
-from stixel_cli.report.folder_reader import read_json
+from stixel_cli.files import read_json
 
 FILE = "lineage.json"
 CODE_FOLDER = "code"
@@ -161,7 +161,7 @@ def read_lineage(folder: Path) -> Lineage | None:
         UserError: if the file is not what it must be.
     """
     file = folder / FILE
-    if not file.is_file():
+    if not file.exists():
         return None
     tree = read_json(file)
     try:
@@ -169,7 +169,7 @@ def read_lineage(folder: Path) -> Lineage | None:
         code = tree["code"]
         if isinstance(code, str):
             file = _code_file(folder, code)
-            code = read_json(file) if file.is_file() else None
+            code = read_json(file) if file.exists() else None
         parts = None if code is None else _read_code(code)
     except (KeyError, TypeError, AttributeError, ValueError):
         raise UserError(f"{file}: not the lineage of a run") from None
@@ -179,8 +179,8 @@ def read_lineage(folder: Path) -> Lineage | None:
 def read_code_name(folder: Path) -> str | None:
     """What the lineage of a sweep's point refers to its code by; None where it does not say."""
     try:
-        name = json.loads((folder / FILE).read_bytes())["code"]
-    except (OSError, ValueError, KeyError, TypeError):
+        name = read_json(folder / FILE).get("code")
+    except UserError:
         return None
     return name if isinstance(name, str) else None
 
@@ -204,10 +204,15 @@ def _read_stage(stage: Mapping[str, Any]) -> StageLineage:
     digests = tuple(stage["digests"])
     if len(digests) != len(keys):
         raise ValueError("as many digests as keys are needed")
+    files = stage.get("files")
     return StageLineage(
         settings=str(stage["settings"]),
-        versions=dict(stage["versions"].items()),
+        versions=_texts(stage["versions"]),
         keys=keys,
-        digests=digests,
-        files=None if stage.get("files") is None else dict(stage["files"].items()),
+        digests=tuple(None if one is None else str(one) for one in digests),
+        files=None if files is None else _texts(files),
     )
+
+
+def _texts(content: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: None if value is None else str(value) for name, value in content.items()}

@@ -2,13 +2,11 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store
-from stixel_cli.errors import UserError
 from stixel_cli.experiment.causes import first_other_stage
 from stixel_cli.experiment.differences import first_difference
 from stixel_cli.experiment.folder import scan_columns, score_columns, track_arrays
@@ -16,7 +14,7 @@ from stixel_cli.experiment.lineage import Lineage
 from stixel_cli.experiment.recorded_run import told_in_one_line
 from stixel_cli.experiment.run import Outcome, experiment_graph, run_experiment
 from stixel_cli.experiment.stored_run import StoredRun
-from stixel_cli.report.folder_reader import read_arrays
+from stixel_cli.files import read_arrays, read_bytes
 
 
 @dataclass(frozen=True)
@@ -128,14 +126,7 @@ def _compared_files(stored: StoredRun, outcome: Outcome) -> Iterator[tuple[str, 
     for name, data in outcome.pictures.items():
         picture = stored.path / "figures" / name
         if picture.exists():
-            yield f"figures/{name}", "pictures", first_difference(_bytes(picture), data)
-
-
-def _bytes(file: Path) -> bytes:
-    try:
-        return file.read_bytes()
-    except OSError as error:
-        raise UserError(f"{file}: cannot be read: {error.strerror}") from error
+            yield f"figures/{name}", "pictures", first_difference(read_bytes(picture), data)
 
 
 def _first_by_key(stored: StoredRun, new: Lineage) -> StageDifference | None:

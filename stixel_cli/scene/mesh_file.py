@@ -1,15 +1,24 @@
 """A road user from the user's own mesh file."""
 
-import os.path
+import os
+import re
+from pathlib import Path
 
 import numpy as np
 
-from stixel_cli.scene.mesh import Mesh, Part, bounding_box, grounded
+from stixel_cli.errors import UserError
+from stixel_cli.files import opened
+from stixel_cli.scene.mesh import Mesh, Part, bounding_box, corners, grounded
 from stixel_cli.scene.open3d_import import import_open3d
 from stixel_cli.scene.shapes import cube_uvs
 from stixel_cli.scene.textures import paint
 
-LEAST_FOOTPRINT, GREATEST_FOOTPRINT = 0.1, 30.0
+LEAST_SIDE, GREATEST_SIDE = 0.1, 30.0
+"""Of the box around a road user, m: nothing flat, and no file in millimetres."""
+
+LEAST_FOOTPRINT = 1e-3
+"""Area of the projections of all triangles to the ground, m²: no upright plane."""
+
 LEVELS = 32
 """Shades of each primary colour that vertex colours are rounded to."""
 
@@ -23,11 +32,11 @@ def load_mesh(path: str, contrast: float) -> Mesh:
     over faces of more than three corners.
 
     Raises:
-        ValueError: if there is no such file, Open3D cannot read it, it has no triangles or no
-            finite coordinates, or the longer side of its footprint is not 0.1 … 30 m.
+        ValueError: if there is no such file, Open3D cannot read it, a number in it is not finite,
+            it has no triangles or one of a vertex that it lacks, it has no area seen from above,
+            or a side of the box around it is not 0.1 … 30 m.
     """
-    if not os.path.isfile(path):
-        raise ValueError(f"road_user.mesh: there is no file {path!r}")
+    _check_counts(path)
     open3d = import_open3d()
     # Its own complaints would be a second message beside ours.
     with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
@@ -36,20 +45,65 @@ def load_mesh(path: str, contrast: float) -> Mesh:
     triangles = np.asarray(found.triangles, dtype=np.int32)
     if len(triangles) == 0:
         raise ValueError(
-            f"road_user.mesh: Open3D finds no triangles in {path!r} (it passes over faces of four "
-            "and more corners: triangulate them)"
+            f"road_user.mesh: Open3D finds no triangles in {path!r}: the file is damaged, or all "
+            "its faces have four corners or more (triangulate them)"
         )
-    if not np.isfinite(vertices).all():
-        raise ValueError(f"road_user.mesh: a coordinate in {path!r} is not finite")
+    if not all(
+        np.isfinite(np.asarray(a)).all()
+        for a in (vertices, found.triangle_uvs, found.vertex_colors)
+    ):
+        raise ValueError(
+            f"road_user.mesh: a coordinate, texture coordinate or colour in {path!r} is not finite"
+        )
+    # NumPy takes a negative index for one from the end.
+    wrong = triangles[(triangles < 0) | (triangles >= len(vertices))]
+    if len(wrong):
+        raise ValueError(
+            f"road_user.mesh: a triangle in {path!r} has the vertex {wrong[0]}, counted from 0; "
+            f"the file has {len(vertices)} vertices"
+        )
     mesh = grounded(Mesh(tuple(_parts(found, vertices, triangles, contrast))))
     low, high = bounding_box(mesh)
-    longest = float(np.max(high[:2] - low[:2]))
-    if not LEAST_FOOTPRINT <= longest <= GREATEST_FOOTPRINT:
+    sides = high - low
+    if not ((sides >= LEAST_SIDE) & (sides <= GREATEST_SIDE)).all():
         raise ValueError(
-            f"road_user.mesh: the footprint in {path!r} is {longest:.3g} m long, it must be "
-            f"{LEAST_FOOTPRINT:g} to {GREATEST_FOOTPRINT:g} m (is the file in metres?)"
+            f"road_user.mesh: the mesh in {path!r} is {sides[0]:.3g} × {sides[1]:.3g} × "
+            f"{sides[2]:.3g} m large, each must be {LEAST_SIDE:g} to {GREATEST_SIDE:g} m "
+            "(is the file in metres?)"
+        )
+    a, b = np.diff(corners(mesh)[:, :, :2], axis=1).transpose(1, 2, 0)
+    if 0.5 * np.abs(a[0] * b[1] - a[1] * b[0]).sum() < LEAST_FOOTPRINT:
+        raise ValueError(
+            f"road_user.mesh: the mesh in {path!r} has no area seen from above (z must be up)"
         )
     return mesh
+
+
+def _check_counts(path: str) -> None:
+    """Check that the file can have as many elements as it declares: Open3D takes memory for all.
+
+    Raises:
+        ValueError: if it cannot, or is no regular file.
+    """
+    if not os.path.exists(path):
+        raise ValueError(f"road_user.mesh: there is no file {path!r}")
+    try:
+        with opened(Path(path)) as stream:
+            head, size = stream.read(2**16), os.fstat(stream.fileno()).st_size
+    except UserError as error:
+        raise ValueError(f"road_user.mesh: {error}") from None
+    counts: list[bytes] = []
+    if path.lower().endswith(".ply"):
+        header = head.partition(b"end_header")[0]
+        counts = re.findall(rb"^element\s+\S+\s+(\S+)", header, re.MULTILINE)
+    elif path.lower().endswith(".off"):
+        counts = re.sub(rb"#.*", b"", head).split()[1:3]
+    for count in counts:
+        if not count.isdigit() or int(count[:20]) > size:
+            raise ValueError(
+                f"road_user.mesh: {path!r} declares {count[:20].decode('ascii', 'replace')} "
+                f"elements, which a file of {size} bytes cannot have"
+            )
 
 
 def _parts(found, vertices, triangles, contrast):

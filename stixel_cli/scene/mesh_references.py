@@ -4,11 +4,13 @@ Read from the text of Wavefront's .obj and .mtl, of .gltf, and of the head of .p
 formats hold what they need, or name it in ways that are not read here.
 """
 
-import json
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 from urllib.parse import unquote
+
+from stixel_cli.errors import UserError
+from stixel_cli.files import opened, read_json
 
 MAPS = (b"map_", b"bump", b"disp", b"decal", b"refl", b"norm")
 """How the lines of an .mtl begin that name an image, as their last word."""
@@ -23,7 +25,8 @@ def referred_files(path: Path) -> tuple[Path, ...]:
         try:
             stat = one.stat()
             names = _names(one, stat.st_mtime_ns, stat.st_size)
-        except OSError:
+        except (OSError, UserError):
+            # What cannot be read is told by whoever reads the mesh.
             continue
         for other in (one.parent / name for name in names):
             if other not in found and other != path and other.is_file():
@@ -42,7 +45,7 @@ def _names(path: Path, *state: int) -> tuple[str, ...]:
 
 
 def _of_obj(path: Path) -> Iterator[str]:
-    with path.open("rb") as file:
+    with opened(path) as file:
         for line in file:
             if line.lstrip().startswith(b"mtllib"):
                 # Several names, or one with blanks in it.
@@ -51,7 +54,7 @@ def _of_obj(path: Path) -> Iterator[str]:
 
 
 def _of_mtl(path: Path) -> Iterator[str]:
-    with path.open("rb") as file:
+    with opened(path) as file:
         for line in file:
             if line.lstrip().lower().startswith(MAPS):
                 rest = _text(line.split(maxsplit=1)[1:])
@@ -60,16 +63,16 @@ def _of_mtl(path: Path) -> Iterator[str]:
 
 def _of_gltf(path: Path) -> Iterator[str]:
     try:
-        tree = json.loads(path.read_bytes())
+        tree = read_json(path)
         entries = [*tree.get("buffers", ()), *tree.get("images", ())]
         names = [entry["uri"] for entry in entries if "uri" in entry]
-    except (ValueError, TypeError, AttributeError):
+        yield from (unquote(name) for name in names if not name.startswith("data:"))
+    except (TypeError, AttributeError):
         return
-    yield from (unquote(name) for name in names if not name.startswith("data:"))
 
 
 def _of_ply(path: Path) -> Iterator[str]:
-    with path.open("rb") as file:
+    with opened(path) as file:
         for line in file:
             if line.startswith(b"end_header"):
                 return

@@ -9,8 +9,9 @@ from typing import Any
 from stixel_cli.engine.errors import MissingEntry
 from stixel_cli.engine.graph import Graph
 from stixel_cli.engine.store import Store
+from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import Scores
-from stixel_cli.report.folder_reader import SERIES, read_arrays
+from stixel_cli.report.folder_reader import SERIES, read_series
 from stixel_cli.studies.nouns import Part, StudyPoint
 from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.results import SweepResult
@@ -75,9 +76,12 @@ def part_of(name: str, result: SweepResult, store: Store, seconds: NodeSeconds) 
 
 
 def _scores(folder: Path, metrics: Mapping[str, float | int | None]) -> Scores:
-    arrays = read_arrays(folder / "scores.npz")
-    series = {name: arrays[name] for name in SERIES}
-    return Scores(times=arrays["t"], **series, metrics=dict(metrics))
+    file = folder / "scores.npz"
+    times, series = read_series(file)
+    missing = [name for name in SERIES if name not in series]
+    if missing:
+        raise UserError(f"{file}: {missing[0]} is missing")
+    return Scores(times=times, **series, metrics=dict(metrics))
 
 
 def _loader(graph: Graph, store: Store) -> Callable[[str], Any]:

@@ -116,8 +116,8 @@ def read_study(path: Path) -> StudyFile:
     Raises:
         ConfigurationError: in one line that names the file and the entry.
     """
+    content = read_mapping(path, ENTRIES)
     try:
-        content = read_mapping(path, ENTRIES)
         if "parts" not in content and not set(content) - set(SWEEP_ENTRIES):
             raise ConfigurationError(f"is a sweep, not a study: stixel sweep --from {path}")
         refuse_unknown(content, ENTRIES)

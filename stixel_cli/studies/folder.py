@@ -16,8 +16,7 @@ import yaml
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.folder import check_plain_name
 from stixel_cli.experiment.recorded_run import provenance
-from stixel_cli.files import write_whole, written
-from stixel_cli.report.folder_reader import read_text
+from stixel_cli.files import read_yaml, write_whole, written
 from stixel_cli.studies.nouns import Findings
 from stixel_cli.studies.plan import StudyPlan
 from stixel_cli.studies.tables import figures_of, table_csv, table_latex, table_markdown, tables_of
@@ -50,16 +49,13 @@ class StudyFolder:
         """
         if not self.path.exists():
             return False
-        if not (self.path / FILE).is_file():
+        if not (self.path / FILE).exists():
             if self.path.is_dir() and not any(self.path.iterdir()):
                 return False
             raise UserError(f"{self.path}: is there, and is no folder of a study: give --name")
         if fresh:
             return False
-        try:
-            there = yaml.safe_load(read_text(self.path / FILE))
-        except yaml.YAMLError:
-            there = None
+        there = read_yaml(self.path / FILE)
         if not isinstance(there, dict):
             raise UserError(f"{self.path / FILE}: not what a study was asked for: --fresh anew")
         wanted = yaml.safe_load(yaml_text(plan.request()))

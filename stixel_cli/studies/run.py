@@ -194,7 +194,7 @@ class _Run:
     def _sweep(self, name: str, one: PlannedPart, design: Design) -> SweepResult:
         path = self.folder.part(name)
         label = f"{self.plan.study.name} {name}"
-        if (path / "sweep.yaml").is_file():
+        if (path / "sweep.yaml").exists():
             request = SweepFolder(path).request()
             texts = [point.overrides for point in design_points(design)]
             same = _results(request.points) == _results(texts)

@@ -15,6 +15,7 @@ from stixel_cli.config.overrides import (
     single_overrides,
 )
 from stixel_cli.errors import ConfigurationError
+from stixel_cli.files import check_plain, read_text, read_yaml_text
 from stixel_cli.sweeps.design import SEED, Axis, Design, check_each
 
 ENTRIES = ("fixed", "axes", "zipped", "seeds", "leave_out")
@@ -40,7 +41,7 @@ def find_file(name: str) -> Path:
 
 def is_study(path: Path) -> bool:
     """Whether a file is of a study, of several sweeps, and not of one; both are in `pipelines/`."""
-    return re.search("^parts:", path.read_text("utf-8"), re.M) is not None
+    return re.search("^parts:", read_text(path), re.M) is not None
 
 
 def read_design(path: Path, shuffled: bool) -> Design:
@@ -49,8 +50,8 @@ def read_design(path: Path, shuffled: bool) -> Design:
     Raises:
         ConfigurationError: in one line that names the file and the entry.
     """
+    content = read_mapping(path, ENTRIES)
     try:
-        content = read_mapping(path, ENTRIES)
         if "parts" in content:
             raise ConfigurationError(f"is a study, not a sweep: stixel study {path.stem}")
         return replace(design_of(content, shuffled), file=str(path))
@@ -90,29 +91,31 @@ def read_mapping(path: Path, entries: Sequence[str]) -> dict[str, Any]:
     """The content of a YAML file that is to have some of `entries`, in plain types.
 
     Raises:
-        ConfigurationError: in one line, without the file's name.
+        UserError: in one line that names the file.
     """
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
     from yaml import YAMLError
 
+    text = read_yaml_text(path)
+    where = messages.printable(str(path), 200)
     try:
         # Its YAML takes 1e-6 for a number and refuses a key that is given twice.
-        content = OmegaConf.to_container(OmegaConf.load(path), resolve=False)
-    except OSError as error:
-        raise ConfigurationError(f"cannot be read: {error.strerror or error}") from None
-    except UnicodeDecodeError:
-        raise ConfigurationError("is not UTF-8 text") from None
+        content = OmegaConf.to_container(OmegaConf.create(text), resolve=False)
     except YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f"line {mark.line + 1}: " if mark is not None else ""
         reason = getattr(error, "problem", None) or "is no YAML"
-        raise ConfigurationError(f"{line}{messages.printable(str(reason), 200)}") from None
-    except (OmegaConfBaseException, ValueError, TypeError) as error:
+        raise ConfigurationError(f"{where}: {line}{messages.printable(str(reason), 200)}") from None
+    except (OmegaConfBaseException, AssertionError, ValueError, TypeError, RecursionError) as error:
+        # AssertionError: the whole file is one number.
         reason = (str(error).splitlines() or ["is no YAML"])[0]
-        raise ConfigurationError(messages.printable(reason, 200)) from None
+        raise ConfigurationError(f"{where}: {messages.printable(reason, 200)}") from None
+    check_plain(content, path)
     if not isinstance(content, dict):
-        raise ConfigurationError(f"must have the entries {', '.join(entries)}, as KEY: VALUE")
+        raise ConfigurationError(
+            f"{where}: must have the entries {', '.join(entries)}, as KEY: VALUE"
+        )
     return content
 
 

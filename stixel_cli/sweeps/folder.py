@@ -9,7 +9,6 @@ code/              what the points' lineage.json refer to: digests of the code t
 failed/0007/ …     config.yaml, failure.json, traceback.txt
 """
 
-import json
 import os
 import shutil
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -21,14 +20,14 @@ from typing import Any
 import yaml
 
 from stixel_cli.errors import FolderTaken, UserError
-from stixel_cli.files import write_whole, written
+from stixel_cli.files import read_yaml, write_whole, written
+from stixel_cli.report.folder_reader import read_manifest, read_metrics
 
 PLAN = "sweep.yaml"
 RUNS = "runs.csv"
 POINTS, FAILED, FIGURES = "points", "failed", "figures"
 
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 @dataclass(frozen=True)
@@ -78,7 +77,13 @@ class SweepFolder:
                 self.path.mkdir(parents=True)
             except FileExistsError:
                 raise FolderTaken(f"{self.path}: was made by another process meanwhile") from None
-        self.write_request(request)
+        try:
+            self.write_request(request)
+        except UserError:
+            # A full disk: an empty folder would keep its name from the next try.
+            with suppress(OSError):
+                self.path.rmdir()
+            raise
 
     def write_request(self, request: SweepRequest) -> None:
         """Write `sweep.yaml`."""
@@ -102,21 +107,23 @@ class SweepFolder:
         file = self.path / PLAN
         if not self.path.is_dir():
             raise UserError(f"{self.path}: there is no such folder")
+        if not file.exists():
+            raise UserError(f"{self.path}: no folder of a sweep ({PLAN} is missing)")
+        content = read_yaml(file)
         try:
-            content = yaml.load(file.read_text(encoding="utf-8"), _LOADER)
             axes = tuple(tuple(map(str, keys)) for keys in content.pop("axes"))
             points = tuple(tuple(map(str, overrides)) for overrides in content.pop("points"))
             shuffle, pictures = content.pop("shuffle"), content.pop("pictures")
             steps = tuple(map(str, content.pop("steps", ())))
             working_directory = str(content.pop("working_directory", ""))
-        except FileNotFoundError:
-            raise UserError(f"{self.path}: no folder of a sweep ({PLAN} is missing)") from None
-        except OSError as error:
-            raise UserError(f"{file}: cannot be read: {error.strerror}") from None
-        except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError):
+        except (AttributeError, KeyError, TypeError):
             raise UserError(f"{file}: not what a sweep was asked for") from None
         if not points or not isinstance(shuffle, int | None) or not isinstance(pictures, bool):
             raise UserError(f"{file}: not what a sweep was asked for")
+        for index, overrides in enumerate(points):
+            given = {text.partition("=")[0].strip().lstrip("+") for text in overrides}
+            for key in (key for keys in axes for key in keys if key not in given):
+                raise UserError(f"{file}: point {index} has no value for {key[:60]}, an axis")
         return SweepRequest(axes, points, shuffle, pictures, steps, working_directory, content)
 
     def point(self, index: int) -> Path:
@@ -136,14 +143,10 @@ class SweepFolder:
     def _read_point(self, index: int) -> tuple[list[str], dict[str, Any]] | None:
         folder = self.point(index)
         try:
-            manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-            metrics = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+            results, metrics = read_manifest(folder).get("results"), read_metrics(folder)
+        except UserError:
             return None
-        results = manifest.get("results") if isinstance(manifest, dict) else None
-        if not isinstance(results, list) or not isinstance(metrics, dict):
-            return None
-        return results, metrics
+        return (results, metrics) if isinstance(results, list) else None
 
     def write_point(
         self, index: int, files: Mapping[str, str | bytes | Callable[[Path], None]]
