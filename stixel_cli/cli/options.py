@@ -62,7 +62,10 @@ Name = Annotated[
 ]
 StudyName = Annotated[
     str | None,
-    typer.Option(help="Name of the result folder; if not given, the study's own.", metavar="<str>"),
+    typer.Option(
+        help="Name of the result folder (default: the study's name, then the overrides).",
+        metavar="<str>",
+    ),
 ]
 Results = Annotated[Path, typer.Option(metavar="DIR", help="Where the result folder is made.")]
 Workers = Annotated[

@@ -34,7 +34,7 @@ def study_command(
 
     Args:
         words: the study, and overrides in Hydra's grammar.
-        name: of the study's folder; None for the study's own.
+        name: of the study's folder; None for the study's name and its overrides.
         results: the folder in which that is.
         workers: short for the override `executor.workers`.
         json: print the result as JSON.
@@ -52,9 +52,9 @@ def study_command(
     options = _options(name, results, workers)
     if study != ALL:
         one = _Command(study, overrides, options, workers, dry_run, fresh)
-        # A study that is not there is said before its name is judged as a folder's.
-        found = find_study(study)
-        answer, code = one.run(one.plan(), study_folder(results, name or found.stem), json)
+        plan = one.plan()
+        folder = study_folder(results, plan.folder_name if name is None else name)
+        answer, code = one.run(plan, folder, json)
         if json:
             sys.stdout.write(json_text(answer))
         return code
@@ -71,7 +71,9 @@ def study_command(
             codes.append(error.exit_code)
     for one, plan in plans.items():
         try:
-            answers[one], code = commands[one].run(plan, study_folder(results, one), json)
+            answers[one], code = commands[one].run(
+                plan, study_folder(results, plan.folder_name), json
+            )
         except SweepInterrupted:
             raise
         except UserError as error:

@@ -80,7 +80,7 @@ def check_name(results: Path, name: str | None) -> None:
     if name is None:
         return
     check_plain_name(name)
-    if (results / name).exists():
+    if os.path.lexists(results / name):
         raise UserError(f"--name: {results / name} exists, and is not written over")
 
 

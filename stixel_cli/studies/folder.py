@@ -9,7 +9,6 @@ tables/ figures/   its tables as CSV, Markdown and LaTeX and its figures as SVG,
 import shutil
 from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
-from typing import Any
 
 import yaml
 
@@ -17,6 +16,7 @@ from stixel_cli.errors import UserError
 from stixel_cli.experiment.folder import check_plain_name
 from stixel_cli.experiment.recorded_run import provenance
 from stixel_cli.files import read_yaml, write_whole, written
+from stixel_cli.studies.differences import differences
 from stixel_cli.studies.nouns import Findings
 from stixel_cli.studies.plan import StudyPlan
 from stixel_cli.studies.tables import figures_of, table_csv, table_latex, table_markdown, tables_of
@@ -52,19 +52,21 @@ class StudyFolder:
         if not (self.path / FILE).exists():
             if self.path.is_dir() and not any(self.path.iterdir()):
                 return False
-            raise UserError(f"{self.path}: is there, and is no folder of a study: give --name")
+            raise UserError(f"{self.path}: exists and is not a study folder; choose another --name")
         if fresh:
             return False
-        there = read_yaml(self.path / FILE)
-        if not isinstance(there, dict):
-            raise UserError(f"{self.path / FILE}: not what a study was asked for: --fresh anew")
+        # As it would be read back.
         wanted = yaml.safe_load(yaml_text(plan.request()))
-        difference = _difference(there, wanted)
-        if difference is not None:
+        there = read_yaml(self.path / FILE)
+        try:
+            found = differences(there, wanted, str(self.path))
+        except ValueError:
             raise UserError(
-                f"{self.path}: was made with another configuration ({difference}): give --name "
-                "for a folder beside it, or --fresh to begin anew in its place"
-            )
+                f"{self.path / FILE}: not a valid study file; start over with --fresh"
+            ) from None
+        if found:
+            more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+            raise UserError(f"{found[0]}{more}; choose another --name, or start over with --fresh")
         return True
 
     def begin(self, plan: StudyPlan, command: str, fresh: bool) -> None:
@@ -118,24 +120,3 @@ def files_of(findings: Findings) -> dict[str, str | bytes]:
         if path.is_absolute() or ".." in path.parts or name in (FILE, PAGE):
             raise ValueError(f"{name!r} is no name for a file of a study")
     return files
-
-
-def _difference(there: Any, wanted: Any, where: str = "") -> str | None:
-    """Where what was asked for first differs, None if it does not."""
-    if not isinstance(there, dict) or not isinstance(wanted, dict):
-        if there == wanted:
-            return None
-        return f"{where}: {_shown(there)} there, {_shown(wanted)} here"
-    for key, value in wanted.items():
-        if key not in there:
-            return f"{where} {key}: not there".strip()
-        found = _difference(there[key], value, f"{where} {key}".strip())
-        if found is not None:
-            return found
-    odd = [key for key in there if where and key not in wanted]
-    return f"{where}: {odd[0]} is there" if odd else None
-
-
-def _shown(value: Any) -> str:
-    text = yaml.safe_dump(value, default_flow_style=True, width=10**6).strip().removesuffix("\n...")
-    return text if len(text) <= 80 else text[:79] + "…"

@@ -1,10 +1,13 @@
 """What a study would run: the design of every part, checked before anything is computed."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from typing import Any
 
 from stixel_cli.config import messages
+from stixel_cli.config.overrides import parse_overrides, single_overrides
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.experiment.stored_run import OF_THE_MACHINE
 from stixel_cli.studies.file import PartFile, StudyFile
@@ -13,6 +16,9 @@ from stixel_cli.sweeps.design import Design, check_size
 from stixel_cli.sweeps.graphs import SweepPlan
 from stixel_cli.sweeps.points import design_points
 from stixel_cli.sweeps.whole import planned_sweep
+
+_NOT_PLAIN = re.compile(r"[^A-Za-z0-9_.+=,-]+")
+_LONGEST_NAME = 100
 
 
 @dataclass(frozen=True)
@@ -33,6 +39,18 @@ class StudyPlan:
     overrides: tuple[str, ...]
     parts: tuple[PlannedPart, ...]
     notes: tuple[str, ...]
+
+    @property
+    def folder_name(self) -> str:
+        """Of its folder, unless one is given: the study's name, then its overrides.
+
+        So a command finds its own folder again, and no two commands of different results share one.
+        """
+        texts = sorted(_values_text(text) for text in self.overrides if not of_the_machine(text))
+        name = "-".join((self.study.name, *texts))
+        plain = _NOT_PLAIN.sub("-", name)[:_LONGEST_NAME]
+        # A name that lost characters could be that of other overrides too.
+        return name if plain == name else f"{plain}-{sha256(name.encode()).hexdigest()[:8]}"
 
     def request(self) -> dict[str, Any]:
         """What is asked for, in plain types: equal for two commands that mean the same results."""
@@ -55,6 +73,13 @@ class StudyPlan:
         }
 
 
+def _values_text(text: str) -> str:
+    """An override with its values written out: `seed=range(0,2)` means what `seed=0,1` means."""
+    (parsed,) = parse_overrides([text])
+    values = [one.partition("=")[2] for one in single_overrides(parsed, shuffled=False)]
+    return f"{parsed.key_or_group}={','.join(values)}"
+
+
 def of_the_machine(text: str) -> bool:
     """Whether an override says where to compute, on which no result depends."""
     return key_of(text).partition(".")[0] in OF_THE_MACHINE
@@ -68,7 +93,8 @@ def plan_study(study: StudyFile, overrides: Sequence[str]) -> StudyPlan:
     """
     designs, notes = overridden(
         [part.design() for part in study.parts],
-        overrides,
+        # So that their order makes no other request.
+        sorted(overrides),
         [part.name for part in study.parts],
         [part.name for part in study.parts if part.derive is not None],
     )

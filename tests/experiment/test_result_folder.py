@@ -97,6 +97,7 @@ def test_default_names_do_not_collide(results, capsys):
     ("arguments", "said"),
     [
         (("--name", "taken"), "exists, and is not written over"),
+        (("--name", "link"), "exists, and is not written over"),
         (("--name", "a/b"), "is no folder name"),
         (("--name", ""), "is no folder name"),
         (("--name", "x" * 201), "at most 200 characters"),
@@ -108,6 +109,7 @@ def test_default_names_do_not_collide(results, capsys):
 def test_a_folder_that_cannot_be_written_is_refused(arguments, said, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "results" / "taken").mkdir(parents=True)
+    (tmp_path / "results" / "link").symlink_to("nowhere")
     (tmp_path / "file").write_text("mine")
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
     assert main(["run", *FABRICATED, *arguments]) == 2
@@ -115,7 +117,7 @@ def test_a_folder_that_cannot_be_written_is_refused(arguments, said, tmp_path, c
     assert sorted(os.listdir(tmp_path)) == ["file", "results"]
     assert said in error
     assert error.count("\n") == 1
-    assert os.listdir(tmp_path / "results") == ["taken"]
+    assert sorted(os.listdir(tmp_path / "results")) == ["link", "taken"]
     assert not os.listdir(tmp_path / "results" / "taken")
 
 

@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -245,7 +246,7 @@ _TRACKERS = {"gp_ekf": "GP-EKF", "point": "point tracker"}
 def tiny(studies):
     answer = studies.run("rq2", *TINY)
     assert answer["complete"] and answer["parts"]["tracking"]["points"] == 2 * 2
-    return studies.results / "rq2"
+    return Path(answer["folder"])
 
 
 def test_a_tiny_study_from_the_command_line(tiny, open_page):

@@ -6,6 +6,7 @@ noise than the study's own, and the fit has to find that noise.
 
 import csv
 import io
+from pathlib import Path
 
 import pytest
 import yaml
@@ -41,8 +42,7 @@ def study(tmp_path):
 
 
 def test_the_study_answers_and_makes_its_preset(studies, study):
-    studies.run(study, *TINY)
-    folder = studies.results / "tiny"
+    folder = Path(studies.run(study, *TINY)["folder"])
     page = (folder / "report.html").read_text("utf-8")
     for words in ("Simulated / fabricated / fitted, means over n = 2", "rank-biserial", "Holm"):
         assert words in page
@@ -62,15 +62,15 @@ def test_the_study_answers_and_makes_its_preset(studies, study):
 
 
 def test_the_method_says_what_noise_was_compared(studies, study):
-    studies.run(study, *TINY, "measurement/noise=constant", "measurement.noise.range_deviation=0.2")
-    page = (studies.results / "tiny" / "report.html").read_text("utf-8")
+    noise = ("measurement/noise=constant", "measurement.noise.range_deviation=0.2")
+    page = Path(studies.run(study, *TINY, *noise)["report"]).read_text("utf-8")
     assert "white noise of the range (0.200\u202fm) along the ray" in page
     assert "white noise of the disparity" not in page
 
 
 def test_a_path_is_judged_with_a_noise_that_has_not_seen_it(studies, study):
-    studies.run(study, *TINY[:1], "path=depart,crossing", *TINY[3:])
-    folder = studies.results / "tiny"
+    overrides = (*TINY[:1], "path=depart,crossing", *TINY[3:])
+    folder = Path(studies.run(study, *overrides)["folder"])
     runs = [
         yaml.safe_load(path.read_text("utf-8"))
         for path in (folder / "parts" / "fitted" / "points").rglob("config.yaml")

@@ -13,6 +13,9 @@ from study_toy import changed
 from stixel_cli.cli.app import main
 from stixel_cli.engine import execute as execution
 from stixel_cli.engine import keys
+from stixel_cli.studies.differences import differences
+from stixel_cli.studies.file import read_study
+from stixel_cli.studies.plan import StudyPlan
 from stixel_cli.sweeps import run as sweep_run
 
 
@@ -110,18 +113,74 @@ def test_points_that_are_computed_again_are_told(studies, toy, monkeypatch):
 
 def test_another_configuration_is_refused_but_for_name_or_fresh(studies, toy):
     file = toy()
-    studies.run(file, "road_user=car", "seed=0")
-    error = studies.refused(file, "road_user=car", "seed=1")
-    assert "with another configuration (parts first axes" in error
+    same = ("--name", "same")
+    studies.run(file, "road_user=car", "seed=0", *same)
+    error = studies.refused(file, "road_user=car", "seed=1,2", *same)
+    folder = studies.results / "same"
+    # What differs comes first and whole.
+    assert error.startswith(f"stixel: seed of part first: 0 in {folder}, 1,2 here (and 1 more); ")
     assert "--name" in error and "--fresh" in error
     assert studies.run(file, "road_user=car", "seed=1", "--name", "other")["complete"]
-    fresh = studies.run(file, "road_user=car", "seed=1", "--fresh")
+    fresh = studies.run(file, "road_user=car", "seed=1", "--fresh", *same)
     assert fresh["complete"] and fresh["parts"]["first"]["done"] == 1
     (studies.results / "mine").mkdir()
     (studies.results / "mine/text").write_text("mine\n")
-    assert "no folder of a study" in studies.refused(file, "--name", "mine", "--fresh")
+    assert "is not a study folder" in studies.refused(file, "--name", "mine", "--fresh")
     assert "is no folder name" in studies.refused(file, "--name", "a/b")
     assert "at most 200 characters" in studies.refused(file, "--name", "a" * 201)
+    for dry_run in ((), ("--dry-run",)):
+        assert "--name: '' is no folder name" in studies.refused(file, "--name=", *dry_run)
+    for content in ("[1", "[]", "parts: 3", "{study: toy, report: r, parts: {first: {fixed: 3}}}"):
+        (folder / "study.yaml").write_text(content)
+        assert "study.yaml: not a valid study file" in studies.refused(file, *same)
+
+
+def test_what_differs_is_shown_however_long_the_values():
+    before = {"study": "a", "report": "b", "parts": {"first": part_of("seed", range(40))}}
+    after = {"study": "a", "report": "b", "parts": {"first": part_of("seed", (*range(39), 77))}}
+    assert differences(before, before, "F") == []
+    (text,) = differences(before, after, "F")
+    assert text.startswith("seed: …") and len(text) < 200
+    there, here = text.split(" in F, ")
+    assert there.endswith("38,39") and here.endswith("38,77 here")
+    assert differences(before, {**after, "study": "c"}, "F")[0] == "study: a in F, c here"
+    after["parts"]["first"] |= {
+        "fixed": ["path.duration=2"],
+        "axes": before["parts"]["first"]["axes"],
+    }
+    assert differences(before, after, "F") == ["path.duration: not set in F, 2 here"]
+    assert differences(after, before, "F") == ["path.duration: 2 in F, not set here"]
+
+
+def part_of(key, values):
+    axis = {"keys": [key], "steps": [[f"{key}={value}"] for value in values]}
+    return {"fixed": [], "axes": [axis], "leave_out": [], "results": [], "derive": None}
+
+
+def test_overrides_name_the_folder_so_that_commands_do_not_collide(studies, toy):
+    file = toy()
+    assert studies.run(file, "executor.workers=2")["folder"] == str(studies.results / "toy")
+    few = studies.run(file, "seed=range(0,2)", "path.duration=0.2")
+    assert few["folder"] == str(studies.results / "toy-path.duration=0.2-seed=0,1")
+    # The same results by another command line.
+    again = studies.run(file, "path.duration=0.2", "seed=0,1")
+    assert again["folder"] == few["folder"] and again["nodes"]["computed"] == 0
+    assert studies.run(file)["folder"] == str(studies.results / "toy")
+
+
+@pytest.mark.parametrize(
+    ("overrides", "name"),
+    [
+        (["measurement/noise=constant"], r"toy-measurement-noise=constant-[0-9a-f]{8}"),
+        (["path.heading=[0.5]"], r"toy-path\.heading=-0\.5--[0-9a-f]{8}"),
+        (["seed=range(0,90)"], r"toy-seed=0,1,[0-9,]{87}-[0-9a-f]{8}"),
+    ],
+)
+def test_a_folder_name_is_one_that_disks_take(toy, overrides, name):
+    plan = StudyPlan(read_study(toy()), tuple(overrides), (), ())
+    assert re.fullmatch(name, plan.folder_name)
+    other = StudyPlan(plan.study, (*overrides, "tracker.sigma_f=3"), (), ())
+    assert other.folder_name != plan.folder_name
 
 
 def test_what_fails_is_told_and_gone_on_with(studies, toy, tmp_path):
@@ -129,25 +188,26 @@ def test_what_fails_is_told_and_gone_on_with(studies, toy, tmp_path):
     mesh.write_text("this is no mesh\n", encoding="utf-8")
     file = toy(changed(("parts", "first", "axes"), {"road_user.mesh": [None, str(mesh)]}))
     answer = studies.run(file, "seed=0", code=1)
+    folder = studies.results / "toy-seed=0"
     assert not answer["complete"] and answer["answer"] is None
     assert answer["parts"]["first"]["done"] == 2
     # The second part's axes would follow from the first.
     assert answer["parts"]["second"] == {
         "points": None,
         "done": 0,
-        "folder": str(studies.results / "toy/parts/second"),
+        "folder": str(folder / "parts/second"),
         "faults": ["its axes follow from the parts before"],
     }
     assert "no statistics: points are not there: first 2 of 4, second 0 of ?" in studies.error
     command = f"stixel study {file} seed=0 --results {studies.results}"
     assert studies.error.endswith(f"{command}\n")
-    page = (studies.results / "toy/report.html").read_text()
+    page = (folder / "report.html").read_text()
     assert "no statistics" in page and "bad.obj" in page and command in page
-    assert not (studies.results / "toy/tables").exists() and not toy.seen
+    assert not (folder / "tables").exists() and not toy.seen
     mesh.write_text(_BOX, encoding="utf-8")
     answer = studies.run(file, "seed=0")
     assert answer["complete"] and answer["parts"]["first"]["done"] == 4
-    assert "no statistics" not in (studies.results / "toy/report.html").read_text()
+    assert "no statistics" not in (folder / "report.html").read_text()
 
 
 _BOX = """v -2 -0.9 0
@@ -245,7 +305,7 @@ def test_an_override_that_is_left_out_of_a_part_is_told(studies, toy, capsys):
     assert capsys.readouterr().out.startswith(f"note: {note}\n")
     answer = studies.run(file, "path=s_curve", "seed=0")
     assert answer["notes"] == [note] and studies.error.startswith(f"stixel: {note}\n")
-    assert note in (studies.results / "toy/report.html").read_text()
+    assert note in Path(answer["report"]).read_text()
 
 
 def test_an_override_that_fits_no_part_is_refused(studies, toy):
@@ -289,8 +349,8 @@ def test_which_studies_cannot_be_run_is_told_before_the_first_runs(studies, toy,
 
 
 def test_what_was_asked_for_is_kept(studies, toy):
-    studies.run(toy(), "road_user=car", "seed=0")
-    content = yaml.safe_load((studies.results / "toy/study.yaml").read_text())
+    answer = studies.run(toy(), "road_user=car", "seed=0")
+    content = yaml.safe_load(Path(answer["folder"], "study.yaml").read_text())
     assert content["overrides"] == ["road_user=car", "seed=0"]
     assert content["parts"]["first"]["results"] == ["scans", "track"]
     assert content["parts"]["second"]["derive"] == "widths"

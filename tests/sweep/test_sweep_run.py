@@ -152,6 +152,8 @@ def test_statistics_of_few_values():
         ([*FEW, "sensor.read_noise=0,1"], "no stage reads it"),
         (["seed=3"], "nothing to sweep"),
         ([*FEW, "seed=0,1", "--name", "a/b"], "is no folder name"),
+        ([*FEW, "seed=0,1", "--name", "a/b", "--dry-run"], "is no folder name"),
+        ([*FEW, "seed=0,1", "--name", "", "--dry-run"], "is no folder name"),
         (["--from", "nowhere"], "there is no such file"),
     ],
 )
