@@ -1,7 +1,7 @@
 """Scores of one track: conventions → validate → metric functions → evaluate.
 
-Conventions are those of `metrics.py`. A scan is lost if the IoU is below `LOST_BELOW`. The second
-half begins at scan K // 2. A summary over scans is None where one of its errors cannot be had;
+Conventions are those of `metrics.py`. A scan has low overlap if its IoU is below `LOW_OVERLAP`. The
+second half begins at scan K // 2. A summary over scans is None where one of its errors is missing;
 NIS and NEES are taken over the scans that have one.
 """
 
@@ -19,7 +19,7 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track
 
-LOST_BELOW = 0.2
+LOW_OVERLAP = 0.2
 
 
 def validate(track: Track, scenario: Scenario, scans: Scans) -> None:
@@ -64,7 +64,7 @@ def evaluate(track: Track, scenario: Scenario, scans: Scans) -> Scores:
         "iou_mean": _mean(iou),
         "iou_second_half": _mean(iou[half:]),
         "iou_final": _mean(iou[-1:]),
-        "lost_share": _mean(iou < LOST_BELOW),
+        "low_overlap_share": _mean(iou < LOW_OVERLAP),
         "nees_position_mean": _mean(nees_position[np.isfinite(nees_position)]),
         "nees_heading_mean": _mean(nees_heading[np.isfinite(nees_heading)]),
         "nis_mean": _mean(nis[np.isfinite(nis)]),

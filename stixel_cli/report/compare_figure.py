@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stixel_cli.evaluation.evaluate import LOST_BELOW
+from stixel_cli.evaluation.evaluate import LOW_OVERLAP
 from stixel_cli.report import style
 from stixel_cli.report.folder_reader import RunFolder
 
@@ -32,7 +32,7 @@ class Curve:
 CURVES = (
     Curve("centre_error", "Centre error", "m", limits=(0.0, None)),
     Curve("orientation_error", "Orientation error", "degrees", float(np.degrees(1.0)), line=0.0),
-    Curve("iou", "Intersection over union", "IoU", limits=(0.0, 1.0), line=LOST_BELOW),
+    Curve("iou", "Intersection over union", "IoU", limits=(0.0, 1.0), line=LOW_OVERLAP),
     Curve("nees_position", "Position NEES / 2, 1 is consistent", "ratio", 1.0, True, line=1.0),
     Curve("nis", "NIS / degrees of freedom, 1 is consistent", "ratio", 1.0, True, line=1.0),
 )

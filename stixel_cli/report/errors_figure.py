@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.special import gammaincinv
 
-from stixel_cli.evaluation.evaluate import LOST_BELOW
+from stixel_cli.evaluation.evaluate import LOW_OVERLAP
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.report import style
@@ -64,11 +64,11 @@ def _draw_errors(column, scores: Scores) -> None:
     )
     orientation.set_ylabel("degrees")
     overlap.plot(scores.times, scores.iou, color=style.ESTIMATE)
-    overlap.axhline(LOST_BELOW, color=style.UNUSED, linewidth=0.9, linestyle="--")
+    overlap.axhline(LOW_OVERLAP, color=style.UNUSED, linewidth=0.9, linestyle="--")
     overlap.set_ylim(0.0, 1.0)
     overlap.set_title(
         f"Intersection over union{_summary('mean', scores, 'iou_mean', '')}"
-        f"  (dashed: below {LOST_BELOW} is lost)"
+        f"  (dashed: low overlap, < {LOW_OVERLAP})"
     )
     overlap.set_ylabel("IoU")
 

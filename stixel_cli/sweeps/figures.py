@@ -11,11 +11,11 @@ from stixel_cli.report.metrics import METRICS, metric
 from stixel_cli.sweeps.design import SEED
 from stixel_cli.sweeps.statistics import Statistic, statistic
 
-SHOWN = ("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "lost_share")
+SHOWN = ("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "low_overlap_share")
 MOST_LINES = 8
 """Combinations of the other axes that get a line each; of more, their points are taken together."""
 
-SHARES = ("iou_mean", "iou_second_half", "iou_final", "lost_share")
+SHARES = ("iou_mean", "iou_second_half", "iou_final", "low_overlap_share")
 """Metrics that lie in [0, 1] by what they are; all others that are known are not negative."""
 
 _DODGED = 0.25

@@ -17,7 +17,7 @@ class Statistic:
     Attributes:
         setting: keys that differ between points, without the seed, with their values as typed.
         metric: its name.
-        n: how many seeds have a value; one that lost its track may have none.
+        n: how many seeds have a value; one whose estimate is not finite may have none.
         mean: None if none has.
         deviation: standard deviation, n - 1 in the denominator; None below two values.
         low, high: ends of the 95 % interval of the mean, Student's t with n - 1 degrees of

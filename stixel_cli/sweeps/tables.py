@@ -25,6 +25,9 @@ _LATEX = {
     "–": "--",
     "\u2212": "$-$",
     "×": r"$\times$",
+    # Without a package, < and > are other signs in text.
+    "<": "$<$",
+    ">": "$>$",
     "²": "$^2$",
     "σ": r"$\sigma$",
     "\u202f": r"\,",

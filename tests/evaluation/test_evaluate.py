@@ -29,7 +29,7 @@ REQUIRED = {
     "iou_mean",
     "iou_second_half",
     "iou_final",
-    "lost_share",
+    "low_overlap_share",
     "nees_position_mean",
     "nis_mean",
     "scans",
@@ -85,7 +85,7 @@ def test_the_summary_is_that_of_pencil_and_paper():
         "iou_mean": (1 + scores.iou[1] + 2 * turned_iou) / 5,
         "iou_second_half": 2 * turned_iou / 3,
         "iou_final": 0.0,
-        "lost_share": 0.2,
+        "low_overlap_share": 0.2,
         "nees_position_mean": 202 / 5,
         "nees_heading_mean": 2 * 0.04 / 5,
         "nis_mean": 5.5 / 4,
@@ -97,7 +97,7 @@ def test_the_summary_is_that_of_pencil_and_paper():
     assert metrics == pytest.approx(expected, abs=1e-12)
 
 
-def test_a_scan_is_lost_below_an_overlap_of_a_fifth():
+def test_overlap_is_low_below_a_fifth():
     """Squares of side 2, one shifted along the other's side by s: (2 - s) / (2 + s)."""
     still = dataclasses.replace(SCENARIO, target_poses_world=POSES * [1, 1, 0])
     shifts = np.zeros((COUNT, 3))
@@ -105,7 +105,7 @@ def test_a_scan_is_lost_below_an_overlap_of_a_fifth():
     shifts[1:, 0] = 1.3, 1.33, 1.34, 2.5
     scores = evaluate(track_with(shifts), still, SCANS)
     np.testing.assert_allclose(scores.iou[1:4], [0.7 / 3.3, 0.67 / 3.33, 0.66 / 3.34], atol=1e-9)
-    assert scores.metrics["lost_share"] == pytest.approx(2 / 5)
+    assert scores.metrics["low_overlap_share"] == pytest.approx(2 / 5)
 
 
 def test_metrics_are_plain_numbers():
@@ -132,13 +132,13 @@ def test_what_cannot_be_had_is_none_and_not_zero():
     assert scores.metrics["points_used_mean"] == 0.0
 
 
-def test_a_track_that_is_not_finite_is_lost_and_hides_in_no_mean():
+def test_a_track_that_is_not_finite_has_low_overlap_and_hides_in_no_mean():
     track = track_with(SHIFTS)
     track.contours_world[3] = np.nan
     track.means[3] = np.nan
     scores = evaluate(track, SCENARIO, SCANS)
     assert scores.metrics["centre_rmse_m"] is None
-    assert scores.metrics["lost_share"] == pytest.approx(0.4)
+    assert scores.metrics["low_overlap_share"] == pytest.approx(0.4)
     assert scores.metrics["centre_final_m"] == pytest.approx(10.0)
 
 

@@ -101,7 +101,7 @@ def test_two_sensors_and_two_trackers_of_a_mesh_of_ones_own_from_a_car_that_turn
     assert len(rows) == 4
     assert len({row["centre_rmse_m"] for row in rows}) == 4
     assert all(float(row["points_used_mean"]) > 10 for row in rows)
-    assert all(float(row["lost_share"]) == 0.0 for row in rows)
+    assert all(float(row["low_overlap_share"]) == 0.0 for row in rows)
 
 
 @pytest.mark.parametrize(

@@ -92,7 +92,7 @@ def make_scores(scenario, track):
     nees = 0.5 * (offset[:, 0] ** 2 / 0.04 + offset[:, 1] ** 2 / 0.09)
     with np.errstate(invalid="ignore", divide="ignore"):
         nis = track.nis / track.nis_degrees_of_freedom
-    metrics = {"centre_rmse_m": float(np.sqrt(np.mean(error**2))), "lost_share": 0.0}
+    metrics = {"centre_rmse_m": float(np.sqrt(np.mean(error**2))), "low_overlap_share": 0.0}
     metrics |= {"iou_mean": float(iou.mean()), "nis_mean": None, "scans": len(error)}
     return Scores(track.times, error, wrap_angle(offset[:, 2]), iou, nees, nis, metrics)
 

@@ -111,15 +111,15 @@ def test_birds_eye(run):
     check_pngs(pictures.files)
 
 
-def test_birds_eye_of_an_empty_scan_and_of_a_lost_track(run):
+def test_birds_eye_of_an_empty_scan_and_of_a_track_that_is_not_finite(run):
     assert len(run["scans"].points_world[run["scans"].rows(5)]) == 0
     check_pngs(track_pictures(**run, frame=5).files)
-    lost = replace(
+    not_finite = replace(
         run["track"],
         means=np.full_like(run["track"].means, np.nan),
         contours_world=np.full_like(run["track"].contours_world, np.nan),
     )
-    check_pngs(track_pictures(**run | {"track": lost}, frame=4).files)
+    check_pngs(track_pictures(**run | {"track": not_finite}, frame=4).files)
 
 
 def test_run_pictures(run):

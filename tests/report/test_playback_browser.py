@@ -202,12 +202,12 @@ def test_two_runs_lie_over_each_other(open_page, pages):
 
 
 def test_an_estimate_outside_the_picture_is_pointed_at(open_page, tmp_path):
-    run = make_run("lost")
+    run = make_run("away")
     away = np.array([30.0, -40.0])
     means = run.track.means.copy()
     means[:, :2] += away
     track = replace(run.track, means=means, contours_world=run.track.contours_world + away)
-    file = tmp_path / "lost.html"
+    file = tmp_path / "away.html"
     file.write_text(playback_html([make_run("held"), replace(run, track=track)], "two"), "utf-8")
     opened = open_page(file)
     page = opened.page

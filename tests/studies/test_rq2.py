@@ -60,7 +60,7 @@ def run(seed=0, measurement="simulated", tracker="gp_ekf", centre=1.0, **changes
             centre_rmse_m=centre,
             orientation_rmse_deg=2.0 * centre,
             iou_mean=0.9 - 0.1 * centre,
-            lost_share=0.0,
+            low_overlap_share=0.0,
             nees_position_mean=1.0,
             nis_mean=1.0,
         ),
@@ -89,8 +89,8 @@ def test_differences_are_paired_by_seed():
     assert found.n == 3 and found.mean == pytest.approx(0.2)
     assert found.deviation == pytest.approx(0.1)
     assert found.low == pytest.approx(0.2 - 4.302653 * 0.1 / np.sqrt(3), abs=1e-6)
-    lost = [dataclasses.replace(other[0], point=_Point(centre_rmse_m=None))]
-    assert paired_difference(one[:1], lost, "centre_rmse_m").n == 0
+    without = [dataclasses.replace(other[0], point=_Point(centre_rmse_m=None))]
+    assert paired_difference(one[:1], without, "centre_rmse_m").n == 0
 
 
 def test_of_several_paths_a_seed_counts_once():
@@ -255,9 +255,11 @@ def test_a_tiny_study_from_the_command_line(tiny, open_page):
         "Pedestrian",
         "Fabricated measurements",
         "Tracking",
-        "Published for lidar",
     ):
         assert re.search(rf"<h[23]>[\d.]+ {title}</h", html), title
+    # What was not run by this study is not in its report.
+    for words in ("Published", "model.md", "lost"):
+        assert words not in html
     with (tiny / "parts/tracking/runs.csv").open(encoding="utf-8") as file:
         runs = list(csv.DictReader(file))
     with (tiny / "tables/pedestrian_tracking.csv").open(encoding="utf-8") as file:

@@ -34,7 +34,7 @@ def page(tmp_path_factory, shared_cache):
         patch.setenv("STIXEL_CACHE", str(shared_cache))
         patch.setitem(sys.modules, module.__name__, module)
         assert main(["study", str(file), "road_user=car", "--results", str(folder)]) == 0
-    return folder / "toy/report.html"
+    return folder / "toy-road_user=car/report.html"
 
 
 def test_the_page_needs_nothing_but_itself(page):
@@ -135,7 +135,7 @@ def test_an_interval_is_shown_to_the_digits_that_it_bears():
     assert shown[0] == ["a", "−6 [−26, 15]", "< 0.0001"]
     assert shown[1] == ["b", "0.100 [0.071, 0.129]", "0.0400"]
     assert shown[2] == ["c", "0.100", "–"]
-    assert "$-$6 [$-$26, 15]" in table_latex(table)
+    assert "$-$6 [$-$26, 15] & $<$ 0.0001" in table_latex(table)
     assert "-26.196" in table_csv(table)
 
 

@@ -5,7 +5,7 @@ const finite = (values) => values.filter((value) => value !== null && Number.isF
 const CHARTS = [
   { key: "centre", title: "Centre error", digits: 3, unit: " m", low: 0 },
   { key: "orientation", title: "Orientation error", digits: 2, unit: "°", rule: 0 },
-  { key: "iou", title: "IoU", digits: 3, unit: "", low: 0, high: 1, dash: LOST_BELOW },
+  { key: "iou", title: "IoU", digits: 3, unit: "", low: 0, high: 1, dash: LOW_OVERLAP },
   { key: "nees", title: "Position NEES / 2", digits: 2, unit: "", log: true, rule: 1,
     bounds: () => times.map(() => data.neesBounds) },
   { key: "nis", title: "NIS / d.o.f.", digits: 2, unit: "", log: true, rule: 1,

@@ -23,7 +23,7 @@ from stixel_cli.studies.rq2.runs import (
 from stixel_cli.sweeps.statistics import Statistic
 
 _BESIDE = {
-    "lost_share": "share of scans lost",
+    "low_overlap_share": "low overlap share",
     "nees_position_mean": "position NEES / 2",
     "nis_mean": "NIS / d.o.f.",
 }
@@ -103,7 +103,7 @@ def _lidar_table(
         "95 % interval over the seeds. Of the errors a positive difference, of the IoU a negative "
         "one, is worse for stixels. NEES / 2 and NIS / d.o.f. are 1 where the stated covariance "
         "is right and more where the tracker is too sure of itself; a mean of them is moved most "
-        "by the runs that diverge. A lost scan overlaps by less than 0.2.",
+        "by the runs that diverge. Low overlap share: share of scans with IoU < 0.2.",
         tuple(columns),
         tuple(rows),
     )

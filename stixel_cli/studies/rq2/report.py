@@ -16,7 +16,6 @@ from stixel_cli.studies.rq2.answer import answer, answer_tables
 from stixel_cli.studies.rq2.conditions import CONDITIONS, condition_table
 from stixel_cli.studies.rq2.contrasts import ERRORS, contrasts_section
 from stixel_cli.studies.rq2.figures import boxes, by_condition, example_scans, over_time
-from stixel_cli.studies.rq2.published import published
 from stixel_cli.studies.rq2.runs import (
     Run,
     chosen,
@@ -55,7 +54,6 @@ def report(data: StudyData) -> Findings:
         Section("What was compared", _method(runs)),
         contrasts_section(runs),
         *chapters,
-        published(),
         Section("Appendix: the numbers behind the figures by range, aspect and points", appendix),
     )
     return Findings(tuple(answer(runs)), sections, {}, answer_tables(runs))
@@ -90,7 +88,7 @@ def _method(runs: Sequence[Run]) -> tuple[Paragraph | Table, ...]:
         Paragraph(
             "Centre error: distance of the estimated from the true centre. Orientation error: "
             "wrapped to ±180°, shown without its sign. IoU: of the areas within estimated and true "
-            "contour; a scan with less than 0.2 counts as lost. RMSE is over the scans of a run, "
+            "contour; a scan with less than 0.2 has low overlap. RMSE is over the scans of a run, "
             "the empty ones included. NEES is divided by 2 and NIS by its degrees of freedom: 1 is "
             "consistent, more says that the tracker claims to know more than it does, less that it "
             "knows more than it claims. The point tracker's contour is a circle of the class's "
@@ -241,7 +239,7 @@ def _tracking_table(user: str, runs: Sequence[Run]) -> Table:
                 if not same:
                     continue
                 cells: list[str | float | int | None] = [path, tracker, measurement, len(same)]
-                for metric in (*ERRORS, "lost_share"):
+                for metric in (*ERRORS, "low_overlap_share"):
                     one = metric_over_seeds(same, metric)
                     cells += [one.mean, one.deviation]
                 nees, nis = within_bounds(same)
@@ -264,8 +262,8 @@ def _tracking_table(user: str, runs: Sequence[Run]) -> Table:
             "± orientation",
             "mean IoU",
             "± IoU",
-            "share lost",
-            "± share lost",
+            "low overlap share",
+            "± low overlap share",
             "NEES / 2",
             "NEES within",
             "NIS / d.o.f.",
