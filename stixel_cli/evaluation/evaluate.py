@@ -13,13 +13,11 @@ from stixel_cli.evaluation.metrics import (
     normalised_errors,
     orientation_errors,
 )
-from stixel_cli.evaluation.scores import Scores
+from stixel_cli.evaluation.scores import LOW_OVERLAP, Scores
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track
-
-LOW_OVERLAP = 0.2
 
 
 def validate(track: Track, scenario: Scenario, scans: Scans) -> None:

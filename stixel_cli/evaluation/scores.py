@@ -4,6 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+LOW_OVERLAP = 0.2
+"""A scan has low overlap if its IoU is below this."""
+
 
 @dataclass(frozen=True)
 class Scores:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stixel_cli.evaluation.evaluate import LOW_OVERLAP
+from stixel_cli.evaluation.scores import LOW_OVERLAP
 from stixel_cli.report import style
 from stixel_cli.report.folder_reader import RunFolder
 

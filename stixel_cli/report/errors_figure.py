@@ -5,8 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.special import gammaincinv
 
-from stixel_cli.evaluation.evaluate import LOW_OVERLAP
-from stixel_cli.evaluation.scores import Scores
+from stixel_cli.evaluation.scores import LOW_OVERLAP, Scores
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.report import style
 from stixel_cli.tracking.track import Track
