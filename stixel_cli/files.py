@@ -84,10 +84,8 @@ def opened(file: Path, greatest: int = GREATEST_ARRAYS) -> Iterator[BinaryIO]:
         UserError: if it is missing, is anything else, or cannot be read.
     """
     try:
-        # O_NONBLOCK: without it, to open a FIFO waits for somebody who writes into it.
-        descriptor = os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
-        with open(descriptor, "rb") as stream:
-            status = os.fstat(descriptor)
+        with open(file, "rb", opener=_without_waiting) as stream:
+            status = os.fstat(stream.fileno())
             if not stat.S_ISREG(status.st_mode):
                 raise UserError(f"{file}: not a regular file")
             if status.st_size > greatest:
@@ -97,6 +95,11 @@ def opened(file: Path, greatest: int = GREATEST_ARRAYS) -> Iterator[BinaryIO]:
         raise UserError(f"{file.parent}: {file.name} is missing") from None
     except OSError as error:
         raise UserError(f"{file}: cannot be read: {error.strerror or error}") from error
+
+
+def _without_waiting(path: str, flags: int) -> int:
+    """Open a file; without O_NONBLOCK a FIFO would wait for somebody who writes into it."""
+    return os.open(path, flags | os.O_NONBLOCK | os.O_NOCTTY)
 
 
 def read_bytes(file: Path, greatest: int = GREATEST_TEXT) -> bytes:

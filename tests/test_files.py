@@ -1,11 +1,16 @@
+import io
 import os
 import re
+import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
+import yaml
 
+from stixel_cli import files
 from stixel_cli.errors import UserError
-from stixel_cli.files import write_whole, written
+from stixel_cli.files import read_arrays, read_json, read_text, read_yaml, write_whole, written
 
 
 def test_texts_and_bytes_in_a_folder_that_is_not_there_yet(tmp_path):
@@ -30,3 +35,214 @@ def test_a_write_that_fails_leaves_what_was_there_and_nothing_else(tmp_path, mon
         write_whole(file, "new")
     assert os.listdir(tmp_path) == ["report.html"]
     assert file.read_text() == "old"
+    with pytest.raises(OSError, match="No space left"):
+        write_whole(tmp_path / "new/er/report.html", "new")
+    assert os.listdir(tmp_path) == ["report.html"]
+
+
+def refused(read, file):
+    """The one line of a file that is refused; it names the file, or its folder and its name."""
+    with pytest.raises(UserError) as caught:
+        read(file)
+    said = str(caught.value)
+    assert "\n" not in said
+    assert len(said) < 400
+    assert said.startswith((f"{file}: ", f"{file.parent}: {file.name} "))
+    return said
+
+
+def links(folder):
+    """Names of what is no regular file -> what is said of it."""
+    os.mkfifo(folder / "fifo")
+    (folder / "zero").symlink_to("/dev/zero")
+    (folder / "null").symlink_to("/dev/null")
+    (folder / "circle").symlink_to("circle")
+    (folder / "lost").symlink_to("nowhere")
+    (folder / "folder").mkdir()
+    (folder / "file").write_text("")
+    return {
+        "fifo": "not a regular file",
+        "zero": "not a regular file",
+        "null": "not a regular file",
+        "circle": "Too many levels of symbolic links",
+        "lost": "lost is missing",
+        "folder": "cannot be read: Is a directory",
+        "file/below": "cannot be read: Not a directory",
+    }
+
+
+@pytest.mark.parametrize("read", [read_text, read_json, read_yaml, read_arrays])
+def test_only_regular_files_are_read(tmp_path, read):
+    for name, said in links(tmp_path).items():
+        assert said in refused(read, tmp_path / name)
+    large = tmp_path / "large"
+    with large.open("wb") as file:
+        file.truncate(files.GREATEST_ARRAYS + 1)  # A sparse file takes no space.
+    assert "too large: 1073741825 bytes, at most" in refused(read, large)
+
+
+def test_a_file_that_is_larger_than_it_says(monkeypatch):
+    # Files of /proc say that they have no bytes.
+    file = Path("/proc/self/status")
+    if not file.exists():
+        pytest.skip("there is no /proc here")
+    assert "Name:" in read_text(file)
+    monkeypatch.setattr(files.read_bytes, "__defaults__", (100,))
+    assert "too large: more than 100 bytes" in refused(read_text, file)
+
+
+DEEP = 100_000
+JSON = {
+    "[" * DEEP: "not valid JSON",
+    '{"a":' * DEEP: "not valid JSON",
+    '{"a": ' + "[" * 60 + "]" * 60 + "}": "nested more than 50 levels deep",
+    '{"a": 1e400}': "a: not a finite number",
+    '{"a": -Infinity}': "a: not a finite number",
+    '{"a": NaN}': "a: not a finite number",
+    '{"a": 1' + "0" * 400 + "}": "a: not a finite number",
+    '{"a": 1' + "0" * 5000 + "}": "not valid JSON",
+    '{"a": ["\\ud800"]}': "a: not valid text",
+    '{"\\ud800": 1}': "a name: not valid text",
+    '{"a": 1, "a": 2}': "not valid JSON",
+    "[1]": "must hold names and values, not a list",
+    "3": "must hold names and values, not a int",
+    "": "not valid JSON",
+}
+YAML = {
+    "[" * DEEP: "nested more than 50 levels deep",
+    "{a: " * DEEP: "nested more than 50 levels deep",
+    "- " * DEEP: "nested more than 50 levels deep",
+    "? " * DEEP: "nested more than 50 levels deep",
+    "a: &a [*a]": "*a: an alias of itself, or of nothing",
+    "a: &a [1]\nb: &a [*a]": "*a: an alias of itself, or of nothing",
+    "a: &a {<<: *a}": "*a: an alias of itself, or of nothing",
+    "a: *b": "*b: an alias of itself, or of nothing",
+    "a: .inf": "a: not a finite number",
+    "a: .nan": "a: not a finite number",
+    "a: 1" + "0" * 400: "a: not a finite number",
+    "a: 1" + ":0" * 10**6: "a number of 2000001 characters",
+    'a: "\\ud800"': "line 1: found invalid Unicode character escape code",
+    "a: 2026-01-01": "a: a date: must be text, a number, true, false or null",
+    "a: 2026-99-99": "not valid YAML",
+    "a: !!set {b}": "a: a set: must be",
+    "a: !!binary AAAA": "a: a bytes: must be",
+    "!!python/object/apply:os.getcwd []": "not valid YAML",
+    "{[1]: 2}": "not valid YAML",
+    "a: [": "line 2: did not find expected node content: not valid YAML",
+    "a: \x07": "not valid YAML",
+    "a: 1\n---\nb: 2": "not valid YAML",
+}
+
+
+def bomb(entry):
+    """YAML of 10 lines, each of which has the one before ten times."""
+    lines = ["a0: &a0 {k: v}"]
+    lines += [f"a{i}: &a{i} " + entry(", ".join([f"*a{i - 1}"] * 10)) for i in range(1, 10)]
+    return "\n".join(lines)
+
+
+YAML[bomb("[{}]".format)] = "more than 4000000 values, aliases expanded"
+YAML[bomb("{{<<: [{}]}}".format)] = "more than 4000000 values, aliases expanded"
+
+
+@pytest.mark.parametrize(
+    ("read", "text", "said"),
+    [(read_json, *case) for case in JSON.items()] + [(read_yaml, *case) for case in YAML.items()],
+    ids=lambda value: ascii(value)[:30] if isinstance(value, str) else value.__name__,
+)
+def test_texts_that_would_break_a_parser(tmp_path, read, text, said):
+    file = tmp_path / "file"
+    file.write_text(text)
+    assert said in refused(read, file)
+
+
+def test_plain_files_are_read(tmp_path):
+    file = tmp_path / "file"
+    file.write_text('{"a": [1, 2.5, null, true, "°"], "b": {}}')
+    assert read_json(file) == read_yaml(file) == {"a": [1, 2.5, None, True, "°"], "b": {}}
+    file.write_text("a: &a [1]\nb: [*a, *a]\n")
+    assert read_yaml(file) == {"a": [1], "b": [[1], [1]]}
+    points = [["measurement=fabricated", f"seed={i}"] for i in range(10_000)]
+    file.write_text(yaml.dump({"points": points}, Dumper=yaml.CSafeDumper))
+    assert read_yaml(file) == {"points": points}
+
+
+ARRAYS = {"t": np.arange(3.0), "used": np.array([True]), "k": np.zeros((2, 0, 3), np.int32)}
+
+
+@pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
+def test_arrays_are_read(tmp_path, save):
+    save(tmp_path / "a.npz", **ARRAYS, f=np.asfortranarray(np.eye(3)), scalar=np.float32(2))
+    found = read_arrays(tmp_path / "a.npz")
+    assert list(found) == [*ARRAYS, "f", "scalar"]
+    for name, value in ARRAYS.items():
+        assert found[name].dtype == value.dtype
+        np.testing.assert_array_equal(found[name], value)
+
+
+def npz(content, method=zipfile.ZIP_DEFLATED, name="t.npy"):
+    """The bytes of an archive with one member."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", method) as archive:
+        archive.writestr(name, content)
+    return buffer.getvalue()
+
+
+def npy(header, data=bytes(24)):
+    """The bytes of an array with a header of its own."""
+    text = header.encode().ljust(117) + b"\n"
+    return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text + data
+
+
+def patched(content, *patches):
+    """An archive's bytes with bytes replaced; `patches` are (signature, offset, bytes)."""
+    data = bytearray(content)
+    for signature, offset, new in patches:
+        at = data.index(signature) + offset
+        data[at : at + len(new)] = new
+    return bytes(data)
+
+
+PLAIN = "{'descr': '<f8', 'fortran_order': False, 'shape': (3,), }"
+GOOD = npz(npy(PLAIN))
+LOCAL, CENTRAL = b"PK\x03\x04", b"PK\x01\x02"
+NPZ = {
+    "no archive": (b"nothing", "not a file of numeric arrays"),
+    "empty": (b"", "not a file of numeric arrays"),
+    "cut": (GOOD[:-30], "not a file of numeric arrays"),
+    "encrypted": (patched(GOOD, (LOCAL, 6, b"\1"), (CENTRAL, 8, b"\1")), "'t.npy' is encrypted"),
+    "unknown method": (patched(GOOD, (LOCAL, 8, b"\x63"), (CENTRAL, 10, b"\x63")), "other than"),
+    "lzma": (npz(npy(PLAIN), zipfile.ZIP_LZMA), "compressed by a method other than deflate"),
+    "flipped": (patched(GOOD, (LOCAL, 40, b"\xff\xff\xff")), "not a file of numeric arrays"),
+    "no array": (npz(b"text"), "not a file of numeric arrays"),
+    "version": (npz(b"\x93NUMPY\x09\x00" + bytes(100)), "not a file of numeric arrays"),
+    "huge shape": (npz(npy(PLAIN.replace("3,", "10**15,"))), "not a file of numeric arrays"),
+    "large shape": (npz(npy(PLAIN.replace("3,", "2000000000,"))), "not a file of numeric arrays"),
+    "negative": (npz(npy(PLAIN.replace("3,", "-1,-3"))), "not a file of numeric arrays"),
+    "objects": (npz(npy(PLAIN.replace("<f8", "|O"))), "not a file of numeric arrays"),
+    "records": (npz(npy(PLAIN.replace("'<f8'", "[('a', '<f8')]"))), "not a file of numeric"),
+    "texts": (npz(npy(PLAIN.replace("<f8", "<U2"))), "not a file of numeric arrays"),
+    "brackets": (npz(npy("(" * 110)), "not a file of numeric arrays"),
+    "python 2": (npz(npy(PLAIN.replace("3,", "3L,"))), "not a file of numeric arrays"),
+    "syntax": (npz(npy(PLAIN.replace("False", "0in ()"))), "not a file of numeric arrays"),
+    "too long": (npz(npy(PLAIN, bytes(25))), "not a file of numeric arrays"),
+    "declared": (patched(GOOD, (CENTRAL, 24, b"\0\0\0\x7f")), "too large: its arrays have"),
+    "zeros": (npz(npy(PLAIN.replace("3,", f"{2**28},"), bytes(2**20))), "not a file of numeric"),
+}
+
+
+@pytest.mark.parametrize("case", NPZ)
+def test_arrays_that_are_damaged(tmp_path, case):
+    content, said = NPZ[case]
+    file = tmp_path / "scores.npz"
+    file.write_bytes(content)
+    assert said in refused(read_arrays, file)
+
+
+def test_two_arrays_of_one_name(tmp_path):
+    file = tmp_path / "scores.npz"
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("t.npy", npy(PLAIN))
+        archive.writestr("u.npy", npy(PLAIN))
+    file.write_bytes(file.read_bytes().replace(b"u.npy", b"t.npy"))
+    assert "two of its arrays have one name" in refused(read_arrays, file)

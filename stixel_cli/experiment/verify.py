@@ -4,6 +4,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store
@@ -88,9 +90,13 @@ def verify_run(
         UserError: if a file of the folder is not what it must be, or the run cannot be made.
         StageFailure: if a stage fails.
     """
+    # Before the run, which may take long.
+    names = ("scans.npz", "track.npz", "scores.npz")
+    paths = {name: stored.path / name for name in names}
+    held = {name: read_arrays(path) for name, path in paths.items() if path.exists()}
     with told_in_one_line():
         outcome = run_experiment(stored.composition.configuration, store, progress, stored.pictures)
-    compared = list(_compared_files(stored, outcome))
+    compared = list(_compared_files(stored, held, outcome))
     files = tuple(
         FileDifference(file, stage, what) for file, stage, what in compared if what is not None
     )
@@ -112,15 +118,17 @@ def verify_run(
     )
 
 
-def _compared_files(stored: StoredRun, outcome: Outcome) -> Iterator[tuple[str, str, str | None]]:
+def _compared_files(
+    stored: StoredRun, held: Mapping[str, Mapping[str, np.ndarray]], outcome: Outcome
+) -> Iterator[tuple[str, str, str | None]]:
     """(file, stage, difference or None) of every file with results that the folder has."""
     for file, stage, columns in (
         ("scans.npz", "scans", scan_columns(outcome.scans)),
         ("track.npz", "track", track_arrays(outcome.track)),
         ("scores.npz", "scores", score_columns(outcome.scores)),
     ):
-        if (stored.path / file).exists():
-            yield file, stage, first_difference(read_arrays(stored.path / file), columns)
+        if file in held:
+            yield file, stage, first_difference(held[file], columns)
     metrics = dict(outcome.scores.metrics)
     yield "metrics.json", "scores", first_difference(stored.metrics, metrics)
     for name, data in outcome.pictures.items():

@@ -96,7 +96,7 @@ def find_study(name: str) -> Path:
         ConfigurationError: if there is neither, or the name is a plain sweep's.
     """
     path = Path(name)
-    if path.suffix == ".yaml" and path.is_file():
+    if path.suffix == ".yaml" and path.exists():
         return path
     known = shipped_studies()
     inside = shipped_folder("pipelines") / "studies" / f"{name}.yaml"

@@ -28,7 +28,7 @@ def find_file(name: str) -> Path:
         ConfigurationError: if there is neither.
     """
     path = Path(name)
-    if path.is_file():
+    if path.is_file() or (path.suffix == ".yaml" and path.exists()):
         return path
     shipped = shipped_folder("pipelines") / "studies"
     inside = shipped / f"{name.removesuffix('.yaml')}.yaml"

@@ -71,6 +71,61 @@ def test_vertex_colours_are_kept(tmp_path):
     assert np.abs(colours.astype(int) - [250, 10, 10]).max() <= 5
 
 
+BOX = [(x, y, z) for x in (-2, 2) for y in (-1, 1) for z in (0, 1.5)]
+TRIANGLES = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)]
+TRIANGLES += [(2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
+OBJ, OFF, PLY = "box.obj", "box.off", "box.ply"
+
+
+def box(name, change=lambda vertex: vertex, last=(1, 7, 3), count=8):
+    """The text of a box in the format of `name`, its vertices changed and its last triangle."""
+    vertices = [" ".join(map(str, change(vertex))) + "\n" for vertex in BOX]
+    faces = [*TRIANGLES[:-1], last]
+    if name == OBJ:
+        lines = ["f {} {} {}\n".format(*(i + 1 for i in face)) for face in faces]
+        return "".join([f"v {vertex}" for vertex in vertices] + lines)
+    lines = "".join(vertices) + "".join("3 {} {} {}\n".format(*face) for face in faces)
+    if name == OFF:
+        return f"OFF\n{count} {len(faces)} 0\n{lines}"
+    return (
+        f"ply\nformat ascii 1.0\nelement vertex {count}\nproperty float x\nproperty float y\n"
+        f"property float z\nelement face {len(faces)}\nproperty list uchar int vertex_indices\n"
+        f"end_header\n{lines}"
+    )
+
+
+@pytest.mark.parametrize("name", [OBJ, OFF, PLY])
+def test_a_mesh_far_from_the_origin(tmp_path, name):
+    path = tmp_path / name
+    path.write_text(box(name, lambda v: (v[0] + 1e6, *v[1:])))
+    np.testing.assert_allclose(bounding_box(load_mesh(str(path), 0.5)), [[-2, -1, 0], [2, 1, 1.5]])
+
+
+DAMAGED = [
+    (name, box(name, **change), message)
+    for name in (OBJ, OFF, PLY)
+    for change, message in (
+        ({"change": lambda v: (*v[:2], 0)}, r"is 4 × 2 × 0 m large, each must be 0.1 to 30 m"),
+        ({"change": lambda v: (v[0], 0, v[2])}, r"is 4 × 0 × 1.5 m large"),
+        ({"change": lambda v: (v[0], v[0], v[2])}, r"no area seen from above \(z must be up\)"),
+        ({"change": lambda v: (*v[:2], v[2] * 1e6)}, r"is 4 × 2 × 1.5e\+06 m large"),
+        ({"change": lambda v: [1e6 * x for x in v]}, r"is 4e\+06 × 2e\+06 × 1.5e\+06 m large"),
+        ({"change": lambda v: ("nan", *v[1:])}, "is not finite|no triangles"),
+        ({"change": lambda v: ("1e39", *v[1:])}, "is not finite|no triangles"),
+        ({"last": (1, 7, 99)}, "has the vertex 99, counted from 0; the file has 8|no triangles"),
+    )
+]
+DAMAGED += [
+    (name, box(name, **change), message)
+    for name in (OFF, PLY)
+    for change, message in (
+        ({"last": (1, 7, -9)}, "has the vertex -9, counted from 0; the file has 8 vertices"),
+        ({"count": 2 * 10**9}, "declares 2000000000 elements, which a file of"),
+        ({"count": -8}, "declares -8 elements"),
+    )
+]
+
+
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
@@ -81,6 +136,7 @@ def test_vertex_colours_are_kept(tmp_path):
         ("points.obj", "v 0 0 0\nv 1 0 0\n", "no triangles"),
         ("large.obj", wedge().replace("v 3 1 3", "v 3000 1 3"), "0.1 to 30 m"),
         ("small.obj", "v 0 0 0\nv 0.01 0 0\nv 0 0.01 0\nv 0 0 0.01\nf 1 3 2\n", "0.1 to 30 m"),
+        *DAMAGED,
     ],
 )
 def test_what_cannot_be_a_road_user_is_refused_in_one_line(tmp_path, name, text, message):
@@ -90,4 +146,5 @@ def test_what_cannot_be_a_road_user_is_refused_in_one_line(tmp_path, name, text,
     with pytest.raises(ValueError, match=message) as caught:
         load_mesh(str(path), 0.5)
     assert str(caught.value).startswith("road_user.mesh: ")
+    assert name in str(caught.value)
     assert "\n" not in str(caught.value)

@@ -1,4 +1,5 @@
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -37,10 +38,15 @@ def test_what_is_referred_to_and_there(folder):
     assert names(folder, "car.ply") == {"a b.png"}
 
 
-@pytest.mark.parametrize("mesh", ["none.obj", "car.stl", "bad.gltf", "maps"])
+@pytest.mark.parametrize(
+    "mesh", ["none.obj", "car.stl", "bad.gltf", "deep.gltf", "maps", "fifo.obj", "zero.mtl"]
+)
 def test_nothing_is_referred_to(folder, mesh):
     (folder / "car.stl").write_bytes(b"solid car.mtl")
     (folder / "bad.gltf").write_text("[")
+    (folder / "deep.gltf").write_text("[" * 100_000)
+    (folder / "zero.mtl").symlink_to("/dev/zero")
+    os.mkfifo(folder / "fifo.obj")
     assert names(folder, mesh) == set()
 
 
