@@ -32,7 +32,7 @@ DEEPEST = 50
 """Levels of lists and mappings in JSON and YAML; libyaml overflows the stack at some 10,000."""
 
 MOST_VALUES = 4_000_000
-"""Values of a YAML file, each alias counted as all that it stands for."""
+"""Values of a JSON or YAML file, each alias counted as all that it stands for."""
 
 _LONG_NUMBER = re.compile(r"[-+0-9_:.]{1000,}")
 """A number in YAML may be written to base 60, which takes quadratic time to read."""
@@ -215,27 +215,31 @@ def check_plain(content: Any, file: Path) -> None:
             alone, nested no deeper than `DEEPEST`.
     """
     pending: list[tuple[Any, Any, int]] = [("content", content, 0)]
+    total = 0
     while pending:
         name, value, depth = pending.pop()
-        where = f"{file}: {str(name)[:60]}"
+        total += 1
+        fault = None
         if depth > DEEPEST:
-            raise UserError(f"{file}: nested more than {DEEPEST} levels deep")
-        if isinstance(value, str):
+            fault = f"nested more than {DEEPEST} levels deep"
+        elif total > MOST_VALUES:
+            fault = f"more than {MOST_VALUES} values"
+        elif isinstance(value, str):
             if not value.isascii() and any("\ud800" <= c <= "\udfff" for c in value):
-                raise UserError(f"{where}: not valid text (half of a surrogate pair)")
+                fault = "not valid text (half of a surrogate pair)"
         elif isinstance(value, int | float):
             # No integer that a float cannot hold: 400 digits have no place in any arithmetic.
             if not abs(value) <= sys.float_info.max:
-                raise UserError(f"{where}: not a finite number below 1.8e308")
+                fault = "not a finite number below 1.8e308"
         elif isinstance(value, dict):
             pending += [(key, item, depth + 1) for key, item in value.items()]
             pending += [("a name", key, depth + 1) for key in value]
         elif isinstance(value, list):
             pending += [(name, item, depth + 1) for item in value]
         elif value is not None:
-            raise UserError(
-                f"{where}: a {type(value).__name__}: must be text, a number, true, false or null"
-            )
+            fault = f"a {type(value).__name__}: must be text, a number, true, false or null"
+        if fault is not None:
+            raise UserError(f"{file}: {str(name)[:60]}: {fault}")
 
 
 def read_arrays(file: Path) -> "dict[str, np.ndarray]":

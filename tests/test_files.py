@@ -1,4 +1,5 @@
 import io
+import json
 import os
 import re
 import zipfile
@@ -89,6 +90,14 @@ def test_a_file_that_is_larger_than_it_says(monkeypatch):
     assert "Name:" in read_text(file)
     monkeypatch.setattr(files.read_bytes, "__defaults__", (100,))
     assert "too large: more than 100 bytes" in refused(read_text, file)
+
+
+def test_too_many_values(tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "MOST_VALUES", 10)
+    file = tmp_path / "file"
+    file.write_text(json.dumps({"a": [0] * 10}))
+    assert "a: more than 10 values" in refused(read_json, file)
+    assert "more than 10 values, aliases expanded" in refused(read_yaml, file)
 
 
 DEEP = 100_000

@@ -355,3 +355,16 @@ def test_what_was_asked_for_is_kept(studies, toy):
     assert content["parts"]["first"]["results"] == ["scans", "track"]
     assert content["parts"]["second"]["derive"] == "widths"
     assert {"git", "versions", "machine", "command", "created"} <= set(content)
+
+
+def test_a_full_disk_leaves_no_empty_folder(studies, toy, monkeypatch):
+    file = toy()
+    to_bytes = Path.write_bytes
+
+    def full(path, content):
+        to_bytes(path, content[:1])
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    assert "toy: cannot be written: No space left on device" in studies.refused(file)
+    assert not studies.results.exists()

@@ -173,3 +173,17 @@ def test_code_that_changed_makes_the_points_again(sweeps, monkeypatch):
     again = sweeps.run("--resume", sweeps.results / "mine")
     assert again["nodes"]["computed"] > 0
     assert again["complete"]
+
+
+def test_a_full_disk_leaves_no_empty_folder(sweeps, monkeypatch):
+    to_bytes = Path.write_bytes
+
+    def full(path, content):
+        to_bytes(path, content[:1])
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    said = sweeps.refused(*FEW, "seed=0,1", "--name", "mine")
+    assert said.endswith("mine: cannot be written: No space left on device\n")
+    monkeypatch.undo()
+    assert not (sweeps.results / "mine").exists()
