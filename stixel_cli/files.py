@@ -103,7 +103,7 @@ def _without_waiting(path: str, flags: int) -> int:
 
 
 def read_bytes(file: Path, greatest: int = GREATEST_TEXT) -> bytes:
-    """The content of a regular file of at most `greatest` bytes; UserError if it is none."""
+    """The content of a regular file of at most `greatest` bytes; UserError for any other."""
     with opened(file, greatest) as stream:
         # A file of /proc says that it has 0 bytes. None: it has nothing to read at the moment.
         content = stream.read(greatest + 1) or b""
@@ -186,9 +186,8 @@ def read_yaml_text(file: Path) -> str:
                 total += 1
             elif isinstance(event, yaml.AliasEvent):
                 if event.anchor not in sizes:
-                    raise UserError(
-                        f"{file}: *{event.anchor[:40]}: an alias of itself, or of nothing"
-                    )
+                    name = event.anchor[:40]
+                    raise UserError(f"{file}: *{name}: an alias of itself, or of nothing")
                 total += sizes[event.anchor]
             elif isinstance(event, yaml.ScalarEvent):
                 total += 1
@@ -255,11 +254,11 @@ def read_arrays(file: Path) -> "dict[str, np.ndarray]":
             with zipfile.ZipFile(stream) as archive, warnings.catch_warnings(action="error"):
                 members = archive.infolist()
                 _check_members(members, file)
-                return {
-                    member.filename.removesuffix(".npy"): _read_array(archive, member)
-                    for member in members
-                }
-        except (UserError, KeyboardInterrupt):
+                arrays = (
+                    (m.filename.removesuffix(".npy"), _read_array(archive, m)) for m in members
+                )
+                return dict(arrays)
+        except UserError:
             raise
         except Exception:
             # What NumPy, zipfile and zlib raise on damaged bytes has no common class.
@@ -283,12 +282,10 @@ def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> "np.ndarra
     """One array, its declared size compared with that of its bytes before memory is taken."""
     import numpy as np
 
-    readers = {
-        (1, 0): np.lib.format.read_array_header_1_0,
-        (2, 0): np.lib.format.read_array_header_2_0,
-    }
+    headers = np.lib.format
+    readers = {(1, 0): headers.read_array_header_1_0, (2, 0): headers.read_array_header_2_0}
     with archive.open(member) as stream:
-        shape, _, dtype = readers[np.lib.format.read_magic(stream)](stream)
+        shape, _, dtype = readers[headers.read_magic(stream)](stream)
         size = dtype.itemsize
         for side in shape:
             size *= side
@@ -297,4 +294,4 @@ def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> "np.ndarra
         if size != member.file_size - stream.tell():
             raise ValueError("the declared shape is not that of the bytes")
     with archive.open(member) as stream:
-        return np.lib.format.read_array(stream, allow_pickle=False)
+        return headers.read_array(stream, allow_pickle=False)
