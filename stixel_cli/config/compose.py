@@ -17,6 +17,7 @@ from stixel_cli.config.keys import chosen_kinds, known_keys
 from stixel_cli.config.overrides import check_one_run, check_overrides, parse_overrides
 from stixel_cli.config.schema import Configuration, adapter
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError
+from stixel_cli.files import read_yaml_text
 
 if TYPE_CHECKING:
     from hydra.core.override_parser.types import Override
@@ -129,6 +130,7 @@ def _compose(parsed: "Sequence[Override]") -> tuple[dict[str, Any], dict[str, st
     from hydra.errors import HydraException
     from omegaconf import OmegaConf
     from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
+    from yaml import YAMLError
 
     chosen = tuple(str(one.input_line) for one in parsed if one.key_or_group in group_options())
     try:
@@ -148,6 +150,11 @@ def _compose(parsed: "Sequence[Override]") -> tuple[dict[str, Any], dict[str, st
         raise ConfigurationError(_unresolved(fault)) from None
     except HydraException as fault:
         raise ConfigurationError(_not_composed(fault)) from None
+    except (YAMLError, UnicodeDecodeError, RecursionError) as fault:
+        # Hydra names the file in some of these alone.
+        for path in sorted(configuration_folder().rglob("*.yaml")):
+            read_yaml_text(path)
+        raise ConfigurationError(messages.printable(" ".join(str(fault).split()), 300)) from None
     return plain, dict(choices)
 
 

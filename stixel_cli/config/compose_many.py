@@ -179,6 +179,7 @@ class Composer:
 
 def _load(path: Any) -> dict[str, Any]:
     from omegaconf import OmegaConf
+    from yaml import YAMLError
 
     try:
         text = read_yaml_text(path)
@@ -186,7 +187,7 @@ def _load(path: Any) -> dict[str, Any]:
             raise _Beyond
         # Its YAML takes 1e-6 for a number, which YAML's own does not.
         content = OmegaConf.to_container(OmegaConf.create(text), resolve=False)
-    except AssertionError:
+    except (AssertionError, YAMLError):
         raise _Beyond from None
     if not isinstance(content, dict):
         raise _Beyond

@@ -9,7 +9,7 @@ from stixel_cli.config.compose import compose, from_resolved
 from stixel_cli.config.compose_many import Composer
 from stixel_cli.config.folders import configuration_folder, group_options, outer_options
 from stixel_cli.config.schema import Configuration
-from stixel_cli.errors import ConfigurationError
+from stixel_cli.errors import ConfigurationError, UserError
 
 OPTIONS = [(group, option) for group, options in group_options().items() for option in options]
 
@@ -213,6 +213,28 @@ def test_an_option_that_follows_and_is_not_there_says_where_it_belongs(tmp_path,
     )
     chosen = compose(["road_user=cargo", "pace=cyclist", "prior=cyclist"])
     assert chosen.choices["road_user"] == "cargo"
+    group_options.cache_clear()
+
+
+@pytest.mark.parametrize("composer", [compose, lambda overrides: Composer().compose(overrides)])
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"a: [\n", "turn.yaml: line 2: did not find expected"),
+        (b"[" * 100_000, "turn.yaml: nested more than 50 levels deep"),
+        (b"a: \xff", "turn.yaml: not a text in UTF-8"),
+        (b"a: 1\na: 2\n", "turn.yaml"),
+    ],
+)
+def test_a_damaged_file_is_named(tmp_path, monkeypatch, composer, content, said):
+    package = tmp_path / "stixel_cli"
+    shutil.copytree(configuration_folder(), package / "conf")
+    monkeypatch.setattr("stixel_cli.config.folders._PACKAGE", package)
+    (package / "conf/path/turn.yaml").write_bytes(content)
+    with pytest.raises(UserError) as error:
+        composer(["path=turn"])
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
     group_options.cache_clear()
 
 
