@@ -18,25 +18,25 @@ from stixel_cli.sweeps.results import SweepResult
 
 
 class NodeSeconds:
-    """Seconds that nodes took when they were computed, as the store has them; read once."""
+    """CPU seconds that nodes took when they were computed, as the store has them; read once."""
 
     def __init__(self, store: Store):
         self._store = store
         self._known: dict[str, float] = {}
 
     def of(self, key: str) -> float:
-        """Seconds of one node; NaN if its result is not there any more."""
+        """CPU seconds of one node; NaN if they are not recorded, or its result was removed."""
         if key not in self._known:
             try:
-                self._known[key] = float(self._store.meta(key).get("seconds", math.nan))
+                self._known[key] = float(self._store.meta(key).get("cpu_seconds", math.nan))
             except MissingEntry:
                 self._known[key] = math.nan
         return self._known[key]
 
     def by_stage(self, graphs: Sequence[tuple[Graph, Sequence[str]]]) -> dict[str, float]:
-        """Seconds by stage of all that the targets of graphs need, what they share once.
+        """CPU seconds by stage of all that the targets of graphs need, what they share once.
 
-        A stage of which a result is not there any more is left out.
+        NaN for a stage of which those of a node are not known.
         """
         stage_of: dict[str, str] = {}
         for graph, targets in graphs:
@@ -46,7 +46,7 @@ class NodeSeconds:
         total: dict[str, float] = defaultdict(float)
         for key, name in stage_of.items():
             total[name] += self.of(key)
-        return {name: seconds for name, seconds in total.items() if math.isfinite(seconds)}
+        return dict(total)
 
 
 def part_of(name: str, result: SweepResult, store: Store, seconds: NodeSeconds) -> Part:
@@ -67,7 +67,7 @@ def part_of(name: str, result: SweepResult, store: Store, seconds: NodeSeconds) 
                 configuration=point.composition.configuration,
                 metrics=one.metrics,
                 scores=_scores(folder.point(point.index), one.metrics),
-                seconds=seconds.by_stage([(planned.graph, planned.targets)]),
+                cpu_seconds=seconds.by_stage([(planned.graph, planned.targets)]),
                 load=_loader(planned.graph, store),
             )
         )

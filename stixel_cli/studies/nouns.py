@@ -19,7 +19,8 @@ class StudyPoint:
         configuration: of the experiment.
         metrics: name to value, None where one has no value.
         scores: errors over time.
-        seconds: stage to the seconds that its nodes took when they were computed, summed.
+        cpu_seconds: stage to the CPU seconds that its nodes took when they were computed, summed;
+            NaN if those of one are not known.
         load: gives a step's result by the step's name, or the list of its chunks' results where
             it works in chunks; read when asked for, of the steps that the part names.
     """
@@ -30,7 +31,7 @@ class StudyPoint:
     configuration: Configuration
     metrics: Mapping[str, float | int | None]
     scores: Scores
-    seconds: Mapping[str, float]
+    cpu_seconds: Mapping[str, float]
     load: Callable[[str], Any]
 
 

@@ -64,8 +64,8 @@ def study_page(
         states=states,
         origin=origin,
         parts=_parts(origin),
-        stages=[(name, format_value(float(s))) for name, s in origin.stage_seconds.items()],
-        all_seconds=format_value(float(sum(origin.stage_seconds.values()))),
+        stages=[(name, format_value(s)) for name, s in origin.stage_cpu_seconds.items()],
+        all_seconds=format_value(sum(origin.stage_cpu_seconds.values())),
         provenance=_provenance(origin.provenance),
         configuration=yaml.safe_dump(
             dict(origin.configuration), sort_keys=False, allow_unicode=True

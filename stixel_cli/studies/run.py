@@ -153,7 +153,7 @@ class _Run:
             },
             provenance=provenance(),
             created=datetime.now(UTC).isoformat(timespec="seconds"),
-            stage_seconds=self.node_seconds.by_stage(
+            stage_cpu_seconds=self.node_seconds.by_stage(
                 [
                     (point.planned.graph, point.planned.targets)
                     for result in self.results.values()

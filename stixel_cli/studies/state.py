@@ -41,7 +41,8 @@ class Origin:
         seeds: of each part's points.
         provenance: revision, versions and machine as a manifest has them.
         created: when, UTC.
-        stage_seconds: that the results of each stage took when they were computed.
+        stage_cpu_seconds: that the results of each stage took when they were computed; NaN if those
+            of one are not known.
         elapsed: s that the command took, with what it did not need to compute.
         parts: what was asked for, by part.
         configuration: of the first point, resolved.
@@ -53,7 +54,7 @@ class Origin:
     seeds: Mapping[str, Sequence[int]]
     provenance: Mapping[str, Any]
     created: str
-    stage_seconds: Mapping[str, float]
+    stage_cpu_seconds: Mapping[str, float]
     elapsed: float
     parts: Mapping[str, Mapping[str, Any]]
     configuration: Mapping[str, Any]

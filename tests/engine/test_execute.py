@@ -73,6 +73,9 @@ def test_records_by_stage(project):
     double = execution.of_stage("double")
     assert (double.status, double.nodes, double.nodes_computed) == ("computed", 3, 3)
     assert double.seconds > 0.0 and len(double.key) == 64
+    for node in graph.of_stage("double"):
+        notes = project.store.meta(node.key)
+        assert 0.0 <= notes["cpu_seconds"] <= notes["seconds"] + 0.02
     numbers = execution.of_stage("numbers")
     assert (numbers.status, numbers.key) == ("cached", graph.of_stage("numbers")[0].key)
 

@@ -25,7 +25,7 @@ from stixel_cli.studies.rq1.pool import (
     share,
     text,
 )
-from stixel_cli.studies.rq1.setup import seconds_a_frame, timed_building, values_of
+from stixel_cli.studies.rq1.setup import cpu_seconds_a_frame, timed_building, values_of
 
 FIXED = {
     "rig.width": 144,
@@ -149,11 +149,11 @@ def test_points_are_named_by_what_they_are():
 
 def test_seconds_are_a_frames_and_a_scene_counts_its_values():
     points = [
-        SimpleNamespace(seconds={"match": 2.0}, scores=SimpleNamespace(times=np.zeros(4))),
-        SimpleNamespace(seconds={"match": 6.0}, scores=SimpleNamespace(times=np.zeros(4))),
+        SimpleNamespace(cpu_seconds={"match": 2.0}, scores=SimpleNamespace(times=np.zeros(4))),
+        SimpleNamespace(cpu_seconds={"match": 6.0}, scores=SimpleNamespace(times=np.zeros(4))),
     ]
-    assert seconds_a_frame(points, "match") == 1.0
-    assert np.isnan(seconds_a_frame(points, "render"))
+    assert cpu_seconds_a_frame(points, "match") == 1.0
+    assert np.isnan(cpu_seconds_a_frame(points, "render"))
     short = values_of(compose().configuration)
     longer = values_of(compose(["path=stop_and_go"]).configuration)
     turning = values_of(compose(["ego=turning"]).configuration)
@@ -161,7 +161,7 @@ def test_seconds_are_a_frames_and_a_scene_counts_its_values():
     assert turning == short + 2 and longer == short + 1
     user = RoadUser("pedestrian", 0.6, 0.35, 1.75, 0.6, None)
     built = timed_building(lambda: [road_user_mesh(user)])
-    assert built.seconds > 0.0
+    assert built.cpu_seconds > 0.0
     assert built.triangles == sum(len(p.triangles) for p in road_user_mesh(user).parts)
 
 

@@ -1,9 +1,14 @@
 import numpy as np
+from scipy.stats import ttest_1samp, ttest_ind
 
 from stixel_cli.studies.inference import (
+    SIGNIFICANT,
     gap_closed,
     holm,
+    least_p,
+    mean_interval,
     paired,
+    pairs_needed,
     rank_biserial,
     weights,
     wilcoxon,
@@ -33,6 +38,44 @@ def test_wilcoxon_of_small_samples_is_exact():
     assert wilcoxon(np.zeros(4)) == 1.0
 
 
+def test_the_least_p_is_that_of_differences_of_one_sign():
+    for pairs in (1, 2, 6, 15):
+        assert least_p(pairs) == wilcoxon(np.arange(1.0, pairs + 1.0))
+    # Six pairs, 24 tests: no corrected p is below 0.75.
+    assert min(holm({str(i): least_p(6) for i in range(24)}).values()) == 0.75
+    for tests in (1, 24, 72):
+        pairs = pairs_needed(tests)
+        enough, few = (
+            min(holm({str(i): least_p(n) for i in range(tests)}).values())
+            for n in (pairs, pairs - 1)
+        )
+        assert enough < SIGNIFICANT <= few
+
+
+def test_the_interval_of_a_mean_is_student_s_and_welch_s():
+    random = np.random.default_rng(5)
+    one, other = random.normal(1.0, 0.2, 5), random.normal(7.0, 2.0, 5)
+    ends = ttest_1samp(one, 0.0).confidence_interval(0.95)
+    np.testing.assert_allclose(mean_interval(one, ["turn"] * 5), ends)
+    # The mean of two paths is half the difference of one from minus the other.
+    ends = ttest_ind(one, -other, equal_var=False).confidence_interval(0.95)
+    both = mean_interval(np.concatenate([one, other]), ["turn"] * 5 + ["circle"] * 5)
+    np.testing.assert_allclose(both, [0.5 * ends.low, 0.5 * ends.high])
+    # Of one seed in a path nobody knows how another would differ.
+    assert mean_interval(one[:3], ["turn", "turn", "circle"]) is None
+    assert mean_interval(one[:0], []) is None
+    assert mean_interval(np.ones(4), ["turn"] * 4) == (1.0, 1.0)
+
+
+def test_the_interval_covers_the_mean_with_two_seeds_a_path():
+    random = np.random.default_rng(4)
+    covered = 0
+    for _ in range(400):
+        low, high = mean_interval(random.normal(0.0, 1.0, 2), ["turn"] * 2)
+        covered += low <= 0.0 <= high
+    assert 0.92 * 400 <= covered <= 0.98 * 400
+
+
 def test_pairs_are_drawn_within_their_path():
     rows = weights(["turn", "turn", "circle", "turn"], "x")
     np.testing.assert_allclose(rows[:, 2], 0.25)
@@ -52,16 +95,16 @@ def test_the_bootstrap_s_variance_is_that_of_the_mean_within_paths():
 def test_the_interval_covers_the_mean_as_often_as_it_says():
     random = np.random.default_rng(3)
     covered, paths = 0, ["turn"] * 5 + ["circle"] * 5 + ["approach"] * 5
-    for i in range(150):
+    for _ in range(150):
         values = np.repeat([0.0, 0.5, 1.0], 5) + random.normal(0.0, 1.0, 15)
-        result = paired(values, paths, f"{i}")
+        result = paired(values, paths)
         covered += result.low <= 0.5 <= result.high
     assert 0.9 * 150 <= covered <= 149
 
 
 def test_few_pairs():
-    assert paired(np.zeros(0), [], "x").mean is None
-    one = paired(np.array([0.2]), ["turn"], "x")
+    assert paired(np.zeros(0), []).mean is None
+    one = paired(np.array([0.2]), ["turn"])
     assert (one.n, one.mean, one.low, one.p) == (1, 0.2, None, None)
 
 
@@ -80,3 +123,5 @@ def test_how_much_of_a_gap_is_closed():
     # What may not be there cannot be closed.
     assert gap_closed(np.array([1.0, -1.0, 0.9, -0.9]), gap, path, "x").share is None
     assert gap_closed(gap[:1], gap[:1], path[:1], "x").share is None
+    few = gap_closed(gap[[0, 3]], 0.5 * gap[[0, 3]], path[:2], "x")
+    assert (few.share, few.low, few.high) == (0.5, None, None)

@@ -58,8 +58,8 @@ def test_a_study_from_its_file_to_its_report(studies, toy):
     scans, track = point.load("scans"), point.load("track")
     assert np.array_equal(scans.times, point.scores.times)
     assert len(track.means) == len(scans)
-    assert {"scenario", "scans", "track", "scores"} <= set(point.seconds)
-    assert all(seconds >= 0.0 for seconds in point.seconds.values())
+    assert {"scenario", "scans", "track", "scores"} <= set(point.cpu_seconds)
+    assert all(seconds >= 0.0 for seconds in point.cpu_seconds.values())
     with pytest.raises(KeyError):
         point.load("render")
 

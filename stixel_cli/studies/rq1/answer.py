@@ -30,7 +30,7 @@ from stixel_cli.studies.rq1.pool import (
     share,
     text,
 )
-from stixel_cli.studies.rq1.setup import lines_of, seconds_a_frame, values_of
+from stixel_cli.studies.rq1.setup import cpu_seconds_a_frame, lines_of, values_of
 
 _INSIDE = 0
 
@@ -245,11 +245,17 @@ def _contrast(data: StudyData) -> Iterator[str]:
 def _setup(data: StudyData) -> str:
     points = data.parts["ranges"].points
     lines = lines_of(data.name)
+    cost = cpu_seconds_a_frame(points, "render")
     return (
         "To set up a scene takes "
         f"{values_of(points[0].configuration)} values, all of which have a default"
         + (f" (the whole of this study {lines} lines of YAML)" if lines else "")
-        + f", and {quantity(seconds_a_frame(points, 'render'), 's')} a frame to render."
+        + (
+            f", and {quantity(cost, 's')} of CPU time a frame to render"
+            if math.isfinite(cost)
+            else ""
+        )
+        + "."
     )
 
 

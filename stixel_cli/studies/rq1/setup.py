@@ -1,4 +1,4 @@
-"""What it takes to set up a scene: seconds to build, render and match; lines of configuration."""
+"""What it takes to set up a scene: CPU time to build, render and match; lines of YAML."""
 
 import dataclasses
 import math
@@ -29,55 +29,55 @@ SCENE = ("road_user", "path", "ego", "rig", "world", "renderer", "sensor")
 
 @dataclass(frozen=True)
 class Building:
-    """Seconds to build a scene's meshes and the surfaces that rays are cast at, and triangles."""
+    """CPU seconds to build a scene's meshes and the surfaces that rays meet, and triangles."""
 
-    seconds: float
+    cpu_seconds: float
     triangles: int
 
 
 def timed_building(meshes: Callable[[], Iterable[Mesh]]) -> Building:
-    """Build the meshes and their surfaces, and take the time by a monotonic clock."""
-    start = time.perf_counter()
+    """Build the meshes and their surfaces, and take the CPU time, on one thread."""
+    start = time.thread_time()
     made = list(meshes())
     build_surfaces([(1, mesh) for mesh in made])
-    seconds = time.perf_counter() - start
-    return Building(seconds, sum(len(part.triangles) for mesh in made for part in mesh.parts))
+    cpu_seconds = time.thread_time() - start
+    return Building(cpu_seconds, sum(len(part.triangles) for mesh in made for part in mesh.parts))
 
 
 def setup_section(data: StudyData) -> Section:
-    """The chapter; its building times are measured while the report is made, on its machine."""
+    """The chapter; its building costs are measured while the report is made, on its machine."""
     points = data.parts["ranges"].points
     first = points[0].configuration
     rows = []
     street = timed_building(lambda: [item.mesh for item in world_objects(first.world)])
-    rows.append(("street", cell(street.seconds), street.triangles))
+    rows.append(("street", cell(street.cpu_seconds), street.triangles))
     for label, users in by_label(points, road_user).items():
         user = users[0].configuration.road_user
         built = timed_building(lambda user=user: [road_user_mesh(user)])
-        rows.append((label, cell(built.seconds), built.triangles))
+        rows.append((label, cell(built.cpu_seconds), built.triangles))
     lines, own = lines_of(data.name), values_of(first)
     return Section(
         "What it takes to set up a scene",
         (
             Paragraph(
-                f"The street takes {text(street.seconds, 2, 's')} to build and is built once for "
-                f"all frames of a rig; it is measured here while this report is made, on the "
+                f"The street takes {text(street.cpu_seconds, 2, 's')} of CPU time to build, once "
+                f"for all frames of a rig; it is measured here while this report is made, on the "
                 f"machine that makes it. A scene with its road user, path, ego car, cameras, "
                 f"street and light is {own} values, every one of which has a default."
                 + (f" This whole study is {lines} lines of YAML." if lines else "")
             ),
             Table(
                 "building",
-                "Seconds to make the meshes and the surfaces that rays are cast at, measured while "
+                "CPU seconds to make the meshes and the surfaces that rays meet, measured while "
                 "this report was made, and their triangles.",
-                ("what", "seconds", "triangles"),
+                ("what", "CPU seconds", "triangles"),
                 tuple(rows),
             ),
             Table(
                 "seconds",
-                "Seconds a frame of the stages, as recorded when they were computed, mean of the "
-                "points. Rendering includes building the scene, once a chunk's worker; while many "
-                "workers share a machine, each is slower than alone.",
+                "CPU seconds a frame of the stages, as recorded when they were computed, each on "
+                "one thread; mean of the points. Rendering includes building the scene, once in "
+                "each worker.",
                 ("part", "setting", "render", "expose", "match", "free space", "stixels"),
                 tuple(_seconds(data)),
             ),
@@ -96,9 +96,10 @@ def values_of(configuration: Configuration) -> int:
     return sum(leaves(getattr(configuration, group)) for group in SCENE)
 
 
-def seconds_a_frame(points: Iterable[StudyPoint], stage: str) -> float:
-    """Mean recorded seconds of a stage for a frame; NaN where no point has any."""
-    shares = [p.seconds[stage] / len(p.scores.times) for p in points if stage in p.seconds]
+def cpu_seconds_a_frame(points: Iterable[StudyPoint], stage: str) -> float:
+    """Mean recorded CPU seconds of a stage for a frame; NaN where no point has any."""
+    shares = [p.cpu_seconds.get(stage, math.nan) / len(p.scores.times) for p in points]
+    shares = [share for share in shares if math.isfinite(share)]
     return sum(shares) / len(shares) if shares else math.nan
 
 
@@ -108,7 +109,7 @@ def _seconds(data: StudyData):
         part: Part | None = data.parts.get(name)
         for setting, points in by_label(part.points if part else (), label).items():
             stages = ("render", "expose", "match", "free_space", "stixels")
-            yield (name, setting, *(cell(seconds_a_frame(points, stage)) for stage in stages))
+            yield (name, setting, *(cell(cpu_seconds_a_frame(points, stage)) for stage in stages))
 
 
 def lines_of(study: str) -> int:

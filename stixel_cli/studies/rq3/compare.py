@@ -11,7 +11,9 @@ from stixel_cli.studies.inference import (
     Paired,
     gap_closed,
     holm,
+    least_p,
     paired,
+    pairs_needed,
 )
 from stixel_cli.studies.nouns import Table
 from stixel_cli.studies.rq3.runs import (
@@ -48,6 +50,36 @@ class Comparison:
     def differs(self, part: str) -> bool:
         """Whether the corrected test tells a part from the simulated measurements."""
         return self.p[part] is not None and self.p[part] < SIGNIFICANT
+
+
+@dataclass(frozen=True)
+class Reach:
+    """What the tests of a family of comparisons can show at all.
+
+    Attributes:
+        pairs: of runs, of the comparison that has most.
+        tests: that are corrected together.
+        least: smallest corrected p that any of them can have.
+        needed: pairs with which one of so many tests could be significant.
+    """
+
+    pairs: int
+    tests: int
+    least: float
+    needed: int
+
+    @property
+    def enough(self) -> bool:
+        """Whether a test can be significant."""
+        return self.least < SIGNIFICANT
+
+
+def reach_of(found: Sequence[Comparison]) -> Reach:
+    """What the tests of a family can show, which follows from the numbers of pairs and of tests."""
+    every = [one for comparison in found for one in comparison.apart.values()]
+    pairs = max((one.n for one in every), default=0)
+    tests = sum(one.p is not None for one in every) or len(every)
+    return Reach(pairs, tests, min(1.0, tests * least_p(pairs)), pairs_needed(tests))
 
 
 def compare(
@@ -90,7 +122,6 @@ def _compared(user, tracker, name, measure, keys, rows) -> Comparison:
     values = values[:, known]
     paths = [key.path for key, there in zip(keys, known, strict=True) if there]
     gap, rest = values[1] - values[0], values[2] - values[0]
-    # One name for both: the same pairs are drawn for them.
     label = f"{user} {tracker} {name}"
     return Comparison(
         user,
@@ -100,7 +131,7 @@ def _compared(user, tracker, name, measure, keys, rows) -> Comparison:
             part: float(row.mean()) if len(row) else None
             for part, row in zip((SIMULATED, FABRICATED, FITTED), values, strict=True)
         },
-        {FABRICATED: paired(gap, paths, label), FITTED: paired(rest, paths, label)},
+        {FABRICATED: paired(gap, paths), FITTED: paired(rest, paths)},
         {},
         gap_closed(gap, rest, paths, label),
     )

@@ -152,7 +152,7 @@ def tracker_differences(found: Sequence[Comparison]) -> Figure:
         return Figure(
             "tracker_differences",
             "Paired differences of the tracker's measures from simulated measurements: mean and "
-            "95 % bootstrap interval. At 0 the measurements do to the tracker what the simulated "
+            "95 % interval. At 0 the measurements do to the tracker what the simulated "
             "ones do.",
             style.svg(figure),
         )

@@ -5,11 +5,12 @@ from dataclasses import asdict
 
 from stixel_cli.experiment.text import listed
 from stixel_cli.measurements.noise import FittedNoise
-from stixel_cli.studies.inference import DRAWS
+from stixel_cli.studies.inference import DRAWS, SIGNIFICANT
 from stixel_cli.studies.nouns import Findings, Paragraph, Part, Section, StudyData, Table
 from stixel_cli.studies.prose import quantity
 from stixel_cli.studies.rq3.answer import answer, answer_table
 from stixel_cli.studies.rq3.compare import Comparison, compare, difference_table
+from stixel_cli.studies.rq3.cost import cost_of, cost_section
 from stixel_cli.studies.rq3.figures import (
     Pools,
     edges,
@@ -19,7 +20,6 @@ from stixel_cli.studies.rq3.figures import (
     tracker_differences,
 )
 from stixel_cli.studies.rq3.fit import fit_noise, noises_of, preset
-from stixel_cli.studies.rq3.price import SHARED, Price, price_of
 from stixel_cli.studies.rq3.runs import (
     FABRICATED,
     FITTED,
@@ -86,17 +86,17 @@ def report(data: StudyData) -> Findings:
     lag = neighbour_columns([run for pool in pools.values() for run in pool[SIMULATED]])
     points = compare(parts, point_measures(lag), by_tracker=False)
     tracks = compare(parts, TRACKER_MEASURES, by_tracker=True)
-    price = price_of(data.parts[SIMULATED], data.parts[FABRICATED])
+    cost = cost_of(data.parts[SIMULATED], data.parts[FABRICATED])
     seeds, paths = (len(names(parts[SIMULATED], name)) for name in ("seed", "path"))
     sections = (
         Section("What was compared, and how", _method(data, parts, lag)),
         Section("The points", _points(points, pools, lag)),
         Section("The tracker", _tracker(tracks)),
         Section("The noise that was fitted", _fit(data, noises)),
-        Section("The price of a scan", _price(price)),
+        cost_section(cost),
     )
     return Findings(
-        tuple(answer(points, tracks, price, seeds, paths)),
+        tuple(answer(points, tracks, cost, seeds, paths)),
         sections,
         {
             f"noise/fitted_{user}.yaml": preset(noise, _what(data, user), COMMAND)
@@ -158,25 +158,26 @@ def _method(data: StudyData, parts: dict[str, Runs], lag: float) -> tuple[Paragr
         ),
         Paragraph(
             "The unit is a pair of runs of the same road user, path and seed, n of them; scans of "
-            "one run follow each other and are not counted as independent. Intervals: paired "
-            f"bootstrap, 95 % percentiles of {DRAWS} draws; paths are given, so seeds are drawn "
-            "within each path, one less than there are and weighted up (Rao and Wu 1988), for "
-            "else few seeds would make intervals too short. They speak of these paths, not of "
-            "all. Tests: "
-            "Wilcoxon's signed rank, two-sided, with Holm's correction over all tests of a table. "
-            "They take the pairs as exchangeable; pairs of one path share its motion, so a test "
-            "that is clear here is clear for these paths. Effect: matched-pairs "
-            "rank-biserial correlation, −1 to 1. With few pairs no test can reach 5 % once it is "
-            "corrected; the intervals still tell how large the difference is."
+            "one run follow each other and are not counted as independent. Intervals of a mean: "
+            "Student's t, 95 %; the paths are given, so the variance is that of the seeds within "
+            "each path, with Satterthwaite's degrees of freedom. One seed in a path gives no "
+            "interval. They hold for these paths, not for all, and are not corrected for their "
+            "number. Tests: Wilcoxon's signed rank, two-sided, with Holm's correction over all "
+            "tests of a table. At n pairs its p is at least 2 / 2ⁿ, times the number of tests; "
+            f"where that is above {SIGNIFICANT:g}, the answer says so first. The tests take the "
+            "pairs as exchangeable; pairs of one path share its motion, so a test that is clear "
+            "here is clear for these paths. Effect: matched-pairs rank-biserial correlation, −1 "
+            "to 1."
         ),
         Paragraph(
             "Gap closed: 1 − sum over the paths of |mean of fitted minus simulated| / the same of "
-            "fabricated minus simulated, with the bootstrap's interval over the same pairs. 1: "
-            "nothing of the gap is left, 0: all of it, below 0: it became wider. It is not given "
-            "where the interval of the gap holds 0. The size is taken path by path: a noise that "
-            "is fitted to the other paths errs the one way on one path and the other way on the "
-            "next, and in the mean over all paths, as the differences in the tables are, such "
-            "errors cancel."
+            "fabricated minus simulated. 1: nothing of the gap is left, 0: all of it, below 0: it "
+            "became wider. It is not given where the interval of the gap holds 0. Its own "
+            f"interval: 95 % percentiles of {DRAWS} draws of a paired bootstrap; seeds are drawn "
+            "within each path, one less than there are and weighted up (Rao and Wu 1988). The size "
+            "is taken path by path: a noise that is fitted to the other paths errs the one way on "
+            "one path and the other way on the next, and in the mean over all paths, as the "
+            "differences in the tables are, such errors cancel."
         ),
     )
 
@@ -267,32 +268,8 @@ def _fit(data: StudyData, noises: dict[str, FittedNoise]) -> tuple:
     )
 
 
-def _price(price: Price) -> tuple:
-    return (
-        Paragraph(
-            "Seconds of computing that went into the scans, as recorded when each stage ran, on "
-            "one thread each, summed over all that a scan needs and divided by the number of "
-            "scans; medians over the runs. What runs share is counted in each, as if it had been "
-            f"run alone; {' and '.join(SHARED)}, with which both kinds begin, are shown and not "
-            "counted."
-        ),
-        Table(
-            "price",
-            "Seconds a scan, medians over the runs.",
-            ("stage", SIMULATED, FABRICATED),
-            (
-                *(
-                    (stage, price.simulated.get(stage), price.fabricated.get(stage))
-                    for stage in dict.fromkeys((*price.simulated, *price.fabricated))
-                ),
-                ("all that is not shared", price.simulated_total, price.fabricated_total),
-            ),
-        ),
-    )
-
-
 def _what(data: StudyData, user: str) -> str:
-    runs = {key: point for key, point in runs_of(data.parts[TRAINING]).items()}
+    runs = runs_of(data.parts[TRAINING])
     own = [key for key in runs if key.road_user == user]
     points = sum(len(runs[key].load("point_errors").scans) for key in own)
     paths = listed(list(dict.fromkeys(key.path for key in own)))

@@ -1,0 +1,95 @@
+"""RQ3: what the answer says, and what it must not say of few pairs."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from stixel_cli.studies.inference import gap_closed, paired
+from stixel_cli.studies.rq3.answer import answer
+from stixel_cli.studies.rq3.compare import Comparison, _corrected, reach_of
+from stixel_cli.studies.rq3.cost import cost_of
+from stixel_cli.studies.rq3.runs import FABRICATED, FITTED, SIMULATED, Measure
+
+COST = cost_of(SimpleNamespace(points=()), SimpleNamespace(points=()))
+
+
+def family(pairs, labels, tracker="", gap=-0.2):
+    """Comparisons of two road users, all pairs of one sign."""
+    spread = np.linspace(-0.02, 0.02, pairs)
+    paths = ["turn"] * pairs
+    found = []
+    for user in ("car", "cyclist"):
+        for label in labels:
+            apart = {FABRICATED: paired(gap + spread, paths), FITTED: paired(spread, paths)}
+            means = {SIMULATED: 0.3, FABRICATED: 0.3 + gap, FITTED: 0.3}
+            closed = gap_closed(gap + spread, spread, paths, label)
+            measure = Measure(label, "m", lambda *_: None)
+            found.append(Comparison(user, tracker, measure, means, apart, {}, closed))
+    return _corrected(found)
+
+
+def said(pairs, gap=-0.2):
+    points = family(pairs, [f"measure {i}" for i in range(11)] + ["bias along the ray"], gap=gap)
+    return answer(points, family(pairs, ["centre RMSE"], "GP-EKF", gap), COST, pairs, 1)
+
+
+def test_of_few_pairs_it_says_first_that_no_test_can_tell():
+    first, *rest = said(6)
+    assert first == (
+        "These runs cannot distinguish the points and trackers by a test: at n = 6 pairs the "
+        "smallest p that Wilcoxon's signed rank test with Holm's correction can give is 1.00 for "
+        "the 48 tests of the points and 0.125 for the 4 tests of the trackers. To come below 0.05 "
+        "it takes n = 11 pairs."
+    )
+    text = " ".join(rest)
+    # No verdict of a test that could not have found anything; effects with their intervals instead.
+    for verdict in (
+        "the test shows",
+        "corrected test",
+        "in 0 of",
+        "No difference",
+        "no difference",
+    ):
+        assert verdict not in text
+    assert rest[0].startswith("Points: mean of fabricated minus simulated [95 %]. Car: bias along ")
+    assert "bias along the ray −0.200\u202fm [−0.216, −0.184]" in rest[0]
+    assert rest[1].startswith("GP-EKF: mean of fabricated minus simulated")
+    assert "points' 24 gaps whose interval excludes 0" in text
+
+
+def test_of_enough_pairs_effects_come_first_and_then_the_tests():
+    first, _, tests, *rest = said(15)
+    assert first.startswith("Points: mean of fabricated minus simulated [95 %]. Car: bias along ")
+    assert tests.startswith("Fabricated points differ from simulated ones: in 24 of 24 comparisons")
+    assert "GP-EKF: the corrected test shows a difference for the car (centre)" in rest[0]
+    assert "points' 24 gaps that the test shows" in " ".join(rest)
+    text = " ".join(said(15, gap=0.0))
+    assert "in 0 of 24 comparisons" in text and "does not show that the measurements" in text
+
+
+@pytest.mark.parametrize(("pairs", "enough"), [(1, False), (10, False), (11, True)])
+def test_what_a_family_of_tests_can_show(pairs, enough):
+    reach = reach_of(family(pairs, [f"measure {i}" for i in range(12)]))
+    assert (reach.pairs, reach.tests, reach.enough) == (pairs, 48, enough)
+    assert reach.needed == 11
+
+
+def test_the_cost_is_cpu_time_and_not_known_without_all_of_it():
+    def part(**seconds):
+        configuration = SimpleNamespace(
+            road_user=SimpleNamespace(kind="car"),
+            path=SimpleNamespace(kind="turn"),
+            tracker=SimpleNamespace(kind="gp_ekf"),
+        )
+        scores = SimpleNamespace(times=np.zeros(10))
+        point = SimpleNamespace(
+            setting={}, seed=0, configuration=configuration, scores=scores, cpu_seconds=seconds
+        )
+        return SimpleNamespace(points=[point])
+
+    cost = cost_of(part(scenario=9.0, render=2.0, scans=0.5), part(scenario=9.0, scans=0.01))
+    assert cost.simulated_total == pytest.approx(0.25)
+    assert cost.ratio == pytest.approx(250.0)
+    # A stage of an entry that has no CPU seconds is not left out of the sum.
+    assert cost_of(part(render=np.nan, scans=0.5), part(scans=0.01)).ratio is None
