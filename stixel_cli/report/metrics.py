@@ -36,7 +36,7 @@ METRICS = {
     "iou_mean": Metric("IoU, mean", "", "more"),
     "iou_second_half": Metric("IoU, mean of the second half", "", "more"),
     "iou_final": Metric("IoU, last scan", "", "more"),
-    "low_overlap_share": Metric("share of scans with low overlap, IoU < 0.2", "", "less"),
+    "low_overlap_share": Metric("share of low overlap, IoU < 0.2", "", "less"),
     "nees_position_mean": Metric("NEES of the position / 2, mean (1 is consistent)", "", "one"),
     "nees_heading_mean": Metric("NEES of the heading, mean (1 is consistent)", "", "one"),
     "nis_mean": Metric("NIS / degrees of freedom, mean (1 is consistent)", "", "one"),

@@ -31,7 +31,7 @@ SUMMARY = {
     "centre_rmse_m": "centre RMSE",
     "orientation_rmse_deg": "orientation RMSE",
     "iou_mean": "mean IoU",
-    "low_overlap_share": "low overlap share",
+    "low_overlap_share": "share of low overlap",
     "nees_position_mean": "mean NEES / 2",
     "nis_mean": "mean NIS / d.o.f.",
 }

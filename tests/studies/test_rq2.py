@@ -17,7 +17,7 @@ from stixel_cli.scene.scenario import Scenario
 from stixel_cli.studies.nouns import StudyData
 from stixel_cli.studies.rq2.answer import answer, answer_tables
 from stixel_cli.studies.rq2.conditions import CONDITIONS, condition_statistics
-from stixel_cli.studies.rq2.contrasts import family, p_value
+from stixel_cli.studies.rq2.contrasts import family, least_effect, p_value
 from stixel_cli.studies.rq2.figures import by_condition
 from stixel_cli.studies.rq2.runs import (
     Run,
@@ -182,7 +182,15 @@ def test_the_answer_is_made_of_what_is_there():
     # NEES, like every mean, of both measurements, and without a test.
     assert rows[4][2:] == ["position NEES / 2", "1.00", "1.00", "–"]
     # A tracker that came later is answered for, the floor is not.
-    assert "no difference of the new_one on stixels from the lidar_9 stands up" in text.lower()
+    assert "They show no difference of the new_one on stixels from the lidar_9." in text
+    # Effects with their intervals come first, then the tests.
+    first, *_, tests, limits = answer(runs)
+    assert first.startswith(
+        "Gp_ekf: mean difference, stixels minus lidar_9 [95 %]. Car: centre RMSE +0.310\u202fm "
+        "[0.285, 0.335]"
+    )
+    assert tests.startswith("Tests: 6 paired t-tests over n = 3 seeds, with Holm's correction.")
+    assert "no p below 0.250 at n = 3" in limits
     assert "The point does" not in text
     _, rows, _ = shown_table(beside_floor)
     assert rows[0][:6] == ["car", "gp_ekf", "point", "centre RMSE, m", "0.510", "1.50"]
@@ -205,8 +213,29 @@ def test_a_tracker_below_the_floor_is_said_to_be():
             runs.append(run(measurement="stixels", tracker="point", centre=1.0, **own))
             runs.append(run(seed, "lidar", centre=1.0, road_user=user))
     text = " ".join(answer(runs))
-    told = "better for the car; worse for the cyclist; no difference is shown for the pedestrian."
-    assert told in text
+    assert "better for the car; worse for the cyclist; not clear for the pedestrian." in text
+    assert "the baseline [95 %, not corrected for the number of comparisons]: car +0.049 [" in text
+
+
+def test_of_one_seed_it_says_first_that_no_test_can_tell():
+    runs = [run(0, "stixels", centre=0.5, kind="simulated"), run(0, "lidar", centre=0.2)]
+    runs += [run(0, "stixels", "point", centre=0.6, kind="simulated")]
+    first, effects, *rest = answer(runs)
+    assert first.startswith("These runs cannot distinguish stixels from lidar by a test: there is")
+    assert "centre RMSE +0.300\u202fm, orientation" in effects
+    text = " ".join(rest)
+    assert "Tests:" not in text and "no difference" not in text
+    assert "By these intervals: not known for the car." in text
+
+
+def test_how_large_a_difference_must_be_for_a_test_to_show_it():
+    for seeds, tests in ((2, 6), (5, 18)):
+        edge = least_effect(seeds, tests)
+        values = np.linspace(-1.0, 1.0, seeds)
+        values /= values.std(ddof=1)
+        for factor, shown in ((1.001, True), (0.999, False)):
+            p = ttest_1samp(values + factor * edge, 0.0).pvalue
+            assert (tests * p < 0.05) == shown
 
 
 def test_only_what_stands_up_to_all_tests_is_worse():
@@ -249,7 +278,7 @@ def tiny(studies):
     return Path(answer["folder"])
 
 
-def test_a_tiny_study_from_the_command_line(tiny, open_page):
+def test_a_tiny_study_from_the_command_line(tiny):
     html = (tiny / "report.html").read_text(encoding="utf-8")
     for title in (
         "Pedestrian",
@@ -277,6 +306,9 @@ def test_a_tiny_study_from_the_command_line(tiny, open_page):
         "pedestrian_crossing_over_time",
         "pedestrian_by_range",
     } <= names_of_figures
+
+
+def test_the_page_of_a_tiny_study_fits_its_screen(tiny, open_page):
     for width, dark in ((1280, False), (390, True)):
         opened = open_page(tiny / "report.html", width=width, height=844, dark=dark)
         assert opened.problems == [] and opened.overflow() == 0

@@ -52,15 +52,19 @@ def test_of_few_pairs_it_says_first_that_no_test_can_tell():
         "no difference",
     ):
         assert verdict not in text
-    assert rest[0].startswith("Points: mean of fabricated minus simulated [95 %]. Car: bias along ")
+    assert rest[0].startswith(
+        "Points: mean difference, fabricated minus simulated [95 %]. Car: bias along "
+    )
     assert "bias along the ray −0.200\u202fm [−0.216, −0.184]" in rest[0]
-    assert rest[1].startswith("GP-EKF: mean of fabricated minus simulated")
+    assert rest[1].startswith("GP-EKF: mean difference, fabricated minus simulated")
     assert "points' 24 gaps whose interval excludes 0" in text
 
 
 def test_of_enough_pairs_effects_come_first_and_then_the_tests():
     first, _, tests, *rest = said(15)
-    assert first.startswith("Points: mean of fabricated minus simulated [95 %]. Car: bias along ")
+    assert first.startswith(
+        "Points: mean difference, fabricated minus simulated [95 %]. Car: bias along "
+    )
     assert tests.startswith("Fabricated points differ from simulated ones: in 24 of 24 comparisons")
     assert "GP-EKF: the corrected test shows a difference for the car (centre)" in rest[0]
     assert "points' 24 gaps that the test shows" in " ".join(rest)

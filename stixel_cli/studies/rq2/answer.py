@@ -4,13 +4,15 @@ from collections.abc import Sequence
 
 from stixel_cli.experiment.text import listed
 from stixel_cli.studies.field_names import LIDAR, STIXELS
+from stixel_cli.studies.inference import least_p
 from stixel_cli.studies.nouns import Table
-from stixel_cli.studies.prose import MINUS, capital, number
+from stixel_cli.studies.prose import MINUS, capital, counted, number, with_interval
 from stixel_cli.studies.rq2.contrasts import (
     ERRORS,
     Contrast,
     family,
     is_floor,
+    least_effect,
     of_kind,
 )
 from stixel_cli.studies.rq2.runs import (
@@ -23,11 +25,15 @@ from stixel_cli.studies.rq2.runs import (
 from stixel_cli.sweeps.statistics import Statistic
 
 _BESIDE = {
-    "low_overlap_share": "low overlap share",
+    "low_overlap_share": "share of low overlap",
     "nees_position_mean": "position NEES / 2",
     "nis_mean": "NIS / d.o.f.",
 }
 """What stands beside the errors, without a test."""
+_ONE_SEED = (
+    "These runs cannot distinguish stixels from lidar by a test: there is one seed, and a paired "
+    "test over seeds, or an interval, takes two or more."
+)
 _SHORT = {"centre_rmse_m": "centre", "orientation_rmse_deg": "orientation", "iou_mean": "IoU"}
 
 
@@ -41,16 +47,21 @@ def answer(runs: Sequence[Run]) -> list[str]:
             "the question itself. What it holds stands below."
         ]
     tested = family(runs)
-    sentences = []
+    n = len(names(runs, "seed"))
+    sentences = [] if n > 1 else [_ONE_SEED]
+    verdicts = []
     for tracker in dict.fromkeys(one.tracker for one in tested):
         for lidar in lidars:
             own = [one for one in tested if (one.tracker, one.other) == (tracker, lidar)]
-            sentences.append(_verdict(own))
+            sentences.append(_effects(own))
+            verdicts.append(_verdict(own))
         sentences += [
             _against_floor(runs, tracker, floor, stixels[0]) for floor in _floors(runs, tracker)
         ]
         sentences.append(_consistency(runs, tracker, stixels[0]))
-    return [*sentences, _limits(runs, tested)]
+    if n > 1:
+        sentences.append(" ".join([_tests(n, len(tested)), *verdicts]))
+    return [*sentences, _limits(runs)]
 
 
 def answer_tables(runs: Sequence[Run]) -> tuple[Table, ...]:
@@ -102,8 +113,8 @@ def _lidar_table(
         "Stixels against lidar: means over paths and seeds, and the difference, paired, with its "
         "95 % interval over the seeds. Of the errors a positive difference, of the IoU a negative "
         "one, is worse for stixels. NEES / 2 and NIS / d.o.f. are 1 where the stated covariance "
-        "is right and more where the tracker is too sure of itself; a mean of them is moved most "
-        "by the runs that diverge. Low overlap share: share of scans with IoU < 0.2.",
+        "is right and more where the tracker is over-confident; a mean of them is moved most "
+        "by the runs that diverge. Share of low overlap: of scans with IoU < 0.2.",
         tuple(columns),
         tuple(rows),
     )
@@ -123,16 +134,16 @@ def _floor_table(on_stixels: Sequence[Run], pairs: Sequence[tuple[str, str]]) ->
                 rows.append((*row, apart.mean, apart.low, apart.high))
     return Table(
         "answer_floor",
-        "On stixels, a tracker beside the least that it must beat: means over paths and seeds, and "
-        "the tracker minus that floor, paired, with its 95 % interval over the seeds; not "
+        "On stixels, a tracker and the baseline: means over paths and seeds, and the tracker minus "
+        "the baseline, paired, with its 95 % interval over the seeds; not "
         "corrected for the number of comparisons.",
         (
             "road user",
             "tracker",
-            "floor",
+            "baseline",
             "mean over paths and seeds",
             "of the tracker",
-            "of the floor",
+            "of the baseline",
             "difference",
             "low difference",
             "high difference",
@@ -145,31 +156,51 @@ def _with_unit(name: str, unit: str) -> str:
     return f"{name}, {unit}" if unit else name
 
 
+def _effects(found: Sequence[Contrast]) -> str:
+    """Mean paired differences with their intervals, by road user."""
+    told = []
+    for user in dict.fromkeys(one.road_user for one in found):
+        own = [_effect(one) for one in found if one.road_user == user]
+        told.append(f"{user}: {', '.join(own)}")
+    one = found[0]
+    return (
+        f"{capital(one.tracker)}: mean difference, {one.one} minus {one.other} [95 %]. "
+        f"{capital('; '.join(told))}."
+    )
+
+
+def _effect(one: Contrast) -> str:
+    name, unit, _ = ERRORS[one.metric]
+    apart = one.difference
+    return f"{name} {with_interval(apart.mean, apart.low, apart.high, unit, sign=True)}"
+
+
+def _tests(seeds: int, tests: int) -> str:
+    """What is tested, and how large a difference must be for the test to show it."""
+    return (
+        f"Tests: {tests} paired t-tests over n = {seeds} seeds, with Holm's correction. For any of "
+        "them to be significant, a mean difference must exceed "
+        f"{number(least_effect(seeds, tests))} standard deviations of the seeds' differences."
+    )
+
+
 def _verdict(found: Sequence[Contrast]) -> str:
-    """For what stixels are worse or better than a lidar, and for what no difference is shown."""
+    """For what the tests show that stixels are worse or better than a lidar, and for what not."""
     tracker, lidar = found[0].tracker, found[0].other
     told = {
         verdict: _by_user([one for one in found if one.verdict == verdict])
         for verdict in ("worse", "better", "leaning", "alike")
     }
-    sentences = []
-    for verdict in ("worse", "better"):
-        if told[verdict]:
-            sentences.append(
-                f"the {tracker} does {verdict} on stixels than on the {lidar} for {told[verdict]}"
-            )
-    if not sentences:
-        sentences.append(
-            f"no difference of the {tracker} on stixels from the {lidar} stands up to the test"
-        )
+    sentences = [
+        f"the {tracker} does {verdict} on stixels than on the {lidar} for {told[verdict]}"
+        for verdict in ("worse", "better")
+        if told[verdict]
+    ] or [f"they show no difference of the {tracker} on stixels from the {lidar}"]
     text = capital(", and ".join(sentences)) + "."
     if told["leaning"]:
-        text += (
-            f" For {told['leaning']} the interval leaves out 0, but not once it is corrected for "
-            "the number of tests."
-        )
+        text += f" For {told['leaning']} only the interval, which is not corrected, excludes 0."
     if told["alike"]:
-        text += f" For {told['alike']} no difference is shown."
+        text += f" For {told['alike']} neither the test nor the interval shows a difference."
     return text
 
 
@@ -184,15 +215,16 @@ def _by_user(found: Sequence[Contrast]) -> str:
 
 def _against_floor(runs: Sequence[Run], tracker: str, floor: str, stixels: str) -> str:
     on_stixels = chosen(runs, measurement=stixels)
-    told: dict[str, list[str]] = {}
+    effects, verdicts = [], {}
     for user in names(runs, "road_user"):
-        overlap = floor_difference(on_stixels, user, tracker, floor, "iou_mean")
-        told.setdefault(_beside_floor(overlap), []).append(f"the {user}")
-    verdict = "; ".join(f"{how} for {listed(users)}" for how, users in told.items())
+        apart = floor_difference(on_stixels, user, tracker, floor, "iou_mean")
+        effects.append(f"{user} {with_interval(apart.mean, apart.low, apart.high, sign=True)}")
+        verdicts.setdefault(_beside_floor(apart), []).append(f"the {user}")
+    told = "; ".join(f"{how} for {listed(users)}" for how, users in verdicts.items())
     return (
-        f"On stixels the {tracker} beside the {floor}, the least that an extended tracker must "
-        "beat, by the interval of the IoU, which is not corrected for the number of comparisons: "
-        f"{verdict}."
+        f"On stixels, mean IoU of the {tracker} minus that of the {floor}, the baseline [95 %, not "
+        f"corrected for the number of comparisons]: {', '.join(effects)}. By these intervals: "
+        f"{told}."
     )
 
 
@@ -205,8 +237,10 @@ def floor_difference(
 
 
 def _beside_floor(iou: Statistic) -> str:
-    if iou.low is None or iou.low <= 0.0 <= iou.high:
-        return "no difference is shown"
+    if iou.low is None:
+        return "not known"
+    if iou.low <= 0.0 <= iou.high:
+        return "not clear"
     return "better" if iou.low > 0.0 else "worse"
 
 
@@ -217,18 +251,19 @@ def _consistency(runs: Sequence[Run], tracker: str, stixels: str) -> str:
     ]
     return (
         f"Consistency of the {tracker} on {stixels}: position NEES / 2 is {listed(told)}, where 1 "
-        "is right and more is too sure of itself."
+        "is consistent and more is over-confident."
     )
 
 
-def _limits(runs: Sequence[Run], tested: Sequence[Contrast]) -> str:
-    seeds = names(runs, "seed")
+def _limits(runs: Sequence[Run]) -> str:
+    n = len(names(runs, "seed"))
     return (
-        f"Brackets are 95 % intervals over n = {len(seeds)} seeds, each the mean over "
-        f"{len(names(runs, 'path'))} paths, differences paired by path and seed; verdicts are of "
-        f"{len(tested)} paired t-tests with Holm's correction. The seeds renew the sensors' noise "
-        "and the tracker's noisy start, not motion, road user or street: the answer holds for "
-        "these rendered scenes, one shape a class, a target that is known to be there, and no "
+        f"Brackets are 95 % intervals over n = {counted(n, 'seed')} (Student's t), each seed the "
+        f"mean over {counted(len(names(runs, 'path')), 'path')}, differences paired by path and "
+        "seed. Intervals and tests take these means as normal; an exact test without that "
+        f"assumption has no p below {number(least_p(n))} at n = {n}. The seeds renew the sensors' "
+        "noise and the tracker's initialisation, not motion, road user or street: the answer holds "
+        "for these rendered scenes, one shape a class, a target that is known to be there, and no "
         "clutter but what the sensors make."
     )
 

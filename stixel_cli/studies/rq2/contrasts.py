@@ -105,6 +105,14 @@ def p_value(difference: Statistic) -> float | None:
     return float(2.0 * student.sf(abs(ratio), difference.n - 1))
 
 
+def least_effect(seeds: int, tests: int) -> float:
+    """Mean difference above which one of so many tests can be significant after `holm`.
+
+    In standard deviations of the differences of the seeds, of which there are two or more.
+    """
+    return float(student.isf(0.5 * SIGNIFICANT / tests, seeds - 1)) / math.sqrt(seeds)
+
+
 def of_kind(runs: Sequence[Run], kind: str) -> list[str]:
     """The measurements of a kind."""
     return names(chosen(runs, kind=kind), "measurement")

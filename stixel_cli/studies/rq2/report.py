@@ -74,8 +74,8 @@ def _method(runs: Sequence[Run]) -> tuple[Paragraph | Table, ...]:
             "camera's rays cut by the true contour, with noise; a lidar's are its beams cast "
             "against the same meshes, put to the ground plane. A tracker is given the scans and "
             "the noisy start, and no truth. Its settings are those of its option and of the road "
-            "user, whatever is measured: where the NIS is below 1, a tracker reckons with more "
-            "noise than it meets, and weighs points less than it could."
+            "user, whatever is measured: where the NIS is below 1, the tracker assumes "
+            "more noise than there is, and weighs points less than it could."
         ),
         Paragraph(
             f"The unit of replication is the seed, n = {len(seeds)}. A seed draws the noise of "
@@ -262,8 +262,8 @@ def _tracking_table(user: str, runs: Sequence[Run]) -> Table:
             "± orientation",
             "mean IoU",
             "± IoU",
-            "low overlap share",
-            "± low overlap share",
+            "share of low overlap",
+            "± share of low overlap",
             "NEES / 2",
             "NEES within",
             "NIS / d.o.f.",

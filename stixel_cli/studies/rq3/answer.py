@@ -114,7 +114,7 @@ def _effects(found: Sequence[Comparison], labels: Sequence[str]) -> str:
         own = {one.measure.label: one for one in found if one.road_user == user}
         shown = [_effect(own[label]) for label in labels if label in own]
         told.append(f"{user}: {', '.join(shown)}")
-    return f"mean of {FABRICATED} minus {SIMULATED} [95 %]. {capital('; '.join(told))}."
+    return f"mean difference, {FABRICATED} minus {SIMULATED} [95 %]. {capital('; '.join(told))}."
 
 
 def _effect(one: Comparison) -> str:
