@@ -65,7 +65,8 @@ def cost_section(cost: Cost) -> Section:
                 "CPU seconds as recorded when each stage ran, on one thread each, summed over all "
                 "stages that a scan needs and divided by the number of scans; medians over the "
                 "runs. Time for which a busy machine lets a process wait is not counted, nor is a "
-                "process that a stage starts (the Filament renderer). Results that runs share are "
+                "process that a stage starts (the Filament renderer). A worker's first result has "
+                "the import of its libraries in it. Results that runs share are "
                 f"counted in each run; {' and '.join(SHARED)}, with which both kinds begin, are "
                 "shown and not counted."
             ),
