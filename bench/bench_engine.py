@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import pytest
 
-from stixel_cli.engine import code_hash, source
-from stixel_cli.engine.code_hash import CodeIndex
+from stixel_cli.engine import code
+from stixel_cli.engine.code import CodeIndex
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.explain import explain
 from stixel_cli.engine.graph import GraphBuilder, build_graph, merge
@@ -38,7 +38,7 @@ def graph(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(tmp_path))
     sys.modules.pop("bench_stages", None)
     stages = [
-        Stage("make", "bench_stages:make", "map", {}, {}, packages=("numpy",), seed=1),
+        Stage("make", "bench_stages:make", "map", {}, {}, seed=1),
         Stage("add", "bench_stages:add", "fold", {"made": "make"}, {}),
     ]
     return build_graph(stages, NODES // 2, 1)
@@ -110,10 +110,7 @@ def points(tmp_path, monkeypatch):
     sys.modules.pop("bench_points", None)
 
     def stages(i):
-        first = [
-            Stage(f"make{j}", "bench_points:make", "map", {}, {}, packages=("numpy",), seed=j)
-            for j in range(5)
-        ]
+        first = [Stage(f"make{j}", "bench_points:make", "map", {}, {}, seed=j) for j in range(5)]
         second = [
             Stage(f"add{j}", "bench_points:add", "fold", {"made": f"make{j}"}, {}) for j in range(5)
         ]
@@ -162,10 +159,10 @@ def test_plan_of_many_points(benchmark, points, tmp_path, how):
 @pytest.mark.parametrize("what", ["limit", "list", "explain"])
 def test_upkeep(benchmark, graph, tmp_path, what):
     store = Store(tmp_path / "cache", max_size=10**12)
-    parts = {f"package.module{i % 40}:function{i}": f"{i:020x}" for i in range(200)}
+    modules = {f"package.module{i}": f"{i:032x}" for i in range(40)}
     for i in range(5000):
         stage = f"stage{i % 16}" if i % 16 else "make"
-        store.save(f"{i:064x}"[::-1], 0, stage=stage, label="x", code_parts=parts, created=0.0)
+        store.save(f"{i:064x}"[::-1], 0, stage=stage, label="x", modules=modules, created=0.0)
     run = {
         "limit": lambda: keep_limit(store),
         "list": lambda: entries(store),
@@ -208,23 +205,22 @@ FUNCTIONS = [
 ]
 
 
-def hash_all():
+def code_of_all():
     index = CodeIndex()
-    return [index.hash(function) for function in FUNCTIONS]
+    return [index.code([function.partition(":")[0]]) for function in FUNCTIONS]
 
 
 @pytest.mark.benchmark(group="code of all stages")
 @pytest.mark.parametrize("when", ["first", "again"])
-def test_code_hash(benchmark, when):
+def test_code(benchmark, when):
     """The first time in a process (goal 0.3 s), and when the files are parsed already."""
 
     def forget():
         if when == "first":
-            source._parsed.clear()
-            code_hash._definitions.clear()
+            code._parsed.clear()
 
     started = time.perf_counter()
-    hashes = hash_all()
+    codes = code_of_all()
     benchmark.extra_info["first, s"] = time.perf_counter() - started
-    benchmark.extra_info["parts"] = len({part for code in hashes for part in code.parts})
-    benchmark.pedantic(hash_all, setup=forget, rounds=3)
+    benchmark.extra_info["modules"] = len({name for one in codes for name in one.modules})
+    benchmark.pedantic(code_of_all, setup=forget, rounds=3)
