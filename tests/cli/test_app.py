@@ -64,7 +64,7 @@ def test_help_of_study_names_the_studies_that_are_there(capsys):
     said = capsys.readouterr().out
     named = re.findall(r"^  (\w+)  [A-Z]", said, flags=re.MULTILINE)
     assert named == [*sorted(shipped_studies()), "all"]
-    assert "the study's own" in " ".join(said.split())
+    assert "the study's name, then the overrides" in " ".join(said.split())
 
 
 def test_version(capsys):

@@ -72,7 +72,7 @@ def answer(
         sentences.append(_apart(points, reaches["points"]))
     if reaches["trackers"].enough:
         sentences += [_matters(tracker, own) for tracker, own in by_tracker.items()]
-    if all(reach.enough for reach in reaches.values()):
+    if any(reach.enough for reach in reaches.values()):
         sentences.append(_SILENT)
     owned = (("points'", points, reaches["points"]), ("trackers'", tracks, reaches["trackers"]))
     sentences.append(" ".join(_closed(own, found, reach.enough) for own, found, reach in owned))
@@ -100,7 +100,8 @@ def _beyond(reaches: Mapping[str, Reach]) -> str:
         for what, one in short.items()
     ]
     return (
-        f"These runs cannot distinguish the {listed(list(short))} by a test: at n = "
+        "These runs cannot distinguish fabricated from simulated measurements "
+        f"({listed(list(short))}): at n = "
         f"{counted(max(one.pairs for one in short.values()), 'pair')} the smallest p that "
         f"Wilcoxon's signed rank test with Holm's correction can give is {listed(told)}. To come "
         f"below {SIGNIFICANT:g} it takes n = {max(one.needed for one in short.values())} pairs."
