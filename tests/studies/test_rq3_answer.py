@@ -38,9 +38,9 @@ def test_of_few_pairs_it_says_first_that_no_test_can_tell():
     first, *rest = said(6)
     assert first == (
         "These runs cannot distinguish fabricated from simulated measurements (points and "
-        "trackers): at n = 6 pairs the smallest p that Wilcoxon's signed rank test with Holm's correction can give is 1.00 for "
-        "the 48 tests of the points and 0.125 for the 4 tests of the trackers. To come below 0.05 "
-        "it takes n = 11 pairs."
+        "trackers): at n = 6 pairs the smallest p that Wilcoxon's signed rank test with Holm's "
+        "correction can give is 1.00 for the 48 tests of the points and 0.125 for the 4 tests of "
+        "the trackers. To come below 0.05 it takes n = 11 pairs."
     )
     text = " ".join(rest)
     # No verdict of a test that could not have found anything; effects with their intervals instead.
