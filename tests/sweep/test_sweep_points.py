@@ -4,7 +4,7 @@ import pytest
 from points_of import sweep_points
 
 from stixel_cli.config.compose import compose
-from stixel_cli.errors import ConfigurationError
+from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.sweeps.checks import check_axes
 from stixel_cli.sweeps.graphs import plan_points
 
@@ -226,7 +226,7 @@ def test_the_shipped_study_is_valid():
         ("seeds: 2\nleave_out: [seed]", "must be keys with the value"),
         ("- 1", "must have the entries"),
         ("", "nothing to sweep"),
-        ("axes: {seed: [1, 2", "line 1"),
+        ("axes: {seed: [1, 2", "did not find expected"),
         ("seeds: 2\nfixed: {rig.width: wide}", "rig.width: 'wide' is text"),
         ("\t", "line 1"),
     ],
@@ -234,7 +234,7 @@ def test_the_shipped_study_is_valid():
 def test_a_wrong_file_is_one_line(tmp_path, text, said):
     file = tmp_path / "study.yaml"
     file.write_text(text, encoding="utf-8")
-    with pytest.raises(ConfigurationError) as error:
+    with pytest.raises(UserError) as error:
         sweep_points([], file=str(file))
     assert said in str(error.value)
     assert "\n" not in str(error.value)
