@@ -57,10 +57,9 @@ class StudyFolder:
             return False
         # As it would be read back.
         wanted = yaml.safe_load(yaml_text(plan.request()))
-        there = read_yaml(self.path / FILE)
         try:
-            found = differences(there, wanted, str(self.path))
-        except ValueError:
+            found = differences(read_yaml(self.path / FILE), wanted, str(self.path))
+        except (UserError, ValueError):
             raise UserError(
                 f"{self.path / FILE}: not a valid study file; start over with --fresh"
             ) from None

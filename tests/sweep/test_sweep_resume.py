@@ -197,7 +197,7 @@ def test_edited_code_is_named_by_resume_and_by_verify_of_a_point(tmp_path):
     point = tmp_path / "results/mine/points/0001"
     found = json.loads(stixel("verify", str(point), "--cached", "--json", code=1).stdout)
     assert found["first_by_key"]["stage"] == found["first_by_value"]["stage"] == "start"
-    edited = "noisy_start of stixel_cli.tracking.start was edited"
+    edited = "stixel_cli.tracking.start was edited"
     assert found["first_by_value"]["causes"] == [edited]
     assert "by up to" in found["first_by_value"]["what"]
     # Taken out of its sweep's folder, it knows what was made, and not of which code.
