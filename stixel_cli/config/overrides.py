@@ -69,6 +69,9 @@ def _refuse_malformed(text: str) -> None:
     bare = text.lstrip("+~").strip()
     if any(0xD800 <= ord(character) <= 0xDFFF for character in text):
         raise ConfigurationError(f"{messages.show(text)}: is not UTF-8 text")
+    if "${oc.deprecated:" in text:
+        shown = messages.printable(text)
+        raise ConfigurationError(f"{shown}: oc.deprecated only warns: write ${{KEY}}")
     if not bare:
         raise ConfigurationError(f"{messages.show(text)}: a KEY=VALUE is needed")
     if bare.startswith("="):

@@ -83,6 +83,7 @@ SENTENCES = {
     "rig.width=${pace}": "rig.width: {",
     "rig.width=${nope:3}": "rig.width: Unsupported interpolation type nope",
     "rig.width=${oc.env:NO_SUCH_VARIABLE}": "NO_SUCH_VARIABLE",
+    "rig.width=${oc.deprecated:rig.height}": "oc.deprecated only warns: write ${KEY}",
     "rig.width=???": "rig.width: ??? stands for a missing value",
     "rig=???": "rig: there is no option '???'",
     "rig=${road_user}": "rig: there is no option '${road_user}'",

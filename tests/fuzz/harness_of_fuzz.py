@@ -1,0 +1,254 @@
+"""Random command lines by the real command, in this process; what no answer may be is a complaint.
+
+Case `i` of a kind is drawn from (kind, i) alone, so each can be run again by itself.
+"""
+
+import contextlib
+import faulthandler
+import io
+import json
+import os
+import random
+import resource
+import sys
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from stixel_cli.cli.app import main
+from stixel_cli.engine.execute import execute
+from stixel_cli.engine.plan import plan
+from stixel_cli.errors import UserError
+
+BATCH = 200
+"""Cases of one child process, in a long run."""
+
+LONGEST_CASE = 120
+"""Seconds after which a case of a long run hangs, and its child ends with its frames."""
+
+MOST_MEMORY = 4 * 2**30
+LONGEST_LINE = 1000
+"""Characters of a line on stderr, over those that were typed."""
+
+DEFECTS = ("Traceback", "defect of stixel", "internal error", "Warning: ")
+
+Make = Callable[[random.Random, Path], list[str]]
+"""Draws a case: the words after `stixel`; it may write what they name into the folder."""
+
+
+class _Computes(UserError):
+    """In place of computing: so far the command line was right."""
+
+
+_computes: list[str] = []
+
+
+@dataclass(frozen=True)
+class Answer:
+    """How a command ended."""
+
+    code: int
+    out: str
+    err: str
+
+
+def number_of_cases(small: int) -> int:
+    """How many cases of a kind: `small` in the suite, what STIXEL_FUZZ says in a long run."""
+    return int(os.environ.get("STIXEL_FUZZ", small))
+
+
+def _no_computing(monkeypatch) -> None:
+    """Let no command of this test compute; what is all in the cache is the real thing."""
+
+    def only_cached(graph, targets, store, **options):
+        if plan(graph, targets, store).missing:
+            _computes.append("reached")
+            raise _Computes("would compute")
+        return execute(graph, targets, store, **options)
+
+    monkeypatch.setattr("stixel_cli.experiment.run.execute", only_cached)
+    monkeypatch.setattr("stixel_cli.sweeps.run.execute", only_cached)
+
+
+def settle(monkeypatch, folder: Path) -> Path:
+    """An empty working folder below `folder`, and no way to the user's own files."""
+    for name in ("HOME", "XDG_CACHE_HOME", "XDG_STATE_HOME", "XDG_DATA_HOME"):
+        monkeypatch.setenv(name, str(folder / name))
+    place = folder / "place"
+    place.mkdir()
+    monkeypatch.chdir(place)
+    _no_computing(monkeypatch)
+    return place
+
+
+def answer(words: list[str]) -> Answer:
+    """What the console script would answer."""
+    out, err = (
+        io.TextIOWrapper(io.BytesIO(), "utf-8", errors="backslashreplace", newline="\n")
+        for _ in range(2)
+    )
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(words)
+    out.flush()
+    err.flush()
+    return Answer(code, *(s.buffer.getvalue().decode("utf-8") for s in (out, err)))
+
+
+def complaint(kind: "Kind", words: list[str]) -> tuple[str, int]:
+    """What is wrong with the answer to `words`, "" if nothing; and the exit code, -1 for none.
+
+    What the command left in the working folder is removed.
+    """
+    _computes.clear()
+    before = _content(kind.place)
+    try:
+        got = answer(words)
+    except BaseException as error:
+        return "".join(traceback.format_exception(error)), -1
+    after = _content(kind.place)
+    changed = sorted(name for name in after | before if after.get(name) != before.get(name))
+    _remove([name for name in changed if name not in before])
+    if _computes:
+        return "", got.code
+    if changed and not (kind.may_write and got.code == 0):
+        return f"changed: {changed}; exit code {got.code}: {got.err}", got.code
+    return _fault(words, got) or kind.also(words, got), got.code
+
+
+def _fault(words: list[str], got: Answer) -> str:
+    # 1 from `verify` says that something differs.
+    if got.code not in (0, 2) and not (got.code == 1 and words[0] == "verify" and got.out):
+        return f"exit code {got.code}: {got.err}"
+    if any(word in got.err or word in got.out for word in DEFECTS):
+        return got.err
+    if got.code == 2:
+        if not got.err.startswith("stixel: ") or got.err.count("\n") != 1:
+            return f"not one line: {got.err!r}"
+        if not got.err[:-1].isprintable():
+            return f"not printable: {got.err!r}"
+        if len(got.err) > LONGEST_LINE + sum(map(len, words)):
+            return f"{len(got.err)} characters: {got.err[:200]}"
+    elif not got.out and not got.err:
+        return "no answer"
+    elif words[1:2] == ["--json"] and not got.out.startswith("Usage:"):
+        try:
+            json.loads(got.out, parse_constant=_refuse_constant)
+        except ValueError as error:
+            return f"no JSON: {error}: {got.out[:200]!r}"
+    return ""
+
+
+def _refuse_constant(text: str) -> None:
+    raise ValueError(text)
+
+
+def _content(place: Path) -> dict[str, tuple[int, int]]:
+    found = {}
+    for folder, folders, files in os.walk(place):
+        for name in (*folders, *files):
+            path = os.path.join(folder, name)
+            state = os.lstat(path)
+            # A folder's time changes with what is in it, which is named itself.
+            is_folder = name in folders
+            found[path] = (0, 0) if is_folder else (state.st_size, state.st_mtime_ns)
+    return found
+
+
+def _remove(names: list[str]) -> None:
+    # A folder comes before what is in it.
+    for name in sorted(names, reverse=True):
+        path = Path(name)
+        if path.is_dir() and not path.is_symlink():
+            with contextlib.suppress(OSError):
+                path.rmdir()
+        else:
+            path.unlink(missing_ok=True)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Cases of one kind.
+
+    Attributes:
+        name: from which the cases are drawn, with their number.
+        make: draws one.
+        place: the working folder, left as it was.
+        also: a further check of the words and their answer, "" if nothing is wrong.
+        may_write: whether a command that succeeds may write into `place`.
+    """
+
+    name: str
+    make: Make
+    place: Path
+    also: Callable[[list[str], Answer], str] = lambda words, got: ""
+    may_write: bool = False
+
+
+def run_cases(kind: Kind, small: int) -> list[str]:
+    """The complaints about `small` cases; of a long run, about all its cases, told on stderr.
+
+    A long run has a child process for each batch, so that one that dies or hangs names its case.
+    """
+    count = number_of_cases(small)
+    if "STIXEL_FUZZ" not in os.environ:
+        found = [_case(kind, i)[0] for i in range(count)]
+        return [one for one in found if one]
+    started, codes, commands, found = time.monotonic(), Counter(), Counter(), []
+    i = 0
+    while i < count:
+        last = i
+        for record in _child(kind, range(i, min(i + BATCH, count))):
+            last = record["case"]
+            if "code" not in record:
+                continue
+            codes[record["code"]] += 1
+            commands[record["command"]] += 1
+            if record["complaint"]:
+                sys.__stderr__.write(record["complaint"] + "\n")
+                found.append(record["complaint"])
+            i = last + 1
+        if i <= last:
+            found.append(f"{kind.name} {last}: the process died or hung, see above")
+            i = last + 1
+    seconds = time.monotonic() - started
+    told = (
+        f"{kind.name}: {count} cases, {seconds:.0f} s, exit codes {dict(codes)}, {dict(commands)}"
+    )
+    sys.__stderr__.write(f"{told}; {len(found)} complaints\n")
+    return found
+
+
+def _case(kind: Kind, i: int) -> tuple[str, int, str]:
+    """Complaint, exit code and command of a case."""
+    words = kind.make(random.Random(f"{kind.name} {i}"), kind.place)
+    wrong, code = complaint(kind, words)
+    shown = f"{kind.name} {i}: stixel {' '.join(ascii(word)[:300] for word in words)}"
+    command = next((word for word in words if word[:1].isalpha()), "")[:10]
+    return (f"{shown}: {wrong}" if wrong else ""), code, command
+
+
+def _child(kind: Kind, numbers: range):
+    """What a child process tells of its cases, each before it runs and after."""
+    reading, writing = os.pipe()
+    if os.fork():
+        os.close(writing)
+        with open(reading, encoding="utf-8") as lines:
+            yield from map(json.loads, lines)
+        os.wait()
+        return
+    try:
+        os.close(reading)
+        resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        with open(writing, "w", encoding="utf-8", buffering=1) as told:
+            for i in numbers:
+                told.write(json.dumps({"case": i}) + "\n")
+                faulthandler.dump_traceback_later(LONGEST_CASE, exit=True, file=sys.__stderr__)
+                wrong, code, command = _case(kind, i)
+                record = {"case": i, "complaint": wrong, "code": code, "command": command}
+                told.write(json.dumps(record) + "\n")
+    finally:
+        os._exit(0)

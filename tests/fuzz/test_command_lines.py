@@ -1,0 +1,127 @@
+"""Command lines of random words: right ones, wrong ones, and what no one would type."""
+
+import random
+from pathlib import Path
+
+from harness_of_fuzz import Kind, run_cases, settle
+from odd_values import INTERPOLATIONS, LISTS, NUMBERS, ODD, SWEEPS
+
+from stixel_cli.config.folders import group_options
+from stixel_cli.config.keys import known_keys
+
+SMALL = 40
+
+OVERRIDES = ("run", "run --dry-run", "sweep", "sweep --dry-run", "plan", "explain")
+FOLDERS = ("show", "compare", "report", "play", "rerun", "verify", "ls")
+OTHERS = (
+    "study",
+    "study --dry-run rq2",
+    "cache",
+    "cache ls",
+    "cache gc",
+    "cache verify",
+    "cache clear",
+    "doctor x",
+    "",
+)
+FLAGS = ("--json", "--dry-run", "--pictures", "--fresh", "--cached", "--yes", "--help", "-h")
+WITH_VALUE = (
+    *("--name", "--results", "--resume", "--from", "--output"),
+    *("--workers", "--shuffle", "--max-size", "--older-than"),
+)
+NAMES = ("x", ".", "..", "../x", "a/b", "/", "~", "-", "rq2", "prior_width", "here", "here/x")
+
+
+def draw_value(rng: random.Random) -> str:
+    """One value of an override."""
+    text = rng.choice(rng.choice((ODD, NUMBERS, LISTS, SWEEPS, INTERPOLATIONS)))
+    how = rng.random()
+    if how < 0.08:
+        return f"'{text}'"
+    if how < 0.12:
+        return f'"{text}"'
+    if how < 0.16:
+        return f"[{text},{draw_value(rng)}]"
+    if how < 0.19:
+        return f"{{a:{text}}}"
+    if how < 0.24:
+        return f"{text},{draw_value(rng)}"
+    if how < 0.27:
+        return f"choice({text},{draw_value(rng)})"
+    if how < 0.30:
+        return f" {text} "
+    return text
+
+
+def draw_override(rng: random.Random) -> str:
+    """A key or group, mostly one that there is, and a value, mostly a wrong one."""
+    groups, keys = group_options(), list(known_keys())
+    how = rng.random()
+    if how < 0.3:
+        name = rng.choice(list(groups))
+        value = rng.choice(groups[name]) if rng.random() < 0.7 else draw_value(rng)
+    elif how < 0.85:
+        name, value = rng.choice(keys), draw_value(rng)
+    else:
+        name, value = rng.choice((*ODD, *NUMBERS, *LISTS, "rig", "a.b.c", "rig.x", "path.kind")), ""
+        value = draw_value(rng)
+    how = rng.random()
+    if how < 0.06:
+        name = rng.choice(("+", "++", "~", "+~", "~~", "+++")) + name
+    elif how < 0.09:
+        name = name.replace(".", "/") if "." in name else name.replace("/", ".")
+    elif how < 0.12:
+        name = rng.choice(
+            (f"{name}.x", f"{name}@x", f"{name}@", f"@{name}", f"{name}[0]", f".{name}")
+        )
+        name = rng.choice((name, f"{name}.", f"{name}@:x", f"{name}@_global_", f"{name}@a:b"))
+    elif how < 0.15:
+        name = f" {name} "
+    joint = rng.choice(("=",) * 20 + ("", "==", " = ", ":", "=="))
+    return f"{name}{joint}{value}"
+
+
+def draw_option(rng: random.Random) -> list[str]:
+    """An option of some command, or nearly one, with its value or without."""
+    how = rng.random()
+    if how < 0.3:
+        return [rng.choice(FLAGS)]
+    if how < 0.4:
+        return [
+            rng.choice((*FLAGS, *WITH_VALUE)) + rng.choice(("x", "=", "=x", " ", "-", "\udcff"))
+        ]
+    if how < 0.5:
+        return [rng.choice(("-z", "-", "--", "---", "-hz", "--no-json", "--J", "-é", "--é=é"))]
+    name = rng.choice(WITH_VALUE)
+    value = rng.choice(rng.choice((ODD, NUMBERS, NAMES, NAMES)))
+    return [f"{name}={value}"] if rng.random() < 0.4 else [name, value]
+
+
+def draw_words(rng: random.Random, place: Path) -> list[str]:
+    """A whole command line."""
+    kind = rng.random()
+    if kind < 0.65:
+        words = rng.choice(OVERRIDES).split()
+    elif kind < 0.85:
+        words = [rng.choice(FOLDERS)]
+    elif kind < 0.97:
+        words = rng.choice(OTHERS).split()
+    else:
+        words = [rng.choice((*ODD, "swep", "Run", "run ", "--version", "--help", "-h"))]
+    if rng.random() < 0.3:
+        words.insert(1, "--json")
+    for _ in range(rng.choice((0, 1, 1, 1, 2, 2, 3, 5, 8))):
+        how = rng.random()
+        if how < 0.65:
+            words.append(draw_override(rng))
+        elif how < 0.9:
+            words += draw_option(rng)
+        else:
+            words.append(rng.choice(rng.choice((ODD, NAMES))))
+    return words
+
+
+def test_each_is_answered(tmp_path, monkeypatch):
+    place = settle(monkeypatch, tmp_path)
+    found = run_cases(Kind("command line", draw_words, place), SMALL)
+    assert not found, "\n".join(found)
