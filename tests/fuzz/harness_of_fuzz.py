@@ -113,9 +113,10 @@ def complaint(kind: "Kind", words: list[str]) -> tuple[str, int]:
     _remove([name for name in changed if name not in before])
     if _computes:
         return "", got.code
-    if changed and not (kind.may_write and got.code == 0):
-        return f"changed: {changed}; exit code {got.code}: {got.err}", got.code
-    return _fault(words, got) or kind.also(words, got), got.code
+    wrong = _fault(words, got) or kind.also(words, got)
+    if not wrong and changed and not (kind.may_write and got.code == 0):
+        wrong = f"changed: {changed}; exit code {got.code}: {got.err}"
+    return wrong, got.code
 
 
 def _fault(words: list[str], got: Answer) -> str:

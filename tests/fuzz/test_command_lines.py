@@ -32,6 +32,23 @@ WITH_VALUE = (
 NAMES = ("x", ".", "..", "../x", "a/b", "/", "~", "-", "rq2", "prior_width", "here", "here/x")
 
 
+RIGHT = (
+    "run --dry-run road_user=pedestrian path=crossing rig.width=320",
+    "run --dry-run --json path=waypoints path.points=[[0,12],[3,15],[0,20]] --workers 2",
+    "run --dry-run measurement=fabricated measurement/noise=constant tracker.length_scale=0.6",
+    "run --dry-run rig=kitti stereo=bm --name kitti-bm seed=3",
+    "sweep --dry-run tracker.length_scale=0.2,0.4 seed=range(0,3) --shuffle 3",
+    "sweep --dry-run --from prior_width seed=choice(1,2) measurement=fabricated",
+    "plan road_user=glob(*) path=turn,s_curve measurement=fabricated",
+    "plan --json tracker.sigma_f=range(0.1,0.5,0.2) tracker=gp_ekf --pictures",
+    "plan rig.width=${rig.height} pace.speed=${path.speed} path=turn path.speed=3",
+    "explain tracker.length_scale=0.5,0.6 seed=0,1 --json",
+    "study --dry-run rq2 road_user=car seed=range(0,2) --name rq2-car",
+    "cache gc --max-size 10GB --older-than 30d --dry-run",
+    "run --dry-run executor=dask executor.address=tcp://a:1 cache.max_size=3GB seed=9",
+)
+
+
 def draw_value(rng: random.Random) -> str:
     """One value of an override."""
     text = rng.choice(rng.choice((ODD, NUMBERS, LISTS, SWEEPS, INTERPOLATIONS)))
@@ -97,8 +114,22 @@ def draw_option(rng: random.Random) -> list[str]:
     return [f"{name}={value}"] if rng.random() < 0.4 else [name, value]
 
 
+def draw_near(rng: random.Random) -> list[str]:
+    """A right command line with up to three characters of it changed."""
+    words = rng.choice(RIGHT).split()
+    for _ in range(rng.choice((0, 1, 1, 1, 2, 3))):
+        at = rng.randrange(len(words))
+        start = rng.randrange(len(words[at]) + 1)
+        stop = start + rng.choice((0, 0, 1, 1, 2, 9))
+        new = rng.choice((*"=,.()[]{}+~-'\"$ \n0e:@/*é\udcff", "", words[at][start:stop] * 2))
+        words[at] = words[at][:start] + new + words[at][stop:]
+    return words
+
+
 def draw_words(rng: random.Random, place: Path) -> list[str]:
     """A whole command line."""
+    if rng.random() < 0.3:
+        return draw_near(rng)
     kind = rng.random()
     if kind < 0.65:
         words = rng.choice(OVERRIDES).split()

@@ -43,7 +43,26 @@ OF_A_SWEEP = (
     "rerun sweep/points/0000",
     "ls --json .",
 )
-NOT_READ = {"index.html", "errors.png", "errors.svg", "path.svg"}
+OF_A_FILE = (
+    "plan --from axes.yaml",
+    "plan --json --from axes.yaml",
+    "sweep --dry-run --from axes.yaml",
+    "sweep --dry-run --from axes.yaml --shuffle 1 road_user=car,pedestrian",
+)
+AXES = """\
+fixed: {measurement: fabricated, path.duration: 0.3}
+axes:
+  tracker.length_scale: [0.2, 0.4]
+  pace.speed: range(1,3)
+zipped:
+  - path: [turn, circle]
+    rig.width: [320, 640]
+seeds: 2
+leave_out:
+  - {path: turn, pace.speed: 1}
+"""
+READ_MOST = ("config.yaml", "manifest.json", "metrics.json", "scores.npz", "lineage.json")
+READ_MOST_OF_A_SWEEP = ("sweep.yaml", "sweep.yaml", "runs.csv", "summary.md", "code/*.json")
 
 
 @pytest.fixture(scope="module")
@@ -57,18 +76,27 @@ def folders(tmp_path_factory, shared_cache):
             assert main(["run", *words, "--results", str(place), "--name", name]) == 0
         words = [*TINY, "seed=0,1", "--results", str(place), "--name", "sweep"]
         assert main(["sweep", *words]) == 0
+    (place / "axes.yaml").write_text(AXES, encoding="utf-8")
     return place
 
 
 def draw_words(rng: random.Random, place: Path, original: Path) -> list[str]:
     """A command about a folder of which one or two files are damaged."""
     restore(place, original)
-    name, commands = rng.choice((("run", COMMANDS), ("sweep", OF_A_SWEEP)))
-    files = sorted(file for file in (place / name).rglob("*") if file.is_file())
-    files = [
-        file for file in files if file.name not in NOT_READ and "/points/0001/" not in str(file)
-    ]
-    for file in rng.sample(files, rng.choice((1, 1, 2))):
+    how = rng.random()
+    if how < 0.1:
+        damage(place / "axes.yaml", rng)
+        return rng.choice(OF_A_FILE).split()
+    folder, commands = (place / "run", COMMANDS) if how < 0.6 else (place / "sweep", OF_A_SWEEP)
+    if rng.random() < 0.2:
+        # Pictures and tables, which few commands read.
+        files = sorted(file for file in folder.rglob("*") if file.is_file())
+    elif folder.name == "run":
+        files = [folder / name for name in READ_MOST]
+    else:
+        files = [one for name in READ_MOST_OF_A_SWEEP for one in folder.glob(name)]
+        files += [folder / "points" / "0000" / name for name in READ_MOST]
+    for file in dict.fromkeys(rng.choices(files, k=rng.choice((1, 1, 2)))):
         damage(file, rng)
     return rng.choice(commands).split()
 
