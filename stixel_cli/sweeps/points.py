@@ -2,12 +2,13 @@
 
 import json
 import random
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from stixel_cli.config.compose import Composition
 from stixel_cli.config.compose_many import Composer
+from stixel_cli.config.messages import LONGEST_REASON, printable
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.sweeps.design import SEED, Design, check_size, design_from_line, joined
 from stixel_cli.sweeps.file import find_file, read_design
@@ -47,7 +48,7 @@ class Point:
     @property
     def label(self) -> str:
         """`key=value …` of what differs."""
-        return " ".join(f"{key}={value}" for key, value in self.settings.items())
+        return _label(self.settings)
 
 
 def sweep_design(
@@ -118,8 +119,7 @@ def compose_points(
         except ConfigurationError as fault:
             if not settings:
                 raise
-            label = " ".join(f"{key}={value}" for key, value in settings.items())
-            raise ConfigurationError(f"{fault} (point {index}: {label})") from None
+            raise ConfigurationError(f"{fault} (point {index}: {_label(settings)})") from None
         points.append(Point(index, tuple(overrides), settings, composition))
     return points
 
@@ -130,6 +130,11 @@ def shuffled_points(points: Sequence[Any], seed: int | None) -> list[Any]:
     if seed is not None:
         random.Random(seed).shuffle(points)
     return points
+
+
+def _label(settings: Mapping[str, str]) -> str:
+    text = " ".join(f"{key}={value}" for key, value in settings.items())
+    return printable(text, LONGEST_REASON)
 
 
 def _key_and_value(text: str) -> tuple[str, str]:

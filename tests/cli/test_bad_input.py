@@ -242,6 +242,7 @@ def test_sweeps_of_options(group, capsys):
         (["--from", "nowhere.yaml"], "nowhere.yaml"),
         (["hydra.sweep.dir=x", "seed=0,1"], "Hydra's own settings"),
         (["seed=1,-2"], "seed: -2 is out of range"),
+        (["rig.width=" + "x" * 5000 + ",64"], "…' is text: must be a whole number"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )

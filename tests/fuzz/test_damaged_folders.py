@@ -1,11 +1,11 @@
-"""Result folders of a run and of a sweep with one or two files damaged, read by every command."""
+"""Folders of a run, a sweep and a study with one or two files damaged, read by every command."""
 
 import random
 from pathlib import Path
 
 import pytest
 from damage import damage, restore
-from harness_of_fuzz import Answer, Kind, run_cases, settle
+from harness_of_fuzz import Answer, Kind, no_computing, run_cases, settle
 
 from stixel_cli.cli.app import main
 
@@ -61,13 +61,39 @@ seeds: 2
 leave_out:
   - {path: turn, pace.speed: 1}
 """
+OF_A_STUDY = (
+    "study --dry-run small.yaml",
+    "study --dry-run --results . small.yaml",
+    "study --results . small.yaml",
+    "study --json --results . small.yaml",
+    "study --fresh --results . small.yaml",
+    "show small/parts/first",
+    "explain small/parts/first",
+    "sweep --resume small/parts/first",
+    "ls --json small",
+)
+STUDY = """\
+title: A small study
+question: Which?
+report: rq3
+parts:
+  first:
+    fixed: {measurement: fabricated, path.duration: 0.3, executor: threads}
+    axes: {tracker.sigma_f: [0.7, 0.8]}
+    seeds: 2
+    results: [point_errors]
+  second:
+    zipped: [{path: [turn, circle], road_user: [car, cyclist]}]
+    derive: fitted_noise
+"""
 READ_MOST = ("config.yaml", "manifest.json", "metrics.json", "scores.npz", "lineage.json")
+READ_MOST_OF_A_STUDY = ("small.yaml", "small.yaml", "small/study.yaml", "small/parts/*/*.*")
 READ_MOST_OF_A_SWEEP = ("sweep.yaml", "sweep.yaml", "runs.csv", "summary.md", "code/*.json")
 
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory, shared_cache):
-    """The folder of a run, another of a run, and of a sweep, all they hold in the cache."""
+    """Folders of two runs, a sweep and a study; all but the study's points are in the cache."""
     place = tmp_path_factory.mktemp("folders")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("STIXEL_CACHE", str(shared_cache))
@@ -76,7 +102,11 @@ def folders(tmp_path_factory, shared_cache):
             assert main(["run", *words, "--results", str(place), "--name", name]) == 0
         words = [*TINY, "seed=0,1", "--results", str(place), "--name", "sweep"]
         assert main(["sweep", *words]) == 0
-    (place / "axes.yaml").write_text(AXES, encoding="utf-8")
+        (place / "axes.yaml").write_text(AXES, encoding="utf-8")
+        (place / "small.yaml").write_text(STUDY, encoding="utf-8")
+        no_computing(patch)
+        assert main(["study", str(place / "small.yaml"), "--results", str(place)]) == 2
+        assert (place / "small/parts/first/sweep.yaml").is_file()
     return place
 
 
@@ -87,6 +117,11 @@ def draw_words(rng: random.Random, place: Path, original: Path) -> list[str]:
     if how < 0.1:
         damage(place / "axes.yaml", rng)
         return rng.choice(OF_A_FILE).split()
+    if how < 0.2:
+        damage(
+            rng.choice([f for name in READ_MOST_OF_A_STUDY for f in sorted(place.glob(name))]), rng
+        )
+        return rng.choice(OF_A_STUDY).split()
     folder, commands = (place / "run", COMMANDS) if how < 0.6 else (place / "sweep", OF_A_SWEEP)
     if rng.random() < 0.2:
         # Pictures and tables, which few commands read.
@@ -94,7 +129,7 @@ def draw_words(rng: random.Random, place: Path, original: Path) -> list[str]:
     elif folder.name == "run":
         files = [folder / name for name in READ_MOST]
     else:
-        files = [one for name in READ_MOST_OF_A_SWEEP for one in folder.glob(name)]
+        files = [one for name in READ_MOST_OF_A_SWEEP for one in sorted(folder.glob(name))]
         files += [folder / "points" / "0000" / name for name in READ_MOST]
     for file in dict.fromkeys(rng.choices(files, k=rng.choice((1, 1, 2)))):
         damage(file, rng)
