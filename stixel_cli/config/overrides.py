@@ -5,7 +5,6 @@ This is the one module that touches Hydra's parser; it is not public, hence the 
 
 import copy
 import itertools
-import re
 from collections.abc import Iterator, Sequence
 from decimal import Decimal
 from functools import cache, lru_cache
@@ -22,7 +21,12 @@ if TYPE_CHECKING:
 MOST_VALUES = 100_000
 """Values of one key, and points of a sweep, beyond which somebody must have mistyped."""
 
-_PLAIN_WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_./-]*")
+MOST_TYPED = 5_000
+"""Commas of one override: Hydra's parser takes a second for these, and quadratically more."""
+
+LONGEST_TYPED = 100_000
+"""Characters of one override: a second too; a path of 1000 points has half as many."""
+
 _SWEEPS = {
     "choice": "choice(A,B)",
     "range": "range(START,STOP,STEP)",
@@ -30,7 +34,6 @@ _SWEEPS = {
     "sort": "sort(A,B)",
     "interval": "range(START,STOP,STEP)",
 }
-_WORDS_WITH_MEANING = {"null", "true", "false", "nan", "inf"}
 
 
 def parse_overrides(texts: Sequence[str]) -> "list[Override]":
@@ -69,6 +72,12 @@ def _refuse_malformed(text: str) -> None:
     bare = text.lstrip("+~").strip()
     if any(0xD800 <= ord(character) <= 0xDFFF for character in text):
         raise ConfigurationError(f"{messages.show(text)}: is not UTF-8 text")
+    if text.count(",") > MOST_TYPED:
+        shown = messages.printable(text)
+        raise ConfigurationError(f"{shown}: more than {MOST_TYPED} values: use range(START,STOP)")
+    if len(text) > LONGEST_TYPED:
+        shown = messages.printable(text)
+        raise ConfigurationError(f"{shown}: longer than {LONGEST_TYPED} characters")
     if "${oc.deprecated:" in text:
         shown = messages.printable(text)
         raise ConfigurationError(f"{shown}: oc.deprecated only warns: write ${{KEY}}")
@@ -282,27 +291,3 @@ def _decimal_range(sweep: Any) -> Iterator[float]:
         if number >= stop if step > 0 else number <= stop:
             return
         yield float(number)
-
-
-def override_text(name: str, value: Any) -> str:
-    """The override that gives the key or group `name` a plain value, as one would type it."""
-    return f"{name}={_value_text(value)}"
-
-
-def _value_text(value: Any) -> str:
-    from hydra.core.override_parser.types import Quote, QuotedString
-
-    match value:
-        case None:
-            return "null"
-        case bool():
-            return str(value).lower()
-        case str():
-            if _PLAIN_WORD.fullmatch(value) and value.lower() not in _WORDS_WITH_MEANING:
-                return value
-            return QuotedString(text=value, quote=Quote.single).with_quotes()
-        case list():
-            return f"[{','.join(map(_value_text, value))}]"
-        case dict():
-            return "{" + ",".join(f"{key}:{_value_text(item)}" for key, item in value.items()) + "}"
-    return str(value)

@@ -8,9 +8,9 @@ from typing import Any
 
 from stixel_cli.config import messages
 from stixel_cli.config.folders import shipped_folder
+from stixel_cli.config.override_text import override_text
 from stixel_cli.config.overrides import (
     check_overrides,
-    override_text,
     parse_overrides,
     single_overrides,
 )

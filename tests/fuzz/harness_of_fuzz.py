@@ -13,6 +13,7 @@ import resource
 import sys
 import time
 import traceback
+import warnings
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -215,6 +216,7 @@ def run_cases(kind: Kind, small: int) -> list[str]:
             i = last + 1
         if i <= last:
             found.append(f"{kind.name} {last}: the process died or hung, see above")
+            sys.__stderr__.write(found[-1] + "\n")
             i = last + 1
     seconds = time.monotonic() - started
     told = (
@@ -236,11 +238,15 @@ def _case(kind: Kind, i: int) -> tuple[str, int, str]:
 def _child(kind: Kind, numbers: range):
     """What a child process tells of its cases, each before it runs and after."""
     reading, writing = os.pipe()
-    if os.fork():
+    with warnings.catch_warnings():
+        # Python 3.12 warns where other threads run; a child that hangs for it is named.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        child = os.fork()
+    if child:
         os.close(writing)
         with open(reading, encoding="utf-8") as lines:
             yield from map(json.loads, lines)
-        os.wait()
+        os.waitpid(child, 0)
         return
     try:
         os.close(reading)
