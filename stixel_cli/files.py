@@ -161,15 +161,17 @@ def read_yaml(file: Path) -> Any:
     return content
 
 
-def read_yaml_text(file: Path) -> str:
+def read_yaml_text(file: Path, most: int | None = None) -> str:
     """The text of a YAML file that any loader can take: no deep nesting, no bomb of aliases.
+
+    It has at most `most` values (`MOST_VALUES`), each alias counted as all that it stands for.
 
     Raises:
         UserError: if it is missing or is no such file.
     """
     import yaml
 
-    text = read_text(file)
+    text, most = read_text(file), most or MOST_VALUES
     total = 0
     sizes: dict[str, int] = {}  # Of each anchor: how many values it stands for.
     started: list[tuple[str | None, int]] = []  # Of each open collection: anchor, total before.
@@ -197,8 +199,8 @@ def read_yaml_text(file: Path) -> str:
                     raise UserError(f"{file}: a number of {len(event.value)} characters")
             if len(started) > DEEPEST:
                 raise UserError(f"{file}: nested more than {DEEPEST} levels deep")
-            if total > MOST_VALUES:
-                raise UserError(f"{file}: more than {MOST_VALUES} values, aliases expanded")
+            if total > most:
+                raise UserError(f"{file}: more than {most} values, aliases expanded")
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = "" if mark is None else f"line {mark.line + 1}: {error.problem}: "

@@ -18,6 +18,9 @@ from stixel_cli.errors import ConfigurationError
 from stixel_cli.files import check_plain, read_text, read_yaml_text
 from stixel_cli.sweeps.design import SEED, Axis, Design, check_each
 
+_MOST_ENTRIES = 50_000
+"""Values of a file, aliases expanded: OmegaConf takes 5 s for these."""
+
 ENTRIES = ("fixed", "axes", "zipped", "seeds", "leave_out")
 
 
@@ -97,7 +100,7 @@ def read_mapping(path: Path, entries: Sequence[str]) -> dict[str, Any]:
     from omegaconf.errors import OmegaConfBaseException
     from yaml import YAMLError
 
-    text = read_yaml_text(path)
+    text = read_yaml_text(path, _MOST_ENTRIES)
     where = messages.printable(str(path), 200)
     try:
         # Its YAML takes 1e-6 for a number and refuses a key that is given twice.

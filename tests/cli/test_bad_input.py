@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -250,6 +251,14 @@ def test_sweeps_of_options(group, capsys):
 )
 def test_sweeps_that_cannot_be_meant(command, words, said, capsys):
     assert said in say_one_line(words, capsys, command)
+
+
+def test_a_file_of_many_aliases_is_refused_before_it_is_expanded(tmp_path_factory, capsys):
+    bomb = tmp_path_factory.mktemp("files") / "bomb.yaml"
+    levels = [f"- &{b} [{', '.join([f'*{a}'] * 8)}]" for a, b in pairwise("abcdefg")]
+    bomb.write_text("\n".join(["axes:", "- &a [1, 2]", *levels]))
+    said = say_one_line(["--from", str(bomb)], capsys, "plan")
+    assert "bomb.yaml: more than 50000 values, aliases expanded" in said
 
 
 def test_one_point_is_not_named_by_what_does_not_differ(capsys):
