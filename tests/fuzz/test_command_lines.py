@@ -9,7 +9,7 @@ from odd_values import INTERPOLATIONS, LISTS, NUMBERS, ODD, SWEEPS
 from stixel_cli.config.folders import group_options
 from stixel_cli.config.keys import known_keys
 
-SMALL = 40
+SMALL = 30
 
 OVERRIDES = ("run", "run --dry-run", "sweep", "sweep --dry-run", "plan", "explain")
 FOLDERS = ("show", "compare", "report", "play", "rerun", "verify", "ls")

@@ -19,7 +19,7 @@ from stixel_cli.config.compose import from_resolved
 from stixel_cli.config.folders import group_options, options_of_kind
 from stixel_cli.config.keys import choices, describe, known_keys
 
-SMALL = 20
+SMALL = 15
 
 
 def draw_value(rng: random.Random, annotation: Any) -> str:
