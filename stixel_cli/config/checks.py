@@ -88,7 +88,8 @@ def _check_stereo(configuration: Configuration) -> None:
         raise ValueError(
             f"stereo.disparities: {stereo.disparities} must be below rig.width, {rig.width}"
         )
-    greatest = float(rig.disparity_from_depth(stereo.nearest))
+    # In plain floats: NumPy's would warn where it overflows.
+    greatest = float(rig.focal) * float(rig.baseline) / float(stereo.nearest)
     if stereo.disparities is None and greatest >= rig.width:
         raise ValueError(
             f"stereo.nearest: at {stereo.nearest:g} m the disparity is {greatest:.0f} px, more "

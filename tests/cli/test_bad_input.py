@@ -99,6 +99,7 @@ SENTENCES = {
     "rig.width=\udcff": "is not UTF-8 text",
     "\x1b[31m=3": "\\x1b[31m",
     "rig.width=" + "9" * 5000: "rig.width=999",
+    "stereo.nearest=5e-324": "stereo.nearest: at 4.94066e-324 m the disparity is inf px",
     "pictures.frames=[" + "0," * 6000 + "0]": "more than 5000 values: use range(",
     "road_user.mesh=" + "x " * 60_000: "longer than 100000 characters",
     "rig.width=" + "[" * 3000: "[ and ] do not match",
