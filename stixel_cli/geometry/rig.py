@@ -39,7 +39,7 @@ class Rig:
     focal_length: Annotated[float, Gt(0), Le(20000)] | None
     principal_u: float | None
     principal_v: float | None
-    baseline: Annotated[float, Gt(0), Le(5)]
+    baseline: Annotated[float, Ge(0.001), Le(5)]
     camera_height: Annotated[float, Gt(0), Le(5)]
     pitch: Annotated[float, Ge(-30), Le(30)]
 

@@ -56,7 +56,7 @@ class GpEkfParameters:
 
     kind: Literal["gp_ekf"]
     basis_points: Annotated[int, Ge(4), Le(500)]
-    length_scale: Annotated[float, Gt(0), Le(10)]
+    length_scale: Annotated[float, Ge(0.001), Le(10)]
     sigma_f: Annotated[float, Gt(0), Le(20)]
     sigma_r: Annotated[float, Ge(0), Le(20)]
     forgetting_rate: Annotated[float, Ge(0), Le(100)]
@@ -64,7 +64,7 @@ class GpEkfParameters:
     sigma_q: Annotated[float, Ge(0), Le(100)]
     sigma_q_psi: Annotated[float, Ge(0), Le(100)]
     measurement_covariance: Literal["isotropic", "points"]
-    measurement_deviation: Annotated[float, Gt(0), Le(10)]
+    measurement_deviation: Annotated[float, Ge(1e-6), Le(10)]
     gate_probability: Annotated[float, Gt(0), Lt(1)] | None
     contour_points: Annotated[int, Ge(8), Le(1000)]
 

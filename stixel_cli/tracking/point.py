@@ -46,7 +46,7 @@ class PointParameters:
 
     kind: Literal["point"]
     sigma_q: Annotated[float, Ge(0), Le(100)]
-    measurement_deviation: Annotated[float, Gt(0), Le(10)]
+    measurement_deviation: Annotated[float, Ge(1e-6), Le(10)]
     centroid_offset: Annotated[float, Ge(0), Le(10)]
     gate_probability: Annotated[float, Gt(0), Lt(1)] | None
     least_speed: Annotated[float, Gt(0), Le(100)]

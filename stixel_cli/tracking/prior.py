@@ -31,7 +31,7 @@ class PriorShape:
     corner_radius: Annotated[float, Ge(0), Le(15)]
     sigma_f: Annotated[float, Gt(0), Le(20)]
     sigma_r: Annotated[float, Ge(0), Le(20)]
-    measurement_deviation: Annotated[float, Gt(0), Le(10)]
+    measurement_deviation: Annotated[float, Ge(1e-6), Le(10)]
 
     def check(self) -> None:
         """Raise ValueError if the rounded corners do not fit."""

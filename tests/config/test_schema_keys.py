@@ -129,7 +129,7 @@ def test_words_for_types():
             if kind is None or kind in dict(key.owners).values()
         )
 
-    assert words("rig.baseline") == "a number > 0 and ≤ 5"
+    assert words("rig.baseline") == "a number ≥ 0.001 and ≤ 5"
     assert words("rig.width") == "a whole number ≥ 64 and ≤ 4096"
     assert words("rig.horizontal_fov") == "a number ≥ 5 and < 170, or null"
     assert words("road_user.mesh") == "text, or null"

@@ -205,7 +205,7 @@ def test_edited_code_is_named_by_resume_and_by_verify_of_a_point(tmp_path):
     found = json.loads(stixel("verify", str(alone), "--cached", "--json", code=1).stdout)
     assert found["first_by_value"]["stage"] == "start"
     assert found["first_by_value"]["causes"] == [
-        "which code changed is not known: the folder of its sweep does not say"
+        "which code changed is not known: the folder does not say"
     ]
     done = stixel("sweep", "--resume", "results/mine", code=0)
     assert f"(start: {edited}) and are computed again" in done.stderr
