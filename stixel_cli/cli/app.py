@@ -2,6 +2,7 @@
 
 import atexit
 import gc
+import os
 import sys
 import textwrap
 from collections.abc import Sequence
@@ -30,6 +31,7 @@ from stixel_cli.cli.options import (
     Workers,
 )
 from stixel_cli.config.folders import group_options
+from stixel_cli.engine.one_thread import ENVIRONMENT
 from stixel_cli.errors import UserError
 
 # Without Rich the help is there in half the time, and its boxes would hide the one line.
@@ -46,6 +48,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command line and return its exit code; nothing but an exit code comes out."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     if arguments is None:
+        # This is a process of its own, and NumPy, which reads these, is not imported yet.
+        os.environ.update(ENVIRONMENT)
         settle_streams()
         # A process that ends need not look through its objects for garbage: 0.25 s of a warm run.
         atexit.register(gc.freeze)

@@ -28,6 +28,7 @@ class Cluster:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,
+            env={**os.environ, **ENVIRONMENT},
         )
 
     def address(self) -> str:

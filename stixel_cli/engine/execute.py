@@ -1,12 +1,14 @@
 """Compute what is missing, on any pool of workers."""
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 
 from stixel_cli.engine.durations import Durations
 from stixel_cli.engine.graph import Graph, Node
 from stixel_cli.engine.leases import Lease
 from stixel_cli.engine.loaded_code import may_run_here
 from stixel_cli.engine.loop import Run
+from stixel_cli.engine.one_thread import one_thread
 from stixel_cli.engine.parameters import Executor, LocalExecutor
 from stixel_cli.engine.plan import plan
 from stixel_cli.engine.pools import ExecutorName, SerialPool, executor_of, make_pool
@@ -44,7 +46,8 @@ def execute(
             running is finished and kept, the rest is not begun. Not with `keep_going`.
         CacheError: the store cannot be read or written.
         CodeChanged: a stage was edited after the graph had been built.
-        ExecutorError: the workers cannot be had, or were lost for good.
+        ExecutorError: the workers cannot be had, or were lost for good; or a library keeps more
+            than one thread.
         KeyError: no such target.
         ValueError: no such executor, or fewer than one worker.
     """
@@ -64,7 +67,10 @@ def execute(
         time_limit = getattr(chosen, "time_limit", None)
         run = Run(planned, store, pool, progress, time_limit, keep_going, lease)
         try:
-            run.all()
+            # For the whole run where it is in this process: by the thread that calls, which may
+            # have limits of its own.
+            with nullcontext() if pool.kills or not nodes else one_thread():
+                run.all()
         finally:
             # By now nothing runs, or what does is not wanted any more.
             pool.close()

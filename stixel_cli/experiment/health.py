@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Literal
 
 from stixel_cli.engine.errors import CacheError, MissingEntry
-from stixel_cli.engine.one_thread import ENVIRONMENT
 from stixel_cli.engine.store import Store
 from stixel_cli.engine.units import show_size
 from stixel_cli.engine.upkeep import entries, set_aside
@@ -135,11 +134,9 @@ def _dask() -> Check:
 
 def _processors() -> list[Check]:
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    named = [name for name in ENVIRONMENT if name in os.environ]
-    set_here = f"; set here: {', '.join(f'{n}={os.environ[n]}' for n in named)}" if named else ""
     return [
         Check("cores", "ok", f"{usable} usable of {os.cpu_count()}"),
-        Check("threads", "ok", f"one a stage, whatever the libraries are told{set_here}"),
+        Check("threads", "ok", "one thread per stage; the libraries' own settings are ignored"),
     ]
 
 

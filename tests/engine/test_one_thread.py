@@ -1,14 +1,26 @@
-"""One thread a stage, whatever the other threads of the process are at."""
+"""One thread per stage, whatever the other threads of the process do."""
 
 import importlib
+import json
+import os
+import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from threading import Event
 from types import SimpleNamespace
 
 import pytest
+from threadpoolctl import ThreadpoolController, threadpool_info, threadpool_limits
 
-from stixel_cli.engine.one_thread import one_thread
+from stixel_cli.engine.errors import ExecutorError
+from stixel_cli.engine.one_thread import ENVIRONMENT, one_thread
+from stixel_cli.engine.store import Store
+
+THREADS = """
+def threads():
+    from threadpoolctl import threadpool_info
+    return max(library["num_threads"] for library in threadpool_info())
+"""
 
 SLOW_IMPORT = """
 from gate import begun, go
@@ -51,3 +63,106 @@ def test_opencv_that_another_thread_imports_just_now_is_waited_for(gate):
             gate.go.set()
         assert inside.result(timeout=20.0) == 1
         assert imported.result(timeout=20.0).getNumThreads() == 4
+
+
+def in_a_thread(call):
+    """The result of `call()` in a thread that ends."""
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(call).result(timeout=60.0)
+
+
+def threads():
+    return max(library["num_threads"] for library in threadpool_info())
+
+
+def threads_inside():
+    with one_thread():
+        return threads()
+
+
+@pytest.fixture
+def two_threads(monkeypatch):
+    """Libraries that were loaded with two threads, as on a machine of two cores."""
+    for name in ENVIRONMENT:
+        monkeypatch.delenv(name, raising=False)
+    controller = ThreadpoolController()
+    limits = in_a_thread(lambda: controller.limit(limits=2))
+    yield
+    in_a_thread(limits.restore_original_limits)
+
+
+def test_every_thread_gets_the_limit_and_it_ends_with_the_last(two_threads):
+    assert threads_inside() == 1
+    assert in_a_thread(threads_inside) == 1
+    inside, go = Event(), Event()
+
+    def stay():
+        with one_thread():
+            inside.set()
+            assert go.wait(60.0)
+            return threads()
+
+    with ThreadPoolExecutor(1) as pool:
+        first = pool.submit(stay)
+        assert inside.wait(60.0)
+        with one_thread():
+            go.set()
+            assert first.result(timeout=60.0) == 1
+            # The one that set it has left.
+            assert threads() == 1
+    assert threads() == 2
+    assert not any(name in os.environ for name in ENVIRONMENT)
+
+
+def test_a_limit_of_another_thread_is_an_error(two_threads):
+    with threadpool_limits(2, user_api="blas"):
+        with pytest.raises(
+            ExecutorError, match=r"openblas.*: uses 2 threads, and a stage needs one"
+        ):
+            in_a_thread(threads_inside)
+        # This thread may change its own.
+        assert threads_inside() == 1
+    assert in_a_thread(threads_inside) == 1
+
+
+def test_twenty_runs_on_threads_give_the_same_bytes(project, two_threads):
+    """Load on the machine decides which thread runs which chunk."""
+    values = "np.random.default_rng(frames.start).normal(size=(300, 300))"
+    project.edit(
+        "steps",
+        "values = numbers[frames.start:frames.stop]",
+        f"a = {values}; values = (a @ a)[: len(frames), 0]",
+    )
+    project.edit("steps", "return Chunk(frames.start,", "return Chunk(threads(),")
+    path = project.package / "steps.py"
+    path.write_text(path.read_text() + THREADS)
+    # This thread lives on, and was the first to set a limit.
+    assert threads_inside() == 1
+    graph = project.graph()
+    found = set()
+    for run in range(20):
+        project.store = Store(project.folder / f"cache{run}")
+        project.run(graph, targets=["double"], executor="threads")
+        chunks = [project.store.load(node.key) for node in graph.of_stage("double")]
+        assert [chunk.first for chunk in chunks] == [1] * 3
+        found.add(b"".join(chunk.values.tobytes() for chunk in chunks))
+    assert len(found) == 1
+
+
+def test_limits_of_the_caller_do_not_matter(project, two_threads):
+    with threadpool_limits(2):
+        project.run(executor="threads")
+
+
+def test_the_command_line_has_one_thread_before_numpy_is_imported():
+    code = (
+        "import json, os, sys; from stixel_cli.cli.app import main; "
+        "sys.argv = ['stixel', '--version']; main(); assert 'numpy' not in sys.modules; "
+        "print(json.dumps(dict(os.environ)))"
+    )
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "4"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+    )
+    found = json.loads(done.stdout.splitlines()[-1])
+    assert found.items() >= ENVIRONMENT.items()
