@@ -2,7 +2,9 @@
 
 from collections.abc import Sequence
 from contextlib import nullcontext
+from pathlib import Path
 
+from stixel_cli.engine.bytecode import check_bytecode
 from stixel_cli.engine.durations import Durations
 from stixel_cli.engine.graph import Graph, Node
 from stixel_cli.engine.leases import Lease
@@ -61,6 +63,7 @@ def execute(
         nodes = [graph.nodes[key] for key in planned.missing]
         check_writable(len(nodes), store)
         keep_sources(store.folder, {node.stage.name: node.identity.code for node in nodes}.values())
+        check_bytecode(_modules(nodes))
         here = not nodes or _runs_here(chosen, nodes, durations)
         pool = SerialPool() if here else make_pool(chosen)
         progress.expect(durations.by_stage(nodes), 1 if here else chosen.workers)
@@ -80,6 +83,12 @@ def execute(
     finally:
         lease.end()
     return Execution(graph, run.records(), run.failures)
+
+
+def _modules(nodes: Sequence[Node]) -> dict[str, Path]:
+    """The modules of the nodes' code: name to file."""
+    codes = {id(node.identity.code): node.identity.code for node in nodes}.values()
+    return {name: path for code in codes for name, (path, _) in code.files.items()}
 
 
 def _runs_here(executor: Executor | None, nodes: Sequence[Node], durations: Durations) -> bool:

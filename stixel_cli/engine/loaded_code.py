@@ -12,6 +12,7 @@ from importlib import import_module
 from typing import Any
 
 from stixel_cli import FIRST_IMPORT
+from stixel_cli.engine.bytecode import check_bytecode
 from stixel_cli.engine.code import Code, CodeIndex, installed_version, same_files
 from stixel_cli.engine.errors import CodeChanged
 from stixel_cli.engine.keys import python_version
@@ -45,6 +46,7 @@ def planned_function(name: str, code: Code) -> Callable[..., Any]:
     with _lock:
         if not may_run_here(code):
             raise _changed(name)
+        check_bytecode({module: path for module, (path, _) in code.files.items()})
         module, _, attribute = name.partition(":")
         function = getattr(import_module(module), attribute, None)
         if function is None:
