@@ -125,14 +125,15 @@ def test_a_limit_of_another_thread_is_an_error(two_threads):
 
 def test_twenty_runs_on_threads_give_the_same_bytes(project, two_threads):
     """Load on the machine decides which thread runs which chunk."""
+    project.edit("double", "from . import log", "import numpy as np\n\nfrom . import log")
     values = "np.random.default_rng(frames.start).normal(size=(300, 300))"
     project.edit(
-        "steps",
+        "double",
         "values = numbers[frames.start:frames.stop]",
         f"a = {values}; values = (a @ a)[: len(frames), 0]",
     )
-    project.edit("steps", "return Chunk(frames.start,", "return Chunk(threads(),")
-    path = project.package / "steps.py"
+    project.edit("double", "return Chunk(frames.start,", "return Chunk(threads(),")
+    path = project.package / "double.py"
     path.write_text(path.read_text() + THREADS)
     # This thread lives on, and was the first to set a limit.
     assert threads_inside() == 1
