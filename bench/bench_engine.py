@@ -193,7 +193,7 @@ def test_load(benchmark, tmp_path, what):
 
 FUNCTIONS = [
     "stixel_cli.scene.build:build_scenario",
-    "stixel_cli.scene.raycast:render",
+    "stixel_cli.rendering.raycast:render",
     "stixel_cli.stereo.sgm:match",
     "stixel_cli.stixels.free_space:find_free_space",
     "stixel_cli.stixels.extraction:extract_stixels",

@@ -32,7 +32,7 @@ def simulated():
     def scans():
         frames = {"frames": FRAMES}
         rendered = call(stages, "render", scenario=scenario, **frames)
-        pairs = call(stages, "expose", rendered=rendered, **frames)
+        pairs = call(stages, "add_sensor_noise", rendered=rendered, **frames)
         disparities = call(stages, "match", pairs=pairs, **frames)
         free_space = call(
             stages,

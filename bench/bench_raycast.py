@@ -13,16 +13,16 @@ from omegaconf import OmegaConf
 from pydantic import TypeAdapter
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.scene.camera_rays import rig_cameras
-from stixel_cli.scene.placement import numbered_objects, world_from_target_3d
-from stixel_cli.scene.raycast import StillScene, Target, render_frame
-from stixel_cli.scene.raycast_parameters import RaycastParameters
+from stixel_cli.rendering.camera_rays import rig_cameras
+from stixel_cli.rendering.placement import numbered_objects, world_from_target_3d
+from stixel_cli.rendering.raycast import StillScene, Target, render_frame
+from stixel_cli.rendering.raycast_parameters import RaycastParameters
+from stixel_cli.rendering.surfaces import srgb_from_linear
+from stixel_cli.rendering.tracing import Body, light_of, nearest, sample_offsets, sunlit
+from stixel_cli.rendering.views import CENTRE
 from stixel_cli.scene.road_user import road_user_mesh
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.scene.surfaces import srgb_from_linear
-from stixel_cli.scene.tracing import Body, light_of, nearest, sample_offsets, sunlit
-from stixel_cli.scene.views import CENTRE
 from stixel_cli.scene.world_parameters import World
 
 CONF = Path(__file__).parents[1] / "conf"

@@ -19,7 +19,7 @@ from scipy.special import ndtr
 from stixel_cli.config.schema import StereoParameters
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
-from stixel_cli.scene.frames import StereoPairs
+from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo import bm, sgm
 from stixel_cli.stixels.extraction import stixels_of_frame
 from stixel_cli.stixels.extraction_parameters import ExtractionParameters, HeightParameters

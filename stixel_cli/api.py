@@ -15,9 +15,9 @@ import numpy as np
 from stixel_cli.config.compose import Composition, from_resolved
 from stixel_cli.config.compose import compose as compose_overrides
 from stixel_cli.evaluation.scores import Scores
-from stixel_cli.experiment.folder import scan_columns, score_columns, track_columns
 from stixel_cli.experiment.recorded_run import record_run
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.results.folder import scan_columns, score_columns, track_columns
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track
 

@@ -8,10 +8,10 @@ from stixel_cli.evaluation.evaluate import evaluate
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.measurements.simulated import gather_scans
+from stixel_cli.rendering.raycast import render
+from stixel_cli.rendering.sensor_noise import add_sensor_noise
 from stixel_cli.scene.build import build_scenario
 from stixel_cli.scene.ego import ego_motion
-from stixel_cli.scene.exposure import expose
-from stixel_cli.scene.raycast import render
 from stixel_cli.stereo import sgm
 from stixel_cli.stixels.extraction import extract_stixels
 from stixel_cli.stixels.free_space import find_free_space
@@ -33,7 +33,7 @@ def follow_road_user(p, seed: int) -> tuple[Scans, Track, Scores]:
 
     # The images. From here on nothing sees the truth until the scores.
     rendered = render(scenario, p.road_user, p.world, p.rig, p.renderer, frames)
-    pairs = expose(rendered, p.sensor, frames, seed)
+    pairs = add_sensor_noise(rendered, p.sensor, frames, seed)
 
     # Disparity; occupancy grid and free space; height and stixels; points on the ground.
     disparities = sgm.match(pairs, p.stereo, p.rig, frames)

@@ -15,7 +15,7 @@ from stixel_cli.engine.units import parse_age, parse_size, show_size
 from stixel_cli.engine.upkeep import Collection, clear, collect, entries, verify_all
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.recorded_run import told_in_one_line
-from stixel_cli.experiment.text import json_text
+from stixel_cli.results.text import json_text
 
 
 def _store() -> Store:

@@ -5,9 +5,9 @@ from pathlib import Path
 
 from stixel_cli.cli.terminal import print_table
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.text import json_text
 from stixel_cli.report.compare import differing_settings, metric_rows, run_labels
-from stixel_cli.report.folder_reader import read_folder
+from stixel_cli.results.reader import read_folder
+from stixel_cli.results.text import json_text
 
 
 def compare_command(folders: list[Path], json: bool) -> int:

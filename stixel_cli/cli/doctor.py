@@ -6,7 +6,7 @@ from stixel_cli.cli.terminal import print_table
 from stixel_cli.config.compose import compose
 from stixel_cli.engine.store import open_store
 from stixel_cli.experiment.health import examine
-from stixel_cli.experiment.text import json_text
+from stixel_cli.results.text import json_text
 
 
 def doctor_command(json: bool) -> int:

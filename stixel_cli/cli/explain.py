@@ -16,8 +16,8 @@ from stixel_cli.errors import UserError
 from stixel_cli.experiment.recorded_run import told_in_one_line
 from stixel_cli.experiment.run import experiment_graph, targets
 from stixel_cli.experiment.stored_run import read_stored_run
-from stixel_cli.experiment.text import json_text
-from stixel_cli.report.folder_reader import SWEEP_FILE
+from stixel_cli.results.reader import SWEEP_FILE
+from stixel_cli.results.text import json_text
 from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.graphs import PlannedPoint, SweepPlan
 from stixel_cli.sweeps.points import compose_points, design_points, sweep_design

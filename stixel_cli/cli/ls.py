@@ -5,9 +5,9 @@ from pathlib import Path
 
 from stixel_cli.cli.errors import tell
 from stixel_cli.cli.terminal import print_table
-from stixel_cli.experiment.run_list import ListedRun, list_runs
-from stixel_cli.experiment.text import json_text
 from stixel_cli.report.metrics import format_value
+from stixel_cli.results.run_list import ListedRun, list_runs
+from stixel_cli.results.text import json_text
 
 SHOWN = {"centre_rmse_m": "centre RMSE, m", "iou_mean": "IoU"}
 

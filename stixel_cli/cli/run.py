@@ -11,14 +11,10 @@ from stixel_cli.cli.terminal import print_table
 from stixel_cli.config.compose import Composition, compose
 from stixel_cli.engine.progress import make_progress
 from stixel_cli.engine.store import Store, open_store
-from stixel_cli.experiment.folder import check_name
-from stixel_cli.experiment.recorded_run import (
-    RecordedRun,
-    record_run,
-    told_in_one_line,
-)
+from stixel_cli.experiment.recorded_run import RecordedRun, record_run, told_in_one_line
 from stixel_cli.experiment.run import Outcome, plan_experiment
-from stixel_cli.experiment.text import json_text
+from stixel_cli.results.folder import check_name
+from stixel_cli.results.text import json_text
 
 
 def run_command(

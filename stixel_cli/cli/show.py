@@ -8,9 +8,9 @@ from typing import Any
 
 from stixel_cli.cli.terminal import print_table
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.text import json_text
 from stixel_cli.files import read_text
-from stixel_cli.report.folder_reader import (
+from stixel_cli.report.metrics import format_value, metric
+from stixel_cli.results.reader import (
     SWEEP_FILE,
     check_folder,
     flat_settings,
@@ -18,7 +18,7 @@ from stixel_cli.report.folder_reader import (
     read_manifest,
     read_metrics,
 )
-from stixel_cli.report.metrics import format_value, metric
+from stixel_cli.results.text import json_text
 
 MOST_SECTIONS = 4
 WIDTH = 100

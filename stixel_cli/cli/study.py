@@ -10,7 +10,7 @@ from stixel_cli.cli.errors import tell
 from stixel_cli.cli.plan import plan_content, print_plan
 from stixel_cli.cli.terminal import print_table
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.experiment.text import json_text
+from stixel_cli.results.text import json_text
 from stixel_cli.studies.file import ALL, find_study, read_study, shipped_studies
 from stixel_cli.studies.folder import StudyFolder, study_folder
 from stixel_cli.studies.plan import StudyPlan, plan_study

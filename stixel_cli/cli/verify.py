@@ -11,8 +11,8 @@ from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.recorded_run import provenance
 from stixel_cli.experiment.stored_run import read_stored_run
-from stixel_cli.experiment.text import json_text
 from stixel_cli.experiment.verify import StageDifference, Verification, verify_run
+from stixel_cli.results.text import json_text
 
 
 class VerifyInterrupted(UserError):

@@ -3,12 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from stixel_cli.config.folders import (
-    default_option,
-    group_options,
-    innermost_group,
-    outer_options,
-)
+from stixel_cli.config.folders import default_option, group_options, innermost_group, outer_options
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError
 
 if TYPE_CHECKING:

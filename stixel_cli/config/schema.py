@@ -16,13 +16,13 @@ from stixel_cli.geometry.rig import STRICT, Rig
 from stixel_cli.measurements.fabricated import FabricatedParameters
 from stixel_cli.measurements.lidar import LidarParameters
 from stixel_cli.measurements.simulated import SimulatedParameters
+from stixel_cli.rendering.filament_parameters import FilamentParameters
+from stixel_cli.rendering.raycast_parameters import RaycastParameters
+from stixel_cli.rendering.sensor_noise import Sensor
 from stixel_cli.report.parameters import PicturesParameters
 from stixel_cli.scene.ego import Ego
-from stixel_cli.scene.exposure import Sensor
-from stixel_cli.scene.filament_parameters import FilamentParameters
 from stixel_cli.scene.pace_parameters import Pace
 from stixel_cli.scene.path_parameters import Path
-from stixel_cli.scene.raycast_parameters import RaycastParameters
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.world_parameters import World
 from stixel_cli.stereo.bm import BmParameters

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from stixel_cli.engine.graph import Graph, Node
-from stixel_cli.experiment.lineage import Lineage, StageLineage, settings_digest
+from stixel_cli.results.lineage import Lineage, StageLineage, settings_digest
 
 MOST_CAUSES = 8
 ALTERED = "its settings are not those of the run: was config.yaml altered?"

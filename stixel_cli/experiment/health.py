@@ -15,7 +15,7 @@ from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.store import Store
 from stixel_cli.engine.units import show_size
 from stixel_cli.engine.upkeep import entries, set_aside
-from stixel_cli.experiment.provenance import git_state, package_versions
+from stixel_cli.results.provenance import git_state, package_versions
 
 RENDERER_TIMEOUT = 60.0
 """Seconds that a renderer is given; the first start on a machine compiles kernels."""
@@ -88,7 +88,7 @@ def probe_raycast(
 
 
 def _probe_filament() -> str | None:
-    from stixel_cli.scene.filament import probe_filament
+    from stixel_cli.rendering.filament import probe_filament
 
     return probe_filament(timeout=RENDERER_TIMEOUT)
 

@@ -11,9 +11,9 @@ from stixel_cli.experiment.played_run import choice, played_run
 from stixel_cli.experiment.recorded_run import told_in_one_line
 from stixel_cli.experiment.run import Outcome, run_experiment
 from stixel_cli.experiment.stored_run import StoredRun
-from stixel_cli.experiment.text import listed
-from stixel_cli.report.folder_reader import flat_settings
 from stixel_cli.report.playback import playback_html
+from stixel_cli.results.reader import flat_settings
+from stixel_cli.results.text import listed
 
 SCENE = ("road_user", "path", "ego")
 """The groups that say what happens in a scene."""

@@ -1,9 +1,9 @@
 """Render one small picture with rays; run as a module, for a fault here may end the process."""
 
 from stixel_cli.config.compose import compose
+from stixel_cli.rendering.raycast import render
 from stixel_cli.scene.build import build_scenario
 from stixel_cli.scene.ego import ego_motion
-from stixel_cli.scene.raycast import render
 
 
 def main() -> None:

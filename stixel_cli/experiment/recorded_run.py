@@ -14,10 +14,10 @@ from stixel_cli.engine.errors import CacheError, CodeChanged, ExecutorError, Sta
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import FolderTaken, UserError
-from stixel_cli.experiment.folder import check_results, reserve_folder, write_folder
 from stixel_cli.experiment.played_run import run_page
-from stixel_cli.experiment.provenance import git_state, machine, package_versions
 from stixel_cli.experiment.run import Outcome, run_experiment
+from stixel_cli.results.folder import check_results, reserve_folder, write_folder
+from stixel_cli.results.provenance import git_state, machine, package_versions
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,10 @@ from stixel_cli.engine.plan import Plan, plan
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store
 from stixel_cli.evaluation.scores import Scores
-from stixel_cli.experiment.lineage import Lineage, lineage_of
 from stixel_cli.experiment.stages import CHUNK_SIZE, pipeline_stages, scan_count
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.report.nouns import CameraFrames
+from stixel_cli.report.types import CameraFrames
+from stixel_cli.results.lineage import Lineage, lineage_of
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track
 

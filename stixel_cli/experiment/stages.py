@@ -70,16 +70,16 @@ TABLE: dict[str, Definition] = {
     ),
     "render": Definition(
         {
-            "raycast": "stixel_cli.scene.raycast:render",
-            "filament": "stixel_cli.scene.filament:render",
+            "raycast": "stixel_cli.rendering.raycast:render",
+            "filament": "stixel_cli.rendering.filament:render",
         },
         "map",
         _same("road_user", "world", "rig", "renderer"),
         chosen_by="renderer",
         reads_mesh=True,
     ),
-    "expose": Definition(
-        _only("scene.exposure:expose"),
+    "add_sensor_noise": Definition(
+        _only("rendering.sensor_noise:add_sensor_noise"),
         "map",
         _same("sensor"),
         seeded=True,
@@ -135,11 +135,11 @@ TABLE: dict[str, Definition] = {
     ),
     "scores": Definition(_only("evaluation.evaluate:evaluate"), "once"),
     "stage_errors": Definition(
-        _only("evaluation.stage_errors:stage_errors"),
+        _only("validation.stage_errors:stage_errors"),
         "map",
         _same("rig", "road", "occupancy", "free_space"),
     ),
-    "point_errors": Definition(_only("evaluation.point_errors:point_errors"), "once", _same("rig")),
+    "point_errors": Definition(_only("validation.point_errors:point_errors"), "once", _same("rig")),
     "occupancy": Definition(
         _only("stixels.displayed_grid:picture_grid"),
         "pick",

@@ -7,13 +7,8 @@ from typing import Any
 from stixel_cli import __version__
 from stixel_cli.config.compose import Composition, compose, from_resolved
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.experiment.lineage import Lineage, read_lineage
-from stixel_cli.report.folder_reader import (
-    check_folder,
-    read_config,
-    read_manifest,
-    read_metrics,
-)
+from stixel_cli.results.lineage import Lineage, read_lineage
+from stixel_cli.results.reader import check_folder, read_config, read_manifest, read_metrics
 
 OF_THE_MACHINE = ("executor", "cache")
 """Groups that say where to compute, not what: a rerun takes those of the machine it runs on."""

@@ -11,12 +11,12 @@ from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store
 from stixel_cli.experiment.causes import first_other_stage
 from stixel_cli.experiment.differences import first_difference
-from stixel_cli.experiment.folder import scan_columns, score_columns, track_arrays
-from stixel_cli.experiment.lineage import Lineage
 from stixel_cli.experiment.recorded_run import told_in_one_line
 from stixel_cli.experiment.run import Outcome, experiment_graph, run_experiment
 from stixel_cli.experiment.stored_run import StoredRun
 from stixel_cli.files import read_arrays, read_bytes
+from stixel_cli.results.folder import scan_columns, score_columns, track_arrays
+from stixel_cli.results.lineage import Lineage
 
 
 @dataclass(frozen=True)

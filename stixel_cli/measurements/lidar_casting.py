@@ -11,12 +11,12 @@ import numpy as np
 
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scanner import LidarReturns, Scanner
+from stixel_cli.rendering.placement import numbered_objects, world_from_target_3d
+from stixel_cli.rendering.surfaces import RayTree
 from stixel_cli.scene.mesh import Mesh, corners
-from stixel_cli.scene.placement import numbered_objects, world_from_target_3d
 from stixel_cli.scene.road_user import road_user_mesh
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.scene.surfaces import RayTree
 from stixel_cli.scene.world_parameters import World
 
 

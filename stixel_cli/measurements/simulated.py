@@ -12,7 +12,7 @@ from stixel_cli.geometry.rig import STRICT
 from stixel_cli.measurements.gates import check_gates
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import EgoMotion
-from stixel_cli.stixels.nouns import Stixels
+from stixel_cli.stixels.types import Stixels
 
 
 @dataclass(frozen=True)

@@ -11,17 +11,17 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from stixel_cli.geometry.rig import Rig
+from stixel_cli.rendering.frames import RenderedFrames, StereoPairs
 from stixel_cli.report import camera_panels as panels
 from stixel_cli.report import style
 from stixel_cli.report.camera_panels import FrameView
-from stixel_cli.report.nouns import Pictures
-from stixel_cli.scene.frames import RenderedFrames, StereoPairs
+from stixel_cli.report.types import Pictures
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stixels.nouns import FreeSpace, Stixels
+from stixel_cli.stixels.types import FreeSpace, Stixels
 
 if TYPE_CHECKING:  # the module compiles kernels, which no picture needs
-    from stixel_cli.stixels.nouns import OccupancyGrid
+    from stixel_cli.stixels.types import OccupancyGrid
 
 LEFT, RIGHT, TOP, BOTTOM = 58, 18, 34, 52  # margins, px
 BAR, LEGEND = 92, 26  # room for a colour bar, for a legend, px

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from stixel_cli.report.nouns import CameraFrames
-from stixel_cli.scene.frames import StereoPairs
-from stixel_cli.stixels.nouns import Stixels
+from stixel_cli.rendering.frames import StereoPairs
+from stixel_cli.report.types import CameraFrames
+from stixel_cli.stixels.types import Stixels
 
 WIDEST = 512
 """Wider images are made this wide, px: to average pixels takes the noise out, which JPEG cannot."""

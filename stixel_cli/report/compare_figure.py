@@ -8,7 +8,7 @@ import numpy as np
 
 from stixel_cli.evaluation.scores import LOW_OVERLAP
 from stixel_cli.report import style
-from stixel_cli.report.folder_reader import RunFolder
+from stixel_cli.results.reader import RunFolder
 
 LINE_STYLES = ("-", "--", "-.", ":")
 

@@ -17,7 +17,7 @@ import numpy as np
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.report.metrics import format_value, metric
-from stixel_cli.report.nouns import CameraFrames
+from stixel_cli.report.types import CameraFrames
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.scene.frames import StereoPairs
+from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo.disparities import Disparities
 from stixel_cli.stereo.matching import MatchingParameters, check_odd, disparity_count, match_pairs
 

@@ -8,7 +8,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, MultipleOf
 
 from stixel_cli.geometry.rig import STRICT, Rig
-from stixel_cli.scene.frames import StereoPairs
+from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo.disparities import INVALID, SUBPIXELS, Disparities
 
 

@@ -9,8 +9,8 @@ from stixel_cli.stixels.free_space_parameters import (
     OccupancyParameters,
     RoadParameters,
 )
-from stixel_cli.stixels.nouns import FreeSpace, OccupancyGrid
 from stixel_cli.stixels.occupancy import accumulate, layout
+from stixel_cli.stixels.types import FreeSpace, OccupancyGrid
 
 
 def picture_grid(

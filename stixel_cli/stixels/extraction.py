@@ -8,8 +8,8 @@ from stixel_cli.stereo.disparities import SUBPIXELS, Disparities
 from stixel_cli.stixels.extraction_parameters import ExtractionParameters, HeightParameters
 from stixel_cli.stixels.grouping import group_columns
 from stixel_cli.stixels.height import depth_windows, top_rows
-from stixel_cli.stixels.nouns import FreeSpace, Stixels
 from stixel_cli.stixels.road import base_rows, level_factors, pitch_and_height
+from stixel_cli.stixels.types import FreeSpace, Stixels
 
 BINS_PER_PIXEL = 8
 """Resolution of the stixels' histograms of disparities."""

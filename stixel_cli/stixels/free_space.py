@@ -13,9 +13,9 @@ from stixel_cli.stixels.free_space_parameters import (
     RoadParameters,
 )
 from stixel_cli.stixels.nearest_obstacle import nearest_obstacle
-from stixel_cli.stixels.nouns import FreeSpace
 from stixel_cli.stixels.occupancy import layout
 from stixel_cli.stixels.road import base_rows, find_road, level_factors
+from stixel_cli.stixels.types import FreeSpace
 
 
 def find_free_space(

@@ -11,8 +11,8 @@ from stixel_cli.engine.graph import Graph
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import Scores
-from stixel_cli.report.folder_reader import SERIES, read_series
-from stixel_cli.studies.nouns import Part, StudyPoint
+from stixel_cli.results.reader import SERIES, read_series
+from stixel_cli.studies.types import Part, StudyPoint
 from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.results import SweepResult
 

@@ -10,7 +10,7 @@ from stixel_cli.config.compose_many import Composer
 from stixel_cli.config.folders import group_options
 from stixel_cli.config.overrides import check_overrides, parse_overrides, single_overrides
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError
-from stixel_cli.experiment.text import listed
+from stixel_cli.results.text import listed
 from stixel_cli.sweeps.design import SEED, Axis, Design, check_each, same
 
 

@@ -12,9 +12,9 @@ from markupsafe import Markup
 
 from stixel_cli.report import style
 from stixel_cli.report.metrics import format_value
-from stixel_cli.studies.nouns import Block, Figure, Findings, Paragraph, Picture, Section, Table
 from stixel_cli.studies.state import Origin, PartState
 from stixel_cli.studies.tables import INTERVAL, shown_table
+from stixel_cli.studies.types import Block, Figure, Findings, Paragraph, Picture, Section, Table
 
 _COLOURS = {
     "#000000": "currentColor",

@@ -17,10 +17,10 @@ from stixel_cli.errors import UserError
 from stixel_cli.experiment.recorded_run import provenance
 from stixel_cli.studies.data import NodeSeconds, part_of
 from stixel_cli.studies.folder import StudyFolder
-from stixel_cli.studies.nouns import Findings, Part, StudyData
 from stixel_cli.studies.page import study_page
 from stixel_cli.studies.plan import PlannedPart, StudyPlan, derived_design, of_the_machine
 from stixel_cli.studies.state import Origin, PartState
+from stixel_cli.studies.types import Findings, Part, StudyData
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.points import design_points

@@ -8,8 +8,8 @@ that they bear, and columns of their own in the CSV.
 import math
 from collections.abc import Iterator, Sequence
 
-from stixel_cli.studies.nouns import Figure, Findings, Section, Table
 from stixel_cli.studies.prose import decimals, number, with_interval
+from stixel_cli.studies.types import Figure, Findings, Section, Table
 from stixel_cli.sweeps.statistics import Statistic, statistic
 from stixel_cli.sweeps.tables import csv_text, latex_table, markdown_row
 

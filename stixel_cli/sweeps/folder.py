@@ -21,7 +21,7 @@ import yaml
 
 from stixel_cli.errors import FolderTaken, UserError
 from stixel_cli.files import read_yaml, write_whole, written
-from stixel_cli.report.folder_reader import read_manifest, read_metrics
+from stixel_cli.results.reader import read_manifest, read_metrics
 
 PLAN = "sweep.yaml"
 RUNS = "runs.csv"

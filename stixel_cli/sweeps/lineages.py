@@ -1,7 +1,7 @@
 """What the points of a sweep were made of, so that a later run of one can be compared with it."""
 
 from stixel_cli.engine.store import Store
-from stixel_cli.experiment import lineage
+from stixel_cli.results import lineage
 from stixel_cli.sweeps.folder import POINTS, SweepFolder
 from stixel_cli.sweeps.graphs import PlannedPoint
 

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.causes import first_other_stage
-from stixel_cli.experiment.lineage import lineage_of, read_lineage
 from stixel_cli.experiment.stored_run import OF_THE_MACHINE
-from stixel_cli.report.folder_reader import flat_settings, read_config
+from stixel_cli.results.lineage import lineage_of, read_lineage
+from stixel_cli.results.reader import flat_settings, read_config
 from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.graphs import PlannedPoint
 

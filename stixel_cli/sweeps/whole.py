@@ -11,8 +11,8 @@ from stixel_cli.config.compose_many import Composer
 from stixel_cli.engine.probe import probe
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import FolderTaken
-from stixel_cli.experiment.folder import check_results, reserve_folder
 from stixel_cli.experiment.recorded_run import provenance, stamp, told_in_one_line
+from stixel_cli.results.folder import check_results, reserve_folder
 from stixel_cli.sweeps.checks import check_axes
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.folder import SweepFolder, SweepRequest

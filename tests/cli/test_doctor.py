@@ -10,7 +10,7 @@ from stixel_cli.cli.app import main
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.store import META, VALUE, Store
 from stixel_cli.experiment import health
-from stixel_cli.scene.filament import probe_filament
+from stixel_cli.rendering.filament import probe_filament
 
 HANGS = (sys.executable, "-c", "import time; time.sleep(60)")
 DIES = (sys.executable, "-c", "import os; os.abort()")

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from stixel_cli.evaluation.stage_errors import stage_errors
-from stixel_cli.evaluation.stage_truth import frame_truth
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.scene.frames import BACKGROUND_ID, ROAD_ID, SKY_ID, TARGET_ID, RenderedFrames
+from stixel_cli.rendering.frames import BACKGROUND_ID, ROAD_ID, SKY_ID, TARGET_ID, RenderedFrames
 from stixel_cli.stereo.disparities import Disparities
 from stixel_cli.stixels.free_space_parameters import FreeSpaceParameters, PolarOccupancy, RigRoad
-from stixel_cli.stixels.nouns import FreeSpace, Stixels
 from stixel_cli.stixels.road import base_rows, road_line
+from stixel_cli.stixels.types import FreeSpace, Stixels
+from stixel_cli.validation.stage_errors import stage_errors
+from stixel_cli.validation.stage_truth import frame_truth
 
 ROAD = RigRoad(kind="rig", least_height=0.25, greatest_height=3.0, disparity_margin=1.0)
 GRID = PolarOccupancy(

@@ -14,7 +14,7 @@ from stixel_cli.experiment.stages import TABLE, pictured_frames, pipeline_stages
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
 
 TRUTH = {"scenario", "render"}
-MAY_SEE_TRUTH = {"render", "expose", "start", "scores", "stage_errors", "point_errors"}
+MAY_SEE_TRUTH = {"render", "add_sensor_noise", "start", "scores", "stage_errors", "point_errors"}
 
 
 def stages_of(measurement):
@@ -86,8 +86,8 @@ DECLARED = {
     "stixel_cli.scene.mesh_file": "reads_mesh",
     "stixel_cli.scene.mesh_references": "reads_mesh",
     # The child process runs filament_process, which the module imports; the files are its answers.
-    "stixel_cli.scene.filament": "stixel_cli.scene.filament_process",
-    "stixel_cli.scene.filament_process": "stixel_cli.scene.filament_process",
+    "stixel_cli.rendering.filament": "stixel_cli.rendering.filament_process",
+    "stixel_cli.rendering.filament_process": "stixel_cli.rendering.filament_process",
 }
 
 

@@ -6,7 +6,7 @@ import pytest
 from run_cli import FEW, run_json
 
 from stixel_cli.config.folders import group_options, outer_options
-from stixel_cli.scene.filament import probe_filament
+from stixel_cli.rendering.filament import probe_filament
 
 IN_THIS_PROCESS = "executor=threads"
 """Workers' processes import everything anew in each run: seconds, for work of tenths of one."""

@@ -77,7 +77,7 @@ def test_a_tracker_parameter_recomputes_track_scores_and_the_tracks_pictures(che
 
 def test_the_seed_recomputes_what_draws_and_what_depends_on_it(checkout):
     again = computed(checkout, "seed=5")
-    assert {"expose", "match", "start", "track"} <= again
+    assert {"add_sensor_noise", "match", "start", "track"} <= again
     assert again.isdisjoint({"scenario", "render", "ego_motion"})
 
 

@@ -14,7 +14,7 @@ from run_cli import run_json
 
 from stixel_cli import __version__
 from stixel_cli.cli.app import main
-from stixel_cli.experiment.lineage import Lineage, StageLineage, lineage_tree, read_lineage
+from stixel_cli.results.lineage import Lineage, StageLineage, lineage_tree, read_lineage
 
 ROOT = Path(__file__).resolve().parents[2]
 FABRICATED = ("measurement=fabricated", "path.duration=0.5", "pictures.frames=[0]")

@@ -6,7 +6,7 @@ import pytest
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.simulated import SimulatedParameters, gather_scans
 from stixel_cli.scene.scenario import EgoMotion
-from stixel_cli.stixels.nouns import Stixels
+from stixel_cli.stixels.types import Stixels
 
 GATES = SimulatedParameters(
     kind="simulated", height_min=0.3, height_max=2.5, range_min=1.0, range_max=40.0

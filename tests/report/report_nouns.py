@@ -7,10 +7,10 @@ from stixel_cli.geometry.angles import wrap_angle
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.scene.frames import RenderedFrames, StereoPairs
+from stixel_cli.rendering.frames import RenderedFrames, StereoPairs
 from stixel_cli.scene.scenario import EgoMotion, Scenario
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stixels.nouns import FreeSpace, Stixels
+from stixel_cli.stixels.types import FreeSpace, Stixels
 from stixel_cli.tracking.track import Track
 
 

@@ -20,7 +20,7 @@ from stixel_cli.report.camera import camera_pictures
 from stixel_cli.report.errors_figure import chi_square_bounds
 from stixel_cli.report.over_time import run_pictures
 from stixel_cli.report.path_figure import spaced_frames
-from stixel_cli.stixels.nouns import OccupancyGrid
+from stixel_cli.stixels.types import OccupancyGrid
 
 CAMERA = ("left", "disparity", "occupancy", "free_space", "height", "stixels", "camera")
 

@@ -6,7 +6,7 @@ import pytest
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
-from stixel_cli.scene.frames import StereoPairs
+from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo import bm, sgm
 from stixel_cli.stereo.bm import BmParameters
 from stixel_cli.stereo.disparities import INVALID

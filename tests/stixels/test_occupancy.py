@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stixel_cli.stixels.displayed_grid import picture_grid
-from stixel_cli.stixels.nouns import FreeSpace
 from stixel_cli.stixels.occupancy import (
     BINS_PER_PIXEL,
     accumulate,
@@ -18,6 +17,7 @@ from stixel_cli.stixels.occupancy import (
     to_polar,
 )
 from stixel_cli.stixels.road import road_line
+from stixel_cli.stixels.types import FreeSpace
 
 
 def normal(x, deviation):

@@ -13,7 +13,7 @@ from pydantic import TypeAdapter
 from stixel_cli.config.schema import StereoParameters
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
-from stixel_cli.scene.frames import StereoPairs
+from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stereo import sgm
 from stixel_cli.stixels.extraction import extract_stixels

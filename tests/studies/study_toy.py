@@ -5,7 +5,7 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 
 from stixel_cli.report import style
-from stixel_cli.studies.nouns import Figure, Findings, Paragraph, Picture, Section, Table
+from stixel_cli.studies.types import Figure, Findings, Paragraph, Picture, Section, Table
 
 FEW = {"measurement": "fabricated", "path.duration": 0.3, "executor": "threads"}
 """Three scans, computed without starting a process."""

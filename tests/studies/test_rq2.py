@@ -14,7 +14,6 @@ from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.studies.nouns import StudyData
 from stixel_cli.studies.rq2.answer import answer, answer_tables
 from stixel_cli.studies.rq2.conditions import CONDITIONS, condition_statistics
 from stixel_cli.studies.rq2.contrasts import family, least_effect, p_value
@@ -30,6 +29,7 @@ from stixel_cli.studies.rq2.runs import (
     within_bounds,
 )
 from stixel_cli.studies.tables import shown_table
+from stixel_cli.studies.types import StudyData
 
 TINY = (
     "road_user=pedestrian",

@@ -9,12 +9,12 @@ import yaml
 from pydantic import TypeAdapter
 
 from stixel_cli.errors import UserError
-from stixel_cli.evaluation.point_errors import point_errors
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import FabricatedParameters, fabricate_scans
 from stixel_cli.measurements.noise import ConstantNoise, FittedNoise
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.studies.rq3.fit import fit_noise, preset
+from stixel_cli.validation.point_errors import point_errors
 
 RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.5, 0.0)
 BOX = np.array([[2.25, -0.9], [2.25, 0.9], [-2.25, 0.9], [-2.25, -0.9]])

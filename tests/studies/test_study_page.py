@@ -8,19 +8,13 @@ import yaml
 from study_toy import TOY, toy_module
 
 from stixel_cli.cli.app import main
-from stixel_cli.experiment.text import listed
 from stixel_cli.report import style
+from stixel_cli.results.text import listed
 from stixel_cli.studies.folder import files_of
-from stixel_cli.studies.nouns import Findings, Section, Table
 from stixel_cli.studies.page import _Numbered, svg_for_page
 from stixel_cli.studies.prose import counted, decimals, number, percent, quantity
-from stixel_cli.studies.tables import (
-    over_seeds,
-    shown_table,
-    table_csv,
-    table_latex,
-    with_ends,
-)
+from stixel_cli.studies.tables import over_seeds, shown_table, table_csv, table_latex, with_ends
+from stixel_cli.studies.types import Findings, Section, Table
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ import yaml
 
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import compose, from_resolved
-from stixel_cli.report.folder_reader import read_folder
+from stixel_cli.results.reader import read_folder
 from stixel_cli.sweeps import figures
 from stixel_cli.sweeps.statistics import statistic
 from stixel_cli.sweeps.whole import new_sweep

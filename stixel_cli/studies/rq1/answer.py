@@ -5,10 +5,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from stixel_cli.evaluation.stage_errors import GROSS
-from stixel_cli.evaluation.stage_summary import stixel_summary
-from stixel_cli.experiment.text import listed
-from stixel_cli.studies.nouns import StudyData, Table
+from stixel_cli.results.text import listed
 from stixel_cli.studies.prose import counted, number, quantity
 from stixel_cli.studies.rq1 import intervals as by_pose
 from stixel_cli.studies.rq1.intervals import Estimate, estimate
@@ -31,6 +28,9 @@ from stixel_cli.studies.rq1.pool import (
     text,
 )
 from stixel_cli.studies.rq1.setup import cpu_seconds_a_frame, lines_of, values_of
+from stixel_cli.studies.types import StudyData, Table
+from stixel_cli.validation.stage_errors import GROSS
+from stixel_cli.validation.stage_summary import stixel_summary
 
 _INSIDE = 0
 

@@ -5,11 +5,11 @@ from itertools import chain
 
 import numpy as np
 
-from stixel_cli.studies.nouns import Paragraph, Part, Section, StudyData, Table
 from stixel_cli.studies.rq1 import figures
 from stixel_cli.studies.rq1 import intervals as by_pose
 from stixel_cli.studies.rq1.intervals import cover_sums, estimate, pixel_sums, stixel_sums
 from stixel_cli.studies.rq1.pool import EDGES, Group, by_label, contrast, counts, pool, road_user
+from stixel_cli.studies.types import Paragraph, Part, Section, StudyData, Table
 
 INSIDE = 0
 

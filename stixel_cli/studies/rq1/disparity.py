@@ -2,9 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 
-from stixel_cli.evaluation.stage_errors import ZONES
-from stixel_cli.evaluation.stage_summary import disparity_summary
-from stixel_cli.studies.nouns import Section, StudyData, Table
 from stixel_cli.studies.rq1 import figures
 from stixel_cli.studies.rq1 import intervals as by_pose
 from stixel_cli.studies.rq1.pool import (
@@ -19,6 +16,9 @@ from stixel_cli.studies.rq1.pool import (
     seeds,
 )
 from stixel_cli.studies.tables import with_ends
+from stixel_cli.studies.types import Section, StudyData, Table
+from stixel_cli.validation.stage_errors import ZONES
+from stixel_cli.validation.stage_summary import disparity_summary
 
 INSIDE, BORDER = 0, 1
 _COLUMNS = {

@@ -7,12 +7,12 @@ from textwrap import fill
 import numpy as np
 from matplotlib.axes import Axes
 
-from stixel_cli.evaluation.stage_errors import GROSS
-from stixel_cli.evaluation.stage_summary import in_range, phase_bias
 from stixel_cli.report import style
-from stixel_cli.studies.nouns import Figure
 from stixel_cli.studies.rq1.intervals import NONE, PHASE_BIAS, Estimate, estimate, phase_sums
 from stixel_cli.studies.rq1.pool import EDGES, LEAST, Group
+from stixel_cli.studies.types import Figure
+from stixel_cli.validation.stage_errors import GROSS
+from stixel_cli.validation.stage_summary import in_range, phase_bias
 
 CENTRES = 0.5 * (np.array(EDGES[1:]) + np.array(EDGES[:-1]))
 WIDTH = 5.0

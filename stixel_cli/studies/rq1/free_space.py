@@ -2,11 +2,11 @@
 
 from collections.abc import Iterator, Sequence
 
-from stixel_cli.studies.nouns import Paragraph, Section, StudyData, Table
 from stixel_cli.studies.rq1 import figures
 from stixel_cli.studies.rq1 import intervals as by_pose
 from stixel_cli.studies.rq1.pool import Group, counts, grid, groups
 from stixel_cli.studies.tables import with_ends
+from stixel_cli.studies.types import Paragraph, Section, StudyData, Table
 
 _COLUMNS = {
     "missed %": by_pose.COLUMN_MISSED,

@@ -5,8 +5,8 @@ import io
 from PIL import Image
 
 from stixel_cli.report.style import DEPTH_TICKS
-from stixel_cli.studies.nouns import Paragraph, Part, Picture, Section
 from stixel_cli.studies.rq1.pool import by_label, road_user, text
+from stixel_cli.studies.types import Paragraph, Part, Picture, Section
 
 PANELS = ("left", "disparity", "occupancy", "free_space", "height", "stixels")
 WIDTH = 1080

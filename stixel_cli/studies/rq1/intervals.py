@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stixel_cli.evaluation.stage_errors import GROSS
-from stixel_cli.evaluation.stage_summary import column_kinds, in_range
 from stixel_cli.studies.inference import interval, weights
 from stixel_cli.studies.prose import quantity, with_interval
 from stixel_cli.studies.rq1.pool import EDGES, LEAST, Group
+from stixel_cli.validation.stage_errors import GROSS
+from stixel_cli.validation.stage_summary import column_kinds, in_range
 
 Statistic = Callable[[np.ndarray], np.ndarray]
 """Gives a number of sums (…, m) over frames."""

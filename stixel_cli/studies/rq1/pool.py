@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stixel_cli.evaluation.stage_errors import StageErrors
-from stixel_cli.evaluation.stage_summary import phase_bias, pooled, stixel_summary
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.studies.nouns import Part, StudyPoint
 from stixel_cli.studies.prose import counted, percent, quantity
+from stixel_cli.studies.types import Part, StudyPoint
+from stixel_cli.validation.stage_errors import StageErrors
+from stixel_cli.validation.stage_summary import phase_bias, pooled, stixel_summary
 
 EDGES = tuple(float(edge) for edge in range(5, 51, 5))
 """Ends of the ranges in the figures, m: true depth of the target's nearest surface."""

@@ -7,9 +7,7 @@ is computed from the study's data.
 from collections.abc import Sequence
 from itertools import pairwise
 
-from stixel_cli.evaluation.stage_errors import BORDER, GROSS
 from stixel_cli.studies.inference import DRAWS
-from stixel_cli.studies.nouns import Findings, Paragraph, Section, StudyData
 from stixel_cli.studies.prose import counted, quantity
 from stixel_cli.studies.rq1.answer import answer, answer_table
 from stixel_cli.studies.rq1.contrast import contrast_section
@@ -19,6 +17,8 @@ from stixel_cli.studies.rq1.gallery import gallery_section
 from stixel_cli.studies.rq1.pool import EDGES, LEAST, Group, groups, pool, road_user
 from stixel_cli.studies.rq1.setup import setup_section
 from stixel_cli.studies.rq1.stixels import height_section, rigs_section, stixels_section
+from stixel_cli.studies.types import Findings, Paragraph, Section, StudyData
+from stixel_cli.validation.stage_errors import BORDER, GROSS
 
 
 def report(data: StudyData) -> Findings:

@@ -8,20 +8,12 @@ from dataclasses import dataclass
 
 from stixel_cli.config.folders import shipped_folder
 from stixel_cli.config.schema import Configuration
+from stixel_cli.rendering.surfaces import build_surfaces
 from stixel_cli.scene.mesh import Mesh
 from stixel_cli.scene.road_user import road_user_mesh
-from stixel_cli.scene.surfaces import build_surfaces
 from stixel_cli.scene.world import world_objects
-from stixel_cli.studies.nouns import Paragraph, Part, Section, StudyData, StudyPoint, Table
-from stixel_cli.studies.rq1.pool import (
-    by_label,
-    cell,
-    grid,
-    matcher,
-    rig,
-    road_user,
-    text,
-)
+from stixel_cli.studies.rq1.pool import by_label, cell, grid, matcher, rig, road_user, text
+from stixel_cli.studies.types import Paragraph, Part, Section, StudyData, StudyPoint, Table
 
 SCENE = ("road_user", "path", "ego", "rig", "world", "renderer", "sensor")
 """The groups of the configuration that describe a scene and its cameras."""
@@ -78,7 +70,7 @@ def setup_section(data: StudyData) -> Section:
                 "CPU seconds a frame of the stages, as recorded when they were computed, each on "
                 "one thread; mean of the points. Rendering includes building the scene, once in "
                 "each worker.",
-                ("part", "setting", "render", "expose", "match", "free space", "stixels"),
+                ("part", "setting", "render", "sensor noise", "match", "free space", "stixels"),
                 tuple(_seconds(data)),
             ),
         ),
@@ -108,7 +100,7 @@ def _seconds(data: StudyData):
     for name, label in named.items():
         part: Part | None = data.parts.get(name)
         for setting, points in by_label(part.points if part else (), label).items():
-            stages = ("render", "expose", "match", "free_space", "stixels")
+            stages = ("render", "add_sensor_noise", "match", "free_space", "stixels")
             yield (name, setting, *(cell(cpu_seconds_a_frame(points, stage)) for stage in stages))
 
 

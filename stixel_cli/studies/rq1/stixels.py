@@ -2,10 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from stixel_cli.evaluation.stage_errors import GROSS
-from stixel_cli.evaluation.stage_summary import stixel_summary
-from stixel_cli.experiment.text import listed
-from stixel_cli.studies.nouns import Paragraph, Section, StudyData, Table
+from stixel_cli.results.text import listed
 from stixel_cli.studies.rq1 import figures
 from stixel_cli.studies.rq1 import intervals as by_pose
 from stixel_cli.studies.rq1.intervals import estimate
@@ -25,6 +22,9 @@ from stixel_cli.studies.rq1.pool import (
     seeds,
 )
 from stixel_cli.studies.tables import with_ends
+from stixel_cli.studies.types import Paragraph, Section, StudyData, Table
+from stixel_cli.validation.stage_errors import GROSS
+from stixel_cli.validation.stage_summary import stixel_summary
 
 _OF_HEIGHT = {
     "top bias px": by_pose.TOP_BIAS,

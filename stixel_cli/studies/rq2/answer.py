@@ -2,10 +2,9 @@
 
 from collections.abc import Sequence
 
-from stixel_cli.experiment.text import listed
+from stixel_cli.results.text import listed
 from stixel_cli.studies.field_names import LIDAR, STIXELS
 from stixel_cli.studies.inference import least_p
-from stixel_cli.studies.nouns import Table
 from stixel_cli.studies.prose import MINUS, capital, counted, number, with_interval
 from stixel_cli.studies.rq2.contrasts import (
     ERRORS,
@@ -15,13 +14,8 @@ from stixel_cli.studies.rq2.contrasts import (
     least_effect,
     of_kind,
 )
-from stixel_cli.studies.rq2.runs import (
-    Run,
-    chosen,
-    metric_over_seeds,
-    names,
-    paired_difference,
-)
+from stixel_cli.studies.rq2.runs import Run, chosen, metric_over_seeds, names, paired_difference
+from stixel_cli.studies.types import Table
 from stixel_cli.sweeps.statistics import Statistic
 
 _BESIDE = {

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stixel_cli.studies.nouns import Table
 from stixel_cli.studies.rq2.runs import Run
 from stixel_cli.studies.tables import over_seeds
+from stixel_cli.studies.types import Table
 from stixel_cli.sweeps.statistics import Statistic
 
 

@@ -8,15 +8,9 @@ from scipy.stats import t as student
 
 from stixel_cli.studies.field_names import FLOOR, LIDAR, STIXELS
 from stixel_cli.studies.inference import SIGNIFICANT, holm
-from stixel_cli.studies.nouns import Paragraph, Section, Table
 from stixel_cli.studies.prose import MINUS
-from stixel_cli.studies.rq2.runs import (
-    Run,
-    chosen,
-    metric_over_seeds,
-    names,
-    paired_difference,
-)
+from stixel_cli.studies.rq2.runs import Run, chosen, metric_over_seeds, names, paired_difference
+from stixel_cli.studies.types import Paragraph, Section, Table
 from stixel_cli.sweeps.statistics import Statistic
 
 ERRORS = {

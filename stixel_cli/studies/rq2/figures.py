@@ -8,10 +8,10 @@ import numpy as np
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.report import style
 from stixel_cli.report.compare_figure import LINE_STYLES
-from stixel_cli.studies.nouns import Figure
 from stixel_cli.studies.prose import capital
 from stixel_cli.studies.rq2.conditions import Condition, condition_statistics
 from stixel_cli.studies.rq2.runs import Run, chi_square_bounds, chosen, names
+from stixel_cli.studies.types import Figure
 from stixel_cli.sweeps.statistics import Statistic, student_t
 
 WIDTH = 4.9

@@ -8,9 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stixel_cli.experiment.text import listed
+from stixel_cli.results.text import listed
 from stixel_cli.studies.field_names import LIDAR, STIXELS
-from stixel_cli.studies.nouns import Findings, Paragraph, Section, StudyData, Table
 from stixel_cli.studies.prose import capital, number, percent
 from stixel_cli.studies.rq2.answer import answer, answer_tables
 from stixel_cli.studies.rq2.conditions import CONDITIONS, condition_table
@@ -26,6 +25,7 @@ from stixel_cli.studies.rq2.runs import (
     within_bounds,
 )
 from stixel_cli.studies.tables import over_seeds
+from stixel_cli.studies.types import Findings, Paragraph, Section, StudyData, Table
 
 NEAR = 2.0
 """Points within this distance of the true contour, m, are taken for the target's."""

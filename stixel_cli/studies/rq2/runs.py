@@ -13,8 +13,8 @@ from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.studies.field_names import measurement_name, tracker_name
-from stixel_cli.studies.nouns import StudyData, StudyPoint
 from stixel_cli.studies.tables import over_seeds
+from stixel_cli.studies.types import StudyData, StudyPoint
 from stixel_cli.sweeps.statistics import CONFIDENCE, Statistic
 
 

@@ -4,9 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from stixel_cli.experiment.text import listed
+from stixel_cli.results.text import listed
 from stixel_cli.studies.inference import SIGNIFICANT
-from stixel_cli.studies.nouns import Table
 from stixel_cli.studies.prose import (
     capital,
     counted,
@@ -19,6 +18,7 @@ from stixel_cli.studies.prose import (
 from stixel_cli.studies.rq3.compare import Comparison, Reach, reach_of
 from stixel_cli.studies.rq3.cost import THESIS, Cost
 from stixel_cli.studies.rq3.runs import FABRICATED, FITTED, SIMULATED, Measure
+from stixel_cli.studies.types import Table
 
 _TOLD = (
     "bias along the ray",

@@ -15,16 +15,8 @@ from stixel_cli.studies.inference import (
     paired,
     pairs_needed,
 )
-from stixel_cli.studies.nouns import Table
-from stixel_cli.studies.rq3.runs import (
-    FABRICATED,
-    FITTED,
-    SIMULATED,
-    Errors,
-    Measure,
-    Runs,
-    names,
-)
+from stixel_cli.studies.rq3.runs import FABRICATED, FITTED, SIMULATED, Errors, Measure, Runs, names
+from stixel_cli.studies.types import Table
 
 
 @dataclass(frozen=True)

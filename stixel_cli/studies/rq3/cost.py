@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stixel_cli.studies.nouns import Paragraph, Part, Section, StudyPoint, Table
 from stixel_cli.studies.rq3.runs import FABRICATED, SIMULATED, pairing
+from stixel_cli.studies.types import Paragraph, Part, Section, StudyPoint, Table
 
 SHARED = ("ego_motion", "scenario")
 """Steps that both kinds of scan begin with; not counted as the cost of either."""
 
-STAGES = ("render", "expose", "match", "free_space", "stixels", "scans")
+STAGES = ("render", "add_sensor_noise", "match", "free_space", "stixels", "scans")
 """Steps that lead from there to scans, in any pipeline of the study."""
 
 THESIS = 60.0

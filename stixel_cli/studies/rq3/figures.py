@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from stixel_cli.evaluation.point_errors import PointErrors
 from stixel_cli.report import style
-from stixel_cli.studies.nouns import Figure
 from stixel_cli.studies.rq3.compare import Comparison
 from stixel_cli.studies.rq3.runs import FABRICATED, FITTED, SIMULATED, correlogram
+from stixel_cli.studies.types import Figure
+from stixel_cli.validation.point_errors import PointErrors
 
 WIDTH = 5.4
 COLOURS = dict(zip((SIMULATED, FABRICATED, FITTED), style.RUNS, strict=False))

@@ -11,10 +11,10 @@ from dataclasses import asdict
 import numpy as np
 
 from stixel_cli.errors import UserError
-from stixel_cli.evaluation.point_errors import PointErrors
 from stixel_cli.measurements.noise import ConstantNoise, FittedNoise, Noise, StereoNoise
-from stixel_cli.studies.nouns import Part
 from stixel_cli.studies.prose import quantity
+from stixel_cli.studies.types import Part
+from stixel_cli.validation.point_errors import PointErrors
 
 _FEWEST = 10
 _DIGITS = 4

@@ -3,10 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import asdict
 
-from stixel_cli.experiment.text import listed
 from stixel_cli.measurements.noise import FittedNoise
+from stixel_cli.results.text import listed
 from stixel_cli.studies.inference import DRAWS, SIGNIFICANT
-from stixel_cli.studies.nouns import Findings, Paragraph, Part, Section, StudyData, Table
 from stixel_cli.studies.prose import quantity
 from stixel_cli.studies.rq3.answer import answer, answer_table
 from stixel_cli.studies.rq3.compare import Comparison, compare, difference_table
@@ -32,6 +31,7 @@ from stixel_cli.studies.rq3.runs import (
     point_measures,
     runs_of,
 )
+from stixel_cli.studies.types import Findings, Paragraph, Part, Section, StudyData, Table
 
 TRAINING = "training"
 COMMAND = "stixel study rq3"

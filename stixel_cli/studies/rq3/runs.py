@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stixel_cli.evaluation.point_errors import PointErrors
 from stixel_cli.studies.field_names import tracker_name
-from stixel_cli.studies.nouns import Part, StudyPoint
+from stixel_cli.studies.types import Part, StudyPoint
+from stixel_cli.validation.point_errors import PointErrors
 
 SIMULATED, FABRICATED, FITTED = "simulated", "fabricated", "fitted"
 

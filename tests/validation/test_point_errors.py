@@ -3,13 +3,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from stixel_cli.evaluation.point_errors import point_errors, ranges_along
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import FabricatedParameters, fabricate_scans
 from stixel_cli.measurements.noise import ConstantNoise, StereoNoise
 from stixel_cli.measurements.rays import first_crossings, spread_rays
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
+from stixel_cli.validation.point_errors import point_errors, ranges_along
 
 RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.5, 0.0)
 BOX = np.array([[2.25, -0.9], [2.25, 0.9], [-2.25, 0.9], [-2.25, -0.9]])

@@ -9,7 +9,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from stixel_cli.evaluation.stage_errors import (
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.validation.stage_errors import (
     GROSS,
     HISTOGRAM_EDGES,
     PHASES,
@@ -17,8 +18,7 @@ from stixel_cli.evaluation.stage_errors import (
     DisparityErrors,
     StageErrors,
 )
-from stixel_cli.evaluation.stage_stixels import StixelErrors
-from stixel_cli.geometry.rig import Rig
+from stixel_cli.validation.stage_stixels import StixelErrors
 
 
 def pooled(records: Iterable[StageErrors]) -> StageErrors:

@@ -7,17 +7,17 @@ from itertools import product
 import numpy as np
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.scene.camera_rays import Camera, rig_cameras
-from stixel_cli.scene.frames import TARGET_ID, RenderedFrames
+from stixel_cli.rendering.camera_rays import Camera, rig_cameras
+from stixel_cli.rendering.frames import TARGET_ID, RenderedFrames
+from stixel_cli.rendering.placement import numbered_objects, sun_direction, world_from_target_3d
+from stixel_cli.rendering.raycast_parameters import RaycastParameters
+from stixel_cli.rendering.surfaces import build_surfaces
+from stixel_cli.rendering.tracing import Body
+from stixel_cli.rendering.views import StillView, still_view, view_with_target
 from stixel_cli.scene.mesh import Mesh, bounding_box
-from stixel_cli.scene.placement import numbered_objects, sun_direction, world_from_target_3d
-from stixel_cli.scene.raycast_parameters import RaycastParameters
 from stixel_cli.scene.road_user import road_user_mesh
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.scene.surfaces import build_surfaces
-from stixel_cli.scene.tracing import Body
-from stixel_cli.scene.views import StillView, still_view, view_with_target
 from stixel_cli.scene.world_parameters import World
 
 

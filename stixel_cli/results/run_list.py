@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stixel_cli.errors import UserError
-from stixel_cli.report.folder_reader import SWEEP_FILE, read_manifest, read_metrics
+from stixel_cli.results.reader import SWEEP_FILE, read_manifest, read_metrics
 
 DEEPEST = 4
 """How far below the folder result folders are looked for."""

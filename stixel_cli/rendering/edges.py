@@ -3,8 +3,8 @@
 import numpy as np
 from numba import njit
 
-from stixel_cli.scene.surfaces import ENCODE
-from stixel_cli.scene.tracing import Body, Hits
+from stixel_cli.rendering.surfaces import ENCODE
+from stixel_cli.rendering.tracing import Body, Hits
 
 EDGE_CONTRAST = 5
 """Neighbours that differ by no more grey levels than this need no further samples."""

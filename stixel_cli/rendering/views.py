@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stixel_cli.scene import tracing
-from stixel_cli.scene.camera_rays import Camera
-from stixel_cli.scene.edges import edge_pixels, unclear_pixels
-from stixel_cli.scene.frames import SKY_ID
-from stixel_cli.scene.light import Light
-from stixel_cli.scene.raycast_parameters import RaycastParameters
-from stixel_cli.scene.surfaces import srgb_from_linear
-from stixel_cli.scene.tracing import Body, Centres, Hits
+from stixel_cli.rendering import tracing
+from stixel_cli.rendering.camera_rays import Camera
+from stixel_cli.rendering.edges import edge_pixels, unclear_pixels
+from stixel_cli.rendering.frames import SKY_ID
+from stixel_cli.rendering.light import Light
+from stixel_cli.rendering.raycast_parameters import RaycastParameters
+from stixel_cli.rendering.surfaces import srgb_from_linear
+from stixel_cli.rendering.tracing import Body, Centres, Hits
 
 THIN_SAMPLES = 2
 """Rays a pixel along each axis that look for thin parts of the target between pixel centres."""

@@ -7,18 +7,24 @@ import pytest
 from box_scene import LIGHT, RAYCAST, RIG, objects, scenario, target_mesh
 
 from stixel_cli.errors import UserError
-from stixel_cli.scene.filament import (
+from stixel_cli.rendering.filament import (
     COMMAND,
     RendererUnavailable,
     describe_scene,
     probe_filament,
     rendered,
 )
-from stixel_cli.scene.filament_parameters import FilamentParameters
-from stixel_cli.scene.filament_process import ID_STEPS, encoded, identities, identity_colour, main
-from stixel_cli.scene.frames import SKY_ID, TARGET_ID
-from stixel_cli.scene.raycast import StillScene, Target, render_frame
-from stixel_cli.scene.surfaces import linear_from_srgb
+from stixel_cli.rendering.filament_parameters import FilamentParameters
+from stixel_cli.rendering.filament_process import (
+    ID_STEPS,
+    encoded,
+    identities,
+    identity_colour,
+    main,
+)
+from stixel_cli.rendering.frames import SKY_ID, TARGET_ID
+from stixel_cli.rendering.raycast import StillScene, Target, render_frame
+from stixel_cli.rendering.surfaces import linear_from_srgb
 
 FILAMENT = FilamentParameters("filament", LIGHT, start_timeout=60, frame_timeout=60, attempts=3)
 HASTY = FilamentParameters("filament", LIGHT, start_timeout=0.1, frame_timeout=0.1, attempts=2)

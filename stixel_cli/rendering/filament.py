@@ -11,17 +11,17 @@ import numpy as np
 
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.scene.camera_rays import Camera, rig_cameras
-from stixel_cli.scene.filament_parameters import FilamentParameters
-from stixel_cli.scene.filament_process import REASON, main
-from stixel_cli.scene.frames import TARGET_ID, RenderedFrames
-from stixel_cli.scene.mesh import Mesh
-from stixel_cli.scene.placement import (
+from stixel_cli.rendering.camera_rays import Camera, rig_cameras
+from stixel_cli.rendering.filament_parameters import FilamentParameters
+from stixel_cli.rendering.filament_process import REASON, main
+from stixel_cli.rendering.frames import TARGET_ID, RenderedFrames
+from stixel_cli.rendering.placement import (
     SUN_COLOUR,
     numbered_objects,
     sun_direction,
     world_from_target_3d,
 )
+from stixel_cli.scene.mesh import Mesh
 from stixel_cli.scene.road_user import road_user_mesh
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.scenario import Scenario

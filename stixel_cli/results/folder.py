@@ -15,10 +15,10 @@ import yaml
 
 from stixel_cli.errors import FolderTaken, UserError
 from stixel_cli.evaluation.scores import Scores
-from stixel_cli.experiment import lineage
 from stixel_cli.experiment.run import Outcome
-from stixel_cli.experiment.text import json_text
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.results import lineage
+from stixel_cli.results.text import json_text
 from stixel_cli.tracking.track import Track
 
 PAGE = "index.html"

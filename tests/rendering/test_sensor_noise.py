@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from stixel_cli.images import encode_png
-from stixel_cli.scene import frames
-from stixel_cli.scene.exposure import Sensor, expose, grey_levels, noise_deviation
-from stixel_cli.scene.frames import RenderedFrames, StereoPairs
+from stixel_cli.rendering import frames
+from stixel_cli.rendering.frames import RenderedFrames, StereoPairs
+from stixel_cli.rendering.sensor_noise import Sensor, add_sensor_noise, grey_levels, noise_deviation
 
 SENSOR = Sensor(read_noise=1.2, shot_noise=1.8, right_gain=1.0)
 
@@ -19,10 +19,10 @@ def flat(count: int, value: int, first: int = 0, shape=(120, 160)) -> RenderedFr
 
 def test_images_do_not_depend_on_the_chunks():
     rendered = flat(4, 128, first=10)
-    together = expose(rendered, SENSOR, range(10, 14), seed=3)
+    together = add_sensor_noise(rendered, SENSOR, range(10, 14), seed=3)
     assert together.first == 10 and len(together) == 4
     for some in (range(10, 12), range(12, 14)):
-        part = expose(rendered, SENSOR, some, seed=3)
+        part = add_sensor_noise(rendered, SENSOR, some, seed=3)
         at = slice(some.start - 10, some.stop - 10)
         assert part.first == some.start
         assert part.left.encoded == together.left.encoded[at]
@@ -31,8 +31,8 @@ def test_images_do_not_depend_on_the_chunks():
 
 def test_every_frame_camera_and_seed_has_noise_of_its_own():
     rendered = flat(2, 128)
-    pairs = expose(rendered, SENSOR, range(2), seed=3)
-    other = expose(rendered, SENSOR, range(2), seed=4)
+    pairs = add_sensor_noise(rendered, SENSOR, range(2), seed=3)
+    other = add_sensor_noise(rendered, SENSOR, range(2), seed=4)
     images = [pairs.left[0], pairs.right[0], pairs.left[1], pairs.right[1], other.left[0]]
     correlation = np.corrcoef([image.ravel() for image in images])
     assert np.abs(correlation - np.eye(5)).max() < 0.03
@@ -40,7 +40,7 @@ def test_every_frame_camera_and_seed_has_noise_of_its_own():
 
 @pytest.mark.parametrize("value", [20, 128, 220])
 def test_the_noise_is_as_strong_as_the_parameters_say(value):
-    image = expose(flat(1, value), SENSOR, range(1), seed=0).left[0].astype(float)
+    image = add_sensor_noise(flat(1, value), SENSOR, range(1), seed=0).left[0].astype(float)
     expected = np.sqrt(1.2**2 + 1.8**2 * value / 255 + 1 / 12)
     assert abs(image.std() / expected - 1) < 0.03
     assert abs(image.mean() - value) < 0.06
@@ -50,7 +50,7 @@ def test_without_noise_the_image_is_the_luma_and_the_gain_is_the_right_cameras()
     picture = np.random.default_rng(0).integers(0, 256, (40, 50, 3)).astype(np.uint8)
     depth, ids = np.ones((40, 50)), np.zeros((40, 50), dtype=np.uint8)
     rendered = RenderedFrames.from_frames(0, [(picture, picture, depth, ids)])
-    pairs = expose(rendered, Sensor(0.0, 0.0, 1.1), range(1), seed=0)
+    pairs = add_sensor_noise(rendered, Sensor(0.0, 0.0, 1.1), range(1), seed=0)
     exact = picture @ np.array([0.299, 0.587, 0.114])
     assert np.abs(pairs.left[0] - exact).max() <= 0.5 + 1e-4
     assert np.abs(pairs.right[0] - np.minimum(1.1 * exact, 255)).max() <= 0.5 + 1e-4

@@ -4,11 +4,11 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from stixel_cli.evaluation.stage_truth import FrameTruth
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.scene.frames import TARGET_ID
-from stixel_cli.stixels.nouns import Stixels
+from stixel_cli.rendering.frames import TARGET_ID
 from stixel_cli.stixels.road import base_rows, road_line
+from stixel_cli.stixels.types import Stixels
+from stixel_cli.validation.stage_truth import FrameTruth
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The child process that renders with Filament: `python -m stixel_cli.scene.filament_process DIR`.
+"""The child process that renders with Filament, run as a module with the folder DIR.
 
 DIR holds `scene.npz` as `filament.py` writes it; for each frame the child leaves `frame_<k>.npz`
 there, and `ready` as soon as it has rendered anything. With `--probe` it renders one small picture

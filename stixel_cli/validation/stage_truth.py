@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.scene.frames import ROAD_ID, SKY_ID, TARGET_ID
+from stixel_cli.rendering.frames import ROAD_ID, SKY_ID, TARGET_ID
 from stixel_cli.stixels.free_space_parameters import (
     FreeSpaceParameters,
     OccupancyParameters,

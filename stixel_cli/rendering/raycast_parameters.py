@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le
 
 from stixel_cli.geometry.rig import STRICT
-from stixel_cli.scene.light import Light
+from stixel_cli.rendering.light import Light
 
 
 @dataclass(frozen=True)

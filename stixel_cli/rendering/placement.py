@@ -3,8 +3,8 @@
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.scene.frames import BACKGROUND_ID, ROAD_ID
-from stixel_cli.scene.light import Light
+from stixel_cli.rendering.frames import BACKGROUND_ID, ROAD_ID
+from stixel_cli.rendering.light import Light
 from stixel_cli.scene.mesh import Mesh
 from stixel_cli.scene.world import world_objects
 from stixel_cli.scene.world_parameters import World

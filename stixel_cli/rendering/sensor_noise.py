@@ -9,7 +9,7 @@ from annotated_types import Ge, Le
 from stixel_cli.geometry.rig import STRICT
 from stixel_cli.images import ImageStack, encode_png
 from stixel_cli.randomness import generator
-from stixel_cli.scene.frames import RenderedFrames, StereoPairs
+from stixel_cli.rendering.frames import RenderedFrames, StereoPairs
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ LUMA = np.array([0.299, 0.587, 0.114], dtype=np.float32)
 """Weights of red, green and blue in grey, Rec. ITU-R BT.601."""
 
 
-def expose(rendered: RenderedFrames, sensor: Sensor, frames: range, seed: int) -> StereoPairs:
+def add_sensor_noise(rendered: RenderedFrames, sensor: Sensor, frames: range, seed: int) -> StereoPairs:
     """Grey images (H, W) uint8 of `frames` with the sensors' noise.
 
     Each camera's noise at each k is drawn from (seed, stage and camera, k) alone, so the images do
@@ -51,9 +51,9 @@ def expose(rendered: RenderedFrames, sensor: Sensor, frames: range, seed: int) -
     left, right = [], []
     for k in frames:
         index = k - rendered.first
-        left.append(_expose(rendered.left[index], 1.0, sensor, generator(seed, "expose left", k)))
+        left.append(_noisy_grey(rendered.left[index], 1.0, sensor, generator(seed, "expose left", k)))
         right.append(
-            _expose(
+            _noisy_grey(
                 rendered.right[index], sensor.right_gain, sensor, generator(seed, "expose right", k)
             )
         )
@@ -71,7 +71,7 @@ def noise_deviation(grey: np.ndarray, sensor: Sensor) -> np.ndarray:
     return np.sqrt(np.float32(sensor.read_noise**2) + shot)
 
 
-def _expose(colour, gain: float, sensor: Sensor, random: np.random.Generator) -> bytes:
+def _noisy_grey(colour, gain: float, sensor: Sensor, random: np.random.Generator) -> bytes:
     grey = grey_levels(colour) * np.float32(gain)
     noise = random.standard_normal(grey.shape, dtype=np.float32)
     grey += noise * noise_deviation(grey, sensor)

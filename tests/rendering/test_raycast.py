@@ -7,20 +7,20 @@ from box_scene import LIGHT, RAYCAST, RIG, objects, quad, road, scenario, speckl
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stixel_cli.scene import raycast
-from stixel_cli.scene.camera_rays import NEAR, rig_cameras
-from stixel_cli.scene.frames import ROAD_ID, SKY_ID, TARGET_ID
-from stixel_cli.scene.mesh import Mesh
-from stixel_cli.scene.placement import sun_direction, world_from_target_3d
-from stixel_cli.scene.raycast import StillScene, Target, render_frame
-from stixel_cli.scene.shading import camera_rays, shade
-from stixel_cli.scene.surfaces import (
+from stixel_cli.rendering import raycast
+from stixel_cli.rendering.camera_rays import NEAR, rig_cameras
+from stixel_cli.rendering.frames import ROAD_ID, SKY_ID, TARGET_ID
+from stixel_cli.rendering.placement import sun_direction, world_from_target_3d
+from stixel_cli.rendering.raycast import StillScene, Target, render_frame
+from stixel_cli.rendering.shading import camera_rays, shade
+from stixel_cli.rendering.surfaces import (
     RayTree,
     build_textures,
     linear_from_srgb,
     srgb_from_linear,
 )
-from stixel_cli.scene.tracing import sample_offsets
+from stixel_cli.rendering.tracing import sample_offsets
+from stixel_cli.scene.mesh import Mesh
 from stixel_cli.scene.world import WorldObject
 
 POSE = np.array([0.0, 0.0, box_scene.AHEAD])
@@ -59,7 +59,7 @@ def test_render_gives_the_same_frames_in_any_chunks(monkeypatch):
     world = tuple(
         WorldObject(str(i), "road" if i == ROAD_ID else "background", mesh) for i, mesh in objects()
     )
-    monkeypatch.setattr("stixel_cli.scene.placement.world_objects", lambda _: world)
+    monkeypatch.setattr("stixel_cli.rendering.placement.world_objects", lambda _: world)
     monkeypatch.setattr(raycast, "road_user_mesh", lambda _: target_mesh())
     rest = {"scenario": scenario(), "road_user": None, "world": None}
     rest |= {"rig": RIG, "renderer": RAYCAST}

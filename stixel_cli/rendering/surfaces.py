@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stixel_cli.rendering.shading import GREEN, RED, TEXEL_STEP
 from stixel_cli.scene.mesh import Mesh
 from stixel_cli.scene.open3d_import import import_open3d
-from stixel_cli.scene.shading import GREEN, RED, TEXEL_STEP
 
 
 @dataclass(frozen=True)

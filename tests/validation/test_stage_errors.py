@@ -16,7 +16,12 @@ from stage_scene import (
     truth_of,
 )
 
-from stixel_cli.evaluation.stage_errors import (
+from stixel_cli.rendering.frames import BACKGROUND_ID, ROAD_ID, SKY_ID, TARGET_ID, RenderedFrames
+from stixel_cli.stereo.disparities import Disparities
+from stixel_cli.stixels.occupancy import layout
+from stixel_cli.stixels.road import road_line
+from stixel_cli.stixels.types import FreeSpace
+from stixel_cli.validation.stage_errors import (
     GROSS,
     ZONES,
     column_errors,
@@ -26,8 +31,8 @@ from stixel_cli.evaluation.stage_errors import (
     stands,
     zones,
 )
-from stixel_cli.evaluation.stage_stixels import overhang, stixel_errors
-from stixel_cli.evaluation.stage_summary import (
+from stixel_cli.validation.stage_stixels import overhang, stixel_errors
+from stixel_cli.validation.stage_summary import (
     column_summary,
     coverage_summary,
     disparity_summary,
@@ -36,12 +41,7 @@ from stixel_cli.evaluation.stage_summary import (
     pooled,
     stixel_summary,
 )
-from stixel_cli.evaluation.stage_truth import frame_truth, nearest_rows
-from stixel_cli.scene.frames import BACKGROUND_ID, ROAD_ID, SKY_ID, TARGET_ID, RenderedFrames
-from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stixels.nouns import FreeSpace
-from stixel_cli.stixels.occupancy import layout
-from stixel_cli.stixels.road import road_line
+from stixel_cli.validation.stage_truth import frame_truth, nearest_rows
 
 
 @pytest.mark.parametrize("pitch", [0.0, 2.0])

@@ -1,0 +1,1 @@
+"""Images of the scene: the ray caster, Filament and the sensors' noise."""

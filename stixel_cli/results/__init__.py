@@ -1,0 +1,1 @@
+"""Result folders: write, read and list them."""

@@ -1,0 +1,1 @@
+"""Errors of the pipeline's stages and of points against the rendered truth."""
