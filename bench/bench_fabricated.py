@@ -20,7 +20,7 @@ STEREO = FabricatedParameters(
     kind="fabricated",
     rays=None,
     spacing="tangent",
-    noise=StereoNoise("stereo", disparity_deviation=0.1),
+    noise=StereoNoise("stereo", disparity_std=0.1),
     clutter_rate=0.0,
     missed_probability=0.0,
     range_max=80.0,

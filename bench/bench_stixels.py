@@ -181,7 +181,7 @@ def plain(raw, road, occupancy, grid):
     votes = np.bincount(u * bins + (raw[v, u] + 4) // 8, minlength=RIG.width * bins)
     z = grid.depths.astype(float)
     near, far = (RIG.disparity_from_depth(z + s * occupancy.depth_step) for s in (-0.5, 0.5))
-    sigma = np.hypot(occupancy.disparity_deviation, occupancy.relief * grid.disparities / z)
+    sigma = np.hypot(occupancy.disparity_std, occupancy.relief * grid.disparities / z)
     centres = np.arange(bins)[:, None] / 2
     matrix = (ndtr((near - centres) / sigma) - ndtr((far - centres) / sigma)) / (near - far)
     values = votes.reshape(RIG.width, bins) @ matrix

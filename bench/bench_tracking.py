@@ -15,7 +15,7 @@ from stixel_cli.tracking.motion import predict, process_noise, transition
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
 
-POINTS, SCANS, INTERVAL, DEVIATION = 600, 30, 0.1, 0.1
+POINTS, SCANS, INTERVAL, STD = 600, 30, 0.1, 0.1
 CAR = PriorShape(4.2, 1.7, "rectangle", 0.3, 2.0, 0.8, 0.1)
 TRACKER = GpEkfParameters(
     kind="gp_ekf",
@@ -28,7 +28,7 @@ TRACKER = GpEkfParameters(
     sigma_q=1.0,
     sigma_q_psi=0.2,
     measurement_covariance="isotropic",
-    measurement_deviation=DEVIATION,
+    measurement_std=STD,
     gate_probability=0.99,
     contour_points=120,
 )
@@ -55,14 +55,14 @@ def scans():
         outline = np.stack([2.25 * np.cos(angles), 0.9 * np.sin(angles)], axis=-1)
         heading = 0.1 + 0.2 * t
         turn = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
-        noise = DEVIATION * random.standard_normal((POINTS, 2))
+        noise = STD * random.standard_normal((POINTS, 2))
         points.append(outline @ turn.T + [7.5 + 5.0 * t, 12.0 + 0.5 * t] + noise)
     return Scans(
         times=times,
         sensor_poses_world=np.tile([0.0, 0.0, np.pi / 2], (SCANS, 1)),
         offsets=POINTS * np.arange(SCANS + 1),
         points_world=np.concatenate(points),
-        covariances_world=np.tile(DEVIATION**2 * np.eye(2), (SCANS * POINTS, 1, 1)),
+        covariances_world=np.tile(STD**2 * np.eye(2), (SCANS * POINTS, 1, 1)),
     )
 
 
@@ -97,7 +97,7 @@ def jacobian_rows(points, mean):
     matrix[:, :, :2] += slope[:, None, None] * p[:, :, None] * turn[:, None, :]
     matrix[:, :, 2] = -p * slope[:, None]
     matrix[:, :, 6:] = p[:, :, None] * rows[:, None, :]
-    noise = variance[:, None, None] * outer + DEVIATION**2 * np.eye(2)
+    noise = variance[:, None, None] * outer + STD**2 * np.eye(2)
     return mean[:2] + p * radius[:, None], matrix, noise
 
 
@@ -136,7 +136,7 @@ def fast_scan(mean, covariance, points):
     mean, covariance = predict(
         mean, covariance, INTERVAL, process_noise(INTERVAL, 1.0, 0.2), 1e-4, PROCESS.covariance
     )
-    return update(mean, covariance, points, DEVIATION**2 * np.eye(2), PROCESS)[:2]
+    return update(mean, covariance, points, STD**2 * np.eye(2), PROCESS)[:2]
 
 
 # The dense one first: the arrays of megabytes that it frees teach malloc to keep its pages, as any

@@ -23,7 +23,7 @@ from stixel_cli.randomness import generator
 from stixel_cli.tracking import recursive_gp
 from stixel_cli.tracking.kernel import contour_process
 
-DEVIATION = 0.08  # of a measured radius, m
+STD = 0.08  # of a measured radius, m
 PER_BATCH = 10
 SHOWN = (1, 4, 20)  # batches
 TRUTH, ESTIMATE, POINTS = "#444444", "#0072b2", "#d55e00"
@@ -40,9 +40,9 @@ def on_the_plane(radii, angles):
     return radii * np.cos(angles), radii * np.sin(angles)
 
 
-def draw(plane, function, angles, mean, deviation, seen_angles, seen_radii):
+def draw(plane, function, angles, mean, std, seen_angles, seen_radii):
     """One column: the contour on the plane above, its radial function below."""
-    low, high = np.maximum(mean - 2.0 * deviation, 0.0), mean + 2.0 * deviation
+    low, high = np.maximum(mean - 2.0 * std, 0.0), mean + 2.0 * std
     ring = [
         np.concatenate(pair)
         for pair in zip(
@@ -78,13 +78,13 @@ def main(picture: Path) -> None:
     for batch in range(1, SHOWN[-1] + 1):
         random = generator(0, "example", batch)
         new = random.uniform(0.0, 2.0 * np.pi, PER_BATCH)
-        radii = true_radius(new) + DEVIATION * random.standard_normal(PER_BATCH)
-        mean, covariance = recursive_gp.update(mean, covariance, new, radii, DEVIATION, process)
+        radii = true_radius(new) + STD * random.standard_normal(PER_BATCH)
+        mean, covariance = recursive_gp.update(mean, covariance, new, radii, STD, process)
         seen_angles, seen_radii = np.append(seen_angles, new), np.append(seen_radii, radii)
         if batch in SHOWN:
-            found, deviation = recursive_gp.radius(mean, covariance, angles, process)
+            found, std = recursive_gp.radius(mean, covariance, angles, process)
             plane, function = axes[:, SHOWN.index(batch)]
-            draw(plane, function, angles, found, deviation, seen_angles, seen_radii)
+            draw(plane, function, angles, found, std, seen_angles, seen_radii)
             error = np.sqrt(np.mean((found - true_radius(angles)) ** 2))
             plane.set_title(f"after {PER_BATCH * batch} points: RMSE {error:.2f} m")
     axes[0, 0].set_ylabel("y (m)")

@@ -8,7 +8,7 @@ from annotated_types import Ge, Gt, Le
 
 from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.geometry.rig import STRICT, Rig
-from stixel_cli.measurements.noise import Noise, columns_per_point, measure, range_deviations
+from stixel_cli.measurements.noise import Noise, columns_per_point, measure, range_std
 from stixel_cli.measurements.rays import Rays, first_crossings, spread_rays
 from stixel_cli.measurements.scans import Scans, points_along
 from stixel_cli.randomness import generator
@@ -64,8 +64,8 @@ def fabricate_scans(
 ) -> Scans:
     """Scans of the true contour by rays from the left camera, in the world frame.
 
-    The nearest crossing of each ray is measured, with noise along the ray. Its deviation is a
-    constant, or that of stereo: sigma_z = z² sigma_d / (f_u B) at the depth z, and
+    The nearest crossing of each ray is measured, with noise along the ray. Its standard deviation
+    is a constant, or that of stereo: sigma_z = z² sigma_d / (f_u B) at the depth z, and
     sigma_z / cos(theta - tau) along the ray; or it is fitted to simulated points, see
     `FittedNoise`. Across the ray the variance is (r dtheta)² / 12, dtheta the angle that belongs
     to one point. The covariance that a point bears is what a sensor could know: it comes from the
@@ -123,6 +123,6 @@ def fabricate_scan(
         steps = np.concatenate([steps, rays.steps[nearest_ray]])
         measured = np.concatenate([measured, far])
 
-    along_variance = range_deviations(measurement.noise, measured, angles, rig) ** 2
+    along_variance = range_std(measurement.noise, measured, angles, rig) ** 2
     across_variance = (measured * steps * columns_per_point(measurement.noise)) ** 2 / 12.0
     return points_along(sensor_pose_world, angles, measured, along_variance, across_variance)

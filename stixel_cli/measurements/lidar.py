@@ -25,7 +25,7 @@ class LidarParameters:
 
     Attributes:
         scanner: layers, beams and mounting.
-        range_deviation: standard deviation of the range along the beam, m.
+        range_std: standard deviation of the range along the beam, m.
         missed_probability: probability that a beam which hits gives no return.
         returns: per azimuth the `nearest` return that passes the gates, or `all` of them.
         height_min, height_max: of the measured point above the road, m: the ground is below.
@@ -36,7 +36,7 @@ class LidarParameters:
 
     kind: Literal["lidar"]
     scanner: Scanner
-    range_deviation: Annotated[float, Ge(0), Le(10)]
+    range_std: Annotated[float, Ge(0), Le(10)]
     missed_probability: Annotated[float, Ge(0), Le(1)]
     returns: Literal["nearest", "all"]
     height_min: Annotated[float, Ge(0), Le(10)]
@@ -69,8 +69,8 @@ def lidar_scans(
     and for its distance. Then it is put to the ground plane. With `returns: nearest` only the
     nearest point of each azimuth is kept: several layers meet bumper, bonnet, windscreen and roof,
     and seen from above all but the first lie inside the outline, where a tracker of contours takes
-    them for its edge. The nearest of several noisy ranges is too near by about their deviation:
-    0.6 of it for two that measure the same face, 1.5 for ten.
+    them for its edge. The nearest of several noisy ranges is too near by about their
+    standard deviation: 0.6 of it for two that measure the same face, 1.5 for ten.
 
     The covariance that a point bears is the noise along the beam, brought to the ground, and
     (r dtheta)² / 12 across.
@@ -97,7 +97,7 @@ def _scan(
     """Points (n, 2) m and covariances (n, 2, 2) m² in the world of scan `k`."""
     # Noise is drawn for every beam, hit or not, so that no option changes the points it leaves.
     noise = random.standard_normal(returns.ranges.shape[1:])
-    measured = returns.ranges[k].astype(np.float64) + measurement.range_deviation * noise
+    measured = returns.ranges[k].astype(np.float64) + measurement.range_std * noise
     answered = np.isfinite(measured)
     if measurement.missed_probability > 0.0:
         answered &= random.random(measured.shape) >= measurement.missed_probability
@@ -116,7 +116,7 @@ def _scan(
         beam, layer = np.nonzero(inside.T)
 
     distances = ground[layer, beam]
-    along_variance = (measurement.range_deviation * np.cos(returns.elevations[layer])) ** 2
+    along_variance = (measurement.range_std * np.cos(returns.elevations[layer])) ** 2
     step = np.radians(measurement.scanner.azimuth_step)
     across_variance = (distances * step) ** 2 / 12.0
     return points_along(

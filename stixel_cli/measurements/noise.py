@@ -15,13 +15,13 @@ class StereoNoise:
     """Noise along the ray that grows with the depth: white in the disparity.
 
     Attributes:
-        disparity_deviation: standard deviation of the disparity, px.
+        disparity_std: standard deviation of the disparity, px.
     """
 
     __pydantic_config__ = STRICT
 
     kind: Literal["stereo"]
-    disparity_deviation: Annotated[float, Ge(0), Le(10)]
+    disparity_std: Annotated[float, Ge(0), Le(10)]
 
 
 @dataclass(frozen=True)
@@ -29,13 +29,13 @@ class ConstantNoise:
     """Noise along the ray that is the same at every range.
 
     Attributes:
-        range_deviation: standard deviation of the range, m.
+        range_std: standard deviation of the range, m.
     """
 
     __pydantic_config__ = STRICT
 
     kind: Literal["constant"]
-    range_deviation: Annotated[float, Ge(0), Le(10)]
+    range_std: Annotated[float, Ge(0), Le(10)]
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class FittedNoise:
     """Noise fitted to the errors of simulated points: `stixel study rq3` makes the presets.
 
     Columns are rays. The error along the ray is `range_bias` + e; e has the standard deviation
-    `disparity_deviation` dr/dd, dr/dd the range that a pixel of disparity is worth, and is
+    `disparity_std` dr/dd, dr/dd the range that a pixel of disparity is worth, and is
     correlated along the row. One part each for bias, spread and ends: with a second (bias of the
     disparity, spread of the range, ends in columns) the fit follows the ranges of its own paths,
     and is farther from the points of others.
@@ -52,14 +52,14 @@ class FittedNoise:
         columns_per_point: columns that make one point, as those of a stixel do.
         range_bias: measured minus true range, m: the seen surface lies behind the contour, which
             is the outermost outline over all heights.
-        disparity_deviation: standard deviation, px.
+        disparity_std: standard deviation, px.
         correlation_columns: columns over which the correlation of neighbours falls to 1/e; 0:
             none.
-        edge_metres, edge_metres_deviation: how far the points reach beyond either end of the
+        edge_metres, edge_metres_std: how far the points reach beyond either end of the
             silhouette, mean and standard deviation, metres at the target. Positive is edge
             fattening, points beside the target; negative are ends that give no points, such as
             arms and wheels too slight for a stixel.
-        edge_disparity_deviation: standard deviation, px, that the outermost point of either end
+        edge_disparity_std: standard deviation, px, that the outermost point of either end
             has besides: depths that are mixed there.
         missed_share: share of the points between the ends that are missed.
         missed_columns: mean length of a run of missed points, columns.
@@ -70,11 +70,11 @@ class FittedNoise:
     kind: Literal["fitted"]
     columns_per_point: Annotated[int, Ge(1), Le(256)]
     range_bias: Annotated[float, Ge(-10), Le(10)]
-    disparity_deviation: Annotated[float, Ge(0), Le(10)]
+    disparity_std: Annotated[float, Ge(0), Le(10)]
     correlation_columns: Annotated[float, Ge(0), Le(1000)]
     edge_metres: Annotated[float, Ge(-10), Le(10)]
-    edge_metres_deviation: Annotated[float, Ge(0), Le(10)]
-    edge_disparity_deviation: Annotated[float, Ge(0), Le(10)]
+    edge_metres_std: Annotated[float, Ge(0), Le(10)]
+    edge_disparity_std: Annotated[float, Ge(0), Le(10)]
     missed_share: Annotated[float, Ge(0), Lt(1)]
     missed_columns: Annotated[float, Ge(1), Le(1000)]
 
@@ -82,11 +82,11 @@ class FittedNoise:
 Noise = StereoNoise | ConstantNoise | FittedNoise
 
 
-def range_deviations(noise: Noise, ranges: np.ndarray, angles: np.ndarray, rig: Rig) -> np.ndarray:
+def range_std(noise: Noise, ranges: np.ndarray, angles: np.ndarray, rig: Rig) -> np.ndarray:
     """Standard deviation (n,) m along rays `angles` (n,) rad off the optical axis, thesis (17)."""
     if noise.kind == "constant":
-        return np.full(len(ranges), noise.range_deviation)
-    return range_per_disparity(ranges, angles, rig, noise.disparity_deviation)
+        return np.full(len(ranges), noise.range_std)
+    return range_per_disparity(ranges, angles, rig, noise.disparity_std)
 
 
 def columns_per_point(noise: Noise) -> int:
@@ -126,8 +126,8 @@ def measure(
     """
     if noise.kind == "fitted":
         return _measure_blocks(noise, hit, ranges, rays, rig, random)
-    deviations = range_deviations(noise, ranges, rays.angles[hit], rig)
-    return hit, ranges, ranges + deviations * random.standard_normal(len(hit))
+    std = range_std(noise, ranges, rays.angles[hit], rig)
+    return hit, ranges, ranges + std * random.standard_normal(len(hit))
 
 
 def _measure_blocks(
@@ -144,7 +144,7 @@ def _measure_blocks(
         return hit, ranges, ranges
     ends = [0, -1]
     per_metre = 1.0 / (ranges[ends] * rays.steps[hit[ends]])
-    shifts = (noise.edge_metres + noise.edge_metres_deviation * drawn) * per_metre
+    shifts = (noise.edge_metres + noise.edge_metres_std * drawn) * per_metre
     width, last_ray = noise.columns_per_point, len(rays.angles) - 1
     # An end at the image's border is none of the silhouette's.
     left = hit[0] - 0.5 - (shifts[0] if hit[0] > 0 else 0.0)
@@ -156,8 +156,8 @@ def _measure_blocks(
     true, angles = ranges[nearest], rays.angles[ray]
     lever = range_per_disparity(true, angles, rig)
     correlated = _neighbours(noise, len(ray), random)
-    error = noise.range_bias + range_deviations(noise, true, angles, rig) * correlated
-    mixed = noise.edge_disparity_deviation * random.standard_normal(2)
+    error = noise.range_bias + range_std(noise, true, angles, rig) * correlated
+    mixed = noise.edge_disparity_std * random.standard_normal(2)
     if len(ray) > 1:
         error[[0, -1]] -= mixed * lever[[0, -1]]
     seen = ~_missed(noise, len(ray), random)

@@ -36,7 +36,9 @@ LUMA = np.array([0.299, 0.587, 0.114], dtype=np.float32)
 """Weights of red, green and blue in grey, Rec. ITU-R BT.601."""
 
 
-def add_sensor_noise(rendered: RenderedFrames, sensor: Sensor, frames: range, seed: int) -> StereoPairs:
+def add_sensor_noise(
+    rendered: RenderedFrames, sensor: Sensor, frames: range, seed: int
+) -> StereoPairs:
     """Grey images (H, W) uint8 of `frames` with the sensors' noise.
 
     Each camera's noise at each k is drawn from (seed, stage and camera, k) alone, so the images do
@@ -51,7 +53,9 @@ def add_sensor_noise(rendered: RenderedFrames, sensor: Sensor, frames: range, se
     left, right = [], []
     for k in frames:
         index = k - rendered.first
-        left.append(_noisy_grey(rendered.left[index], 1.0, sensor, generator(seed, "expose left", k)))
+        left.append(
+            _noisy_grey(rendered.left[index], 1.0, sensor, generator(seed, "expose left", k))
+        )
         right.append(
             _noisy_grey(
                 rendered.right[index], sensor.right_gain, sensor, generator(seed, "expose right", k)
@@ -65,7 +69,7 @@ def grey_levels(colour: np.ndarray) -> np.ndarray:
     return colour.astype(np.float32) @ LUMA
 
 
-def noise_deviation(grey: np.ndarray, sensor: Sensor) -> np.ndarray:
+def noise_std(grey: np.ndarray, sensor: Sensor) -> np.ndarray:
     """Standard deviation of the noise in grey levels at the grey levels `grey`, any shape."""
     shot = np.float32(sensor.shot_noise**2 / 255.0) * np.maximum(grey, 0)
     return np.sqrt(np.float32(sensor.read_noise**2) + shot)
@@ -74,5 +78,5 @@ def noise_deviation(grey: np.ndarray, sensor: Sensor) -> np.ndarray:
 def _noisy_grey(colour, gain: float, sensor: Sensor, random: np.random.Generator) -> bytes:
     grey = grey_levels(colour) * np.float32(gain)
     noise = random.standard_normal(grey.shape, dtype=np.float32)
-    grey += noise * noise_deviation(grey, sensor)
+    grey += noise * noise_std(grey, sensor)
     return encode_png(np.clip(np.rint(grey), 0, 255).astype(np.uint8))

@@ -38,7 +38,7 @@ def track_pictures(
         _enlarge(near, scans, track, scenario, frame)
         _mark_enlarged(wide, near)
         wide.set_title(style.title("From above", frame, track.times[frame]))
-        near.set_title(_deviation(track, scenario, frame))
+        near.set_title(_std(track, scenario, frame))
         _legend(figure)
         return Pictures({f"k{frame:04d}/birds_eye.png": style.png(figure)})
 
@@ -51,9 +51,7 @@ def _draw_target(axes: Axes, track: Track, scenario: Scenario, k: int, linewidth
     contour = track.contours_world[k]
     mean = track.means[k]
     ground.draw_contour(axes, _true_contour(scenario, k), style.TRUTH, linewidth=linewidth)
-    ground.draw_band(
-        axes, mean[:2], contour, track.contour_directions[k], track.contour_deviations[k]
-    )
+    ground.draw_band(axes, mean[:2], contour, track.contour_directions[k], track.contour_std[k])
     ground.draw_contour(axes, contour, style.ESTIMATE, linewidth=linewidth)
     reach = 0.75 * np.linalg.norm(scenario.contour_target, axis=1).max()
     ground.draw_heading(axes, scenario.target_poses_world[k], reach, style.TRUTH)
@@ -135,7 +133,7 @@ def _mark_enlarged(wide: Axes, near: Axes) -> None:
     )
 
 
-def _deviation(track: Track, scenario: Scenario, k: int) -> str:
+def _std(track: Track, scenario: Scenario, k: int) -> str:
     offset = track.means[k, :3] - scenario.target_poses_world[k]
     if not np.isfinite(offset).all():
         return "Target, enlarged;  no estimate"

@@ -26,17 +26,17 @@ def draw_band(
     centre_world: np.ndarray,
     contour_world: np.ndarray,
     directions: np.ndarray,
-    deviations: np.ndarray,
+    std: np.ndarray,
 ) -> None:
-    """The ring of ± 2 `deviations` (M,) along `directions` (M, 2) round a contour (M, 2).
+    """The ring of ± 2 `std` (M,) along `directions` (M, 2) round a contour (M, 2).
 
     Its inner edge stops at the centre (2,): a radius is not negative.
     """
-    if not (np.isfinite(contour_world).all() and np.isfinite(deviations).all()):
+    if not (np.isfinite(contour_world).all() and np.isfinite(std).all()):
         return
     radii = np.linalg.norm(contour_world - centre_world, axis=1)
-    inner = contour_world - np.minimum(2.0 * deviations, radii)[:, None] * directions
-    outer = contour_world + 2.0 * deviations[:, None] * directions
+    inner = contour_world - np.minimum(2.0 * std, radii)[:, None] * directions
+    outer = contour_world + 2.0 * std[:, None] * directions
     ring = np.concatenate([outer, outer[:1], inner[::-1], inner[-1:]])
     codes = np.full(len(ring), Path.LINETO, dtype=np.uint8)
     codes[[0, len(outer) + 1]] = Path.MOVETO
@@ -60,18 +60,18 @@ def draw_ellipses(
     axes: Axes,
     centres: np.ndarray,
     covariances: np.ndarray,
-    deviations: float,
+    std: float,
     colour: ColorType,
     **options,
 ) -> None:
-    """Ellipses of `deviations` standard deviations round centres (n, 2), as one artist."""
+    """Ellipses of `std` standard deviations round centres (n, 2), as one artist."""
     a, b, c = covariances[:, 0, 0], covariances[:, 0, 1], covariances[:, 1, 1]
     # The eigenvalues of a symmetric 2 × 2 matrix in closed form.
     mean, spread = 0.5 * (a + c), np.hypot(0.5 * (a - c), b)
     axes.add_collection(
         EllipseCollection(
-            2.0 * deviations * np.sqrt(np.maximum(mean + spread, 0.0)),
-            2.0 * deviations * np.sqrt(np.maximum(mean - spread, 0.0)),
+            2.0 * std * np.sqrt(np.maximum(mean + spread, 0.0)),
+            2.0 * std * np.sqrt(np.maximum(mean - spread, 0.0)),
             np.degrees(0.5 * np.arctan2(2.0 * b, a - c)),
             units="xy",
             offsets=centres,

@@ -55,7 +55,7 @@ def path_figure(track: Track, scenario: Scenario, rig: Rig) -> Figure:
             track.means[k, :2],
             track.contours_world[k],
             track.contour_directions[k],
-            track.contour_deviations[k],
+            track.contour_std[k],
         )
     _label_times(axes, track.times, poses, chosen, 1.25 * size)
     axes.set(xlabel="x in the world (m)", ylabel="y in the world (m)")
@@ -124,7 +124,7 @@ def _room(track: Track, poses: np.ndarray, chosen, size: float) -> float:
     """Greatest radius (m) to be drawn at `chosen`, the bands included; at most twice `size`."""
     frames = list(chosen)
     away = np.linalg.norm(track.contours_world[frames] - poses[frames, None, :2], axis=2)
-    reach = away + 2.0 * track.contour_deviations[frames]
+    reach = away + 2.0 * track.contour_std[frames]
     return float(np.clip(np.nanmax(reach, initial=size), size, 2.0 * size))
 
 
@@ -142,7 +142,7 @@ def _draw_strip(axes: Axes, track: Track, scenario: Scenario, chosen, size: floa
             target_from_world(track.means[k, None, :2], pose)[0] + centre,
             contour,
             target_from_world(track.contour_directions[k], np.array([0.0, 0.0, pose[2]])),
-            track.contour_deviations[k],
+            track.contour_std[k],
         )
         cell = Rectangle((i * width, -0.42 * height), 0.97 * width, 0.92 * height, lw=0, fill=False)
         axes.add_patch(cell)

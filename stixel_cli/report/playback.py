@@ -158,7 +158,7 @@ def _run(run: PlayedRun) -> dict[str, Any]:
         "poses": _poses(track.means),
         "centre": _ellipses(track.covariances[:, :2, :2]),
         "contours": [_millimetres(c.ravel()) for c in track.contours_world],
-        "deviations": [_millimetres(row) for row in track.contour_deviations],
+        "std": [_millimetres(row) for row in track.contour_std],
         "used": [rows.tolist() for rows in used],
         "errors": {
             "centre": _numbers(scores.centre_error, 4),

@@ -175,12 +175,12 @@ def scan_columns(scans: Scans) -> dict[str, np.ndarray]:
 def track_columns(track: Track) -> dict[str, np.ndarray]:
     """The track as a table, one row a scan: pose, rates, their standard deviations, points used."""
     names = ("x", "y", "heading", "x_rate", "y_rate", "heading_rate")
-    deviations = np.sqrt(np.diagonal(track.covariances, axis1=1, axis2=2)[:, :6])
+    std = np.sqrt(np.diagonal(track.covariances, axis1=1, axis2=2)[:, :6])
     return {
         "k": np.arange(len(track.times)),
         "t": track.times,
         **{name: track.means[:, i] for i, name in enumerate(names)},
-        **{f"std_{name}": deviations[:, i] for i, name in enumerate(names)},
+        **{f"std_{name}": std[:, i] for i, name in enumerate(names)},
         "points_used": np.diff(track.used_offsets),
         "nis": track.nis,
         "nis_degrees_of_freedom": track.nis_degrees_of_freedom,

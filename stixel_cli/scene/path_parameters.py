@@ -152,7 +152,7 @@ class SCurve(_FromStart):
 
     Attributes:
         heading: mean heading, degrees, which is the first one too.
-        swing: greatest deviation from it, degrees; negative swings to the right first.
+        swing: greatest standard deviation from it, degrees; negative swings to the right first.
         wavelength: λ, length along the path of one swing to both sides, m.
     """
 

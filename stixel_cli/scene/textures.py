@@ -17,7 +17,7 @@ Colour = tuple[float, float, float]
 
 @lru_cache(maxsize=64)
 def noise(name: str, size: int = SIZE, coarsest: float = 1.0, finest: float = 256.0) -> np.ndarray:
-    """Seamless noise (size, size) float32 of mean 0 and deviation 1, always the same for a `name`.
+    """Seamless noise (size, size) float32 of mean 0 and variance 1, always the same for a `name`.
 
     Octaves between `coarsest` and `finest` cycles an image have equal variance.
     """
@@ -45,7 +45,7 @@ def tinted(colour: Colour, values: np.ndarray, hue: np.ndarray | None = None) ->
 
 @lru_cache(maxsize=64)
 def mottled(name: str, colour: Colour, depth: float, coarsest: float = 1.0) -> np.ndarray:
-    """`colour` with noise of relative deviation `depth`, and a little of it in hue."""
+    """`colour` with noise of relative standard deviation `depth`, and a little of it in hue."""
     values = np.clip(noise(name, 256, coarsest), -2.5, 2.5)
     hue = np.clip(noise(name + " hue", 256, coarsest), -2.5, 2.5)
     image = tinted(colour, depth * values - 0.5 * depth**2, 0.15 * depth * hue)

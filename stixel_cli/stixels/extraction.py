@@ -86,7 +86,7 @@ def stixels_of_frame(
     measured = values.copy()
     # Pixels of a match are not independent, and part of the error is common to them all.
     share = np.minimum(1.0, extraction.correlated_pixels / np.maximum(values[:, 2], 1.0))
-    measured[:, 1] = extraction.least_deviation**2 + values[:, 1] * share
+    measured[:, 1] = extraction.least_std**2 + values[:, 1] * share
     return group_fields(areas, measured, line, rig, extraction.relief)
 
 
@@ -102,10 +102,10 @@ def foot_rows(
     return np.where(base_row >= 0, np.maximum(base_row - rows, -1), -1).astype(np.int32)
 
 
-def smoothing_kernel(deviation: float) -> np.ndarray:
-    """Normal density (2 r + 1,) float64 in bins, of `deviation` px, sum 1."""
-    reach = int(np.ceil(3.0 * deviation * BINS_PER_PIXEL))
-    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / (deviation * BINS_PER_PIXEL)) ** 2)
+def smoothing_kernel(std: float) -> np.ndarray:
+    """Normal density (2 r + 1,) float64 in bins, of `std` px, sum 1."""
+    reach = int(np.ceil(3.0 * std * BINS_PER_PIXEL))
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / (std * BINS_PER_PIXEL)) ** 2)
     return kernel / kernel.sum()
 
 

@@ -35,7 +35,7 @@ class ExtractionParameters:
         least_height: pixels that stand lower above the road do not count, m: at the foot of an
             obstacle a matcher blends it with the road.
         least_pixels: fewer pixels of the obstacle's disparity make no stixel.
-        least_deviation: part of the disparity's standard deviation that no averaging removes, px.
+        least_std: part of the disparity's standard deviation that no averaging removes, px.
         correlated_pixels: that many neighbouring pixels count as one independent measurement.
         relief: standard deviation of an object's surface round the flat stixel, in depth, m.
     """
@@ -46,6 +46,6 @@ class ExtractionParameters:
     smoothing: Annotated[float, Ge(0.1), Le(4)]
     least_height: Annotated[float, Ge(0), Le(20)]
     least_pixels: Annotated[int, Ge(1), Le(10000)]
-    least_deviation: Annotated[float, Ge(0), Le(5)]
+    least_std: Annotated[float, Ge(0), Le(5)]
     correlated_pixels: Annotated[float, Ge(1), Le(10000)]
     relief: Annotated[float, Ge(0), Le(5)]

@@ -19,7 +19,7 @@ Depth = Annotated[float, Gt(0), Le(500)]
 DepthStep = Annotated[float, Ge(0.02), Le(10)]
 
 
-Deviation = Annotated[float, Ge(0.05), Le(10)]
+Std = Annotated[float, Ge(0.05), Le(10)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +84,7 @@ class _Occupancy:
     Attributes:
         kind: which grid it is.
         nearest, farthest: depth of the first and the last row, m.
-        disparity_deviation: standard deviation of a disparity, px.
+        disparity_std: standard deviation of a disparity, px.
         relief: standard deviation of an obstacle's surface in depth, m.
     """
 
@@ -93,7 +93,7 @@ class _Occupancy:
     kind: str
     nearest: Depth
     farthest: Depth
-    disparity_deviation: Deviation
+    disparity_std: Std
     relief: Annotated[float, Ge(0), Le(10)]
 
     def check(self) -> None:
@@ -137,14 +137,14 @@ class CartesianOccupancy(_Occupancy):
         depth_step: distance of two rows, m.
         half_width: the grid reaches this far to the left and to the right, m.
         lateral_step: width of a cell, m.
-        column_deviation: standard deviation of a pixel's column, px.
+        column_std: standard deviation of a pixel's column, px.
     """
 
     kind: Literal["cartesian"]
     depth_step: DepthStep
     half_width: Annotated[float, Gt(0), Le(200)]
     lateral_step: Annotated[float, Ge(0.02), Le(10)]
-    column_deviation: Deviation
+    column_std: Std
 
 
 OccupancyParameters = PolarOccupancy | ColumnDisparityOccupancy | CartesianOccupancy

@@ -74,12 +74,12 @@ def layout(occupancy: OccupancyParameters, rig: Rig, count: int) -> Layout:
         laterals = occupancy.lateral_step * np.arange(-cells, cells + 1)
     depths = rig.depth_from_disparity(disparities)
     # Γ at the cell: the matcher's noise, and the obstacle's own surface, which is not upright.
-    deviations = np.hypot(occupancy.disparity_deviation, occupancy.relief * disparities / depths)
-    likelihoods = cell_likelihoods(count, lower, upper, deviations)
+    std = np.hypot(occupancy.disparity_std, occupancy.relief * disparities / depths)
+    likelihoods = cell_likelihoods(count, lower, upper, std)
     return Layout(
         depths=depths.astype(np.float32),
         disparities=disparities.astype(np.float32),
-        reaches=(0.5 * (upper - lower) + 2.0 * deviations).astype(np.float32),
+        reaches=(0.5 * (upper - lower) + 2.0 * std).astype(np.float32),
         likelihoods=likelihoods,
         first=np.argmax(likelihoods > 0, axis=1).astype(np.int32),
         last=np.where(
@@ -88,7 +88,7 @@ def layout(occupancy: OccupancyParameters, rig: Rig, count: int) -> Layout:
             0,
         ).astype(np.int32),
         # The best that a pixel can do: right in the middle of the cell.
-        peaks=((2.0 * ndtr(0.5 * (upper - lower) / deviations) - 1.0) / (upper - lower)).astype(
+        peaks=((2.0 * ndtr(0.5 * (upper - lower) / std) - 1.0) / (upper - lower)).astype(
             np.float32
         ),
         laterals=laterals.astype(np.float32),
@@ -96,14 +96,14 @@ def layout(occupancy: OccupancyParameters, rig: Rig, count: int) -> Layout:
 
 
 def cell_likelihoods(
-    count: int, lower: np.ndarray, upper: np.ndarray, deviations: np.ndarray
+    count: int, lower: np.ndarray, upper: np.ndarray, std: np.ndarray
 ) -> np.ndarray:
     """Mean (bins, R) float32 of the normal density over cells that reach from `lower` to `upper`.
 
-    Bins are disparities b / `BINS_PER_PIXEL`; `lower`, `upper` and `deviations` (R,) in px.
+    Bins are disparities b / `BINS_PER_PIXEL`; `lower`, `upper` and `std` (R,) in px.
     """
     centres = np.arange(BINS_PER_PIXEL * count + 1)[:, None] / BINS_PER_PIXEL
-    above, below = (upper - centres) / deviations, (lower - centres) / deviations
+    above, below = (upper - centres) / std, (lower - centres) / std
     mean = (ndtr(above) - ndtr(below)) / (upper - lower)
     near = (above > -REACH) & (below < REACH)
     return np.where(near, mean, 0.0).astype(np.float32)
@@ -138,7 +138,7 @@ def accumulate(
     widths = rig.focal * occupancy.lateral_step / grid.depths.astype(np.float64)
     starts = rig.u0 - 0.5 * len(grid.laterals) * widths
     cells = len(grid.laterals)
-    return histogram, spread_laterally(polar, starts, widths, cells, occupancy.column_deviation)
+    return histogram, spread_laterally(polar, starts, widths, cells, occupancy.column_std)
 
 
 def to_polar(cartesian: np.ndarray, grid: Layout, rig: Rig) -> np.ndarray:
@@ -197,16 +197,16 @@ def fill(histogram, likelihoods, first, last):
 
 
 @njit(cache=True, nogil=True)
-def spread_laterally(polar, starts, widths, cells, deviation):
+def spread_laterally(polar, starts, widths, cells, std):
     """Cartesian occupancy (cells, R) float32 of a polar one (W, R).
 
     Each column's value is spread by the normal density in u, averaged over the cells. In row j the
-    first cell begins at starts[j] and each is widths[j] wide, px; `deviation` in px.
+    first cell begins at starts[j] and each is widths[j] wide, px; `std` in px.
     """
     width, rows = polar.shape
     values = np.zeros((cells, rows), dtype=np.float32)
-    root = np.sqrt(0.5) / deviation
-    reach = REACH * deviation
+    root = np.sqrt(0.5) / std
+    reach = REACH * std
     for u in range(width):
         for j in range(rows):
             if polar[u, j] <= 0:

@@ -19,7 +19,7 @@ class Statistic:
         metric: its name.
         n: how many seeds have a value; one whose estimate is not finite may have none.
         mean: None if none has.
-        deviation: standard deviation, n - 1 in the denominator; None below two values.
+        standard deviation: standard deviation, n - 1 in the denominator; None below two values.
         low, high: ends of the 95 % interval of the mean, Student's t with n - 1 degrees of
             freedom; None below two values.
     """
@@ -28,7 +28,7 @@ class Statistic:
     metric: str
     n: int
     mean: float | None
-    deviation: float | None
+    std: float | None
     low: float | None
     high: float | None
 
@@ -65,9 +65,9 @@ def statistic(
     mean = float(np.sort(known).mean())
     if n == 1:
         return Statistic(setting, metric, 1, mean, None, None, None)
-    deviation = float(np.sort(known).std(ddof=1))
-    half = student_t(n - 1) * deviation / math.sqrt(n)
-    return Statistic(setting, metric, n, mean, deviation, mean - half, mean + half)
+    std = float(np.sort(known).std(ddof=1))
+    half = student_t(n - 1) * std / math.sqrt(n)
+    return Statistic(setting, metric, n, mean, std, mean - half, mean + half)
 
 
 @cache

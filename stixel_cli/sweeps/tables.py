@@ -52,7 +52,7 @@ def summary_records(statistics: Sequence[Statistic]) -> list[dict[str, Any]]:
             "unit": metric(one.metric).unit,
             "n": one.n,
             "mean": one.mean,
-            "standard_deviation": one.deviation,
+            "std": one.std,
             "interval_low": one.low,
             "interval_high": one.high,
         }
@@ -135,7 +135,7 @@ def _cells(rows: Sequence[Statistic], incomplete: Sequence[IncompleteSetting]) -
                 *row.setting.values(),
                 str(row.n),
                 format_value(row.mean),
-                format_value(row.deviation),
+                format_value(row.std),
                 "–" if row.low is None else f"{format_value(row.low)} … {format_value(row.high)}",
             ]
             for row in rows

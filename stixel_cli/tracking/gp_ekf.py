@@ -40,14 +40,14 @@ class GpEkfParameters:
     Attributes:
         basis_points: number N_f of basis angles, even in [0, 2 pi).
         length_scale: kernel's length l, rad.
-        sigma_f: kernel's deviation of the radius, m.
-        sigma_r: deviation of the unknown mean radius, m.
+        sigma_f: kernel's standard deviation of the radius, m.
+        sigma_r: standard deviation of the unknown mean radius, m.
         forgetting_rate: alpha, 1/s: how fast radii that are not seen return to the kernel's mean.
         jitter: variance, m², added to K's diagonal where K is inverted, and nowhere else.
         sigma_q: process noise of the position, a white acceleration's root density, m/s^1.5.
         sigma_q_psi: process noise of the heading, rad/s^1.5.
         measurement_covariance: R of a point is `isotropic`, or taken from the scan's `points`.
-        measurement_deviation: standard deviation of the isotropic R along each axis, m.
+        measurement_std: standard deviation of the isotropic R along each axis, m.
         gate_probability: chi-square probability of the association's gate; null takes every point.
         contour_points: number M of points of the contour that is reported.
     """
@@ -64,7 +64,7 @@ class GpEkfParameters:
     sigma_q: Annotated[float, Ge(0), Le(100)]
     sigma_q_psi: Annotated[float, Ge(0), Le(100)]
     measurement_covariance: Literal["isotropic", "points"]
-    measurement_deviation: Annotated[float, Ge(1e-6), Le(10)]
+    measurement_std: Annotated[float, Ge(1e-6), Le(10)]
     gate_probability: Annotated[float, Gt(0), Lt(1)] | None
     contour_points: Annotated[int, Ge(8), Le(1000)]
 
@@ -238,16 +238,14 @@ def track(
         means[k], covariances[k] = mean, covariance
 
     used_offsets, used_points = used_rows(used)
-    contours, directions, deviations = contours_of(
-        means, covariances, process, tracker.contour_points
-    )
+    contours, directions, std = contours_of(means, covariances, process, tracker.contour_points)
     return Track(
         times=np.array(scans.times, dtype=np.float64),
         means=means,
         covariances=covariances,
         contours_world=contours,
         contour_directions=directions,
-        contour_deviations=deviations,
+        contour_std=std,
         used_offsets=used_offsets,
         used_points=used_points,
         nis=nis,
@@ -258,7 +256,7 @@ def track(
 def contours_of(
     means: np.ndarray, covariances: np.ndarray, process: ContourProcess, points: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Contours (K, M, 2) m, directions (K, M, 2) and radius deviations (K, M) m of K states.
+    """Contours (K, M, 2) m, directions (K, M, 2) and the radii's std (K, M) m of K states.
 
     At M = `points` even angles: r = H^f x^f with variance H^f P^f H^fᵀ + R^f. A radius below zero,
     which the model does not rule out, is drawn as zero, so every contour is star-convex.
@@ -266,17 +264,17 @@ def contours_of(
     angles, directions = contour_directions(means[:, 2], points)
     matrix, variances = process.at(angles)
     radii = np.maximum(means[:, 2 * SEEN :] @ matrix.T, 0.0)
-    deviations = np.empty_like(radii)
+    std = np.empty_like(radii)
     for k, covariance in enumerate(covariances):
         spread = np.einsum("ij,ij->i", matrix @ covariance[2 * SEEN :, 2 * SEEN :], matrix)
-        deviations[k] = np.sqrt(np.maximum(spread, 0.0) + variances)
-    return means[:, None, :2] + radii[..., None] * directions, directions, deviations
+        std[k] = np.sqrt(np.maximum(spread, 0.0) + variances)
+    return means[:, None, :2] + radii[..., None] * directions, directions, std
 
 
 def _measurement_covariances(covariances_world: np.ndarray, tracker: GpEkfParameters) -> np.ndarray:
     """R: (2, 2) if isotropic, else the scan's own, (n, 2, 2)."""
     if tracker.measurement_covariance == "isotropic":
-        return tracker.measurement_deviation**2 * np.eye(2)
+        return tracker.measurement_std**2 * np.eye(2)
     return covariances_world
 
 

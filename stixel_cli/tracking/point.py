@@ -34,7 +34,7 @@ class PointParameters:
 
     Attributes:
         sigma_q: process noise of the position, a white acceleration's root density, m/s^1.5.
-        measurement_deviation: standard deviation of a point along each axis, m.
+        measurement_std: standard deviation of a point along each axis, m.
         centroid_offset: standard deviation, along each axis, of the distance from the centre to the
             centroid of what is seen, in radii of the circle.
         gate_probability: chi-square probability of the association's gate; null takes every point.
@@ -46,7 +46,7 @@ class PointParameters:
 
     kind: Literal["point"]
     sigma_q: Annotated[float, Ge(0), Le(100)]
-    measurement_deviation: Annotated[float, Ge(1e-6), Le(10)]
+    measurement_std: Annotated[float, Ge(1e-6), Le(10)]
     centroid_offset: Annotated[float, Ge(0), Le(10)]
     gate_probability: Annotated[float, Gt(0), Lt(1)] | None
     least_speed: Annotated[float, Gt(0), Le(100)]
@@ -64,9 +64,9 @@ DIRECTIONS = 720
 
 
 def class_circle(prior: PriorShape) -> tuple[float, float]:
-    """Radius in m of the circle with the area of the prior's shape, and its deviation in m.
+    """Radius and its std, both in m, of the circle with the area of the prior's shape.
 
-    The deviation is that of the class's radius round the circle, over all directions: the shape's
+    The std is that of the class's radius round the circle, over all directions: the shape's
     own, and what the prior's kernel adds to it.
     """
     radii = prior_radii(prior, 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS)
@@ -86,9 +86,9 @@ def track(
     acceleration across the motion makes, sigma_q² / (T v²). The covariance of the six is linearised
     at the mean. The centroid has two coordinates, so the NIS has two degrees of freedom.
     """
-    radius, deviation = class_circle(prior)
+    radius, std = class_circle(prior)
     mean, covariance = initial.mean[MOVING], initial.covariance[np.ix_(MOVING, MOVING)]
-    lone = 0.25 * radius**2 + tracker.measurement_deviation**2
+    lone = 0.25 * radius**2 + tracker.measurement_std**2
     heading = (float(initial.mean[2]), min(float(initial.covariance[2, 2]), GREATEST_VARIANCE))
 
     count = len(scans)
@@ -118,7 +118,7 @@ def track(
         covariances=covariances,
         contours_world=means[:, None, :2] + radius * directions,
         contour_directions=directions,
-        contour_deviations=np.full((count, tracker.contour_points), deviation),
+        contour_std=np.full((count, tracker.contour_points), std),
         used_offsets=used_offsets,
         used_points=used_points,
         nis=nis,

@@ -18,8 +18,8 @@ class PriorShape:
         width: across the heading, m.
         shape: seen from above, a `rectangle` with rounded corners or an `ellipse`.
         corner_radius: of the rectangle's corners, m, at most half of its shorter side.
-        sigma_f, sigma_r: the kernel's deviations that suit the class, m, and
-        measurement_deviation: of a point, m: noise, and error of the shape that neighbouring points
+        sigma_f, sigma_r: the kernel's standard deviations that suit the class, m, and
+        measurement_std: of a point, m: noise, and error of the shape that neighbouring points
             share. A tracker's configuration takes the three up, or has its own.
     """
 
@@ -31,7 +31,7 @@ class PriorShape:
     corner_radius: Annotated[float, Ge(0), Le(15)]
     sigma_f: Annotated[float, Gt(0), Le(20)]
     sigma_r: Annotated[float, Ge(0), Le(20)]
-    measurement_deviation: Annotated[float, Ge(1e-6), Le(10)]
+    measurement_std: Annotated[float, Ge(1e-6), Le(10)]
 
     def check(self) -> None:
         """Raise ValueError if the rounded corners do not fit."""

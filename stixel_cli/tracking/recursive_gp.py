@@ -19,17 +19,17 @@ def update(
     covariance: np.ndarray,
     angles: np.ndarray,
     radii: np.ndarray,
-    deviation: float,
+    std: float,
     process: ContourProcess,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean (N,) m and covariance (N, N) m² with a batch of values.
 
-    `radii` (n,) m were measured at `angles` (n,) rad with a standard `deviation` in m:
+    `radii` (n,) m were measured at `angles` (n,) rad with a standard `std` in m:
     r = H^f x^f + e with e ~ N(0, R^f + R), and the values of a batch are taken as independent given
     the basis points, thesis (49).
     """
     matrix, variances = process.at(angles)
-    innovation_covariance = matrix @ covariance @ matrix.T + np.diag(variances + deviation**2)
+    innovation_covariance = matrix @ covariance @ matrix.T + np.diag(variances + std**2)
     gain = np.linalg.solve(innovation_covariance, matrix @ covariance).T
     updated = covariance - gain @ innovation_covariance @ gain.T
     return mean + gain @ (radii - matrix @ mean), 0.5 * (updated + updated.T)

@@ -41,8 +41,8 @@ def noisy_start(scenario: Scenario, start: StartParameters, seed: int) -> Initia
     """
     truth = np.concatenate([scenario.target_poses_world[0], scenario.target_rates_world[0]])
     before = transition(-float(intervals(scenario.times)[0])) @ truth
-    deviations = np.array(
+    std = np.array(
         [start.position] * 2 + [start.heading] + [start.velocity] * 2 + [start.heading_rate]
     )
-    noise = deviations * generator(seed, "start").standard_normal(6)
-    return InitialState(mean=before + noise, covariance=np.diag(deviations**2))
+    noise = std * generator(seed, "start").standard_normal(6)
+    return InitialState(mean=before + noise, covariance=np.diag(std**2))

@@ -29,7 +29,7 @@ class Track:
         covariances: (K, D, D).
         contours_world: (K, M, 2) m, the estimated contour as a polygon, counter-clockwise.
         contour_directions: (K, M, 2) unit vectors from the centre through the contour's points.
-        contour_deviations: (K, M) m, standard deviation of the radius at the contour's points.
+        contour_std: (K, M) m, standard deviation of the radius at the contour's points.
         used_offsets: (K + 1,) int64, and
         used_points: (U,) int64: scan k was updated with the rows
             used_points[used_offsets[k]:used_offsets[k + 1]] of the scans' arrays.
@@ -42,7 +42,7 @@ class Track:
     covariances: np.ndarray
     contours_world: np.ndarray
     contour_directions: np.ndarray
-    contour_deviations: np.ndarray
+    contour_std: np.ndarray
     used_offsets: np.ndarray
     used_points: np.ndarray
     nis: np.ndarray

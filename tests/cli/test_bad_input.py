@@ -39,10 +39,10 @@ SENTENCES = {
     "measurement.noise.kind=stereo": "follows from the option of measurement/noise: write",
     "measurement/noise=constant": "measurement/noise: there is no such group with "
     "measurement=simulated; it belongs to measurement=fabricated",
-    "measurement.noise.range_deviation=1": "measurement.noise.range_deviation: there is no such "
+    "measurement.noise.range_std=1": "measurement.noise.range_std: there is no such "
     "key with measurement=simulated; it belongs to measurement=fabricated measurement/noise=const",
-    "measurement.disparity_deviation=1": "did you mean measurement.noise.disparity_deviation?",
-    "measurement/noise.range_deviation=1": "did you mean measurement.noise.range_deviation?",
+    "measurement.disparity_std=1": "did you mean measurement.noise.disparity_std?",
+    "measurement/noise.range_std=1": "did you mean measurement.noise.range_std?",
     "renderer.light=3": "renderer.light: holds several keys: give one of them",
     "rig.baseline=-0.3": "rig.baseline: -0.3 is out of range: must be ≥ 0.001 and ≤ 5",
     "rig.width=3.5": "rig.width: 3.5 is a number with a point: must be a whole number ≥ 64",

@@ -54,13 +54,13 @@ def test_keys():
 
 
 def test_keys_of_a_group_within_another(in_bash):
-    assert "measurement.noise.disparity_deviation=" in in_bash(
+    assert "measurement.noise.disparity_std=" in in_bash(
         "measurement", "=", "fabricated", "measurement."
     )
     line = ("measurement", "=", "fabricated", "measurement/noise", "=", "constant")
     assert in_bash(*line, "measurement.noise.") == [
-        "measurement.noise.range_deviation=",
-        "measurement.noise.range_deviation=0.1",
+        "measurement.noise.range_std=",
+        "measurement.noise.range_std=0.1",
     ]
     assert "measurement/noise=constant" in complete_override("measurement/")
 

@@ -115,7 +115,7 @@ def test_stored_configuration_comes_back(default):
         (lambda plain: plain["path"].update(kind="loop"), "path: its kind is unknown"),
         (lambda plain: plain.update(rig=3), "rig: 3 is a whole number"),
         (lambda plain: plain.update(rig=None), "rig: null is null"),
-        (lambda plain: plain["rig"].update(baseline=-1), "must be > 0 and ≤ 5"),
+        (lambda plain: plain["rig"].update(baseline=-1), "must be ≥ 0.001 and ≤ 5"),
         (lambda plain: plain["road_user"].update(mesh="\udcff"), "not UTF-8"),
         (lambda plain: plain["road_user"].update(mesh=object), "plain values"),
     ],
@@ -170,7 +170,7 @@ def test_hydra_makes_no_folder(tmp_path, monkeypatch):
         ["path=waypoints", "path.points=[[0,12],[3,15.5]]", "path.speed=${pace.turn_speed}"],
         ["++rig.width=800", "rig=kitti", "pictures.frames=null", "road_user.contrast=0.25"],
         ["measurement=fabricated", "measurement/noise=constant", "measurement.rays=9"],
-        ["measurement.noise.disparity_deviation=0.2", "measurement=fabricated"],
+        ["measurement.noise.disparity_std=0.2", "measurement=fabricated"],
     ],
 )
 def test_it_is_what_hydra_composes(overrides):
@@ -258,11 +258,11 @@ def test_a_group_within_another_follows_its_option_or_is_chosen():
     [
         (lambda noise: noise.update(kind="white"), "measurement.noise: its kind is unknown"),
         (lambda noise: noise.pop("kind"), "measurement.noise: its kind is unknown"),
-        (lambda noise: noise.pop("range_deviation"), "measurement.noise.range_deviation: is miss"),
-        (lambda noise: noise.update(range_deviation=-1), "must be ≥ 0 and ≤ 10"),
-        (lambda noise: noise.update(range_devation=1), "mean measurement.noise.range_deviation?"),
+        (lambda noise: noise.pop("range_std"), "measurement.noise.range_std: is miss"),
+        (lambda noise: noise.update(range_std=-1), "must be ≥ 0 and ≤ 10"),
+        (lambda noise: noise.update(range_devation=1), "mean measurement.noise.range_std?"),
         (
-            lambda noise: noise.update(disparity_deviation=0.1),
+            lambda noise: noise.update(disparity_std=0.1),
             "with measurement/noise=constant; it belongs to measurement/noise=stereo",
         ),
     ],

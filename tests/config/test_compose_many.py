@@ -16,15 +16,15 @@ LINES = [
     ["pace=pedestrian", "path=circle", "road_user.contrast=0.25", "pictures.frames=[0,3]"],
     ["path=waypoints", "path.points=[[0,12],[3,15.5]]", "++renderer.light.sun=1"],
     ["rig.height=${rig.width}", "measurement=fabricated", "measurement.rays=null"],
-    ["measurement=fabricated", "measurement/noise=constant", "measurement.noise.range_deviation=1"],
-    ["measurement.noise.disparity_deviation=0.2", "measurement=fabricated", "seed=3"],
+    ["measurement=fabricated", "measurement/noise=constant", "measurement.noise.range_std=1"],
+    ["measurement.noise.disparity_std=0.2", "measurement=fabricated", "seed=3"],
     ["path=crossing", "road_user=pedestrian", "tracker.jitter=1e-7", "measurement='fabricated'"],
 ]
 WRONG = [
     ["measurement/noise=constant"],
     ["measurement=fabricated", "measurement.noise=constant"],
     ["measurement=fabricated", "measurement/noise=constant", "measurement.noise.edge_metres=1"],
-    ["measurement.noise.range_deviation=1"],
+    ["measurement.noise.range_std=1"],
     ["path=turn", "path.swing=3"],
     ["seed=-1"],
     ["seed=a"],

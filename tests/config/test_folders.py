@@ -70,7 +70,7 @@ def test_a_group_within_another():
     assert outer_options("measurement/noise") == ("fabricated",)
     assert outer_options("measurement") == ()
     assert default_option("measurement/noise") == "stereo"
-    assert innermost_group("measurement.noise.range_deviation") == "measurement/noise"
+    assert innermost_group("measurement.noise.range_std") == "measurement/noise"
     assert innermost_group("measurement.noise") == "measurement/noise"
     assert innermost_group("measurement.rays") == "measurement"
     assert innermost_group("nothing.rays") == ""

@@ -17,7 +17,7 @@ GRID = PolarOccupancy(
     nearest=3.0,
     farthest=50.0,
     depth_step=0.25,
-    disparity_deviation=0.5,
+    disparity_std=0.5,
     relief=0.25,
 )
 PATH = FreeSpaceParameters(0.3, 5.0, 1.5, 1.0, 0.2, 5.0, 0.0, 3.0)

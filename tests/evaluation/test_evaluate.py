@@ -48,7 +48,7 @@ def track_with(shifts):
         covariances=np.tile(0.25 * np.eye(8), (COUNT, 1, 1)),
         contours_world=contours,
         contour_directions=directions / np.linalg.norm(directions, axis=-1, keepdims=True),
-        contour_deviations=np.full((COUNT, 4), 0.1),
+        contour_std=np.full((COUNT, 4), 0.1),
         used_offsets=np.array([0, 2, 2, 3, 5, 7]),
         used_points=np.array([0, 1, 2, 4, 5, 6, 7]),
         nis=np.array([1.0, np.nan, 2.0, 4.0, 2.0]),

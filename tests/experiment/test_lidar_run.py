@@ -43,7 +43,7 @@ def keys(*words: str) -> tuple[str, str]:
     "word",
     [
         "seed=1",
-        "measurement.range_deviation=0.03",
+        "measurement.range_std=0.03",
         "measurement.height_min=0.5",
         "rig.baseline=1.0",
     ],

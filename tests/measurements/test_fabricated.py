@@ -25,7 +25,7 @@ EXACT = FabricatedParameters(
     kind="fabricated",
     rays=None,
     spacing="angle",
-    noise=ConstantNoise("constant", range_deviation=0.0),
+    noise=ConstantNoise("constant", range_std=0.0),
     clutter_rate=0.0,
     missed_probability=0.0,
     range_max=80.0,
@@ -105,15 +105,15 @@ def test_noise_is_along_the_ray_and_as_its_covariance_says():
         covariances = noisy.covariances_world[rows]
         measured_range = np.linalg.norm(measured, axis=-1)
         depth = measured_range * (along @ np.array([np.cos(sensor[2]), np.sin(sensor[2])]))
-        deviation = depth**2 * 0.3 / (RIG.focal * 0.3) * measured_range / depth
+        std = depth**2 * 0.3 / (RIG.focal * 0.3) * measured_range / depth
         spread = np.einsum("ni,nij,nj->n", along, covariances, along)
-        np.testing.assert_allclose(spread, deviation**2)
+        np.testing.assert_allclose(spread, std**2)
         sideways = np.einsum("ni,nij,nj->n", across, covariances, across)
         np.testing.assert_allclose(sideways, (measured_range * (LEFT - RIGHT) / 639) ** 2 / 12.0)
         np.testing.assert_allclose(
             np.einsum("ni,nij,nj->n", across, covariances, along), 0.0, atol=1e-12
         )
-        errors.append(np.sum(along * (measured - true), -1) / deviation)
+        errors.append(np.sum(along * (measured - true), -1) / std)
     errors = np.concatenate(errors)
     assert abs(errors.mean()) < 5.0 / np.sqrt(len(errors))
     assert abs(errors.std() - 1.0) < 0.03

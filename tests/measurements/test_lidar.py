@@ -36,7 +36,7 @@ SCANNER = Scanner(
 EXACT = LidarParameters(
     kind="lidar",
     scanner=SCANNER,
-    range_deviation=0.0,
+    range_std=0.0,
     missed_probability=0.0,
     returns="nearest",
     height_min=0.3,
@@ -257,7 +257,7 @@ def test_nearest_is_one_return_an_azimuth_and_all_are_all():
 def test_noise_is_along_the_beam_and_the_covariance_says_so():
     elevations, azimuths = np.linspace(-2.0, 2.0, 5), np.linspace(-30.0, 30.0, 61)
     returns, ego = made(np.full((40, 5, 61), 20.0), elevations, azimuths)
-    noisy = dataclasses.replace(EXACT, range_deviation=0.1, returns="all")
+    noisy = dataclasses.replace(EXACT, range_std=0.1, returns="all")
     scans = lidar_scans(returns, ego, noisy, seed=3)
     assert len(scans.points_world) == 40 * 5 * 61
     along = np.stack(
@@ -283,7 +283,7 @@ def test_noise_is_along_the_beam_and_the_covariance_says_so():
 
 def test_draws_depend_on_the_seed_and_the_scan_alone_and_misses_leave_the_rest():
     returns, ego = made(np.full((20, 3, 30), 15.0), [-1.0, 0.0, 1.0], np.arange(30.0))
-    noisy = dataclasses.replace(EXACT, range_deviation=0.1, returns="all")
+    noisy = dataclasses.replace(EXACT, range_std=0.1, returns="all")
     first, again = (lidar_scans(returns, ego, noisy, seed=3) for _ in range(2))
     assert first.points_world.tobytes() == again.points_world.tobytes()
     other = lidar_scans(returns, ego, noisy, seed=4)

@@ -11,8 +11,8 @@ from stixel_cli.measurements.noise import (
     FittedNoise,
     StereoNoise,
     measure,
-    range_deviations,
     range_per_disparity,
+    range_std,
 )
 from stixel_cli.measurements.rays import spread_rays
 from stixel_cli.randomness import generator
@@ -49,8 +49,8 @@ def test_a_pixel_of_disparity_is_worth_what_the_rig_says_to_first_order():
     np.testing.assert_allclose(LEVER * np.cos(RAYS.angles[HIT]), 1e-4 / step, rtol=1e-4)
 
 
-def test_deviations_and_correlation():
-    changes = {"disparity_deviation": 0.1, "correlation_columns": 6.0}
+def test_std_and_correlation():
+    changes = {"disparity_std": 0.1, "correlation_columns": 6.0}
     rows = []
     for seed in range(8):
         ray, true, found = measured(seed=seed, **changes)
@@ -61,12 +61,12 @@ def test_deviations_and_correlation():
     assert abs(np.mean(even[:, 4:] * even[:, :-4]) - np.exp(-2.0)) < 0.06
 
 
-def test_the_kinds_agree_on_their_deviation():
+def test_the_kinds_agree_on_their_std():
     angles = RAYS.angles[HIT]
-    stereo = range_deviations(StereoNoise("stereo", 0.2), RANGES, angles, RIG)
-    fitted = dataclasses.replace(NONE, disparity_deviation=0.2)
-    np.testing.assert_allclose(range_deviations(fitted, RANGES, angles, RIG), stereo)
-    constant = range_deviations(ConstantNoise("constant", 0.3), RANGES, angles, RIG)
+    stereo = range_std(StereoNoise("stereo", 0.2), RANGES, angles, RIG)
+    fitted = dataclasses.replace(NONE, disparity_std=0.2)
+    np.testing.assert_allclose(range_std(fitted, RANGES, angles, RIG), stereo)
+    constant = range_std(ConstantNoise("constant", 0.3), RANGES, angles, RIG)
     np.testing.assert_array_equal(constant, 0.3)
 
 
@@ -102,7 +102,7 @@ def test_outermost_points_have_mixed_depths():
         [
             (found - true) / LEVER[ray - 500]
             for ray, true, found in (
-                measured(seed=seed, edge_disparity_deviation=0.3) for seed in range(60)
+                measured(seed=seed, edge_disparity_std=0.3) for seed in range(60)
             )
         ]
     )
@@ -115,8 +115,8 @@ def test_few_rays(count):
     ray, true, found = measured(
         HIT[2 : 2 + count],
         RANGES[2 : 2 + count],
-        disparity_deviation=0.1,
-        edge_disparity_deviation=0.1,
+        disparity_std=0.1,
+        edge_disparity_std=0.1,
         missed_share=0.5,
     )
     assert len(ray) == len(true) == len(found) <= count

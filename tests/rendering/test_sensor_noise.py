@@ -6,7 +6,7 @@ import pytest
 from stixel_cli.images import encode_png
 from stixel_cli.rendering import frames
 from stixel_cli.rendering.frames import RenderedFrames, StereoPairs
-from stixel_cli.rendering.sensor_noise import Sensor, add_sensor_noise, grey_levels, noise_deviation
+from stixel_cli.rendering.sensor_noise import Sensor, add_sensor_noise, grey_levels, noise_std
 
 SENSOR = Sensor(read_noise=1.2, shot_noise=1.8, right_gain=1.0)
 
@@ -58,7 +58,7 @@ def test_without_noise_the_image_is_the_luma_and_the_gain_is_the_right_cameras()
 
 
 def test_noise_in_the_dark_is_the_read_noise():
-    assert noise_deviation(np.array([-3.0, 0.0]), SENSOR) == pytest.approx(1.2)
+    assert noise_std(np.array([-3.0, 0.0]), SENSOR) == pytest.approx(1.2)
 
 
 def test_what_the_cameras_give_holds_no_truth():

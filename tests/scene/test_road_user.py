@@ -65,11 +65,11 @@ def _pieces(triangles):
 
 @pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
 def test_contrast_is_that_of_paint_and_cloth(kind):
-    def deviation(contrast):
+    def std(contrast):
         part = road_user_mesh(parameters(kind, contrast=contrast)).parts[0]
         return part.texture.astype(float).std(axis=(0, 1)).max()
 
-    plain, middling, strong = map(deviation, (0.0, 0.5, 1.0))
+    plain, middling, strong = map(std, (0.0, 0.5, 1.0))
     assert plain == 0.0
     assert 5.0 < middling < strong
 

@@ -81,7 +81,7 @@ def estimated_road():
 
 @pytest.fixture(scope="session")
 def occupancies():
-    near_far = {"nearest": 3.0, "farthest": 50.0, "disparity_deviation": 0.5, "relief": 0.25}
+    near_far = {"nearest": 3.0, "farthest": 50.0, "disparity_std": 0.5, "relief": 0.25}
     return {
         "polar": PolarOccupancy(kind="polar", depth_step=0.25, **near_far),
         "column_disparity": ColumnDisparityOccupancy(
@@ -92,7 +92,7 @@ def occupancies():
             depth_step=0.25,
             half_width=30.0,
             lateral_step=0.1,
-            column_deviation=1.0,
+            column_std=1.0,
             **near_far,
         ),
     }
@@ -124,7 +124,7 @@ def extraction():
         smoothing=0.35,
         least_height=0.25,
         least_pixels=10,
-        least_deviation=0.1,
+        least_std=0.1,
         correlated_pixels=25.0,
         relief=0.05,
     )

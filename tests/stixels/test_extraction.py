@@ -123,7 +123,7 @@ def test_pixels_that_agree_by_chance_alone_make_the_variance_less(
     for correlated in (10.0, 20.0, 1e9):
         changed = replace(extraction, correlated_pixels=correlated)
         stixels = pipeline(as_disparities(raw), rig, extraction=changed)
-        variances[correlated] = stixels.disparity_variance - extraction.least_deviation**2
+        variances[correlated] = stixels.disparity_variance - extraction.least_std**2
     assert len(variances[10.0]) > 5
     np.testing.assert_allclose(variances[20.0], 2.0 * variances[10.0])
     pixels = 10.0 * variances[1e9] / variances[10.0]

@@ -20,9 +20,9 @@ from stixel_cli.stixels.road import road_line
 from stixel_cli.stixels.types import FreeSpace
 
 
-def normal(x, deviation):
+def normal(x, std):
     """Equation (7) in one dimension, with the root of |Γ|."""
-    return np.exp(-0.5 * (x / deviation) ** 2) / np.sqrt(2 * np.pi * deviation**2)
+    return np.exp(-0.5 * (x / std) ** 2) / np.sqrt(2 * np.pi * std**2)
 
 
 @settings(derandomize=True, deadline=None, max_examples=20)

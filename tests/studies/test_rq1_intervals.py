@@ -68,8 +68,8 @@ def test_seeds_of_a_pose_are_no_more_poses():
     assert one.value == pytest.approx(values.mean())
     assert (many.value, many.low, many.high) == pytest.approx((one.value, one.low, one.high))
     # As wide as the mean of 12 poses of either road user makes it.
-    deviation = np.sqrt(0.5 * (values[::2].var(ddof=1) + values[1::2].var(ddof=1)) / 24)
-    assert one.high - one.low == pytest.approx(2 * 1.96 * deviation, rel=0.1)
+    std = np.sqrt(0.5 * (values[::2].var(ddof=1) + values[1::2].var(ddof=1)) / 24)
+    assert one.high - one.low == pytest.approx(2 * 1.96 * std, rel=0.1)
 
 
 def test_frames_of_which_there_is_nothing_do_not_count():

@@ -87,7 +87,7 @@ def test_differences_are_paired_by_seed():
     found = paired_difference(one, other, "centre_rmse_m")
     # Between seeds the errors differ by 1, between pairs by a tenth of that.
     assert found.n == 3 and found.mean == pytest.approx(0.2)
-    assert found.deviation == pytest.approx(0.1)
+    assert found.std == pytest.approx(0.1)
     assert found.low == pytest.approx(0.2 - 4.302653 * 0.1 / np.sqrt(3), abs=1e-6)
     without = [dataclasses.replace(other[0], point=_Point(centre_rmse_m=None))]
     assert paired_difference(one[:1], without, "centre_rmse_m").n == 0

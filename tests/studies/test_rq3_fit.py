@@ -42,10 +42,10 @@ def test_known_parameters_are_recovered(name):
     assert found.columns_per_point == known.columns_per_point
     for key, tolerance in {
         "range_bias": 0.02,
-        "disparity_deviation": 0.02,
+        "disparity_std": 0.02,
         "edge_metres": 0.01,
-        "edge_metres_deviation": 0.015,
-        "edge_disparity_deviation": 0.06,
+        "edge_metres_std": 0.015,
+        "edge_disparity_std": 0.06,
         "missed_share": 0.015,
     }.items():
         assert abs(getattr(found, key) - getattr(known, key)) < tolerance, key
@@ -60,21 +60,21 @@ def test_missed_outermost_points_are_not_counted_as_moved_ends_too():
     found = fit_noise([errors_of(known, seed) for seed in range(8)])
     assert abs(found.missed_share - 0.15) < 0.02
     # In columns at a range of 14 m, 40 px a metre.
-    assert 40.0 * found.edge_metres_deviation < 2.0
+    assert 40.0 * found.edge_metres_std < 2.0
     assert abs(40.0 * found.edge_metres) < 0.6
 
 
 def test_far_ranges_are_fitted_like_near_ones():
-    known = dataclasses.replace(KNOWN["plain"], range_bias=0.2, disparity_deviation=0.2)
+    known = dataclasses.replace(KNOWN["plain"], range_bias=0.2, disparity_std=0.2)
     found = fit_noise([errors_of(known, seed, nearest=25.0) for seed in range(4)])
-    assert abs(found.disparity_deviation - 0.2) < 0.01
+    assert abs(found.disparity_std - 0.2) < 0.01
     assert abs(found.range_bias - 0.2) < 0.1
     assert found.missed_share < 0.001
 
 
 def test_no_noise_gives_none():
     found = fit_noise([errors_of(ConstantNoise("constant", 0.0), 0, count=10)])
-    assert found.disparity_deviation == found.range_bias == 0.0
+    assert found.disparity_std == found.range_bias == 0.0
     assert found.missed_share == 0.0
 
 

@@ -34,7 +34,7 @@ def study(tmp_path):
         content["parts"][name]["fixed"] = {
             "measurement": "fabricated",
             "measurement/noise": "stereo",
-            "measurement.noise.disparity_deviation": 0.3,
+            "measurement.noise.disparity_std": 0.3,
         }
     file = tmp_path / "tiny.yaml"
     file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
@@ -59,12 +59,12 @@ def test_the_study_answers_and_makes_its_preset(studies, study):
     noise = yaml.safe_load((folder / "noise" / "fitted_car.yaml").read_text("utf-8"))
     plain = yaml.safe_load(one.read_text("utf-8"))
     assert plain["measurement"]["noise"] == noise
-    assert abs(noise["disparity_deviation"] - 0.3) < 0.02
+    assert abs(noise["disparity_std"] - 0.3) < 0.02
     assert from_resolved(plain).measurement.noise.kind == "fitted"
 
 
 def test_the_method_says_what_noise_was_compared(studies, study):
-    noise = ("measurement/noise=constant", "measurement.noise.range_deviation=0.2")
+    noise = ("measurement/noise=constant", "measurement.noise.range_std=0.2")
     page = Path(studies.run(study, *TINY, *noise)["report"]).read_text("utf-8")
     assert "white noise of the range (0.200\u202fm) along the ray" in page
     assert "white noise of the disparity" not in page
@@ -78,12 +78,10 @@ def test_a_path_is_judged_with_a_noise_that_has_not_seen_it(studies, study):
         for path in (folder / "parts" / "fitted" / "points").rglob("config.yaml")
     ]
     assert len(runs) == 2 * 2
-    used = {run["path"]["kind"]: run["measurement"]["noise"]["disparity_deviation"] for run in runs}
+    used = {run["path"]["kind"]: run["measurement"]["noise"]["disparity_std"] for run in runs}
     table = (folder / "tables" / "held_out_noise.csv").read_text("utf-8")
     with io.StringIO(table) as file:
-        held_out = {
-            row["fitted to"]: float(row["disparity_deviation"]) for row in csv.DictReader(file)
-        }
+        held_out = {row["fitted to"]: float(row["disparity_std"]) for row in csv.DictReader(file)}
     assert used == {path: held_out[f"car, without {path}"] for path in ("depart", "crossing")}
     assert used["depart"] != used["crossing"]
     page = (folder / "report.html").read_text("utf-8")

@@ -39,7 +39,7 @@ def test_an_override_goes_with_the_points_that_have_its_key():
 
 
 def test_a_key_inside_an_option_follows_it():
-    texts = ["measurement.noise.range_deviation=0.2", "measurement/noise=constant"]
+    texts = ["measurement.noise.range_std=0.2", "measurement/noise=constant"]
     (design,), notes = overridden([TRACKING], texts, ["tracking"])
     assert design.axes[0].steps == (
         ("measurement=simulated",),
@@ -55,9 +55,9 @@ def test_a_key_inside_an_option_follows_it():
 
 def test_a_value_that_is_wrong_where_the_key_is_is_refused():
     fabricated = Design(("measurement=fabricated", "measurement/noise=constant"), ())
-    with pytest.raises(ConfigurationError, match="range_deviation: -1 is out of range"):
+    with pytest.raises(ConfigurationError, match="range_std: -1 is out of range"):
         overridden(
-            [STEREO_ONLY, fabricated], ["measurement.noise.range_deviation=-1"], ["stereo", "rays"]
+            [STEREO_ONLY, fabricated], ["measurement.noise.range_std=-1"], ["stereo", "rays"]
         )
     with pytest.raises(ConfigurationError, match="belongs to measurement=fabricated"):
         overridden([STEREO_ONLY], ["measurement/noise=constant"], ["stereo"])

@@ -116,10 +116,10 @@ def test_the_statistics_are_those_of_the_seeds(sweeps):
             if run["tracker.sigma_f"] == row["tracker.sigma_f"]
         ]
         assert int(row["n"]) == len(values) == 3
-        mean, deviation = np.mean(values), np.std(values, ddof=1)
+        mean, std = np.mean(values), np.std(values, ddof=1)
         assert float(row["mean"]) == pytest.approx(mean)
-        assert float(row["standard_deviation"]) == pytest.approx(deviation, abs=1e-12)
-        half = 4.302652729911275 * deviation / math.sqrt(3)  # t of 2 degrees of freedom
+        assert float(row["std"]) == pytest.approx(std, abs=1e-12)
+        half = 4.302652729911275 * std / math.sqrt(3)  # t of 2 degrees of freedom
         assert float(row["interval_low"]) == pytest.approx(mean - half)
         assert float(row["interval_high"]) == pytest.approx(mean + half)
     markdown = (sweeps.results / "mine" / "summary.md").read_text()
@@ -133,9 +133,9 @@ def test_the_statistics_are_those_of_the_seeds(sweeps):
 def test_statistics_of_few_values():
     assert statistic({}, "iou_mean", [None, None]).mean is None
     one = statistic({}, "iou_mean", [0.5, None])
-    assert (one.n, one.mean, one.deviation, one.low) == (1, 0.5, None, None)
+    assert (one.n, one.mean, one.std, one.low) == (1, 0.5, None, None)
     same = statistic({}, "iou_mean", [0.5, 0.5])
-    assert (same.deviation, same.low, same.high) == (0.0, 0.5, 0.5)
+    assert (same.std, same.low, same.high) == (0.0, 0.5, 0.5)
     # Known by hand: 1, 2, 3, 4 has mean 2.5, s = 1.29099, t(3) = 3.18245.
     four = statistic({}, "x", [4, 1, 3, 2])
     assert four.high - four.mean == pytest.approx(3.182446305284263 * 1.2909944487358056 / 2)

@@ -140,7 +140,7 @@ def test_a_world_that_is_turned_and_moved_turns_and_moves_the_track(angle, shift
     np.testing.assert_allclose(
         moved.contours_world, plain.contours_world @ turn.T + shift, atol=1e-6
     )
-    np.testing.assert_allclose(moved.contour_deviations, plain.contour_deviations, atol=1e-6)
+    np.testing.assert_allclose(moved.contour_std, plain.contour_std, atol=1e-6)
     np.testing.assert_allclose(moved.nis, plain.nis, rtol=1e-5)
 
 
@@ -164,7 +164,7 @@ def test_it_stays_finite_and_semi_definite_over_a_thousand_scans(tracker):
     points = [p if k % 7 else np.zeros((0, 2)) for k, p in enumerate(seen_car(1000, 8))]
     points[500:700] = [np.zeros((0, 2))] * 200
     found = track(scans_of(points), *tracker)
-    for array in (found.means, found.covariances, found.contours_world, found.contour_deviations):
+    for array in (found.means, found.covariances, found.contours_world, found.contour_std):
         assert np.isfinite(array).all()
     for covariance in found.covariances[::50]:
         assert np.linalg.eigvalsh(covariance).min() > -1e-9 * np.trace(covariance)
@@ -206,7 +206,7 @@ def test_the_nis_has_one_degree_of_freedom_a_point():
     assert np.mean(found.nis / found.nis_degrees_of_freedom) == pytest.approx(1.0, abs=0.06)
 
 
-def test_the_contour_and_its_deviation_are_those_of_the_regression(tracker):
+def test_the_contour_and_its_std_are_those_of_the_regression(tracker):
     found = track(scans_of(seen_car(4, 30)), *tracker)
     angles = 2.0 * np.pi * np.arange(60) / 60
     parameters = tracker[2]
@@ -220,7 +220,7 @@ def test_the_contour_and_its_deviation_are_those_of_the_regression(tracker):
     bearings = mean[2] + angles
     np.testing.assert_allclose(found.contour_directions[-1, :, 0], np.cos(bearings), atol=1e-12)
     spread = np.diag(matrix @ covariance[6:, 6:] @ matrix.T) + variances
-    np.testing.assert_allclose(found.contour_deviations[-1], np.sqrt(spread), rtol=1e-6)
+    np.testing.assert_allclose(found.contour_std[-1], np.sqrt(spread), rtol=1e-6)
 
 
 def test_a_radius_below_zero_is_drawn_as_zero():
@@ -233,7 +233,7 @@ def test_points_bear_their_own_covariance_or_one_for_all(tracker):
     initial, prior, parameters = tracker
     scans = scans_of(seen_car(5, 20), covariances=np.tile(0.04 * np.eye(2), (100, 1, 1)))
     own = dataclasses.replace(parameters, measurement_covariance="points")
-    same = dataclasses.replace(parameters, measurement_deviation=0.2)
+    same = dataclasses.replace(parameters, measurement_std=0.2)
     first, second = (track(scans, initial, prior, p) for p in (own, same))
     np.testing.assert_allclose(first.means, second.means, atol=1e-9)
     other = track(scans, initial, prior, parameters)

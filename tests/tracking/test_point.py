@@ -26,7 +26,7 @@ SEEDS = st.integers(0, 2**31)
 TRACKER = PointParameters(
     kind="point",
     sigma_q=2.0,
-    measurement_deviation=0.1,
+    measurement_std=0.1,
     centroid_offset=0.6,
     gate_probability=None,
     least_speed=0.5,
@@ -51,7 +51,7 @@ def textbook(scans, initial, radius, tracker):
         nis = np.nan
         if len(points):
             shared = (tracker.centroid_offset * radius) ** 2
-            lone = radius**2 / 4.0 + tracker.measurement_deviation**2
+            lone = radius**2 / 4.0 + tracker.measurement_std**2
             noise = (shared + lone / len(points)) * np.eye(2)
             innovation = points.mean(axis=0) - observation @ mean
             spread = observation @ covariance @ observation.T + noise
@@ -120,7 +120,7 @@ def test_the_contour_is_a_circle_of_the_shapes_area_about_the_centre(shape):
         area = np.pi / 4.0 * prior.length * prior.width
     else:
         area = prior.length * prior.width - (4.0 - np.pi) * prior.corner_radius**2
-    radius, deviation = class_circle(prior)
+    radius, std = class_circle(prior)
     np.testing.assert_allclose(np.pi * radius**2, area, rtol=1e-5)
     offsets = result.contours_world - result.means[:, None, :2]
     np.testing.assert_allclose(np.linalg.norm(offsets, axis=2), radius)
@@ -129,14 +129,14 @@ def test_the_contour_is_a_circle_of_the_shapes_area_about_the_centre(shape):
         ring = shapely.linearrings(contour)
         assert ring.is_ccw
         np.testing.assert_allclose(shapely.polygons(ring).area, area, rtol=1e-3)
-    # The band holds the class: two deviations reach from its shortest to its longest radius.
+    # The band holds the class: two std reach from its shortest to its longest radius.
     radii = prior_radii(prior, np.linspace(0.0, 2.0 * np.pi, 4001)[:-1])
-    assert radius - 2.0 * deviation < radii.min()
-    assert radii.max() < radius + 2.0 * deviation
-    np.testing.assert_array_equal(result.contour_deviations, deviation)
+    assert radius - 2.0 * std < radii.min()
+    assert radii.max() < radius + 2.0 * std
+    np.testing.assert_array_equal(result.contour_std, std)
     certain = class_circle(dataclasses.replace(prior, sigma_f=1e-9, sigma_r=0.0))[1]
     np.testing.assert_allclose(certain, np.sqrt(np.mean((radii - radius) ** 2)), rtol=1e-4)
-    np.testing.assert_allclose(deviation**2 - certain**2, prior.sigma_f**2 + prior.sigma_r**2)
+    np.testing.assert_allclose(std**2 - certain**2, prior.sigma_f**2 + prior.sigma_r**2)
 
 
 def test_the_gate_leaves_out_what_is_not_the_target():

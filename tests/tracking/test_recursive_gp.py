@@ -44,9 +44,9 @@ def test_at_the_basis_points_the_recursion_is_exact():
         batches.append((angles, contour(angles) + NOISE * random.standard_normal(10)))
     mean, covariance = learn(process, batches)
     angles, radii = (np.concatenate(part) for part in zip(*batches, strict=True))
-    expected, deviation = batch(angles, radii, process.basis_angles, np.pi / 8, 1.0, 0.5)
+    expected, std = batch(angles, radii, process.basis_angles, np.pi / 8, 1.0, 0.5)
     np.testing.assert_allclose(mean, expected, atol=1e-5)
-    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), deviation, atol=1e-5)
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), std, atol=1e-5)
 
 
 def test_elsewhere_it_agrees_to_a_fraction_of_the_noise_and_finds_the_contour():
@@ -58,22 +58,22 @@ def test_elsewhere_it_agrees_to_a_fraction_of_the_noise_and_finds_the_contour():
         batches.append((angles, contour(angles) + NOISE * random.standard_normal(15)))
     mean, covariance = learn(process, batches)
     at = np.linspace(0.0, 2.0 * np.pi, 200)
-    found, deviation = radius(mean, covariance, at, process)
+    found, std = radius(mean, covariance, at, process)
     angles, radii = (np.concatenate(part) for part in zip(*batches, strict=True))
-    expected, expected_deviation = batch(angles, radii, at, np.pi / 8, 1.0, 0.5)
+    expected, expected_std = batch(angles, radii, at, np.pi / 8, 1.0, 0.5)
     np.testing.assert_allclose(found, expected, atol=0.05 * NOISE)
-    np.testing.assert_allclose(deviation, expected_deviation, atol=0.05 * NOISE)
+    np.testing.assert_allclose(std, expected_std, atol=0.05 * NOISE)
     assert np.sqrt(np.mean((found - contour(at)) ** 2)) < 0.5 * NOISE
 
 
-def test_what_was_not_seen_keeps_the_priors_deviation():
+def test_what_was_not_seen_keeps_the_priors_std():
     process = contour_process(50, np.pi / 8, 1.0, 0.5, 1e-6)
     angles = np.linspace(-1.0, 1.0, 40)
     mean, covariance = learn(process, [(angles, contour(angles))])
-    _, deviation = radius(mean, covariance, np.array([0.0, np.pi]), process)
-    assert deviation[0] < 0.05
+    _, std = radius(mean, covariance, np.array([0.0, np.pi]), process)
+    assert std[0] < 0.05
     # The exponential part is unknown there; the mean radius has been learnt in part.
-    assert 1.0 < deviation[1] < np.hypot(1.0, 0.5)
+    assert 1.0 < std[1] < np.hypot(1.0, 0.5)
 
 
 def test_the_order_of_the_batches_does_not_matter():

@@ -102,7 +102,7 @@ def test_a_whole_track_is_that_of_the_reference(case):
         sigma_q=float(case["sigma_q"]),
         sigma_q_psi=float(case["sigma_q_psi"]),
         measurement_covariance="isotropic",
-        measurement_deviation=float(case["sigma_meas"]),
+        measurement_std=float(case["sigma_meas"]),
         gate_probability=None,
         contour_points=90,
     )
@@ -113,7 +113,7 @@ def test_a_whole_track_is_that_of_the_reference(case):
         corner_radius=0.0,
         sigma_f=1.0,
         sigma_r=1.0,
-        measurement_deviation=0.1,
+        measurement_std=0.1,
     )
     points = points_of(case)
     scans = scans_of(points, times=float(case["T"]) * np.arange(len(points)))

@@ -18,7 +18,7 @@ CAR = PriorShape(
     corner_radius=0.3,
     sigma_f=1.0,
     sigma_r=0.4,
-    measurement_deviation=0.1,
+    measurement_std=0.1,
 )
 
 TRACKER = GpEkfParameters(
@@ -32,7 +32,7 @@ TRACKER = GpEkfParameters(
     sigma_q=1.0,
     sigma_q_psi=0.2,
     measurement_covariance="isotropic",
-    measurement_deviation=0.1,
+    measurement_std=0.1,
     gate_probability=0.99,
     contour_points=60,
 )

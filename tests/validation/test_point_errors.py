@@ -134,11 +134,11 @@ def test_one_missed_block_of_columns_is_seen_whatever_its_width(width):
 def test_far_points_are_not_cut_off_by_their_own_spread():
     # At 34 m a pixel of disparity is worth 7 m: 2 m alone would cut the noise at 0.3 px.
     truth = scenario(depth=34.0)
-    for deviation in (0.1, 0.2):
-        noisy = dataclasses.replace(EXACT, noise=StereoNoise("stereo", deviation))
+    for std in (0.1, 0.2):
+        noisy = dataclasses.replace(EXACT, noise=StereoNoise("stereo", std))
         errors = point_errors(fabricate_scans(truth, RIG, noisy, seed=0), truth, RIG)
         assert errors.clutter.sum() == 0
-        assert abs((errors.along / errors.levers).std() / deviation - 1.0) < 0.1
+        assert abs((errors.along / errors.levers).std() / std - 1.0) < 0.1
 
 
 def test_what_is_behind_and_beside_the_target_is_no_clutter():

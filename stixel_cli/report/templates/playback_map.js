@@ -72,7 +72,7 @@ function drawMap() {
   runs.forEach((one, r) => {
     const parts = estimates[r], pose = one.poses[k], centre = one.centre;
     parts.contour.setAttribute("d", polygon(one.contours[k]));
-    parts.band.setAttribute("d", band(one.contours[k], one.deviations[k], pose));
+    parts.band.setAttribute("d", band(one.contours[k], one.std[k], pose));
     parts.trail.setAttribute("d", polyline(one.poses, k));
     const [major, minor, angle] = centre.slice(3 * k, 3 * k + 3);
     parts.centre.setAttribute("d", pose && major !== null

@@ -77,13 +77,13 @@ function placed(contour, pose) {
 }
 
 // The ring of two standard deviations of the radius; a radius is not negative.
-function band(contour, deviations, pose) {
-  if (!contour || !deviations || !pose) return "";
+function band(contour, std, pose) {
+  if (!contour || !std || !pose) return "";
   const outer = [], inner = [];
-  for (let i = 0; i < deviations.length; i++) {
+  for (let i = 0; i < std.length; i++) {
     const x = contour[2 * i] - pose[0], y = contour[2 * i + 1] - pose[1];
     const radius = Math.hypot(x, y) || 1e-9;
-    const out = 1 + 2 * deviations[i] / radius, within = Math.max(0, 1 - 2 * deviations[i] / radius);
+    const out = 1 + 2 * std[i] / radius, within = Math.max(0, 1 - 2 * std[i] / radius);
     outer.push(pose[0] + out * x, pose[1] + out * y);
     inner.push(pose[0] + within * x, pose[1] + within * y);
   }

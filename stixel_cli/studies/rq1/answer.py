@@ -15,7 +15,7 @@ from stixel_cli.studies.rq1.pool import (
     LEAST,
     ROUND,
     SW_DEPTH,
-    SW_DEVIATION,
+    SW_STD,
     Group,
     contrast,
     grid,
@@ -67,26 +67,26 @@ def _verdict(every: Group) -> str:
     if not math.isfinite(rms.value):
         return (
             f"No stixel lies on a road user between {ROUND[0]:g} and {ROUND[1]:g} m here, so the "
-            f"{SW_DEVIATION:g} m at {SW_DEPTH:g} m of The Stixel World cannot be held against it."
+            f"{SW_STD:g} m at {SW_DEPTH:g} m of The Stixel World cannot be held against it."
         )
     beginning = (
         "In depth, yes"
-        if rms.high <= SW_DEVIATION
+        if rms.high <= SW_STD
         else "In depth, no"
-        if rms.low > SW_DEVIATION
+        if rms.low > SW_STD
         else "In depth it cannot be told"
     )
     gross = stixel_summary(every.errors.stixels, *ROUND)["gross"]
     left_out = f" ({share(gross)} of them, off by more than {GROSS:g} px, left out)" * (gross > 0.0)
-    needed = needed_disparity(every.rig, SW_DEVIATION, SW_DEPTH)
+    needed = needed_disparity(every.rig, SW_STD, SW_DEPTH)
     return (
         f"{beginning}: between {ROUND[0]:g} and {ROUND[1]:g} m the stixels of the default rig on "
         f"all road users are off by {rms.text('m')} RMS{left_out}, with a bias of "
         f"{estimate(every, near, by_pose.STIXEL_BIAS).text('m', sign=True)} (farther than the "
-        f"nearest surface where positive); that is {rms.scaled(1.0 / SW_DEVIATION).text()} times "
-        f"the {SW_DEVIATION:g} m at {SW_DEPTH:g} m below which Badino, Franke and Pfeiffer (2009, "
+        f"nearest surface where positive); that is {rms.scaled(1.0 / SW_STD).text()} times "
+        f"the {SW_STD:g} m at {SW_DEPTH:g} m below which Badino, Franke and Pfeiffer (2009, "
         "The Stixel World) state their uncertainty, for their own rig. In disparity it is "
-        f"{estimate(every, near, by_pose.STIXEL_RMS_PX).text('px')}; {SW_DEVIATION:g} m would take "
+        f"{estimate(every, near, by_pose.STIXEL_RMS_PX).text('px')}; {SW_STD:g} m would take "
         f"{text(needed, 3, 'px')} with this rig. Against the median depth of the target inside the "
         "stixel's own area, in place of its nearest surface, it is "
         f"{estimate(every, near, by_pose.AREA_RMS).text('m')} RMS."
@@ -98,10 +98,10 @@ def _rigs(data: StudyData) -> Iterator[str]:
     lines = groups(data.parts["rigs"], rig)
     for group in lines:
         rms = estimate(group, by_pose.stixel_sums(group, *ROUND), by_pose.STIXEL_RMS)
-        needed = needed_disparity(group.rig, SW_DEVIATION, SW_DEPTH)
+        needed = needed_disparity(group.rig, SW_STD, SW_DEPTH)
         if math.isfinite(rms.value):
             told.append(
-                f"{rms.text('m')} with the {group.label} rig, where {SW_DEVIATION:g} m takes "
+                f"{rms.text('m')} with the {group.label} rig, where {SW_STD:g} m takes "
                 f"{text(needed, 3, 'px')}"
             )
     if told:

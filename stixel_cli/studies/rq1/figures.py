@@ -167,28 +167,28 @@ def over_contrast(
 
 
 def precision(
-    name: str, caption: str, lines: Sequence[Group], depth: float, deviation: float, rms: Values
+    name: str, caption: str, lines: Sequence[Group], depth: float, std: float, rms: Values
 ) -> Figure:
     """RMS depth error over range of each rig, and the line of constant disparity it would take.
 
-    The line through `deviation` m at `depth` m goes with z²: it is the same for all rigs.
+    The line through `std` m at `depth` m goes with z²: it is the same for all rigs.
     """
 
     def target(axes: Sequence[Axes]) -> None:
         place = axes[0]
         z = np.linspace(EDGES[0], EDGES[-1], 50)
-        law = deviation * (z / depth) ** 2
+        law = std * (z / depth) ** 2
         place.plot(
             z, law, color="#777777", ls="--", lw=1.0, label="one disparity error, through that"
         )
         place.plot(
             [depth],
-            [deviation],
+            [std],
             color=style.TRUTH,
             marker="*",
             markersize=11,
             linestyle="none",
-            label=f"The Stixel World: {deviation:g} m at {depth:g} m",
+            label=f"The Stixel World: {std:g} m at {depth:g} m",
         )
 
     panels = [("RMS depth error of the stixels", "m", {"": rms})]

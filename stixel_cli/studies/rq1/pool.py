@@ -18,7 +18,7 @@ EDGES = tuple(float(edge) for edge in range(5, 51, 5))
 COARSE = ((5.0, 10.0), (10.0, 20.0), (20.0, 30.0), (30.0, 40.0), (40.0, 50.0))
 """The ranges of the tables, m."""
 
-SW_DEPTH, SW_DEVIATION = 28.0, 0.1
+SW_DEPTH, SW_STD = 28.0, 0.1
 """Badino, Franke, Pfeiffer 2009 state an uncertainty below 0.1 m at 28 m."""
 
 ROUND = (25.0, 31.0)
@@ -127,9 +127,9 @@ def contrast(point: StudyPoint) -> float:
     return float(point.configuration.road_user.contrast)
 
 
-def needed_disparity(rig: Rig, deviation: float, depth: float) -> float:
-    """Disparity's standard deviation px that means `deviation` m at `depth` m: f B σ_z / z²."""
-    return rig.focal * rig.baseline * deviation / depth**2
+def needed_disparity(rig: Rig, std: float, depth: float) -> float:
+    """Disparity's standard deviation px that means `std` m at `depth` m: f B σ_z / z²."""
+    return rig.focal * rig.baseline * std / depth**2
 
 
 def achieved(group: Group) -> dict[str, float]:

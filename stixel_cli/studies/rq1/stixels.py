@@ -11,7 +11,7 @@ from stixel_cli.studies.rq1.pool import (
     EDGES,
     ROUND,
     SW_DEPTH,
-    SW_DEVIATION,
+    SW_STD,
     Group,
     achieved,
     cell,
@@ -187,9 +187,9 @@ def rigs_section(data: StudyData) -> Section:
         "Three rigs, and the 0.1 m at 28 m of The Stixel World",
         (
             Paragraph(
-                "A depth's deviation is z² σ_d / (f B): what a disparity's deviation means depends "
+                "A depth's std is z² σ_d / (f B): what σ_d of a disparity means depends "
                 f"on the rig. Badino, Franke and Pfeiffer (2009, The Stixel World) state less than "
-                f"{SW_DEVIATION:g} m at {SW_DEPTH:g} m for theirs. With the rigs here that takes "
+                f"{SW_STD:g} m at {SW_DEPTH:g} m for theirs. With the rigs here that takes "
                 "σ_d = f B σ_z / z², which the table holds against what the stixels achieve."
             ),
             figures.precision(
@@ -199,12 +199,12 @@ def rigs_section(data: StudyData) -> Section:
                 f"intervals; {counts(lines)}.",
                 lines,
                 SW_DEPTH,
-                SW_DEVIATION,
+                SW_STD,
                 _stixel_value(by_pose.STIXEL_RMS),
             ),
             Table(
                 "rigs",
-                f"Stixels at {ROUND[0]:g}–{ROUND[1]:g} m against the {SW_DEVIATION:g} m at "
+                f"Stixels at {ROUND[0]:g}–{ROUND[1]:g} m against the {SW_STD:g} m at "
                 f"{SW_DEPTH:g} m of The Stixel World; gross errors left out. “Area” is against the "
                 "median depth of the target's pixels in the stixel, which on a stepped shape lie "
                 "behind its nearest surface. Brackets: 95 % intervals over the poses.",
@@ -241,7 +241,7 @@ def _rig_rows(lines: Sequence[Group]) -> Iterator[tuple]:
     for group in lines:
         found = achieved(group)
         near = by_pose.stixel_sums(group, *ROUND)
-        needed = needed_disparity(group.rig, SW_DEVIATION, SW_DEPTH)
+        needed = needed_disparity(group.rig, SW_STD, SW_DEPTH)
         yield (
             group.label,
             f"{group.rig.width} × {group.rig.height}",

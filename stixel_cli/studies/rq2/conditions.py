@@ -118,7 +118,7 @@ def condition_table(name: str, condition: Condition, runs: Sequence[Run], of: st
         cells: list[str | float | int | None] = [condition.labels[b], tracker, measurement]
         cells += [one.scans, one.seeds]
         for error in ("centre", "orientation", "iou"):
-            cells += [one.errors[error].mean, one.errors[error].deviation]
+            cells += [one.errors[error].mean, one.errors[error].std]
         rows.append((*cells, one.errors["nees"].mean, one.errors["nis"].mean))
     return Table(
         name,

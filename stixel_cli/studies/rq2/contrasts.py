@@ -91,11 +91,11 @@ def corrected(found: Sequence[Contrast]) -> list[Contrast]:
 
 def p_value(difference: Statistic) -> float | None:
     """p of the t-test that a mean of paired differences is 0, two-sided; None below two pairs."""
-    if difference.deviation is None:
+    if difference.std is None:
         return None
-    if difference.deviation == 0.0:
+    if difference.std == 0.0:
         return 1.0 if difference.mean == 0.0 else 0.0
-    ratio = difference.mean / (difference.deviation / math.sqrt(difference.n))
+    ratio = difference.mean / (difference.std / math.sqrt(difference.n))
     return float(2.0 * student.sf(abs(ratio), difference.n - 1))
 
 

@@ -164,12 +164,12 @@ def _measurement_section(user: str, kind: str, runs: Sequence[Run]) -> Section:
                     float(ranges.max()),
                     points.mean,
                     on_target.mean,
-                    on_target.deviation,
+                    on_target.std,
                     unseen.mean,
                     bias.mean,
-                    bias.deviation,
+                    bias.std,
                     spread.mean,
-                    spread.deviation,
+                    spread.std,
                 )
             )
         own = [row for row in rows if row[0] == measurement]
@@ -241,7 +241,7 @@ def _tracking_table(user: str, runs: Sequence[Run]) -> Table:
                 cells: list[str | float | int | None] = [path, tracker, measurement, len(same)]
                 for metric in (*ERRORS, "low_overlap_share"):
                     one = metric_over_seeds(same, metric)
-                    cells += [one.mean, one.deviation]
+                    cells += [one.mean, one.std]
                 nees, nis = within_bounds(same)
                 cells += [metric_over_seeds(same, "nees_position_mean").mean, nees]
                 cells += [metric_over_seeds(same, "nis_mean").mean, nis]

@@ -23,7 +23,7 @@ from stixel_cli.studies.types import Table
 _TOLD = (
     "bias along the ray",
     "bias across the ray",
-    "deviation of the disparity",
+    "standard deviation of the disparity",
     "correlation of neighbours",
     "share of the target's columns without a point",
     "reach beyond the silhouette's ends",

@@ -56,13 +56,13 @@ def fit_noise(runs: Sequence[PointErrors]) -> FittedNoise:
         kind="fitted",
         columns_per_point=width,
         range_bias=_rounded(range_bias),
-        disparity_deviation=_root(variance),
+        disparity_std=_root(variance),
         correlation_columns=_rounded(
             _correlation_columns(rest, scan, column, core, width), 0.0, 1000.0
         ),
         edge_metres=_rounded(metres),
-        edge_metres_deviation=_root(metres_variance),
-        edge_disparity_deviation=_root(edge_variance),
+        edge_metres_std=_root(metres_variance),
+        edge_disparity_std=_root(edge_variance),
         missed_share=_rounded(missed_share, 0.0, 0.99),
         missed_columns=_rounded(missed_columns, 1.0, 1000.0),
     )
@@ -143,11 +143,11 @@ def preset(noise: FittedNoise, what: str, command: str) -> str:
     units = {
         "columns_per_point": "columns",
         "range_bias": "m",
-        "disparity_deviation": "px",
+        "disparity_std": "px",
         "correlation_columns": "columns",
         "edge_metres": "m",
-        "edge_metres_deviation": "m",
-        "edge_disparity_deviation": "px",
+        "edge_metres_std": "m",
+        "edge_disparity_std": "px",
         "missed_share": "of the points",
         "missed_columns": "columns",
     }
@@ -165,9 +165,9 @@ def noises_of(part: Part) -> list[str]:
 
 def _told(noise: Noise) -> str:
     match noise:
-        case StereoNoise(disparity_deviation=deviation):
-            return f"white noise of the disparity ({quantity(deviation, 'px')})"
-        case ConstantNoise(range_deviation=deviation):
-            return f"white noise of the range ({quantity(deviation, 'm')})"
+        case StereoNoise(disparity_std=std):
+            return f"white noise of the disparity ({quantity(std, 'px')})"
+        case ConstantNoise(range_std=std):
+            return f"white noise of the range ({quantity(std, 'm')})"
         case _:
             return "a fitted noise"

@@ -115,7 +115,7 @@ def _mean(values: np.ndarray) -> float | None:
     return float(values.mean()) if len(values) else None
 
 
-def _deviation(values: np.ndarray) -> float | None:
+def _std(values: np.ndarray) -> float | None:
     return float(values.std(ddof=1)) if len(values) > 1 else None
 
 
@@ -146,9 +146,9 @@ def point_measures(lag: float) -> dict[str, Measure]:
     return {
         "bias_along": Measure("bias along the ray", "m", lambda _, e: _mean(e.along)),
         "bias_disparity": Measure("bias of the disparity", "px", lambda _, e: _mean(e.disparities)),
-        "deviation": Measure("deviation along the ray", "m", lambda _, e: _deviation(e.along)),
-        "deviation_disparity": Measure(
-            "deviation of the disparity", "px", lambda _, e: _deviation(e.disparities)
+        "std": Measure("standard deviation along the ray", "m", lambda _, e: _std(e.along)),
+        "std_disparity": Measure(
+            "standard deviation of the disparity", "px", lambda _, e: _std(e.disparities)
         ),
         "bias_across": Measure("bias across the ray", "m", _sideways),
         "neighbours": Measure(
