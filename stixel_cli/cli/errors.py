@@ -116,17 +116,28 @@ def _shown(character: str) -> str:
 def _tell_crash(error: Exception) -> None:
     import traceback
 
-    what = " ".join(f"{type(error).__name__}: {error}".split())
-    if len(what) > 200:
-        what = what[:199] + "…"
+    from stixel_cli.engine.errors import StageFailure
+
+    if isinstance(error, StageFailure):
+        # More often the user's own code than ours.
+        head, what, place = "", f"stage {error.label} failed: {_named(error.cause)}", error.place
+    else:
+        head, what, place = "internal error, please report it: ", _named(error), ""
     text = "".join(traceback.format_exception(error))
+    line = head + what + (f" ({place})" if place else "")
     try:
         log = _write_log(text)
     except OSError as fault:
-        tell(f"this is a defect of stixel: {what} (no log could be written: {fault})")
+        tell(f"{line}; no log could be written: {fault}")
         sys.stderr.write(text)
         return
-    tell(f"this is a defect of stixel: {what} (traceback: {log})")
+    tell(f"{line}; traceback: {log}")
+
+
+def _named(error: BaseException) -> str:
+    """Type and message of an error in one line, not too long."""
+    what = " ".join(f"{type(error).__name__}: {error}".split())
+    return what[:199] + "…" if len(what) > 200 else what
 
 
 def _write_log(text: str) -> Path:

@@ -1,5 +1,9 @@
 """What can go wrong in the engine. Messages are one line, made to be shown to the user."""
 
+import os.path
+import re
+import sysconfig
+
 
 class CacheError(Exception):
     """The cache cannot be read or written."""
@@ -60,6 +64,40 @@ class StageFailure(Exception):
         self.label = label
         self.cause = cause
         self.traceback_text = traceback_text
+        # Python prints notes below the message: the frames of a worker are in no other place.
+        self.add_note(traceback_text)
+
+    @property
+    def place(self) -> str:
+        """File, line and code where the stage raised: the innermost frame outside of libraries.
+
+        "" where that is not known.
+        """
+        frames = _FRAME.findall(self.traceback_text)
+        own = [frame for frame in frames if _is_own(frame[0])]
+        if not frames:
+            return ""
+        file, line, code = (own or frames)[-1]
+        return f"{_near(file)}, line {line}: `{code.strip()}`"
 
     def __str__(self) -> str:
         return f"{self.label}: {type(self.cause).__name__}: {self.cause}"
+
+
+_FRAME = re.compile(r'^  File "([^"]+)", line (\d+), in .+\n    (.+)$', re.MULTILINE)
+_PACKAGE = __name__.partition(".")[0]
+_LIBRARIES = tuple(sysconfig.get_paths()[name] for name in ("stdlib", "purelib", "platlib"))
+
+
+def _is_own(file: str) -> bool:
+    """Whether a file is no library's: this package counts wherever it is installed."""
+    return not file.startswith(_LIBRARIES) or f"{os.sep}{_PACKAGE}{os.sep}" in file
+
+
+def _near(file: str) -> str:
+    """The file's path from the working directory on, where it is below it."""
+    try:
+        path = os.path.relpath(file)
+    except (OSError, ValueError):
+        return file
+    return file if path.startswith(os.pardir) else path

@@ -189,6 +189,8 @@ class Store:
             if self.entry(key).is_dir():
                 raise self._set_aside(key, f"{name} is missing") from None
             raise MissingEntry(key, "there is none") from None
+        except IsADirectoryError:
+            raise self._set_aside(key, f"{name} is a folder") from None
         except OSError as error:
             raise CacheError(
                 f"cannot read the cache {self.folder}: {error.strerror or error}"

@@ -1,3 +1,4 @@
+import json
 import os
 import re
 import subprocess
@@ -8,6 +9,7 @@ import pytest
 
 from stixel_cli import __version__
 from stixel_cli.cli.app import main
+from stixel_cli.engine.errors import StageFailure
 from stixel_cli.errors import UserError
 from stixel_cli.studies.file import shipped_studies
 
@@ -170,6 +172,52 @@ def test_a_crash_leaves_a_log(stand_in, capsys, tmp_path, monkeypatch):
     assert str(log) in said
     assert "Traceback" in log.read_text()
     assert __version__ in log.read_text()
+
+
+def test_a_stage_that_fails_is_shown_with_file_line_and_code(
+    stand_in, capsys, tmp_path, monkeypatch
+):
+    text = (
+        'Traceback (most recent call last):\n  File "/a/box.py", line 7, in track\n'
+        "    gain = self.alphaa\n           ^^^^\n"
+        f'  File "{json.__file__}", line 1, in loads\n    raise\nAttributeError: alphaa\n'
+    )
+
+    def body(*arguments):
+        raise StageFailure("track", "track", AttributeError("alphaa"), text)
+
+    stand_in(body)
+    monkeypatch.setattr("platformdirs.user_log_path", lambda *_, **__: tmp_path)
+    assert main(["run"]) == 1
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "stage track failed: AttributeError: alphaa" in said
+    assert "/a/box.py, line 7: `gain = self.alphaa`" in said
+    assert "internal error" not in said
+    (log,) = tmp_path.iterdir()
+    assert text in log.read_text()
+
+
+def test_sigterm_ends_a_run_in_one_line(tmp_path):
+    """Workers are running by then."""
+    words = ["run", "path.duration=20", "rig.width=128", "rig.height=96"]
+    with subprocess.Popen(
+        [*STIXEL, *words, "--results", str(tmp_path / "results")],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"STIXEL_CACHE": str(tmp_path / "cache")},
+    ) as process:
+        for line in process.stderr:
+            if "running" in line:
+                break
+        process.terminate()
+        out, err = process.communicate(timeout=120)
+    assert process.returncode == 130
+    lines = [line for line in err.splitlines() if not line.startswith("stixel: [")]
+    assert lines == ["stixel: interrupted; what was computed is kept"]
+    assert out == ""
+    assert not list((tmp_path / "results").glob("*/*"))
 
 
 def test_a_crash_without_a_log_is_shown(stand_in, capsys, monkeypatch):

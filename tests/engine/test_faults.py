@@ -21,12 +21,15 @@ from stixel_cli.engine.upkeep import collect, entries, verify_all
 
 def test_a_stage_that_raises(project):
     project.add_line("gather", "raise ValueError('no such thing')")
-    with pytest.raises(StageFailure, match=r"^gather: ValueError: no such thing$") as caught:
+    with pytest.raises(StageFailure, match=r"^gather: ValueError: no such thing\n") as caught:
         project.run(executor="local")
     failure = caught.value
     assert (failure.stage, failure.label) == ("gather", "gather")
     assert isinstance(failure.cause, ValueError) and failure.__cause__ is failure.cause
     assert "in gather" in failure.traceback_text and "run_task" not in failure.traceback_text
+    assert failure.traceback_text in failure.__notes__, "Python shows where it happened"
+    assert "gather.py, line " in failure.place
+    assert failure.place.endswith("; raise ValueError('no such thing')`")
     project.calls()
     project.edit("gather", "; raise ValueError('no such thing')", "")
     project.run()

@@ -70,6 +70,11 @@ def flip(path):
     path.write_bytes(content)
 
 
+def put_folder(path):
+    path.unlink()
+    path.mkdir()
+
+
 def change_notes(entry, **notes):
     """Other notes, as valid as those before, under the digest of those before."""
     found = json.loads((entry / META).read_text())
@@ -90,6 +95,8 @@ def old_notes(entry):
         (lambda entry: (entry / VALUE).write_bytes((entry / VALUE).read_bytes()[:-9]), "cut short"),
         (lambda entry: (entry / VALUE).write_bytes(b""), "cut short"),
         (lambda entry: (entry / VALUE).unlink(), "value.joblib is missing"),
+        (lambda entry: put_folder(entry / VALUE), "value.joblib is a folder"),
+        (lambda entry: put_folder(entry / META), "meta.json is a folder"),
         (lambda entry: (entry / META).write_text("{"), "notes are damaged"),
         (lambda entry: (entry / META).write_text("[]"), "notes are damaged"),
         (lambda entry: (entry / META).unlink(), "meta.json is missing"),
