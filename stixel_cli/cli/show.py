@@ -51,10 +51,10 @@ def show_command(folder: Path, json: bool) -> int:
 
 def _show_sweep(folder: Path, json: bool) -> int:
     """Print what was asked of a sweep, what became of its runs, and its statistics."""
-    from stixel_cli.sweeps.folder import RUNS, SweepFolder
+    from stixel_cli.sweeps.folder import TABLE, SweepFolder
 
     notes = SweepFolder(folder).request().notes
-    with_status = _read_rows(folder / RUNS)
+    with_status = _read_rows(folder / TABLE)
     statuses = Counter(row.get("status") or "missing" for row in with_status)
     if json:
         answer = {"folder": str(folder), "notes": dict(notes), "runs": with_status}
