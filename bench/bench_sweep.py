@@ -1,4 +1,4 @@
-"""What a sweep costs beside the work: planning 1,000 points (goal 3 s), 200 tracker points (60 s).
+"""What a sweep costs beside the work: planning 1,000 runs (goal 3 s), 200 tracker runs (60 s).
 
 pytest bench/bench_sweep.py
 """
@@ -13,8 +13,8 @@ from stixel_cli.cli.plan import plan_command
 from stixel_cli.config.compose import compose
 from stixel_cli.config.compose_many import Composer
 from stixel_cli.engine.store import Store
-from stixel_cli.sweeps.graphs import plan_points, plan_sweep
-from stixel_cli.sweeps.points import design_points, sweep_design
+from stixel_cli.sweeps.graphs import plan_runs, plan_sweep
+from stixel_cli.sweeps.runs import design_runs, sweep_design
 from stixel_cli.sweeps.whole import new_sweep
 
 LINES = {
@@ -23,7 +23,7 @@ LINES = {
     "1,000 seeds, fabricated": ["measurement=fabricated", "seed=range(1000)"],
 }
 GROUPS = ["road_user=glob(*)", "path=glob(*)", "ego=glob(*)", "rig=glob(*)", "stereo=glob(*)"]
-TRACKER_POINTS = 200
+TRACKER_RUNS = 200
 
 
 @pytest.fixture
@@ -32,17 +32,17 @@ def cache(tmp_path, monkeypatch):
     return Store(tmp_path / "cache")
 
 
-@pytest.mark.benchmark(group="plan of 1,000 points, all cached")
+@pytest.mark.benchmark(group="plan of 1,000 runs, all cached")
 @pytest.mark.parametrize("line", LINES)
 def test_plan(benchmark, cache, capsys, line):
     """`stixel plan` without the start of the process."""
-    plan = plan_sweep(plan_points(design_points(sweep_design(LINES[line]))), cache)
+    plan = plan_sweep(plan_runs(design_runs(sweep_design(LINES[line]))), cache)
     for key in plan.needed:
         cache.save(key, None)
-    assert len(plan.points) == 1000
+    assert len(plan.runs) == 1000
     benchmark.pedantic(plan_command, args=(LINES[line], None, False), rounds=3)
     benchmark.extra_info["nodes"] = len(plan.needed)
-    assert "1000 points, 1000 complete" in capsys.readouterr().out
+    assert "1000 runs, 1000 complete" in capsys.readouterr().out
 
 
 @pytest.mark.benchmark(group="200 configurations")
@@ -51,7 +51,7 @@ def test_plan(benchmark, cache, capsys, line):
 def test_compose(benchmark, how, what):
     """By Hydra and OmegaConf one after the other, and by plain dicts."""
     line = ["tracker.sigma_q=range(0.1,20.1,0.1)"] if what == "keys" else GROUPS
-    texts = [point.overrides for point in design_points(sweep_design(line))][:200]
+    texts = [run.overrides for run in design_runs(sweep_design(line))][:200]
     one = compose if how == "compose" else None
 
     def run(each):
@@ -60,34 +60,34 @@ def test_compose(benchmark, how, what):
     benchmark.pedantic(run, setup=lambda: ((one or Composer().compose,), {}), rounds=1)
 
 
-@pytest.mark.benchmark(group="200 tracker points on cached measurements")
+@pytest.mark.benchmark(group="200 tracker runs on cached measurements")
 @pytest.mark.parametrize("how", ["plain calls", "sweep"])
-def test_tracker_points(benchmark, cache, tmp_path, how):
+def test_tracker_runs(benchmark, cache, tmp_path, how):
     """100 scans each, two workers; beside the same calls in one process with nothing stored."""
     line = ["measurement=fabricated", "tracker.sigma_q=range(0.1,20.1,0.1)"]
     made = new_sweep([*line[:1], "tracker.sigma_q=30,31"])
     assert made.complete
-    plan = plan_sweep(plan_points(design_points(sweep_design(line))), cache)
+    plan = plan_sweep(plan_runs(design_runs(sweep_design(line))), cache)
     assert {stage.name for stage in plan.stages if stage.to_run} == {"track", "scores"}
     if how == "sweep":
         result = benchmark.pedantic(
             new_sweep, args=(line,), kwargs={"results": tmp_path / "results"}, rounds=1
         )
-        assert result.computed == 2 * TRACKER_POINTS
+        assert result.computed == 2 * TRACKER_RUNS
         return
     from stixel_cli.engine.one_thread import one_thread
     from stixel_cli.evaluation.evaluate import evaluate
     from stixel_cli.tracking.gp_ekf import track
 
-    graph = plan.points[0].graph
+    graph = plan.runs[0].graph
     given = SimpleNamespace(
         **{name: cache.load(graph.of_stage(name)[0].key) for name in ("scans", "start", "scenario")}
     )
 
     def calls():
         with one_thread():
-            for planned in plan.points:
-                configuration = planned.point.composition.configuration
+            for planned in plan.runs:
+                configuration = planned.run.composition.configuration
                 found = track(given.scans, given.start, configuration.prior, configuration.tracker)
                 evaluate(found, given.scenario, given.scans)
 
@@ -95,11 +95,11 @@ def test_tracker_points(benchmark, cache, tmp_path, how):
 
 
 def test_the_whole_process(tmp_path, cache):
-    """`stixel plan` of 1,000 cached points as one types it; printed, not asserted."""
+    """`stixel plan` of 1,000 cached runs as one types it; printed, not asserted."""
     import subprocess
 
     line = LINES["1,000 settings, simulated"]
-    plan = plan_sweep(plan_points(design_points(sweep_design(line))), cache)
+    plan = plan_sweep(plan_runs(design_runs(sweep_design(line))), cache)
     for key in plan.needed:
         cache.save(key, None)
     started = time.perf_counter()

@@ -19,8 +19,8 @@ from stixel_cli.experiment.stored_run import read_stored_run
 from stixel_cli.results.reader import SWEEP_FILE
 from stixel_cli.results.text import json_text
 from stixel_cli.sweeps.folder import SweepFolder
-from stixel_cli.sweeps.graphs import PlannedPoint, SweepPlan
-from stixel_cli.sweeps.points import compose_points, design_points, sweep_design
+from stixel_cli.sweeps.graphs import PlannedRun, SweepPlan
+from stixel_cli.sweeps.runs import compose_runs, design_runs, sweep_design
 from stixel_cli.sweeps.whole import planned_sweep
 
 MOST_LINES = 30
@@ -33,17 +33,17 @@ class _Asked:
 
     Attributes:
         graph, targets, store: of the nodes.
-        points: those of a sweep; none of a run.
+        runs: those of a sweep; none of a run.
     """
 
     graph: Graph
     targets: list[str]
     store: Store
-    points: tuple[PlannedPoint, ...] = ()
+    runs: tuple[PlannedRun, ...] = ()
 
 
 def explain_command(what: Sequence[str], json: bool, file: str | None = None) -> int:
-    """Print why each node of a run, or of all points of a sweep, would be computed; the exit code.
+    """Print why each node of a run, or of all runs of a sweep, would be computed; the exit code.
 
     `what` is one result folder, or overrides; `file` describes a sweep's axes.
 
@@ -53,7 +53,7 @@ def explain_command(what: Sequence[str], json: bool, file: str | None = None) ->
     asked = _asked(what, file)
     with told_in_one_line():
         found = explain(asked.graph, asked.store, asked.targets)
-    needed_by = _needed_by(asked.points, {one.key for one in found})
+    needed_by = _needed_by(asked.runs, {one.key for one in found})
     if json:
         sys.stdout.write(json_text([_as_json(one, needed_by.get(one.key)) for one in found]))
         return 0
@@ -62,8 +62,8 @@ def explain_command(what: Sequence[str], json: bool, file: str | None = None) ->
         first, last = group[0].label, group[-1].label
         labels = first if first == last else f"{first} … {last}"
         labels += f", {len(group)} nodes" if len(group) > 1 else ""
-        points = sorted({index for one in group for index in needed_by.get(one.key, ())})
-        where = f" ({shown_points(points, len(asked.points))})" if asked.points else ""
+        runs = sorted({index for one in group for index in needed_by.get(one.key, ())})
+        where = f" ({shown_runs(runs, len(asked.runs))})" if asked.runs else ""
         sys.stdout.write(f"{labels}{where}: {text}\n")
         for change in (*group[0].changes, *group[0].roots):
             if change.difference and change.difference not in shown:
@@ -90,8 +90,8 @@ def _asked(what: Sequence[str], file: str | None) -> _Asked:
         if (folder / SWEEP_FILE).exists():
             request = SweepFolder(folder).request()
             composer = Composer(request.working_directory)
-            points = compose_points(request.points, request.keys, composer)
-            return _of_points(*planned_sweep(points, None, request.pictures, request.steps))
+            runs = compose_runs(request.runs, request.keys, composer)
+            return _of_runs(*planned_sweep(runs, None, request.pictures, request.steps))
         stored = read_stored_run(folder)
         return _of_run(stored.composition, stored.pictures)
     folders = [text for text in what if "=" not in text and os.path.isdir(text)]
@@ -101,10 +101,10 @@ def _asked(what: Sequence[str], file: str | None) -> _Asked:
     if lost:
         raise UserError(f"{lost[0]}: there is no such folder")
     design = sweep_design(what, file, one_is_enough=True)
-    points = design_points(design)
+    runs = design_runs(design)
     if not design.axes:
-        return _of_run(points[0].composition, pictures=True)
-    return _of_points(*planned_sweep(points, None, False))
+        return _of_run(runs[0].composition, pictures=True)
+    return _of_runs(*planned_sweep(runs, None, False))
 
 
 def _of_run(composition: Composition, pictures: bool) -> _Asked:
@@ -114,16 +114,16 @@ def _of_run(composition: Composition, pictures: bool) -> _Asked:
     return _Asked(graph, targets(graph, pictures), store)
 
 
-def _of_points(plan: SweepPlan, _: Sequence[str]) -> _Asked:
-    store = open_store(plan.points[0].point.composition.configuration.cache)
-    wanted = dict.fromkeys(target for one in plan.points for target in one.targets)
-    return _Asked(plan.graph, list(wanted), store, plan.points)
+def _of_runs(plan: SweepPlan, _: Sequence[str]) -> _Asked:
+    store = open_store(plan.runs[0].run.composition.configuration.cache)
+    wanted = dict.fromkeys(target for one in plan.runs for target in one.targets)
+    return _Asked(plan.graph, list(wanted), store, plan.runs)
 
 
-def _needed_by(points: Sequence[PlannedPoint], missing: set[str]) -> dict[str, list[int]]:
-    """Indices of the points for which each node that is missing would run."""
+def _needed_by(runs: Sequence[PlannedRun], missing: set[str]) -> dict[str, list[int]]:
+    """Indices of the runs for which each node that is missing would run."""
     needed: dict[str, list[int]] = {}
-    for one in points:
+    for one in runs:
         found: set[str] = set()
         pending = [key for key in one.targets if key in missing]
         while pending:
@@ -133,27 +133,27 @@ def _needed_by(points: Sequence[PlannedPoint], missing: set[str]) -> dict[str, l
                 # What a stored result was made of is not needed, be it missing or not.
                 pending += [s for s in one.graph.nodes[key].sources if s in missing]
         for key in found:
-            needed.setdefault(key, []).append(one.point.index)
+            needed.setdefault(key, []).append(one.run.index)
     return needed
 
 
-def shown_points(points: Sequence[int], count: int) -> str:
-    """Indices in ascending order, as `points 0-4, 7`; `all 8 points` where none is left out."""
-    if len(points) == count:
-        return f"all {count} points"
+def shown_runs(runs: Sequence[int], count: int) -> str:
+    """Indices in ascending order, as `runs 0-4, 7`; `all 8 runs` where none is left out."""
+    if len(runs) == count:
+        return f"all {count} runs"
     # Consecutive numbers differ from their places by the same amount.
-    runs = [list(run) for _, run in groupby(enumerate(points), lambda at: at[1] - at[0])]
-    ends = [(run[0][1], run[-1][1]) for run in runs]
+    ranges = [list(one) for _, one in groupby(enumerate(runs), lambda at: at[1] - at[0])]
+    ends = [(one[0][1], one[-1][1]) for one in ranges]
     shown = ", ".join(str(a) if a == b else f"{a}-{b}" for a, b in ends)
-    return f"point{'' if len(points) == 1 else 's'} {shown}"
+    return f"run{'' if len(runs) == 1 else 's'} {shown}"
 
 
-def _as_json(one: Explanation, points: Sequence[int] | None) -> dict:
+def _as_json(one: Explanation, runs: Sequence[int] | None) -> dict:
     return {
         "key": one.key,
         "stage": one.stage,
         "node": one.label,
-        **({} if points is None else {"points": sorted(points)}),
+        **({} if runs is None else {"runs": sorted(runs)}),
         "why": [
             {
                 "kind": c.kind,

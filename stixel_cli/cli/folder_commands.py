@@ -137,7 +137,7 @@ def play(
     \b
     Examples:
       stixel play results/gp results/point
-      stixel play results/sweep/points/0003
+      stixel play results/sweep/runs/0003
     """
     with interruptible():
         from stixel_cli.cli.play import play_command

@@ -11,7 +11,7 @@ from stixel_cli.experiment.run import CAMERA, RESULTS
 from stixel_cli.results.folder import json_text
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.graphs import SweepPlan
-from stixel_cli.sweeps.points import design_points, sweep_design
+from stixel_cli.sweeps.runs import design_runs, sweep_design
 from stixel_cli.sweeps.whole import planned_sweep
 
 AS_RUN = (
@@ -35,11 +35,11 @@ def plan_command(
         UserError: for whatever the user can put right.
     """
     design = sweep_design(with_workers(overrides, workers), file, one_is_enough=True)
-    points = design_points(design)
+    runs = design_runs(design)
     if design.axes:
-        plan, notes = planned_sweep(points, None, pictures)
+        plan, notes = planned_sweep(runs, None, pictures)
     else:
-        plan, notes = planned_sweep(points, None, pictures=True, steps=(*RESULTS, CAMERA))
+        plan, notes = planned_sweep(runs, None, pictures=True, steps=(*RESULTS, CAMERA))
         notes = [AS_RUN, *notes]
     print_plan(plan, design, notes, json)
     return 0
@@ -73,7 +73,7 @@ def print_plan(plan: SweepPlan, design: Design, notes: Sequence[str], json: bool
     print_table(("stage", "nodes", "cached", "to run", "time"), rows, right=(1, 2, 3, 4))
     counts = content["nodes"]
     console.print(
-        f"{_many(content['points'], 'point')}, {content['points_cached']} complete; "
+        f"{_many(content['runs'], 'run')}, {content['runs_cached']} complete; "
         f"{_many(counts['all'], 'node')}, {counts['cached']} cached, {counts['to_run']} to run"
         f"{_estimate(plan, content)}"
     )
@@ -81,11 +81,11 @@ def print_plan(plan: SweepPlan, design: Design, notes: Sequence[str], json: bool
 
 def plan_content(plan: SweepPlan, design: Design, notes: Sequence[str]) -> dict[str, Any]:
     """A plan in plain types."""
-    configuration = plan.points[0].point.composition.configuration
+    configuration = plan.runs[0].run.composition.configuration
     seconds = plan.seconds(configuration.executor.workers)
     return {
-        "points": len(plan.points),
-        "points_cached": plan.complete_points(),
+        "runs": len(plan.runs),
+        "runs_cached": plan.complete_runs(),
         "nodes": {
             "all": len(plan.needed),
             "cached": len(plan.needed) - len(plan.missing),

@@ -50,18 +50,18 @@ def show_command(folder: Path, json: bool) -> int:
 
 
 def _show_sweep(folder: Path, json: bool) -> int:
-    """Print what was asked of a sweep, what became of its points, and its statistics."""
-    from stixel_cli.sweeps.folder import RUNS, SweepFolder
+    """Print what was asked of a sweep, what became of its runs, and its statistics."""
+    from stixel_cli.sweeps.folder import TABLE, SweepFolder
 
     notes = SweepFolder(folder).request().notes
-    with_status = _read_rows(folder / RUNS)
+    with_status = _read_rows(folder / TABLE)
     statuses = Counter(row.get("status") or "missing" for row in with_status)
     if json:
-        answer = {"folder": str(folder), "notes": dict(notes), "points": with_status}
+        answer = {"folder": str(folder), "notes": dict(notes), "runs": with_status}
         sys.stdout.write(json_text(answer))
         return 0
-    points = ", ".join(f"{count} {status}" for status, count in statuses.items())
-    rows = [("points", points or "none has run")]
+    runs = ", ".join(f"{count} {status}" for status, count in statuses.items())
+    rows = [("runs", runs or "none has run")]
     rows += [(name, str(notes[name])) for name in ("command", "created") if name in notes]
     print_table(("of the sweep", str(folder)), rows, width=WIDTH)
     summary = folder / "summary.md"

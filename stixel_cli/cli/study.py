@@ -136,10 +136,10 @@ class _Command:
                 tell(f"part {state.name}: {fault}")
         if missing:
             counts = ", ".join(
-                f"{state.name} {state.done} of {state.points if state.points else '?'}"
+                f"{state.name} {state.done} of {state.runs if state.runs else '?'}"
                 for state in missing
             )
-            tell(f"no statistics: points are not there: {counts}; {result.page} says so")
+            tell(f"no statistics: runs are not there: {counts}; {result.page} says so")
             print(self.text, file=sys.stderr)  # noqa: T201
         return _answer(plan, result), INCOMPLETE if missing else 0
 
@@ -176,7 +176,7 @@ def _answer(plan: StudyPlan, result: StudyResult) -> dict[str, Any]:
         "nodes": {"computed": result.computed, "cached": result.cached},
         "parts": {
             state.name: {
-                "points": state.points,
+                "runs": state.runs,
                 "done": state.done,
                 "folder": str(state.folder),
                 "faults": list(state.faults),
@@ -201,7 +201,7 @@ def _print(plan: StudyPlan, result: StudyResult) -> None:
             console.print(table.caption, markup=False)
     done = sum(state.done for state in result.parts)
     console.print(
-        f"{done} points done; nodes: {result.computed} computed, {result.cached} cached; "
+        f"{done} runs done; nodes: {result.computed} computed, {result.cached} cached; "
         f"{result.seconds:.1f} s"
     )
     console.print(str(result.page), markup=False)

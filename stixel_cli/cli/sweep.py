@@ -1,4 +1,4 @@
-"""`stixel sweep`: many points, from overrides or a file to a sweep's folder."""
+"""`stixel sweep`: many runs, from overrides or a file to a sweep's folder."""
 
 import sys
 import time
@@ -12,9 +12,9 @@ from stixel_cli.cli.run import with_workers
 from stixel_cli.cli.terminal import print_table
 from stixel_cli.errors import UserError
 from stixel_cli.results.folder import check_name, json_text
-from stixel_cli.sweeps.points import design_points, sweep_design
 from stixel_cli.sweeps.results import FAILED, SKIPPED, SweepResult
 from stixel_cli.sweeps.run import resume_command
+from stixel_cli.sweeps.runs import design_runs, sweep_design
 from stixel_cli.sweeps.whole import new_sweep, planned_sweep, resumed_sweep
 
 INCOMPLETE = 1
@@ -33,7 +33,7 @@ def sweep_command(
     shuffle: int | None,
     pictures: bool = False,
 ) -> int:
-    """Run a sweep, or go on with one; the exit code is 1 if a point is not there in the end.
+    """Run a sweep, or go on with one; the exit code is 1 if a run is not there in the end.
 
     Args:
         overrides: in Hydra's grammar, with its sweeps.
@@ -45,8 +45,8 @@ def sweep_command(
         dry_run: print what would be computed, and write nothing.
         resume: the folder of a sweep to go on with; then nothing else is given but `workers`, and
             overrides of executor and cache.
-        shuffle: seed of the order in which the points run; None for theirs.
-        pictures: draw every point's pictures.
+        shuffle: seed of the order in which the runs run; None for theirs.
+        pictures: draw every run's pictures.
 
     Raises:
         UserError: for whatever the user can put right, before anything is computed.
@@ -61,7 +61,7 @@ def sweep_command(
         if dry_run:
             check_name(results, name)
             design = sweep_design(overrides, file, shuffle)
-            plan, notes = planned_sweep(design_points(design), shuffle, pictures)
+            plan, notes = planned_sweep(design_runs(design), shuffle, pictures)
             print_plan(plan, design, notes, json)
             return 0
         result = new_sweep(
@@ -96,7 +96,7 @@ def _report(result: SweepResult, json: bool, seconds: float) -> None:
         if result.statistics:
             _print_statistics(console, result)
         console.print(
-            f"{result.count('done')} of {len(result.points)} points done; nodes: "
+            f"{result.count('done')} of {len(result.runs)} runs done; nodes: "
             f"{result.computed} computed, {result.cached} cached; {seconds:.1f} s"
         )
         console.print(str(result.folder), markup=False)
@@ -112,7 +112,7 @@ def _answer(result: SweepResult) -> dict[str, Any]:
         "folder": str(result.folder.absolute()),
         "complete": result.complete,
         "nodes": {"computed": result.computed, "cached": result.cached},
-        "points": result.records,
+        "runs": result.records,
         "summary": summary_records(result.statistics),
         "incomplete": [vars(one) for one in result.incomplete],
     }
@@ -129,7 +129,7 @@ def _print_statistics(console: Any, result: SweepResult) -> None:
         by_setting.setdefault(tuple(one.setting.items()), {})[one.metric] = one
     names = [name for name in SHOWN if any(name in row for row in by_setting.values())]
     spread = any(one.low is not None for one in result.statistics)
-    keys = list(result.points[0].planned.point.setting)
+    keys = list(result.runs[0].planned.run.setting)
     header = [*keys, "n", *(heading(name) for name in names)]
     rows = []
     for setting, row in list(by_setting.items())[: 2 * _MOST_SHOWN]:
@@ -152,15 +152,15 @@ def _print_statistics(console: Any, result: SweepResult) -> None:
 def _tell_what_is_missing(result: SweepResult) -> None:
     lines = []
     for status in (FAILED, SKIPPED):
-        points = [point for point in result.points if point.status == status]
-        for one in points[:_MOST_SHOWN]:
-            point = one.planned.point
+        runs = [run for run in result.runs if run.status == status]
+        for one in runs[:_MOST_SHOWN]:
+            run = one.planned.run
             reason = " ".join(str(one.failure).split())
-            lines.append(f"point {point.index} {status} ({point.label}): {reason}")
-        if len(points) > _MOST_SHOWN:
-            lines.append(f"{len(points) - _MOST_SHOWN} more points {status}, see runs.csv")
-    lacking = len(result.points) - result.count("done")
-    where = f"{lacking} of {len(result.points)} points are not there"
+            lines.append(f"run {run.index} {status} ({run.label}): {reason}")
+        if len(runs) > _MOST_SHOWN:
+            lines.append(f"{len(runs) - _MOST_SHOWN} more runs {status}, see runs.csv")
+    lacking = len(result.runs) - result.count("done")
+    where = f"{lacking} of {len(result.runs)} runs are not there"
     if result.statistics:
         named = "; ".join(one.label for one in result.incomplete[:_MOST_SHOWN])
         more = len(result.incomplete) - _MOST_SHOWN

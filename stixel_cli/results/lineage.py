@@ -143,7 +143,7 @@ def shared_code(lineage: Lineage) -> tuple[str, str]:
     return digest(text)[:_CODE_DIGITS], text
 
 
-def point_lineage_text(lineage: Lineage, code: str) -> str:
+def run_lineage_text(lineage: Lineage, code: str) -> str:
     """The lineage of a sweep's point, which refers to its code, see `shared_code`."""
     return _compact({"stages": stages_tree(lineage), "code": code})
 

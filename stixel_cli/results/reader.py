@@ -67,8 +67,8 @@ def check_folder(path: Path) -> None:
     if not path.is_dir():
         raise UserError(f"{path}: not a folder; name the result folder of a run")
     if (path / SWEEP_FILE).exists():
-        point = path / "points" / "0000"
-        raise UserError(f"{path}: the folder of a sweep; name one of its points, such as {point}")
+        first = path / "runs" / "0000"
+        raise UserError(f"{path}: the folder of a sweep; name one of its runs, such as {first}")
     if not (path / "manifest.json").exists():
         raise UserError(f"{path}: no result folder of a run (manifest.json is missing)")
 

@@ -12,7 +12,7 @@ from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.results.reader import SERIES, read_series
-from stixel_cli.studies.types import Part, StudyPoint
+from stixel_cli.studies.types import Part, StudyRun
 from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.results import SweepResult
 
@@ -57,21 +57,21 @@ def part_of(name: str, result: SweepResult, store: Store, seconds: NodeSeconds) 
     """
     folder = SweepFolder(result.folder)
     points = []
-    for one in result.points:
-        planned, point = one.planned, one.planned.point
+    for one in result.runs:
+        planned, point = one.planned, one.planned.run
         points.append(
-            StudyPoint(
+            StudyRun(
                 index=point.index,
                 setting=point.setting,
                 seed=point.seed,
                 configuration=point.composition.configuration,
                 metrics=one.metrics,
-                scores=_scores(folder.point(point.index), one.metrics),
+                scores=_scores(folder.run(point.index), one.metrics),
                 cpu_seconds=seconds.by_stage([(planned.graph, planned.targets)]),
                 load=_loader(planned.graph, store),
             )
         )
-    keys = tuple(result.points[0].planned.point.settings)
+    keys = tuple(result.runs[0].planned.run.settings)
     return Part(name, keys, tuple(points))
 
 

@@ -64,7 +64,7 @@ def overridden(
                 without = ""
                 if texts[0] in changed.fixed:
                     changed, without = _where_it_fits(changed, texts[0], composer)
-                _first_point(changed, composer)
+                _first_run(changed, composer)
                 designs[i] = changed
                 if without:
                     notes.append(f"{given}: left out of part {names[i]} with {without}")
@@ -135,7 +135,7 @@ def _refuse_option(design: Design, key: str) -> None:
         raise ConfigurationError(f"{key}: its axes are made for {own}")
 
 
-def _first_point(design: Design, composer: Composer) -> None:
+def _first_run(design: Design, composer: Composer) -> None:
     first = next(iter(design.combinations(composer)), None)
     if first is not None:
         composer.compose((*design.fixed, *first))

@@ -14,7 +14,7 @@ from stixel_cli.studies.file import PartFile, StudyFile
 from stixel_cli.studies.overrides import key_of, overridden
 from stixel_cli.sweeps.design import Design, check_size
 from stixel_cli.sweeps.graphs import SweepPlan
-from stixel_cli.sweeps.points import design_points
+from stixel_cli.sweeps.runs import design_runs
 from stixel_cli.sweeps.whole import planned_sweep
 
 _NOT_PLAIN = re.compile(r"[^A-Za-z0-9_.+=,-]+")
@@ -125,12 +125,12 @@ def derived_design(plan: StudyPlan, one: PlannedPart, axes: list[dict[str, list]
 def _plan(part: PartFile, design: Design) -> tuple[SweepPlan, tuple[str, ...]]:
     try:
         check_size(design, one_is_enough=True)
-        plan, notes = planned_sweep(design_points(design), None, False, part.steps)
+        plan, notes = planned_sweep(design_runs(design), None, False, part.steps)
     except ConfigurationError as fault:
         raise ConfigurationError(f"part {part.name}: {fault}") from None
     for step in part.steps:
-        if not any(step in point.graph.stages for point in plan.points):
-            known = sorted({name for point in plan.points for name in point.graph.stages})
+        if not any(step in point.graph.stages for point in plan.runs):
+            known = sorted({name for point in plan.runs for name in point.graph.stages})
             hint = messages.suggestion(step, known) or f" (steps: {', '.join(known)})"
             raise ConfigurationError(
                 f"part {part.name}: results: no pipeline of its points has a step "

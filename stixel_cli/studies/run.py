@@ -23,9 +23,9 @@ from stixel_cli.studies.state import Origin, PartState
 from stixel_cli.studies.types import Findings, Part, StudyData
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.folder import SweepFolder
-from stixel_cli.sweeps.points import design_points
 from stixel_cli.sweeps.results import SKIPPED, SweepResult
 from stixel_cli.sweeps.run import SweepInterrupted
+from stixel_cli.sweeps.runs import design_runs
 from stixel_cli.sweeps.whole import designed_sweep, resumed_sweep
 
 _GO_ON = "; go on with: "
@@ -116,7 +116,7 @@ class _Run:
         self.parts: dict[str, Part] = {}
         """Data of the parts that are complete."""
         self.started = time.perf_counter()
-        self.first = next(p.plan.points[0].point.composition for p in plan.parts if p.plan)
+        self.first = next(p.plan.runs[0].run.composition for p in plan.parts if p.plan)
         self.store = open_store(self.first.configuration.cache)
         self.node_seconds = NodeSeconds(self.store)
 
@@ -148,7 +148,7 @@ class _Run:
             overrides=self.plan.overrides,
             notes=self.plan.notes,
             seeds={
-                name: sorted({point.planned.point.seed for point in result.points})
+                name: sorted({point.planned.run.seed for point in result.runs})
                 for name, result in self.results.items()
             },
             provenance=provenance(),
@@ -157,7 +157,7 @@ class _Run:
                 [
                     (point.planned.graph, point.planned.targets)
                     for result in self.results.values()
-                    for point in result.points
+                    for point in result.runs
                 ]
             ),
             elapsed=time.perf_counter() - self.started,
@@ -186,7 +186,7 @@ class _Run:
         keys = {
             target
             for result in self.results.values()
-            for point in result.points
+            for point in result.runs
             for target in point.planned.targets
         }
         return lease(self.store.folder, sorted(keys))
@@ -196,8 +196,8 @@ class _Run:
         label = f"{self.plan.study.name} {name}"
         if (path / "sweep.yaml").exists():
             request = SweepFolder(path).request()
-            texts = [point.overrides for point in design_points(design)]
-            same = _results(request.points) == _results(texts)
+            texts = [point.overrides for point in design_runs(design)]
+            same = _results(request.runs) == _results(texts)
             if same and request.steps == one.part.steps:
                 return resumed_sweep(
                     path,
@@ -217,24 +217,24 @@ class _Run:
     def _state(self, one: PlannedPart) -> PartState:
         name = one.part.name
         folder = self.folder.part(name)
-        count = len(one.plan.points) if one.plan is not None else None
+        count = len(one.plan.runs) if one.plan is not None else None
         result = self.results.get(name)
         if result is None:
-            done = len(list(folder.glob("points/[0-9]*")))
+            done = len(list(folder.glob("runs/[0-9]*")))
             why = "interrupted" if done else "not come to"
             if count is None and not done:
                 why = "its axes follow from the parts before"
             return PartState(name, count, done, (why,), folder)
         faults = []
-        failed = [point for point in result.points if point.failure is not None]
+        failed = [point for point in result.runs if point.failure is not None]
         for point in failed[:_MOST_FAILURES]:
             reason = messages.printable(" ".join(str(point.failure).split()), 300)
             also = " (as another)" if point.status == SKIPPED else ""
-            faults.append(f"{point.planned.point.label}: {reason}{also}")
+            faults.append(f"{point.planned.run.label}: {reason}{also}")
         if len(failed) > _MOST_FAILURES:
             faults.append(f"and {len(failed) - _MOST_FAILURES} more, see runs.csv")
         done = result.count("done")
-        return PartState(name, len(result.points), done, tuple(faults), folder)
+        return PartState(name, len(result.runs), done, tuple(faults), folder)
 
 
 def _results(points: Sequence[Sequence[str]]) -> list[list[str]]:

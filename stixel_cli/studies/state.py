@@ -12,14 +12,14 @@ class PartState:
 
     Attributes:
         name: of the part.
-        points: how many it has; None where that is not known yet.
+        runs: how many it has; None where that is not known yet.
         done: how many of them are there.
         faults: why the others are not, a line each.
         folder: of its sweep.
     """
 
     name: str
-    points: int | None
+    runs: int | None
     done: int
     faults: tuple[str, ...]
     folder: Path
@@ -27,7 +27,7 @@ class PartState:
     @property
     def complete(self) -> bool:
         """Whether every point is there."""
-        return self.done == self.points
+        return self.done == self.runs
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from stixel_cli.evaluation.scores import Scores
 
 
 @dataclass(frozen=True)
-class StudyPoint:
+class StudyRun:
     """One experiment of a part.
 
     Attributes:
@@ -41,7 +41,7 @@ class Part:
 
     name: str
     keys: tuple[str, ...]
-    points: tuple[StudyPoint, ...]
+    runs: tuple[StudyRun, ...]
 
 
 @dataclass(frozen=True)

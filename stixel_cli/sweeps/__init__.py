@@ -1,1 +1,1 @@
-"""Sweeps: many points as one graph, with tables and figures over all of them."""
+"""Sweeps: many runs as one graph, with tables and figures over all of them."""

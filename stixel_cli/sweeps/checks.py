@@ -5,26 +5,26 @@ from collections.abc import Sequence
 
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.sweeps.design import SEED
-from stixel_cli.sweeps.graphs import PlannedPoint
+from stixel_cli.sweeps.graphs import PlannedRun
 
 
-def check_axes(planned: Sequence[PlannedPoint]) -> list[str]:
-    """Refuse an axis that no stage reads; notes on those that only some points' stages read.
+def check_axes(planned: Sequence[PlannedRun]) -> list[str]:
+    """Refuse an axis that no stage reads; notes on those that only some runs' stages read.
 
-    Two points whose results have the same keys are the same experiment, whatever they are called.
+    Two runs whose results have the same keys are the same experiment, whatever they are called.
 
     Raises:
         ConfigurationError: in one line that names the axis.
     """
     notes = []
-    for key in planned[0].point.settings:
+    for key in planned[0].run.settings:
         if key.partition(".")[0] in ("executor", "cache"):
             raise ConfigurationError(f"{key}: no result depends on it: give it one value")
-    for key in planned[0].point.settings:
+    for key in planned[0].run.settings:
         groups: dict[tuple, set[tuple[str, ...]]] = defaultdict(set)
         sizes: dict[tuple, int] = defaultdict(int)
         for one in planned:
-            others = tuple(v for name, v in one.point.settings.items() if name != key)
+            others = tuple(v for name, v in one.run.settings.items() if name != key)
             groups[others].add(one.targets)
             sizes[others] += 1
         several = [group for group, size in sizes.items() if size > 1]
@@ -35,34 +35,34 @@ def check_axes(planned: Sequence[PlannedPoint]) -> list[str]:
         if len(idle) == len(several):
             raise ConfigurationError(_unread(key, planned))
         if idle and key != SEED:
-            labels = [name for name in planned[0].point.settings if name != key]
+            labels = [name for name in planned[0].run.settings if name != key]
             first = " ".join(f"{k}={v}" for k, v in zip(labels, idle[0], strict=True))
             notes.append(
                 f"{key}: no stage reads it in {len(idle)} of {len(several)} settings of the other "
-                f"axes ({first}), whose points are equal"
+                f"axes ({first}), whose runs are equal"
             )
-    return notes + _equal_points(planned, notes)
+    return notes + _equal_runs(planned, notes)
 
 
-def _unread(key: str, planned: Sequence[PlannedPoint]) -> str:
+def _unread(key: str, planned: Sequence[PlannedRun]) -> str:
     if key.startswith("pictures"):
         return f"{key}: a sweep draws no pictures unless --pictures is given: no stage reads it"
-    choices = planned[0].point.composition.choices
+    choices = planned[0].run.composition.choices
     return (
         f"{key}: no stage reads it with measurement={choices.get('measurement')} and "
-        f"path={choices.get('path')}: its points would all be equal"
+        f"path={choices.get('path')}: its runs would all be equal"
     )
 
 
-def _equal_points(planned: Sequence[PlannedPoint], notes: list[str]) -> list[str]:
+def _equal_runs(planned: Sequence[PlannedRun], notes: list[str]) -> list[str]:
     if notes:
         return []
-    seen: dict[tuple[str, ...], PlannedPoint] = {}
+    seen: dict[tuple[str, ...], PlannedRun] = {}
     for one in planned:
         other = seen.setdefault(one.targets, one)
         if other is not one:
             return [
-                f"points {other.point.index} and {one.point.index} give equal results: "
-                f"{other.point.label} and {one.point.label}"
+                f"runs {other.run.index} and {one.run.index} give equal results: "
+                f"{other.run.label} and {one.run.label}"
             ]
     return []

@@ -1,4 +1,4 @@
-"""What a sweep is made of: what all points have in common, and the axes along which they differ."""
+"""What a sweep is made of: what all runs have in common, and the axes along which they differ."""
 
 import itertools
 import math
@@ -40,12 +40,12 @@ class Axis:
 
 @dataclass(frozen=True)
 class Design:
-    """All of a sweep before its points are made.
+    """All of a sweep before its runs are made.
 
     Attributes:
-        fixed: overrides that all points have.
-        axes: of which the points are all combinations, the last running fastest.
-        left_out: points that are not wanted: keys of axes with the value that is left out.
+        fixed: overrides that all runs have.
+        axes: of which the runs are all combinations, the last running fastest.
+        left_out: runs that are not wanted: keys of axes with the value that is left out.
         file: which names those; "" where none does.
     """
 
@@ -56,24 +56,24 @@ class Design:
 
     @property
     def leave_out(self) -> str:
-        """Where points are left out, as messages name it."""
+        """Where runs are left out, as messages name it."""
         return f"{messages.printable(self.file, 200)}: leave_out" if self.file else "leave_out"
 
     @property
     def keys(self) -> list[str]:
-        """Every key that differs between points."""
+        """Every key that differs between runs."""
         return [key for axis in self.axes for key in axis.keys]
 
     def combinations(self, composer: Composer) -> Iterator[tuple[str, ...]]:
-        """The overrides that make each point differ, without those that are left out."""
+        """The overrides that make each run differ, without those that are left out."""
         if self.left_out:
             self._check_left_out(composer)
         for steps in itertools.product(*(axis.steps for axis in self.axes)):
             texts = tuple(text for step in steps for text in step)
             if self.left_out:
-                point = {composer.parse(t).key_or_group: composer.parse(t).value() for t in texts}
+                run = {composer.parse(t).key_or_group: composer.parse(t).value() for t in texts}
                 if any(
-                    all(same(point[key], value) for key, value in entry.items())
+                    all(same(run[key], value) for key, value in entry.items())
                     for entry in self.left_out
                 ):
                     continue
@@ -85,7 +85,7 @@ class Design:
             for key, value in entry.items():
                 if not any(one.key_or_group == key and same(one.value(), value) for one in swept):
                     raise ConfigurationError(
-                        f"{self.leave_out}: no point has {key}={messages.show(value)}, so nothing "
+                        f"{self.leave_out}: no run has {key}={messages.show(value)}, so nothing "
                         "would be left out"
                     )
 
@@ -132,7 +132,7 @@ def check_each(texts: Sequence[str]) -> None:
         mark = (isinstance(value, bool), value if isinstance(value, Hashable) else str(value))
         if mark in seen:
             raise ConfigurationError(
-                f"{override.key_or_group}: {messages.show(value)} is given twice: two points "
+                f"{override.key_or_group}: {messages.show(value)} is given twice: two runs "
                 "would be equal"
             )
         seen.add(mark)
@@ -154,7 +154,7 @@ def joined(one: Design, other: Design, where: str) -> Design:
             f"{twice[0]}: is given twice, in {where} and on the line: give it once"
         )
     axes = (*one.axes, *other.axes)
-    # Seeds run fastest, so that the first points to be there are those of one setting.
+    # Seeds run fastest, so that the first runs to be there are those of one setting.
     last = [axis for axis in axes if axis.keys == (SEED,)]
     return Design(
         (*one.fixed, *other.fixed),
@@ -165,7 +165,7 @@ def joined(one: Design, other: Design, where: str) -> Design:
 
 
 def check_size(design: Design, one_is_enough: bool = False) -> None:
-    """Refuse a design of more points than anybody can mean, or of one if that is not enough.
+    """Refuse a design of more runs than anybody can mean, or of one if that is not enough.
 
     Raises:
         ConfigurationError: in one line.
@@ -177,4 +177,4 @@ def check_size(design: Design, one_is_enough: bool = False) -> None:
         )
     count = math.prod(len(axis.steps) for axis in design.axes)
     if count > MOST_VALUES:
-        raise ConfigurationError(f"the sweep would have {count} points, more than {MOST_VALUES}")
+        raise ConfigurationError(f"the sweep would have {count} runs, more than {MOST_VALUES}")

@@ -13,7 +13,7 @@ from stixel_cli.sweeps.statistics import Statistic, statistic
 
 SHOWN = ("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "low_overlap_share")
 MOST_LINES = 8
-"""Combinations of the other axes that get a line each; of more, their points are taken together."""
+"""Combinations of the other axes that get a line each; of more, their runs are taken together."""
 
 SHARES = ("iou_mean", "iou_second_half", "iou_final", "low_overlap_share")
 """Metrics that lie in [0, 1] by what they are; all others that are known are not negative."""
@@ -37,8 +37,8 @@ def axis_figures(
     left out: its values would stand for different ones.
 
     Args:
-        settings: of each point, without the seed.
-        metrics: of each point, name to value.
+        settings: of each run, without the seed.
+        metrics: of each run, name to value.
         axes: the keys of each axis.
         left_out: how many settings are not among them, for they are not complete.
     """
@@ -71,8 +71,8 @@ def _figure(
     others: Sequence[str],
     left_out: int,
 ) -> bytes:
-    """A figure of `keys`, with a line for each label in `others`; of all points where none is."""
-    known = {name for point in metrics for name in point}
+    """A figure of `keys`, with a line for each label in `others`; of all runs where none is."""
+    known = {name for run in metrics for name in run}
     names = [name for name in SHOWN if name in known] or sorted(known)[:4]
     values = list(dict.fromkeys(tuple(setting[key] for key in keys) for setting in settings))
     numbers = _numbers(values)

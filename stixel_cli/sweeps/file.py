@@ -166,7 +166,7 @@ def _axis(where: str, keys: Mapping[str, Any], shuffled: bool) -> Axis:
     if len(set(steps)) < len(steps):
         twice = next(step for step in steps if steps.count(step) > 1)
         raise ConfigurationError(
-            f"{where}: {' '.join(twice)} is given twice: two points would be equal"
+            f"{where}: {' '.join(twice)} is given twice: two runs would be equal"
         )
     return Axis(tuple(keys), tuple(steps))
 

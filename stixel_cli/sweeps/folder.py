@@ -1,11 +1,11 @@
-"""The folder of a sweep: what was asked for, a row and a small folder a point, and the summary.
+"""The folder of a sweep: what was asked for, a row and a small folder a run, and the summary.
 
-sweep.yaml         what was asked for, and the overrides of every point
-runs.csv           one row a point
-summary.csv .md .tex   statistics over the seeds of each setting all of whose points are there
+sweep.yaml         what was asked for, and the overrides of every run
+runs.csv           one row a run
+summary.csv .md .tex   statistics over the seeds of each setting all of whose runs are there
 figures/           one an axis, of the same settings
-points/0000/ …     config.yaml, manifest.json, metrics.json, scores.npz, lineage.json
-code/              what the points' lineage.json refer to: digests of the code they reach
+runs/0000/ …     config.yaml, manifest.json, metrics.json, scores.npz, lineage.json
+code/              what the runs' lineage.json refer to: digests of the code they reach
 failed/0007/ …     config.yaml, failure.json, traceback.txt
 """
 
@@ -24,8 +24,8 @@ from stixel_cli.files import read_yaml, write_whole, written
 from stixel_cli.results.reader import read_manifest, read_metrics
 
 PLAN = "sweep.yaml"
-RUNS = "runs.csv"
-POINTS, FAILED, FIGURES = "points", "failed", "figures"
+TABLE = "runs.csv"
+RUNS, FAILED, FIGURES = "runs", "failed", "figures"
 
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
@@ -36,17 +36,17 @@ class SweepRequest:
 
     Attributes:
         axes: the keys of each axis.
-        points: overrides of each point, in the order of their indices.
+        runs: overrides of each run, in the order of their indices.
         shuffle: seed of the order in which they run; None for theirs.
         pictures: whether pictures are drawn.
         steps: of the pipelines, whose results are wanted beside the scores.
-        working_directory: in which the points' names of files are meant that are relative; "" in
+        working_directory: in which the runs' names of files are meant that are relative; "" in
             the folder of an older version, which does not say.
         notes: command, time, revision, versions, machine; and `resumed`, when it was gone on with.
     """
 
     axes: tuple[tuple[str, ...], ...]
-    points: tuple[tuple[str, ...], ...]
+    runs: tuple[tuple[str, ...], ...]
     shuffle: int | None
     pictures: bool
     steps: tuple[str, ...]
@@ -55,7 +55,7 @@ class SweepRequest:
 
     @property
     def keys(self) -> list[str]:
-        """Every key that differs between points."""
+        """Every key that differs between runs."""
         return [key for axis in self.axes for key in axis]
 
 
@@ -94,7 +94,7 @@ class SweepFolder:
             "pictures": request.pictures,
             "steps": list(request.steps),
             "axes": [list(keys) for keys in request.axes],
-            "points": [list(overrides) for overrides in request.points],
+            "runs": [list(overrides) for overrides in request.runs],
         }
         self.write_table(PLAN, yaml_text(content))
 
@@ -112,57 +112,57 @@ class SweepFolder:
         content = read_yaml(file)
         try:
             axes = tuple(tuple(map(str, keys)) for keys in content.pop("axes"))
-            points = tuple(tuple(map(str, overrides)) for overrides in content.pop("points"))
+            runs = tuple(tuple(map(str, overrides)) for overrides in content.pop("runs"))
             shuffle, pictures = content.pop("shuffle"), content.pop("pictures")
             steps = tuple(map(str, content.pop("steps", ())))
             working_directory = str(content.pop("working_directory", ""))
         except (AttributeError, KeyError, TypeError):
             raise UserError(f"{file}: not what a sweep was asked for") from None
-        if not points or not isinstance(shuffle, int | None) or not isinstance(pictures, bool):
+        if not runs or not isinstance(shuffle, int | None) or not isinstance(pictures, bool):
             raise UserError(f"{file}: not what a sweep was asked for")
-        for index, overrides in enumerate(points):
+        for index, overrides in enumerate(runs):
             given = {text.partition("=")[0].strip().lstrip("+") for text in overrides}
             for key in (key for keys in axes for key in keys if key not in given):
-                raise UserError(f"{file}: point {index} has no value for {key[:60]}, an axis")
-        return SweepRequest(axes, points, shuffle, pictures, steps, working_directory, content)
+                raise UserError(f"{file}: run {index} has no value for {key[:60]}, an axis")
+        return SweepRequest(axes, runs, shuffle, pictures, steps, working_directory, content)
 
-    def point(self, index: int) -> Path:
-        """The folder of a point, whether it is there or not."""
-        return self.path / POINTS / f"{index:04d}"
+    def run(self, index: int) -> Path:
+        """The folder of a run, whether it is there or not."""
+        return self.path / RUNS / f"{index:04d}"
 
     def stored(self, index: int, results: Sequence[str]) -> dict[str, Any] | None:
-        """The metrics of a point that is complete with these results, by their keys; else None."""
-        found = self._read_point(index)
+        """The metrics of a run that is complete with these results, by their keys; else None."""
+        found = self._read_run(index)
         return found[1] if found is not None and found[0] == list(results) else None
 
     def results(self, index: int) -> list[str] | None:
-        """The keys of the results that a point has; None if it is not complete."""
-        found = self._read_point(index)
+        """The keys of the results that a run has; None if it is not complete."""
+        found = self._read_run(index)
         return None if found is None else found[0]
 
-    def _read_point(self, index: int) -> tuple[list[str], dict[str, Any]] | None:
-        folder = self.point(index)
+    def _read_run(self, index: int) -> tuple[list[str], dict[str, Any]] | None:
+        folder = self.run(index)
         try:
             results, metrics = read_manifest(folder).get("results"), read_metrics(folder)
         except UserError:
             return None
         return (results, metrics) if isinstance(results, list) else None
 
-    def write_point(
+    def write_run(
         self, index: int, files: Mapping[str, str | bytes | Callable[[Path], None]]
     ) -> None:
-        """Write a point's folder: whole, in place of an older one, or not at all."""
-        self._write_folder(self.point(index), files)
+        """Write a run's folder: whole, in place of an older one, or not at all."""
+        self._write_folder(self.run(index), files)
         with suppress(OSError):
             shutil.rmtree(self.path / FAILED / f"{index:04d}")
             # With the last of them goes the folder, which would look as if something had failed.
             (self.path / FAILED).rmdir()
 
     def write_failure(self, index: int, files: Mapping[str, str]) -> None:
-        """Write what became of a point that failed, and take away what an older run left of it."""
+        """Write what became of a run that failed, and take away what an older run left of it."""
         self._write_folder(self.path / FAILED / f"{index:04d}", files)
         with suppress(OSError):
-            shutil.rmtree(self.point(index))
+            shutil.rmtree(self.run(index))
 
     def write_table(self, name: str, text: str) -> None:
         """Write a file of the folder: whole, or not at all."""
@@ -184,8 +184,8 @@ class SweepFolder:
                 shutil.rmtree(path) if path.is_dir() else path.unlink()
 
     def remove_unfinished(self) -> None:
-        """Take away what a killed process left of a point's folder."""
-        for name in (POINTS, FAILED):
+        """Take away what a killed process left of a run's folder."""
+        for name in (RUNS, FAILED):
             for path in (self.path / name).glob(".*.partial-*"):
                 shutil.rmtree(path, ignore_errors=True)
 

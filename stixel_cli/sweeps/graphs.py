@@ -1,4 +1,4 @@
-"""The points of a sweep as one graph: what they share is there once."""
+"""The runs of a sweep as one graph: what they share is there once."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,23 +9,23 @@ from stixel_cli.engine.plan import plan
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.experiment.stages import CHUNK_SIZE, pipeline_stages, scan_count
-from stixel_cli.sweeps.points import Point
+from stixel_cli.sweeps.runs import SweepRun
 
 SCORES = "scores"
 _PICTURES = "_pictures"
 
 
 @dataclass(frozen=True)
-class PlannedPoint:
-    """A point with what it needs.
+class PlannedRun:
+    """A run with what it needs.
 
     Attributes:
-        point: its configuration.
+        run: its configuration.
         graph: of it alone.
         targets: ids of the nodes that it asks for, that of the scores first.
     """
 
-    point: Point
+    run: SweepRun
     graph: Graph
     targets: tuple[str, ...]
 
@@ -54,7 +54,7 @@ class StagePlan:
 
     Attributes:
         name: of the stage.
-        nodes: how many the points need, each counted once.
+        nodes: how many the runs need, each counted once.
         cached, to_run: how many are there, and how many are not.
         seconds: that those to run will take on one worker, by what was recorded; None if nothing
             was.
@@ -72,23 +72,23 @@ class SweepPlan:
     """What a sweep would do.
 
     Attributes:
-        points: all of them.
+        runs: all of them.
         graph: of all of them.
         needed: ids of the nodes that they need.
         missing: ids of the nodes to run, each after those that it takes something from.
         stages: by stage, in the order of the data.
     """
 
-    points: tuple[PlannedPoint, ...]
+    runs: tuple[PlannedRun, ...]
     graph: Graph
     needed: frozenset[str]
     missing: tuple[str, ...]
     stages: tuple[StagePlan, ...]
 
-    def complete_points(self) -> int:
-        """How many points need no node to run."""
+    def complete_runs(self) -> int:
+        """How many runs need no node to run."""
         missing = set(self.missing)
-        return sum(missing.isdisjoint(planned.targets) for planned in self.points)
+        return sum(missing.isdisjoint(planned.targets) for planned in self.runs)
 
     def seconds(self, workers: int) -> float | None:
         """How long it will take, were the work to be had evenly by all workers."""
@@ -98,12 +98,12 @@ class SweepPlan:
         return sum(known) / workers
 
 
-def plan_points(
-    points: Sequence[Point], pictures: bool = False, steps: Sequence[str] = ()
-) -> list[PlannedPoint]:
-    """The graphs of the points; what they have in common is worked out once.
+def plan_runs(
+    runs: Sequence[SweepRun], pictures: bool = False, steps: Sequence[str] = ()
+) -> list[PlannedRun]:
+    """The graphs of the runs; what they have in common is worked out once.
 
-    Beside the scores each point asks for its pictures, where wanted, and for those of `steps` that
+    Beside the scores each run asks for its pictures, where wanted, and for those of `steps` that
     its pipeline has.
 
     Raises:
@@ -111,33 +111,32 @@ def plan_points(
     """
     builder = GraphBuilder()
     planned = []
-    for point in points:
-        configuration = point.composition.configuration
+    for run in runs:
+        configuration = run.composition.configuration
         try:
             graph = builder.build(
                 pipeline_stages(configuration), scan_count(configuration), CHUNK_SIZE
             )
         except OSError as error:
             raise ConfigurationError(
-                f"{error.filename}: cannot be read: {error.strerror} "
-                f"(point {point.index}: {point.label})"
+                f"{error.filename}: cannot be read: {error.strerror} (run {run.index}: {run.label})"
             ) from None
         names = [SCORES]
         if pictures:
             names += [name for name in graph.stage_names if name.endswith(_PICTURES)]
         names += [name for name in steps if name in graph.stages and name not in names]
-        planned.append(PlannedPoint(point, graph, tuple(graph.expand(names))))
+        planned.append(PlannedRun(run, graph, tuple(graph.expand(names))))
     return planned
 
 
-def plan_sweep(planned: Sequence[PlannedPoint], store: Store) -> SweepPlan:
-    """What `store` lacks for the points. Entries are looked for, not read.
+def plan_sweep(planned: Sequence[PlannedRun], store: Store) -> SweepPlan:
+    """What `store` lacks for the runs. Entries are looked for, not read.
 
     Raises:
         CacheError: if the store cannot be read.
     """
-    graph = merge(point.graph for point in planned)
-    targets = list(dict.fromkeys(target for point in planned for target in point.targets))
+    graph = merge(run.graph for run in planned)
+    targets = list(dict.fromkeys(target for run in planned for target in run.targets))
     found = plan(graph, targets, store, verify=False)
     lacking = set(found.missing)
     durations = Durations(store.folder)

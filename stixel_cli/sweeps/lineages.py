@@ -1,27 +1,27 @@
-"""What the points of a sweep were made of, so that a later run of one can be compared with it."""
+"""What the runs of a sweep were made of, so that a later run of one can be compared with it."""
 
 from stixel_cli.engine.store import Store
 from stixel_cli.results import lineage
-from stixel_cli.sweeps.folder import POINTS, SweepFolder
-from stixel_cli.sweeps.graphs import PlannedPoint
+from stixel_cli.sweeps.folder import RUNS, SweepFolder
+from stixel_cli.sweeps.graphs import PlannedRun
 
 
 def remove_unused_code(folder: SweepFolder) -> None:
-    """Take away what older runs of the sweep noted of code, where no point refers to it any more.
+    """Take away what older runs of the sweep noted of code, where no run refers to it any more.
 
     What cannot be removed stays: it does no harm.
     """
     files = list((folder.path / lineage.CODE_FOLDER).glob("*.json"))
     if len(files) < 2:
         return
-    used = {lineage.read_code_name(point) for point in (folder.path / POINTS).glob("[0-9]*")}
+    used = {lineage.read_code_name(run) for run in (folder.path / RUNS).glob("[0-9]*")}
     folder.remove(f"{lineage.CODE_FOLDER}/{one.name}" for one in files if one.stem not in used)
 
 
-class PointLineages:
-    """The lineages of points; what they say of the code is in the sweep's folder once.
+class RunLineages:
+    """The lineages of runs; what they say of the code is in the sweep's folder once.
 
-    Four fifths of a lineage are digests of functions, and most points reach the same.
+    Four fifths of a lineage are digests of functions, and most runs reach the same.
     """
 
     def __init__(self, store: Store, folder: SweepFolder):
@@ -30,8 +30,8 @@ class PointLineages:
         self._digests: dict[str, str] = {}
         self._codes: dict[tuple[str, ...], str] = {}
 
-    def text(self, planned: PlannedPoint) -> str:
-        """The file of a point that is complete; its code is in the sweep's folder afterwards.
+    def text(self, planned: PlannedRun) -> str:
+        """The file of a run that is complete; its code is in the sweep's folder afterwards.
 
         Raises:
             UserError: if the folder cannot be written.
@@ -45,4 +45,4 @@ class PointLineages:
             name, text = lineage.shared_code(found)
             self._folder.write_table(f"{lineage.CODE_FOLDER}/{name}.json", text)
             self._codes[reached] = name
-        return lineage.point_lineage_text(found, self._codes[reached])
+        return lineage.run_lineage_text(found, self._codes[reached])

@@ -1,4 +1,4 @@
-"""Points that are finished, and are not what would come out now: how many, and why."""
+"""Runs that are finished, and are not what would come out now: how many, and why."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -9,19 +9,19 @@ from stixel_cli.experiment.stored_run import OF_THE_MACHINE
 from stixel_cli.results.lineage import lineage_of, read_lineage
 from stixel_cli.results.reader import flat_settings, read_config
 from stixel_cli.sweeps.folder import SweepFolder
-from stixel_cli.sweeps.graphs import PlannedPoint
+from stixel_cli.sweeps.graphs import PlannedRun
 
 MOST_REASONS = 3
 _OTHER_SETTINGS = "other settings"
 _UNKNOWN = "the folder does not say of what"
 
 
-def older_points(folder: SweepFolder, planned: Sequence[PlannedPoint]) -> str | None:
-    """In one line, how many finished points were made of something else; None if none was."""
+def older_runs(folder: SweepFolder, planned: Sequence[PlannedRun]) -> str | None:
+    """In one line, how many finished runs were made of something else; None if none was."""
     finished = 0
     reasons: Counter[str] = Counter()
     for one in planned:
-        results = folder.results(one.point.index)
+        results = folder.results(one.run.index)
         if results is None:
             continue
         finished += 1
@@ -34,14 +34,14 @@ def older_points(folder: SweepFolder, planned: Sequence[PlannedPoint]) -> str | 
     shown += ["…"] if len(reasons) > MOST_REASONS else []
     were, are = ("was", "is") if count == 1 else ("were", "are")
     return (
-        f"{count} of {finished} finished points {were} made of something else than there is now "
+        f"{count} of {finished} finished runs {were} made of something else than there is now "
         f"({'; '.join(shown)}) and {are} computed again"
     )
 
 
-def _reason(folder: SweepFolder, one: PlannedPoint) -> str:
-    """The first stage of a point that is made of something else, and of what."""
-    path = folder.point(one.point.index)
+def _reason(folder: SweepFolder, one: PlannedRun) -> str:
+    """The first stage of a run that is made of something else, and of what."""
+    path = folder.run(one.run.index)
     try:
         before = read_lineage(path)
         if before is None:
@@ -59,10 +59,10 @@ def _reason(folder: SweepFolder, one: PlannedPoint) -> str:
     return f"{found.stage}: {causes[0] if causes else 'its inputs are others'}{more}"
 
 
-def _settings(folder: SweepFolder, one: PlannedPoint) -> str:
-    """Which settings are not those of the point's configuration."""
-    before = flat_settings(read_config(folder.point(one.point.index)))
-    after = flat_settings(one.point.composition.resolved)
+def _settings(folder: SweepFolder, one: PlannedRun) -> str:
+    """Which settings are not those of the run's configuration."""
+    before = flat_settings(read_config(folder.run(one.run.index)))
+    after = flat_settings(one.run.composition.resolved)
     other = [
         f"{key} {before.get(key, 'none')} → {after.get(key, 'none')}"
         for key in dict.fromkeys((*before, *after))

@@ -1,4 +1,4 @@
-"""How far a sweep is: points and nodes, on stderr; a bar on a terminal, lines elsewhere."""
+"""How far a sweep is: runs and nodes, on stderr; a bar on a terminal, lines elsewhere."""
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -6,70 +6,70 @@ from collections.abc import Callable, Mapping, Sequence
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.graph import Node
 from stixel_cli.engine.progress import LINE_INTERVAL, PATIENCE, Silent
-from stixel_cli.sweeps.graphs import PlannedPoint
+from stixel_cli.sweeps.graphs import PlannedRun
 
 
 class SweepProgress(Silent):
-    """Counts points beside nodes, and hands each point on as soon as all it asks for is there."""
+    """Counts runs beside nodes, and hands each run on as soon as all it asks for is there."""
 
     def __init__(
         self,
-        waiting: Sequence[PlannedPoint],
+        waiting: Sequence[PlannedRun],
         there: int,
         workers: int,
         known_seconds: Mapping[str, float],
-        on_point: Callable[[PlannedPoint, Mapping[str, float]], None],
+        on_run: Callable[[PlannedRun, Mapping[str, float]], None],
         visible: bool = True,
         label: str = "",
     ):
-        """Begin with no point of `waiting` done.
+        """Begin with no run of `waiting` done.
 
         Args:
-            waiting: the points to be computed.
-            there: how many points are done already.
+            waiting: the runs to be computed.
+            there: how many runs are done already.
             workers: among whom the work is divided.
             known_seconds: stage name to the seconds that a node took formerly.
-            on_point: called with a point that is complete, and the seconds of all nodes computed
+            on_run: called with a run that is complete, and the seconds of all nodes computed
                 so far, by key.
             visible: whether anything but notes is shown.
             label: what the counts are of, put before them.
         """
         super().__init__()
-        self.points_total = there + len(waiting)
-        self.points_done = there
-        self.points_failed = 0
+        self.runs_total = there + len(waiting)
+        self.runs_done = there
+        self.runs_failed = 0
         self.node_seconds: dict[str, float] = {}
         self.expect(known_seconds, workers)
-        self._on_point = on_point
+        self._on_run = on_run
         self._label = f"{label}: " if label else ""
-        self._left = {one.point.index: set(one.targets) for one in waiting}
-        self._points = {one.point.index: one for one in waiting}
+        self._left = {one.run.index: set(one.targets) for one in waiting}
+        self._runs = {one.run.index: one for one in waiting}
         self._asking: dict[str, list[int]] = {}
         for one in waiting:
             for target in one.targets:
-                self._asking.setdefault(target, []).append(one.point.index)
+                self._asking.setdefault(target, []).append(one.run.index)
         self._display = _display() if visible else None
 
     def begin(self, nodes: Sequence[Node], cached: int) -> None:
-        """Count the nodes; points all of whose nodes are there are handed on."""
+        """Count the nodes; runs all of whose nodes are there are handed on."""
         super().begin(nodes, cached)
         to_run = {node.key for node in nodes}
         for target in [target for target in self._asking if target not in to_run]:
             self._have(target)
 
     def finished(self, node: Node, seconds: float) -> None:
-        """Count the node, and hand on the points that waited for it alone."""
+        """Count the node, and hand on the runs that waited for it alone."""
         super().finished(node, seconds)
         self.node_seconds[node.key] = seconds
         self._have(node.key)
 
     def failed(self, node: Node, failure: StageFailure, skipped: Sequence[Node]) -> None:
-        """Say what failed, and count the points that will not be complete."""
+        """Say what failed, and count the runs that will not be complete."""
         super().failed(node, failure, skipped)
         for one in (node, *skipped):
             for index in self._asking.get(one.key, ()):
                 if self._left.pop(index, None) is not None:
-                    self.points_failed += 1
+                    self.runs_failed += 1
 
     def tick(self) -> None:
         """Show how far it is."""
@@ -89,9 +89,9 @@ class SweepProgress(Silent):
     @property
     def text(self) -> str:
         """All counts in one line."""
-        failed = f", {self.points_failed} failed" if self.points_failed else ""
+        failed = f", {self.runs_failed} failed" if self.runs_failed else ""
         parts = [
-            f"{self._label}{self.points_done}/{self.points_total} points{failed}",
+            f"{self._label}{self.runs_done}/{self.runs_total} runs{failed}",
             f"nodes: {self.all_done}/{self.all_total} done, {self.cached} cached, "
             f"{len(self.running)} running" + (f", {self.failures} failed" if self.failures else ""),
         ]
@@ -105,8 +105,8 @@ class SweepProgress(Silent):
             left.discard(target)
             if not left:
                 del self._left[index]
-                self.points_done += 1
-                self._on_point(self._points[index], self.node_seconds)
+                self.runs_done += 1
+                self._on_run(self._runs[index], self.node_seconds)
 
 
 def _display() -> "_Lines | _Bar":

@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 
 def on_this_machine(
-    points: Sequence[Sequence[str]], overrides: Sequence[str]
+    runs: Sequence[Sequence[str]], overrides: Sequence[str]
 ) -> list[tuple[str, ...]]:
-    """The overrides of each point, with those of executor and cache that are given in their place.
+    """The overrides of each run, with those of executor and cache that are given in their place.
 
-    The option of a group takes the place of all that the points say of the group: its keys may
+    The option of a group takes the place of all that the runs say of the group: its keys may
     not be those of another.
 
     Raises:
@@ -44,11 +44,11 @@ def on_this_machine(
     check_overrides(parsed)
     names = {override.key_or_group for override in parsed}
     given = [_as_meant_here(override) for override in parsed]
-    return [(*(text for text in texts if not _replaced(text, names)), *given) for texts in points]
+    return [(*(text for text in texts if not _replaced(text, names)), *given) for texts in runs]
 
 
 def _as_meant_here(override: "Override") -> str:
-    """The text of an override; a folder in full, for the points' own names are meant elsewhere."""
+    """The text of an override; a folder in full, for the runs' own names are meant elsewhere."""
     folder = override.value()
     if override.key_or_group == "cache.folder" and isinstance(folder, str) and folder:
         in_full = os.path.abspath(os.path.expanduser(folder))
@@ -81,8 +81,8 @@ def note_resumed(
     """
     missing = set(plan.missing)
     if all(
-        folder.stored(one.point.index, one.targets) is not None and missing.isdisjoint(one.beside)
-        for one in plan.points
+        folder.stored(one.run.index, one.targets) is not None and missing.isdisjoint(one.beside)
+        for one in plan.runs
     ):
         return
     before = request.notes.get("resumed")

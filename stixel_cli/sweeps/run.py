@@ -1,4 +1,4 @@
-"""A sweep from its points to its folder, without a command line."""
+"""A sweep from its runs to its folder, without a command line."""
 
 import shlex
 from collections.abc import Mapping, Sequence
@@ -12,13 +12,13 @@ from stixel_cli.engine.execute import execute
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.recorded_run import told_in_one_line
-from stixel_cli.sweeps.folder import FIGURES, RUNS, SweepFolder
-from stixel_cli.sweeps.graphs import PlannedPoint, SweepPlan
-from stixel_cli.sweeps.lineages import PointLineages, remove_unused_code
-from stixel_cli.sweeps.point_files import failure_files, point_files
+from stixel_cli.sweeps.folder import FIGURES, TABLE, SweepFolder
+from stixel_cli.sweeps.graphs import PlannedRun, SweepPlan
+from stixel_cli.sweeps.lineages import RunLineages, remove_unused_code
 from stixel_cli.sweeps.progress import SweepProgress
-from stixel_cli.sweeps.results import DONE, FAILED, MISSING, SKIPPED, PointResult, SweepResult
+from stixel_cli.sweeps.results import DONE, FAILED, MISSING, SKIPPED, RunOutcome, SweepResult
 from stixel_cli.sweeps.resume import resume_words
+from stixel_cli.sweeps.run_files import failure_files, run_files
 from stixel_cli.sweeps.summary import SUMMARIES, summary_of, write_figures, write_tables
 
 
@@ -37,14 +37,14 @@ def run_sweep(
     visible: bool = True,
     label: str = "",
 ) -> SweepResult:
-    """Compute what the points of a sweep lack, each failing alone, and write what they give.
+    """Compute what the runs of a sweep lack, each failing alone, and write what they give.
 
     Args:
-        plan: the points, in the order in which they are to run.
+        plan: the runs, in the order in which they are to run.
         axes: the keys of each axis.
         store: where results are kept.
         folder: of the sweep; it is there, with its `sweep.yaml`. None to write nothing.
-        notes: what every point's manifest says of the sweep and the machine.
+        notes: what every run's manifest says of the sweep and the machine.
         visible: whether progress is shown on stderr.
         label: what stands before it.
 
@@ -62,7 +62,7 @@ def run_sweep(
         again = "" if folder is None else f"; go on with: {resume_command(folder)}"
         sweep.leave()
         raise SweepInterrupted(
-            f"interrupted: {done} of {len(plan.points)} points are done, and what was computed "
+            f"interrupted: {done} of {len(plan.runs)} runs are done, and what was computed "
             f"is kept{again}"
         ) from None
     except UserError as error:
@@ -89,24 +89,24 @@ class _Sweep:
         self.folder = folder
         self.notes = notes
         self.metrics: dict[int, Mapping[str, Any]] = {}
-        """Of the points that are done, by index."""
+        """Of the runs that are done, by index."""
         self.failures: dict[int, StageFailure] = {}
         self.failed_nodes: dict[str, int] = {}
-        """Index of the first point that needed each node that failed."""
+        """Index of the first run that needed each node that failed."""
         self.skipped: set[int] = set()
         self.computed = 0
         self.there = set(plan.needed).difference(plan.missing)
         """Nodes that are in the store and were not computed by this call."""
-        self.lineages = None if folder is None else PointLineages(store, folder)
+        self.lineages = None if folder is None else RunLineages(store, folder)
 
     def take_what_is_there(self) -> None:
-        """Take up the points whose folder is complete, or whose results are all in the store."""
+        """Take up the runs whose folder is complete, or whose results are all in the store."""
         if self.folder is not None:
             self.folder.remove([*SUMMARIES, FIGURES])
             self.folder.remove_unfinished()
         missing = set(self.plan.missing)
-        for planned in self.plan.points:
-            index = planned.point.index
+        for planned in self.plan.runs:
+            index = planned.run.index
             if self.folder is not None:
                 stored = self.folder.stored(index, planned.targets)
                 if stored is not None and missing.isdisjoint(planned.beside):
@@ -118,11 +118,11 @@ class _Sweep:
                     self.take(planned, {})
 
     def compute(self, visible: bool, label: str) -> None:
-        """Compute what the other points lack."""
-        waiting = [p for p in self.plan.points if p.point.index not in self.metrics]
+        """Compute what the other runs lack."""
+        waiting = [p for p in self.plan.runs if p.run.index not in self.metrics]
         if not waiting:
             return
-        executor = waiting[0].point.composition.configuration.executor
+        executor = waiting[0].run.composition.configuration.executor
         progress = SweepProgress(
             waiting,
             len(self.metrics),
@@ -145,7 +145,7 @@ class _Sweep:
         self.there.update(execution.records)
         self.there -= {key for key, r in execution.records.items() if r.status != "cached"}
         for planned in waiting:
-            if planned.point.index in self.metrics:
+            if planned.run.index in self.metrics:
                 continue
             failure = execution.failure_of(planned.targets)
             if failure is None:
@@ -153,8 +153,8 @@ class _Sweep:
             else:
                 self.note_failure(planned, *failure)
 
-    def take(self, planned: PlannedPoint, seconds: Mapping[str, float]) -> None:
-        """Load a point's scores, and write its folder."""
+    def take(self, planned: PlannedRun, seconds: Mapping[str, float]) -> None:
+        """Load a run's scores, and write its folder."""
         scores = self.store.load(planned.scores)
         if self.folder is not None:
             pictures = {
@@ -163,36 +163,35 @@ class _Sweep:
                 for path, data in self.store.load(key).files.items()
             }
             lineage = self.lineages.text(planned)
-            files = point_files(planned, scores, seconds, self.notes, lineage)
-            self.folder.write_point(planned.point.index, {**files, **pictures})
-        self.metrics[planned.point.index] = scores.metrics
+            files = run_files(planned, scores, seconds, self.notes, lineage)
+            self.folder.write_run(planned.run.index, {**files, **pictures})
+        self.metrics[planned.run.index] = scores.metrics
 
-    def note_failure(self, planned: PlannedPoint, node: str, failure: StageFailure) -> None:
-        """Keep in mind, and in the folder, why a point is not there."""
-        index = planned.point.index
+    def note_failure(self, planned: PlannedRun, node: str, failure: StageFailure) -> None:
+        """Keep in mind, and in the folder, why a run is not there."""
+        index = planned.run.index
         first = self.failed_nodes.setdefault(node, index)
         self.failures[index] = failure
         if first != index:
             self.skipped.add(index)
         if self.folder is None:
             return
-        self.folder.write_failure(index, failure_files(planned.point, node, failure, first))
+        self.folder.write_failure(index, failure_files(planned.run, node, failure, first))
 
     def finish(self, axes: Sequence[Sequence[str]]) -> SweepResult:
         """Write the tables, and of the settings that are complete the statistics and figures."""
         records = self.write_runs()
-        points = self._results()
-        summary = summary_of(points)
+        runs = self._results()
+        summary = summary_of(runs)
         if self.folder is not None:
             write_tables(self.folder, summary, self._title(self.folder))
             write_figures(self.folder, summary, axes)
             remove_unused_code(self.folder)
         return SweepResult(
             folder=None if self.folder is None else self.folder.path,
-            points=points,
+            runs=runs,
             records=[
-                record | one.planned.point.values
-                for record, one in zip(records, points, strict=True)
+                record | one.planned.run.values for record, one in zip(records, runs, strict=True)
             ],
             statistics=summary.statistics,
             incomplete=summary.incomplete,
@@ -216,36 +215,36 @@ class _Sweep:
         records = [self._record(result) for result in self._results()]
         if self.folder is not None:
             columns = dict.fromkeys(name for record in records for name in record)
-            self.folder.write_table(RUNS, csv_text(list(columns), records))
+            self.folder.write_table(TABLE, csv_text(list(columns), records))
         return records
 
-    def _record(self, result: PointResult) -> dict[str, Any]:
-        point, failure = result.planned.point, result.failure
-        at = FAILED if failure is not None else "points" if result.status == DONE else None
+    def _record(self, result: RunOutcome) -> dict[str, Any]:
+        run, failure = result.planned.run, result.failure
+        at = FAILED if failure is not None else "runs" if result.status == DONE else None
         return {
-            "point": point.index,
+            "run": run.index,
             "status": result.status,
-            **{key: value for key, value in point.setting.items()},
-            "seed": point.seed,
-            "overrides": " ".join(map(shlex.quote, point.overrides)),
-            "folder": None if at is None or self.folder is None else f"{at}/{point.index:04d}",
+            **{key: value for key, value in run.setting.items()},
+            "seed": run.seed,
+            "overrides": " ".join(map(shlex.quote, run.overrides)),
+            "folder": None if at is None or self.folder is None else f"{at}/{run.index:04d}",
             "failed_stage": None if failure is None else failure.stage,
             "error": None if failure is None else " ".join(str(failure).split()),
             **result.metrics,
         }
 
-    def _result(self, planned: PlannedPoint) -> PointResult:
-        index = planned.point.index
+    def _result(self, planned: PlannedRun) -> RunOutcome:
+        index = planned.run.index
         if index in self.metrics:
-            return PointResult(planned, DONE, self.metrics[index])
+            return RunOutcome(planned, DONE, self.metrics[index])
         if index in self.failures:
             status = SKIPPED if index in self.skipped else FAILED
-            return PointResult(planned, status, failure=self.failures[index])
-        return PointResult(planned, MISSING)
+            return RunOutcome(planned, status, failure=self.failures[index])
+        return RunOutcome(planned, MISSING)
 
-    def _results(self) -> tuple[PointResult, ...]:
-        """Of every point, in the order of their indices."""
-        in_order = sorted(self.plan.points, key=lambda one: one.point.index)
+    def _results(self) -> tuple[RunOutcome, ...]:
+        """Of every run, in the order of their indices."""
+        in_order = sorted(self.plan.runs, key=lambda one: one.run.index)
         return tuple(self._result(one) for one in in_order)
 
     def _title(self, folder: SweepFolder) -> str:

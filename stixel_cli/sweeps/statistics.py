@@ -15,7 +15,7 @@ class Statistic:
     """A metric of one setting over its seeds.
 
     Attributes:
-        setting: keys that differ between points, without the seed, with their values as typed.
+        setting: keys that differ between runs, without the seed, with their values as typed.
         metric: its name.
         n: how many seeds have a value; one whose estimate is not finite may have none.
         mean: None if none has.
@@ -36,16 +36,16 @@ class Statistic:
 def summarise(
     settings: Sequence[Mapping[str, str]], metrics: Sequence[Mapping[str, float | int | None]]
 ) -> list[Statistic]:
-    """The statistics of points, of which those of equal settings are repetitions.
+    """The statistics of runs, of which those of equal settings are repetitions.
 
     Args:
-        settings: of each point, without the seed.
-        metrics: of each point, name to value.
+        settings: of each run, without the seed.
+        metrics: of each run, name to value.
     """
     groups: dict[tuple, list[int]] = {}
     for i, setting in enumerate(settings):
         groups.setdefault(tuple(setting.items()), []).append(i)
-    names = list(dict.fromkeys(name for point in metrics for name in point))
+    names = list(dict.fromkeys(name for run in metrics for name in run))
     return [
         statistic(dict(setting), name, [metrics[i].get(name) for i in members])
         for setting, members in groups.items()

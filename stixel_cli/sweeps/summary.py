@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from stixel_cli.sweeps.folder import SweepFolder
-from stixel_cli.sweeps.results import DONE, IncompleteSetting, PointResult
+from stixel_cli.sweeps.results import DONE, IncompleteSetting, RunOutcome
 from stixel_cli.sweeps.statistics import Statistic, summarise
 
 SUMMARIES = ("summary.csv", "summary.md", "summary.tex")
@@ -15,30 +15,30 @@ class Summary:
     """The settings of a sweep.
 
     Attributes:
-        complete: the points of settings all of whose points are done.
+        complete: the runs of settings all of whose runs are done.
         statistics: over them.
         incomplete: the other settings.
     """
 
-    complete: tuple[PointResult, ...]
+    complete: tuple[RunOutcome, ...]
     statistics: list[Statistic]
     incomplete: tuple[IncompleteSetting, ...]
 
 
-def summary_of(points: Sequence[PointResult]) -> Summary:
-    """The statistics of the settings whose points are all done; seeds that lack would bias them."""
-    groups: dict[tuple, list[PointResult]] = {}
-    for point in points:
-        groups.setdefault(tuple(point.planned.point.setting.items()), []).append(point)
+def summary_of(runs: Sequence[RunOutcome]) -> Summary:
+    """The statistics of the settings whose runs are all done; seeds that lack would bias them."""
+    groups: dict[tuple, list[RunOutcome]] = {}
+    for run in runs:
+        groups.setdefault(tuple(run.planned.run.setting.items()), []).append(run)
     complete, incomplete = [], []
     for setting, members in groups.items():
-        done = sum(point.status == DONE for point in members)
+        done = sum(run.status == DONE for run in members)
         if done == len(members):
             complete += members
         else:
             incomplete.append(IncompleteSetting(dict(setting), len(members), done))
     statistics = summarise(
-        [point.planned.point.setting for point in complete], [point.metrics for point in complete]
+        [run.planned.run.setting for run in complete], [run.metrics for run in complete]
     )
     return Summary(tuple(complete), statistics, tuple(incomplete))
 
@@ -70,8 +70,8 @@ def write_figures(folder: SweepFolder, summary: Summary, axes: Sequence[Sequence
     if not summary.statistics:
         return
     figures = axis_figures(
-        [point.planned.point.setting for point in summary.complete],
-        [point.metrics for point in summary.complete],
+        [run.planned.run.setting for run in summary.complete],
+        [run.metrics for run in summary.complete],
         axes,
         len(summary.incomplete),
     )

@@ -1,4 +1,4 @@
-"""The tables of a sweep's folder: rows of points, and statistics as CSV, Markdown and LaTeX."""
+"""The tables of a sweep's folder: rows of runs, and statistics as CSV, Markdown and LaTeX."""
 
 import csv
 import io

@@ -16,18 +16,18 @@ from stixel_cli.results.folder import check_results, reserve_folder
 from stixel_cli.sweeps.checks import check_axes
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
-from stixel_cli.sweeps.graphs import SweepPlan, plan_points, plan_sweep
-from stixel_cli.sweeps.older import older_points
-from stixel_cli.sweeps.points import (
-    Point,
-    compose_points,
-    design_points,
-    shuffled_points,
-    sweep_design,
-)
+from stixel_cli.sweeps.graphs import SweepPlan, plan_runs, plan_sweep
+from stixel_cli.sweeps.older import older_runs
 from stixel_cli.sweeps.results import SweepResult
 from stixel_cli.sweeps.resume import note_resumed, on_this_machine, resume_words
 from stixel_cli.sweeps.run import run_sweep
+from stixel_cli.sweeps.runs import (
+    SweepRun,
+    compose_runs,
+    design_runs,
+    shuffled_runs,
+    sweep_design,
+)
 
 
 def new_sweep(
@@ -47,18 +47,18 @@ def new_sweep(
         file: that describes axes: a path, or the name of one that is shipped.
         results: the folder in which the sweep's is made; None to write nothing.
         name: of the sweep's folder; None for one made of the file's name and the time.
-        shuffle: seed of the order in which the points run; None for theirs.
-        pictures: draw every point's pictures.
+        shuffle: seed of the order in which the runs run; None for theirs.
+        pictures: draw every run's pictures.
         visible: show progress on stderr.
         tell: called with notes on the axes before anything runs.
 
     Raises:
-        UserError: in one line; before anything is computed for what is wrong with the points.
+        UserError: in one line; before anything is computed for what is wrong with the runs.
         SweepInterrupted: by Ctrl-C.
     """
     design = sweep_design(overrides, file, shuffle)
-    points = design_points(design)
-    plan, notes = planned_sweep(points, shuffle, pictures)
+    runs = design_runs(design)
+    plan, notes = planned_sweep(runs, shuffle, pictures)
     for note in notes:
         tell(note)
     now = datetime.now(UTC)
@@ -68,7 +68,7 @@ def new_sweep(
         stem = "sweep" if file is None else Path(file).stem
         check_results(results, name)
         _probe(plan)
-        request = _request(design, points, shuffle, pictures, (), origin)
+        request = _request(design, runs, shuffle, pictures, (), origin)
         while folder is None:
             made = SweepFolder(reserve_folder(results, name, f"{stem}-{stamp(now)}"))
             try:
@@ -92,7 +92,7 @@ def designed_sweep(
     """Run the sweep of a design in the new folder `path`.
 
     Args:
-        design: of its points.
+        design: of its runs.
         path: the folder to make.
         command: the command line that stands for it.
         steps: of the pipelines, whose results are kept in the store beside the scores.
@@ -101,12 +101,12 @@ def designed_sweep(
     Raises:
         UserError, SweepInterrupted: as `new_sweep` does.
     """
-    points = design_points(design)
-    plan, _ = planned_sweep(points, None, False, steps)
+    runs = design_runs(design)
+    plan, _ = planned_sweep(runs, None, False, steps)
     origin = _origin(command, datetime.now(UTC))
     _probe(plan)
     folder = SweepFolder(path)
-    folder.create(_request(design, points, None, False, steps, origin))
+    folder.create(_request(design, runs, None, False, steps, origin))
     return _run(plan, [axis.keys for axis in design.axes], folder, origin, visible, label)
 
 
@@ -125,7 +125,7 @@ def resumed_sweep(
         workers: None for those it began with.
         visible: show progress on stderr, with `label` before it.
         overrides: of executor and cache, in the place of those it began with.
-        tell: called with how many finished points are computed again, and why.
+        tell: called with how many finished runs are computed again, and why.
 
     Raises:
         UserError: in one line, if it is no such folder or cannot be gone on with.
@@ -134,11 +134,11 @@ def resumed_sweep(
     folder = SweepFolder(path)
     request = folder.request()
     overrides = [*overrides, *([] if workers is None else [f"executor.workers={workers}"])]
-    texts = on_this_machine(request.points, overrides)
-    points = compose_points(texts, request.keys, Composer(request.working_directory))
-    plan, _ = planned_sweep(points, request.shuffle, request.pictures, request.steps)
+    texts = on_this_machine(request.runs, overrides)
+    runs = compose_runs(texts, request.keys, Composer(request.working_directory))
+    plan, _ = planned_sweep(runs, request.shuffle, request.pictures, request.steps)
     origin = _origin(str(request.notes.get("command", path.name)), datetime.now(UTC))
-    older = older_points(folder, plan.points)
+    older = older_runs(folder, plan.runs)
     if older is not None:
         tell(older)
     note_resumed(folder, request, plan, resume_words(path, overrides), origin)
@@ -146,23 +146,23 @@ def resumed_sweep(
 
 
 def planned_sweep(
-    points: Sequence[Point], shuffle: int | None, pictures: bool, steps: Sequence[str] = ()
+    runs: Sequence[SweepRun], shuffle: int | None, pictures: bool, steps: Sequence[str] = ()
 ) -> tuple[SweepPlan, list[str]]:
-    """The plan of points, in the order in which they are to run, and notes on their axes.
+    """The plan of runs, in the order in which they are to run, and notes on their axes.
 
     Raises:
         UserError: if no stage reads an axis, or the cache cannot be read.
     """
-    planned = plan_points(points, pictures, steps)
+    planned = plan_runs(runs, pictures, steps)
     notes = check_axes(planned)
-    store = open_store(points[0].composition.configuration.cache)
+    store = open_store(runs[0].composition.configuration.cache)
     with told_in_one_line():
-        return plan_sweep(shuffled_points(planned, shuffle), store), notes
+        return plan_sweep(shuffled_runs(planned, shuffle), store), notes
 
 
 def _probe(plan: SweepPlan) -> None:
     """Raise UserError if the cache or the scheduler is refused, before a folder is made."""
-    configuration = plan.points[0].point.composition.configuration
+    configuration = plan.runs[0].run.composition.configuration
     with told_in_one_line():
         probe(len(plan.missing), open_store(configuration.cache), configuration.executor)
 
@@ -175,7 +175,7 @@ def _run(
     visible: bool,
     label: str = "",
 ) -> SweepResult:
-    store = open_store(plan.points[0].point.composition.configuration.cache)
+    store = open_store(plan.runs[0].run.composition.configuration.cache)
     notes = {"sweep": origin["command"], **origin}
     del notes["command"]
     path = None if folder is None else folder.path
@@ -188,7 +188,7 @@ def _origin(command: str, now: datetime) -> dict[str, Any]:
 
 def _request(
     design: Design,
-    points: Sequence[Point],
+    runs: Sequence[SweepRun],
     shuffle: int | None,
     pictures: bool,
     steps: Sequence[str],
@@ -196,7 +196,7 @@ def _request(
 ) -> SweepRequest:
     return SweepRequest(
         axes=tuple(axis.keys for axis in design.axes),
-        points=tuple(point.overrides for point in points),
+        runs=tuple(run.overrides for run in runs),
         shuffle=shuffle,
         pictures=pictures,
         steps=tuple(steps),

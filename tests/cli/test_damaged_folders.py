@@ -186,9 +186,9 @@ ASKED = YAMLS | {
     "axis": value("axes", [["seed"], ["path.speed"]]),
     "axes": value("axes", 3),
     "no axes": value("axes", None),
-    "points": value("points", [["seed=0"], [3]]),
-    "no points": value("points", []),
-    "odd point": value("points", [["[" * 1000 + "=seed=", "seed=0"]]),
+    "runs": value("runs", [["seed=0"], [3]]),
+    "no runs": value("runs", []),
+    "odd run": value("runs", [["[" * 1000 + "=seed=", "seed=0"]]),
     "steps": value("steps", 3),
     "shuffle": value("shuffle", "x"),
     "pictures": value("pictures", 1),
@@ -200,10 +200,10 @@ ASKED = YAMLS | {
 def test_a_sweep_is_refused(results, capsys, words, kind):
     ASKED[kind](results / "sweep" / "sweep.yaml")
     before = sorted(results.rglob("*"))
-    if kind == "odd point" and words == ["show"]:
+    if kind == "odd run" and words == ["show"]:
         return  # It is no damage to those who do not compose it.
     said = one_line(capsys, *words, results / "sweep")
-    assert "sweep.yaml" in said or kind == "odd point"
+    assert "sweep.yaml" in said or kind == "odd run"
     assert sorted(results.rglob("*")) == before
 
 
@@ -225,7 +225,7 @@ def test_a_table_of_a_sweep(results, capsys, name, kind):
 @pytest.mark.parametrize("name", ["manifest.json", "metrics.json", "lineage.json"])
 @pytest.mark.parametrize("kind", JSONS)
 def test_a_damaged_point_is_computed_again(results, capsys, name, kind):
-    JSONS[kind](results / "sweep/points/0001" / name)
+    JSONS[kind](results / "sweep/runs/0001" / name)
     capsys.readouterr()
     assert main(["sweep", "--resume", str(results / "sweep"), "--json"]) == 0
     said = capsys.readouterr()

@@ -32,14 +32,14 @@ def test_ls_lists_runs_oldest_first(results, capsys):
     make_folder(results / ".half.partial-7")
     (results / "mine").mkdir()
     sweep = results / "sweep"
-    make_folder(sweep / "points" / "0000")
-    (sweep / "sweep.yaml").write_text("points: []\n")
+    make_folder(sweep / "runs" / "0000")
+    (sweep / "sweep.yaml").write_text("runs: []\n")
     found = answer(capsys, "ls", str(results))
     runs = [one for one in found if one["kind"] == "run"]
     assert [one["path"].rpartition("/")[2] for one in runs] == ["first", "third", "second"]
     assert [one["path"] for one in found if one["kind"] == "sweep"] == [str(sweep)]
     assert runs[0]["metrics"]["centre_rmse_m"] == 0.25
-    assert [one["path"] for one in answer(capsys, "ls", str(sweep))] == [f"{sweep}/points/0000"]
+    assert [one["path"] for one in answer(capsys, "ls", str(sweep))] == [f"{sweep}/runs/0000"]
     assert main(["ls", str(results)]) == 0
     said = capsys.readouterr().out
     assert said.index("first") < said.index("second")
@@ -91,14 +91,14 @@ def test_show_of_a_sweep(tmp_path, capsys):
     words = ["measurement=fabricated", "path.duration=0.3", "seed=0,1", "--name", "sweep"]
     assert main(["sweep", *words, "--results", str(tmp_path)]) == 0
     shown = answer(capsys, "show", str(folder))
-    assert [row["status"] for row in shown["points"]] == ["done", "done"]
+    assert [row["status"] for row in shown["runs"]] == ["done", "done"]
     assert main(["show", str(folder)]) == 0
     said = capsys.readouterr().out
     assert "2 done" in said
     assert "centre error, RMSE" in said
     assert main(["verify", str(folder)]) == 2
-    assert f"name one of its points, such as {folder}/points/0000" in capsys.readouterr().err
-    assert main(["verify", f"{folder}/points/0001", "--cached"]) == 0
+    assert f"name one of its runs, such as {folder}/runs/0000" in capsys.readouterr().err
+    assert main(["verify", f"{folder}/runs/0001", "--cached"]) == 0
     assert "identical: 2 files" in capsys.readouterr().out
 
 

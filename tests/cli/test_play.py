@@ -22,7 +22,7 @@ FABRICATED = (
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory, shared_cache):
-    """Folders as a sweep's points have them: `one`, `again`, `point` of one scene, and `faster`."""
+    """Folders as a sweep's runs have them: `one`, `again`, `point` of one scene, and `faster`."""
     root = tmp_path_factory.mktemp("results")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("STIXEL_CACHE", str(shared_cache))
@@ -34,7 +34,7 @@ def results(tmp_path_factory, shared_cache):
         ):
             make_point(root / name, [*FABRICATED, *overrides])
     (root / "sweep").mkdir()
-    (root / "sweep" / "sweep.yaml").write_text("points: []\n")
+    (root / "sweep" / "sweep.yaml").write_text("runs: []\n")
     return root
 
 
@@ -134,7 +134,7 @@ def test_results_that_come_out_differently_are_said(results, tmp_path, capsys):
         (("one", "faster"), "path.speed is 3 in one and 7.5 in faster"),
         (("one", "one"), "a folder is named twice"),
         (("none",), "there is no such folder"),
-        (("sweep",), "the folder of a sweep; name one of its points"),
+        (("sweep",), "the folder of a sweep; name one of its runs"),
     ],
 )
 def test_what_cannot_be_played_is_refused_in_one_line(results, folders, said, capsys):

@@ -35,12 +35,12 @@ OF_A_SWEEP = (
     "explain sweep",
     "sweep --resume sweep",
     "sweep --json --resume sweep",
-    "compare sweep/points/0000 other",
-    "play sweep/points/0000",
-    "verify --cached sweep/points/0000",
-    "explain sweep/points/0000",
-    "show sweep/points/0000",
-    "rerun sweep/points/0000",
+    "compare sweep/runs/0000 other",
+    "play sweep/runs/0000",
+    "verify --cached sweep/runs/0000",
+    "explain sweep/runs/0000",
+    "show sweep/runs/0000",
+    "rerun sweep/runs/0000",
     "ls --json .",
 )
 OF_A_FILE = (
@@ -93,7 +93,7 @@ READ_MOST_OF_A_SWEEP = ("sweep.yaml", "sweep.yaml", "runs.csv", "summary.md", "c
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory, shared_cache):
-    """Folders of two runs, a sweep and a study; all but the study's points are in the cache."""
+    """Folders of two runs, a sweep and a study; all but the study's runs are in the cache."""
     place = tmp_path_factory.mktemp("folders")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("STIXEL_CACHE", str(shared_cache))
@@ -130,7 +130,7 @@ def draw_words(rng: random.Random, place: Path, original: Path) -> list[str]:
         files = [folder / name for name in READ_MOST]
     else:
         files = [one for name in READ_MOST_OF_A_SWEEP for one in sorted(folder.glob(name))]
-        files += [folder / "points" / "0000" / name for name in READ_MOST]
+        files += [folder / "runs" / "0000" / name for name in READ_MOST]
     for file in dict.fromkeys(rng.choices(files, k=rng.choice((1, 1, 2)))):
         damage(file, rng)
     return rng.choice(commands).split()

@@ -157,7 +157,7 @@ def seen_group(frames=8, columns=30):
     return Group(
         label="all",
         rig=Rig(64, 48, 60.0, None, None, None, 0.3, 1.2, 0.0),
-        points=(),
+        runs=(),
         errors=errors,
         poses=np.arange(frames),
         pose_strata=("car", "cyclist") * (frames // 2),
@@ -215,8 +215,8 @@ def test_the_first_of_a_groups_lines_has_its_interval_as_a_band():
 def test_a_caption_says_what_a_line_counts():
     made = seen_group()
     points = tuple(SimpleNamespace(seed=seed) for seed in (0, 1, 2))
-    few = replace(made, points=points[:1], poses=np.zeros(8, int))
-    made = replace(made, points=points)
+    few = replace(made, runs=points[:1], poses=np.zeros(8, int))
+    made = replace(made, runs=points)
     assert counts([made, made]) == "8 poses a line, 3 seeds a pose"
     assert counts([made, few]) == "1 to 8 poses a line, 1 to 3 seeds a pose"
 

@@ -274,7 +274,7 @@ _TRACKERS = {"gp_ekf": "GP-EKF", "point": "point tracker"}
 @pytest.fixture
 def tiny(studies):
     answer = studies.run("rq2", *TINY)
-    assert answer["complete"] and answer["parts"]["tracking"]["points"] == 2 * 2
+    assert answer["complete"] and answer["parts"]["tracking"]["runs"] == 2 * 2
     return Path(answer["folder"])
 
 

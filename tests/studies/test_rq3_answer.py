@@ -11,7 +11,7 @@ from stixel_cli.studies.rq3.compare import Comparison, _corrected, reach_of
 from stixel_cli.studies.rq3.cost import cost_of
 from stixel_cli.studies.rq3.runs import FABRICATED, FITTED, SIMULATED, Measure
 
-COST = cost_of(SimpleNamespace(points=()), SimpleNamespace(points=()))
+COST = cost_of(SimpleNamespace(runs=()), SimpleNamespace(runs=()))
 
 
 def family(pairs, labels, tracker="", gap=-0.2):
@@ -90,7 +90,7 @@ def test_the_cost_is_cpu_time_and_not_known_without_all_of_it():
         point = SimpleNamespace(
             setting={}, seed=0, configuration=configuration, scores=scores, cpu_seconds=seconds
         )
-        return SimpleNamespace(points=[point])
+        return SimpleNamespace(runs=[point])
 
     cost = cost_of(part(scenario=9.0, render=2.0, scans=0.5), part(scenario=9.0, scans=0.01))
     assert cost.simulated_total == pytest.approx(0.25)

@@ -54,7 +54,7 @@ def test_the_study_answers_and_makes_its_preset(studies, study):
     table = (folder / "tables" / "point_differences.csv").read_text("utf-8")
     assert table.count("\n") >= 12
 
-    fitted = folder / "parts" / "fitted" / "points"
+    fitted = folder / "parts" / "fitted" / "runs"
     one = next(path for path in fitted.rglob("config.yaml"))
     noise = yaml.safe_load((folder / "noise" / "fitted_car.yaml").read_text("utf-8"))
     plain = yaml.safe_load(one.read_text("utf-8"))
@@ -75,7 +75,7 @@ def test_a_path_is_judged_with_a_noise_that_has_not_seen_it(studies, study):
     folder = Path(studies.run(study, *overrides)["folder"])
     runs = [
         yaml.safe_load(path.read_text("utf-8"))
-        for path in (folder / "parts" / "fitted" / "points").rglob("config.yaml")
+        for path in (folder / "parts" / "fitted" / "runs").rglob("config.yaml")
     ]
     assert len(runs) == 2 * 2
     used = {run["path"]["kind"]: run["measurement"]["noise"]["disparity_std"] for run in runs}

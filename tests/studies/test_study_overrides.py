@@ -5,7 +5,7 @@ import pytest
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.studies.overrides import overridden
 from stixel_cli.sweeps.design import Axis, Design
-from stixel_cli.sweeps.points import design_points
+from stixel_cli.sweeps.runs import design_runs
 
 
 def axis(key, *values):
@@ -26,7 +26,7 @@ STEREO_ONLY = Design(("measurement=simulated",), (axis("seed", 0, 1),))
 def test_an_override_goes_with_the_points_that_have_its_key():
     text = "measurement/noise=constant"
     (design, alone), notes = overridden([TRACKING, STEREO_ONLY], [text], ["tracking", "stereo"])
-    points = design_points(design)
+    points = design_runs(design)
     assert len(points) == 3 * 2 * 2
     for point in points:
         assert (text in point.overrides) == (point.settings["measurement"] == "fabricated")

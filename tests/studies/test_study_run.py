@@ -42,18 +42,18 @@ def test_a_study_from_its_file_to_its_report(studies, toy):
     first, second = data.parts["first"], data.parts["second"]
     assert (data.name, data.title) == ("toy", "A <toy> & its title")
     assert first.keys == ("road_user", "path", "seed")
-    assert [(p.setting["road_user"], p.seed) for p in first.points] == [
+    assert [(p.setting["road_user"], p.seed) for p in first.runs] == [
         ("car", 0),
         ("car", 1),
         ("pedestrian", 0),
         ("pedestrian", 1),
     ]
     # The second part's axis follows from how many points the first has.
-    assert [p.setting for p in second.points] == [
+    assert [p.setting for p in second.runs] == [
         {"tracker.sigma_f": "0.1"},
         {"tracker.sigma_f": "4.1"},
     ]
-    point = first.points[0]
+    point = first.runs[0]
     assert point.configuration.road_user.kind == "car"
     scans, track = point.load("scans"), point.load("track")
     assert np.array_equal(scans.times, point.scores.times)
@@ -82,7 +82,7 @@ def test_the_tables_hold_what_was_computed(studies, toy, capsys):
     assert (folder / "tables/gaps.csv").read_text() == "a,b\n,1.5\nx|y,\n"
     # A part is a sweep as any other.
     assert main(["sweep", "--resume", str(folder / "parts/first")]) == 0
-    assert "4 of 4 points done; nodes: 0 computed" in capsys.readouterr().out
+    assert "4 of 4 runs done; nodes: 0 computed" in capsys.readouterr().out
 
 
 def test_the_same_command_again_computes_nothing(studies, toy, own_cache):
@@ -97,7 +97,7 @@ def test_the_same_command_again_computes_nothing(studies, toy, own_cache):
     shutil.rmtree(own_cache)
     last = studies.run(file)
     assert last["complete"] and last["nodes"]["computed"] > 0
-    assert len(toy.seen[-1].parts["first"].points[0].load("scans")) == 3
+    assert len(toy.seen[-1].parts["first"].runs[0].load("scans")) == 3
     assert before == {path: path.read_bytes() for path in (folder / "tables").iterdir()}
 
 
@@ -107,8 +107,8 @@ def test_points_that_are_computed_again_are_told(studies, toy, monkeypatch):
     assert "computed again" not in studies.error
     monkeypatch.setattr(keys, "LAYOUT", keys.LAYOUT + 1)
     assert studies.run(file)["complete"]
-    assert "first: 4 of 4 finished points were made of something else" in studies.error
-    assert "second: 2 of 2 finished points were made of something else" in studies.error
+    assert "first: 4 of 4 finished runs were made of something else" in studies.error
+    assert "second: 2 of 2 finished runs were made of something else" in studies.error
 
 
 def test_another_configuration_is_refused_but_for_name_or_fresh(studies, toy):
@@ -193,12 +193,12 @@ def test_what_fails_is_told_and_gone_on_with(studies, toy, tmp_path):
     assert answer["parts"]["first"]["done"] == 2
     # The second part's axes would follow from the first.
     assert answer["parts"]["second"] == {
-        "points": None,
+        "runs": None,
         "done": 0,
         "folder": str(folder / "parts/second"),
         "faults": ["its axes follow from the parts before"],
     }
-    assert "no statistics: points are not there: first 2 of 4, second 0 of ?" in studies.error
+    assert "no statistics: runs are not there: first 2 of 4, second 0 of ?" in studies.error
     command = f"stixel study {file} seed=0 --results {studies.results}"
     assert studies.error.endswith(f"{command}\n")
     page = (folder / "report.html").read_text()
@@ -284,7 +284,7 @@ def test_overrides_take_the_place_of_what_parts_have(studies, toy):
         "--dry-run",
     )  # fmt: skip
     assert plan["parts"]["second"] is None
-    assert plan["parts"]["first"]["points"] == 1 * 2 * 3
+    assert plan["parts"]["first"]["runs"] == 1 * 2 * 3
     assert plan["parts"]["first"]["axes"] == [
         {"keys": ["road_user", "path"], "values": 1},
         {"keys": ["tracker.basis_points"], "values": 2},

@@ -1,11 +1,11 @@
-"""`stixel explain` of sweeps: each node once, with the points that need it."""
+"""`stixel explain` of sweeps: each node once, with the runs that need it."""
 
 import json
 
 import pytest
 
 from stixel_cli.cli.app import main
-from stixel_cli.cli.explain import shown_points
+from stixel_cli.cli.explain import shown_runs
 
 FEW = ("measurement=fabricated", "path.duration=0.3")
 
@@ -22,17 +22,17 @@ def explained(sweeps, capsys):
     return explain
 
 
-def test_each_node_once_with_the_points_that_need_it(sweeps, explained, capsys):
+def test_each_node_once_with_the_runs_that_need_it(sweeps, explained, capsys):
     sweeps.run(*FEW, "tracker.sigma_f=0.1", "seed=0,1")
     line = [*FEW, "tracker.sigma_f=0.1,0.2", "seed=0,1,2"]
     found = explained(*line)
     keys = [one["key"] for one in found]
     assert len(keys) == len(set(keys))
-    points = {}
+    runs = {}
     for one in found:
-        points.setdefault(one["stage"], []).append(one["points"])
-    # Seed 2 is new, and so is sigma_f=0.2; what the scores of points 0 and 1 took is not asked for.
-    assert points == {
+        runs.setdefault(one["stage"], []).append(one["runs"])
+    # Seed 2 is new, and so is sigma_f=0.2; what the scores of runs 0 and 1 took is not asked for.
+    assert runs == {
         "scans": [[2, 5]],
         "start": [[2, 5]],
         "track": [[2], [3], [4], [5]],
@@ -40,8 +40,8 @@ def test_each_node_once_with_the_points_that_need_it(sweeps, explained, capsys):
     }
     assert main(["explain", *line]) == 0
     said = capsys.readouterr().out
-    assert "\nstart (points 2, 5): seed changed from " in said
-    assert "\nscores, 2 nodes (points 3-4): input changed: track\n" in said
+    assert "\nstart (runs 2, 5): seed changed from " in said
+    assert "\nscores, 2 nodes (runs 3-4): input changed: track\n" in said
     sweeps.run(*line)
     assert explained(*line) == []
 
@@ -86,12 +86,12 @@ def test_a_file_and_the_folder_of_a_sweep(sweeps, explained, tmp_path, capsys):
     file = tmp_path / "mine.yaml"
     file.write_text("fixed: {measurement: fabricated, path.duration: 0.3}\nseeds: 2\n")
     found = explained("--from", file, "road_user=car")
-    assert [one["points"] for one in found if one["stage"] == "scans"] == [[0], [1]]
+    assert [one["runs"] for one in found if one["stage"] == "scans"] == [[0], [1]]
     sweeps.run("--from", file, "--name", "mine")
     folder = sweeps.results / "mine"
     assert explained(folder) == []
-    # A point draws no pictures, so none are asked for.
-    assert explained(folder / "points" / "0001") == []
+    # A run draws no pictures, so none are asked for.
+    assert explained(folder / "runs" / "0001") == []
     stages = {one["stage"] for one in explained(*FEW, "seed=1")}
     assert stages == {"track_pictures", "run_pictures"}
     capsys.readouterr()
@@ -102,7 +102,7 @@ def test_a_file_and_the_folder_of_a_sweep(sweeps, explained, tmp_path, capsys):
     assert "no stage reads it" in errors[1]
 
 
-def test_points_are_named_shortly():
-    assert shown_points([0, 1, 2], 3) == "all 3 points"
-    assert shown_points([0, 1, 2, 5, 7, 8], 9) == "points 0-2, 5, 7-8"
-    assert shown_points([4], 9) == "point 4"
+def test_runs_are_named_shortly():
+    assert shown_runs([0, 1, 2], 3) == "all 3 runs"
+    assert shown_runs([0, 1, 2, 5, 7, 8], 9) == "runs 0-2, 5, 7-8"
+    assert shown_runs([4], 9) == "run 4"

@@ -17,7 +17,7 @@ FEW = ("measurement=fabricated", "path.duration=0.3")
 STATISTICS = ("summary.csv", "summary.md", "summary.tex")
 
 
-def test_a_point_that_fails_fails_alone_and_resume_goes_on(sweeps, bad_mesh):
+def test_a_run_that_fails_fails_alone_and_resume_goes_on(sweeps, bad_mesh):
     axes = (f"road_user.mesh=null,{bad_mesh}", "seed=0,1", "tracker.sigma_q=0.5,0.6")
     swept = sweeps.run(*FEW, *axes, "--name", "mine", code=1)
     folder = sweeps.results / "mine"
@@ -27,40 +27,40 @@ def test_a_point_that_fails_fails_alone_and_resume_goes_on(sweeps, bad_mesh):
     assert complete == {"null"}
     settings = [one["setting"] for one in swept["incomplete"]]
     assert [setting["road_user.mesh"] for setting in settings] == [str(bad_mesh)] * 2
-    assert [(one["points"], one["done"]) for one in swept["incomplete"]] == [(2, 0)] * 2
-    statuses = [row["status"] for row in swept["points"]]
+    assert [(one["runs"], one["done"]) for one in swept["incomplete"]] == [(2, 0)] * 2
+    statuses = [row["status"] for row in swept["runs"]]
     assert statuses == ["done"] * 4 + ["failed"] + ["skipped"] * 3
     assert sweeps.error.splitlines()[-1] == f"stixel sweep --resume {folder}"
-    assert "4 of 8 points are not there: no statistics of 2 settings" in sweeps.error
-    assert "point 4 failed" in sweeps.error
+    assert "4 of 8 runs are not there: no statistics of 2 settings" in sweeps.error
+    assert "run 4 failed" in sweeps.error
     for name in ("summary.md", "summary.tex"):
         text = (folder / name).read_text()
         assert "No statistics of 2 settings that are not complete" in text
-        assert f"road_user.mesh={bad_mesh} tracker.sigma_q=0.6 (0 of 2 points done)" in text
+        assert f"road_user.mesh={bad_mesh} tracker.sigma_q=0.6 (0 of 2 runs done)" in text
     assert "| 0 | incomplete | – | – |" in (folder / "summary.md").read_text()
     with (folder / "summary.csv").open() as file:
         rows = list(csv.DictReader(file))
     refused = [row for row in rows if row["status"] == "incomplete"]
     assert [(row["n"], row["metric"], row["mean"]) for row in refused] == [("0", "", "")] * 2
     assert {row["road_user.mesh"] for row in rows if row["status"] == "complete"} == {"null"}
-    failed = folder / swept["points"][4]["folder"]
+    failed = folder / swept["runs"][4]["folder"]
     assert failed == folder / "failed" / "0004"
     told = json.loads((failed / "failure.json").read_text())
-    assert told["stage"] == swept["points"][4]["failed_stage"] == "scenario"
+    assert told["stage"] == swept["runs"][4]["failed_stage"] == "scenario"
     assert told["status"] == "failed"
-    assert json.loads((folder / "failed/0005/failure.json").read_text())["failed_in_point"] == 4
+    assert json.loads((folder / "failed/0005/failure.json").read_text())["failed_in_run"] == 4
     assert "Traceback" in (failed / "traceback.txt").read_text()
     assert yaml.safe_load((failed / "config.yaml").read_text())["road_user"]["mesh"] == str(
         bad_mesh
     )
     # Nothing has changed: it fails again, and the rest is not looked at.
     again = sweeps.run("--resume", folder, code=1)
-    assert [row["status"] for row in again["points"]] == statuses
+    assert [row["status"] for row in again["runs"]] == statuses
     assert again["nodes"]["computed"] == 0
     bad_mesh.write_text(TETRAHEDRON, encoding="utf-8")
     mended = sweeps.run("--resume", folder)
     assert mended["complete"]
-    assert mended["points"][:4] == swept["points"][:4]
+    assert mended["runs"][:4] == swept["runs"][:4]
     assert mended["nodes"]["computed"] == 1 + 4 + 4 + 2 * 2
     assert not (folder / "failed").exists()
     assert {path.name for path in folder.iterdir()} >= {*STATISTICS, "figures"}
@@ -85,16 +85,16 @@ f 4 1 5
 def test_resume_makes_again_what_was_removed_or_damaged(sweeps):
     first = sweeps.run(*FEW, "seed=0,1,2", "--name", "mine")
     folder = sweeps.results / "mine"
-    shutil.rmtree(folder / "points" / "0001")
-    (folder / "points" / "0002" / "metrics.json").write_text("{")
-    (folder / "points" / ".0000.partial-1").mkdir()
+    shutil.rmtree(folder / "runs" / "0001")
+    (folder / "runs" / "0002" / "metrics.json").write_text("{")
+    (folder / "runs" / ".0000.partial-1").mkdir()
     (folder / "runs.csv").unlink()
     again = sweeps.run("--resume", folder, "--workers", "1")
-    for one, other in zip(again["points"], first["points"], strict=True):
+    for one, other in zip(again["runs"], first["runs"], strict=True):
         # The workers of the second are among its overrides, and change nothing.
         assert one | {"overrides": other["overrides"]} == other
     assert again["nodes"]["computed"] == 0
-    assert sorted(path.name for path in (folder / "points").iterdir()) == ["0000", "0001", "0002"]
+    assert sorted(path.name for path in (folder / "runs").iterdir()) == ["0000", "0001", "0002"]
 
 
 # Where the tests run in the background of a shell, Ctrl-C is ignored from the start.
@@ -107,7 +107,7 @@ sys.exit(main())
 
 
 def test_ctrl_c_says_what_is_kept_and_resume_goes_on(sweeps):
-    """A real process with workers, which the signal meets in the midst of its points."""
+    """A real process with workers, which the signal meets in the midst of its runs."""
     line = ["measurement=fabricated", "tracker.sigma_q=range(1,61)", "tracker.basis_points=80"]
     where = ["--results", str(sweeps.results), "--name", "mine"]
     process = subprocess.Popen(
@@ -119,13 +119,13 @@ def test_ctrl_c_says_what_is_kept_and_resume_goes_on(sweeps):
         env=os.environ | {"PYTHONUNBUFFERED": "1"},
     )
     folder = sweeps.results / "mine"
-    while process.poll() is None and not list(folder.glob("points/0*")):
+    while process.poll() is None and not list(folder.glob("runs/0*")):
         time.sleep(0.02)
     os.killpg(process.pid, signal.SIGINT)
     _, error = process.communicate(timeout=30)
     assert process.returncode == 130, error
     last = error.splitlines()[-1]
-    told = re.search(r"interrupted: (\d+) of 60 points are done, and what was computed", last)
+    told = re.search(r"interrupted: (\d+) of 60 runs are done, and what was computed", last)
     assert told, error
     assert last.endswith(f"go on with: stixel sweep --resume {folder}")
     assert "Traceback" not in error
@@ -141,7 +141,7 @@ def test_ctrl_c_says_what_is_kept_and_resume_goes_on(sweeps):
     assert not (folder / "figures").exists()
     # A few of them are enough to see that it goes on.
     request = yaml.safe_load((folder / "sweep.yaml").read_text())
-    request["points"] = request["points"][: done + 2]
+    request["runs"] = request["runs"][: done + 2]
     (folder / "sweep.yaml").write_text(yaml.safe_dump(request))
     again = sweeps.run("--resume", folder)
     assert again["complete"]
@@ -152,7 +152,7 @@ def test_a_folder_that_cannot_be_written_ends_it_in_one_line(sweeps, monkeypatch
     rename = Path.rename
 
     def full(path, target):
-        if path.parent.name == "points":
+        if path.parent.name == "runs":
             raise OSError(28, "No space left on device")
         return rename(path, target)
 
@@ -162,10 +162,10 @@ def test_a_folder_that_cannot_be_written_ends_it_in_one_line(sweeps, monkeypatch
     last = sweeps.error.splitlines()[-1]
     assert "cannot be written: No space left on device; go on with: stixel sweep" in last
     assert "Traceback" not in sweeps.error
-    assert list((sweeps.results / "mine/points").iterdir()) == []
+    assert list((sweeps.results / "mine/runs").iterdir()) == []
 
 
-def test_code_that_changed_makes_the_points_again(sweeps, monkeypatch):
+def test_code_that_changed_makes_the_runs_again(sweeps, monkeypatch):
     from stixel_cli.engine import keys
 
     sweeps.run(*FEW, "seed=0,1", "--name", "mine")

@@ -1,35 +1,35 @@
 """What is shown of a sweep on its way."""
 
-from points_of import sweep_points
+from runs_of import sweep_runs
 
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.progress import duration
-from stixel_cli.sweeps.graphs import plan_points
+from stixel_cli.sweeps.graphs import plan_runs
 from stixel_cli.sweeps.progress import SweepProgress
 
 
-def test_points_and_nodes_are_counted(capsys):
+def test_runs_and_nodes_are_counted(capsys):
     line = ["measurement=fabricated", "seed=1,2,3"]
-    waiting = plan_points(sweep_points(line))
+    waiting = plan_runs(sweep_runs(line))
     complete = []
     progress = SweepProgress(
-        waiting, 2, 2, {"track": 4.0}, lambda point, seconds: complete.append(point)
+        waiting, 2, 2, {"track": 4.0}, lambda run, seconds: complete.append(run)
     )
     tracks = [one.graph.of_stage("track")[0] for one in waiting]
     scores = [one.graph.nodes[one.scores] for one in waiting]
     progress.begin([*tracks, *scores[:2]], cached=7)
     # The scores of the third are there: it waits for nothing.
     assert complete == [waiting[2]]
-    assert progress.text == "3/5 points; nodes: 0/5 done, 7 cached, 0 running"
+    assert progress.text == "3/5 runs; nodes: 0/5 done, 7 cached, 0 running"
     progress.started(tracks[0])
     progress.finished(tracks[0], 2.0)
     progress.started(scores[0])
     progress.finished(scores[0], 1.0)
     assert complete == [waiting[2], waiting[0]]
     progress.failed(tracks[1], StageFailure("track", "track", ValueError("a\nb"), ""), [scores[1]])
-    assert progress.points_failed == 1
+    assert progress.runs_failed == 1
     assert progress.text == (
-        "4/5 points, 1 failed; nodes: 2/3 done, 7 cached, 0 running, 1 failed; about 1 s left"
+        "4/5 runs, 1 failed; nodes: 2/3 done, 7 cached, 0 running, 1 failed; about 1 s left"
     )
     assert capsys.readouterr().err == "stixel: failed: track: ValueError: a b\n"
     progress.close()

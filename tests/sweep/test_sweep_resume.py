@@ -20,7 +20,7 @@ LOCAL = ("executor=local", "executor.workers=2", "executor.time_limit=100")
 
 @pytest.fixture(scope="module")
 def original(tmp_path_factory):
-    """The folder of a sweep of two points; not to be changed."""
+    """The folder of a sweep of two runs; not to be changed."""
     root = tmp_path_factory.mktemp("swept")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("STIXEL_CACHE", str(root / "cache"))
@@ -30,10 +30,10 @@ def original(tmp_path_factory):
 
 @pytest.fixture
 def folder(original, sweeps, monkeypatch):
-    """A copy of it that lacks the second point, with the cache that it filled."""
+    """A copy of it that lacks the second run, with the cache that it filled."""
     monkeypatch.setenv("STIXEL_CACHE", str(original.parent / "cache"))
     copy = Path(shutil.copytree(original, sweeps.results / "mine"))
-    shutil.rmtree(copy / "points" / "0001")
+    shutil.rmtree(copy / "runs" / "0001")
     return copy
 
 
@@ -43,21 +43,21 @@ def request_of(folder):
 
 def test_another_executor_and_another_cache(sweeps, folder, tmp_path):
     before = request_of(folder)
-    before["points"] = [[*overrides, *LOCAL] for overrides in before["points"]]
+    before["runs"] = [[*overrides, *LOCAL] for overrides in before["runs"]]
     (folder / "sweep.yaml").write_text(yaml.safe_dump(before))
     cache = tmp_path / "other"
     words = ["executor=threads", f"cache.folder={cache}"]
     again = sweeps.run("--resume", folder, *words, "--workers", "1")
     assert again["complete"]
-    # The cache is empty, and the first point is in the folder.
+    # The cache is empty, and the first run is in the folder.
     assert again["nodes"] == {"computed": 6, "cached": 0}
-    config = yaml.safe_load((folder / "points/0001/config.yaml").read_text())
+    config = yaml.safe_load((folder / "runs/0001/config.yaml").read_text())
     assert config["executor"] == {"kind": "threads", "workers": 1}
-    manifest = json.loads((folder / "points/0001/manifest.json").read_text())
+    manifest = json.loads((folder / "runs/0001/manifest.json").read_text())
     assert manifest["overrides"] == [*FEW, "seed=1", *words, "executor.workers=1"]
     request = request_of(folder)
     assert request["created"] == before["created"]
-    assert request["points"] == before["points"]
+    assert request["runs"] == before["runs"]
     (entry,) = request["resumed"]
     assert entry.keys() == {"time", "command", "revision"}
     assert entry["command"].startswith(f"stixel sweep --resume {folder} executor=threads ")
@@ -65,9 +65,9 @@ def test_another_executor_and_another_cache(sweeps, folder, tmp_path):
     # Nothing is left to go on with.
     sweeps.run("--resume", folder)
     assert len(request_of(folder)["resumed"]) == 1
-    shutil.rmtree(folder / "points" / "0000")
+    shutil.rmtree(folder / "runs" / "0000")
     assert sweeps.run("--resume", folder, "executor.time_limit=50")["complete"]
-    config = yaml.safe_load((folder / "points/0000/config.yaml").read_text())
+    config = yaml.safe_load((folder / "runs/0000/config.yaml").read_text())
     assert config["executor"] == {"kind": "local", "workers": 2, "time_limit": 50.0}
     assert len(request_of(folder)["resumed"]) == 2
 
@@ -113,7 +113,7 @@ def test_relative_names_of_files_hold_in_another_working_directory(
     given = ("road_user.mesh=mine.obj", "cache.folder=kept")
     whole = sweeps.run(*FEW, *given, "seed=0,1", "--name", "mine")
     folder = sweeps.results / "mine"
-    shutil.rmtree(folder / "points" / "0001")
+    shutil.rmtree(folder / "runs" / "0001")
     monkeypatch.chdir(here)
     capsys.readouterr()
     assert main(["explain", str(folder)]) == 0
@@ -123,7 +123,7 @@ def test_relative_names_of_files_hold_in_another_working_directory(
     assert again["nodes"]["computed"] == 0
     assert sweeps.error == ""
     # What is typed now is meant here.
-    shutil.rmtree(folder / "points" / "0001")
+    shutil.rmtree(folder / "runs" / "0001")
     elsewhere = sweeps.run("--resume", folder, "cache.folder=other")
     assert elsewhere["nodes"]["computed"] > 0
     assert elsewhere["summary"] == whole["summary"]
@@ -137,7 +137,7 @@ def test_a_mesh_that_changed_is_named_and_verified(sweeps, tmp_path, capsys):
     folder = sweeps.results / "mine"
     mesh.write_text(TETRAHEDRON.format(1.5).replace("v 2 1 0", "v 2.2 1 0"))
     capsys.readouterr()
-    assert main(["verify", str(folder / "points/0001"), "--cached", "--json"]) == 1
+    assert main(["verify", str(folder / "runs/0001"), "--cached", "--json"]) == 1
     found = json.loads(capsys.readouterr().out)
     assert found["first_by_key"]["stage"] == "scenario"
     assert found["first_by_key"]["causes"] == ([f"the content of {mesh} is not what it was"])
@@ -145,7 +145,7 @@ def test_a_mesh_that_changed_is_named_and_verified(sweeps, tmp_path, capsys):
     again = sweeps.run("--resume", folder)
     assert again["complete"]
     assert (
-        "1 of 2 finished points was made of something else than there is now (scenario: the "
+        "1 of 2 finished runs was made of something else than there is now (scenario: the "
         f"content of {mesh} is not what it was) and is computed again" in sweeps.error
     )
     sweeps.run("--resume", folder)
@@ -157,21 +157,21 @@ def test_a_setting_and_a_folder_that_does_not_say(sweeps, monkeypatch):
 
     sweeps.run(*FEW, "tracker.sigma_f=0.1,0.2", "--name", "mine")
     folder = sweeps.results / "mine"
-    (folder / "points" / "0000" / "lineage.json").unlink()
+    (folder / "runs" / "0000" / "lineage.json").unlink()
     file = folder / "sweep.yaml"
     # As if the option's file in conf/ had changed.
     file.write_text(file.read_text().replace("- tracker.sigma_f=0.2\n", "- tracker.sigma_f=0.3\n"))
     sweeps.run("--resume", folder)
-    assert "1 of 2 finished points was made of something else" in sweeps.error
+    assert "1 of 2 finished runs was made of something else" in sweeps.error
     assert "(track: tracker.sigma_f 0.2 → 0.3)" in sweeps.error
     monkeypatch.setattr(keys, "LAYOUT", keys.LAYOUT + 1)
     sweeps.run("--resume", folder)
-    assert "2 of 2 finished points" in sweeps.error
+    assert "2 of 2 finished runs" in sweeps.error
     assert "the folder does not say of what" in sweeps.error
     assert "ego_motion: its inputs are others" in sweeps.error
 
 
-def test_edited_code_is_named_by_resume_and_by_verify_of_a_point(tmp_path):
+def test_edited_code_is_named_by_resume_and_by_verify_of_a_run(tmp_path):
     for name in ("stixel_cli", "conf", "pipelines"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
@@ -194,14 +194,14 @@ def test_edited_code_is_named_by_resume_and_by_verify_of_a_point(tmp_path):
     text = start.read_text()
     assert "generator(seed," in text
     start.write_text(text.replace("generator(seed,", "generator(seed + 1,"))
-    point = tmp_path / "results/mine/points/0001"
-    found = json.loads(stixel("verify", str(point), "--cached", "--json", code=1).stdout)
+    run = tmp_path / "results/mine/runs/0001"
+    found = json.loads(stixel("verify", str(run), "--cached", "--json", code=1).stdout)
     assert found["first_by_key"]["stage"] == found["first_by_value"]["stage"] == "start"
     edited = "stixel_cli.tracking.start was edited"
     assert found["first_by_value"]["causes"] == [edited]
     assert "by up to" in found["first_by_value"]["what"]
     # Taken out of its sweep's folder, it knows what was made, and not of which code.
-    alone = shutil.copytree(point, tmp_path / "alone" / "point")
+    alone = shutil.copytree(run, tmp_path / "alone" / "run")
     found = json.loads(stixel("verify", str(alone), "--cached", "--json", code=1).stdout)
     assert found["first_by_value"]["stage"] == "start"
     assert found["first_by_value"]["causes"] == [
@@ -209,37 +209,37 @@ def test_edited_code_is_named_by_resume_and_by_verify_of_a_point(tmp_path):
     ]
     done = stixel("sweep", "--resume", "results/mine", code=0)
     assert f"(start: {edited}) and are computed again" in done.stderr
-    assert "2 of 2 finished points" in done.stderr
+    assert "2 of 2 finished runs" in done.stderr
 
 
-def test_points_refer_to_one_file_of_code(folder, sweeps):
-    # As a run of other code, whose points are all computed again, left it.
+def test_runs_refer_to_one_file_of_code(folder, sweeps):
+    # As a run of other code, whose runs are all computed again, left it.
     (folder / "code" / f"{'0' * 16}.json").write_text("{}")
     sweeps.run("--resume", folder)
     (code,) = (folder / "code").iterdir()
-    for point in (folder / "points").iterdir():
-        lineage = json.loads((point / "lineage.json").read_text())
+    for run in (folder / "runs").iterdir():
+        lineage = json.loads((run / "lineage.json").read_text())
         assert lineage["code"] == code.stem
         assert all(digest for stage in lineage["stages"].values() for digest in stage["digests"])
-        assert (point / "lineage.json").stat().st_size < 2000
-    text = (folder / "points/0000/lineage.json").read_text()
+        assert (run / "lineage.json").stat().st_size < 2000
+    text = (folder / "runs/0000/lineage.json").read_text()
     for strange in ("../../../etc/passwd", "0" * 15, "Z" * 16):
-        (folder / "points/0000/lineage.json").write_text(text.replace(code.stem, strange))
-        assert main(["verify", str(folder / "points/0000"), "--cached"]) == 2
+        (folder / "runs/0000/lineage.json").write_text(text.replace(code.stem, strange))
+        assert main(["verify", str(folder / "runs/0000"), "--cached"]) == 2
 
 
 def test_an_interrupted_verify_keeps_nothing_and_says_so(original, capsys, monkeypatch):
     from stixel_cli.cli import verify
 
-    point = str(original / "points/0000")
+    run = str(original / "runs/0000")
 
     def interrupted(*_):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(verify, "verify_run", interrupted)
-    assert main(["verify", point]) == 130
+    assert main(["verify", run]) == 130
     assert capsys.readouterr().err == (
         "stixel: interrupted; nothing is kept of it (--cached would)\n"
     )
-    assert main(["verify", point, "--cached"]) == 130
+    assert main(["verify", run, "--cached"]) == 130
     assert "what was computed is kept" in capsys.readouterr().err

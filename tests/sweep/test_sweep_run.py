@@ -25,13 +25,13 @@ def stages_of(plan):
     return {stage["name"]: stage["nodes"] for stage in plan["stages"]}
 
 
-def test_points_share_what_they_have_in_common(sweeps, capsys):
+def test_runs_share_what_they_have_in_common(sweeps, capsys):
     line = [*FEW, "seed=0,1", "tracker.sigma_q=0.5,0.6,0.7"]
     assert main(["plan", "--json", *line]) == 0
     planned = json.loads(capsys.readouterr().out)
     shared = {"ego_motion": 1, "scenario": 1, "scans": 2, "start": 2}
     assert stages_of(planned) == shared | {"track": 6, "scores": 6}
-    assert planned["points"] == 6
+    assert planned["runs"] == 6
     assert planned["nodes"] == {"all": 18, "cached": 0, "to_run": 18}
     swept = sweeps.run(*line, "--name", "a")
     assert swept["nodes"] == {"computed": 18, "cached": 0}
@@ -43,18 +43,18 @@ def test_points_share_what_they_have_in_common(sweeps, capsys):
     assert main(["plan", "--json", *line]) == 0
     planned = json.loads(capsys.readouterr().out)
     assert planned["nodes"] == {"all": 18, "cached": 18, "to_run": 0}
-    assert planned["points_cached"] == 6
+    assert planned["runs_cached"] == 6
 
 
-def test_two_hundred_tracker_points_compute_their_scans_once():
-    from points_of import sweep_points
+def test_two_hundred_tracker_runs_compute_their_scans_once():
+    from runs_of import sweep_runs
 
-    from stixel_cli.sweeps.graphs import plan_points, plan_sweep
+    from stixel_cli.sweeps.graphs import plan_runs, plan_sweep
 
-    points = sweep_points(["tracker.sigma_q=range(0.5,2.5,0.01)"])
-    plan = plan_sweep(plan_points(points), store=_Empty())
+    runs = sweep_runs(["tracker.sigma_q=range(0.5,2.5,0.01)"])
+    plan = plan_sweep(plan_runs(runs), store=_Empty())
     counts = {stage.name: stage.nodes for stage in plan.stages}
-    assert len(points) == 200
+    assert len(runs) == 200
     assert counts["render"] == counts["match"] == counts["stixels"] == 10
     assert counts["scans"] == counts["start"] == 1
     assert counts["track"] == counts["scores"] == 200
@@ -77,7 +77,7 @@ def test_the_folder(sweeps):
         "runs.csv",
         *STATISTICS,
         "figures",
-        "points",
+        "runs",
         "code",
     }
     assert [path.name for path in (folder / "figures").iterdir()] == ["tracker.sigma_f.png"]
@@ -85,23 +85,23 @@ def test_the_folder(sweeps):
     assert len(rows) == 6
     for index, row in enumerate(rows):
         assert row["status"] == "done"
-        assert row["folder"] == f"points/{index:04d}"
-        point = folder / row["folder"]
-        metrics = json.loads((point / "metrics.json").read_text())
+        assert row["folder"] == f"runs/{index:04d}"
+        run = folder / row["folder"]
+        metrics = json.loads((run / "metrics.json").read_text())
         assert {name: float(row[name]) for name in metrics} == metrics
-        configuration = from_resolved(yaml.safe_load((point / "config.yaml").read_text()))
+        configuration = from_resolved(yaml.safe_load((run / "config.yaml").read_text()))
         assert configuration == compose(row["overrides"].split()).configuration
         assert configuration.seed == int(row["seed"]) == index % 3
         assert configuration.tracker.sigma_f == float(row["tracker.sigma_f"])
-        # A point's folder is read as any run's is, and small.
-        read = read_folder(point)
+        # A run's folder is read as any run's is, and small.
+        read = read_folder(run)
         assert read.metrics == metrics
         keys = {stage["name"]: stage["key"] for stage in read.manifest["stages"]}
         assert {"scans", "track", "scores"} <= keys.keys()
-        assert sum(file.stat().st_size for file in point.iterdir()) < 30_000
+        assert sum(file.stat().st_size for file in run.iterdir()) < 30_000
     request = yaml.safe_load((folder / "sweep.yaml").read_text())
     assert request["command"].startswith("stixel sweep measurement=fabricated")
-    assert len(request["points"]) == 6
+    assert len(request["runs"]) == 6
 
 
 def test_the_statistics_are_those_of_the_seeds(sweeps):
@@ -166,7 +166,7 @@ def test_what_is_refused_is_one_line_and_writes_nothing(sweeps, arguments, said,
 def test_a_wrong_sweep_yaml_is_one_line(sweeps):
     sweeps.run(*FEW, "seed=0,1", "--name", "mine")
     file = sweeps.results / "mine" / "sweep.yaml"
-    for text in ("", "[]", "points: 3", "a: [", "axes: []\npoints: []\nshuffle: 1\npictures: no"):
+    for text in ("", "[]", "runs: 3", "a: [", "axes: []\nruns: []\nshuffle: 1\npictures: no"):
         file.write_text(text)
         said = sweeps.refused("--resume", file.parent)
         assert "not what a sweep was asked for" in said or "not valid YAML" in said
@@ -176,16 +176,16 @@ def test_dry_run_writes_nothing(sweeps, capsys):
     line = [*FEW, "seed=0,1", "--dry-run", "--results", str(sweeps.results)]
     assert main(["sweep", *line]) == 0
     said = capsys.readouterr().out
-    assert "2 points, 0 complete" in said
+    assert "2 runs, 0 complete" in said
     assert "seed: 2 values: seed=0, seed=1" in said
     assert not sweeps.results.exists()
 
 
 def test_pictures_only_where_they_are_asked_for(sweeps):
     plain = sweeps.run(*FEW, "seed=0,1", "--name", "plain")
-    assert not (sweeps.results / "plain" / "points" / "0000" / "figures").exists()
+    assert not (sweeps.results / "plain" / "runs" / "0000" / "figures").exists()
     asked = sweeps.run(*FEW, "pictures.frames=[1]", "seed=0,1", "--name", "asked", "--pictures")
-    drawn = sweeps.results / "asked" / "points" / "0001" / "figures"
+    drawn = sweeps.results / "asked" / "runs" / "0001" / "figures"
     assert (drawn / "path.png").is_file()
     assert (drawn / "k0001" / "birds_eye.png").is_file()
     assert asked["summary"] == plain["summary"]
@@ -195,7 +195,7 @@ def test_the_summary_for_the_eye(sweeps, capsys):
     line = [*FEW, "seed=0,1", "tracker.sigma_q=1,2", "--results", str(sweeps.results)]
     assert main(["sweep", *line, "--name", "mine", "--shuffle", "3"]) == 0
     said = capsys.readouterr().out
-    assert "4 of 4 points done" in said
+    assert "4 of 4 runs done" in said
     assert said.splitlines()[-1] == str(sweeps.results / "mine")
     assert "Mean over seeds" in said
     assert main(["sweep", *FEW, "tracker.sigma_q=1,2", "--results", str(sweeps.results)]) == 0
@@ -226,7 +226,7 @@ def test_the_folder_is_told_in_full_and_shown_in_lines_one_can_read(
     sweeps.results = Path("here")
     swept = sweeps.run(*FEW, "seed=0,1", "--name", "mine")
     assert swept["folder"] == str(tmp_path / "here" / "mine")
-    assert main(["show", "here/mine/points/0000"]) == 0
+    assert main(["show", "here/mine/runs/0000"]) == 0
     said = capsys.readouterr().out
     assert max(map(len, said.splitlines())) <= 100
     assert "hydra-core" in said

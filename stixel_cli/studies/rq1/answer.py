@@ -243,7 +243,7 @@ def _contrast(data: StudyData) -> Iterator[str]:
 
 
 def _setup(data: StudyData) -> str:
-    points = data.parts["ranges"].points
+    points = data.parts["ranges"].runs
     lines = lines_of(data.name)
     cost = cpu_seconds_a_frame(points, "render")
     return (
@@ -261,7 +261,7 @@ def _setup(data: StudyData) -> str:
 
 def _limits(every: Group) -> str:
     poses = len(set(every.poses[every.seen].tolist()))
-    seeds = len({point.seed for point in every.points})
+    seeds = len({point.seed for point in every.runs})
     return (
         f"Brackets are 95 % intervals of a bootstrap over {number(poses)} poses (a road user at a "
         f"range), road user by road user; {counted(seeds, 'seed')} a pose share its rendering "

@@ -80,5 +80,5 @@ def contrast_lines(part: Part) -> dict[str, list[tuple[float, Group]]]:
             ((at, pool(label, same)) for at, same in by_label(points, contrast).items()),
             key=lambda pair: pair[0],
         )
-        for label, points in by_label(part.points, road_user).items()
+        for label, points in by_label(part.runs, road_user).items()
     }

@@ -23,7 +23,7 @@ def gallery_section(part: Part) -> Section:
             "where an obstacle is likely; green is free, red stands."
         )
     ]
-    for label, points in by_label(part.points, road_user).items():
+    for label, points in by_label(part.runs, road_user).items():
         point = points[0]
         frames = sorted(
             (frame, files)

@@ -8,7 +8,7 @@ import numpy as np
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.studies.prose import counted, percent, quantity
-from stixel_cli.studies.types import Part, StudyPoint
+from stixel_cli.studies.types import Part, StudyRun
 from stixel_cli.validation.stage_errors import StageErrors
 from stixel_cli.validation.stage_summary import phase_bias, pooled, stixel_summary
 
@@ -35,7 +35,7 @@ class Group:
     Attributes:
         label: what the setting is called.
         rig: of all its points.
-        points: in their order.
+        runs: in their order.
         errors: of all their frames.
         poses: (n,) of each frame, the number of its pose: a road user at a place, of any seed.
         pose_strata, pose_frames: road user and index of the frame, of each pose.
@@ -43,7 +43,7 @@ class Group:
 
     label: str
     rig: Rig
-    points: tuple[StudyPoint, ...]
+    runs: tuple[StudyRun, ...]
     errors: StageErrors
     poses: np.ndarray
     pose_strata: tuple[str, ...]
@@ -60,22 +60,22 @@ class Group:
         return self.frames(EDGES[0], EDGES[-1])
 
 
-def groups(part: Part, name: Callable[[StudyPoint], str]) -> list[Group]:
+def groups(part: Part, name: Callable[[StudyRun], str]) -> list[Group]:
     """Groups of the points that `name` calls the same, in the order in which they come."""
-    return [pool(label, points) for label, points in by_label(part.points, name).items()]
+    return [pool(label, points) for label, points in by_label(part.runs, name).items()]
 
 
 def by_label(
-    points: Iterable[StudyPoint], name: Callable[[StudyPoint], str]
-) -> dict[str, list[StudyPoint]]:
+    points: Iterable[StudyRun], name: Callable[[StudyRun], str]
+) -> dict[str, list[StudyRun]]:
     """The points by what `name` calls them."""
-    found: dict[str, list[StudyPoint]] = {}
+    found: dict[str, list[StudyRun]] = {}
     for point in points:
         found.setdefault(name(point), []).append(point)
     return found
 
 
-def pool(label: str, points: Iterable[StudyPoint]) -> Group:
+def pool(label: str, points: Iterable[StudyRun]) -> Group:
     """One group of all the points, at least one."""
     points = tuple(points)
     records, poses = [], []
@@ -96,12 +96,12 @@ def pool(label: str, points: Iterable[StudyPoint]) -> Group:
     )
 
 
-def road_user(point: StudyPoint) -> str:
+def road_user(point: StudyRun) -> str:
     """The class of the point's road user."""
     return point.configuration.road_user.kind
 
 
-def matcher(point: StudyPoint) -> str:
+def matcher(point: StudyRun) -> str:
     """Name of the point's stereo matcher."""
     stereo = point.configuration.stereo
     name = stereo.kind.upper()
@@ -110,19 +110,19 @@ def matcher(point: StudyPoint) -> str:
     return f"{name} (one match)" if stereo.kind == "sgm" else name
 
 
-def grid(point: StudyPoint) -> str:
+def grid(point: StudyRun) -> str:
     """Name of the point's occupancy grid."""
     return point.configuration.occupancy.kind.replace("_", "-")
 
 
-def rig(point: StudyPoint) -> str:
+def rig(point: StudyRun) -> str:
     """Name of the point's rig: the option's, or its size where the study has one rig alone."""
     of = point.configuration.rig
     name = point.setting.get("rig", f"{of.width} × {of.height}")
     return {"kitti": "KITTI"}.get(name, name.replace("_", "-"))
 
 
-def contrast(point: StudyPoint) -> float:
+def contrast(point: StudyRun) -> float:
     """Contrast of the road user's paint, 0 … 1."""
     return float(point.configuration.road_user.contrast)
 
@@ -146,7 +146,7 @@ def counts(lines: Iterable[Group]) -> str:
 
 def seeds(lines: Iterable[Group]) -> str:
     """How many seeds each pose of a table has, whose rows say how many poses they have."""
-    return f"{_told({len({p.seed for p in group.points}) for group in lines}, 'seed')} a pose"
+    return f"{_told({len({p.seed for p in group.runs}) for group in lines}, 'seed')} a pose"
 
 
 def _told(numbers: set[int], what: str) -> str:

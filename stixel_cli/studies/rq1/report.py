@@ -24,7 +24,7 @@ from stixel_cli.validation.stage_errors import BORDER, GROSS
 def report(data: StudyData) -> Findings:
     """The report of the study, from all of its parts."""
     users = groups(data.parts["ranges"], road_user)
-    every = pool("all", [point for group in users for point in group.points])
+    every = pool("all", [point for group in users for point in group.runs])
     return Findings(
         answer=tuple(answer(data, users, every)),
         sections=(
@@ -44,7 +44,7 @@ def report(data: StudyData) -> Findings:
 
 
 def _method(users: Sequence[Group]) -> Section:
-    first = users[0].points[0].configuration
+    first = users[0].runs[0].configuration
     road, free_space, farthest = first.road, first.free_space, first.occupancy.farthest
     in_a_range = counted(_poses_in_a_range(users), "pose")
     return Section(

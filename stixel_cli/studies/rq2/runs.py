@@ -14,7 +14,7 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.studies.field_names import measurement_name, tracker_name
 from stixel_cli.studies.tables import over_seeds
-from stixel_cli.studies.types import StudyData, StudyPoint
+from stixel_cli.studies.types import StudyData, StudyRun
 from stixel_cli.sweeps.statistics import CONFIDENCE, Statistic
 
 
@@ -46,7 +46,7 @@ class Run:
     kind: str
     tracker_kind: str
     seed: int
-    point: StudyPoint
+    point: StudyRun
     times: np.ndarray
     errors: dict[str, np.ndarray]
     nees: np.ndarray
@@ -60,7 +60,7 @@ class Run:
 
 def runs_of(data: StudyData) -> list[Run]:
     """Every run of the study."""
-    points = [point for part in data.parts.values() for point in part.points]
+    points = [point for part in data.parts.values() for point in part.runs]
     called = {
         "measurement": _called(points, "measurement", measurement_name),
         "tracker": _called(points, "tracker", tracker_name),
@@ -69,7 +69,7 @@ def runs_of(data: StudyData) -> list[Run]:
 
 
 def _called(
-    points: Sequence[StudyPoint], group: str, name: Callable[[str, Configuration], str]
+    points: Sequence[StudyRun], group: str, name: Callable[[str, Configuration], str]
 ) -> dict[tuple, str]:
     """What each option of a group, with what else of the point is swept, is called; all differ."""
     found: dict[tuple, tuple[str, str]] = {}
@@ -90,7 +90,7 @@ def _called(
     }
 
 
-def _setting(point: StudyPoint, group: str) -> tuple:
+def _setting(point: StudyRun, group: str) -> tuple:
     """The option of a group and other swept keys: a tracker's own to it, the rest to the scans."""
     rest = [
         (key, value)
@@ -101,7 +101,7 @@ def _setting(point: StudyPoint, group: str) -> tuple:
     return (point.setting.get(group), *rest)
 
 
-def _run(point: StudyPoint, called: Mapping[str, Mapping[tuple, str]]) -> Run:
+def _run(point: StudyRun, called: Mapping[str, Mapping[tuple, str]]) -> Run:
     scenario, scans, track = (point.load(step) for step in ("scenario", "scans", "track"))
     configuration, scores = point.configuration, point.scores
     to_sensor = scans.sensor_poses_world[:, :2] - scenario.target_poses_world[:, :2]

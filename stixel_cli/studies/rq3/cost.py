@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stixel_cli.studies.rq3.runs import FABRICATED, SIMULATED, pairing
-from stixel_cli.studies.types import Paragraph, Part, Section, StudyPoint, Table
+from stixel_cli.studies.types import Paragraph, Part, Section, StudyRun, Table
 
 SHARED = ("ego_motion", "scenario")
 """Steps that both kinds of scan begin with; not counted as the cost of either."""
@@ -45,11 +45,11 @@ class Cost:
 
 def cost_of(simulated: Part, fabricated: Part) -> Cost:
     """The computational cost of scans of both kinds."""
-    ours, theirs = _totals(simulated.points), _totals(fabricated.points)
+    ours, theirs = _totals(simulated.runs), _totals(fabricated.runs)
     ratios = [ours[key] / theirs[key] for key in ours if theirs.get(key)]
     return Cost(
-        _median_stages(simulated.points),
-        _median_stages(fabricated.points),
+        _median_stages(simulated.runs),
+        _median_stages(fabricated.runs),
         _median(ours),
         _median(theirs),
         tuple(np.quantile(ratios, [0.25, 0.75]).tolist()) if ratios else None,
@@ -86,7 +86,7 @@ def cost_section(cost: Cost) -> Section:
     )
 
 
-def _median_stages(points: Sequence[StudyPoint]) -> dict[str, float]:
+def _median_stages(points: Sequence[StudyRun]) -> dict[str, float]:
     found = {}
     for stage in (*SHARED, *STAGES):
         values = [p.cpu_seconds.get(stage, np.nan) / len(p.scores.times) for p in points]
@@ -95,7 +95,7 @@ def _median_stages(points: Sequence[StudyPoint]) -> dict[str, float]:
     return found
 
 
-def _totals(points: Sequence[StudyPoint]) -> dict[tuple, float]:
+def _totals(points: Sequence[StudyRun]) -> dict[tuple, float]:
     """CPU seconds a scan by road user, path and seed, of the runs all of whose stages have them."""
     found = {}
     for point in points:

@@ -160,7 +160,7 @@ def preset(noise: FittedNoise, what: str, command: str) -> str:
 
 def noises_of(part: Part) -> list[str]:
     """What noise the fabricated points of a part have along the ray, as prose has it."""
-    return list(dict.fromkeys(_told(p.configuration.measurement.noise) for p in part.points))
+    return list(dict.fromkeys(_told(p.configuration.measurement.noise) for p in part.runs))
 
 
 def _told(noise: Noise) -> str:

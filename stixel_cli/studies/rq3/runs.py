@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stixel_cli.studies.field_names import tracker_name
-from stixel_cli.studies.types import Part, StudyPoint
+from stixel_cli.studies.types import Part, StudyRun
 from stixel_cli.validation.point_errors import PointErrors
 
 SIMULATED, FABRICATED, FITTED = "simulated", "fabricated", "fitted"
@@ -34,18 +34,18 @@ class Measure:
 
     label: str
     unit: str
-    of: Callable[[StudyPoint, PointErrors], float | None]
+    of: Callable[[StudyRun, PointErrors], float | None]
 
 
-Runs = Mapping[Pairing, StudyPoint]
+Runs = Mapping[Pairing, StudyRun]
 
 
-def runs_of(part: Part) -> dict[Pairing, StudyPoint]:
+def runs_of(part: Part) -> dict[Pairing, StudyRun]:
     """A part's runs by what they share with those of other parts."""
-    return {pairing(point): point for point in part.points}
+    return {pairing(point): point for point in part.runs}
 
 
-def pairing(point: StudyPoint) -> Pairing:
+def pairing(point: StudyRun) -> Pairing:
     """What a run shares with its partners; names as they were typed, or else the kinds."""
     configuration = point.configuration
     return Pairing(
@@ -67,7 +67,7 @@ class Errors:
     def __init__(self) -> None:
         self._known: dict[tuple, PointErrors] = {}
 
-    def of(self, part: str, point: StudyPoint) -> PointErrors:
+    def of(self, part: str, point: StudyRun) -> PointErrors:
         """Those of one run of a part."""
         key = pairing(point)
         name = (part, key.road_user, key.path, key.seed)
@@ -133,7 +133,7 @@ def _scan_correlation(run: PointErrors) -> float | None:
     return float(np.corrcoef(one, other)[0, 1])
 
 
-def _sideways(point: StudyPoint, run: PointErrors) -> float | None:
+def _sideways(point: StudyRun, run: PointErrors) -> float | None:
     """Shift of both ends to the right, m at the mean range."""
     shift, reach = _mean(0.5 * (run.reach_right - run.reach_left)), _mean(run.true_ranges)
     if shift is None or reach is None:
@@ -175,12 +175,12 @@ def point_measures(lag: float) -> dict[str, Measure]:
     }
 
 
-def _metric(name: str) -> Callable[[StudyPoint, PointErrors], float | None]:
+def _metric(name: str) -> Callable[[StudyRun, PointErrors], float | None]:
     return lambda point, _: point.metrics.get(name)
 
 
-def _decades(name: str) -> Callable[[StudyPoint, PointErrors], float | None]:
-    def of(point: StudyPoint, _: PointErrors) -> float | None:
+def _decades(name: str) -> Callable[[StudyRun, PointErrors], float | None]:
+    def of(point: StudyRun, _: PointErrors) -> float | None:
         value = point.metrics.get(name)
         return None if value is None or value <= 0.0 else float(np.log10(value))
 

@@ -1,18 +1,18 @@
-"""From overrides and files to points: the grammar, and what is refused."""
+"""From overrides and files to runs: the grammar, and what is refused."""
 
 import pytest
-from points_of import sweep_points
+from runs_of import sweep_runs
 
 from stixel_cli.config.compose import compose
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.sweeps.checks import check_axes
-from stixel_cli.sweeps.graphs import plan_points
+from stixel_cli.sweeps.graphs import plan_runs
 
 FABRICATED = "measurement=fabricated"
 
 
 def labels(*overrides, **options):
-    return [point.label for point in sweep_points(overrides, **options)]
+    return [run.label for run in sweep_runs(overrides, **options)]
 
 
 @pytest.mark.parametrize(
@@ -57,26 +57,26 @@ def test_a_group_within_another_is_swept_wherever_the_outer_option_stands(tmp_pa
 
 
 def test_all_combinations_with_the_seed_running_fastest():
-    points = sweep_points(["seed=0,1", FABRICATED, "path=turn,circle"])
-    assert [point.label for point in points] == [
+    runs = sweep_runs(["seed=0,1", FABRICATED, "path=turn,circle"])
+    assert [run.label for run in runs] == [
         "path=turn seed=0",
         "path=turn seed=1",
         "path=circle seed=0",
         "path=circle seed=1",
     ]
-    for index, point in enumerate(points):
-        assert point.index == index
-        assert point.composition == compose(point.overrides)
-    assert points[1].setting == {"path": "turn"}
+    for index, run in enumerate(runs):
+        assert run.index == index
+        assert run.composition == compose(run.overrides)
+    assert runs[1].setting == {"path": "turn"}
 
 
 def test_a_group_inside_another_is_swept():
     noises = [f"measurement/noise={noise}" for noise in ("stereo", "constant")]
     assert labels(FABRICATED, "measurement/noise=stereo,constant") == noises
     with pytest.raises(
-        ConfigurationError, match=r"no such group with measurement=simulated.*point 0"
+        ConfigurationError, match=r"no such group with measurement=simulated.*run 0"
     ):
-        sweep_points(["measurement/noise=stereo,constant"])
+        sweep_runs(["measurement/noise=stereo,constant"])
 
 
 def test_the_order_is_drawn_with_the_seed_that_is_given():
@@ -105,10 +105,10 @@ def test_the_order_is_drawn_with_the_seed_that_is_given():
         (["tracker.sigma_f=interval(0.1,0.5)"], "tracker.sigma_f=range(0.1,0.5,STEP)"),
         (["seed=shuffle(0,1)"], "--shuffle SEED"),
         (["seed=range(1000000000)"], "more than 100000 values"),
-        (["seed=range(1000)", "tracker.sigma_q=range(1,2,0.001)"], "would have 1000000 points"),
+        (["seed=range(1000)", "tracker.sigma_q=range(1,2,0.001)"], "would have 1000000 runs"),
         (["path=turn,trun"], "did you mean path=turn?"),
-        (["seed=0,-1"], "out of range: must be ≥ 0 and ≤ 9223372036854775807 (point 1: seed=-1)"),
-        (["path=turn,approach", "path.radius=5,6"], "(point 2: path=approach path.radius=5)"),
+        (["seed=0,-1"], "out of range: must be ≥ 0 and ≤ 9223372036854775807 (run 1: seed=-1)"),
+        (["path=turn,approach", "path.radius=5,6"], "(run 2: path=approach path.radius=5)"),
         (["~seed=1,2"], "nothing can be left out"),
         (["+seed=1,2"], "seed is there already: leave out the +"),
         (["+path.radius=5,6"], "belongs to path=turn or path=circle, and is there with it"),
@@ -121,14 +121,14 @@ def test_the_order_is_drawn_with_the_seed_that_is_given():
         (["rig.width='${rig.height}',480"], "are the same configuration"),
         (["hydra.job.name=a,b"], "no effect here"),
         (["measurement/noise=stereo,constant"], "with measurement=simulated; it belongs to"),
-        (["measurement=fabricated,simulated", "measurement/noise=stereo"], "(point 1: "),
+        (["measurement=fabricated,simulated", "measurement/noise=stereo"], "(run 1: "),
         (["road_user=choice(car,cyclist),pedestrian"], "write them one by one, road_user=A,B,C"),
         (["seed=range(0,2),range(5,7)"], "several values within several"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(line, said):
     with pytest.raises(ConfigurationError) as error:
-        sweep_points(line)
+        sweep_runs(line)
     assert said in str(error.value)
     assert "\n" not in str(error.value)
 
@@ -144,7 +144,7 @@ def test_what_cannot_be_meant_is_refused(line, said):
     ],
 )
 def test_an_axis_that_no_stage_reads_is_refused(line, said):
-    planned = plan_points(sweep_points([FABRICATED, *line]))
+    planned = plan_runs(sweep_runs([FABRICATED, *line]))
     with pytest.raises(ConfigurationError) as error:
         check_axes(planned)
     assert said in str(error.value)
@@ -152,11 +152,11 @@ def test_an_axis_that_no_stage_reads_is_refused(line, said):
 
 def test_an_axis_that_some_stages_read_is_noted():
     line = ["measurement=fabricated,simulated", "sensor.read_noise=0,1"]
-    (note,) = check_axes(plan_points(sweep_points(line)))
+    (note,) = check_axes(plan_runs(sweep_runs(line)))
     assert "no stage reads it in 1 of 2 settings" in note
     assert "measurement=fabricated" in note
-    assert check_axes(plan_points(sweep_points([FABRICATED, "seed=0,1"]))) == []
-    pictured = plan_points(sweep_points([FABRICATED, "pictures.frames=[0],[1]"]), pictures=True)
+    assert check_axes(plan_runs(sweep_runs([FABRICATED, "seed=0,1"]))) == []
+    pictured = plan_runs(sweep_runs([FABRICATED, "pictures.frames=[0],[1]"]), pictures=True)
     assert check_axes(pictured) == []
 
 
@@ -178,8 +178,8 @@ leave_out:
 def test_a_file_names_axes_seeds_zipped_axes_and_what_is_left_out(tmp_path):
     file = tmp_path / "study.yaml"
     file.write_text(FILE, encoding="utf-8")
-    points = sweep_points(["start.position=0.2"], file=str(file))
-    settings = [point.settings for point in points]
+    runs = sweep_runs(["start.position=0.2"], file=str(file))
+    settings = [run.settings for run in runs]
     assert len(settings) == 2 * 3 * 2 * 2 - 3 * 2 - 1 * 3
     assert {(s["road_user"], s["path"]) for s in settings} == {
         ("car", "turn"),
@@ -187,12 +187,12 @@ def test_a_file_names_axes_seeds_zipped_axes_and_what_is_left_out(tmp_path):
     }
     assert not any(s["road_user"] == "cyclist" and s["tracker.sigma_f"] == "0.3" for s in settings)
     assert not any(s["seed"] == "1" and s["tracker.length_scale"] == "0.2" for s in settings)
-    assert all(p.composition.configuration.start.position == 0.2 for p in points)
-    assert all(p.composition.configuration.path.duration == 0.5 for p in points)
+    assert all(p.composition.configuration.start.position == 0.2 for p in runs)
+    assert all(p.composition.configuration.path.duration == 0.5 for p in runs)
 
 
 def test_the_shipped_study_is_valid():
-    assert len(sweep_points([], file="prior_width")) == 3 * 3 * 3 * 5 - 3 * 5
+    assert len(sweep_runs([], file="prior_width")) == 3 * 3 * 3 * 5 - 3 * 5
 
 
 @pytest.mark.parametrize(
@@ -218,10 +218,10 @@ def test_the_shipped_study_is_valid():
         ("zipped: [{seed: [1, 2], path: [turn]}]", "need as many values: seed 2, path 1"),
         ("zipped: [{seed: [1, 1], path: [turn, turn]}]", "seed=1 path=turn is given twice"),
         ("seeds: 2\nleave_out: [{path: turn}]", "path is on no axis"),
-        ("seeds: 2\nleave_out: [{seed: 7}]", "study.yaml: leave_out: no point has seed=7"),
+        ("seeds: 2\nleave_out: [{seed: 7}]", "study.yaml: leave_out: no run has seed=7"),
         (
             "seeds: 2\nleave_out: [{seed: 0}, {seed: 1}]",
-            "study.yaml: leave_out: every point is left out",
+            "study.yaml: leave_out: every run is left out",
         ),
         ("seeds: 2\nleave_out: [seed]", "must be keys with the value"),
         ("- 1", "must have the entries"),
@@ -235,7 +235,7 @@ def test_a_wrong_file_is_one_line(tmp_path, text, said):
     file = tmp_path / "study.yaml"
     file.write_text(text, encoding="utf-8")
     with pytest.raises(UserError) as error:
-        sweep_points([], file=str(file))
+        sweep_runs([], file=str(file))
     assert said in str(error.value)
     assert "\n" not in str(error.value)
 
@@ -245,12 +245,12 @@ def test_a_key_in_the_file_and_on_the_line_is_refused(tmp_path):
     file.write_text("fixed: {path.duration: 1}\nseeds: 2", encoding="utf-8")
     for again in ("seed=3", "seed=1,2", "path.duration=2"):
         with pytest.raises(ConfigurationError, match=r"is given twice, in .*study.yaml and on"):
-            sweep_points([again], file=str(file))
+            sweep_runs([again], file=str(file))
 
 
 @pytest.mark.parametrize("name", ["nowhere.yaml", "prior_widht", "", "a\nb"])
 def test_no_such_file(name):
     with pytest.raises(ConfigurationError, match="there is no such file") as error:
-        sweep_points([], file=name)
+        sweep_runs([], file=name)
     assert "rq1" not in str(error.value), "a study is no sweep"
     assert "\n" not in str(error.value)

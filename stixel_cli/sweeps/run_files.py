@@ -1,4 +1,4 @@
-"""The files of a point's folder: small, for what is large stays in the cache under its key."""
+"""The files of a run's folder: small, for what is large stays in the cache under its key."""
 
 import shlex
 import traceback
@@ -14,37 +14,37 @@ from stixel_cli.evaluation.scores import Scores
 from stixel_cli.results.folder import json_text, score_columns
 from stixel_cli.results.lineage import FILE
 from stixel_cli.sweeps.folder import yaml_text
-from stixel_cli.sweeps.graphs import PlannedPoint
-from stixel_cli.sweeps.points import Point
+from stixel_cli.sweeps.graphs import PlannedRun
 from stixel_cli.sweeps.results import FAILED, SKIPPED
+from stixel_cli.sweeps.runs import SweepRun
 
 
-def point_files(
-    planned: PlannedPoint,
+def run_files(
+    planned: PlannedRun,
     scores: Scores,
     seconds: Mapping[str, float],
     notes: Mapping[str, Any],
     lineage: str,
 ) -> dict[str, str | Callable[[Path], None]]:
-    """Configuration, manifest, metrics, lineage and scores of a point, by name.
+    """Configuration, manifest, metrics, lineage and scores of a run, by name.
 
     `seconds` are those of the nodes that were computed, by key; `notes` go into the manifest;
     `lineage` is the text of its file.
     """
-    point = planned.point
+    run = planned.run
     manifest = {
-        "command": shlex.join(["stixel", "run", *point.overrides]),
-        "overrides": list(point.overrides),
-        "choices": point.composition.choices,
-        "seed": point.seed,
+        "command": shlex.join(["stixel", "run", *run.overrides]),
+        "overrides": list(run.overrides),
+        "choices": run.composition.choices,
+        "seed": run.seed,
         **notes,
-        "point": point.index,
+        "run": run.index,
         "results": list(planned.targets),
         "stages": _stage_records(planned, seconds),
     }
     columns = score_columns(scores)
     return {
-        "config.yaml": yaml_text(point.composition.resolved),
+        "config.yaml": yaml_text(run.composition.resolved),
         "manifest.json": json_text(manifest),
         "metrics.json": json_text(scores.metrics),
         FILE: lineage,
@@ -52,16 +52,16 @@ def point_files(
     }
 
 
-def failure_files(point: Point, node: str, failure: StageFailure, first: int) -> dict[str, str]:
-    """What became of a point that is not there, by name.
+def failure_files(run: SweepRun, node: str, failure: StageFailure, first: int) -> dict[str, str]:
+    """What became of a run that is not there, by name.
 
-    `node` is the key of the node that failed, and `first` the first point that needed it.
+    `node` is the key of the node that failed, and `first` the first run that needed it.
     """
     content = {
-        "point": point.index,
-        "status": FAILED if first == point.index else SKIPPED,
-        "failed_in_point": first,
-        "overrides": list(point.overrides),
+        "run": run.index,
+        "status": FAILED if first == run.index else SKIPPED,
+        "failed_in_run": first,
+        "overrides": list(run.overrides),
         "stage": failure.stage,
         "node": failure.label,
         "key": node,
@@ -69,16 +69,16 @@ def failure_files(point: Point, node: str, failure: StageFailure, first: int) ->
     }
     text = failure.traceback_text or "".join(traceback.format_exception(failure.cause))
     return {
-        "config.yaml": yaml_text(point.composition.resolved),
+        "config.yaml": yaml_text(run.composition.resolved),
         "failure.json": json_text(content),
         "traceback.txt": text,
     }
 
 
-def _stage_records(planned: PlannedPoint, seconds: Mapping[str, float]) -> list[dict[str, Any]]:
-    """The stages that a point needed, as in a run's manifest, with the keys of their results.
+def _stage_records(planned: PlannedRun, seconds: Mapping[str, float]) -> list[dict[str, Any]]:
+    """The stages that a run needed, as in a run's manifest, with the keys of their results.
 
-    What several points share is told as computed in each of them.
+    What several runs share is told as computed in each of them.
     """
     graph = planned.graph
     records = {

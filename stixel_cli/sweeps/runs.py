@@ -1,4 +1,4 @@
-"""From overrides or a file to the points of a sweep, each composed and validated."""
+"""From overrides or a file to the runs of a sweep, each composed and validated."""
 
 import json
 import random
@@ -15,13 +15,13 @@ from stixel_cli.sweeps.file import find_file, read_design
 
 
 @dataclass(frozen=True)
-class Point:
+class SweepRun:
     """One configuration of a sweep.
 
     Attributes:
         index: from 0, in the order of the axes; shuffling does not change it.
         overrides: what it takes to compose it alone.
-        settings: the keys that differ between points, each with its value as it is typed.
+        settings: the keys that differ between runs, each with its value as it is typed.
         composition: validated.
     """
 
@@ -37,7 +37,7 @@ class Point:
 
     @property
     def setting(self) -> dict[str, str]:
-        """What differs, without the seed: points of equal settings are repetitions."""
+        """What differs, without the seed: runs of equal settings are repetitions."""
         return {key: value for key, value in self.settings.items() if key != SEED}
 
     @property
@@ -62,8 +62,8 @@ def sweep_design(
     Args:
         overrides: in Hydra's grammar, with its sweeps.
         file: a path, or the name of one in `pipelines/studies`; see `stixel_cli.sweeps.file`.
-        shuffle_seed: of the order in which the points will run, None for theirs.
-        one_is_enough: whether a design of a single point will do.
+        shuffle_seed: of the order in which the runs will run, None for theirs.
+        one_is_enough: whether a design of a single run will do.
 
     Raises:
         ConfigurationError: for what cannot be meant, a key that both give among it.
@@ -79,8 +79,8 @@ def sweep_design(
     return design
 
 
-def design_points(design: Design) -> list[Point]:
-    """The points of a design, in the order of its axes, every one of them validated.
+def design_runs(design: Design) -> list[SweepRun]:
+    """The runs of a design, in the order of its axes, every one of them validated.
 
     Raises:
         ConfigurationError: in one line, for what is wrong with any of them.
@@ -89,28 +89,28 @@ def design_points(design: Design) -> list[Point]:
     texts = [(*design.fixed, *changes) for changes in design.combinations(composer)]
     if not texts:
         raise ConfigurationError(
-            f"{design.leave_out}: every point is left out: nothing remains to sweep"
+            f"{design.leave_out}: every run is left out: nothing remains to sweep"
         )
-    points = compose_points(texts, design.keys, composer)
-    _refuse_equal(points)
-    return points
+    runs = compose_runs(texts, design.keys, composer)
+    _refuse_equal(runs)
+    return runs
 
 
-def compose_points(
+def compose_runs(
     texts: Sequence[Sequence[str]], keys: Sequence[str], composer: Composer | None = None
-) -> list[Point]:
-    """The points of given overrides.
+) -> list[SweepRun]:
+    """The runs of given overrides.
 
     Args:
-        texts: overrides of one value each, of every point.
-        keys: those that differ between points.
+        texts: overrides of one value each, of every run.
+        keys: those that differ between runs.
         composer: to go on with.
 
     Raises:
-        ConfigurationError: in one line that names the point by what differs.
+        ConfigurationError: in one line that names the run by what differs.
     """
     composer = Composer() if composer is None else composer
-    points = []
+    runs = []
     for index, overrides in enumerate(texts):
         values = dict(_key_and_value(text) for text in overrides)
         settings = {key: values[key] for key in keys}
@@ -119,17 +119,17 @@ def compose_points(
         except ConfigurationError as fault:
             if not settings:
                 raise
-            raise ConfigurationError(f"{fault} (point {index}: {_label(settings)})") from None
-        points.append(Point(index, tuple(overrides), settings, composition))
-    return points
+            raise ConfigurationError(f"{fault} (run {index}: {_label(settings)})") from None
+        runs.append(SweepRun(index, tuple(overrides), settings, composition))
+    return runs
 
 
-def shuffled_points(points: Sequence[Any], seed: int | None) -> list[Any]:
-    """The points in an order that is drawn; as they are where there is no seed."""
-    points = list(points)
+def shuffled_runs(runs: Sequence[Any], seed: int | None) -> list[Any]:
+    """The runs in an order that is drawn; as they are where there is no seed."""
+    runs = list(runs)
     if seed is not None:
-        random.Random(seed).shuffle(points)
-    return points
+        random.Random(seed).shuffle(runs)
+    return runs
 
 
 def _label(settings: Mapping[str, str]) -> str:
@@ -142,13 +142,13 @@ def _key_and_value(text: str) -> tuple[str, str]:
     return key.strip().lstrip("+"), value.strip()
 
 
-def _refuse_equal(points: Sequence[Point]) -> None:
-    seen: dict[str, Point] = {}
-    for point in points:
-        text = json.dumps(point.composition.resolved, sort_keys=True)
-        other = seen.setdefault(text, point)
-        if other is not point:
+def _refuse_equal(runs: Sequence[SweepRun]) -> None:
+    seen: dict[str, SweepRun] = {}
+    for run in runs:
+        text = json.dumps(run.composition.resolved, sort_keys=True)
+        other = seen.setdefault(text, run)
+        if other is not run:
             raise ConfigurationError(
-                f"points {other.index} and {point.index} are equal: {other.label} and "
-                f"{point.label} are the same configuration"
+                f"runs {other.index} and {run.index} are equal: {other.label} and "
+                f"{run.label} are the same configuration"
             )
