@@ -8,7 +8,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Scans:
-    """Candidate points of K scans, gated by the scene alone and by no tracker.
+    """Candidate points of K scans, gated by the scene and not by a tracker.
 
     An empty scan is an ordinary scan.
 

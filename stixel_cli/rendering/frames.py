@@ -21,7 +21,7 @@ class RenderedFrames:
         first: index k of the first frame.
         left, right: RGB images, (H, W, 3) uint8.
         depth_high, depth_low: the upper and lower 16 bits of the left view's depth along the
-            optical axis in multiples of `DEPTH_STEP`; 0 where there is none (sky).
+            optical axis in multiples of `DEPTH_STEP`; 0 without a surface (sky).
         ids: what each pixel of the left view shows, (H, W) uint8: `SKY_ID`, `ROAD_ID`,
             `TARGET_ID`, or `BACKGROUND_ID` + the object's number.
     """
@@ -42,7 +42,7 @@ class RenderedFrames:
         depth: Iterable[np.ndarray],
         ids: Iterable[np.ndarray],
     ) -> "RenderedFrames":
-        """From the frames' arrays; `depth` in m, float, with inf or NaN where there is none."""
+        """From the frames' arrays; `depth` in m, float, with inf or NaN without a surface."""
         return cls.from_frames(first, zip(left, right, depth, ids, strict=True))
 
     @classmethod
@@ -63,7 +63,7 @@ class RenderedFrames:
         return len(self.left)
 
     def depth(self, index: int) -> np.ndarray:
-        """True depth (H, W) float32 in m of the `index`-th frame here; inf where there is none."""
+        """True depth (H, W) float32 in m of the `index`-th frame here; inf without a surface."""
         steps = self.depth_high[index].astype(np.uint32) << 16 | self.depth_low[index]
         metres = steps.astype(np.float64) * DEPTH_STEP
         return np.where(steps > 0, metres, np.inf).astype(np.float32)

@@ -38,7 +38,7 @@ def load_mesh(path: str, contrast: float) -> Mesh:
     """
     _check_counts(path)
     open3d = import_open3d()
-    # Its own complaints would be a second message beside ours.
+    # Without this, Open3D would print a second message.
     with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
         found = open3d.io.read_triangle_mesh(path)
     vertices = np.asarray(found.vertices, dtype=np.float64)

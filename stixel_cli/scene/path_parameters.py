@@ -163,12 +163,12 @@ class SCurve(_FromStart):
 
 @dataclass(frozen=True, kw_only=True)
 class StopAndGo(_FromStart):
-    """A straight line on which the road user drives, brakes, stands, and pulls away, in turn.
+    """A straight line on which the road user drives, brakes, waits, and pulls away, in turn.
 
     Attributes:
         speed: of driving, m/s.
         drive_time, ramp_time, stand_time: how long it drives, brakes (and pulls away: the same
-            time, constant acceleration) and stands, s.
+            time, constant acceleration) and waits, s.
     """
 
     kind: Literal["stop_and_go"]

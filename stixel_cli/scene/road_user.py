@@ -16,7 +16,7 @@ def road_user_mesh(road_user: RoadUser) -> Mesh:
     exactly `length` × `width` × `height`, but for a mesh of the user's own, which brings its size.
 
     Raises:
-        ValueError: if the user's file cannot be had, see `load_mesh`.
+        ValueError: if the user's file cannot be read, see `load_mesh`.
     """
     if road_user.mesh is not None:
         # Open3D takes seconds to import; a built-in road user never needs it.

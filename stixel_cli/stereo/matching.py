@@ -98,7 +98,7 @@ def match_pairs(
             if stereo.error_cancellation:
                 moved = _match(matcher, left, half_pixel_right(right), minimum, border)
                 found = cancel_errors(found, moved)
-            # In the leftmost columns a large disparity lies in the border, where no image is.
+            # In the leftmost columns a large disparity points into the border, outside the image.
             beyond = found > np.arange(found.shape[1], dtype=np.int32) * SUBPIXELS
             raw.append(np.where(beyond, np.int16(INVALID), found))
     return Disparities.from_raw(frames.start, minimum + count, raw)

@@ -24,11 +24,11 @@ Std = Annotated[float, Ge(0.05), Le(10)]
 
 @dataclass(frozen=True, kw_only=True)
 class _Road:
-    """What stands on the road, wherever its plane is taken from.
+    """Obstacles on the road, for every source of its plane.
 
     Attributes:
         kind: where the road plane is taken from.
-        least_height: pixels that stand higher above the road are obstacles, m.
+        least_height: pixels higher above the road than this are obstacles, m.
         greatest_height: pixels above it are overhanging and do not occupy, m.
         disparity_margin: an obstacle's disparity exceeds the road's in its row by this, px.
     """
@@ -58,7 +58,7 @@ class RigRoad(_Road):
 
 @dataclass(frozen=True, kw_only=True)
 class EstimatedRoad(_Road):
-    """The road plane is found in each disparity image, near the one that the rig says.
+    """The road plane is found in each disparity image, near the plane of the rig.
 
     Attributes:
         pitch_range: greatest difference from the rig's pitch, degrees.
@@ -163,7 +163,7 @@ class FreeSpaceParameters:
         free_cost: cost of a column without any obstacle; below `cost_bound`.
         spatial_cost: cost of a step in depth between neighbouring columns, 1/m (C_s).
         spatial_limit: greater steps cost no more, m (T_s).
-        temporal_cost: cost of a step in depth since the last frame, 1/m (C_t); 0: none.
+        temporal_cost: cost of a step in depth since the last frame, 1/m (C_t); 0: no cost.
         temporal_limit: greater steps cost no more, m (T_t).
     """
 

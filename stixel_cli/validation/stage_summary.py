@@ -1,7 +1,7 @@
 """Pooled stage errors: frames of any number of runs of one rig, summed up over a choice of them.
 
-Errors are found minus true. Bias and RMS leave gross errors out, whose share is told beside them.
-NaN is what cannot be had.
+Errors are found minus true. Bias and RMS leave out gross errors, whose share is a value of its own.
+A value that cannot be computed is NaN.
 """
 
 from collections.abc import Iterable
@@ -48,7 +48,7 @@ def pooled(records: Iterable[StageErrors]) -> StageErrors:
 
 
 def in_range(depth: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Which depths (n,) m lie in [low, high)."""
+    """Whether depths (n,) m are in [low, high)."""
     return (depth >= low) & (depth < high)
 
 
@@ -96,27 +96,27 @@ def phase_bias(errors: DisparityErrors, zone: int) -> tuple[np.ndarray, np.ndarr
 
 @dataclass(frozen=True)
 class ColumnKinds:
-    """What was made of each column; bool arrays of any one shape.
+    """The result of each column; bool arrays of any one shape.
 
     Attributes:
         real: has a true nearest obstacle.
-        hit: that was found within `GROSS` px.
-        missed: it has one, and none was found, or one that is more than `GROSS` px farther.
-        unasked: an obstacle was found more than `GROSS` px nearer than the true one, or where there
-            is none, and something stands there: less of it than the least obstacle, or beyond the
-            grid's range.
-        invented: the same, and nothing stands there.
+        hit: its obstacle was found within `GROSS` px.
+        missed: it has one, and no obstacle was found, or one more than `GROSS` px farther.
+        below_threshold: an obstacle was found where the column has no true one, or more than
+            `GROSS` px nearer than the true one, at a surface below the threshold: smaller than the
+            least obstacle, or beyond the grid's range.
+        false_positive: the same, without a surface there.
     """
 
     real: np.ndarray
     hit: np.ndarray
     missed: np.ndarray
-    unasked: np.ndarray
-    invented: np.ndarray
+    below_threshold: np.ndarray
+    false_positive: np.ndarray
 
 
 def column_kinds(true: np.ndarray, found: np.ndarray, there: np.ndarray) -> ColumnKinds:
-    """Kinds of columns of levelled disparities in px, any shape, NaN where free.
+    """Kinds of columns of pitch-compensated disparities in px, any shape, NaN where free.
 
     See `ColumnErrors`.
     """
@@ -128,20 +128,20 @@ def column_kinds(true: np.ndarray, found: np.ndarray, there: np.ndarray) -> Colu
             real=real,
             hit=np.abs(error) <= GROSS,
             missed=real & (~any_ | (error < -GROSS)),
-            unasked=extra & there,
-            invented=extra & ~there,
+            below_threshold=extra & there,
+            false_positive=extra & ~there,
         )
 
 
 def column_summary(
     true: np.ndarray, found: np.ndarray, there: np.ndarray, rig: Rig
 ) -> dict[str, float]:
-    """Sum up columns (any shape) of levelled disparities in px, NaN where free.
+    """Sum up columns (any shape) of pitch-compensated disparities in px, NaN where free.
 
     Returns:
-        columns; missed: share of the columns with an obstacle; unasked, invented: share of all
-        columns, see `ColumnKinds`; bias, rms: px, and bias_m, rms_m: m in depth, of the columns
-        that are hit.
+        columns; missed: share of the columns with an obstacle; below_threshold and false_positive:
+        share of all columns, see `ColumnKinds`; bias, rms: px, and bias_m, rms_m: m in depth, of
+        the columns that are hit.
     """
     kinds = column_kinds(true, found, there)
     true, found = (one[kinds.hit].astype(np.float64) for one in (true, found))
@@ -149,8 +149,8 @@ def column_summary(
     return {
         "columns": float(kinds.real.size),
         "missed": _ratio(kinds.missed.sum(), kinds.real.sum()),
-        "unasked": _ratio(kinds.unasked.sum(), kinds.real.size),
-        "invented": _ratio(kinds.invented.sum(), kinds.real.size),
+        "below_threshold": _ratio(kinds.below_threshold.sum(), kinds.real.size),
+        "false_positive": _ratio(kinds.false_positive.sum(), kinds.real.size),
         "bias": _mean(found - true),
         "rms": _root_mean_square(found - true),
         "bias_m": _mean(metres),
@@ -161,7 +161,7 @@ def column_summary(
 def stixel_summary(
     errors: StixelErrors, low: float = 0.0, high: float = np.inf
 ) -> dict[str, float]:
-    """Sum up the stixels whose true depth lies in [low, high) m.
+    """Sum up the stixels whose true depth is in [low, high) m.
 
     Returns:
         stixels; gross: share whose disparity is off by more than `GROSS` px; of the others: bias,

@@ -27,8 +27,8 @@ from stixel_cli.validation.stage_errors import (
     column_errors,
     disparity_errors,
     grid_choice,
+    has_surface,
     stage_errors,
-    stands,
     zones,
 )
 from stixel_cli.validation.stage_stixels import overhang, stixel_errors
@@ -133,7 +133,7 @@ def test_perfect_inputs_give_no_errors():
     assert of.path_there.all()
     columns = column_summary(of.true, of.path, of.path_there, rig)
     assert columns["columns"] == rig.width
-    assert columns["missed"] == columns["unasked"] == columns["invented"] == 0.0
+    assert columns["missed"] == columns["below_threshold"] == columns["false_positive"] == 0.0
     assert columns["rms"] < 1e-3 and columns["rms_m"] < 1e-3
     stixels = stixel_summary(errors.stixels)
     assert stixels.pop("stixels") == np.diff(errors.stixels.offsets)[0] > 3
@@ -346,7 +346,7 @@ def test_the_grids_own_choice_has_no_ties():
     assert np.delete(alone, 50) == pytest.approx(8.0, abs=0.3)
 
 
-def test_what_stands_below_the_least_obstacle_is_there_and_what_does_not_is_invented():
+def test_columns_below_the_threshold_and_false_positives():
     rig = make_rig()
     depth = rig.depth_from_disparity(DISPARITY)
     # 0.35 m high: within the height gate it is less than the least obstacle of 0.3 m.
@@ -357,24 +357,27 @@ def test_what_stands_below_the_least_obstacle_is_there_and_what_does_not_is_inve
     of = column_errors(found, found + 1.5, truth, rig, ROAD)
     assert np.array_equal(of.grid_there, shows) and not of.path_there.any()
     columns = column_summary(of.true, of.grid, of.grid_there, rig)
-    assert columns["unasked"] == shows.mean() and columns["invented"] == 1.0 - shows.mean()
+    assert (
+        columns["below_threshold"] == shows.mean()
+        and columns["false_positive"] == 1.0 - shows.mean()
+    )
     # Of the wall, beyond the grid's range, there is something too; of the road and above there is
     # nothing that stands.
     found[:] = rig.disparity_from_depth(np.float64(80.0))
-    assert stands(found, truth, rig, ROAD).all()
-    assert not stands(np.full(rig.width, np.nan), truth, rig, ROAD).any()
+    assert has_surface(found, truth, rig, ROAD).all()
+    assert not has_surface(np.full(rig.width, np.nan), truth, rig, ROAD).any()
     low = replace(ROAD, least_height=-2.0, greatest_height=-1.0)
-    assert not stands(found, truth, rig, low).any()
+    assert not has_surface(found, truth, rig, low).any()
 
 
-def test_columns_missed_unasked_and_invented_are_told_apart():
+def test_columns_missed_below_the_threshold_and_false_positive():
     nan = np.nan
     true = np.array([10.0, 10.0, 10.0, 10.0, nan, nan, 10.0, 10.0, 10.0])
     found = np.array([10.5, nan, 8.0, 12.0, nan, 5.0, 9.5, 7.0, 8.5])
     there = np.array([True, False, True, False, False, True, True, True, False])
     of = column_summary(true, found, there, make_rig())
     assert of["missed"] == pytest.approx(4 / 7)
-    assert of["invented"] == of["unasked"] == pytest.approx(1 / 9)
+    assert of["false_positive"] == of["below_threshold"] == pytest.approx(1 / 9)
     assert of["bias"] == 0.0 and of["rms"] == pytest.approx(0.5)
     empty = column_summary(np.zeros(0), np.zeros(0), np.zeros(0, bool), make_rig())
     assert all(np.isnan(value) for name, value in empty.items() if name != "columns")

@@ -22,7 +22,7 @@ GRID = PolarOccupancy(
 )
 PATH = FreeSpaceParameters(0.3, 5.0, 1.5, 1.0, 0.2, 5.0, 0.0, 3.0)
 DISPARITY = 10.0
-"""Of the target, levelled: a whole number, so that the stored disparities hold it exactly."""
+"""Pitch-compensated, of the target: a whole number, so the stored disparities are exact."""
 
 
 def make_rig(pitch=0.0):
