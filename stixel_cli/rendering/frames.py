@@ -34,22 +34,13 @@ class RenderedFrames:
     ids: ImageStack
 
     @classmethod
-    def from_arrays(
-        cls,
-        first: int,
-        left: Iterable[np.ndarray],
-        right: Iterable[np.ndarray],
-        depth: Iterable[np.ndarray],
-        ids: Iterable[np.ndarray],
-    ) -> "RenderedFrames":
-        """From the frames' arrays; `depth` in m, float, with inf or NaN without a surface."""
-        return cls.from_frames(first, zip(left, right, depth, ids, strict=True))
-
-    @classmethod
     def from_frames(
         cls, first: int, frames: Iterable[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]
     ) -> "RenderedFrames":
-        """From (left, right, depth, ids) of each frame, compressed one frame after the other."""
+        """From (left, right, depth, ids) of each frame, compressed one frame after the other.
+
+        `depth` is in m, float, with inf or NaN without a surface.
+        """
         stacks = ([], [], [], [], [])
         for left, right, depth, ids in frames:
             depth = np.asarray(depth)

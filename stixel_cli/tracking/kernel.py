@@ -29,15 +29,6 @@ def kernel(
     return sigma_f**2 * np.exp(-2.0 * np.sin(half) ** 2 / length_scale**2) + sigma_r**2
 
 
-def kernel_derivative(
-    angles: ArrayLike, other_angles: ArrayLike, length_scale: float, sigma_f: float
-) -> np.ndarray:
-    """∂k(u, u') / ∂u, shape (n, m), m²/rad: of the exponential part, as sigma_r² is constant."""
-    exponential = kernel(angles, other_angles, length_scale, sigma_f, 0.0)
-    difference = np.asarray(angles)[:, None] - np.asarray(other_angles)[None, :]
-    return -np.sin(difference) / length_scale**2 * exponential
-
-
 @dataclass(frozen=True)
 class ContourProcess:
     """The process, and what regression from its basis points needs at every scan.

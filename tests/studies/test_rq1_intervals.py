@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from stage_summaries import column_summary, coverage_summary
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.studies.rq1 import figures
@@ -47,7 +48,6 @@ from stixel_cli.studies.rq1.intervals import (
     stixel_sums,
 )
 from stixel_cli.studies.rq1.pool import Group, counts
-from stixel_cli.validation.stage_summary import column_summary, coverage_summary
 
 
 def group(values, seeds=1):

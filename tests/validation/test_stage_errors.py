@@ -15,6 +15,7 @@ from stage_scene import (
     scene,
     truth_of,
 )
+from stage_summaries import column_summary, coverage_summary
 
 from stixel_cli.rendering.frames import BACKGROUND_ID, ROAD_ID, SKY_ID, TARGET_ID, RenderedFrames
 from stixel_cli.stereo.disparities import Disparities
@@ -33,8 +34,6 @@ from stixel_cli.validation.stage_errors import (
 )
 from stixel_cli.validation.stage_stixels import overhang, stixel_errors
 from stixel_cli.validation.stage_summary import (
-    column_summary,
-    coverage_summary,
     disparity_summary,
     histogram_median,
     phase_bias,
@@ -156,8 +155,12 @@ def test_a_frame_is_that_of_its_number_in_every_chunk():
     one = perfect_stixels(rig, truth)
     # Chunks that begin one, two and three frames before, with nothing in those frames.
     errors = stage_errors(
-        RenderedFrames.from_arrays(
-            5, [black] * 2, [black] * 2, [np.full_like(depth, np.inf), depth], [nothing, ids]
+        RenderedFrames.from_frames(
+            5,
+            [
+                (black, black, np.full_like(depth, np.inf), nothing),
+                (black, black, depth, ids),
+            ],
         ),
         Disparities.from_raw(4, 64, [np.full_like(raw, -1)] * 2 + [raw]),
         FreeSpace(
