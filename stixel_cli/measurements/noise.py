@@ -40,10 +40,10 @@ class ConstantNoise:
 
 @dataclass(frozen=True)
 class FittedNoise:
-    """Noise fitted to the errors of simulated points: `stixel study rq3` makes the presets.
+    """Noise fitted to the errors of simulated points: `stixel study rq3` writes the presets.
 
     Columns are rays. The error along the ray is `range_bias` + e; e has the standard deviation
-    `disparity_std` dr/dd, dr/dd the range that a pixel of disparity is worth, and is
+    `disparity_std` dr/dd, dr/dd the range sensitivity, and is
     correlated along the row. One part each for bias, spread and ends: with a second (bias of the
     disparity, spread of the range, ends in columns) the fit follows the ranges of its own paths,
     and is farther from the points of others.
@@ -54,13 +54,13 @@ class FittedNoise:
             is the outermost outline over all heights.
         disparity_std: standard deviation, px.
         correlation_columns: columns over which the correlation of neighbours falls to 1/e; 0:
-            none.
+            no correlation.
         edge_metres, edge_metres_std: how far the points reach beyond either end of the
             silhouette, mean and standard deviation, metres at the target. Positive is edge
             fattening, points next to the target; negative are ends that give no points, such as
             arms and wheels too slight for a stixel.
         edge_disparity_std: standard deviation, px, that the outermost point of either end
-            has besides: depths that are mixed there.
+            has in addition, from mixed depths.
         missed_share: share of the points between the ends that are missed.
         missed_columns: mean length of a run of missed points, columns.
     """
@@ -90,14 +90,14 @@ def range_std(noise: Noise, ranges: np.ndarray, angles: np.ndarray, rig: Rig) ->
 
 
 def columns_per_point(noise: Noise) -> int:
-    """How many neighbouring rays make one point."""
+    """Number of neighbouring rays that make one point."""
     return noise.columns_per_point if noise.kind == "fitted" else 1
 
 
 def range_sensitivity(
     ranges: np.ndarray, angles: np.ndarray, rig: Rig, disparity: float = 1.0
 ) -> np.ndarray:
-    """By how much (n,) m the range grows where the disparity is less by `disparity` px.
+    """Growth (n,) m of the range if the disparity is less by `disparity` px; m/px for 1.
 
     To first order: z = f B / d, so dz = -(z² / f B) dd at z = r cos(angle), dr = dz / cos(angle).
     """
@@ -181,7 +181,7 @@ def _neighbours(noise: FittedNoise, count: int, random: np.random.Generator) -> 
 
 
 def _missed(noise: FittedNoise, count: int, random: np.random.Generator) -> np.ndarray:
-    """Which of `count` points are missed: a Markov chain of two states along the row."""
+    """Whether each of `count` points is missed: a Markov chain of two states along the row."""
     drawn = random.random(count)
     if noise.missed_share == 0.0:
         return np.zeros(count, dtype=bool)

@@ -113,7 +113,7 @@ def describe_scene(
 def rendered(
     scene: dict[str, np.ndarray], renderer: FilamentParameters, command: Sequence[str]
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
-    """Yield (left, right, depth, ids) of each frame of `scene`, from as many children as it takes.
+    """Yield (left, right, depth, ids) of each frame of `scene`, restarting the child as needed.
 
     Raises:
         RendererUnavailable: if the child hung or died `renderer.attempts` times.
@@ -146,7 +146,7 @@ def rendered(
 
 
 def probe_filament(timeout: float, command: tuple[str, ...] = COMMAND) -> str | None:
-    """Why Filament cannot start here, in one line; None if it renders within `timeout` s."""
+    """Reason why Filament cannot start here, in one line; None if it renders within `timeout` s."""
     with tempfile.TemporaryDirectory(prefix="stixel-filament-") as name:
         child = _start((*command, "--probe"), Path(name))
         try:
@@ -168,7 +168,7 @@ def _start(command: tuple[str, ...], folder: Path) -> subprocess.Popen:
 
 
 def _await(child: subprocess.Popen, file: Path, timeout: float, task: str) -> str | None:
-    """Wait for `file`; None as soon as it is there, else what went wrong, in one line."""
+    """Wait for `file`; None as soon as it is there, else the failure in one line."""
     for _ in range(max(1, round(timeout / LOOK_EVERY))):
         if file.exists():
             return None

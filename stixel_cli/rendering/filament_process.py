@@ -2,8 +2,8 @@
 
 DIR has `scene.npz`, written by `filament.py`; for each frame the child leaves `frame_<k>.npz`
 there, and `ready` as soon as it has rendered anything. With `--probe` it renders one small picture
-of nothing and ends. It dies, or hangs, on behalf of its parent: Filament aborts in C++ where it has
-no EGL. A reason that is known goes to stderr in one line that starts with `REASON`.
+of nothing and ends. It protects its parent: without EGL, Filament aborts in C++ or
+hangs. A known reason goes to stderr in one line that starts with `REASON`.
 """
 
 import ctypes

@@ -1,4 +1,4 @@
-"""What a renderer gives: a chunk of noise-free stereo pairs with the left view's truth."""
+"""The result of a renderer: a chunk of noise-free stereo pairs with the left view's truth."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -62,7 +62,7 @@ class RenderedFrames:
 
 @dataclass(frozen=True)
 class StereoPairs:
-    """What the cameras give for frames `first`, `first` + 1, …: all that later stages may see.
+    """Images of the cameras for frames `first`, `first` + 1, …: all that later stages may see.
 
     Attributes:
         first: index k of the first frame.

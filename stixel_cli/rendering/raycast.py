@@ -13,7 +13,7 @@ from stixel_cli.rendering.placement import numbered_objects, sun_direction, worl
 from stixel_cli.rendering.raycast_parameters import RaycastParameters
 from stixel_cli.rendering.surfaces import build_surfaces
 from stixel_cli.rendering.tracing import Body
-from stixel_cli.rendering.views import StillView, still_view, view_with_target
+from stixel_cli.rendering.views import StaticView, static_view, view_with_target
 from stixel_cli.scene.mesh import Mesh, bounding_box
 from stixel_cli.scene.road_user import road_user_mesh
 from stixel_cli.scene.road_user_parameters import RoadUser
@@ -60,16 +60,16 @@ class StaticScene:
         self.sun = sun_direction(renderer.light)
         self.body = Body(build_surfaces(objects), np.eye(4))
         self._pose: bytes | None = None
-        self._views: list[tuple[Camera, StillView]] = []
+        self._views: list[tuple[Camera, StaticView]] = []
 
-    def views(self, ego_pose_world: np.ndarray) -> list[tuple[Camera, StillView]]:
+    def views(self, ego_pose_world: np.ndarray) -> list[tuple[Camera, StaticView]]:
         """Left and right camera on the ego car at the pose (3,), and what they see."""
         if self._pose != ego_pose_world.tobytes():
             # Let go of the old views first: two pairs need not be in memory.
             self._pose, self._views = None, []
             cameras = rig_cameras(self.rig, ego_pose_world)
             self._views = [
-                (camera, still_view(self.body, camera, self.sun, self.renderer))
+                (camera, static_view(self.body, camera, self.sun, self.renderer))
                 for camera in cameras
             ]
             self._pose = ego_pose_world.tobytes()

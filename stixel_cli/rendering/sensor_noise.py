@@ -48,7 +48,7 @@ def add_sensor_noise(
         rendered: noise-free pictures, including all of `frames`.
         sensor: noise and gain.
         frames: indices k.
-        seed: the experiment's.
+        seed: of the run.
     """
     left, right = [], []
     for k in frames:

@@ -1,4 +1,4 @@
-"""Triangles as the ray caster wants them: tables of planes, texture gradients and mip-maps."""
+"""Triangles in the form of the ray caster: tables of planes, texture gradients and mip-maps."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -27,7 +27,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Hits:
-    """What samples (n,) of one camera meet first.
+    """First surfaces that samples (n,) of one camera meet.
 
     Attributes:
         depth: (n,) float64 m along the optical axis, inf where nothing is met.
@@ -73,7 +73,7 @@ def nearest(
     right: np.ndarray,
     down: np.ndarray,
 ) -> Hits:
-    """What the samples of `intersect` meet first."""
+    """First surfaces that the samples of `intersect` meet."""
     depth, triangle = intersect(bodies[0], camera, rows, columns, right, down)
     hits = Hits(depth, np.where(triangle >= 0, 0, -1).astype(np.int8), triangle)
     for index in range(1, len(bodies)):
@@ -195,7 +195,7 @@ def sample_offsets(samples: int) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class Centres:
-    """What is known of pixels (n,) from the ray through the centre of each.
+    """Values of pixels (n,) from the ray through the centre of each.
 
     Attributes:
         rows, columns: (n,) int64.

@@ -29,7 +29,7 @@ MARGIN = 3
 
 
 @dataclass(frozen=True)
-class StillView:
+class StaticView:
     """The road, the background and the sky from one camera.
 
     Attributes:
@@ -47,9 +47,9 @@ class StillView:
     ids: np.ndarray
 
 
-def still_view(
+def static_view(
     static: Body, camera: Camera, sun: np.ndarray, renderer: RaycastParameters
-) -> StillView:
+) -> StaticView:
     """The view of the static scene; `sun` (3,) points to the sun in the world."""
     rows, columns = np.divmod(np.arange(camera.height * camera.width), camera.width)
     u, v = columns.astype(np.float64), rows.astype(np.float64)
@@ -71,7 +71,7 @@ def still_view(
         )
     ids = np.full(len(u), SKY_ID, dtype=np.uint8)
     ids[hits.body == 0] = static.surfaces.object_ids[hits.triangle[hits.body == 0]]
-    return StillView(hits, lit, plain, light, ids)
+    return StaticView(hits, lit, plain, light, ids)
 
 
 def _sunlit_static(static: Body, camera: Camera, u, v, hits: Hits, sun) -> np.ndarray:
@@ -88,7 +88,7 @@ def _sunlit_static(static: Body, camera: Camera, u, v, hits: Hits, sun) -> np.nd
 
 
 def view_with_target(
-    view: StillView,
+    view: StaticView,
     static: Body,
     target: Body,
     corners_target: np.ndarray,
@@ -155,7 +155,7 @@ def view_with_target(
 
 
 def _centres_with_target(
-    view: StillView,
+    view: StaticView,
     bodies: list[Body],
     camera: Camera,
     sun: np.ndarray,
@@ -173,7 +173,7 @@ def _centres_with_target(
         near: (m,) indices of those `pixels` that the target itself can touch.
 
     Returns:
-        What is known of them; (n,) bool, whether the target is met; (n,) bool, whether that or its
+        Their values; (n,) bool, whether the target is met; (n,) bool, whether that or its
         shadow changes the static view's colour.
     """
     rows, columns = np.divmod(pixels, camera.width)

@@ -1,4 +1,4 @@
-"""The true contour: the outline of a mesh's ground projection, as it is and with no hull."""
+"""The true contour: the outline of a mesh's ground projection, without a convex hull."""
 
 import numpy as np
 import shapely

@@ -37,7 +37,7 @@ def referred_files(path: Path) -> tuple[Path, ...]:
 
 @lru_cache(maxsize=64)
 def _names(path: Path, *state: int) -> tuple[str, ...]:
-    """The names in a file, read once for all points of a sweep while its `state` is the same."""
+    """The names in a file, read once for all runs of a sweep while its `state` is the same."""
     reader = {".obj": _of_obj, ".mtl": _of_mtl, ".gltf": _of_gltf, ".ply": _of_ply}.get(
         path.suffix.lower()
     )

@@ -1,4 +1,4 @@
-"""What both matchers share: the range of disparities, the padded border and the threads."""
+"""Shared by both matchers: the range of disparities, the padded border and the threads."""
 
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from stixel_cli.stereo.disparities import INVALID, SUBPIXELS, Disparities
 
 @dataclass(frozen=True, kw_only=True)
 class MatchingParameters:
-    """What both matchers have.
+    """Parameters of both matchers.
 
     Attributes:
         kind: which matcher it is.
@@ -48,7 +48,7 @@ class MatchingParameters:
     error_cancellation: bool
 
     def check(self) -> None:
-        """Raise ValueError where the parameters do not fit together."""
+        """Raise ValueError if the parameters contradict each other."""
         check_odd("block_size", self.block_size)
 
 

@@ -41,7 +41,7 @@ class _Road:
     disparity_margin: DisparityMargin
 
     def check(self) -> None:
-        """Raise ValueError where the parameters do not fit together."""
+        """Raise ValueError if the parameters contradict each other."""
         if self.least_height >= self.greatest_height:
             raise ValueError(
                 f"road.least_height: {self.least_height} must be below road.greatest_height, "
@@ -64,7 +64,7 @@ class EstimatedRoad(_Road):
         pitch_range: greatest difference from the rig's pitch, degrees.
         height_range: greatest difference from the rig's mounting height, as a share of it.
         tolerance: pixels nearer to the plane's disparity than this vote for it, px.
-        column_step: every how many-th column is looked at.
+        column_step: step from one evaluated column to the next, px.
     """
 
     kind: Literal["estimated"]
@@ -79,7 +79,7 @@ RoadParameters = RigRoad | EstimatedRoad
 
 @dataclass(frozen=True, kw_only=True)
 class _Occupancy:
-    """What every occupancy grid has.
+    """Parameters of every occupancy grid.
 
     Attributes:
         kind: which grid it is.
@@ -97,7 +97,7 @@ class _Occupancy:
     relief: Annotated[float, Ge(0), Le(10)]
 
     def check(self) -> None:
-        """Raise ValueError where the parameters do not fit together."""
+        """Raise ValueError if the parameters contradict each other."""
         if self.nearest >= self.farthest:
             raise ValueError(
                 f"occupancy.nearest: {self.nearest} must be below occupancy.farthest, "
@@ -179,7 +179,7 @@ class FreeSpaceParameters:
     temporal_limit: Annotated[float, Gt(0), Le(500)]
 
     def check(self) -> None:
-        """Raise ValueError where the parameters do not fit together."""
+        """Raise ValueError if the parameters contradict each other."""
         if self.free_cost >= self.cost_bound:
             raise ValueError(
                 f"free_space.free_cost: {self.free_cost} must be below free_space.cost_bound, "

@@ -1,4 +1,4 @@
-"""What a tracker is given at its start and what it gives."""
+"""The initial state and the result of a tracker."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class InitialState:
-    """Where a tracker starts: the true pose and rates with noise.
+    """Initialisation of a tracker: the true pose and rates with noise.
 
     Attributes:
         mean: (6,) x m, y m, heading rad, and their rates (m/s, m/s, rad/s).

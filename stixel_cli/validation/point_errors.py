@@ -38,7 +38,7 @@ class PointErrors:
     Attributes:
         times: (K,) s.
         spacing: columns from one point to its neighbour, px: the median; NaN if there are no
-        neighbours.
+            neighbours.
         scans: (N,) int64, the scan of each point; within a scan by column.
         columns: (N,) px.
         true_ranges: (N,) m, along the point's ray to the contour.

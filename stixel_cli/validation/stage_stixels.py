@@ -120,8 +120,8 @@ def overhang(
     From the outermost column `of_target` (W,) on, as long as the stixel's disparity is within
     `gross` px of that column's true one and more than `gross` px from the truth of its own (a free
     column is always so). Columns in which the target is `shown` (W,), if too little of it for an
-    obstacle (a wheel, a hand), are passed over. `found` and `true` (W,) px are NaN where there is
-    none.
+    obstacle (a wheel, a hand), are passed over. `found` and `true` (W,) px are NaN without an
+    obstacle.
     """
     columns = np.flatnonzero(of_target)
     if len(columns) == 0:
