@@ -15,7 +15,7 @@ from pydantic import TypeAdapter
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.camera_rays import rig_cameras
 from stixel_cli.rendering.placement import numbered_objects, world_from_target_3d
-from stixel_cli.rendering.raycast import StillScene, Target, render_frame
+from stixel_cli.rendering.raycast import StaticScene, Target, render_frame
 from stixel_cli.rendering.raycast_parameters import RaycastParameters
 from stixel_cli.rendering.surfaces import srgb_from_linear
 from stixel_cli.rendering.tracing import Body, light_of, nearest, sample_offsets, sunlit
@@ -47,24 +47,24 @@ def motion(moving: bool) -> Scenario:
 def scene():
     rig = preset("rig", "default", Rig)
     renderer = preset("renderer", "raycast", RaycastParameters)
-    still = StillScene(numbered_objects(preset("world", "street", World)), rig, renderer)
+    static = StaticScene(numbered_objects(preset("world", "street", World)), rig, renderer)
     target = Target(road_user_mesh(preset("road_user", "car", RoadUser)))
-    render_frame(still, target, motion(False), 0)
-    return still, target
+    render_frame(static, target, motion(False), 0)
+    return static, target
 
 
-def forget(still: StillScene) -> None:
+def forget(static: StaticScene) -> None:
     """Let go of the views that the scene keeps."""
-    still._pose = None
+    static._pose = None
 
 
 @pytest.mark.parametrize("ego", ["parked", "moving"])
 def test_chunk_of_ten_pairs(benchmark, scene, ego):
-    still, target = scene
+    static, target = scene
     scenario = motion(ego == "moving")
     pairs = benchmark.pedantic(
-        lambda: [render_frame(still, target, scenario, k) for k in range(CHUNK)],
-        setup=lambda: forget(still),
+        lambda: [render_frame(static, target, scenario, k) for k in range(CHUNK)],
+        setup=lambda: forget(static),
         rounds=5,
     )
     benchmark.extra_info["seconds_per_pair"] = benchmark.stats.stats.median / CHUNK
@@ -72,29 +72,29 @@ def test_chunk_of_ten_pairs(benchmark, scene, ego):
 
 
 def test_first_pair(benchmark, scene):
-    still, target = scene
+    static, target = scene
     scenario = motion(False)
     benchmark.pedantic(
-        lambda: render_frame(still, target, scenario, 0), setup=lambda: forget(still), rounds=9
+        lambda: render_frame(static, target, scenario, 0), setup=lambda: forget(static), rounds=9
     )
 
 
 def test_plain_pair_with_four_rays_everywhere(benchmark, scene):
-    still, target = scene
+    static, target = scene
     scenario = motion(False)
 
     def pair():
         pose = world_from_target_3d(scenario.target_poses_world[0])
-        bodies = [still.body, Body(target.surfaces, pose)]
-        pictures, light = [], still.renderer.light
-        rows, columns = np.divmod(np.arange(still.rig.height * still.rig.width), still.rig.width)
+        bodies = [static.body, Body(target.surfaces, pose)]
+        pictures, light = [], static.renderer.light
+        rows, columns = np.divmod(np.arange(static.rig.height * static.rig.width), static.rig.width)
         right, down = sample_offsets(2)
         u, v = np.add.outer(columns, right).ravel(), np.add.outer(rows, down).ravel()
-        cameras = rig_cameras(still.rig, scenario.ego_poses_world[0])
+        cameras = rig_cameras(static.rig, scenario.ego_poses_world[0])
         for camera in cameras:
             hits = nearest(bodies, camera, rows, columns, right, down)
-            lit = sunlit(bodies, camera, u, v, hits, still.sun, (0, 1))
-            linear = light_of(bodies, camera, u, v, hits, lit, still.sun, light, 0.5)
+            lit = sunlit(bodies, camera, u, v, hits, static.sun, (0, 1))
+            linear = light_of(bodies, camera, u, v, hits, lit, static.sun, light, 0.5)
             pictures.append(srgb_from_linear(linear.reshape(len(rows), 4, 3).mean(axis=1)))
         return pictures, nearest(bodies, cameras[0], rows, columns, *CENTRE).depth
 

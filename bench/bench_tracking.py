@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.gp_ekf import GpEkfParameters, track, update
-from stixel_cli.tracking.kernel import contour_process, kernel, kernel_derivative
+from stixel_cli.tracking.kernel import contour_process, kernel
 from stixel_cli.tracking.motion import predict, process_noise, transition
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
@@ -76,6 +76,13 @@ def tracked(scans):
 def state(tracked):
     """Posterior of the scan before the one that is timed."""
     return tracked.means[9], tracked.covariances[9]
+
+
+def kernel_derivative(angles, other_angles, length_scale, sigma_f):
+    """∂k(u, u') / ∂u, shape (n, m), m²/rad."""
+    exponential = kernel(angles, other_angles, length_scale, sigma_f, 0.0)
+    difference = angles[:, None] - other_angles[None, :]
+    return -np.sin(difference) / length_scale**2 * exponential
 
 
 def jacobian_rows(points, mean):

@@ -1,4 +1,4 @@
-"""Stacks of images held compressed and without loss, decoded one at a time."""
+"""Stacks of images, compressed without loss and decoded one at a time."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass

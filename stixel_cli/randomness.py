@@ -6,8 +6,8 @@ import numpy as np
 
 
 def generator(seed: int, stage: str, k: int = 0) -> np.random.Generator:
-    """Generator of `stage` at frame `k` under the experiment's `seed` (all non-negative).
+    """Generator of `stage` at frame `k` under the run's `seed` (all non-negative).
 
-    It depends on these three alone, so frames can be drawn in any order, on any worker.
+    It depends only on these three, so frames can be drawn in any order, on any worker.
     """
     return np.random.default_rng([seed, zlib.crc32(stage.encode()), k])

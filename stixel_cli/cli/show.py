@@ -8,8 +8,9 @@ from typing import Any
 
 from stixel_cli.cli.terminal import print_table
 from stixel_cli.errors import UserError
+from stixel_cli.evaluation.metric_table import metric
 from stixel_cli.files import read_text
-from stixel_cli.report.metrics import format_value, metric
+from stixel_cli.report.metrics import format_value
 from stixel_cli.results.reader import (
     SWEEP_FILE,
     check_folder,

@@ -1,4 +1,4 @@
-"""Scores of one track: conventions → validate → metric functions → evaluate."""
+"""The scores of one track."""
 
 from dataclasses import dataclass
 
@@ -15,11 +15,11 @@ class Scores:
     Attributes:
         times: (K,) s.
         centre_error: (K,) m.
-        orientation_error: (K,) rad in (-pi, pi], estimated minus true; NaN where there is none.
+        orientation_error: (K,) rad in (-pi, pi], estimated minus true; NaN if missing.
         iou: (K,) intersection over union of the estimated and the true contour, 0 … 1.
         nees_position: (K,) position NEES divided by 2: 1 is consistent.
         nis: (K,) NIS divided by its degrees of freedom: 1 is consistent; NaN for an empty scan.
-        metrics: name to value; None where a value cannot be had.
+        metrics: name to value; None if the metric has no value.
     """
 
     times: np.ndarray

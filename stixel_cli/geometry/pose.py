@@ -1,8 +1,8 @@
 """Poses on the ground plane, and points moved between the frames that they define.
 
 A pose is (x, y, heading): metres, metres, radians counter-clockwise from the world's +x axis.
-The target's x axis lies along its heading. The ego car's *y* axis lies along its heading (its frame
-is x right, y forward), so its pose at k = 0 is (0, 0, pi/2).
+The target's x axis points along its heading. The ego car's *y* axis points along its heading (its
+frame is x right, y forward), so its pose at k = 0 is (0, 0, pi/2).
 """
 
 import numpy as np

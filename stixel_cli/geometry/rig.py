@@ -1,4 +1,4 @@
-"""The stereo rig: projection, disparity and depth, and where its camera stands.
+"""The stereo rig: projection, disparity and depth, and the pose of its camera.
 
 Frames: camera (x right, y down, z forward, origin at the left camera, the reference); *level*, the
 camera's frame turned upright by the pitch; ego ground plane (x right, y forward, origin below the

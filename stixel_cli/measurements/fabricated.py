@@ -16,7 +16,7 @@ from stixel_cli.scene.scenario import Scenario
 
 
 class _ByKind:
-    """Says to the schema that `kind` alone tells the members of an annotated union apart.
+    """Schema of an annotated union whose members differ by `kind`.
 
     The protocol is pydantic's, as `__pydantic_config__` is, and takes no import of it.
     """
@@ -68,7 +68,7 @@ def fabricate_scans(
     is a constant, or that of stereo: sigma_z = z² sigma_d / (f_u B) at the depth z, and
     sigma_z / cos(theta - tau) along the ray; or it is fitted to simulated points, see
     `FittedNoise`. Across the ray the variance is (r dtheta)² / 12, dtheta the angle that belongs
-    to one point. The covariance that a point bears is what a sensor could know: it comes from the
+    to one point. The covariance of a point is one that a sensor could know: it comes from the
     measured range. Clutter points follow the target's.
 
     Raises:
@@ -107,7 +107,7 @@ def fabricate_scan(
     """Points (n, 2) m and covariances (n, 2, 2) m² in the world of one scan of `contour_world`."""
     contour_sensor = (contour_world - sensor_pose_world[:2]) @ rotation(sensor_pose_world[2])
     hit, ranges = first_crossings(contour_sensor, rays)
-    # Noise is drawn first, and for every hit, so that neither option changes the points it leaves.
+    # Noise is drawn first, and for every hit, so that no option changes the remaining points.
     ray, ranges, measured = measure(measurement.noise, hit, ranges, rays, rig, random)
     keep = (ranges <= measurement.range_max) & (measured > 0.0)
     if measurement.missed_probability > 0.0:

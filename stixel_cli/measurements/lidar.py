@@ -1,8 +1,8 @@
 """Scans from a lidar's returns.
 
-The lidar stands `mount_height` above the origin of the ego car's ground plane, where the camera is,
+The lidar is `mount_height` above the origin of the ego car's ground plane, where the camera is,
 and looks along the ego car's heading. Azimuths are counter-clockwise from there, elevations above
-the horizon, rad. All beams of a scan leave at its time: nothing moves while it is scanned.
+the horizon, rad. All beams of a scan leave at its time: there is no motion during a scan.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from stixel_cli.scene.scenario import EgoMotion
 
 @dataclass(frozen=True)
 class LidarParameters:
-    """Scans from a lidar. The gates look at the return alone: at no tracker and at no truth.
+    """Scans from a lidar. The gates see only the return: no tracker and no truth.
 
     Attributes:
         scanner: layers, beams and mounting.
@@ -65,14 +65,14 @@ def lidar_scans(
 ) -> Scans:
     """Scans of the returns inside the gates, with noise along the beam, on the world's ground.
 
-    The gates ask the measured point for its height above the road, which leaves the ground out,
-    and for its distance. Then it is put to the ground plane. With `returns: nearest` only the
+    The gates use the measured point's height above the road, which leaves out the ground, and its
+    distance. Then the point is projected to the ground plane. With `returns: nearest` only the
     nearest point of each azimuth is kept: several layers meet bumper, bonnet, windscreen and roof,
-    and seen from above all but the first lie inside the outline, where a tracker of contours takes
+    and seen from above all but the first are inside the outline, where a tracker of contours takes
     them for its edge. The nearest of several noisy ranges is too near by about their
     standard deviation: 0.6 of it for two that measure the same face, 1.5 for ten.
 
-    The covariance that a point bears is the noise along the beam, brought to the ground, and
+    The covariance of a point is the noise along the beam, projected to the ground, and
     (r dtheta)² / 12 across.
 
     Raises:
@@ -95,7 +95,8 @@ def _scan(
     random: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points (n, 2) m and covariances (n, 2, 2) m² in the world of scan `k`."""
-    # Noise is drawn for every beam, hit or not, so that no option changes the points it leaves.
+    # Noise is drawn for every beam, hit or not, so that an option does not change the remaining
+    # points.
     noise = random.standard_normal(returns.ranges.shape[1:])
     measured = returns.ranges[k].astype(np.float64) + measurement.range_std * noise
     answered = np.isfinite(measured)

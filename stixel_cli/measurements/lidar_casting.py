@@ -1,8 +1,8 @@
 """A lidar's beams against the renderer's meshes.
 
-The lidar stands `mount_height` above the origin of the ego car's ground plane, where the camera is,
+The lidar is `mount_height` above the origin of the ego car's ground plane, where the camera is,
 and looks along the ego car's heading. Azimuths are counter-clockwise from there, elevations above
-the horizon, rad. All beams of a scan leave at its time: nothing moves while it is scanned.
+the horizon, rad. All beams of a scan leave at its time: there is no motion during a scan.
 """
 
 from functools import lru_cache
@@ -29,9 +29,10 @@ def cast_lidar(
 ) -> LidarReturns:
     """Distances to the first surface along all beams, at the poses of the scenario.
 
-    The target, the road and the background are the renderers' meshes, so whatever hides the target
-    from the camera hides it here. `camera_field` is the field of view where `scanner` has none of
-    its own: bearings of the camera's right and left border, rad.
+    The target, the road and the background are the renderers' meshes, so an object that hides the
+    target from the camera hides it here too. `camera_field` is the field of view if `scanner` does
+    not set
+    one: bearings of the camera's right and left border, rad.
     """
     static, target = _static_tree(world), ray_tree(road_user_mesh(road_user))
     return cast_beams(static, target, scenario, scanner, camera_field)
@@ -44,7 +45,7 @@ def cast_beams(
     scanner: Scanner,
     camera_field: tuple[float, float],
 ) -> LidarReturns:
-    """As `cast_lidar`, of what stands still (world frame) and a target (its own frame)."""
+    """As `cast_lidar`, of a static scene (world frame) and a target (its own frame)."""
     azimuths = beam_azimuths(scanner, camera_field)
     elevations = beam_elevations(scanner)
     beams = beam_directions(elevations, azimuths)
@@ -57,7 +58,7 @@ def cast_beams(
         directions = beams.copy()
         directions[:, :2] = beams[:, :2] @ rotation(ego[2]).T
         if seen_from != ego.tobytes():
-            # While the ego car stands, what stands still is asked once.
+            # While the ego car does not move, the static scene is cast once.
             seen_from, behind = ego.tobytes(), _distances(static, origin, directions)
         world_from_target = world_from_target_3d(pose)
         turn, shift = world_from_target[:3, :3], world_from_target[:3, 3]
@@ -92,7 +93,7 @@ def beam_directions(elevations: np.ndarray, azimuths: np.ndarray) -> np.ndarray:
     return beams.reshape(-1, 3)
 
 
-# To build the world takes as long as to cast hundreds of scans, and many experiments share it.
+# Building the world takes as long as casting hundreds of scans, and many runs share it.
 @lru_cache(maxsize=1)
 def _static_tree(world: World) -> RayTree:
     return ray_tree(*(mesh for _, mesh in numbered_objects(world)))

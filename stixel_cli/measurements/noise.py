@@ -1,4 +1,4 @@
-"""What lies between the crossings of rays with a contour and the points that a sensor gives."""
+"""From the crossings of rays with a contour to the points of a sensor: noise along the rays."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -40,27 +40,27 @@ class ConstantNoise:
 
 @dataclass(frozen=True)
 class FittedNoise:
-    """Noise fitted to the errors of simulated points: `stixel study rq3` makes the presets.
+    """Noise fitted to the errors of simulated points: `stixel study rq3` writes the presets.
 
     Columns are rays. The error along the ray is `range_bias` + e; e has the standard deviation
-    `disparity_std` dr/dd, dr/dd the range that a pixel of disparity is worth, and is
+    `disparity_std` dr/dd, dr/dd the range sensitivity, and is
     correlated along the row. One part each for bias, spread and ends: with a second (bias of the
     disparity, spread of the range, ends in columns) the fit follows the ranges of its own paths,
     and is farther from the points of others.
 
     Attributes:
         columns_per_point: columns that make one point, as those of a stixel do.
-        range_bias: measured minus true range, m: the seen surface lies behind the contour, which
+        range_bias: measured minus true range, m: the visible surface is behind the contour, which
             is the outermost outline over all heights.
         disparity_std: standard deviation, px.
         correlation_columns: columns over which the correlation of neighbours falls to 1/e; 0:
-            none.
+            no correlation.
         edge_metres, edge_metres_std: how far the points reach beyond either end of the
             silhouette, mean and standard deviation, metres at the target. Positive is edge
-            fattening, points beside the target; negative are ends that give no points, such as
+            fattening, points next to the target; negative are ends that give no points, such as
             arms and wheels too slight for a stixel.
         edge_disparity_std: standard deviation, px, that the outermost point of either end
-            has besides: depths that are mixed there.
+            has in addition, from mixed depths.
         missed_share: share of the points between the ends that are missed.
         missed_columns: mean length of a run of missed points, columns.
     """
@@ -86,18 +86,18 @@ def range_std(noise: Noise, ranges: np.ndarray, angles: np.ndarray, rig: Rig) ->
     """Standard deviation (n,) m along rays `angles` (n,) rad off the optical axis, thesis (17)."""
     if noise.kind == "constant":
         return np.full(len(ranges), noise.range_std)
-    return range_per_disparity(ranges, angles, rig, noise.disparity_std)
+    return range_sensitivity(ranges, angles, rig, noise.disparity_std)
 
 
 def columns_per_point(noise: Noise) -> int:
-    """How many neighbouring rays make one point."""
+    """Number of neighbouring rays that make one point."""
     return noise.columns_per_point if noise.kind == "fitted" else 1
 
 
-def range_per_disparity(
+def range_sensitivity(
     ranges: np.ndarray, angles: np.ndarray, rig: Rig, disparity: float = 1.0
 ) -> np.ndarray:
-    """By how much (n,) m the range grows where the disparity is less by `disparity` px.
+    """Growth (n,) m of the range if the disparity is less by `disparity` px; m/px for 1.
 
     To first order: z = f B / d, so dz = -(z² / f B) dd at z = r cos(angle), dr = dz / cos(angle).
     """
@@ -138,7 +138,7 @@ def _measure_blocks(
     rig: Rig,
     random: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """One point for each block of rays whose middle ray lies between the shifted ends."""
+    """One point for each block of rays whose middle ray is between the shifted ends."""
     drawn = random.standard_normal(2)
     if len(hit) == 0:
         return hit, ranges, ranges
@@ -146,26 +146,26 @@ def _measure_blocks(
     per_metre = 1.0 / (ranges[ends] * rays.steps[hit[ends]])
     shifts = (noise.edge_metres + noise.edge_metres_std * drawn) * per_metre
     width, last_ray = noise.columns_per_point, len(rays.angles) - 1
-    # An end at the image's border is none of the silhouette's.
+    # An end at the image's border is not an end of the silhouette.
     left = hit[0] - 0.5 - (shifts[0] if hit[0] > 0 else 0.0)
     right = hit[-1] + 0.5 + (shifts[1] if hit[-1] < last_ray else 0.0)
     middles = np.arange(width // 2, last_ray + 1, width)
     ray = middles[(middles > left) & (middles < right)]
-    # Beside the silhouette the nearest ray that meets the contour says how far.
+    # Outside the silhouette the range is that of the nearest ray that meets the contour.
     nearest = np.clip(np.searchsorted(hit, ray), 0, len(hit) - 1)
     true, angles = ranges[nearest], rays.angles[ray]
-    lever = range_per_disparity(true, angles, rig)
+    sensitivity = range_sensitivity(true, angles, rig)
     correlated = _neighbours(noise, len(ray), random)
     error = noise.range_bias + range_std(noise, true, angles, rig) * correlated
     mixed = noise.edge_disparity_std * random.standard_normal(2)
     if len(ray) > 1:
-        error[[0, -1]] -= mixed * lever[[0, -1]]
+        error[[0, -1]] -= mixed * sensitivity[[0, -1]]
     seen = ~_missed(noise, len(ray), random)
     return ray[seen], true[seen], (true + error)[seen]
 
 
 def _neighbours(noise: FittedNoise, count: int, random: np.random.Generator) -> np.ndarray:
-    """Standard normal numbers (count,) of which neighbours are correlated, e^(-columns / length).
+    """Standard normal numbers (count,) with correlated neighbours, e^(-columns / length).
 
     An exponential correlation of evenly spaced points is a first-order autoregression.
     """
@@ -181,7 +181,7 @@ def _neighbours(noise: FittedNoise, count: int, random: np.random.Generator) -> 
 
 
 def _missed(noise: FittedNoise, count: int, random: np.random.Generator) -> np.ndarray:
-    """Which of `count` points are missed: a Markov chain of two states along the row."""
+    """Whether each of `count` points is missed: a Markov chain of two states along the row."""
     drawn = random.random(count)
     if noise.missed_share == 0.0:
         return np.zeros(count, dtype=bool)

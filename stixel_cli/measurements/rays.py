@@ -30,7 +30,7 @@ class Rays:
         """Where `angles` rad, any shape, fall among the rays: a real index; -1, n beyond them."""
         low, high = self.field_of_view
         beyond = np.where(angles < low, -1.0, float(len(self.angles)))
-        # Clipping must not bring to the border what lies beyond it.
+        # Clipping must not move to the border a crossing beyond it.
         outside = (angles < low) | (angles > high)
         values = np.clip(angles, low, high)
         if self.even_tangent:
@@ -61,12 +61,13 @@ def first_crossings(contour_sensor: np.ndarray, rays: Rays) -> tuple[np.ndarray,
     """Indices (m,) of the rays that meet a contour, ascending, and ranges (m,) m of the nearest.
 
     `contour_sensor` (M, 2) m is a simple polygon, counter-clockwise, in the sensor's frame with x
-    along its heading; it may be concave and hides itself alone. Rays enter it through edges that
+    along its heading; it may be concave, and only itself hides it. Rays enter it through edges that
     face the sensor, so the others are left out, as if the sensor were never inside. Each edge
     spans a run of neighbouring rays: the work is one division a crossing, not a ray times an edge.
     """
     x, y = np.concatenate([contour_sensor, contour_sensor[:1]]).T
-    # a × b < 0: seen from the sensor the edge a → b runs clockwise, so its outside faces us.
+    # a × b < 0: seen from the sensor the edge a → b runs clockwise, so its outside faces the
+    # sensor.
     cross = x[:-1] * y[1:] - y[:-1] * x[1:]
     facing = np.flatnonzero(cross < 0.0)
     bearing = np.arctan2(y, x)
@@ -95,7 +96,8 @@ def first_crossings(contour_sensor: np.ndarray, rays: Rays) -> tuple[np.ndarray,
     farthest = np.maximum(distance[facing], distance[facing + 1])[edge]
     with np.errstate(divide="ignore", invalid="ignore"):
         ranges = cross[facing][edge] / rate
-    # A ray along an edge meets it somewhere up to its far end; rounding must not say farther.
+    # A ray along an edge meets it somewhere up to its far end; rounding must not give a farther
+    # one.
     ranges = np.where((ranges > 0.0) & (ranges < farthest), ranges, farthest)
     nearest = np.full(len(rays.angles), np.inf)
     np.minimum.at(nearest, ray, ranges)

@@ -15,7 +15,7 @@ class Scanner:
 
     Attributes:
         layers: number of layers, even in elevation from the lowest to the highest; a single one
-            lies in the middle.
+            is in the middle.
         elevation_lowest, elevation_highest: degrees above the horizon, of the middle of a beam.
         azimuth_step: degrees between neighbouring beams of a layer.
         horizontal_fov: degrees, straight ahead in its middle; null is that of the camera rig.
@@ -39,7 +39,7 @@ class LidarReturns:
     Attributes:
         elevations: (L,) rad, ascending.
         azimuths: (A,) rad, ascending.
-        ranges: (K, L, A) float32 m along the beams to the first surface; inf where there is none.
+        ranges: (K, L, A) float32 m along the beams to the first surface; inf without a hit.
     """
 
     elevations: np.ndarray

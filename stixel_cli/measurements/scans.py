@@ -1,4 +1,4 @@
-"""Scans: what every tracker is given, whatever the sensor was."""
+"""Scans: the input of every tracker, from any sensor."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Scans:
-    """Candidate points of K scans, gated by the scene alone and by no tracker.
+    """Candidate points of K scans, gated by the scene and not by a tracker.
 
     An empty scan is an ordinary scan.
 
@@ -62,7 +62,7 @@ def points_along(
     along_variances: np.ndarray,
     across_variances: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 2) m and covariances (n, 2, 2) m² in the world of what was measured along rays.
+    """Points (n, 2) m and covariances (n, 2, 2) m² in the world of measurements along rays.
 
     The rays leave the sensor at `sensor_pose_world` (3,) at `angles` (n,) rad from its heading. The
     variances (n,) m² are those along and across the ray: R = s_across² I + (s_along² - s_across²)

@@ -1,4 +1,4 @@
-"""Scans from stixels: the candidate points that the scene alone lets through."""
+"""Scans from stixels: the candidate points, gated by the scene."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from stixel_cli.stixels.types import Stixels
 
 @dataclass(frozen=True)
 class SimulatedParameters:
-    """Scans from stixels. The gates look at the stixel alone: at no tracker and at no truth.
+    """Scans from stixels. The gates see only the stixel: no tracker and no truth.
 
     Attributes:
         height_min, height_max: a stixel's height above the road, m, to be a candidate: below are
@@ -43,11 +43,11 @@ def gather_scans(
 ) -> Scans:
     """Scans of the stixels inside the gates of height and range, in the world frame.
 
-    Free space has gated already: a stixel is the nearest obstacle of its columns. `stixels` are
+    Free space is a gate already: a stixel is the nearest obstacle of its columns. `stixels` are
     chunks in the order of their frames.
 
     Raises:
-        ValueError: unless the chunks hold each frame of `ego_motion` once, in order.
+        ValueError: unless the chunks have each frame of `ego_motion` once, in order.
     """
     scans: list[tuple[np.ndarray, np.ndarray]] = []
     for chunk in stixels:

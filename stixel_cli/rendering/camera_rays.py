@@ -8,7 +8,7 @@ import numpy as np
 from stixel_cli.geometry.rig import Rig
 
 NEAR = 0.05
-"""What is nearer to the camera than this along its axis (m) has no place on the screen."""
+"""Points nearer to the camera than this along its axis, m, are not on the screen."""
 
 
 @dataclass(frozen=True)

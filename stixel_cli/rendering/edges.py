@@ -16,7 +16,7 @@ EDGE_JUMP = 0.05
 """Neighbours of one texture whose depths differ by more than this share make an edge."""
 
 FLAT = 0.99
-"""Neighbours whose normals' scalar product is less do not stand for each other in the sun."""
+"""Neighbours whose normals' scalar product is less are tested for sunlight one by one."""
 
 
 def edge_pixels(
@@ -99,10 +99,10 @@ def _continues(one, two, hits, tables, bend, jump):
 def _contrasts(one, two, light, encode, contrast):
     """Whether the colours of two pixels differ by more than `contrast` grey levels."""
     top = np.float32(len(encode) - 1)
-    half, unit, none = np.float32(0.5), np.float32(1.0), np.float32(0.0)
+    half, unit, zero = np.float32(0.5), np.float32(1.0), np.float32(0.0)
     for channel in range(3):
-        a = min(max(light[one, channel], none), unit)
-        b = min(max(light[two, channel], none), unit)
+        a = min(max(light[one, channel], zero), unit)
+        b = min(max(light[two, channel], zero), unit)
         difference = np.int64(encode[np.int64(a * top + half)])
         difference -= np.int64(encode[np.int64(b * top + half)])
         if abs(difference) > contrast:
@@ -126,7 +126,7 @@ def edge_masks(width, hits, tables, lit, light, encode, contrast, bend, jump):
         encode: (m,) uint8, sRGB of linear light.
         contrast: least difference of colours, grey levels.
         bend: neighbours whose normals' scalar product is below this are bent.
-        jump: least relative difference of depths that lie apart.
+        jump: least relative difference of two depths that make an edge.
     """
     body, triangle, _ = hits
     count = len(body)

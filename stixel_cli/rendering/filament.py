@@ -1,4 +1,4 @@
-"""Open3D's rasteriser, run in a child process that is timed out and started anew if it fails."""
+"""Open3D's rasteriser, run in a child process with a timeout and a restart after a failure."""
 
 import os
 import subprocess
@@ -35,7 +35,7 @@ LOOK_EVERY = 0.02
 
 
 class RendererUnavailable(UserError, RuntimeError):
-    """Filament cannot start, or cannot go on; the message is one line that says why."""
+    """Filament cannot start or continue; the message gives the reason in one line."""
 
 
 def render(
@@ -113,7 +113,7 @@ def describe_scene(
 def rendered(
     scene: dict[str, np.ndarray], renderer: FilamentParameters, command: Sequence[str]
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
-    """Yield (left, right, depth, ids) of each frame of `scene`, from as many children as it takes.
+    """Yield (left, right, depth, ids) of each frame of `scene`, restarting the child as needed.
 
     Raises:
         RendererUnavailable: if the child hung or died `renderer.attempts` times.
@@ -137,7 +137,7 @@ def rendered(
                             raise RendererUnavailable(_unavailable(problem, failures))
                 with np.load(result, allow_pickle=False) as file:
                     frame = file["left"], file["right"], file["depth"], file["ids"]
-                # An empty file stays: a child that starts anew must not render the frame again.
+                # An empty file stays: a restarted child must not render the frame again.
                 result.write_bytes(b"")
                 yield frame
         finally:
@@ -146,7 +146,7 @@ def rendered(
 
 
 def probe_filament(timeout: float, command: tuple[str, ...] = COMMAND) -> str | None:
-    """Why Filament cannot start here, in one line; None if it renders within `timeout` s."""
+    """Reason why Filament cannot start here, in one line; None if it renders within `timeout` s."""
     with tempfile.TemporaryDirectory(prefix="stixel-filament-") as name:
         child = _start((*command, "--probe"), Path(name))
         try:
@@ -168,7 +168,7 @@ def _start(command: tuple[str, ...], folder: Path) -> subprocess.Popen:
 
 
 def _await(child: subprocess.Popen, file: Path, timeout: float, task: str) -> str | None:
-    """Wait for `file`; None as soon as it is there, else what went wrong, in one line."""
+    """Wait for `file`; None as soon as it is there, else the failure in one line."""
     for _ in range(max(1, round(timeout / LOOK_EVERY))):
         if file.exists():
             return None
@@ -182,7 +182,7 @@ def _await(child: subprocess.Popen, file: Path, timeout: float, task: str) -> st
 
 
 def _death(child: subprocess.Popen, folder: Path) -> str:
-    """Why the child ended, in one line: the reason that it gave, or its signal and last words."""
+    """Why the child ended, in one line: the reason that it printed, or its signal and last line."""
     lines = (folder / "log").read_text(errors="replace").splitlines()
     lines = [line.strip() for line in lines if line.strip()]
     for line in lines:

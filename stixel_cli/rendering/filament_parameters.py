@@ -18,7 +18,7 @@ class FilamentParameters:
         light: the sun, the sky and the exposure.
         start_timeout: time that the child may take until it is ready to render, s.
         frame_timeout: time that the child may take to render one stereo pair, s.
-        attempts: how often a child that hangs or dies is started anew.
+        attempts: how often a child that hangs or crashes is restarted.
     """
 
     __pydantic_config__ = STRICT

@@ -1,9 +1,9 @@
 """The child process that renders with Filament, run as a module with the folder DIR.
 
-DIR holds `scene.npz` as `filament.py` writes it; for each frame the child leaves `frame_<k>.npz`
+DIR has `scene.npz`, written by `filament.py`; for each frame the child leaves `frame_<k>.npz`
 there, and `ready` as soon as it has rendered anything. With `--probe` it renders one small picture
-of nothing and ends. It dies, or hangs, on behalf of its parent: Filament aborts in C++ where it has
-no EGL. A reason that is known goes to stderr in one line that starts with `REASON`.
+of nothing and ends. It protects its parent: without EGL, Filament aborts in C++ or
+hangs. A known reason goes to stderr in one line that starts with `REASON`.
 """
 
 import ctypes
@@ -20,7 +20,7 @@ NEAR, FAR = 0.1, 400.0
 """Clip planes, m."""
 
 SUN_UNIT = 237_500.0
-"""Lux that light a white surface, held towards the sun, to 1 (measured on Open3D's exposure)."""
+"""Lux that light a white surface, facing the sun, to 1 (measured on Open3D's exposure)."""
 
 AMBIENT_UNIT = 62_000.0
 """Intensity of Open3D's default surroundings that lights a white, level surface to 1 (measured)."""

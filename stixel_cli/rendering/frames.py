@@ -1,4 +1,4 @@
-"""What a renderer gives: a chunk of noise-free stereo pairs with the left view's truth."""
+"""The result of a renderer: a chunk of noise-free stereo pairs with the left view's truth."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ class RenderedFrames:
         first: index k of the first frame.
         left, right: RGB images, (H, W, 3) uint8.
         depth_high, depth_low: the upper and lower 16 bits of the left view's depth along the
-            optical axis in multiples of `DEPTH_STEP`; 0 where there is none (sky).
+            optical axis in multiples of `DEPTH_STEP`; 0 without a surface (sky).
         ids: what each pixel of the left view shows, (H, W) uint8: `SKY_ID`, `ROAD_ID`,
             `TARGET_ID`, or `BACKGROUND_ID` + the object's number.
     """
@@ -34,22 +34,13 @@ class RenderedFrames:
     ids: ImageStack
 
     @classmethod
-    def from_arrays(
-        cls,
-        first: int,
-        left: Iterable[np.ndarray],
-        right: Iterable[np.ndarray],
-        depth: Iterable[np.ndarray],
-        ids: Iterable[np.ndarray],
-    ) -> "RenderedFrames":
-        """From the frames' arrays; `depth` in m, float, with inf or NaN where there is none."""
-        return cls.from_frames(first, zip(left, right, depth, ids, strict=True))
-
-    @classmethod
     def from_frames(
         cls, first: int, frames: Iterable[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]
     ) -> "RenderedFrames":
-        """From (left, right, depth, ids) of each frame, compressed one frame after the other."""
+        """From (left, right, depth, ids) of each frame, compressed one frame after the other.
+
+        `depth` is in m, float, with inf or NaN without a surface.
+        """
         stacks = ([], [], [], [], [])
         for left, right, depth, ids in frames:
             depth = np.asarray(depth)
@@ -63,7 +54,7 @@ class RenderedFrames:
         return len(self.left)
 
     def depth(self, index: int) -> np.ndarray:
-        """True depth (H, W) float32 in m of the `index`-th frame here; inf where there is none."""
+        """True depth (H, W) float32 in m of the `index`-th frame here; inf without a surface."""
         steps = self.depth_high[index].astype(np.uint32) << 16 | self.depth_low[index]
         metres = steps.astype(np.float64) * DEPTH_STEP
         return np.where(steps > 0, metres, np.inf).astype(np.float32)
@@ -71,7 +62,7 @@ class RenderedFrames:
 
 @dataclass(frozen=True)
 class StereoPairs:
-    """What the cameras give for frames `first`, `first` + 1, …: all that later stages may see.
+    """Images of the cameras for frames `first`, `first` + 1, …: all that later stages may see.
 
     Attributes:
         first: index k of the first frame.

@@ -13,12 +13,12 @@ class Light:
     """The light of the scene, in linear units: a white surface in full light shines with about 1.
 
     Attributes:
-        sun_azimuth: where the sun stands, degrees counter-clockwise from the world's +x axis
+        sun_azimuth: direction of the sun, degrees counter-clockwise from the world's +x axis
             (the ego car looks along +90 at k = 0).
         sun_elevation: height of the sun above the horizon, degrees.
         sun: irradiance of a surface that faces the sun, over pi.
         ambient: irradiance from the sky of a surface that faces up, over pi.
-        exposure: factor from light to the image's linear grey, of which 1 is full scale.
+        exposure: factor from light to the image's linear grey, with full scale 1.
     """
 
     __pydantic_config__ = STRICT

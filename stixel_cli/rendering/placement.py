@@ -1,4 +1,4 @@
-"""What both renderers place in the world: numbered objects, the target, the sun."""
+"""Content of the world for both renderers: numbered objects, the target, the sun."""
 
 import numpy as np
 

@@ -13,7 +13,7 @@ from stixel_cli.rendering.placement import numbered_objects, sun_direction, worl
 from stixel_cli.rendering.raycast_parameters import RaycastParameters
 from stixel_cli.rendering.surfaces import build_surfaces
 from stixel_cli.rendering.tracing import Body
-from stixel_cli.rendering.views import StillView, still_view, view_with_target
+from stixel_cli.rendering.views import StaticView, static_view, view_with_target
 from stixel_cli.scene.mesh import Mesh, bounding_box
 from stixel_cli.scene.road_user import road_user_mesh
 from stixel_cli.scene.road_user_parameters import RoadUser
@@ -31,9 +31,9 @@ def render(
 ) -> RenderedFrames:
     """Render `frames` of the scenario without noise.
 
-    One ray goes through each pixel's centre and tells depth and identity; pixels at an edge get
-    `renderer.samples`² rays for their colour. While the ego car stands, what stands still is
-    rendered once; the bytes are those of a frame that is rendered alone.
+    One ray goes through each pixel's centre and gives depth and identity; pixels at an edge get
+    `renderer.samples`² rays for their colour. While the ego car does not move, the
+    static scene is rendered once; the bytes equal those of a frame rendered by itself.
 
     Args:
         scenario: poses of the ego car and the target.
@@ -44,12 +44,12 @@ def render(
         frames: consecutive frame indices.
     """
     target = Target(road_user_mesh(road_user))
-    still = _still_scene(world, rig, renderer)
-    images = (render_frame(still, target, scenario, k) for k in frames)
+    static = _static_scene(world, rig, renderer)
+    images = (render_frame(static, target, scenario, k) for k in frames)
     return RenderedFrames.from_frames(frames.start, images)
 
 
-class StillScene:
+class StaticScene:
     """The road and the background, ready for rays; keeps the views from the last ego pose.
 
     `objects` are (object id, Mesh in the world).
@@ -60,16 +60,16 @@ class StillScene:
         self.sun = sun_direction(renderer.light)
         self.body = Body(build_surfaces(objects), np.eye(4))
         self._pose: bytes | None = None
-        self._views: list[tuple[Camera, StillView]] = []
+        self._views: list[tuple[Camera, StaticView]] = []
 
-    def views(self, ego_pose_world: np.ndarray) -> list[tuple[Camera, StillView]]:
+    def views(self, ego_pose_world: np.ndarray) -> list[tuple[Camera, StaticView]]:
         """Left and right camera on the ego car at the pose (3,), and what they see."""
         if self._pose != ego_pose_world.tobytes():
             # Let go of the old views first: two pairs need not be in memory.
             self._pose, self._views = None, []
             cameras = rig_cameras(self.rig, ego_pose_world)
             self._views = [
-                (camera, still_view(self.body, camera, self.sun, self.renderer))
+                (camera, static_view(self.body, camera, self.sun, self.renderer))
                 for camera in cameras
             ]
             self._pose = ego_pose_world.tobytes()
@@ -86,12 +86,12 @@ class Target:
 
 # One worker renders many chunks of one scene, and to build it takes as long as ten frames.
 @lru_cache(maxsize=1)
-def _still_scene(world: World, rig: Rig, renderer: RaycastParameters) -> StillScene:
-    return StillScene(numbered_objects(world), rig, renderer)
+def _static_scene(world: World, rig: Rig, renderer: RaycastParameters) -> StaticScene:
+    return StaticScene(numbered_objects(world), rig, renderer)
 
 
 def render_frame(
-    still: StillScene, target: Target, scenario: Scenario, k: int, whole: bool = False
+    static: StaticScene, target: Target, scenario: Scenario, k: int, whole: bool = False
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Left and right RGB (H, W, 3) uint8, depth (H, W) m and ids (H, W) uint8 of frame `k`.
 
@@ -101,14 +101,14 @@ def render_frame(
     (left, depth, ids), (right, _, _) = (
         view_with_target(
             view,
-            still.body,
+            static.body,
             Body(target.surfaces, pose),
             target.corners,
             camera,
-            still.sun,
-            still.renderer,
+            static.sun,
+            static.renderer,
             whole,
         )
-        for camera, view in still.views(scenario.ego_poses_world[k])
+        for camera, view in static.views(scenario.ego_poses_world[k])
     )
     return left, right, depth, ids

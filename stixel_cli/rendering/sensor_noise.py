@@ -14,7 +14,7 @@ from stixel_cli.rendering.frames import RenderedFrames, StereoPairs
 
 @dataclass(frozen=True)
 class Sensor:
-    """The cameras' sensors: what they do to a noise-free picture. Grey levels are of 255.
+    """The cameras' sensors: their effect on a noise-free picture. Grey levels are of 255.
 
     The variance of a grey value g is read_noise² + shot_noise² g / 255: photons are counted, so
     their noise grows with the root of the light.
@@ -41,14 +41,14 @@ def add_sensor_noise(
 ) -> StereoPairs:
     """Grey images (H, W) uint8 of `frames` with the sensors' noise.
 
-    Each camera's noise at each k is drawn from (seed, stage and camera, k) alone, so the images do
+    Each camera's noise at each k is drawn only from (seed, stage and camera, k), so the images do
     not depend on how frames are gathered into chunks.
 
     Args:
-        rendered: noise-free pictures; holds all of `frames`.
+        rendered: noise-free pictures, including all of `frames`.
         sensor: noise and gain.
         frames: indices k.
-        seed: the experiment's.
+        seed: of the run.
     """
     left, right = [], []
     for k in frames:

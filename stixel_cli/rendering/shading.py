@@ -35,7 +35,7 @@ def camera_rays(u, v, rotation, origin, focal, u0, v0):
 
 @njit(cache=True, nogil=True)
 def exact_depths(u, v, triangle, hit, rotation, origin, focal, u0, v0, normals, offsets):
-    """Depths (n,) float64 in m of the hits: the ray against the triangle's plane; inf if none.
+    """Depths (n,) float64 in m of the hits: the ray against the triangle's plane; inf: no hit.
 
     `hit` (n,) float32 is the caster's own depth, kept where the ray grazes the plane.
     """
@@ -215,7 +215,7 @@ def shade(
         u, v, depth, body, triangle: (n,) samples and what they hit.
         lit: (n,) bool, whether the sun is seen from there.
         index: of the body.
-        spread: width of the area that one sample stands for, px.
+        spread: width of the area that one sample represents, px.
         sun: (3,) towards the sun.
         sunlight, skylight, groundlight: (3,) light of the sun, the sky above, the ground below.
         rotation, origin, focal, u0, v0: the camera.

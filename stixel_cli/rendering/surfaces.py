@@ -1,4 +1,4 @@
-"""Triangles as the ray caster wants them: tables of planes, texture gradients and mip-maps."""
+"""Triangles in the form of the ray caster: tables of planes, texture gradients and mip-maps."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -37,11 +37,11 @@ class RayTree:
         )
 
     def first_hits(self, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Parameter (n,) float32 and triangle (n,) int32, -1 for none, of `rays` (n, 6) float32."""
+        """Parameter (n,) float32 and triangle (n,) int32 (-1: no hit) of `rays` (n, 6) float32."""
         if len(rays) == 0:
             return np.empty(0, dtype=np.float32), np.empty(0, dtype=np.int32)
         answer = self._scene.cast_rays(self._tensor.from_numpy(rays), nthreads=1)
-        # The caster's mark for "none" is the greatest uint32, which is -1 here.
+        # The caster marks a miss with the greatest uint32, which is -1 here.
         triangles = answer["primitive_ids"].numpy().view(np.int32).copy()
         return answer["t_hit"].numpy().copy(), triangles
 
@@ -175,7 +175,7 @@ def _packed(light: np.ndarray) -> np.ndarray:
 
 
 def srgb_from_linear(light: np.ndarray) -> np.ndarray:
-    """sRGB uint8 of linear light, any shape, of which 1 is full scale (IEC 61966-2-1)."""
+    """sRGB uint8 of linear light, any shape, with full scale 1 (IEC 61966-2-1)."""
     top = np.float32(len(ENCODE) - 1)
     return ENCODE[(np.clip(light, 0.0, 1.0) * top + np.float32(0.5)).astype(np.int32)]
 

@@ -27,12 +27,12 @@ class Body:
 
 @dataclass(frozen=True)
 class Hits:
-    """What samples (n,) of one camera meet first.
+    """First surfaces that samples (n,) of one camera meet.
 
     Attributes:
         depth: (n,) float64 m along the optical axis, inf where nothing is met.
-        body: (n,) int8, index of the body; -1 for none.
-        triangle: (n,) int32 of that body's surfaces; -1 for none.
+        body: (n,) int8, index of the body; -1 without a hit.
+        triangle: (n,) int32 of that body's surfaces; -1 without a hit.
     """
 
     depth: np.ndarray
@@ -52,9 +52,9 @@ def intersect(
     right: np.ndarray,
     down: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Depths (n s,) m (inf if none) and triangles (n s,) int32 of `body` behind samples.
+    """Depths (n s,) m (inf without a hit) and triangles (n s,) int32 of `body` behind samples.
 
-    Pixels in `rows` and `columns` (n,) have s samples each, which lie `right` and `down` (s,) px
+    Pixels in `rows` and `columns` (n,) have s samples each, `right` and `down` (s,) px
     from the centre.
     """
     u, v = np.add.outer(columns, right).ravel(), np.add.outer(rows, down).ravel()
@@ -73,7 +73,7 @@ def nearest(
     right: np.ndarray,
     down: np.ndarray,
 ) -> Hits:
-    """What the samples of `intersect` meet first."""
+    """First surfaces that the samples of `intersect` meet."""
     depth, triangle = intersect(bodies[0], camera, rows, columns, right, down)
     hits = Hits(depth, np.where(triangle >= 0, 0, -1).astype(np.int8), triangle)
     for index in range(1, len(bodies)):
@@ -135,9 +135,9 @@ def light_of(
     light: Light,
     spread: float,
 ) -> np.ndarray:
-    """Linear light (n, 3) float32 of samples that each stand for a square of `spread` px.
+    """Linear light (n, 3) float32 of samples that each represent a square of `spread` px.
 
-    Samples `u`, `v` (n,) px meet `hits`, which see the sun where `lit` (n,) bool says so; `sun`
+    Samples `u`, `v` (n,) px meet `hits`, which see the sun where `lit` (n,) bool is true; `sun`
     (3,) points to it in the world.
     """
     result = np.empty((len(u), 3), dtype=np.float32)
@@ -195,7 +195,7 @@ def sample_offsets(samples: int) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class Centres:
-    """What is known of pixels (n,) from the ray through the centre of each.
+    """Values of pixels (n,) from the ray through the centre of each.
 
     Attributes:
         rows, columns: (n,) int64.
@@ -232,8 +232,8 @@ def supersampled(
 ) -> np.ndarray:
     """Linear light (n, 3) float32 of pixels (n,), the mean of `samples`² rays through each.
 
-    `sun` (3,) points to the sun in the world. `at_shadow` (n,) tells whether a shadow's edge may
-    lie in the pixel. A sample on the centre's triangle has the centre's light, whose filter is a
+    `sun` (3,) points to the sun in the world. `at_shadow` (n,) is true if a shadow's edge may
+    be in the pixel. A sample on the centre's triangle has the centre's light, whose filter is a
     pixel wide; only where a shadow's edge may run between them is the sun asked for.
     """
     right, down = sample_offsets(samples)

@@ -1,7 +1,8 @@
-"""One camera's view of the scene: what stands still, and over it the target and its shadow.
+"""One camera's view of the scene: the static scene, and over it the target and its shadow.
 
-A pixel that neither the target nor its shadow touches has the colour of the still view, to the bit;
-so the still view can be kept as long as the camera stands, and only a rectangle is rendered anew.
+A pixel that neither the target nor its shadow touches has the colour of the static view, to the
+bit. So the static view is kept while the camera does not move, and only a rectangle is rendered
+for each frame.
 """
 
 from dataclasses import dataclass
@@ -28,7 +29,7 @@ MARGIN = 3
 
 
 @dataclass(frozen=True)
-class StillView:
+class StaticView:
     """The road, the background and the sky from one camera.
 
     Attributes:
@@ -46,21 +47,21 @@ class StillView:
     ids: np.ndarray
 
 
-def still_view(
-    still: Body, camera: Camera, sun: np.ndarray, renderer: RaycastParameters
-) -> StillView:
-    """The view of what stands still; `sun` (3,) points to the sun in the world."""
+def static_view(
+    static: Body, camera: Camera, sun: np.ndarray, renderer: RaycastParameters
+) -> StaticView:
+    """The view of the static scene; `sun` (3,) points to the sun in the world."""
     rows, columns = np.divmod(np.arange(camera.height * camera.width), camera.width)
     u, v = columns.astype(np.float64), rows.astype(np.float64)
-    hits = tracing.nearest([still], camera, rows, columns, *CENTRE)
-    lit = _sunlit_still(still, camera, u, v, hits, sun)
-    plain = tracing.light_of([still], camera, u, v, hits, lit, sun, renderer.light, 1.0)
+    hits = tracing.nearest([static], camera, rows, columns, *CENTRE)
+    lit = _sunlit_static(static, camera, u, v, hits, sun)
+    plain = tracing.light_of([static], camera, u, v, hits, lit, sun, renderer.light, 1.0)
     centres, light = Centres(rows, columns, hits, lit, plain), plain.copy()
     if renderer.samples > 1:
-        edge, at_shadow = edge_pixels([still], hits, lit, plain, camera.height)
+        edge, at_shadow = edge_pixels([static], hits, lit, plain, camera.height)
         again = np.flatnonzero(edge)
         light[again] = tracing.supersampled(
-            [still],
+            [static],
             camera,
             centres.at(again),
             at_shadow[again],
@@ -69,26 +70,26 @@ def still_view(
             renderer.samples,
         )
     ids = np.full(len(u), SKY_ID, dtype=np.uint8)
-    ids[hits.body == 0] = still.surfaces.object_ids[hits.triangle[hits.body == 0]]
-    return StillView(hits, lit, plain, light, ids)
+    ids[hits.body == 0] = static.surfaces.object_ids[hits.triangle[hits.body == 0]]
+    return StaticView(hits, lit, plain, light, ids)
 
 
-def _sunlit_still(still: Body, camera: Camera, u, v, hits: Hits, sun) -> np.ndarray:
+def _sunlit_static(static: Body, camera: Camera, u, v, hits: Hits, sun) -> np.ndarray:
     """(n,) bool, whether each pixel's hit sees the sun.
 
     Asked on every second field of a chequer-board, and between them where the neighbours disagree.
     """
     lit = np.zeros(len(u), dtype=bool)
     even = np.flatnonzero((u + v) % 2 == 0)
-    lit[even] = tracing.sunlit([still], camera, u[even], v[even], hits.at(even), sun, (0,))
-    odd = unclear_pixels([still], hits, lit, camera.height)
-    lit[odd] = tracing.sunlit([still], camera, u[odd], v[odd], hits.at(odd), sun, (0,))
+    lit[even] = tracing.sunlit([static], camera, u[even], v[even], hits.at(even), sun, (0,))
+    odd = unclear_pixels([static], hits, lit, camera.height)
+    lit[odd] = tracing.sunlit([static], camera, u[odd], v[odd], hits.at(odd), sun, (0,))
     return lit
 
 
 def view_with_target(
-    view: StillView,
-    still: Body,
+    view: StaticView,
+    static: Body,
     target: Body,
     corners_target: np.ndarray,
     camera: Camera,
@@ -99,8 +100,8 @@ def view_with_target(
     """`view` with the target and its shadow in it.
 
     Args:
-        view: what stands still, from the same camera.
-        still, target: the bodies.
+        view: the static scene, from the same camera.
+        static, target: the bodies.
         corners_target: (8, 3) m, corners of the target's box in its own frame.
         camera: the camera in the world.
         sun: (3,) in the world, towards the sun.
@@ -111,11 +112,11 @@ def view_with_target(
         Picture (H, W, 3) uint8 sRGB, depth (H, W) float64 m with inf for the sky, ids (H, W) uint8.
     """
     height, width = camera.height, camera.width
-    bodies = [still, target]
+    bodies = [static, target]
     light, depth, ids = view.light.copy(), view.hits.depth.copy(), view.ids.copy()
     body_box, box = (0, height, 0, width), (0, height, 0, width)
     if not whole:
-        body_box, box = _touched_rectangles(still, target, corners_target, camera, sun)
+        body_box, box = _touched_rectangles(static, target, corners_target, camera, sun)
     top, bottom, left, right = box
     if top < bottom:
         pixels = (np.arange(top, bottom)[:, None] * width + np.arange(left, right)).ravel()
@@ -154,7 +155,7 @@ def view_with_target(
 
 
 def _centres_with_target(
-    view: StillView,
+    view: StaticView,
     bodies: list[Body],
     camera: Camera,
     sun: np.ndarray,
@@ -165,20 +166,20 @@ def _centres_with_target(
     """The rays through the centres of `pixels` (n,) of `view`, with the target in it.
 
     Args:
-        view: what stands still.
-        bodies: what stands still, and the target.
+        view: the static scene.
+        bodies: the static scene, and the target.
         camera, sun, light: as for `view_with_target`.
         pixels: (n,) indices in row-major order.
         near: (m,) indices of those `pixels` that the target itself can touch.
 
     Returns:
-        What is known of them; (n,) bool, whether the target is met; (n,) bool, whether that or its
-        shadow changes the still view's colour.
+        Their values; (n,) bool, whether the target is met; (n,) bool, whether that or its
+        shadow changes the static view's colour.
     """
     rows, columns = np.divmod(pixels, camera.width)
     u, v = columns.astype(np.float64), rows.astype(np.float64)
     hits, lit, plain = view.hits.at(pixels), view.lit[pixels], view.plain[pixels]
-    # The target, where it is nearer than what stands still.
+    # The target, where it is nearer than the static scene.
     found, triangle = tracing.intersect(bodies[1], camera, rows[near], columns[near], *CENTRE)
     nearer = found < hits.depth[near]
     over = np.zeros(len(pixels), dtype=bool)
@@ -202,10 +203,10 @@ def _centres_with_target(
     return Centres(rows, columns, hits, lit, plain), over, changed
 
 
-def _touched_rectangles(still: Body, target: Body, corners_target, camera: Camera, sun):
+def _touched_rectangles(static: Body, target: Body, corners_target, camera: Camera, sun):
     """Rectangles of the image that the target can touch, and that it or its shadow can."""
     corners = corners_target @ target.world_from_body[:3, :3].T + target.world_from_body[:3, 3]
-    floor = min(still.surfaces.vertices[:, 2].min(), corners[:, 2].min())
+    floor = min(static.surfaces.vertices[:, 2].min(), corners[:, 2].min())
     fall = (corners[:, 2] - floor) / sun[2]
     swept = np.concatenate([corners, corners - fall[:, None] * sun])
     return camera.rectangle_of(corners, MARGIN), camera.rectangle_of(swept, MARGIN)
@@ -230,6 +231,6 @@ def _thin(target: Body, camera: Camera, rows, columns, depth, over) -> np.ndarra
 
 
 def _inside(rows: np.ndarray, columns: np.ndarray, box: tuple[int, int, int, int]) -> np.ndarray:
-    """(n,) bool: which pixels lie in the rectangle `box`."""
+    """(n,) bool: whether pixels are in the rectangle `box`."""
     top, bottom, left, right = box
     return (rows >= top) & (rows < bottom) & (columns >= left) & (columns < right)

@@ -12,9 +12,10 @@ import jinja2
 from markupsafe import Markup
 
 from stixel_cli.errors import UserError
+from stixel_cli.evaluation.metric_table import metric
 from stixel_cli.report import style
 from stixel_cli.report.compare_figure import error_curves, line_style
-from stixel_cli.report.metrics import NO_VALUE, best, format_value, metric
+from stixel_cli.report.metrics import NO_VALUE, best, format_value
 from stixel_cli.results.reader import RunFolder
 
 _LONGEST_NAME = 150

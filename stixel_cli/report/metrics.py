@@ -1,62 +1,10 @@
-"""What the metrics of a run are called, their units, and which value is better."""
+"""Metrics as text, and which of several values are the best."""
 
 import math
-from dataclasses import dataclass
-from typing import Literal
 
-Better = Literal["less", "more", "one"]
+from stixel_cli.evaluation.metric_table import Better, metric
 
 NO_VALUE = "–"
-
-
-@dataclass(frozen=True)
-class Metric:
-    """How a metric is shown.
-
-    Attributes:
-        label: what it is called.
-        unit: its unit, "" if it has none.
-        better: which value is better; "one" if the nearest to 1; None if none is.
-    """
-
-    label: str
-    unit: str
-    better: Better | None
-
-
-METRICS = {
-    "centre_rmse_m": Metric("centre error, RMSE", "m", "less"),
-    "centre_mean_m": Metric("centre error, mean", "m", "less"),
-    "centre_rmse_second_half_m": Metric("centre error, RMSE of the second half", "m", "less"),
-    "centre_final_m": Metric("centre error, last scan", "m", "less"),
-    "orientation_rmse_deg": Metric("orientation error, RMSE", "°", "less"),
-    "orientation_rmse_second_half_deg": Metric(
-        "orientation error, RMSE of the second half", "°", "less"
-    ),
-    "iou_mean": Metric("IoU, mean", "", "more"),
-    "iou_second_half": Metric("IoU, mean of the second half", "", "more"),
-    "iou_final": Metric("IoU, last scan", "", "more"),
-    "low_overlap_share": Metric("share of low overlap, IoU < 0.2", "", "less"),
-    "nees_position_mean": Metric("NEES of the position / 2, mean (1 is consistent)", "", "one"),
-    "nees_heading_mean": Metric("NEES of the heading, mean (1 is consistent)", "", "one"),
-    "nis_mean": Metric("NIS / degrees of freedom, mean (1 is consistent)", "", "one"),
-    "scans": Metric("scans", "", None),
-    "empty_scans": Metric("empty scans", "", None),
-    "points_per_scan_mean": Metric("points in a scan, mean", "", None),
-    "points_used_mean": Metric("points used of a scan, mean", "", None),
-}
-
-_SUFFIXES = {"_m": "m", "_deg": "°", "_s": "s"}
-
-
-def metric(name: str) -> Metric:
-    """How the metric `name` is shown; one that is not known by its name and its suffix's unit."""
-    if name in METRICS:
-        return METRICS[name]
-    suffix = next((s for s in _SUFFIXES if name.endswith(s)), "")
-    return Metric(
-        name.removesuffix(suffix).replace("_", " "), _SUFFIXES.get(suffix, ""), better=None
-    )
 
 
 def format_value(value: float | int | None) -> str:

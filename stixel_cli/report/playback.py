@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from stixel_cli.evaluation.metric_table import metric
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.report.metrics import format_value, metric
+from stixel_cli.report.metrics import format_value
 from stixel_cli.report.types import CameraFrames
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track
@@ -27,15 +28,15 @@ IMAGE_BUDGET = 4_500_000
 MOST_ELLIPSES = 60_000
 """With more points than these, their standard deviations are left out."""
 
-SUMMARY = {
-    "centre_rmse_m": "centre RMSE",
-    "orientation_rmse_deg": "orientation RMSE",
-    "iou_mean": "mean IoU",
-    "low_overlap_share": "share of low overlap",
-    "nees_position_mean": "mean NEES / 2",
-    "nis_mean": "mean NIS / d.o.f.",
-}
-"""The metrics that the page shows of a whole run, and what it calls them."""
+SUMMARY = (
+    "centre_rmse_m",
+    "orientation_rmse_deg",
+    "iou_mean",
+    "low_overlap_share",
+    "nees_position_mean",
+    "nis_mean",
+)
+"""The metrics that the page shows of a whole run."""
 
 SCRIPTS = ("paths", "map", "camera", "charts", "legend", "time")
 """The files `templates/playback_*.js` in the order in which they are put into one function."""
@@ -173,8 +174,11 @@ def _run(run: PlayedRun) -> dict[str, Any]:
 
 def _summary(metrics: dict[str, float | int | None]) -> list[list[str]]:
     return [
-        [label, f"{format_value(metrics[name])} {metric(name).unit}".strip().replace(" °", "°")]
-        for name, label in SUMMARY.items()
+        [
+            metric(name).short_label,
+            f"{format_value(metrics[name])} {metric(name).unit}".strip().replace(" °", "°"),
+        ]
+        for name in SUMMARY
         if name in metrics
     ]
 

@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from rich import box
 from rich.table import Table
 
-from stixel_cli.report.metrics import format_value, metric
+from stixel_cli.evaluation.metric_table import metric
+from stixel_cli.report.metrics import format_value
 
 
 def scores_table(metrics: Mapping[str, float | int | None]) -> Table:

@@ -1,4 +1,4 @@
-"""What stands about a town square: houses, trees, lamp posts, signs, hedges, bollards.
+"""The surroundings of a town square: houses, trees, lamp posts, signs, hedges, bollards.
 
 Each function makes one object in the world's axes, standing on z = 0. Textures are (h, w, 3) uint8
 RGB.

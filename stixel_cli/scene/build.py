@@ -1,4 +1,4 @@
-"""The scenario: the ground truth of one run, from the configuration alone."""
+"""The scenario: the ground truth of one run, from its configuration."""
 
 from stixel_cli.scene.contour import ground_contour, is_star_convex
 from stixel_cli.scene.path import path_poses
@@ -12,7 +12,7 @@ def build_scenario(ego_motion: EgoMotion, road_user: RoadUser, path: Path) -> Sc
     """Ground truth at the ego motion's times: poses, their rates, and the target's true contour.
 
     Raises:
-        ValueError: where the path's values do not go together, or the mesh cannot be had.
+        ValueError: if the path's values contradict each other, or the mesh cannot be read.
     """
     poses, rates = path_poses(path, ego_motion.times)
     contour = ground_contour(road_user_mesh(road_user))

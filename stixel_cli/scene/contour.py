@@ -1,4 +1,4 @@
-"""The true contour: the outline of a mesh's ground projection, as it is and with no hull."""
+"""The true contour: the outline of a mesh's ground projection, without a convex hull."""
 
 import numpy as np
 import shapely
@@ -41,7 +41,7 @@ def ground_contour(mesh: Mesh) -> np.ndarray:
 def is_star_convex(contour: np.ndarray) -> bool:
     """Whether every point of the polygon `contour` (M, 2), ccw, is seen from the origin.
 
-    Exact: the origin must lie on the inner side of the line through every edge, which is when the
+    Exact: the origin must be on the inner side of the line through every edge, which is when the
     cross product of each edge's ends is not negative.
     """
     following = np.roll(contour, -1, axis=0)

@@ -13,7 +13,7 @@ from stixel_cli.scene.scenario import EgoMotion
 
 @dataclass(frozen=True)
 class Parked:
-    """The ego car stands."""
+    """The ego car does not move."""
 
     __pydantic_config__ = STRICT
 

@@ -15,7 +15,7 @@ KERB = 0.08
 """Height of a pavement, m."""
 
 MARK = 0.004
-"""Marks lie above the asphalt by this much, m, so that no renderer confuses the two."""
+"""Height of marks above the asphalt, m, so that no renderer confuses the two."""
 
 PAVEMENTS = (
     # x0, y0, x1, y1, m: before the houses on either side of the street, and about the square.

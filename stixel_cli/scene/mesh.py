@@ -1,4 +1,4 @@
-"""Textured triangle meshes: the noun that shapes make and renderers take."""
+"""Textured triangle meshes, made by shapes and used by renderers."""
 
 from dataclasses import dataclass, replace
 
@@ -17,7 +17,7 @@ class Part:
         uvs: (T, 3, 2) float64, texture coordinates of the triangles' corners, repeated beyond
             [0, 1); u along the texture's columns, v along its rows, downwards.
         texture: (h, w, 3) uint8 RGB, h and w powers of two.
-        name: what it is.
+        name: of the surface.
     """
 
     vertices: np.ndarray

@@ -27,9 +27,9 @@ def load_mesh(path: str, contrast: float) -> Mesh:
     """The mesh in the file `path`, in the target frame: x forward, y left, z up, m.
 
     It is shifted so that its footprint's box is centred on the origin and its lowest point is on
-    z = 0; its size is what it is. Where the file has textures or vertex colours they are kept (the
-    latter as one mean colour a triangle); otherwise it is painted with `contrast`. Open3D passes
-    over faces of more than three corners.
+    z = 0; its size does not change. Where the file has textures or vertex colours they are kept
+    (the latter as one mean colour a triangle); otherwise it is painted with `contrast`. Open3D
+    passes over faces of more than three corners.
 
     Raises:
         ValueError: if there is no such file, Open3D cannot read it, a number in it is not finite,
@@ -38,7 +38,7 @@ def load_mesh(path: str, contrast: float) -> Mesh:
     """
     _check_counts(path)
     open3d = import_open3d()
-    # Its own complaints would be a second message beside ours.
+    # Without this, Open3D would print a second message.
     with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
         found = open3d.io.read_triangle_mesh(path)
     vertices = np.asarray(found.vertices, dtype=np.float64)

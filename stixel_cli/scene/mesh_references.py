@@ -1,7 +1,7 @@
 """The files that a mesh file refers to: materials, textures, buffers.
 
 Read from the text of Wavefront's .obj and .mtl, of .gltf, and of the head of .ply. The other
-formats hold what they need, or name it in ways that are not read here.
+formats contain what they need, or refer to it in ways that are not read here.
 """
 
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ MAPS = (b"map_", b"bump", b"disp", b"decal", b"refl", b"norm")
 
 
 def referred_files(path: Path) -> tuple[Path, ...]:
-    """The files that the mesh file `path` refers to, at one or two removes, and that are there."""
+    """Existing files that the mesh file `path` refers to, directly or through a material."""
     found: dict[Path, None] = {}
     pending = [path]
     while pending:
@@ -26,7 +26,7 @@ def referred_files(path: Path) -> tuple[Path, ...]:
             stat = one.stat()
             names = _names(one, stat.st_mtime_ns, stat.st_size)
         except (OSError, UserError):
-            # What cannot be read is told by whoever reads the mesh.
+            # The reader of the mesh reports files that cannot be read.
             continue
         for other in (one.parent / name for name in names):
             if other not in found and other != path and other.is_file():
@@ -37,7 +37,7 @@ def referred_files(path: Path) -> tuple[Path, ...]:
 
 @lru_cache(maxsize=64)
 def _names(path: Path, *state: int) -> tuple[str, ...]:
-    """The names in a file, read once for all points of a sweep while its `state` is the same."""
+    """The names in a file, read once for all runs of a sweep while its `state` is the same."""
     reader = {".obj": _of_obj, ".mtl": _of_mtl, ".gltf": _of_gltf, ".ply": _of_ply}.get(
         path.suffix.lower()
     )

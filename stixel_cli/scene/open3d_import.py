@@ -10,7 +10,7 @@ def import_open3d() -> ModuleType:
 
     Open3D's wheels link libusb-1.0, which a fresh machine does not have: the package
     `libusb_package` ships it, and loaded first with its symbols global it serves. The Filament
-    renderer asks for a display unless EGL_PLATFORM says otherwise before the import.
+    renderer asks for a display unless EGL_PLATFORM is set before the import.
     """
     os.environ.setdefault("EGL_PLATFORM", "surfaceless")
     import libusb_package

@@ -34,7 +34,7 @@ class Stretch:
 class Pace:
     """Credible speeds of a class of road user, and preset paths that keep it in view.
 
-    Read by interpolation from conf/path/*.yaml alone, so that a path follows the class.
+    Read only by interpolation from conf/path/*.yaml, so that a path follows the class.
 
     Attributes:
         speed: ordinary speed, m/s.

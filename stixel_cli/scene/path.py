@@ -48,7 +48,7 @@ def path_poses(path: Path, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def stop_and_go_profile(path: StopAndGo, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Length driven (K,) m and speed (K,) m/s at `times` (K,) s.
 
-    One round is: drive, brake, stand, pull away. The speed is piecewise linear, the length its
+    One round is: drive, brake, wait, pull away. The speed is piecewise linear, the length its
     exact integral, piecewise quadratic.
     """
     phases = [path.drive_time, path.ramp_time, path.stand_time, path.ramp_time]
@@ -59,7 +59,7 @@ def stop_and_go_profile(path: StopAndGo, times: np.ndarray) -> tuple[np.ndarray,
     phase = np.clip(np.searchsorted(knots, within, side="right") - 1, 0, 3)
     acceleration = path.speed / path.ramp_time * np.array([0.0, -1.0, 0.0, 1.0])[phase]
     since = within - knots[phase]
-    # Braking to a stand ends at exactly zero, but for the last bit.
+    # Braking to a halt ends at exactly zero, but for the last bit.
     speed = np.maximum(speeds[phase] + acceleration * since, 0.0)
     length = lengths[phase] + speeds[phase] * since + 0.5 * acceleration * since**2
     return rounds * lengths[-1] + length, speed

@@ -31,7 +31,7 @@ def _direction(heading: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class _Driven:
-    """What every path has: how fast it is driven, for how long, and how often it is looked at.
+    """Parameters of every path: speed, duration and sample time.
 
     Attributes:
         kind: which path it is.
@@ -48,7 +48,7 @@ class _Driven:
     sample_time: SampleTime
 
     def check(self) -> None:
-        """Raise ValueError where the values do not go together."""
+        """Raise ValueError if the values contradict each other."""
         if self.duration / self.sample_time > MOST_SCANS:
             raise ValueError(
                 f"path.duration: {self.duration:g} s at path.sample_time {self.sample_time:g} s "
@@ -58,7 +58,7 @@ class _Driven:
 
 @dataclass(frozen=True, kw_only=True)
 class _FromStart(_Driven):
-    """What the paths that are no list of points have besides.
+    """Further parameters of the paths that are not a list of points.
 
     Attributes:
         start: first position, m.
@@ -69,7 +69,7 @@ class _FromStart(_Driven):
     heading: Degrees
 
     def check(self) -> None:
-        """Raise ValueError where the values do not go together."""
+        """Raise ValueError if the values contradict each other."""
         super().check()
         _check_start(self.start, "path.start")
 
@@ -89,7 +89,7 @@ class Approach(_FromStart):
     kind: Literal["approach"]
 
     def check(self) -> None:
-        """Raise ValueError where the values do not go together."""
+        """Raise ValueError if the values contradict each other."""
         super().check()
         along_x, along_y = _direction(self.heading)
         if self.start[0] * along_x + self.start[1] * along_y >= 0.0:
@@ -106,7 +106,7 @@ class Depart(_FromStart):
     kind: Literal["depart"]
 
     def check(self) -> None:
-        """Raise ValueError where the values do not go together."""
+        """Raise ValueError if the values contradict each other."""
         super().check()
         along_x, along_y = _direction(self.heading)
         if self.start[0] * along_x + self.start[1] * along_y <= 0.0:
@@ -123,7 +123,7 @@ class Crossing(_FromStart):
     kind: Literal["crossing"]
 
     def check(self) -> None:
-        """Raise ValueError where the values do not go together."""
+        """Raise ValueError if the values contradict each other."""
         super().check()
         if _direction(self.heading)[0] <= 0.0:
             raise ValueError(
@@ -152,7 +152,7 @@ class SCurve(_FromStart):
 
     Attributes:
         heading: mean heading, degrees, which is the first one too.
-        swing: greatest standard deviation from it, degrees; negative swings to the right first.
+        swing: greatest angle to it, degrees; negative swings to the right first.
         wavelength: λ, length along the path of one swing to both sides, m.
     """
 
@@ -163,12 +163,12 @@ class SCurve(_FromStart):
 
 @dataclass(frozen=True, kw_only=True)
 class StopAndGo(_FromStart):
-    """A straight line on which the road user drives, brakes, stands, and pulls away, in turn.
+    """A straight line on which the road user drives, brakes, waits, and pulls away, in turn.
 
     Attributes:
         speed: of driving, m/s.
         drive_time, ramp_time, stand_time: how long it drives, brakes (and pulls away: the same
-            time, constant acceleration) and stands, s.
+            time, constant acceleration) and waits, s.
     """
 
     kind: Literal["stop_and_go"]
@@ -183,8 +183,8 @@ class Circle(_FromStart):
 
     Attributes:
         side: where it turns to.
-        radius: m; null is the radius with which the circle closes in `duration`, which must then
-            be one that could be given.
+        radius: m; null is the radius with which the circle closes in `duration`; it must be in
+            the same bounds.
     """
 
     kind: Literal["circle"]
@@ -197,7 +197,7 @@ class Circle(_FromStart):
         return self.speed * self.duration / (2.0 * math.pi)
 
     def check(self) -> None:
-        """Raise ValueError where the values do not go together."""
+        """Raise ValueError if the values contradict each other."""
         super().check()
         if self.radius is None and not LEAST_RADIUS <= self.closing_radius <= GREATEST_RADIUS:
             raise ValueError(
@@ -219,7 +219,7 @@ class Waypoints(_Driven):
     points: Annotated[tuple[Point, ...], Len(0, 1000)]
 
     def check(self) -> None:
-        """Raise ValueError where the values do not go together."""
+        """Raise ValueError if the values contradict each other."""
         super().check()
         if len(self.points) < 2:
             raise ValueError(f"path.points: two points at least, not {len(self.points)}")

@@ -13,10 +13,10 @@ def road_user_mesh(road_user: RoadUser) -> Mesh:
     """The target's mesh in its own frame: x along the heading, y left, z up, m.
 
     The origin is the centre of the footprint's bounding box, on the ground. The bounding box is
-    exactly `length` × `width` × `height`, but for a mesh of the user's own, which brings its size.
+    exactly `length` × `width` × `height`, but for a mesh of the user's own, which keeps its size.
 
     Raises:
-        ValueError: if the user's file cannot be had, see `load_mesh`.
+        ValueError: if the user's file cannot be read, see `load_mesh`.
     """
     if road_user.mesh is not None:
         # Open3D takes seconds to import; a built-in road user never needs it.

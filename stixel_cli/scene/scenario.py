@@ -7,7 +7,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class EgoMotion:
-    """The ego car's known motion: what its odometry would say.
+    """The ego car's known motion, as from odometry.
 
     Attributes:
         times: (K,) s.
@@ -20,7 +20,7 @@ class EgoMotion:
 
 @dataclass(frozen=True)
 class Scenario:
-    """Ground truth. Read by renderers, fabrication, the noisy start, scores and pictures alone.
+    """Ground truth, read only by renderers, fabrication, the initialisation, scores and pictures.
 
     Attributes:
         times: (K,) s.

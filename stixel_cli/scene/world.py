@@ -2,7 +2,7 @@
 
 World frame: x right, y forward, z up, m; the ego car starts at the origin. The square is free for
 |x| < 12.8, y < 28.5; so is the street, |x| < 5, beyond. Houses, trees and lamp posts, higher than
-4 m, stand all about, so a camera that turns finds something everywhere.
+4 m, are on all sides, so a camera that turns finds something everywhere.
 """
 
 from dataclasses import dataclass
@@ -97,7 +97,7 @@ WALLS = (
 
 @dataclass(frozen=True)
 class WorldObject:
-    """Something that stands in the world and does not move.
+    """An object of the world that does not move.
 
     Attributes:
         name: what it is.

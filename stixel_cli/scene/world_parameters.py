@@ -14,7 +14,7 @@ class World:
 
     Attributes:
         kind: a street that leads off a town square, with houses, trees, poles and parked cars.
-        seed: of the layout and its textures (not the experiment's seed).
+        seed: of the layout and its textures (not the run's seed).
         contrast: how strong the textures of road and background are, 0 (plain) … 1.
     """
 

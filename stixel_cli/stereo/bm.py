@@ -28,7 +28,7 @@ class BmParameters(MatchingParameters):
     texture_threshold: Annotated[int, Ge(0), Le(100000)]
 
     def check(self) -> None:
-        """Raise ValueError where the parameters do not fit together."""
+        """Raise ValueError if the parameters contradict each other."""
         super().check()
         check_odd("pre_filter_size", self.pre_filter_size)
 

@@ -11,7 +11,7 @@ SUBPIXELS = 16
 """Raw disparities are whole multiples of 1/16 px."""
 
 INVALID = -1
-"""Raw disparity where none was found."""
+"""Raw disparity without a match."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Disparities:
 
     Attributes:
         first: index k of the first frame.
-        count: number of disparities searched, px: every valid disparity lies in [0, count).
+        count: number of disparities searched, px: every valid disparity is in [0, count).
         stored: raw + 1 as (H, W) uint16, so that 0 is invalid.
     """
 
@@ -30,14 +30,14 @@ class Disparities:
 
     @classmethod
     def from_raw(cls, first: int, count: int, raw: Iterable[np.ndarray]) -> "Disparities":
-        """From raw disparities (H, W) int16: 1/16 px, `INVALID` where none."""
+        """From raw disparities (H, W) int16: 1/16 px, `INVALID` without a match."""
         return cls(first, count, ImageStack.from_images((r + 1).astype(np.uint16) for r in raw))
 
     def __len__(self) -> int:
         return len(self.stored)
 
     def raw(self, index: int) -> np.ndarray:
-        """Raw disparity (H, W) int16 in 1/16 px of the `index`-th frame here; `INVALID` if none."""
+        """Raw disparity (H, W) int16 in 1/16 px of the `index`-th frame; `INVALID`: no match."""
         return (self.stored[index].astype(np.int32) - 1).astype(np.int16)
 
     def pixels(self, index: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What both matchers share: the range of disparities, the padded border and the threads."""
+"""Shared by both matchers: the range of disparities, the padded border and the threads."""
 
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from stixel_cli.stereo.disparities import INVALID, SUBPIXELS, Disparities
 
 @dataclass(frozen=True, kw_only=True)
 class MatchingParameters:
-    """What both matchers have.
+    """Parameters of both matchers.
 
     Attributes:
         kind: which matcher it is.
@@ -48,7 +48,7 @@ class MatchingParameters:
     error_cancellation: bool
 
     def check(self) -> None:
-        """Raise ValueError where the parameters do not fit together."""
+        """Raise ValueError if the parameters contradict each other."""
         check_odd("block_size", self.block_size)
 
 
@@ -98,7 +98,7 @@ def match_pairs(
             if stereo.error_cancellation:
                 moved = _match(matcher, left, half_pixel_right(right), minimum, border)
                 found = cancel_errors(found, moved)
-            # In the leftmost columns a large disparity lies in the border, where no image is.
+            # In the leftmost columns a large disparity points into the border, outside the image.
             beyond = found > np.arange(found.shape[1], dtype=np.int32) * SUBPIXELS
             raw.append(np.where(beyond, np.int16(INVALID), found))
     return Disparities.from_raw(frames.start, minimum + count, raw)

@@ -27,7 +27,7 @@ class SgmParameters(MatchingParameters):
     p2: Annotated[int, Ge(0), Le(100000)]
 
     def check(self) -> None:
-        """Raise ValueError where the parameters do not fit together."""
+        """Raise ValueError if the parameters contradict each other."""
         super().check()
         if self.p2 <= self.p1:
             raise ValueError(f"stereo.p2: {self.p2} must be above stereo.p1, which is {self.p1}")

@@ -8,7 +8,7 @@ from stixel_cli.stereo.disparities import SUBPIXELS, Disparities
 from stixel_cli.stixels.extraction_parameters import ExtractionParameters, HeightParameters
 from stixel_cli.stixels.grouping import group_columns
 from stixel_cli.stixels.height import depth_windows, top_rows
-from stixel_cli.stixels.road import base_rows, level_factors, pitch_and_height
+from stixel_cli.stixels.road import base_rows, pitch_and_height, pitch_factors
 from stixel_cli.stixels.types import FreeSpace, Stixels
 
 BINS_PER_PIXEL = 8
@@ -23,7 +23,7 @@ def extract_stixels(
     extraction: ExtractionParameters,
     frames: range,
 ) -> Stixels:
-    """Stixels of `frames`; their disparities are levelled as its are."""
+    """Stixels of `frames`, with pitch-compensated disparities like those of the free space."""
     found = []
     for k in frames:
         i = k - free_space.first
@@ -43,7 +43,7 @@ def extract_stixels(
     offsets = np.cumsum([0] + [len(f["left"]) for f in found], dtype=np.int64)
     empty = group_fields(np.zeros((0, 4)), np.zeros((0, 4)), np.array([1.0, 0.0]), rig, 0.0)
     arrays = {
-        name: np.concatenate([none, *(f[name] for f in found)]) for name, none in empty.items()
+        name: np.concatenate([zero, *(f[name] for f in found)]) for name, zero in empty.items()
     }
     return Stixels(first=frames.start, offsets=offsets, **arrays)
 
@@ -68,7 +68,7 @@ def stixels_of_frame(
     """
     tops = top_rows(columns, obstacle, base_row, line, rig, height)
     window = depth_windows(obstacle, rig, height.depth_margin)
-    scale = level_factors(line, rig) / np.float32(SUBPIXELS)
+    scale = pitch_factors(line, rig) / np.float32(SUBPIXELS)
     areas, values = group_columns(
         columns,
         obstacle,
@@ -95,7 +95,7 @@ def foot_rows(
 ) -> np.ndarray:
     """Rows (W,) int32 that see the obstacles `least_height` m above the road; -1 where free.
 
-    Where an obstacle stands on the road a matcher blends the two, and the road there is behind it.
+    Where an obstacle meets the road a matcher blends the two, and the road there is behind it.
     A height h has f h / z = h d / B rows.
     """
     rows = np.rint(least_height / rig.baseline * np.nan_to_num(obstacle)).astype(np.int32)
@@ -116,7 +116,7 @@ def group_fields(
 
     Args:
         areas: (S, 4) left, right (exclusive), top and base row.
-        measured: (S, 4) levelled disparity px, its variance px², pixels, their mean row.
+        measured: (S, 4) pitch-compensated disparity px, its variance px², pixels, their mean row.
         line: (2,) the road's disparity a v + b, px.
         relief: standard deviation of the surface in depth, m.
     """

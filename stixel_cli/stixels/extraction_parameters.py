@@ -13,7 +13,7 @@ class HeightParameters:
     """Where the obstacles end upwards, Badino, Franke, Pfeiffer 2009.
 
     Attributes:
-        depth_margin: what lies this much behind the obstacle is no part of it, m (ΔZ).
+        depth_margin: surfaces this much behind the obstacle do not belong to it, m (ΔZ).
         smoothness: cost of one row's step of the top between neighbouring columns (C_s).
         depth_scale: neighbours this far apart in depth are not tied to each other, m (N_Z).
     """
@@ -32,7 +32,7 @@ class ExtractionParameters:
     Attributes:
         width: columns of a stixel, px.
         smoothing: standard deviation of the kernel that smooths the histogram, px.
-        least_height: pixels that stand lower above the road do not count, m: at the foot of an
+        least_height: pixels lower above the road than this do not count, m: at the foot of an
             obstacle a matcher blends it with the road.
         least_pixels: fewer pixels of the obstacle's disparity make no stixel.
         least_std: part of the disparity's standard deviation that no averaging removes, px.

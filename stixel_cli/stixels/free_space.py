@@ -14,7 +14,7 @@ from stixel_cli.stixels.free_space_parameters import (
 )
 from stixel_cli.stixels.nearest_obstacle import nearest_obstacle
 from stixel_cli.stixels.occupancy import layout
-from stixel_cli.stixels.road import base_rows, find_road, level_factors
+from stixel_cli.stixels.road import base_rows, find_road, pitch_factors
 from stixel_cli.stixels.types import FreeSpace
 
 
@@ -31,8 +31,8 @@ def find_free_space(
     """Free space of `frames`, each with the solution before it moved by the ego motion.
 
     `previous` is the result for the frames before, whose last frame is read; None at the first.
-    Disparities of the result are levelled, f B / depth along the road: with a pitch of zero they
-    are the image's.
+    Disparities of the result are pitch-compensated, f B / depth along the road: with zero pitch
+    they are the image's.
     """
     grid = layout(occupancy, rig, disparities.count)
     found: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
@@ -57,7 +57,7 @@ def find_free_space(
 
 
 def obstacle_base(obstacle: np.ndarray, line: np.ndarray, rig: Rig) -> np.ndarray:
-    """Rows (W,) int32 where obstacles of these levelled disparities (W,) stand; -1 where free."""
+    """Rows (W,) int32 of the feet of pitch-compensated obstacles (W,) px; -1 where free."""
     free = np.isnan(obstacle)
     rows = base_rows(np.where(free, 1.0, obstacle).astype(np.float64), line, rig)
     return np.where(free, -1, np.clip(np.rint(rows), 0, rig.height - 1)).astype(np.int32)
@@ -71,14 +71,14 @@ def expected_depth(
     ego_before: np.ndarray,
     ego_now: np.ndarray,
 ) -> np.ndarray:
-    """Depths (W,) in m at which the last frame's obstacles are now; NaN where none is expected.
+    """Depths (W,) in m of the last frame's obstacles now; NaN where no obstacle is expected.
 
     Args:
         obstacle, base_row, line: the last frame's solution, as `FreeSpace` has it.
         ego_before, ego_now: (3,) poses in the world of the last frame and of this one.
     """
     # Where the foot is hidden below the image its row is clipped; at that row depth is the same.
-    factors = level_factors(line, rig).astype(np.float64)
+    factors = pitch_factors(line, rig).astype(np.float64)
     u = np.flatnonzero(base_row >= 0)
     depth = rig.focal * rig.baseline / obstacle[u].astype(np.float64)
     lateral = (u - rig.u0) * depth * factors[base_row[u]] / rig.focal

@@ -24,11 +24,11 @@ Std = Annotated[float, Ge(0.05), Le(10)]
 
 @dataclass(frozen=True, kw_only=True)
 class _Road:
-    """What stands on the road, wherever its plane is taken from.
+    """Obstacles on the road, for every source of its plane.
 
     Attributes:
         kind: where the road plane is taken from.
-        least_height: pixels that stand higher above the road are obstacles, m.
+        least_height: pixels higher above the road than this are obstacles, m.
         greatest_height: pixels above it are overhanging and do not occupy, m.
         disparity_margin: an obstacle's disparity exceeds the road's in its row by this, px.
     """
@@ -41,7 +41,7 @@ class _Road:
     disparity_margin: DisparityMargin
 
     def check(self) -> None:
-        """Raise ValueError where the parameters do not fit together."""
+        """Raise ValueError if the parameters contradict each other."""
         if self.least_height >= self.greatest_height:
             raise ValueError(
                 f"road.least_height: {self.least_height} must be below road.greatest_height, "
@@ -58,13 +58,13 @@ class RigRoad(_Road):
 
 @dataclass(frozen=True, kw_only=True)
 class EstimatedRoad(_Road):
-    """The road plane is found in each disparity image, near the one that the rig says.
+    """The road plane is found in each disparity image, near the plane of the rig.
 
     Attributes:
         pitch_range: greatest difference from the rig's pitch, degrees.
         height_range: greatest difference from the rig's mounting height, as a share of it.
         tolerance: pixels nearer to the plane's disparity than this vote for it, px.
-        column_step: every how many-th column is looked at.
+        column_step: step from one evaluated column to the next, px.
     """
 
     kind: Literal["estimated"]
@@ -79,7 +79,7 @@ RoadParameters = RigRoad | EstimatedRoad
 
 @dataclass(frozen=True, kw_only=True)
 class _Occupancy:
-    """What every occupancy grid has.
+    """Parameters of every occupancy grid.
 
     Attributes:
         kind: which grid it is.
@@ -97,7 +97,7 @@ class _Occupancy:
     relief: Annotated[float, Ge(0), Le(10)]
 
     def check(self) -> None:
-        """Raise ValueError where the parameters do not fit together."""
+        """Raise ValueError if the parameters contradict each other."""
         if self.nearest >= self.farthest:
             raise ValueError(
                 f"occupancy.nearest: {self.nearest} must be below occupancy.farthest, "
@@ -163,7 +163,7 @@ class FreeSpaceParameters:
         free_cost: cost of a column without any obstacle; below `cost_bound`.
         spatial_cost: cost of a step in depth between neighbouring columns, 1/m (C_s).
         spatial_limit: greater steps cost no more, m (T_s).
-        temporal_cost: cost of a step in depth since the last frame, 1/m (C_t); 0: none.
+        temporal_cost: cost of a step in depth since the last frame, 1/m (C_t); 0: no cost.
         temporal_limit: greater steps cost no more, m (T_t).
     """
 
@@ -179,7 +179,7 @@ class FreeSpaceParameters:
     temporal_limit: Annotated[float, Gt(0), Le(500)]
 
     def check(self) -> None:
-        """Raise ValueError where the parameters do not fit together."""
+        """Raise ValueError if the parameters contradict each other."""
         if self.free_cost >= self.cost_bound:
             raise ValueError(
                 f"free_space.free_cost: {self.free_cost} must be below free_space.cost_bound, "

@@ -22,12 +22,12 @@ def group_columns(
     """Areas and disparities of one frame's stixels.
 
     A group of columns is a stixel if at least half of them have an obstacle. The columns of the
-    group whose obstacle lies within `window` of the median one's, in disparity, make it up: its
+    group whose obstacle is within `window` of the median one's, in disparity, make it up: its
     top is the median of theirs, its disparity the maximum of the histogram of the disparities
     within the window in their areas, from the top down to `foot`.
 
     Args:
-        columns: (W, H) int16 raw disparities; levelled disparity is raw * scale[v] px.
+        columns: (W, H) int16 raw disparities; pitch-compensated disparity is raw * scale[v] px.
         obstacle, window: (W,) float32 px; obstacle is NaN in free columns.
         tops, base_row: (W,) int32 rows of the obstacle, both inclusive.
         foot: (W,) int32 lowest row whose pixels count, inclusive.
@@ -74,7 +74,7 @@ def group_columns(
 
 @njit(cache=True, nogil=True)
 def _members(left, right, obstacle, window, base_row, members):
-    """The median column of a group, and how many of its columns are a stixel; 0 if they are none.
+    """The median column of a group, and how many of its columns are a stixel, or 0.
 
     Those are written to `members`.
     """

@@ -9,11 +9,11 @@ from numba import njit
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.stereo.disparities import SUBPIXELS
 from stixel_cli.stixels.extraction_parameters import HeightParameters
-from stixel_cli.stixels.road import level_factors
+from stixel_cli.stixels.road import pitch_factors
 
 
 def depth_windows(obstacle: np.ndarray, rig: Rig, depth_margin: float) -> np.ndarray:
-    """Window ΔD (W,) float32 in px of levelled disparities (W,): d - f_d(z + `depth_margin`)."""
+    """Window ΔD (W,) float32 px of pitch-compensated disparities, d - f_d(z + `depth_margin`)."""
     focal_baseline = rig.focal * rig.baseline
     obstacle = obstacle.astype(np.float64)
     behind = focal_baseline / (focal_baseline / obstacle + depth_margin)
@@ -36,11 +36,11 @@ def top_rows(
         line: (2,) the road's disparity a v + b, px.
     """
     window = depth_windows(obstacle, rig, height.depth_margin)
-    scale = level_factors(line, rig) / np.float32(SUBPIXELS)
+    scale = pitch_factors(line, rig) / np.float32(SUBPIXELS)
     cost = membership_costs(columns, obstacle, window, base_row, scale)
     depth = (rig.focal * rig.baseline / obstacle).astype(np.float32)
     tied = height.smoothness * np.maximum(0.0, 1.0 - np.abs(np.diff(depth)) / height.depth_scale)
-    # Beside a free column nothing is tied.
+    # Columns next to a free column are not tied.
     return cheapest_tops(cost, base_row, np.nan_to_num(tied).astype(np.float32))
 
 
@@ -101,7 +101,7 @@ def membership_costs(columns, obstacle, window, base_row, scale):
 def cheapest_tops(cost, base_row, tied):
     """Rows (W,) int32 of least sum of cost[u, v_u] + tied[u] |v_u - v_{u + 1}|.
 
-    v_u lies in 0 … base_row[u]; free columns (base_row < 0) get -1 and end the chain. Exact in
+    v_u is in 0 … base_row[u]; free columns (base_row < 0) get -1 and end the chain. Exact in
     O(pixels) by the distance transform of a linear cost. Overwrites `cost` (W, H) float32.
     """
     width, height = cost.shape

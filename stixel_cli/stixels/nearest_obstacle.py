@@ -23,7 +23,7 @@ def nearest_obstacle(
     occupancy: OccupancyParameters,
     free_space: FreeSpaceParameters,
 ) -> np.ndarray:
-    """Levelled disparity (W,) float32 px of each column's nearest obstacle, NaN where it is free.
+    """Pitch-compensated disparity (W,) float32 px of each column's nearest obstacle; NaN: free.
 
     Args:
         columns: (W, H) int16 raw disparities, column by column.
@@ -46,7 +46,7 @@ def nearest_obstacle(
         np.float32(free_space.cost_bound),
         np.float32(free_space.free_cost),
     )
-    # "No obstacle" lies one row behind the grid.
+    # "No obstacle" is one row behind the grid.
     depths = np.append(grid.depths, 2.0 * grid.depths[-1] - grid.depths[-2]).astype(np.float32)
     if expected is not None and free_space.temporal_cost > 0:
         add_temporal(

@@ -1,9 +1,9 @@
 """Occupancy grids, Badino, Franke, Mester 2007: thesis (6)-(8).
 
 Every obstacle pixel (u, v, d) adds its normalised likelihood G to the cells; the value of a cell is
-the mean of G over the cell, so that coarse cells miss no pixel. Disparities are levelled ones
-(`road.level_factors`), so that depth is depth along the road. Grids are held column by column,
-nearest row first.
+the mean of G over the cell, so that coarse cells miss no pixel. Disparities are
+pitch-compensated (`road.pitch_factors`), so depth is depth along the road. Grids are stored column
+by column, nearest row first.
 """
 
 import math
@@ -21,7 +21,7 @@ from stixel_cli.stixels.free_space_parameters import (
     OccupancyParameters,
     RoadParameters,
 )
-from stixel_cli.stixels.road import level_factors, obstacle_limits
+from stixel_cli.stixels.road import obstacle_limits, pitch_factors
 
 BINS_PER_PIXEL = 2
 """Resolution of the columns' histograms of disparities."""
@@ -130,7 +130,7 @@ def accumulate(
     """
     bins = len(grid.likelihoods)
     lowest, highest = obstacle_limits(line, rig, road, bins // BINS_PER_PIXEL)
-    scale = level_factors(line, rig) * np.float32(BINS_PER_PIXEL / SUBPIXELS)
+    scale = pitch_factors(line, rig) * np.float32(BINS_PER_PIXEL / SUBPIXELS)
     histogram = column_histograms(columns, lowest, highest, scale, bins)
     polar = fill(histogram, grid.likelihoods, grid.first, grid.last)
     if not isinstance(occupancy, CartesianOccupancy):
@@ -158,7 +158,7 @@ def to_polar(cartesian: np.ndarray, grid: Layout, rig: Rig) -> np.ndarray:
 
 @njit(cache=True, nogil=True)
 def column_histograms(columns, lowest, highest, scale, bins):
-    """Histograms (W, bins) uint16 of the obstacle pixels' levelled disparities.
+    """Histograms (W, bins) uint16 of the obstacle pixels' pitch-compensated disparities.
 
     `columns` (W, H) int16 raw; a pixel counts if lowest[v] <= raw <= highest[v], in the bin
     round(raw * scale[v]).

@@ -1,6 +1,6 @@
 """Free space as the cheapest path through an occupancy grid: thesis (9)-(11).
 
-One row for each column; the row after the last stands for "no obstacle". Grids are held column by
+One row for each column; the row after the last means "no obstacle". Grids are stored column by
 column, nearest row first. The depths of the rows need not be even.
 """
 
@@ -52,7 +52,7 @@ def cheapest_path(costs, depths, cost, limit):
     """Rows (W,) int32 of least sum of costs[u, j_u] + `cost` min(|z_j - z_l|, `limit`).
 
     `depths` (R + 1,) ascending. Exact in O(W R): the truncated linear cost of the step is a
-    distance transform (Felzenszwalb, Huttenlocher 2012), which holds for uneven depths as well.
+    distance transform (Felzenszwalb, Huttenlocher 2012), which is valid for uneven depths as well.
     """
     width, rows = costs.shape
     total = np.empty((width, rows), dtype=np.float32)
@@ -92,10 +92,10 @@ def cheapest_path(costs, depths, cost, limit):
 
 @njit(cache=True, nogil=True)
 def refine(path, histogram, disparities, reach, bins_per_pixel):
-    """Disparity (W,) float32 of the obstacles in px, finer than the rows; NaN where there is none.
+    """Disparity (W,) float32 of the obstacles in px, finer than the rows; NaN without an obstacle.
 
     Mean of the column's histogram (W, bins) within `reach` (R,) px of the row's disparity, or that
-    disparity itself where nothing lies so near. `path` (W,) with R for "no obstacle".
+    disparity itself where no vote is so near. `path` (W,) with R for "no obstacle".
     """
     width, bins = histogram.shape
     refined = np.empty(width, dtype=np.float32)

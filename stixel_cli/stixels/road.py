@@ -1,11 +1,11 @@
-"""The road plane in the disparity image, and which pixels stand on it.
+"""The road plane in the disparity image, and the pixels of obstacles on it.
 
 A plane road that the camera looks along has the disparity a v + b in row v. With the camera H above
 it and the pitch p (nose down), a point at height h above the road has y_level = H - h, so that
 
     d = B (cos p (v - v0) + f sin p) / (H - h),
 
-and a pixel of disparity d stands h = H (1 - (a v + b) / d) above the road. Both directions are
+and a pixel of disparity d is h = H (1 - (a v + b) / d) above the road. Both directions are
 exact: a and b follow from H and p, and H and p from a and b.
 """
 
@@ -40,7 +40,7 @@ def pitch_and_height(line: np.ndarray, rig: Rig) -> tuple[float, float]:
     return float(pitch), float(rig.baseline * np.cos(pitch) / line[0])
 
 
-def level_factors(line: np.ndarray, rig: Rig) -> np.ndarray:
+def pitch_factors(line: np.ndarray, rig: Rig) -> np.ndarray:
     """Factors (H,) float32 from a row's disparity to f B / z_level, z_level along the road.
 
     `line` (2,) is the road's disparity a v + b, px. An upright object has one z_level in all its
@@ -52,8 +52,8 @@ def level_factors(line: np.ndarray, rig: Rig) -> np.ndarray:
     return (1.0 / np.maximum(upright, 0.1)).astype(np.float32)
 
 
-def base_rows(level_disparity: np.ndarray, line: np.ndarray, rig: Rig) -> np.ndarray:
-    """Rows, any shape, float px, in which an upright object of that levelled disparity px stands.
+def base_rows(compensated_disparity: np.ndarray, line: np.ndarray, rig: Rig) -> np.ndarray:
+    """Rows, any shape, float px, of the feet of upright objects of a pitch-compensated disparity.
 
     Where the road `line` (2,), a v + b, meets the object's disparity
     d_level (cos p - sin p (v - v0) / f).
@@ -61,7 +61,7 @@ def base_rows(level_disparity: np.ndarray, line: np.ndarray, rig: Rig) -> np.nda
     pitch, _ = pitch_and_height(line, rig)
     sine = np.sin(pitch) / rig.focal
     upright = np.cos(pitch) + sine * rig.v0
-    return (level_disparity * upright - line[1]) / (line[0] + level_disparity * sine)
+    return (compensated_disparity * upright - line[1]) / (line[0] + compensated_disparity * sine)
 
 
 def obstacle_limits(
@@ -69,9 +69,9 @@ def obstacle_limits(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Least and greatest raw disparity (H,) int32 of an obstacle pixel, row by row.
 
-    An obstacle stands between `road.least_height` and `road.greatest_height` above the road, and
+    An obstacle is between `road.least_height` and `road.greatest_height` above the road, and
     its disparity exceeds the road's by `road.disparity_margin`. `count` is the number of
-    disparities searched. Rows where there can be none have least > greatest.
+    disparities searched. Rows without possible obstacles have least > greatest.
     """
     of_road = line[0] * np.arange(rig.height) + line[1]
     _, height = pitch_and_height(line, rig)

@@ -1,7 +1,7 @@
-"""What the steps from disparity to stixels hand to each other.
+"""Results of the stages from disparity to stixels.
 
-Disparities here are levelled: f B / depth along the level frame's z axis, so that an upright object
-has a single one. With a pitch of zero they are the image's.
+Disparities here are pitch-compensated: f B / depth along the level frame's z axis. An upright
+object has a single one. With a pitch of zero they are the image's.
 """
 
 from dataclasses import dataclass

@@ -6,17 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from stixel_cli.evaluation.metric_table import metric
 from stixel_cli.report import style
-from stixel_cli.report.metrics import METRICS, metric
 from stixel_cli.sweeps.design import SEED
 from stixel_cli.sweeps.statistics import Statistic, statistic
 
 SHOWN = ("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "low_overlap_share")
 MOST_LINES = 8
 """Combinations of the other axes that get a line each; of more, their runs are taken together."""
-
-SHARES = ("iou_mean", "iou_second_half", "iou_final", "low_overlap_share")
-"""Metrics that lie in [0, 1] by what they are; all others that are known are not negative."""
 
 _DODGED = 0.25
 _LONGEST_LABEL = 28
@@ -184,11 +181,12 @@ class Line:
 
 
 def drawn_interval(row: Statistic) -> tuple[float, float]:
-    """The ends of the interval as they are drawn: a share cannot leave [0, 1], its interval can."""
+    """The ends of the interval as drawn: cut at the bounds of the metric."""
     if row.low is None:
         return row.mean, row.mean
-    low = max(0.0, row.low) if row.metric in METRICS else row.low
-    return low, min(1.0, row.high) if row.metric in SHARES else row.high
+    least, most = metric(row.metric).bounds
+    low = row.low if least is None else max(least, row.low)
+    return low, row.high if most is None else min(most, row.high)
 
 
 def _label(setting: Mapping[str, str], keys: Sequence[str]) -> str:

@@ -5,7 +5,8 @@ import io
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from stixel_cli.report.metrics import format_value, metric
+from stixel_cli.evaluation.metric_table import metric
+from stixel_cli.report.metrics import format_value
 from stixel_cli.sweeps.results import IncompleteSetting
 from stixel_cli.sweeps.statistics import Statistic
 

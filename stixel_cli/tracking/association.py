@@ -2,7 +2,7 @@
 
 The normal density N(z; mu, S) round the predicted target, thesis (38) with its minus, cut at a
 chi-square probability. mu and the extent in S are the centroid and the second central moments of
-the *area* inside the predicted contour. An area's own outline lies inside such a gate: the corner
+the *area* inside the predicted contour. An area's own outline is inside such a gate: the corner
 of any rectangle has the squared distance 6, an ellipse's outline 4, while the cut at 0.99 is 9.2
 (at 0.95 it is 5.99, just short of the corners).
 """

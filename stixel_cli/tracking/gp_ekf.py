@@ -10,7 +10,7 @@ Jacobian of thesis (77) is
     tangential row:  t (1 - f/r)  |   0  |  0  |  0
 
 because p ⊥ ∂p/∂w. So a scan of n points is n radial rows of all states, and n tangential ones that
-touch the centre alone. With A = Hᵀ R⁻¹ H summed over the points and P = L Lᵀ,
+touch only the centre. With A = Hᵀ R⁻¹ H summed over the points and P = L Lᵀ,
 P⁺ = L (I + Lᵀ A L)⁻¹ Lᵀ: O(n N²), and P, which is near singular, is never inverted.
 
 SciPy is imported where it is used: the schema of a configuration imports this module for its

@@ -29,15 +29,6 @@ def kernel(
     return sigma_f**2 * np.exp(-2.0 * np.sin(half) ** 2 / length_scale**2) + sigma_r**2
 
 
-def kernel_derivative(
-    angles: ArrayLike, other_angles: ArrayLike, length_scale: float, sigma_f: float
-) -> np.ndarray:
-    """∂k(u, u') / ∂u, shape (n, m), m²/rad: of the exponential part alone, sigma_r² is constant."""
-    exponential = kernel(angles, other_angles, length_scale, sigma_f, 0.0)
-    difference = np.asarray(angles)[:, None] - np.asarray(other_angles)[None, :]
-    return -np.sin(difference) / length_scale**2 * exponential
-
-
 @dataclass(frozen=True)
 class ContourProcess:
     """The process, and what regression from its basis points needs at every scan.
@@ -83,7 +74,7 @@ class ContourProcess:
         matrix += self._offset
         explained = self.sigma_f**2 * np.einsum("ij,ij->i", correlations, matrix)
         explained += self.sigma_r**2 * (matrix @ np.ones(matrix.shape[1]))
-        # Rounding alone makes it negative, at a basis angle.
+        # Only rounding makes it negative, at a basis angle.
         variance = np.maximum(self.sigma_f**2 + self.sigma_r**2 - explained, 0.0)
         return matrix, variance
 
@@ -110,7 +101,7 @@ class ContourProcess:
 def contour_process(
     basis_points: int, length_scale: float, sigma_f: float, sigma_r: float, jitter: float
 ) -> ContourProcess:
-    """The process on `basis_points` even angles; `jitter` (m²) goes into the inverse of K alone.
+    """The process on `basis_points` even angles; `jitter` (m²) goes only into the inverse of K.
 
     Raises:
         numpy.linalg.LinAlgError: if the jitter is too small for K to be inverted.

@@ -6,7 +6,7 @@ State order: x, y, heading, their three rates, then the N radii. Units m, rad, s
 import numpy as np
 
 POSE, RATES = np.arange(3), np.arange(3, 6)
-"""Where the pose and its rates stand in the state."""
+"""Indices of the pose and its rates in the state."""
 
 
 def intervals(times: np.ndarray) -> np.ndarray:

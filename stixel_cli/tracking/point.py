@@ -1,16 +1,16 @@
-"""The floor to compare with: a scan's centroid, a Kalman filter of constant velocity, a circle.
+"""The baseline: a Kalman filter of constant velocity on a scan's centroid, a circle as contour.
 
 State: x, y and their rates, m and m/s, world frame. The contour is a circle of the same area as the
 prior's shape; nothing of it is estimated. The filter is Bar-Shalom, Li & Kirubarajan 2001, chapter
 5 and (6.2.2): a white acceleration moves the target.
 
-Of n points in the gate the centroid is measured. Two errors part it from the centre. One is
-independent from point to point and falls with n: a point's noise, and where on the target it lies,
+The measurement is the centroid of the n points in the gate. It has two errors. One is
+independent from point to point and falls with n: a point's noise, and its place on the target,
 whose variance along each axis is that of the circle's area, r²/4 (Koch 2008 has the same form X / n
-for an extended target). The other all points share: only the side towards the sensor is seen, and
+for an extended target). All points share the other: only the side towards the sensor is seen, and
 its centroid is off the centre by a good part of r. So R = ((c r)² + (r²/4 + sigma²) / n) I, with
 c the configuration's `centroid_offset`. The shared error is no white noise: it stays for as long as
-the same side is seen, and no such filter can be consistent with it.
+the same side is seen, so no such filter can be consistent.
 """
 
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ from stixel_cli.tracking.track import InitialState, Track, contour_directions, u
 
 @dataclass(frozen=True)
 class PointParameters:
-    """The centroid of a scan in a Kalman filter of constant velocity: the floor to compare with.
+    """The baseline: a Kalman filter of constant velocity on the centroid of a scan.
 
     Attributes:
         sigma_q: process noise of the position, a white acceleration's root density, m/s^1.5.
@@ -54,7 +54,7 @@ class PointParameters:
 
 
 MOVING = np.array([0, 1, 3, 4])
-"""Where x, y and their rates stand among a track's first six states."""
+"""Indices of x, y and their rates in a track's first six states."""
 
 GREATEST_VARIANCE = np.pi**2 / 3.0
 """Variance of an angle that is quite unknown, rad²: even over a full turn."""
@@ -163,7 +163,7 @@ def six_states(
     """Mean (6,) and covariance (6, 6) of x, y, heading and their rates; see `track`.
 
     `heading` is that of the scan before, rad, and its variance, rad². The heading is unwound: no
-    jump of a full turn lies between two scans. No variance of an angle exceeds that of one which is
+    jump of a full turn is between two scans. No variance of an angle exceeds that of one which is
     unknown, and a rate's is bounded by the same number in rad²/s².
     """
     velocity = mean[2:]

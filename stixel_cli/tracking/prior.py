@@ -1,4 +1,4 @@
-"""The shape that a class of road users has before any of it is seen."""
+"""The prior shape of a class of road users."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -11,7 +11,7 @@ from stixel_cli.geometry.rig import STRICT
 
 @dataclass(frozen=True)
 class PriorShape:
-    """What is known of a class of road users before any is measured; not the true size.
+    """Prior for a class of road users, before any measurement; not the true size.
 
     Attributes:
         length: along the heading, m.
@@ -20,7 +20,7 @@ class PriorShape:
         corner_radius: of the rectangle's corners, m, at most half of its shorter side.
         sigma_f, sigma_r: the kernel's standard deviations that suit the class, m, and
         measurement_std: of a point, m: noise, and error of the shape that neighbouring points
-            share. A tracker's configuration takes the three up, or has its own.
+            share. A tracker's configuration refers to the three, or sets its own.
     """
 
     __pydantic_config__ = STRICT

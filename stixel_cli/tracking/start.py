@@ -1,4 +1,4 @@
-"""Where a tracker starts: the truth, with noise."""
+"""Initialisation of a tracker: the truth, with noise."""
 
 from dataclasses import dataclass
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""What a tracker is given at its start and what it gives."""
+"""The initial state and the result of a tracker."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class InitialState:
-    """Where a tracker starts: the true pose and rates with noise.
+    """Initialisation of a tracker: the true pose and rates with noise.
 
     Attributes:
         mean: (6,) x m, y m, heading rad, and their rates (m/s, m/s, rad/s).
@@ -21,7 +21,7 @@ class InitialState:
 
 @dataclass(frozen=True)
 class Track:
-    """Posterior of every scan k (prediction, then update; an empty scan is a prediction alone).
+    """Posterior of every scan k (prediction, then update; at an empty scan only a prediction).
 
     Attributes:
         times: (K,) s.
@@ -52,7 +52,7 @@ class Track:
 def used_rows(used: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """`used_offsets` (K + 1,) and `used_points` (U,) of a `Track`.
 
-    `used` holds, for each of K scans, the rows (n_k,) of the scans' arrays that updated it.
+    `used` has, for each of K scans, the rows (n_k,) of the scans' arrays that updated it.
     """
     offsets = np.cumsum([0, *(len(rows) for rows in used)], dtype=np.int64)
     return offsets, np.concatenate([np.zeros(0, np.int64), *used]).astype(np.int64)

@@ -4,13 +4,13 @@ Conventions: everything is seen from the sensor. A *column* is a real number, px
 row of the left image, from its principal point to the right, -f tan(bearing). The silhouette is the
 contour's interval of columns, cut at the image's borders. A point is the *target's* if its column
 is in the silhouette widened by `BESIDE` px, and it is no farther than `GROSS` px, or than
-`DISPARITY_REACH` px and `RANGE_REACH` m, from where the ray meets the contour first; a point beside
-the silhouette is compared with the nearest ray that meets it. Points of the silhouette's columns
+`DISPARITY_REACH` px and `RANGE_REACH` m, from where the ray meets the contour first; a point next
+to the silhouette is compared with the nearest ray that meets it. Points of the silhouette's columns
 that are not the target's are clutter. Others belong to the rest of the scene. Errors are measured
 minus true.
 
 Far away a pixel is worth more metres than `RANGE_REACH` (7 m at 34 m with the default rig): metres
-alone would cut off the very errors that are asked for.
+by itself would cut off the errors in question.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ import numpy as np
 
 from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.measurements.noise import range_per_disparity
+from stixel_cli.measurements.noise import range_sensitivity
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
 
@@ -37,14 +37,15 @@ class PointErrors:
 
     Attributes:
         times: (K,) s.
-        spacing: columns from one point to its neighbour, px: the median; NaN where there is none.
+        spacing: columns from one point to its neighbour, px: the median; NaN if there are no
+            neighbours.
         scans: (N,) int64, the scan of each point; within a scan by column.
         columns: (N,) px.
         true_ranges: (N,) m, along the point's ray to the contour.
         along: (N,) m, error of the range.
         disparities: (N,) px, error of the disparity.
-        levers: (N,) m, the range that a pixel of disparity is worth there.
-        inside: (N,) px from the nearer end of the silhouette; negative beside it.
+        range_sensitivities: (N,) m/px, change of range with disparity.
+        inside: (N,) px from the nearer end of the silhouette; negative outside it.
         column_scans: (C,) int64, the scan of each column of the image, a pixel wide round its
             pixels' middles, that is in the silhouette from its left to its right.
         covered: (C,) whether a point of the target is within half of `spacing`.
@@ -63,7 +64,7 @@ class PointErrors:
     true_ranges: np.ndarray
     along: np.ndarray
     disparities: np.ndarray
-    levers: np.ndarray
+    range_sensitivities: np.ndarray
     inside: np.ndarray
     column_scans: np.ndarray
     covered: np.ndarray
@@ -113,7 +114,7 @@ def point_errors(scans: Scans, scenario: Scenario, rig: Rig) -> PointErrors:
         true_ranges=rows[2],
         along=rows[3],
         disparities=rows[4],
-        levers=rows[5],
+        range_sensitivities=rows[5],
         inside=rows[6],
         column_scans=its_columns[0].astype(np.int64),
         covered=_covered(its_columns[0], its_columns[1], scan, column, spacing),
@@ -152,11 +153,11 @@ def _of_scan(contour, points, rig):
     disparity = rig.disparity_from_depth(points[:, 0]) - rig.disparity_from_depth(
         true * np.cos(bearing)
     )
-    lever = range_per_disparity(true, bearing, rig)
+    sensitivity = range_sensitivity(true, bearing, rig)
     inside = np.minimum(column - low, high - column)
     own = (np.abs(disparity) <= DISPARITY_REACH) & (np.abs(along) <= RANGE_REACH)
     own |= np.abs(disparity) <= GROSS
-    rows = np.vstack([column, true, along, disparity, lever, inside])[:, own]
+    rows = np.vstack([column, true, along, disparity, sensitivity, inside])[:, own]
 
     ends = seeing[[0, -1]]
     # f / (r cos²) at a bearing, the inverse of the metres r cos² / f across one column.
@@ -174,7 +175,7 @@ def _of_scan(contour, points, rig):
 
 
 def ranges_along(contour_sensor: np.ndarray, bearings: np.ndarray) -> np.ndarray:
-    """Range (n,) m to the first crossing along `bearings` (n,) rad, infinite where there is none.
+    """Range (n,) m to the first crossing along `bearings` (n,) rad, infinite without a crossing.
 
     `contour_sensor` (M, 2) m is a polygon, counter-clockwise. Every ray is cut with every edge:
     bearings need no order here, unlike those of `measurements.rays`, which this is independent of.

@@ -32,7 +32,7 @@ BORDER = 2
 ZONES = ("target, inside", "target, border", "other obstacles, inside")
 PHASES = 10
 HISTOGRAM_EDGES = np.linspace(-2.0, 2.0, 129)
-"""Bins of the disparity errors, 1/32 px; what lies outside is in the first and the last one."""
+"""Bins of the disparity errors, 1/32 px; values outside are in the first and the last bin."""
 
 
 @dataclass(frozen=True)
@@ -60,16 +60,16 @@ class DisparityErrors:
 
 @dataclass(frozen=True)
 class ColumnErrors:
-    """Each column's nearest obstacle in n frames; levelled disparities in px, NaN where free.
+    """Nearest obstacles by column in n frames: pitch-compensated disparities in px, NaN where free.
 
     Attributes:
         of_target: (n, W) bool, whether the true nearest obstacle is the target.
         true: (n, W) float32.
-        grid: (n, W) float32, the cell that the occupancy grid alone would choose, column by column,
-            without the path's ties to the neighbours and to the last frame.
-        path: (n, W) float32, what free space says.
-        grid_there, path_there: (n, W) bool, whether anything stands in the column where `grid` and
-            `path` say so, be it ever so little of it, ever so low or beyond the grid's range.
+        grid: (n, W) float32, the cell that the occupancy grid by itself would choose, column by
+            column, without the path's ties to the neighbours and to the last frame.
+        path: (n, W) float32, the obstacle of the free space.
+        grid_there, path_there: (n, W) bool, whether any surface is in the column at the disparity
+            of `grid` and `path`, even a small or low one, or one beyond the grid's range.
     """
 
     of_target: np.ndarray
@@ -86,7 +86,7 @@ class StageErrors:
 
     Attributes:
         first: index k of the first frame.
-        target_depth: (n,) m, true levelled depth of the target's nearest column; NaN where no
+        target_depth: (n,) m, true depth along the road of the target's nearest column; NaN where no
             column's nearest obstacle is the target.
         target_pixels: (n,) int64, how many pixels show the target.
         disparity, columns, stixels: of the steps.
@@ -190,7 +190,7 @@ def grid_choice(
     occupancy: OccupancyParameters,
     free_space: FreeSpaceParameters,
 ) -> np.ndarray:
-    """Levelled disparity (W,) px that the grid alone chooses in every column; NaN where free.
+    """Pitch-compensated disparity (W,) px that the grid chooses in each column; NaN where free.
 
     Free space without its ties: E_s of Badino, Franke, Mester 2007 set to zero, no last frame.
     `raw` (H, W) int16 disparities, `line` (2,) the road's disparity a v + b.
@@ -203,22 +203,22 @@ def grid_choice(
 def column_errors(
     grid: np.ndarray, path: np.ndarray, truth: FrameTruth, rig: Rig, road: RoadParameters
 ) -> ColumnErrors:
-    """The columns (W,) of one frame: choices of the grid and of the path beside the truth."""
+    """The columns (W,) of one frame: choices of the grid and of the path next to the truth."""
     return ColumnErrors(
         of_target=truth.of_target,
         true=rig.disparity_from_depth(truth.nearest_depth).astype(np.float32),
         grid=grid.astype(np.float32),
         path=path.astype(np.float32),
-        grid_there=stands(grid, truth, rig, road),
-        path_there=stands(path, truth, rig, road),
+        grid_there=has_surface(grid, truth, rig, road),
+        path_there=has_surface(path, truth, rig, road),
     )
 
 
-def stands(found: np.ndarray, truth: FrameTruth, rig: Rig, road: RoadParameters) -> np.ndarray:
-    """Whether each column (W,) shows anything that stands within `GROSS` px of what is found.
+def has_surface(found: np.ndarray, truth: FrameTruth, rig: Rig, road: RoadParameters) -> np.ndarray:
+    """Whether each column (W,) shows a surface above the road within `GROSS` px of `found`.
 
-    `found` (W,) px is levelled, NaN where free. Any pixel below the clearance height counts that is
-    neither road nor sky.
+    `found` (W,) px is pitch-compensated, NaN where free. Every pixel below the clearance height
+    counts that is neither road nor sky.
     """
     standing = (truth.ids != ROAD_ID) & (truth.ids != SKY_ID)
     with np.errstate(invalid="ignore"):

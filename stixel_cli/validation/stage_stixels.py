@@ -20,11 +20,11 @@ class StixelErrors:
 
     Attributes:
         offsets: (n + 1,) int64, frame i has the rows offsets[i]:offsets[i + 1].
-        true_depth: (S,) m, levelled, of the nearest surface.
-        disparity: (S,) px, error of the levelled disparity.
+        true_depth: (S,) m along the road, of the nearest surface.
+        disparity: (S,) px, error of the pitch-compensated disparity.
         depth: (S,) m, error against the nearest surface.
         area_depth: (S,) m, error against the median depth of the target's pixels in the stixel's
-            area, which a slanted or stepped surface sets apart; NaN if there are none.
+            area, which a slanted or stepped surface sets apart; NaN without such pixels.
         sigma: (S,) m, the stixel's stated standard deviation in depth.
         lateral: (S,) m, error of the point to the right.
         top, base: (S,) px, errors of the rows, downwards. The true top is the target's topmost row
@@ -32,9 +32,9 @@ class StixelErrors:
         height: (S,) m, error of the top's height above the road.
         columns, covered, matched: (n,) int64, columns whose nearest obstacle is the target; those
             of them in a stixel; those in a stixel whose disparity is not off by a gross error.
-        overhang: (n, 2) int64, columns beside the target, on its left and right, that a stixel with
-            the target's disparity covers although nothing of the target is seen there and what is
-            there is elsewhere.
+        overhang: (n, 2) int64, columns next to the target, on its left and right, that a stixel
+            with the target's disparity covers although nothing of the target is seen there and what
+            is there is elsewhere.
         hanging: (n,) int64, stixels that cover such a column.
     """
 
@@ -120,8 +120,8 @@ def overhang(
     From the outermost column `of_target` (W,) on, as long as the stixel's disparity is within
     `gross` px of that column's true one and more than `gross` px from the truth of its own (a free
     column is always so). Columns in which the target is `shown` (W,), if too little of it for an
-    obstacle (a wheel, a hand), are passed over. `found` and `true` (W,) px are NaN where there is
-    none.
+    obstacle (a wheel, a hand), are passed over. `found` and `true` (W,) px are NaN without an
+    obstacle.
     """
     columns = np.flatnonzero(of_target)
     if len(columns) == 0:

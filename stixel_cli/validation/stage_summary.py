@@ -1,7 +1,7 @@
 """Pooled stage errors: frames of any number of runs of one rig, summed up over a choice of them.
 
-Errors are found minus true. Bias and RMS leave gross errors out, whose share is told beside them.
-NaN is what cannot be had.
+Errors are found minus true. Bias and RMS leave out gross errors, whose share is a value of its own.
+A value that cannot be computed is NaN.
 """
 
 from collections.abc import Iterable
@@ -9,7 +9,6 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from stixel_cli.geometry.rig import Rig
 from stixel_cli.validation.stage_errors import (
     GROSS,
     HISTOGRAM_EDGES,
@@ -48,7 +47,7 @@ def pooled(records: Iterable[StageErrors]) -> StageErrors:
 
 
 def in_range(depth: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Which depths (n,) m lie in [low, high)."""
+    """Whether depths (n,) m are in [low, high)."""
     return (depth >= low) & (depth < high)
 
 
@@ -96,27 +95,27 @@ def phase_bias(errors: DisparityErrors, zone: int) -> tuple[np.ndarray, np.ndarr
 
 @dataclass(frozen=True)
 class ColumnKinds:
-    """What was made of each column; bool arrays of any one shape.
+    """The result of each column; bool arrays of any one shape.
 
     Attributes:
         real: has a true nearest obstacle.
-        hit: that was found within `GROSS` px.
-        missed: it has one, and none was found, or one that is more than `GROSS` px farther.
-        unasked: an obstacle was found more than `GROSS` px nearer than the true one, or where there
-            is none, and something stands there: less of it than the least obstacle, or beyond the
-            grid's range.
-        invented: the same, and nothing stands there.
+        hit: its obstacle was found within `GROSS` px.
+        missed: it has one, and no obstacle was found, or one more than `GROSS` px farther.
+        below_threshold: an obstacle was found where the column has no true one, or more than
+            `GROSS` px nearer than the true one, at a surface below the threshold: smaller than the
+            least obstacle, or beyond the grid's range.
+        false_positive: the same, without a surface there.
     """
 
     real: np.ndarray
     hit: np.ndarray
     missed: np.ndarray
-    unasked: np.ndarray
-    invented: np.ndarray
+    below_threshold: np.ndarray
+    false_positive: np.ndarray
 
 
 def column_kinds(true: np.ndarray, found: np.ndarray, there: np.ndarray) -> ColumnKinds:
-    """Kinds of columns of levelled disparities in px, any shape, NaN where free.
+    """Kinds of columns of pitch-compensated disparities in px, any shape, NaN where free.
 
     See `ColumnErrors`.
     """
@@ -128,40 +127,15 @@ def column_kinds(true: np.ndarray, found: np.ndarray, there: np.ndarray) -> Colu
             real=real,
             hit=np.abs(error) <= GROSS,
             missed=real & (~any_ | (error < -GROSS)),
-            unasked=extra & there,
-            invented=extra & ~there,
+            below_threshold=extra & there,
+            false_positive=extra & ~there,
         )
-
-
-def column_summary(
-    true: np.ndarray, found: np.ndarray, there: np.ndarray, rig: Rig
-) -> dict[str, float]:
-    """Sum up columns (any shape) of levelled disparities in px, NaN where free.
-
-    Returns:
-        columns; missed: share of the columns with an obstacle; unasked, invented: share of all
-        columns, see `ColumnKinds`; bias, rms: px, and bias_m, rms_m: m in depth, of the columns
-        that are hit.
-    """
-    kinds = column_kinds(true, found, there)
-    true, found = (one[kinds.hit].astype(np.float64) for one in (true, found))
-    metres = rig.depth_from_disparity(found) - rig.depth_from_disparity(true)
-    return {
-        "columns": float(kinds.real.size),
-        "missed": _ratio(kinds.missed.sum(), kinds.real.sum()),
-        "unasked": _ratio(kinds.unasked.sum(), kinds.real.size),
-        "invented": _ratio(kinds.invented.sum(), kinds.real.size),
-        "bias": _mean(found - true),
-        "rms": _root_mean_square(found - true),
-        "bias_m": _mean(metres),
-        "rms_m": _root_mean_square(metres),
-    }
 
 
 def stixel_summary(
     errors: StixelErrors, low: float = 0.0, high: float = np.inf
 ) -> dict[str, float]:
-    """Sum up the stixels whose true depth lies in [low, high) m.
+    """Sum up the stixels whose true depth is in [low, high) m.
 
     Returns:
         stixels; gross: share whose disparity is off by more than `GROSS` px; of the others: bias,
@@ -199,28 +173,6 @@ def stixel_summary(
         "base_rms": _root_mean_square(errors.base[fine]),
         "height_bias": _mean(errors.height[fine]),
         "height_rms": _root_mean_square(errors.height[fine]),
-    }
-
-
-def coverage_summary(errors: StixelErrors, frames: np.ndarray) -> dict[str, float]:
-    """Sum up how the target is covered in the chosen `frames` (n,) bool.
-
-    Returns:
-        columns: the target's, a frame; stixels: on it, a frame; missed: share of its columns in no
-        stixel; elsewhere: share in a stixel that is off by more than `GROSS` px; overhang: columns
-        beside all that is seen of it a frame that get its disparity; hanging: stixels a frame that
-        cover such.
-    """
-    seen = frames & (errors.columns > 0)
-    count, columns = float(seen.sum()), float(errors.columns[seen].sum())
-    covered, matched = float(errors.covered[seen].sum()), float(errors.matched[seen].sum())
-    return {
-        "columns": _ratio(columns, count),
-        "stixels": _ratio(float(np.diff(errors.offsets)[seen].sum()), count),
-        "missed": _ratio(columns - covered, columns),
-        "elsewhere": _ratio(covered - matched, columns),
-        "overhang": _ratio(float(errors.overhang[seen].sum()), count),
-        "hanging": _ratio(float(errors.hanging[seen].sum()), count),
     }
 
 

@@ -1,6 +1,6 @@
-"""What the rendered truth says a perfect stereo camera and perfect stixels would find in a frame.
+"""The result of a perfect stereo camera and perfect stixels in a frame, from the rendered truth.
 
-Depths are levelled as the stixels' are: along the level frame's z axis, parallel to the road.
+Depths run along the level frame's z axis, parallel to the road, like those of the stixels.
 """
 
 from dataclasses import dataclass
@@ -22,10 +22,10 @@ class FrameTruth:
 
     Attributes:
         disparity: (H, W) px, f B / z of the image; 0 where there is nothing.
-        depth: (H, W) m, levelled; inf where there is nothing.
+        depth: (H, W) m along the road; inf without a surface.
         height: (H, W) m above the road, of the pixels' centres.
         ids: (H, W) uint8, as in `RenderedFrames`.
-        nearest_depth: (W,) m, levelled, of each column's nearest obstacle; NaN where it is free.
+        nearest_depth: (W,) m along the road, of each column's nearest obstacle; NaN where free.
         nearest_lateral: (W,) m to the right of the camera, of the same point.
         of_target: (W,) bool, whether that obstacle is the target.
     """
@@ -49,11 +49,11 @@ def frame_truth(
 ) -> FrameTruth:
     """Truth of a frame from its rendered depth (H, W) m along the optical axis and ids (H, W).
 
-    **A column's nearest obstacle.** Of the column's pixels that are neither road nor sky and stand
+    **A column's nearest obstacle.** Of the column's pixels that are neither road nor sky and are
     between `road.least_height` and `road.greatest_height` above the road, the nearest are taken
     until they are as many as the least obstacle that free space is asked to find has at the depth
     of the last of them: max(`free_space.obstacle_pixels`, f `free_space.obstacle_height` / z). The
-    last one's depth is the obstacle's, if it lies within the grid's range. So the truth is asked
+    last one's depth is the obstacle's, if it is within the grid's range. So the truth is asked
     for no more than the grid is, and one stray pixel is no obstacle.
     """
     v = np.arange(rig.height)[:, None] - rig.v0

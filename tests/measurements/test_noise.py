@@ -11,7 +11,7 @@ from stixel_cli.measurements.noise import (
     FittedNoise,
     StereoNoise,
     measure,
-    range_per_disparity,
+    range_sensitivity,
     range_std,
 )
 from stixel_cli.measurements.rays import spread_rays
@@ -22,7 +22,7 @@ RAYS = spread_rays(4000, RIG.field_of_view, True)
 HIT = np.arange(500, 3500)
 RANGES = 12.0 / np.cos(RAYS.angles[HIT])
 NONE = FittedNoise("fitted", 3, *7 * [0.0], 3.0)
-LEVER = range_per_disparity(RANGES, RAYS.angles[HIT], RIG)
+SENSITIVITY = range_sensitivity(RANGES, RAYS.angles[HIT], RIG)
 
 
 def measured(hit=HIT, ranges=RANGES, seed=0, **changes):
@@ -46,7 +46,7 @@ def test_the_bias_is_of_the_range():
 def test_a_pixel_of_disparity_is_worth_what_the_rig_says_to_first_order():
     depth = 12.0
     step = RIG.disparity_from_depth(depth) - RIG.disparity_from_depth(depth + 1e-4)
-    np.testing.assert_allclose(LEVER * np.cos(RAYS.angles[HIT]), 1e-4 / step, rtol=1e-4)
+    np.testing.assert_allclose(SENSITIVITY * np.cos(RAYS.angles[HIT]), 1e-4 / step, rtol=1e-4)
 
 
 def test_std_and_correlation():
@@ -54,7 +54,7 @@ def test_std_and_correlation():
     rows = []
     for seed in range(8):
         ray, true, found = measured(seed=seed, **changes)
-        rows.append((found - true) / (0.1 * LEVER[ray - 500]))
+        rows.append((found - true) / (0.1 * SENSITIVITY[ray - 500]))
     even = np.array(rows)
     assert abs(even.std() - 1.0) < 0.05
     assert abs(np.mean(even[:, 1:] * even[:, :-1]) - np.exp(-0.5)) < 0.06
@@ -100,7 +100,7 @@ def test_missed_points_come_in_runs():
 def test_outermost_points_have_mixed_depths():
     errors = np.array(
         [
-            (found - true) / LEVER[ray - 500]
+            (found - true) / SENSITIVITY[ray - 500]
             for ray, true, found in (
                 measured(seed=seed, edge_disparity_std=0.3) for seed in range(60)
             )

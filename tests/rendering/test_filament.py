@@ -23,7 +23,7 @@ from stixel_cli.rendering.filament_process import (
     main,
 )
 from stixel_cli.rendering.frames import SKY_ID, TARGET_ID
-from stixel_cli.rendering.raycast import StillScene, Target, render_frame
+from stixel_cli.rendering.raycast import StaticScene, Target, render_frame
 from stixel_cli.rendering.surfaces import linear_from_srgb
 
 FILAMENT = FilamentParameters("filament", LIGHT, start_timeout=60, frame_timeout=60, attempts=3)
@@ -66,10 +66,10 @@ def runs():
 
 
 def test_filament_agrees_with_the_ray_caster(runs):
-    still, target = StillScene(objects(), RIG, RAYCAST), Target(target_mesh())
+    static, target = StaticScene(objects(), RIG, RAYCAST), Target(target_mesh())
     for k in range(3):
         left, right, depth, ids = runs[0][k]
-        cast_left, cast_right, cast_depth, cast_ids = render_frame(still, target, scenario(), k)
+        cast_left, cast_right, cast_depth, cast_ids = render_frame(static, target, scenario(), k)
         one, other = ids == TARGET_ID, cast_ids == TARGET_ID
         # A silhouette within 1 px: where they differ, it is at an edge of the other one.
         edge = cv2.morphologyEx(other.astype(np.uint8), cv2.MORPH_GRADIENT, np.ones((3, 3))) > 0

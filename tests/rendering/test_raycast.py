@@ -11,7 +11,7 @@ from stixel_cli.rendering import raycast
 from stixel_cli.rendering.camera_rays import NEAR, rig_cameras
 from stixel_cli.rendering.frames import ROAD_ID, SKY_ID, TARGET_ID
 from stixel_cli.rendering.placement import sun_direction, world_from_target_3d
-from stixel_cli.rendering.raycast import StillScene, Target, render_frame
+from stixel_cli.rendering.raycast import StaticScene, Target, render_frame
 from stixel_cli.rendering.shading import camera_rays, shade
 from stixel_cli.rendering.surfaces import (
     RayTree,
@@ -32,8 +32,8 @@ def target():
 
 
 @pytest.fixture
-def still():
-    return StillScene(objects(), RIG, RAYCAST)
+def static():
+    return StaticScene(objects(), RIG, RAYCAST)
 
 
 def same(one, other) -> bool:
@@ -43,10 +43,10 @@ def same(one, other) -> bool:
 @pytest.mark.parametrize("moving", [False, True])
 def test_a_frame_has_the_same_bytes_alone_in_a_chunk_and_rendered_whole(target, moving):
     motion = scenario(4, moving)
-    chunk = StillScene(objects(), RIG, RAYCAST)
+    chunk = StaticScene(objects(), RIG, RAYCAST)
     frames = [render_frame(chunk, target, motion, k) for k in range(4)]
     alone = [
-        render_frame(StillScene(objects(), RIG, RAYCAST), target, motion, k)
+        render_frame(StaticScene(objects(), RIG, RAYCAST), target, motion, k)
         for k in reversed(range(4))
     ][::-1]
     whole = [render_frame(chunk, target, motion, k, whole=True) for k in range(4)]
@@ -63,7 +63,7 @@ def test_render_gives_the_same_frames_in_any_chunks(monkeypatch):
     monkeypatch.setattr(raycast, "road_user_mesh", lambda _: target_mesh())
     rest = {"scenario": scenario(), "road_user": None, "world": None}
     rest |= {"rig": RIG, "renderer": RAYCAST}
-    raycast._still_scene.cache_clear()
+    raycast._static_scene.cache_clear()
     together = raycast.render(**rest, frames=range(4))
     for first, frames in ((0, range(2)), (2, range(2, 4))):
         part = raycast.render(**rest, frames=frames)
@@ -71,11 +71,11 @@ def test_render_gives_the_same_frames_in_any_chunks(monkeypatch):
         for name in ("left", "right", "depth_high", "depth_low", "ids"):
             encoded = getattr(together, name).encoded[first : first + 2]
             assert getattr(part, name).encoded == encoded
-    raycast._still_scene.cache_clear()
+    raycast._static_scene.cache_clear()
 
 
-def test_depth_is_that_of_the_planes_and_ids_are_those_of_the_objects(still, target):
-    left, right, depth, ids = render_frame(still, target, scenario(), 0)
+def test_depth_is_that_of_the_planes_and_ids_are_those_of_the_objects(static, target):
+    left, right, depth, ids = render_frame(static, target, scenario(), 0)
     assert left.shape == right.shape == (96, 128, 3)
     assert {SKY_ID, ROAD_ID, TARGET_ID, 3, 4, 5} == set(np.unique(ids))
     assert np.all(np.isinf(depth) == (ids == SKY_ID))
@@ -99,8 +99,8 @@ def test_depth_is_that_of_the_planes_and_ids_are_those_of_the_objects(still, tar
     assert on_body.sum() > 300
 
 
-def test_the_right_view_is_the_left_one_shifted_by_the_true_disparity(still, target):
-    left, right, depth, ids = render_frame(still, target, scenario(), 0)
+def test_the_right_view_is_the_left_one_shifted_by_the_true_disparity(static, target):
+    left, right, depth, ids = render_frame(static, target, scenario(), 0)
     v, u = np.mgrid[:96, :128]
     near = (ids == TARGET_ID) | (ids == ROAD_ID)
     column = u - np.where(near, RIG.disparity_from_depth(depth), 0.0)
@@ -114,10 +114,10 @@ def test_the_right_view_is_the_left_one_shifted_by_the_true_disparity(still, tar
     assert np.median(error) < 4.0
 
 
-def test_what_lies_in_the_targets_shadow_is_darker_and_the_rest_is_untouched(still, target):
+def test_what_lies_in_the_targets_shadow_is_darker_and_the_rest_is_untouched(static, target):
     camera = rig_cameras(RIG, POSE)[0]
-    lit = still.views(POSE)[0][1]
-    picture, _, _, ids = render_frame(still, target, scenario(), 0)
+    lit = static.views(POSE)[0][1]
+    picture, _, _, ids = render_frame(static, target, scenario(), 0)
     sun = sun_direction(LIGHT)
     pose = world_from_target_3d(scenario().target_poses_world[0])
     above = pose[:3, :3] @ np.array([0.0, 0.0, 0.5]) + pose[:3, 3]
@@ -135,17 +135,17 @@ def test_what_lies_in_the_targets_shadow_is_darker_and_the_rest_is_untouched(sti
 
 
 def test_a_plane_in_the_sun_has_no_shadows_of_its_own():
-    still = StillScene([(ROAD_ID, road(speckle(1)))], RIG, RAYCAST)
-    view = still.views(POSE)[0][1]
+    static = StaticScene([(ROAD_ID, road(speckle(1)))], RIG, RAYCAST)
+    view = static.views(POSE)[0][1]
     assert np.array_equal(view.lit, view.ids == ROAD_ID)
 
 
 def test_edges_are_blended_and_thin_parts_are_found_between_pixel_centres(target):
-    still = StillScene([(ROAD_ID, road(speckle(1)))], RIG, RAYCAST)
-    plain = StillScene([(ROAD_ID, road(speckle(1)))], RIG, replace(RAYCAST, samples=1))
+    static = StaticScene([(ROAD_ID, road(speckle(1)))], RIG, RAYCAST)
+    plain = StaticScene([(ROAD_ID, road(speckle(1)))], RIG, replace(RAYCAST, samples=1))
     far = scenario()
     far.target_poses_world[:] = [0.13, 14.0, 0.0]
-    smooth = render_frame(still, target, far, 0)[0]
+    smooth = render_frame(static, target, far, 0)[0]
     coarse = render_frame(plain, target, far, 0)[0]
     # At 14 m the antenna is a fifth of a pixel wide.
     camera = rig_cameras(RIG, POSE)[0]
@@ -159,8 +159,8 @@ def test_edges_are_blended_and_thin_parts_are_found_between_pixel_centres(target
 def test_a_distant_chequered_road_is_grey_and_not_moire():
     cells = np.indices((64, 64)).sum(axis=0) % 2
     texture = np.repeat((cells * 255).astype(np.uint8)[:, :, None], 3, axis=2)
-    still = StillScene([(ROAD_ID, road(texture, 120.0))], RIG, RAYCAST)
-    view = still.views(POSE)[0][1]
+    static = StaticScene([(ROAD_ID, road(texture, 120.0))], RIG, RAYCAST)
+    view = static.views(POSE)[0][1]
     light = view.light.reshape(96, 128, 3)[55:, :, 0]
     # One sample a pixel would make it as large as the mean.
     assert light.std() < 0.05 * light.mean()
@@ -169,12 +169,12 @@ def test_a_distant_chequered_road_is_grey_and_not_moire():
 def test_a_texture_seen_straight_on_is_averaged_over_the_pixels_area():
     """Brute force: many unfiltered samples in each pixel have the filter's mean and its values."""
     texture = speckle(9, 64)
-    still = StillScene(
+    static = StaticScene(
         [(3, Mesh((quad([(-9, 12, -6), (9, 12, -6), (9, 12, 8), (-9, 12, 8)], texture, 3.0),)))],
         replace(RIG, pitch=0.0),
         RAYCAST,
     )
-    camera, view = still.views(POSE)[0]
+    camera, view = static.views(POSE)[0]
     pixels = np.flatnonzero(view.ids == 3)[::37]
     v, u = np.divmod(pixels, 128)
     offsets = (np.arange(16) + 0.5) / 16 - 0.5
@@ -193,8 +193,8 @@ def test_a_texture_seen_straight_on_is_averaged_over_the_pixels_area():
     assert abs(seen.mean() / mean[:, 0].mean() - 1.0) < 0.03
 
 
-def test_shading_an_empty_list_is_no_special_case(still):
-    surfaces = still.body.surfaces
+def test_shading_an_empty_list_is_no_special_case(static):
+    surfaces = static.body.surfaces
     none, ids = np.empty(0), np.empty(0, dtype=np.int32)
     one, light = np.ones(3), np.empty((0, 3), dtype=np.float32)
     shade(

@@ -116,9 +116,7 @@ def make_camera_nouns(rig, rng, first=4, count=2):
     depth = rig.depth_from_disparity(disparity)
     ids = np.ones((height, width), np.uint8)
     many = range(count)
-    rendered = RenderedFrames.from_arrays(
-        first, [colour] * count, [colour] * count, [depth] * count, [ids] * count
-    )
+    rendered = RenderedFrames.from_frames(first, [(colour, colour, depth, ids)] * count)
     pairs = StereoPairs(first, rendered.left.from_images([grey for _ in many]), rendered.right)
     disparities = Disparities.from_raw(first, 128, [raw] * count)
     nearest = np.full((count, width), np.nan, np.float32)

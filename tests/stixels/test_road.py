@@ -10,9 +10,9 @@ from stixel_cli.stixels.free_space_parameters import RigRoad
 from stixel_cli.stixels.road import (
     base_rows,
     find_road,
-    level_factors,
     obstacle_limits,
     pitch_and_height,
+    pitch_factors,
     road_line,
     v_disparity,
 )
@@ -42,7 +42,7 @@ def test_line_levels_and_base_agree_with_the_projection():
     np.testing.assert_allclose(line[0] * v + line[1], d, rtol=1e-12)
     level = rig.focal * rig.baseline / depth
     np.testing.assert_allclose(base_rows(level, line, rig), v, rtol=1e-12)
-    factors = np.interp(v, np.arange(rig.height), level_factors(line, rig).astype(float))
+    factors = np.interp(v, np.arange(rig.height), pitch_factors(line, rig).astype(float))
     np.testing.assert_allclose(factors * d, level, rtol=1e-5)
 
 

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from stage_summaries import column_summary, coverage_summary
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.studies.rq1 import figures
@@ -13,13 +14,13 @@ from stixel_cli.studies.rq1.intervals import (
     AREA_RMS,
     BASE_BIAS,
     BASE_RMS,
+    COLUMN_BELOW_THRESHOLD,
     COLUMN_BIAS,
     COLUMN_BIAS_M,
-    COLUMN_INVENTED,
+    COLUMN_FALSE_POSITIVE,
     COLUMN_MISSED,
     COLUMN_RMS,
     COLUMN_RMS_M,
-    COLUMN_UNASKED,
     ELSEWHERE,
     HEIGHT_BIAS,
     HEIGHT_RMS,
@@ -47,7 +48,6 @@ from stixel_cli.studies.rq1.intervals import (
     stixel_sums,
 )
 from stixel_cli.studies.rq1.pool import Group, counts
-from stixel_cli.validation.stage_summary import column_summary, coverage_summary
 
 
 def group(values, seeds=1):
@@ -172,7 +172,8 @@ def test_values_with_intervals_are_those_of_the_summaries():
     of.of_target[:, :3] = False
     named = {
         "bias": COLUMN_BIAS, "rms": COLUMN_RMS, "bias_m": COLUMN_BIAS_M, "rms_m": COLUMN_RMS_M,
-        "missed": COLUMN_MISSED, "unasked": COLUMN_UNASKED, "invented": COLUMN_INVENTED,
+        "missed": COLUMN_MISSED, "below_threshold": COLUMN_BELOW_THRESHOLD,
+        "false_positive": COLUMN_FALSE_POSITIVE,
     }  # fmt: skip
     every = np.broadcast_to(chosen[:, None], of.true.shape)
     summary = column_summary(of.true[every], of.path[every], of.path_there[every], made.rig)

@@ -180,7 +180,7 @@ def test_the_answer_is_made_of_what_is_there():
         "car", "gp_ekf", "centre RMSE, m", "0.510", "0.200", "0.310 [0.285, 0.335]"
     ]  # fmt: skip
     # NEES, like every mean, of both measurements, and without a test.
-    assert rows[4][2:] == ["position NEES / 2", "1.00", "1.00", "–"]
+    assert rows[4][2:] == ["mean NEES / 2", "1.00", "1.00", "–"]
     # A tracker that came later is answered for, the floor is not.
     assert "They show no difference of the new_one on stixels from the lidar_9." in text
     # Effects with their intervals come first, then the tests.

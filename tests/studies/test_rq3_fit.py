@@ -80,7 +80,7 @@ def test_no_noise_gives_none():
 
 def test_too_few_points_are_refused():
     far = errors_of(KNOWN["plain"], 0, count=1)
-    for name in ("scans", "columns", "along", "levers", "inside"):
+    for name in ("scans", "columns", "along", "range_sensitivities", "inside"):
         object.__setattr__(far, name, getattr(far, name)[:5])
     with pytest.raises(UserError, match="too few to fit"):
         fit_noise([far])

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stixel_cli.tracking.kernel import contour_process, kernel, kernel_derivative
+from stixel_cli.tracking.kernel import contour_process, kernel
 
 LENGTH = np.pi / 8
 SIGMA = 1.7
@@ -20,6 +20,13 @@ def test_the_kernel_is_periodic_symmetric_and_has_its_variance_on_the_diagonal(a
     np.testing.assert_allclose(np.diag(covariance), SIGMA**2 + 0.8**2)
     turned = kernel(angles + 2.0 * np.pi * turns, angles, LENGTH, SIGMA, 0.8)
     np.testing.assert_allclose(turned, covariance, atol=1e-9)
+
+
+def kernel_derivative(angles, other_angles, length_scale, sigma_f):
+    """∂k(u, u') / ∂u, shape (n, m), m²/rad."""
+    exponential = kernel(angles, other_angles, length_scale, sigma_f, 0.0)
+    difference = angles[:, None] - other_angles[None, :]
+    return -np.sin(difference) / length_scale**2 * exponential
 
 
 def test_the_derivative_is_that_of_finite_differences():

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from stixel_cli.tracking.kernel import contour_process, kernel
-from stixel_cli.tracking.recursive_gp import radius, start, update
 
 NOISE = 0.05
 EXAMPLE = Path(__file__).parents[2] / "examples" / "recursive_gp.py"
+FUNCTIONS = runpy.run_path(str(EXAMPLE))
+radius, start, update = (FUNCTIONS[name] for name in ("radius", "start", "update"))
 
 
 def contour(angles):

@@ -85,7 +85,7 @@ def test_an_off_centre_principal_point_moves_the_borders_of_the_image():
 def test_a_bias_along_the_ray_is_found():
     errors = point_errors(with_points(farther(0.2)), TRUTH, RIG)
     np.testing.assert_allclose(errors.along, 0.2, atol=1e-9)
-    np.testing.assert_allclose(-errors.disparities * errors.levers, 0.2, rtol=0.03)
+    np.testing.assert_allclose(-errors.disparities * errors.range_sensitivities, 0.2, rtol=0.03)
 
 
 def test_points_beside_the_silhouette_are_fattening():
@@ -138,7 +138,7 @@ def test_far_points_are_not_cut_off_by_their_own_spread():
         noisy = dataclasses.replace(EXACT, noise=StereoNoise("stereo", std))
         errors = point_errors(fabricate_scans(truth, RIG, noisy, seed=0), truth, RIG)
         assert errors.clutter.sum() == 0
-        assert abs((errors.along / errors.levers).std() / std - 1.0) < 0.1
+        assert abs((errors.along / errors.range_sensitivities).std() / std - 1.0) < 0.1
 
 
 def test_what_is_behind_and_beside_the_target_is_no_clutter():

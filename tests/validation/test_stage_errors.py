@@ -15,6 +15,7 @@ from stage_scene import (
     scene,
     truth_of,
 )
+from stage_summaries import column_summary, coverage_summary
 
 from stixel_cli.rendering.frames import BACKGROUND_ID, ROAD_ID, SKY_ID, TARGET_ID, RenderedFrames
 from stixel_cli.stereo.disparities import Disparities
@@ -27,14 +28,12 @@ from stixel_cli.validation.stage_errors import (
     column_errors,
     disparity_errors,
     grid_choice,
+    has_surface,
     stage_errors,
-    stands,
     zones,
 )
 from stixel_cli.validation.stage_stixels import overhang, stixel_errors
 from stixel_cli.validation.stage_summary import (
-    column_summary,
-    coverage_summary,
     disparity_summary,
     histogram_median,
     phase_bias,
@@ -133,7 +132,7 @@ def test_perfect_inputs_give_no_errors():
     assert of.path_there.all()
     columns = column_summary(of.true, of.path, of.path_there, rig)
     assert columns["columns"] == rig.width
-    assert columns["missed"] == columns["unasked"] == columns["invented"] == 0.0
+    assert columns["missed"] == columns["below_threshold"] == columns["false_positive"] == 0.0
     assert columns["rms"] < 1e-3 and columns["rms_m"] < 1e-3
     stixels = stixel_summary(errors.stixels)
     assert stixels.pop("stixels") == np.diff(errors.stixels.offsets)[0] > 3
@@ -156,8 +155,12 @@ def test_a_frame_is_that_of_its_number_in_every_chunk():
     one = perfect_stixels(rig, truth)
     # Chunks that begin one, two and three frames before, with nothing in those frames.
     errors = stage_errors(
-        RenderedFrames.from_arrays(
-            5, [black] * 2, [black] * 2, [np.full_like(depth, np.inf), depth], [nothing, ids]
+        RenderedFrames.from_frames(
+            5,
+            [
+                (black, black, np.full_like(depth, np.inf), nothing),
+                (black, black, depth, ids),
+            ],
         ),
         Disparities.from_raw(4, 64, [np.full_like(raw, -1)] * 2 + [raw]),
         FreeSpace(
@@ -346,7 +349,7 @@ def test_the_grids_own_choice_has_no_ties():
     assert np.delete(alone, 50) == pytest.approx(8.0, abs=0.3)
 
 
-def test_what_stands_below_the_least_obstacle_is_there_and_what_does_not_is_invented():
+def test_columns_below_the_threshold_and_false_positives():
     rig = make_rig()
     depth = rig.depth_from_disparity(DISPARITY)
     # 0.35 m high: within the height gate it is less than the least obstacle of 0.3 m.
@@ -357,24 +360,27 @@ def test_what_stands_below_the_least_obstacle_is_there_and_what_does_not_is_inve
     of = column_errors(found, found + 1.5, truth, rig, ROAD)
     assert np.array_equal(of.grid_there, shows) and not of.path_there.any()
     columns = column_summary(of.true, of.grid, of.grid_there, rig)
-    assert columns["unasked"] == shows.mean() and columns["invented"] == 1.0 - shows.mean()
+    assert (
+        columns["below_threshold"] == shows.mean()
+        and columns["false_positive"] == 1.0 - shows.mean()
+    )
     # Of the wall, beyond the grid's range, there is something too; of the road and above there is
     # nothing that stands.
     found[:] = rig.disparity_from_depth(np.float64(80.0))
-    assert stands(found, truth, rig, ROAD).all()
-    assert not stands(np.full(rig.width, np.nan), truth, rig, ROAD).any()
+    assert has_surface(found, truth, rig, ROAD).all()
+    assert not has_surface(np.full(rig.width, np.nan), truth, rig, ROAD).any()
     low = replace(ROAD, least_height=-2.0, greatest_height=-1.0)
-    assert not stands(found, truth, rig, low).any()
+    assert not has_surface(found, truth, rig, low).any()
 
 
-def test_columns_missed_unasked_and_invented_are_told_apart():
+def test_columns_missed_below_the_threshold_and_false_positive():
     nan = np.nan
     true = np.array([10.0, 10.0, 10.0, 10.0, nan, nan, 10.0, 10.0, 10.0])
     found = np.array([10.5, nan, 8.0, 12.0, nan, 5.0, 9.5, 7.0, 8.5])
     there = np.array([True, False, True, False, False, True, True, True, False])
     of = column_summary(true, found, there, make_rig())
     assert of["missed"] == pytest.approx(4 / 7)
-    assert of["invented"] == of["unasked"] == pytest.approx(1 / 9)
+    assert of["false_positive"] == of["below_threshold"] == pytest.approx(1 / 9)
     assert of["bias"] == 0.0 and of["rms"] == pytest.approx(0.5)
     empty = column_summary(np.zeros(0), np.zeros(0), np.zeros(0, bool), make_rig())
     assert all(np.isnan(value) for name, value in empty.items() if name != "columns")

@@ -10,8 +10,8 @@ from stixel_cli.studies.types import Paragraph, Section, StudyData, Table
 
 _COLUMNS = {
     "missed %": by_pose.COLUMN_MISSED,
-    "not asked for %": by_pose.COLUMN_UNASKED,
-    "invented %": by_pose.COLUMN_INVENTED,
+    "below threshold %": by_pose.COLUMN_BELOW_THRESHOLD,
+    "false positive %": by_pose.COLUMN_FALSE_POSITIVE,
     "bias px": by_pose.COLUMN_BIAS,
     "RMS px": by_pose.COLUMN_RMS,
     "bias m": by_pose.COLUMN_BIAS_M,

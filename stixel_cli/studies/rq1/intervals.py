@@ -193,8 +193,9 @@ def column_sums(
     """Sums (n, 10) over columns, of the frames that see the target, of a step (grid or path).
 
     Columns with an obstacle, those that are missed, those that are hit, and of these the sums of
-    error px, error² px², depth error² m² and depth error m; then all columns, those that are found
-    unasked, and the invented: see `ColumnKinds`. `of_target`: the target's columns alone.
+    error px, error² px², depth error² m² and depth error m; then all columns, those with an
+    obstacle below the threshold, and the false positives: see `ColumnKinds`. `of_target`: the
+    target's columns alone.
     """
     columns = group.errors.columns
     true, found = columns.true.astype(np.float64), getattr(columns, step).astype(np.float64)
@@ -206,7 +207,11 @@ def column_sums(
         metres = group.rig.depth_from_disparity(found) - group.rig.depth_from_disparity(true)
     metres = np.where(hit, metres, 0.0)
     parts = (kinds.real & chosen, kinds.missed & chosen, hit, error, error**2, metres**2, metres)
-    parts += (np.broadcast_to(chosen, true.shape), kinds.unasked & chosen, kinds.invented & chosen)
+    parts += (
+        np.broadcast_to(chosen, true.shape),
+        kinds.below_threshold & chosen,
+        kinds.false_positive & chosen,
+    )
     return np.stack([part.sum(axis=1) for part in parts], axis=-1).astype(np.float64)
 
 
@@ -285,7 +290,7 @@ HEIGHT_BIAS, HEIGHT_RMS, LATERAL_RMS = ratio(9), root(10), root(11)
 TOP_BIAS, TOP_RMS, BASE_BIAS, BASE_RMS = ratio(12), root(13), ratio(16), root(14)
 COLUMN_MISSED, COLUMN_BIAS = ratio(1, 0), ratio(3, 2)
 COLUMN_RMS, COLUMN_RMS_M, COLUMN_BIAS_M = root(4, 2), root(5, 2), ratio(6, 2)
-COLUMN_UNASKED, COLUMN_INVENTED = ratio(8, 7), ratio(9, 7)
+COLUMN_BELOW_THRESHOLD, COLUMN_FALSE_POSITIVE = ratio(8, 7), ratio(9, 7)
 UNCOVERED, ELSEWHERE = ratio(2, 1), ratio(3, 1)
 STIXELS_A_FRAME, OVERHANG = ratio(4), ratio(5)
 PHASE_BIAS = ratio(1)

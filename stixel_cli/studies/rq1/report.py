@@ -89,11 +89,11 @@ def _method(users: Sequence[Group]) -> Section:
                 f"for: {free_space.obstacle_height:g} m of height there, and "
                 f"{free_space.obstacle_pixels:g} px. A column is missed if nothing is found there, "
                 f"or more than {GROSS:g} px farther. Where something is found more than {GROSS:g} "
-                "px nearer, or in a column without a true obstacle, it is “not asked for” if "
-                f"something stands there within {GROSS:g} px, only less of it than the least "
+                "px nearer, or in a column without a true obstacle, it is “below threshold” if "
+                f"something is there within {GROSS:g} px, only less of it than the least "
                 "obstacle (a wheel's rim, a foot) or beyond the grid's far end at "
-                f"{farthest:g} m, and “invented” if nothing does (mostly what a matcher spreads "
-                "beyond an object's edge)."
+                f"{farthest:g} m, and a “false positive” if nothing is (mostly what a matcher "
+                "spreads beyond an object's edge)."
             ),
             Paragraph(
                 "Stixels: on the target are those in at least half of whose columns it is the "

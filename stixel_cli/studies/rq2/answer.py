@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from stixel_cli.evaluation.metric_table import METRICS, Metric
 from stixel_cli.results.text import listed
 from stixel_cli.studies.field_names import LIDAR, STIXELS
 from stixel_cli.studies.inference import least_p
@@ -13,22 +14,18 @@ from stixel_cli.studies.rq2.contrasts import (
     is_floor,
     least_effect,
     of_kind,
+    quantity,
 )
 from stixel_cli.studies.rq2.runs import Run, chosen, metric_over_seeds, names, paired_difference
 from stixel_cli.studies.types import Table
 from stixel_cli.sweeps.statistics import Statistic
 
-_BESIDE = {
-    "low_overlap_share": "share of low overlap",
-    "nees_position_mean": "position NEES / 2",
-    "nis_mean": "NIS / d.o.f.",
-}
-"""What stands beside the errors, without a test."""
+_UNTESTED = ("low_overlap_share", "nees_position_mean", "nis_mean")
+"""Metrics in the table next to the errors, without a test."""
 _ONE_SEED = (
     "These runs cannot distinguish stixels from lidar by a test: there is one seed, and a paired "
     "test over seeds, or an interval, takes two or more."
 )
-_SHORT = {"centre_rmse_m": "centre", "orientation_rmse_deg": "orientation", "iou_mean": "IoU"}
 
 
 def answer(runs: Sequence[Run]) -> list[str]:
@@ -91,13 +88,14 @@ def _lidar_table(
     for user in names(runs, "road_user"):
         for tracker in trackers:
             own = [one for one in tested if (one.road_user, one.tracker) == (user, tracker)]
-            for metric, (name, unit, _) in ERRORS.items():
-                row = [user, tracker, _with_unit(name, unit)]
+            for metric in ERRORS:
+                row = [user, tracker, _with_unit(ERRORS[metric])]
                 for i, one in enumerate(one for one in own if one.metric == metric):
                     row += one.values if i == 0 else one.values[1:]
                     row += [one.difference.mean, one.difference.low, one.difference.high]
                 rows.append(tuple(row))
-            for metric, name in _BESIDE.items():
+            for metric in _UNTESTED:
+                name = METRICS[metric].short_label
                 row = [user, tracker, name, _metric(runs, user, tracker, stixels, metric)]
                 for lidar in lidars:
                     row += [_metric(runs, user, tracker, lidar, metric), None, None, None]
@@ -118,13 +116,13 @@ def _floor_table(on_stixels: Sequence[Run], pairs: Sequence[tuple[str, str]]) ->
     rows = []
     for user in names(on_stixels, "road_user"):
         for tracker, floor in pairs:
-            for metric, (name, unit, _) in ERRORS.items():
+            for metric in ERRORS:
                 values = [
                     metric_over_seeds(chosen(on_stixels, road_user=user, tracker=one), metric).mean
                     for one in (tracker, floor)
                 ]
                 apart = floor_difference(on_stixels, user, tracker, floor, metric)
-                row = (user, tracker, floor, _with_unit(name, unit), *values)
+                row = (user, tracker, floor, _with_unit(ERRORS[metric]), *values)
                 rows.append((*row, apart.mean, apart.low, apart.high))
     return Table(
         "answer_floor",
@@ -146,8 +144,8 @@ def _floor_table(on_stixels: Sequence[Run], pairs: Sequence[tuple[str, str]]) ->
     )
 
 
-def _with_unit(name: str, unit: str) -> str:
-    return f"{name}, {unit}" if unit else name
+def _with_unit(metric: Metric) -> str:
+    return f"{metric.short_label}, {metric.unit}" if metric.unit else metric.short_label
 
 
 def _effects(found: Sequence[Contrast]) -> str:
@@ -164,9 +162,9 @@ def _effects(found: Sequence[Contrast]) -> str:
 
 
 def _effect(one: Contrast) -> str:
-    name, unit, _ = ERRORS[one.metric]
-    apart = one.difference
-    return f"{name} {with_interval(apart.mean, apart.low, apart.high, unit, sign=True)}"
+    metric, apart = ERRORS[one.metric], one.difference
+    interval = with_interval(apart.mean, apart.low, apart.high, metric.unit, sign=True)
+    return f"{metric.short_label} {interval}"
 
 
 def _tests(seeds: int, tests: int) -> str:
@@ -202,7 +200,7 @@ def _by_user(found: Sequence[Contrast]) -> str:
     """The road users with the metrics that were found of them."""
     parts = []
     for user in dict.fromkeys(one.road_user for one in found):
-        own = [_SHORT[one.metric] for one in found if one.road_user == user]
+        own = [quantity(ERRORS[one.metric]) for one in found if one.road_user == user]
         parts.append(f"the {user} ({listed(own)})")
     return listed(parts)
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from scipy.stats import t as student
 
+from stixel_cli.evaluation.metric_table import METRICS, Metric
 from stixel_cli.studies.field_names import FLOOR, LIDAR, STIXELS
 from stixel_cli.studies.inference import SIGNIFICANT, holm
 from stixel_cli.studies.prose import MINUS
@@ -13,12 +14,13 @@ from stixel_cli.studies.rq2.runs import Run, chosen, metric_over_seeds, names, p
 from stixel_cli.studies.types import Paragraph, Section, Table
 from stixel_cli.sweeps.statistics import Statistic
 
-ERRORS = {
-    "centre_rmse_m": ("centre RMSE", "m", False),
-    "orientation_rmse_deg": ("orientation RMSE", "°", False),
-    "iou_mean": ("mean IoU", "", True),
-}
-"""Metric to its name, unit, and whether more is better."""
+ERRORS = {name: METRICS[name] for name in ("centre_rmse_m", "orientation_rmse_deg", "iou_mean")}
+"""The metrics that are tested."""
+
+
+def quantity(metric: Metric) -> str:
+    """The short label without the statistic: "centre" of "centre RMSE"."""
+    return metric.short_label.removesuffix(" RMSE").removeprefix("mean ")
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,8 @@ class Contrast:
             return "alike"
         if self.p is None or self.p >= SIGNIFICANT:
             return "leaning"
-        return "better" if (self.difference.mean > 0.0) == ERRORS[self.metric][2] else "worse"
+        more_is_better = ERRORS[self.metric].better == "more"
+        return "better" if (self.difference.mean > 0.0) == more_is_better else "worse"
 
 
 def contrasts(runs: Sequence[Run], tracker: str, one: str, other: str) -> list[Contrast]:
@@ -133,9 +136,10 @@ def contrasts_section(runs: Sequence[Run]) -> Section:
             title, (Paragraph("This study holds no stixels beside another measurement."),)
         )
     columns = ["road user", "tracker", "difference", "n"]
-    for name, unit, _ in ERRORS.values():
+    for metric in ERRORS.values():
+        name, unit = metric.short_label, metric.unit
         columns += [f"{name} ({unit})" if unit else name, f"low {name}", f"high {name}"]
-        columns.append(f"p of {name.removesuffix(' RMSE').removeprefix('mean ')} (Holm)")
+        columns.append(f"p of {quantity(metric)} (Holm)")
     return Section(
         title,
         (

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.report import style
 from stixel_cli.report.compare_figure import LINE_STYLES
@@ -19,14 +20,7 @@ WIDTH = 4.9
 
 ERRORS = {"centre": "centre (m)", "orientation": "orientation (°)", "iou": "IoU"}
 CONSISTENCY = {"nees": "NEES / 2", "nis": "NIS / d.o.f."}
-BOXED = {
-    "centre_rmse_m": "centre RMSE (m)",
-    "orientation_rmse_deg": "orientation RMSE (°)",
-    "iou_mean": "mean IoU",
-    "nees_position_mean": "NEES / 2",
-    "nis_mean": "NIS / d.o.f.",
-}
-RATIOS = ("nees_position_mean", "nis_mean")
+BOXED = ("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "nees_position_mean", "nis_mean")
 
 
 def colour(measurement: str, measurements: Sequence[str]) -> str:
@@ -129,13 +123,14 @@ def boxes(name: str, runs: Sequence[Run], measurements: Sequence[str]) -> Figure
     with style.drawing():
         figure = _figure(WIDTH, 0.5 + 1.3 * len(BOXED))
         grid = figure.subplots(len(BOXED), 1, sharex=True, squeeze=False)
-        for axes, (metric, label) in zip(grid[:, 0], BOXED.items(), strict=True):
+        for axes, metric in zip(grid[:, 0], map(METRICS.get, BOXED), strict=True):
+            is_ratio = metric.better == "one"
             for i, tracker in enumerate(trackers):
                 for j, measurement in enumerate(there):
                     same = chosen(runs, tracker=tracker, measurement=measurement)
-                    values = [run.point.metrics.get(metric) for run in same]
+                    values = [run.point.metrics.get(metric.name) for run in same]
                     values = [value for value in values if value is not None]
-                    if metric in RATIOS:
+                    if is_ratio:
                         # On a logarithmic axis, as a run of no scan that counts has none.
                         values = [value for value in values if value > 0.0]
                     shade = colour(measurement, measurements)
@@ -144,15 +139,14 @@ def boxes(name: str, runs: Sequence[Run], measurements: Sequence[str]) -> Figure
                         _box(axes, values, place, 0.6 / len(there), shade)
                     # For the legend alone.
                     axes.plot([], [], color=shade, linewidth=4.0, label=measurement)
-            axes.set_ylabel(label, fontsize=8.0)
+            unit = f" ({metric.unit})" if metric.unit else ""
+            axes.set_ylabel(f"{metric.short_label}{unit}", fontsize=8.0)
             axes.grid(True, axis="y")
             axes.set_xticks(range(len(trackers)), trackers)
-            if metric in RATIOS:
+            if is_ratio:
                 _ratio_axis(axes)
-            elif metric == "iou_mean":
-                axes.set_ylim(0.0, 1.0)
             else:
-                axes.set_ylim(bottom=0.0)
+                axes.set_ylim(*metric.bounds)
         _legend(figure, grid)
         return Figure(
             name,

@@ -33,9 +33,9 @@ def fit_noise(runs: Sequence[PointErrors]) -> FittedNoise:
         scans.append(run.scans + first)
         first += len(run.times)
     scan = np.concatenate(scans)
-    column, along, lever, inside = (
+    column, along, sensitivity, inside = (
         np.concatenate([getattr(run, name) for run in runs])
-        for name in ("columns", "along", "levers", "inside")
+        for name in ("columns", "along", "range_sensitivities", "inside")
     )
     core = (inside > 0.0) & ~outermost
     if not spacings or np.count_nonzero(core) < _FEWEST:
@@ -45,9 +45,9 @@ def fit_noise(runs: Sequence[PointErrors]) -> FittedNoise:
         )
     width = max(1, round(float(np.median(spacings))))
 
-    # In units of the lever, px, errors are about as large at all ranges.
-    range_bias = float(np.average(along[core], weights=lever[core] ** -2.0))
-    rest = (along - range_bias) / lever
+    # Divided by the range sensitivity, in px, errors are about as large at all ranges.
+    range_bias = float(np.average(along[core], weights=sensitivity[core] ** -2.0))
+    rest = (along - range_bias) / sensitivity
     variance = float(np.mean(rest[core] ** 2))
     edge_variance = float(np.mean(rest[outermost] ** 2)) - variance
     missed_share, missed_columns = _missed(scan, column, width)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.studies.field_names import tracker_name
 from stixel_cli.studies.types import Part, StudyRun
 from stixel_cli.validation.point_errors import PointErrors
@@ -175,22 +176,23 @@ def point_measures(lag: float) -> dict[str, Measure]:
     }
 
 
-def _metric(name: str) -> Callable[[StudyRun, PointErrors], float | None]:
-    return lambda point, _: point.metrics.get(name)
+def _metric(name: str) -> Measure:
+    row = METRICS[name]
+    return Measure(row.short_label, row.unit, lambda point, _: point.metrics.get(name))
 
 
-def _decades(name: str) -> Callable[[StudyRun, PointErrors], float | None]:
+def _decades(name: str) -> Measure:
     def of(point: StudyRun, _: PointErrors) -> float | None:
         value = point.metrics.get(name)
         return None if value is None or value <= 0.0 else float(np.log10(value))
 
-    return of
+    return Measure(f"log10 of {METRICS[name].short_label}", METRICS[name].unit, of)
 
 
 TRACKER_MEASURES = {
-    "centre": Measure("centre RMSE", "m", _metric("centre_rmse_m")),
-    "orientation": Measure("orientation RMSE", "°", _metric("orientation_rmse_deg")),
-    "iou": Measure("mean IoU", "", _metric("iou_mean")),
-    "nees": Measure("log10 of mean NEES / 2", "", _decades("nees_position_mean")),
-    "nis": Measure("log10 of mean NIS / d.o.f.", "", _decades("nis_mean")),
+    "centre": _metric("centre_rmse_m"),
+    "orientation": _metric("orientation_rmse_deg"),
+    "iou": _metric("iou_mean"),
+    "nees": _decades("nees_position_mean"),
+    "nis": _decades("nis_mean"),
 }

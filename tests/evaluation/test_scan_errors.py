@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stixel_cli.evaluation.metrics import (
+from stixel_cli.evaluation.scan_errors import (
     centre_errors,
     intersections_over_unions,
     normalised_errors,

@@ -22,7 +22,7 @@ GRID = PolarOccupancy(
 )
 PATH = FreeSpaceParameters(0.3, 5.0, 1.5, 1.0, 0.2, 5.0, 0.0, 3.0)
 DISPARITY = 10.0
-"""Of the target, levelled: a whole number, so that the stored disparities hold it exactly."""
+"""Pitch-compensated, of the target: a whole number, so the stored disparities are exact."""
 
 
 def make_rig(pitch=0.0):
@@ -98,9 +98,8 @@ def perfect_errors(shift=0, first=4):
     rig = make_rig()
     depth, ids = scene(rig, rig.depth_from_disparity(DISPARITY))
     truth = truth_of(rig)
-    rendered = RenderedFrames.from_arrays(
-        first, *([[np.zeros((*ids.shape, 3), np.uint8)]] * 2), [depth], [ids]
-    )
+    black = np.zeros((*ids.shape, 3), np.uint8)
+    rendered = RenderedFrames.from_frames(first, [(black, black, depth, ids)])
     exact = np.where(np.isfinite(depth), 16.0 * truth.disparity, -1)
     raw = np.where(np.isfinite(depth), np.rint(exact).astype(np.int16) + shift, -1)
     found = rig.disparity_from_depth(truth.nearest_depth) + shift / 16.0

@@ -1,8 +1,8 @@
 """Errors of a track against the truth, one number a scan.
 
 Conventions: K scans; poses (K, 3) = x m, y m, heading rad in the world; polygons (K, M, 2) m in the
-world, the first vertex not repeated; estimated minus true. Errors count at every scan, the empty
-ones included. NaN is what cannot be had.
+world, the first vertex not repeated; estimated minus true. Errors count at every scan, also
+at empty ones. A missing value is NaN.
 """
 
 import numpy as np

@@ -1,0 +1,222 @@
+"""The table of metrics: each scalar that sums up a track over its scans, and how to show it.
+
+To add one, write its row here, with the function that sums up the errors of a run. Tables, figures
+and pages read the rest from the row.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from stixel_cli.evaluation.scores import LOW_OVERLAP
+
+Better = Literal["less", "more", "one"]
+
+
+@dataclass(frozen=True)
+class ScanErrors:
+    """Errors and counts of one track over its K scans.
+
+    Attributes:
+        centre: (K,) m.
+        orientation: (K,) degrees in (-180, 180], estimated minus true.
+        iou: (K,) intersection over union of the contours, 0 … 1.
+        nees_position, nees_heading: (K,) NEES divided by its dimension; NaN without a valid
+            covariance.
+        nis: (K,) NIS divided by its degrees of freedom; NaN for an empty scan.
+        points, points_used: (K,) points of the scan, and those that the tracker used.
+    """
+
+    centre: np.ndarray
+    orientation: np.ndarray
+    iou: np.ndarray
+    nees_position: np.ndarray
+    nees_heading: np.ndarray
+    nis: np.ndarray
+    points: np.ndarray
+    points_used: np.ndarray
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A scalar metric of one run.
+
+    Attributes:
+        name: key in `metrics.json`, and column of tables.
+        label: full name.
+        short_label: name where space is short.
+        unit: "" without one.
+        better: which value is better: less, more, or the nearest to one (of a ratio that is 1
+            where a tracker is consistent); None if no value is better.
+        bounds: least and greatest possible value; None where there is no bound.
+        over_scans: sums up the errors of a run; None where the metric has no value. Over runs, a
+            metric is summed up by its mean.
+    """
+
+    name: str
+    label: str
+    short_label: str
+    unit: str
+    better: Better | None
+    bounds: tuple[float | None, float | None]
+    over_scans: Callable[[ScanErrors], float | int | None]
+
+
+def mean(values: np.ndarray) -> float | None:
+    """Mean, or None if there is no value or one that is not finite."""
+    values = np.asarray(values, dtype=np.float64)
+    return float(values.mean()) if len(values) and np.isfinite(values).all() else None
+
+
+def root_mean_square(values: np.ndarray) -> float | None:
+    """Root of the mean square, or None if there is no value or one that is not finite."""
+    square = mean(np.square(np.asarray(values, dtype=np.float64)))
+    return None if square is None else float(np.sqrt(square))
+
+
+def finite_mean(values: np.ndarray) -> float | None:
+    """Mean of the finite values, or None if no value is finite."""
+    return mean(values[np.isfinite(values)])
+
+
+def second_half(values: np.ndarray) -> np.ndarray:
+    """The values from scan K // 2 on."""
+    return values[len(values) // 2 :]
+
+
+_METRE = ("m", "less", (0.0, None))
+_DEGREE = ("°", "less", (0.0, None))
+_OVERLAP = ("", "more", (0.0, 1.0))
+_SHARE = ("", "less", (0.0, 1.0))
+_RATIO = ("", "one", (0.0, None))
+_COUNT = ("", None, (0.0, None))
+
+_TABLE = (
+    Metric(
+        "centre_rmse_m",
+        "centre error, RMSE",
+        "centre RMSE",
+        *_METRE,
+        lambda errors: root_mean_square(errors.centre),
+    ),
+    Metric(
+        "centre_mean_m",
+        "centre error, mean",
+        "mean centre error",
+        *_METRE,
+        lambda errors: mean(errors.centre),
+    ),
+    Metric(
+        "centre_rmse_second_half_m",
+        "centre error, RMSE of the second half",
+        "centre RMSE, second half",
+        *_METRE,
+        lambda errors: root_mean_square(second_half(errors.centre)),
+    ),
+    Metric(
+        "centre_final_m",
+        "centre error, last scan",
+        "centre error, last scan",
+        *_METRE,
+        lambda errors: mean(errors.centre[-1:]),
+    ),
+    Metric(
+        "orientation_rmse_deg",
+        "orientation error, RMSE",
+        "orientation RMSE",
+        *_DEGREE,
+        lambda errors: root_mean_square(errors.orientation),
+    ),
+    Metric(
+        "orientation_rmse_second_half_deg",
+        "orientation error, RMSE of the second half",
+        "orientation RMSE, second half",
+        *_DEGREE,
+        lambda errors: root_mean_square(second_half(errors.orientation)),
+    ),
+    Metric("iou_mean", "IoU, mean", "mean IoU", *_OVERLAP, lambda errors: mean(errors.iou)),
+    Metric(
+        "iou_second_half",
+        "IoU, mean of the second half",
+        "mean IoU, second half",
+        *_OVERLAP,
+        lambda errors: mean(second_half(errors.iou)),
+    ),
+    Metric(
+        "iou_final",
+        "IoU, last scan",
+        "IoU, last scan",
+        *_OVERLAP,
+        lambda errors: mean(errors.iou[-1:]),
+    ),
+    Metric(
+        "low_overlap_share",
+        f"share of low overlap, IoU < {LOW_OVERLAP}",
+        "share of low overlap",
+        *_SHARE,
+        lambda errors: mean(errors.iou < LOW_OVERLAP),
+    ),
+    Metric(
+        "nees_position_mean",
+        "NEES of the position / 2, mean (1 is consistent)",
+        "mean NEES / 2",
+        *_RATIO,
+        lambda errors: finite_mean(errors.nees_position),
+    ),
+    Metric(
+        "nees_heading_mean",
+        "NEES of the heading, mean (1 is consistent)",
+        "mean NEES, heading",
+        *_RATIO,
+        lambda errors: finite_mean(errors.nees_heading),
+    ),
+    Metric(
+        "nis_mean",
+        "NIS / degrees of freedom, mean (1 is consistent)",
+        "mean NIS / d.o.f.",
+        *_RATIO,
+        lambda errors: finite_mean(errors.nis),
+    ),
+    Metric("scans", "scans", "scans", *_COUNT, lambda errors: len(errors.points)),
+    Metric(
+        "empty_scans",
+        "empty scans",
+        "empty scans",
+        *_COUNT,
+        lambda errors: int(np.sum(errors.points == 0)),
+    ),
+    Metric(
+        "points_per_scan_mean",
+        "points in a scan, mean",
+        "points per scan",
+        *_COUNT,
+        lambda errors: mean(errors.points),
+    ),
+    Metric(
+        "points_used_mean",
+        "points used of a scan, mean",
+        "points used per scan",
+        *_COUNT,
+        lambda errors: mean(errors.points_used),
+    ),
+)
+
+METRICS = {metric.name: metric for metric in _TABLE}
+"""Name to row, in the order in which tables show them."""
+
+_SUFFIXES = {"_m": "m", "_deg": "°", "_s": "s"}
+
+
+def metric(name: str) -> Metric:
+    """The row of a metric; for an unknown name, one with the name in words and its suffix's unit.
+
+    Files of other versions can have metrics that this table does not have.
+    """
+    if name in METRICS:
+        return METRICS[name]
+    suffix = next((s for s in _SUFFIXES if name.endswith(s)), "")
+    words = name.removesuffix(suffix).replace("_", " ")
+    unit = _SUFFIXES.get(suffix, "")
+    return Metric(name, words, words, unit, None, (None, None), lambda errors: None)

@@ -1,0 +1,28 @@
+import re
+
+import pytest
+
+from stixel_cli.evaluation.metric_table import METRICS, metric
+
+UNITS = {"_m": "m", "_deg": "°"}
+
+
+@pytest.mark.parametrize("row", METRICS.values(), ids=METRICS)
+def test_row_is_complete(row):
+    assert METRICS[row.name] is row and metric(row.name) is row
+    assert re.fullmatch(r"[a-z_]+", row.name)
+    assert row.label and row.short_label and len(row.short_label) <= 32
+    assert row.unit == next((u for s, u in UNITS.items() if row.name.endswith(s)), "")
+    low, high = row.bounds
+    assert low == 0.0 and high in (None, 1.0)
+    assert (row.better == "one") == ("consistent" in row.label)
+
+
+def test_labels_differ():
+    for field in ("label", "short_label"):
+        assert len({getattr(row, field) for row in METRICS.values()}) == len(METRICS)
+
+
+def test_unknown_metric_has_a_name_in_words():
+    row = metric("new_thing_m")
+    assert (row.label, row.unit, row.better, row.bounds) == ("new thing", "m", None, (None, None))
