@@ -11,14 +11,15 @@ from dataclasses import replace
 import pytest
 
 from stixel_cli.engine import code
+from stixel_cli.engine.cleanup import keep_limit
 from stixel_cli.engine.code import CodeIndex
+from stixel_cli.engine.entries import entries
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.explain import explain
 from stixel_cli.engine.graph import GraphBuilder, build_graph, merge
 from stixel_cli.engine.plan import plan
 from stixel_cli.engine.stage import Stage
 from stixel_cli.engine.store import Store
-from stixel_cli.engine.upkeep import entries, keep_limit
 
 NODES = 200
 STAGES = """

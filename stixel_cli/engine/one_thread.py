@@ -1,4 +1,4 @@
-"""One thread per stage: the workers give the parallelism, and the bytes do not depend on it."""
+"""One thread per stage: parallel work comes from the workers, and results do not depend on it."""
 
 import importlib
 import os
@@ -24,19 +24,19 @@ _LIBRARIES = dict.fromkeys(
 )
 
 ENVIRONMENT = {**_LIBRARIES, "NUMBA_NUM_THREADS": "1"}
-"""For a new process. The libraries read it when they are loaded."""
+"""Environment of a new process. Libraries read it when they are loaded."""
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
     """Limit the numerical libraries of this process to one thread, until the last caller leaves.
 
-    A process that began with `ENVIRONMENT` needs no limit; this is for the others: a program that
-    calls this package, a worker that somebody else started. Numba is left alone: its kernels here
-    are not parallel, and it objects to a change after its start.
+    A process that started with `ENVIRONMENT` needs no limit. Others do: a program that calls this
+    package, or a worker that another program started. Numba is not limited: its kernels here are
+    not parallel, and it rejects a change after its start.
 
     Raises:
-        ExecutorError: a library keeps more threads.
+        ExecutorError: a library still uses more threads.
     """
     controller = _limits.enter()
     try:
@@ -71,10 +71,10 @@ class _Limits:
         self.environment: dict[str, str | None] = {}
 
     def enter(self) -> Any:
-        """Set what is not set; the controller of the libraries that are loaded."""
+        """Set missing limits; return the controller of the loaded libraries."""
         with self.lock:
             if "cv2" in sys.modules:
-                # Another thread may be importing it just now: this waits until it has.
+                # Another thread may be importing it: this waits for the import.
                 cv2 = importlib.import_module("cv2")
                 if cv2.getNumThreads() != 1:
                     self.opencv_threads = cv2.getNumThreads()
@@ -84,7 +84,7 @@ class _Limits:
                 os.environ.update(_LIBRARIES)
                 self.controller = None
             if self.controller is None:
-                # What is loaded after this reads the environment.
+                # Libraries that are loaded later read the environment.
                 from threadpoolctl import ThreadpoolController
 
                 self.controller = ThreadpoolController()
@@ -109,10 +109,10 @@ class _Limits:
 
 
 def _in_a_thread(call: Callable[[], Any]) -> Any:
-    """The result of `call()` in a thread of its own.
+    """Run `call()` in a new thread and return its result.
 
-    threadpoolctl lets one thread alone set limits of OpenBLAS: the first that does, until that
-    thread ends. It ignores all others, without an error.
+    Only the first thread that sets a limit of OpenBLAS can set one, until that thread ends.
+    threadpoolctl ignores other threads without an error.
     """
     results: list[Any] = []
     thread = Thread(target=lambda: results.append(call()))
