@@ -16,11 +16,7 @@ Kind = Literal[
     "new", "evicted", "damaged", "needed", "setting", "seed", "file", "code", "version", "input"
 ]
 
-WORDS = {
-    "size": "to keep its size limit",
-    "age": "because of its age",
-    "cleared": "when it was cleared",
-}
+WORDS = {"size": "to save space", "age": "by age", "cleared": "when it was cleared"}
 
 
 @dataclass(frozen=True)

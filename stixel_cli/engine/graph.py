@@ -270,9 +270,8 @@ def _in_order(stages: Sequence[Stage]) -> list[Stage]:
         left = [stage for stage in stages if stage.name not in ordered]
         ready = [stage for stage in left if ordered.keys() >= set(stage.inputs.values())]
         if not ready:
-            raise ValueError(
-                f"stages depend on each other: {', '.join(stage.name for stage in left)}"
-            )
+            names = ", ".join(stage.name for stage in left)
+            raise ValueError(f"stages depend on each other: {names}")
         ordered[ready[0].name] = ready[0]
     return list(ordered.values())
 
