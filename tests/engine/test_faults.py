@@ -216,7 +216,6 @@ SCRIPT = """
 
 WAITING = """
     import time
-import traceback
     from pathlib import Path
 
     def wait(folder, frames):
