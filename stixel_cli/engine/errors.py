@@ -4,10 +4,6 @@ import os.path
 import re
 import sysconfig
 
-import os.path
-import re
-import sysconfig
-
 
 class CacheError(Exception):
     """The cache cannot be read or written."""
