@@ -23,6 +23,7 @@ from typing import Any
 from stixel_cli.engine.errors import ExecutorError
 from stixel_cli.engine.one_thread import ENVIRONMENT
 from stixel_cli.engine.parameters import PROGRAM, DaskExecutor
+from stixel_cli.engine.pools import Pool
 
 PATIENCE = 20.0
 """Seconds to wait for a scheduler to answer."""
@@ -115,10 +116,9 @@ def _end_with_parent(folder: str) -> None:
     os.killpg(0, signal.SIGKILL)
 
 
-class DaskPool:
+class DaskPool(Pool):
     """Submits tasks to a Dask scheduler, as futures of the standard library."""
 
-    all_die_together = False
     kills = True
 
     def __init__(
@@ -203,9 +203,6 @@ class DaskPool:
         if isinstance(error, CancelledError) or "CancelledError" in type(error).__name__:
             raise self._lost()
         return isinstance(error, self._death)
-
-    def renew(self) -> None:
-        """The cluster replaces its workers."""
 
     def close(self) -> None:
         """Disconnect from the scheduler, and end a cluster on this machine."""

@@ -3,7 +3,7 @@
 import importlib
 import os
 import sys
-from collections.abc import Callable, Iterator, MutableMapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Lock, Thread
@@ -104,7 +104,11 @@ class _Limits:
                 _in_a_thread(self.set_by_libraries.restore_original_limits)
             if self.opencv_threads is not None:
                 sys.modules["cv2"].setNumThreads(self.opencv_threads)
-            _restore(os.environ, self.environment)
+            for name, value in self.environment.items():
+                if value is None:
+                    os.environ.pop(name, None)
+                else:
+                    os.environ[name] = value
             self.set_by_libraries, self.opencv_threads, self.environment = None, None, {}
 
 
@@ -119,14 +123,6 @@ def _in_a_thread(call: Callable[[], Any]) -> Any:
     thread.start()
     thread.join()
     return results[0]
-
-
-def _restore(environment: MutableMapping[str, str], before: dict[str, str | None]) -> None:
-    for name, value in before.items():
-        if value is None:
-            environment.pop(name, None)
-        else:
-            environment[name] = value
 
 
 _limits = _Limits()

@@ -8,7 +8,7 @@ from concurrent.futures import BrokenExecutor, Future
 from contextlib import contextmanager
 from queue import SimpleQueue
 from threading import Thread
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 from stixel_cli.engine.one_thread import ENVIRONMENT
 from stixel_cli.engine.parameters import DaskExecutor, Executor, LocalExecutor, ThreadsExecutor
@@ -20,29 +20,29 @@ ORPHAN_INTERVAL = 0.5
 NAMES = ("local", "threads", "dask", "serial")
 
 
-class Pool(Protocol):
-    """A pool of workers for the scheduler.
+class Pool:
+    """Workers for the scheduler. The defaults are those of workers in this process.
 
     Attributes:
+        limit: maximum number of submitted tasks: one more than run, so that no worker waits.
         all_die_together: whether all running tasks fail if one worker crashes.
         kills: whether tasks run in processes of their own, which a time limit may end.
     """
 
-    all_die_together: bool
-    kills: bool
-
-    @property
-    def limit(self) -> int:
-        """Maximum number of submitted tasks: one more than run, so that no worker waits."""
+    limit = 1
+    all_die_together = False
+    kills = False
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
         """Run `function` in a worker."""
+        raise NotImplementedError
 
     def died(self, error: BaseException | None) -> bool:
         """Whether the error of a future means that its worker crashed."""
+        return False
 
     def renew(self) -> None:
-        """Replace crashed workers."""
+        """Replace crashed workers, if the pool does not do so by itself."""
 
     def tend(self, note: Callable[[str], None]) -> None:
         """Report by `note` that the tasks wait for workers. Called while tasks run.
@@ -55,7 +55,7 @@ class Pool(Protocol):
         """End the workers, also those that still run a task."""
 
 
-class ProcessPool:
+class ProcessPool(Pool):
     """Processes of loky, started with the first task. If one crashes, all running tasks fail."""
 
     all_die_together = True
@@ -100,9 +100,6 @@ class ProcessPool:
         """End the remaining processes; the next task starts new ones."""
         self.close()
 
-    def tend(self, note: Callable[[str], None]) -> None:
-        """Processes start with the first task."""
-
     def close(self) -> None:
         """Kill the processes."""
         if self._executor is not None:
@@ -110,24 +107,7 @@ class ProcessPool:
             self._executor = None
 
 
-class _InThisProcess:
-    """What pools without worker processes share."""
-
-    all_die_together = False
-    kills = False
-
-    def died(self, error: BaseException | None) -> bool:
-        """A crash would end this process."""
-        return False
-
-    def renew(self) -> None:
-        """Nothing to replace."""
-
-    def tend(self, note: Callable[[str], None]) -> None:
-        """Workers are always available."""
-
-
-class ThreadPool(_InThisProcess):
+class ThreadPool(Pool):
     """Daemon threads of this process: unlike the standard library's, they do not delay its end."""
 
     def __init__(self, workers: int):
@@ -155,19 +135,14 @@ class ThreadPool(_InThisProcess):
                 _settle(future, function, arguments)
 
 
-class SerialPool(_InThisProcess):
+class SerialPool(Pool):
     """This thread: `submit` returns when the task is done."""
-
-    limit = 1
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
         """Run `function` now."""
         future: Future = Future()
         _settle(future, function, arguments)
         return future
-
-    def close(self) -> None:
-        """Nothing to close."""
 
 
 def executor_of(executor: Executor | ExecutorName, workers: int) -> Executor | None:

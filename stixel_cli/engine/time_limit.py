@@ -13,7 +13,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from stixel_cli.engine.errors import CacheError, TimeLimitExceeded
+from stixel_cli.engine.errors import TimeLimitExceeded
+from stixel_cli.engine.locks import unwritable
 
 
 @dataclass(frozen=True)
@@ -75,9 +76,7 @@ def _killed(limit: TimeLimit, mark: Path) -> Iterator[None]:
         mark.parent.mkdir(parents=True, exist_ok=True)
         file = mark.open("w")
     except OSError as error:
-        raise CacheError(
-            f"cannot write in the cache {mark.parents[1]}: {error.strerror or error}"
-        ) from error
+        raise unwritable(mark.parents[1], error) from error
     with file:
         faulthandler.dump_traceback_later(limit.seconds, exit=True, file=file)
         try:
