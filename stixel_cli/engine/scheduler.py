@@ -153,7 +153,7 @@ class Run:
         while True:
             for key in sorter.get_ready():
                 self._push(key)
-            self._hand_out()
+            self._submit_ready()
             if not self._in_flight:
                 return
             finished, _ = wait(self._in_flight, timeout=TICK, return_when=FIRST_COMPLETED)
@@ -169,7 +169,7 @@ class Run:
         # Deepest first, so that each chunk finishes early.
         heapq.heappush(self._ready, (-self.graph.nodes[key].depth, self._order[key], key))
 
-    def _hand_out(self) -> None:
+    def _submit_ready(self) -> None:
         """Submit ready nodes up to the limit of the pool."""
         if self._fatal is not None:
             return
