@@ -1,4 +1,4 @@
-"""What the engine costs beside the work: a node (goal 5 ms), a plan, upkeep, the hash of code.
+"""Overhead of the engine: per node (goal 5 ms), of a plan, of the cleanup, of the code's digests.
 
 pytest bench/bench_engine.py
 """
@@ -11,14 +11,15 @@ from dataclasses import replace
 import pytest
 
 from stixel_cli.engine import code
+from stixel_cli.engine.cleanup import keep_limit
 from stixel_cli.engine.code import CodeIndex
+from stixel_cli.engine.entries import entries
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.explain import explain
 from stixel_cli.engine.graph import GraphBuilder, build_graph, merge
 from stixel_cli.engine.plan import plan
 from stixel_cli.engine.stage import Stage
 from stixel_cli.engine.store import Store
-from stixel_cli.engine.upkeep import entries, keep_limit
 
 NODES = 200
 STAGES = """
@@ -45,7 +46,7 @@ def graph(tmp_path, monkeypatch):
 
 
 def plain(graph):
-    """The same work without an engine: the functions called in order."""
+    """The same work without the engine: plain calls in order."""
     import bench_stages
 
     previous = None
@@ -61,7 +62,7 @@ def test_plain_calls(benchmark, graph):
 @pytest.mark.benchmark(group="200 empty nodes")
 @pytest.mark.parametrize("executor", ["serial", "threads", "local", "dask"])
 def test_overhead_of_a_node(benchmark, graph, tmp_path, executor, monkeypatch):
-    """The time includes the start of the workers; milliseconds a node are in the extra info."""
+    """Time with the start of the workers; the extra info has milliseconds per node."""
     if executor == "dask":
         pytest.importorskip("distributed")
         monkeypatch.setenv("PYTHONPATH", str(tmp_path))
@@ -72,13 +73,13 @@ def test_overhead_of_a_node(benchmark, graph, tmp_path, executor, monkeypatch):
         setup=lambda: ((next(folders),), {}),
         rounds=3,
     )
-    benchmark.extra_info["ms a node, start included"] = 1e3 * benchmark.stats.stats.median / NODES
+    benchmark.extra_info["ms per node, with start"] = 1e3 * benchmark.stats.stats.median / NODES
 
 
 @pytest.mark.benchmark(group="400 more nodes")
 @pytest.mark.parametrize("executor", ["serial", "threads", "local", "dask"])
 def test_overhead_beside_the_start(benchmark, tmp_path, executor, monkeypatch, graph):
-    """What 600 nodes take longer than 200, by the node: the start of the workers falls out."""
+    """Time per node of 600 nodes minus 200 nodes, so without the start of the workers."""
     if executor == "dask":
         pytest.importorskip("distributed")
         monkeypatch.setenv("PYTHONPATH", str(tmp_path))
@@ -94,7 +95,7 @@ def test_overhead_beside_the_start(benchmark, tmp_path, executor, monkeypatch, g
         return time.perf_counter() - started
 
     found = [(seconds(600, i) - seconds(200, i)) / 400 for i in range(3)]
-    benchmark.extra_info["ms a node"] = 1e3 * sorted(found)[1]
+    benchmark.extra_info["ms per node"] = 1e3 * sorted(found)[1]
     benchmark.pedantic(lambda: None, rounds=1)
 
 

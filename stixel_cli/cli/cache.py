@@ -8,11 +8,11 @@ from typing import Any
 from stixel_cli.cli.errors import tell
 from stixel_cli.cli.terminal import print_table
 from stixel_cli.config.compose import compose
+from stixel_cli.engine.cleanup import Collection, clear, collect
+from stixel_cli.engine.entries import entries, entry_folders, verify_all
 from stixel_cli.engine.errors import MissingEntry
-from stixel_cli.engine.listing import scan
+from stixel_cli.engine.parameters import parse_age, parse_size, show_size
 from stixel_cli.engine.store import Store, open_store
-from stixel_cli.engine.units import parse_age, parse_size, show_size
-from stixel_cli.engine.upkeep import Collection, clear, collect, entries, verify_all
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.recorded_run import told_in_one_line
 from stixel_cli.results.text import json_text
@@ -106,7 +106,7 @@ def check_command(json: bool) -> int:
     store = _store()
     with told_in_one_line():
         # `entries` would set aside, unnamed, what `verify_all` is to name.
-        count = len(scan(store))
+        count = len(entry_folders(store))
         bad = verify_all(store)
     if json:
         answer = [vars(entry) | {"reason": reason} for entry, reason in bad]
@@ -125,7 +125,7 @@ def _confirmed(store: Store) -> bool:
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
         raise UserError("this removes all results of the cache: add --yes, there is no one to ask")
     with told_in_one_line():
-        found = scan(store)
+        found = entry_folders(store)
     size = show_size(sum(one.size for one in found))
     sys.stderr.write(f"remove {len(found)} results, {size}, from {store.folder}? [y/N] ")
     sys.stderr.flush()

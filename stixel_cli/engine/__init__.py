@@ -1,1 +1,1 @@
-"""The experiment's engine: a graph of cached stages, run by workers. Knows no stixel."""
+"""A graph of cached stages, computed by workers."""

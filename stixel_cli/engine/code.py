@@ -1,20 +1,25 @@
 """The code of a stage: every first-party module that its modules reach through import statements.
 
-Import statements are followed wherever they occur in a file, and nothing is imported. A module
-counts whole, by its syntax tree without comments, layout and docstrings: an edit of any of its
-statements, imports included, makes the stage stale.
+Import statements are followed wherever they occur in a file; nothing is imported. The digest of a
+module is that of its syntax tree without comments, layout and docstrings: an edit of any statement,
+imports included, makes the stage stale.
 
-- First-party is the package of the stage, the engine's own package, and every module on the
-  import path that no distribution and not the standard library owns.
-- A package's `__init__` counts where code imports a name from it. A package that is bound as an
-  object (`import package`) counts with all modules below it, since any of them can be an attribute.
-- What no import statement shows (`importlib.import_module`, `sys.modules`, a file that is read) is
-  declared by the stage: see `Stage.modules` and `Stage.files`.
+- First-party modules: the package of the stage, the engine's own package, and every module on the
+  import path that belongs neither to a distribution nor to the standard library.
+- A package's `__init__` counts if code imports a name from it. A package that is bound as an object
+  (`import package`) counts with all its modules, since any of them can be an attribute.
+- A stage declares code that no import statement names (`importlib.import_module`, `sys.modules`)
+  and files that it reads: see `Stage.modules` and `Stage.files`.
 """
 
 import ast
+import difflib
+import os
+import shutil
 import sys
+import time
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
@@ -49,7 +54,7 @@ class Code:
 
 @dataclass(frozen=True)
 class _Module:
-    """One source file: what it is made of, and its imports as (module, name or None)."""
+    """One source file with its digests, and its imports as (module, name or None)."""
 
     name: str
     path: Path
@@ -61,7 +66,7 @@ class _Module:
 
 
 def same_files(files: Mapping[str, tuple[Path, str]]) -> bool:
-    """Whether all files still have the bytes of their digests."""
+    """Whether all files still have the content of their digests."""
     try:
         return all(sha256(p.read_bytes()).hexdigest() == digest for p, digest in files.values())
     except OSError:
@@ -69,7 +74,7 @@ def same_files(files: Mapping[str, tuple[Path, str]]) -> bool:
 
 
 class CodeIndex:
-    """The code of stages as the files are now; make a new index to see them as they are later."""
+    """Finds the code of stages. Each file is read once: make a new index to see later edits."""
 
     def __init__(self):
         self._folders: dict[str, tuple[Path, ...]] = {}
@@ -77,7 +82,7 @@ class CodeIndex:
         self._codes: dict[tuple[str, ...], Code] = {}
 
     def code(self, roots: Iterable[str]) -> Code:
-        """The code that the modules `roots` reach, themselves included.
+        """Find the code that the modules `roots` reach, including themselves.
 
         Raises:
             LookupError: a root is not a module, or a module is not valid Python.
@@ -118,7 +123,7 @@ class CodeIndex:
         )
 
     def _reached(self, target: str, attribute: str | None) -> Iterator[str]:
-        """Modules that an import of `attribute` from `target` binds; None: of `target` itself."""
+        """Modules that an import of `attribute` from `target` binds; None for `import target`."""
         if attribute is None or attribute == "*":
             yield from self._below(target)
         else:
@@ -132,7 +137,7 @@ class CodeIndex:
                 yield target
 
     def _below(self, name: str) -> Iterator[str]:
-        """The module, and all modules of it if it is a package."""
+        """The module, and all its submodules if it is a package."""
         yield name
         module = self._find(name)
         if module is not None and module.is_package:
@@ -166,7 +171,7 @@ class CodeIndex:
 
 
 def _search_folders(top: str) -> tuple[Path, ...]:
-    """The folders that hold the top-level module or package."""
+    """The folders that contain the top-level module or package."""
     try:
         spec = find_spec(top)
     except (ImportError, ValueError):
@@ -179,7 +184,7 @@ def _search_folders(top: str) -> tuple[Path, ...]:
 
 
 _parsed: dict[Path, _Module] = {}
-"""Kept for the life of the process, and used while the file has the same bytes."""
+"""Parsed modules of this process, valid while the file has the same content."""
 
 
 def _parse(name: str, path: Path, is_package: bool) -> _Module:
@@ -232,7 +237,7 @@ def _imports(node: ast.AST, package: str) -> Iterator[tuple[str, str | None]]:
 
 
 def _normalised(tree: ast.Module) -> str:
-    """The tree as text, without layout, comments and docstrings; `tree` loses its docstrings."""
+    """The tree as text, without layout, comments and docstrings. Changes `tree`."""
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
         if isinstance(body, list):
@@ -255,7 +260,7 @@ def _distributions() -> Mapping[str, list[str]]:
 
 @cache
 def _is_loose(top: str) -> bool:
-    """Whether a top-level module is source that no distribution owns, such as a user's own file."""
+    """Whether a top-level module belongs to no distribution, such as a user's own file."""
     if top in sys.stdlib_module_names or top in _distributions():
         return False
     return bool(_search_folders(top))
@@ -268,8 +273,57 @@ def _versions(tops: Iterable[str]) -> dict[str, str | None]:
 
 @cache
 def installed_version(name: str) -> str | None:
-    """Version of a distribution, None if it is not installed. Looked up once a process."""
+    """Version of a distribution; None if it is not installed. Cached for the process."""
     try:
         return version(name)
     except PackageNotFoundError:
         return None
+
+
+SOURCES = "sources"
+"""Folder in the store with copies of source files, to show later what has changed."""
+
+UNUSED = 90 * 86400.0
+"""Seconds after the last use when a copy is removed."""
+
+
+def keep_sources(store_folder: Path, codes: Iterable[Code]) -> None:
+    """Copy the source of each module to the store, named by its digest, if possible."""
+    folder = store_folder / SOURCES
+    files = {code.modules[name]: path for code in codes for name, (path, _) in code.files.items()}
+    for digest, path in files.items():
+        kept = folder / f"{digest}.py"
+        with suppress(OSError):
+            if kept.exists():
+                os.utime(kept)
+            elif path.suffix == ".py":
+                folder.mkdir(parents=True, exist_ok=True)
+                partial = folder / f"{digest}-{os.getpid()}.part"
+                shutil.copyfile(path, partial)
+                partial.replace(kept)
+
+
+def source_difference(store_folder: Path, before: str, now: Path) -> tuple[str, ...]:
+    """Lines of the unified diff between the old source of a module and its file now.
+
+    `before` is the digest of the old module. Without a copy of the old source there are no lines.
+    """
+    try:
+        old = (store_folder / SOURCES / f"{before}.py").read_text("utf-8").splitlines()
+        new = now.read_text("utf-8").splitlines()
+    except (OSError, ValueError):
+        return ()
+    return tuple(difflib.unified_diff(old, new, "before", "now", lineterm="", n=1))
+
+
+def remove_sources(store_folder: Path, everything: bool) -> None:
+    """Remove all copies, or those that were not used for `UNUSED` seconds."""
+    folder = store_folder / SOURCES
+    if everything:
+        shutil.rmtree(folder, ignore_errors=True)
+        return
+    with suppress(OSError):
+        for path in folder.iterdir():
+            with suppress(OSError):
+                if time.time() - path.stat().st_mtime > UNUSED:
+                    path.unlink()

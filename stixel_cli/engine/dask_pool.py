@@ -1,39 +1,124 @@
-"""Workers of Dask: of a scheduler that runs somewhere, or of a cluster of its own on this machine.
+"""Workers of Dask: those of a running scheduler, or of a cluster that is started on this machine.
 
-What travels is small: a task goes out as names and keys, an outcome comes back. Results go through
-the cache, which all workers must share.
+Tasks and outcomes contain only names and keys. Results are exchanged through the store, which all
+workers must share.
 """
 
+import json
 import logging
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable
 from concurrent.futures import CancelledError, Future
 from contextlib import suppress
+from threading import Thread
 from types import ModuleType
 from typing import Any
 
-from stixel_cli.engine.dask_cluster import Cluster
 from stixel_cli.engine.errors import ExecutorError
-from stixel_cli.engine.parameters import DaskExecutor
+from stixel_cli.engine.one_thread import ENVIRONMENT
+from stixel_cli.engine.parameters import PROGRAM, DaskExecutor
+from stixel_cli.engine.pools import Pool
 
 PATIENCE = 20.0
 """Seconds to wait for a scheduler to answer."""
 
 COUNT_INTERVAL = 2.0
-"""Seconds between two looks at how many workers there are."""
+"""Seconds between two counts of the workers."""
 
 LONG_PATIENCE = 600.0
-"""Seconds to wait for a scheduler's first worker, or for another when all are gone."""
+"""Seconds to wait for a worker if a scheduler has none."""
 
 
 UNREACHABLE = (OSError, ValueError, RuntimeError, TypeError)
-"""What a client raises for a scheduler that does not answer, or an address that is none."""
+"""Errors of a client if the scheduler does not answer or the address is not valid."""
 
 
-class DaskPool:
-    """Tasks by a client of a scheduler; the loop sees futures of the standard library."""
+class Cluster:
+    """A scheduler and its workers as a process group, which ends with the process that started it.
 
-    all_die_together = False
+    Ctrl-C does not reach the group, and the group can be killed at any time, also during its start.
+    """
+
+    def __init__(self, workers: int):
+        """Start the group; `address` waits until it is ready."""
+        self._folder = tempfile.mkdtemp(prefix=f"{PROGRAM}-dask-")
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", __name__, str(workers), self._folder],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            start_new_session=True,
+            env={**os.environ, **ENVIRONMENT},
+        )
+
+    def address(self) -> str:
+        """Wait for the workers; return the address of the scheduler.
+
+        Raises:
+            RuntimeError: the cluster could not be started.
+        """
+        line = self._process.stdout.readline()
+        answer = json.loads(line) if line else {"error": "its process ended"}
+        if "error" in answer:
+            raise RuntimeError(answer["error"])
+        return answer["address"]
+
+    def close(self) -> None:
+        """Kill the group, with all tasks that still run."""
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            with suppress(OSError):
+                pipe.close()
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def serve(workers: int, folder: str) -> None:
+    """Start the scheduler and its workers, print the address, and wait to be ended."""
+    Thread(target=_end_with_parent, args=(folder,), daemon=True).start()
+    # The output of a stage must not mix with the answer, nor fill the pipe.
+    answer = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)
+    try:
+        from distributed import LocalCluster
+
+        cluster = LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            dashboard_address="127.0.0.1:0",
+            memory_limit=0,
+            scheduler_kwargs={"allowed_failures": 0},
+            local_directory=folder,
+            env=ENVIRONMENT,
+            silence_logs=logging.CRITICAL,
+        )
+    except Exception as error:
+        answer.write(json.dumps({"error": f"{type(error).__name__}: {error}"}) + "\n")
+        return
+    answer.write(json.dumps({"address": cluster.scheduler_address}) + "\n")
+    answer.close()
+    while True:
+        signal.pause()
+
+
+def _end_with_parent(folder: str) -> None:
+    """End the group when stdin is closed, which happens when the parent ends."""
+    sys.stdin.buffer.read()
+    shutil.rmtree(folder, ignore_errors=True)
+    os.killpg(0, signal.SIGKILL)
+
+
+class DaskPool(Pool):
+    """Submits tasks to a Dask scheduler, as futures of the standard library."""
+
     kills = True
 
     def __init__(
@@ -42,7 +127,7 @@ class DaskPool:
         from distributed.scheduler import KilledWorker
 
         with suppress(AttributeError):
-            # Dask's client gathers messages for 10 ms, which is longer than an empty node takes.
+            # Dask's client collects messages for 10 ms, longer than an empty node takes.
             client.scheduler_comm.interval = 0.001
         self._client = client
         self._cluster = cluster
@@ -51,45 +136,44 @@ class DaskPool:
         self._restore = restore
         self._counted = 0.0
         self._threads = 0
-        self._alone_since: float | None = None
-        self._told = False
+        self._waiting_since: float | None = None
+        self._noted = False
         self._death = KilledWorker
 
     @property
     def limit(self) -> int:
-        """One task more than there are workers, and than were asked for.
+        """One more than the number of workers, or than the configured number.
 
-        Workers come and go; and a cluster that grows with its work must see some.
+        The number of workers may change; an adaptive cluster starts workers for waiting tasks.
         """
         self._count()
         return max(self._workers, self._threads) + 1
 
     def tend(self, note: Callable[[str], None]) -> None:
-        """Say that there are no workers, if so for some seconds. They may come: of a queue, or by a
-        cluster that grows with its work.
+        """Report that there are no workers. A queue or an adaptive cluster may still start some.
 
         Raises:
-            ExecutorError: none came for long.
+            ExecutorError: no worker came for `LONG_PATIENCE`.
         """
         self._count()
         if self._threads or self._cluster is not None:
-            self._alone_since, self._told = None, False
+            self._waiting_since, self._noted = None, False
             return
         now = time.monotonic()
-        if self._alone_since is None:
-            self._alone_since = now
-        elif now - self._alone_since > LONG_PATIENCE:
+        if self._waiting_since is None:
+            self._waiting_since = now
+        elif now - self._waiting_since > LONG_PATIENCE:
             raise ExecutorError(
                 f"no worker at the Dask scheduler {self._address} for {LONG_PATIENCE / 60:.0f} min"
             )
-        elif now - self._alone_since > COUNT_INTERVAL and not self._told:
+        elif now - self._waiting_since > COUNT_INTERVAL and not self._noted:
             note(f"waiting for workers at {self._address}, {LONG_PATIENCE / 60:.0f} min at most")
-            self._told = True
+            self._noted = True
 
     def _count(self) -> None:
         if self._cluster is None and time.monotonic() - self._counted > COUNT_INTERVAL:
             with suppress(Exception):
-                # Where it cannot be told, the tasks in flight fail by themselves.
+                # If the scheduler is lost, the running tasks fail.
                 self._threads = sum(self._client.nthreads().values())
             self._counted = time.monotonic()
 
@@ -98,7 +182,7 @@ class DaskPool:
         return self._client.scheduler.address
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
-        """Run `function` at a worker.
+        """Run `function` in a worker.
 
         Raises:
             ExecutorError: the scheduler is lost.
@@ -111,20 +195,17 @@ class DaskPool:
             raise self._lost() from error
 
     def died(self, error: BaseException | None) -> bool:
-        """Whether the worker died; a future that someone cancelled tells of a lost scheduler.
+        """Whether the worker crashed.
 
         Raises:
-            ExecutorError: it is lost.
+            ExecutorError: the future was cancelled: the scheduler is lost.
         """
         if isinstance(error, CancelledError) or "CancelledError" in type(error).__name__:
             raise self._lost()
         return isinstance(error, self._death)
 
-    def renew(self) -> None:
-        """Workers are the cluster's to replace."""
-
     def close(self) -> None:
-        """Leave the scheduler; a cluster of its own is ended."""
+        """Disconnect from the scheduler, and end a cluster on this machine."""
         with suppress(Exception):
             self._executor.shutdown(wait=False)
         with suppress(Exception):
@@ -135,21 +216,21 @@ class DaskPool:
 
     def _lost(self) -> ExecutorError:
         return ExecutorError(
-            f"the Dask scheduler at {self._address} was lost; what was computed is kept"
+            f"the Dask scheduler at {self._address} was lost; computed results are kept"
         )
 
 
 def make_dask_pool(executor: DaskExecutor) -> DaskPool:
-    """A pool at the executor's address, or of a new cluster of processes on this machine.
+    """Connect to the executor's address, or start a cluster on this machine.
 
     Raises:
-        ExecutorError: in one line, if Dask is not installed or no scheduler answers.
+        ExecutorError: Dask is not installed, or no scheduler answers; one line.
     """
-    # It imports Dask while this process does.
+    # The cluster imports Dask at the same time as this process.
     cluster = Cluster(executor.workers) if executor.address is None else None
     try:
         distributed = _distributed()
-        restore = _hush()
+        restore = _silence()
         try:
             address = executor.address if cluster is None else cluster.address()
             client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
@@ -157,7 +238,7 @@ def make_dask_pool(executor: DaskExecutor) -> DaskPool:
             restore()
             raise _no_scheduler(executor, error) from error
     except BaseException:
-        # Ctrl-C among them, which does not wait for workers that are being started.
+        # Also Ctrl-C, which does not wait until the workers have started.
         if cluster is not None:
             cluster.close()
         raise
@@ -165,15 +246,15 @@ def make_dask_pool(executor: DaskExecutor) -> DaskPool:
 
 
 def probe_scheduler(executor: DaskExecutor) -> None:
-    """See whether Dask is installed and, at an address, that a scheduler answers.
+    """Check that Dask is installed and, with an address, that a scheduler answers.
 
     Raises:
-        ExecutorError: in one line, if not.
+        ExecutorError: one of these fails; one line.
     """
     distributed = _distributed()
     if executor.address is None:
         return
-    restore = _hush()
+    restore = _silence()
     try:
         distributed.Client(executor.address, timeout=PATIENCE, set_as_default=False).close()
     except UNREACHABLE as error:
@@ -186,12 +267,14 @@ def _distributed() -> ModuleType:
     try:
         import distributed
     except ImportError as error:
-        raise ExecutorError("executor=dask needs Dask: pip install 'stixel[dask]'") from error
+        raise ExecutorError(
+            f"executor=dask requires Dask: pip install '{PROGRAM}[dask]'"
+        ) from error
     return distributed
 
 
-def _hush() -> Callable[[], None]:
-    """Silence Dask, which would tell of lost workers; the function that lets it speak again."""
+def _silence() -> Callable[[], None]:
+    """Silence the logger of Dask; return a function that restores it."""
     logger = logging.getLogger("distributed")
     level = logger.level
     logger.setLevel(logging.CRITICAL)
@@ -202,3 +285,7 @@ def _no_scheduler(executor: DaskExecutor, error: Exception) -> ExecutorError:
     where = "on this machine" if executor.address is None else f"at {executor.address}"
     reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
     return ExecutorError(f"executor.address: no Dask scheduler {where} ({reason})")
+
+
+if __name__ == "__main__":
+    serve(int(sys.argv[1]), sys.argv[2])

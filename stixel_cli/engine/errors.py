@@ -1,4 +1,4 @@
-"""What can go wrong in the engine. Messages are one line, made to be shown to the user."""
+"""Errors of the engine. Those with `one_line` have a message of one line for the user."""
 
 import os.path
 import re
@@ -12,7 +12,7 @@ class CacheError(Exception):
 
 
 class MissingEntry(CacheError):
-    """An entry is not there, or was damaged and has been set aside."""
+    """An entry is missing, or was damaged."""
 
     def __init__(self, key: str, reason: str, set_aside: bool = False):
         super().__init__(key, reason, set_aside)
@@ -25,37 +25,37 @@ class MissingEntry(CacheError):
 
 
 class CodeChanged(Exception):
-    """The code of a stage was edited after the run had been planned."""
+    """The code of a stage was edited after the graph was built."""
 
     one_line = True
 
 
 class WorkerDied(Exception):
-    """A node killed its worker twice, the second time with nothing else running."""
+    """A node crashed its worker twice, the second time while it ran on its own."""
 
     one_line = True
 
 
 class TimeLimitExceeded(Exception):
-    """A node took longer than it may, and was killed."""
+    """A node exceeded its time limit and was ended."""
 
     one_line = True
 
 
 class ExecutorError(Exception):
-    """The workers cannot be had, or were lost for good."""
+    """No workers are available, or all were lost."""
 
     one_line = True
 
 
 class StageFailure(Exception):
-    """A stage raised.
+    """A stage failed.
 
     Attributes:
         stage: name of the stage.
-        label: its node, such as `render[0:10]`.
-        cause: what it raised.
-        traceback_text: the traceback of where it ran.
+        label: label of the node, such as `average[0:10]`.
+        cause: the exception.
+        traceback_text: traceback in the worker.
     """
 
     def __init__(self, stage: str, label: str, cause: BaseException, traceback_text: str):
@@ -64,14 +64,15 @@ class StageFailure(Exception):
         self.label = label
         self.cause = cause
         self.traceback_text = traceback_text
-        # Python prints notes below the message: the frames of a worker are in no other place.
-        self.add_note(traceback_text)
+        if cause.__traceback__ is None and traceback_text:
+            # The frames were in another process. Python prints notes below the message.
+            self.add_note(traceback_text)
 
     @property
     def place(self) -> str:
         """File, line and code where the stage raised: the innermost frame outside of libraries.
 
-        "" where that is not known.
+        "" if unknown.
         """
         frames = _FRAME.findall(self.traceback_text)
         own = [frame for frame in frames if _is_own(frame[0])]
@@ -90,12 +91,12 @@ _LIBRARIES = tuple(sysconfig.get_paths()[name] for name in ("stdlib", "purelib",
 
 
 def _is_own(file: str) -> bool:
-    """Whether a file is no library's: this package counts wherever it is installed."""
+    """Whether a file belongs to no library. This package counts wherever it is installed."""
     return not file.startswith(_LIBRARIES) or f"{os.sep}{_PACKAGE}{os.sep}" in file
 
 
 def _near(file: str) -> str:
-    """The file's path from the working directory on, where it is below it."""
+    """The path relative to the working directory, if the file is below it."""
     try:
         path = os.path.relpath(file)
     except (OSError, ValueError):

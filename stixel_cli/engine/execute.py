@@ -1,28 +1,111 @@
-"""Compute what is missing, on any pool of workers."""
+"""Compute the missing results with any pool of workers, and record what was done."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from stixel_cli.engine.bytecode import check_bytecode
-from stixel_cli.engine.durations import Durations
+from stixel_cli.engine.code import keep_sources
+from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.graph import Graph, Node
-from stixel_cli.engine.leases import Lease
-from stixel_cli.engine.loaded_code import may_run_here
-from stixel_cli.engine.loop import Run
+from stixel_cli.engine.keys import digest
+from stixel_cli.engine.loaded_code import check_bytecode, may_run_here
+from stixel_cli.engine.locks import Lease
 from stixel_cli.engine.one_thread import one_thread
 from stixel_cli.engine.parameters import Executor, LocalExecutor
-from stixel_cli.engine.plan import plan
+from stixel_cli.engine.plan import Durations, check_writable, plan
 from stixel_cli.engine.pools import ExecutorName, SerialPool, executor_of, make_pool
-from stixel_cli.engine.probe import check_writable
-from stixel_cli.engine.progress import Progress, Silent
-from stixel_cli.engine.records import Execution
-from stixel_cli.engine.sources import keep_sources
+from stixel_cli.engine.progress import Progress
+from stixel_cli.engine.scheduler import Run, Status
 from stixel_cli.engine.store import Store
 from stixel_cli.engine.time_limit import can_interrupt
 
+
+@dataclass(frozen=True)
+class NodeRecord:
+    """Record of one node; `seconds` is 0 if this execution did not compute it."""
+
+    key: str
+    stage: str
+    label: str
+    status: Status
+    seconds: float
+
+
+@dataclass(frozen=True)
+class StageRecord:
+    """Record of a stage.
+
+    Attributes:
+        name: of the stage.
+        key: key of its node, or digest of the keys of its nodes.
+        status: the first of `failed`, `skipped`, `computed`, `cached` that any node has.
+        seconds: time of this execution, summed over all workers.
+        nodes, nodes_computed: number of nodes, and of computed nodes.
+    """
+
+    name: str
+    key: str
+    status: Status
+    seconds: float
+    nodes: int
+    nodes_computed: int
+
+
+@dataclass(frozen=True)
+class Execution:
+    """Record of an execution.
+
+    Attributes:
+        graph: the executed graph.
+        records: by node id, of the targets and all nodes that they depend on.
+        failures: by node id, of the failed nodes; only with `keep_going`.
+    """
+
+    graph: Graph
+    records: Mapping[str, NodeRecord]
+    failures: Mapping[str, StageFailure] = field(default_factory=dict)
+
+    def failure_of(self, targets: Sequence[str]) -> tuple[str, StageFailure] | None:
+        """The first failed node that `targets` depend on, and its failure; None if none failed.
+
+        First means nearest to the inputs of the graph.
+        """
+        ancestors = self.graph.ancestors(targets) if self.failures else set()
+        failed = [key for key in self.failures if key in ancestors]
+        first = min(failed, key=lambda key: (self.graph.nodes[key].depth, key), default=None)
+        return None if first is None else (first, self.failures[first])
+
+    def of_stage(self, name: str) -> StageRecord:
+        """Summarise the nodes of a stage.
+
+        Raises:
+            KeyError: no target needed a node of that stage.
+        """
+        keys = [key for key in self.graph.stages[name] if key in self.records]
+        if not keys:
+            raise KeyError(name)
+        nodes = [self.records[key] for key in keys]
+        computed = sum(node.status == "computed" for node in nodes)
+        found = {node.status for node in nodes}
+        return StageRecord(
+            name=name,
+            key=keys[0] if len(keys) == 1 else digest(keys),
+            status=next(s for s in ("failed", "skipped", "computed", "cached") if s in found),
+            seconds=round(sum(node.seconds for node in nodes), 4),
+            nodes=len(nodes),
+            nodes_computed=computed,
+        )
+
+    def stage_records(self) -> list[dict[str, Any]]:
+        """Records of all stages as plain JSON, each after its inputs."""
+        needed = {record.stage for record in self.records.values()}
+        return [vars(self.of_stage(name)) for name in self.graph.stage_names if name in needed]
+
+
 SMALL = 1.5
-"""Work below this, in seconds, is done in this process: starting workers would take as long."""
+"""Seconds of work that are done in this process: starting workers would take as long."""
 
 
 def execute(
@@ -34,27 +117,27 @@ def execute(
     progress: Progress | None = None,
     keep_going: bool = False,
 ) -> Execution:
-    """Compute what the `targets` (stage names or node ids) need and `store` does not hold yet.
+    """Compute the results that `targets` (stage names or node ids) need and `store` lacks.
 
-    Afterwards every target can be loaded from the store, and the store's limit is kept. The
-    results do not depend on the executor; `workers` belongs to one that is given by its name.
-    Where there is little to do, "local" starts no processes.
+    Afterwards every target can be loaded from the store, and the store's limit is kept. Results do
+    not depend on the executor. `workers` applies to an executor given by name. "local" starts no
+    processes for little work.
 
-    With `keep_going` a node that fails fails alone: what depends on it is skipped, the rest goes
-    on, and the failures are in the execution that is returned.
+    With `keep_going` a failing node does not stop the others: nodes that depend on it are skipped,
+    and the failures are in the returned execution.
 
     Raises:
-        StageFailure: a stage raised, took longer than it may, or killed its worker twice. What was
-            running is finished and kept, the rest is not begun. Not with `keep_going`.
+        StageFailure: a stage raised an error, exceeded its time limit, or crashed its worker twice.
+            Running nodes are finished and stored, others are not started. Not with `keep_going`.
         CacheError: the store cannot be read or written.
-        CodeChanged: a stage was edited after the graph had been built.
-        ExecutorError: the workers cannot be had, or were lost for good; or a library keeps more
-            than one thread.
+        CodeChanged: a stage was edited after the graph was built.
+        ExecutorError: no workers are available, all were lost, or a library uses more than one
+            thread.
         KeyError: no such target.
         ValueError: no such executor, or fewer than one worker.
     """
     chosen = executor_of(executor, workers)
-    progress = Silent() if progress is None else progress
+    progress = Progress() if progress is None else progress
     durations = Durations(store.folder)
     lease = Lease(store.folder)
     try:
@@ -70,23 +153,38 @@ def execute(
         time_limit = getattr(chosen, "time_limit", None)
         run = Run(planned, store, pool, progress, time_limit, keep_going, lease)
         try:
-            # For the whole run where it is in this process: by the thread that calls, which may
-            # have limits of its own.
+            # In this process the calling thread limits the libraries for the whole run, because it
+            # may have set limits of its own.
             with nullcontext() if pool.kills or not nodes else one_thread():
                 run.all()
         finally:
-            # By now nothing runs, or what does is not wanted any more.
+            # Nothing runs any more, or its result is not wanted.
             pool.close()
             progress.close()
             durations.learn(graph, run.seconds)
         run.keep_limit()
     finally:
         lease.end()
-    return Execution(graph, run.records(), run.failures)
+    return Execution(graph, _records(run), run.failures)
+
+
+def _records(run: Run) -> dict[str, NodeRecord]:
+    """One record for each node that the targets need."""
+    nodes = [node for key, node in run.graph.nodes.items() if key in run.planned.needed]
+    return {
+        node.key: NodeRecord(
+            key=node.key,
+            stage=node.stage.name,
+            label=node.label,
+            status=run.status(node.key),
+            seconds=round(run.seconds.get(node.key, 0.0), 4),
+        )
+        for node in nodes
+    }
 
 
 def _modules(nodes: Sequence[Node]) -> dict[str, Path]:
-    """The modules of the nodes' code: name to file."""
+    """Modules of the nodes' code: name -> file."""
     codes = {id(node.identity.code): node.identity.code for node in nodes}.values()
     return {name: path for code in codes for name, (path, _) in code.files.items()}
 

@@ -1,40 +1,37 @@
-"""Why a node would run: what differs from the nearest result of its stage that is in the cache."""
+"""Explain why a node would be computed: what differs from the most similar result in the store."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from stixel_cli.engine.code import Code
+from stixel_cli.engine.cleanup import evicted
+from stixel_cli.engine.code import Code, source_difference
+from stixel_cli.engine.entries import stored_notes
 from stixel_cli.engine.graph import Graph, Node
 from stixel_cli.engine.plan import plan
-from stixel_cli.engine.removal import evicted
-from stixel_cli.engine.setting_differences import differences, plain
-from stixel_cli.engine.sources import source_difference
 from stixel_cli.engine.store import Store
-from stixel_cli.engine.upkeep import stored_notes
 
 Kind = Literal[
     "new", "evicted", "damaged", "needed", "setting", "seed", "file", "code", "version", "input"
 ]
 
-WORDS = {"size": "for space", "age": "for age", "cleared": "by stixel cache clear"}
+WORDS = {"size": "to save space", "age": "by age", "cleared": "when it was cleared"}
 
 
 @dataclass(frozen=True)
 class Change:
-    """One reason for a node to run.
+    """One reason to compute a node.
 
     Attributes:
-        kind: `new` (nothing of the stage is stored), `evicted` or `damaged` (it was stored once),
-            `needed` (nothing changed, but what it gives is to be loaded and is not there),
-            or what differs: a `setting`, the `seed`, a `file`, the `code`, a `version` or an
-            `input`.
-        what: `tracker.sigma_f`; a module; a distribution; the input's stage.
-        before, after: of the nearest stored result, and now; "" where there is none, as for a
-            setting that is read now and was not, or the other way round.
-        difference: of changed code, lines of the unified difference; () where the source of the
-            nearest stored result is not known.
+        kind: `new` (no result of the stage is stored), `evicted` or `damaged` (the result was
+            stored once), `needed` (nothing changed, but the result is not stored), or what differs
+            from the most similar stored result: a `setting`, the `seed`, a `file`, the `code`, a
+            `version` or an `input`.
+        what: key of the setting, module, distribution, or stage of the input.
+        before, after: value in the most similar stored result, and now; "" for a setting that is
+            read in only one of the two.
+        difference: lines of the unified diff of changed code, if the old source is known.
     """
 
     kind: Kind
@@ -71,13 +68,13 @@ class Change:
 
 @dataclass(frozen=True)
 class Explanation:
-    """Why one node would run.
+    """Reasons to compute one node.
 
     Attributes:
         key, stage, label: of the node.
-        changes: the reasons; what is the input's own doing is told there, see `roots`.
-        roots: what changed in the stages before it, where that stage itself would not run:
-            its result with the other setting is stored already.
+        changes: the reasons in the node itself.
+        roots: changes in stages before it that need not be computed, since their results with the
+            new settings are stored.
     """
 
     key: str
@@ -91,7 +88,7 @@ class Explanation:
 
 
 def explain(graph: Graph, store: Store, targets: Sequence[str] | None = None) -> list[Explanation]:
-    """Why each node would run that `targets` (of all stages, where None) need, in their order.
+    """Explain why each node that `targets` (None for all stages) need would be computed.
 
     Raises:
         KeyError: no such target.
@@ -107,7 +104,7 @@ def explain(graph: Graph, store: Store, targets: Sequence[str] | None = None) ->
 
 
 def by_stage(explanations: Iterable[Explanation]) -> list[tuple[list[Explanation], str]]:
-    """Explanations that say the same of a stage's nodes put together, with what they say."""
+    """Group the explanations of a stage that have the same text, with that text."""
     groups: dict[tuple[str, str], list[Explanation]] = {}
     for one in explanations:
         text = "; ".join(map(str, (*one.changes, *one.roots)))
@@ -116,7 +113,7 @@ def by_stage(explanations: Iterable[Explanation]) -> list[tuple[list[Explanation
 
 
 class _Memory:
-    """The notes of what is stored, what was removed, and the sources of the code."""
+    """Notes of stored entries, reasons of removed ones, and source files."""
 
     def __init__(self, store: Store, stages: set[str]):
         self.by_key: dict[str, dict[str, Any]] = {}
@@ -151,7 +148,7 @@ def _explain(graph: Graph, node: Node, memory: _Memory) -> Explanation:
     if nearest.get("frames") == _frames(node):
         changes += _input_changes(graph, node, nearest) or ([] if changes else [NEEDED])
     elif not changes:
-        # Other frames have other inputs: what is new are the frames.
+        # Other frames have other inputs: the frames are new.
         changes = _input_changes(graph, node, nearest) if roots else [Change("new", node.label)]
     return Explanation(node.key, name, node.label, tuple(changes), tuple(dict.fromkeys(roots)))
 
@@ -164,7 +161,7 @@ def _frames(node: Node) -> list[int | None] | None:
 
 
 def _distance(node: Node, notes: Mapping[str, Any]) -> tuple:
-    """The less, the nearer: the same function, the same frames, few differences, lately stored."""
+    """Sort key of similarity: same function, same frames, few differences, stored recently."""
     content = node.identity.content
     differing = len(differences(notes.get("settings"), content["settings"]))
     differing += sum(notes.get(one) != content[one] for one in ("code", "python", "seed", "files"))
@@ -181,7 +178,7 @@ def _distance(node: Node, notes: Mapping[str, Any]) -> tuple:
 
 
 def _identity_changes(node: Node, notes: Mapping[str, Any], memory: _Memory) -> list[Change]:
-    """What differs in the stage itself."""
+    """Changes in the stage itself."""
     content = node.identity.content
     changes = [
         Change("setting", _key(node, path), before, after)
@@ -201,7 +198,7 @@ def _identity_changes(node: Node, notes: Mapping[str, Any], memory: _Memory) -> 
         named = ", ".join(str(path) for path in node.stage.files) or "a file"
         changes.append(Change("file", named))
     before, after = notes.get("versions", {}), content["versions"]
-    # A distribution that only one of the two imports follows from their code.
+    # That only one of the two imports a distribution follows from their code.
     pairs = {name: (before[name], after[name]) for name in sorted(before.keys() & after.keys())}
     pairs = {"Python": (notes.get("python"), content["python"]), **pairs}
     changes += [
@@ -219,7 +216,7 @@ def _identity_changes(node: Node, notes: Mapping[str, Any], memory: _Memory) -> 
 
 
 def _key(node: Node, path: str) -> str:
-    """A setting as the user knows it, for its dotted path from the stage's argument on."""
+    """Key in the configuration for a dotted path that begins with the stage's argument."""
     argument, dot, rest = path.partition(".")
     return f"{node.stage.keys.get(argument, argument)}{dot}{rest}"
 
@@ -236,7 +233,7 @@ def _code_changes(before: Mapping[str, str], code: Code, memory: _Memory) -> lis
         for name in changed
         if before[name] != code.modules[name]
     ]
-    # Which modules are reached follows from what changed; it is a reason only where nothing did.
+    # Which modules are reached follows from the edits. It is a reason only without edits.
     return changes or [
         Change("code", name, "reached now" if name in code.modules else "no longer reached")
         for name in sorted(before.keys() ^ code.modules.keys())
@@ -251,14 +248,14 @@ def _input_changes(graph: Graph, node: Node, notes: Mapping[str, Any]) -> list[C
         if keys and stored.get(name) != list(keys)
     ]
     if node.previous != notes.get("previous") and not names:
-        names.append(f"{node.stage.name} of the frames before")
+        names.append(f"{node.stage.name} of the previous frames")
     return [Change("input", name) for name in dict.fromkeys(names)]
 
 
 def _roots(
     graph: Graph, node: Node, notes: Mapping[str, Any], memory: _Memory, seen: set[str]
 ) -> list[Change]:
-    """What differs between the inputs then and now, where the inputs are stored now."""
+    """Changes in inputs whose results are stored, then and now."""
     found: list[Change] = []
     stored = notes.get("inputs", {})
     for name, keys in node.inputs.items():
@@ -266,9 +263,62 @@ def _roots(
             if key == old or key in seen:
                 continue
             seen.add(key)
-            # What would run has an explanation of its own.
+            # A node that would be computed has its own explanation.
             if key in memory.by_key and old in memory.by_key:
-                giver = graph.nodes[key]
-                found += _identity_changes(giver, memory.by_key[old], memory)
-                found += _roots(graph, giver, memory.by_key[old], memory, seen)
+                provider = graph.nodes[key]
+                found += _identity_changes(provider, memory.by_key[old], memory)
+                found += _roots(graph, provider, memory.by_key[old], memory, seen)
     return found
+
+
+Difference = tuple[str, str, str]
+"""Dotted path of a setting, old value, new value; "" for a missing value."""
+
+
+def differences(before: Any, after: Mapping[str, Any]) -> list[Difference]:
+    """List the settings in which two canonical trees differ."""
+    before = before if isinstance(before, Mapping) else {}
+    return list(_of_fields(before, after, ""))
+
+
+def _of_fields(before: Mapping, after: Mapping, prefix: str) -> Iterator[Difference]:
+    for name in sorted({*before, *after}):
+        path = prefix + name
+        if name not in before:
+            yield path, "", plain(after[name])
+        elif name not in after:
+            yield path, plain(before[name]), ""
+        elif before[name] != after[name]:
+            (kind, old), (new_kind, new) = _content(before[name]), _content(after[name])
+            if kind and kind == new_kind:
+                yield from _of_fields(old, new, f"{path}.")
+            else:
+                yield path, plain(before[name]), plain(after[name])
+
+
+def _content(tree: Any) -> tuple[str, Mapping[str, Any]]:
+    """Type and fields of a dataclass or mapping in canonical form; otherwise "", {}."""
+    if isinstance(tree, dict) and len(tree) == 1:
+        ((kind, fields),) = tree.items()
+        if isinstance(fields, dict):
+            return kind, fields
+    return "", {}
+
+
+def plain(tree: Any) -> str:
+    """Format a canonical tree as in a configuration file."""
+    if tree is None:
+        return "null"
+    if isinstance(tree, bool):
+        return str(tree).lower()
+    if isinstance(tree, list):
+        return f"[{', '.join(map(plain, tree))}]"
+    if isinstance(tree, dict):
+        if set(tree) == {"float"}:
+            return str(tree["float"])
+        ((name, content),) = tree.items()
+        if isinstance(content, list):
+            return plain(content)
+        # A variant of a group by its kind, other values by their class.
+        return str(content.get("kind", name.rpartition(".")[2]))
+    return str(tree) or "''"

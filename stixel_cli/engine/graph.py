@@ -1,4 +1,4 @@
-"""From stages to nodes: the units that are computed, stored and looked up by their keys."""
+"""The graph of nodes, which are built from stages. Each node is one stored result."""
 
 import pickle
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,18 +12,18 @@ from stixel_cli.engine.stage import CHUNKED, Stage
 
 @dataclass(frozen=True)
 class Node:
-    """One result: a stage on its frames.
+    """One result: a stage on a range of frames.
 
     Attributes:
-        key: of its result in the store; it is the node's id as well, so that what two experiments
-            share is one node.
-        stage, identity: the stage, and what all its nodes share in their keys.
-        label: `render[0:10]`, `camera_pictures[12]`, `scenario`.
-        first, stop: its frames are first … stop - 1; None for `once`.
-        inputs: argument name -> keys of the nodes that give it.
-        sequences: the arguments that arrive as a lazy sequence.
-        previous: key of the fold's node before, None if there is none.
-        depth: the longest way to it from a node without inputs.
+        key: key of the result, and id of the node. A result that two graphs share is one node.
+        stage: the stage.
+        identity: the part of the key that all nodes of the stage share.
+        label: `average[0:10]`, `plot[12]` or `load`.
+        first, stop: the frames are first … stop - 1; None for `once`.
+        inputs: argument name -> keys of the nodes that provide it.
+        sequences: arguments that are passed as a lazy sequence.
+        previous: key of the node before in a fold, or None.
+        depth: length of the longest path from a node without inputs.
     """
 
     key: str
@@ -44,16 +44,16 @@ class Node:
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """Keys of all nodes that it takes something from."""
+        """Keys of all nodes that it depends on directly."""
         keys = dict.fromkeys(key for keys in self.inputs.values() for key in keys)
         return tuple(keys) + ((self.previous,) if self.previous else ())
 
 
 @dataclass(frozen=True)
 class Graph:
-    """Nodes by id, and the ids of every stage in the order of their frames.
+    """Nodes by id, and the ids of each stage in the order of their frames.
 
-    Stages come after the stages that they take inputs from.
+    Each stage comes after its inputs.
     """
 
     nodes: dict[str, Node]
@@ -61,18 +61,18 @@ class Graph:
 
     @property
     def stage_names(self) -> list[str]:
-        """Names of the stages, each after those that it takes inputs from."""
+        """Names of the stages, each after its inputs."""
         return list(self.stages)
 
     def of_stage(self, name: str) -> list[Node]:
-        """The nodes of a stage in the order of their frames."""
+        """Nodes of a stage in the order of their frames."""
         return [self.nodes[node] for node in self.stages[name]]
 
     def expand(self, targets: Sequence[str]) -> list[str]:
         """Node ids of `targets`, which are ids or names of stages.
 
         Raises:
-            KeyError: there is no such node or stage.
+            KeyError: no such node or stage.
         """
         ids: dict[str, None] = {}
         for target in targets:
@@ -81,11 +81,11 @@ class Graph:
             elif target in self.nodes:
                 ids[target] = None
             else:
-                raise KeyError(f"no node or stage called {target!r}")
+                raise KeyError(f"no node or stage {target!r}")
         return list(ids)
 
     def ancestors(self, targets: Sequence[str]) -> set[str]:
-        """Ids of the target nodes and of all that they depend on."""
+        """Ids of the target nodes and of all nodes that they depend on."""
         found: set[str] = set()
         pending = list(targets)
         while pending:
@@ -97,11 +97,7 @@ class Graph:
 
 
 def merge(graphs: Iterable[Graph]) -> Graph:
-    """One graph of all nodes; those that several graphs share are there once.
-
-    The nodes of each graph have the same ids in it, so what belongs to one experiment is looked
-    up in the graph of that experiment.
-    """
+    """Merge graphs. Nodes that several graphs share appear once; all nodes keep their ids."""
     nodes: dict[str, Node] = {}
     stages: dict[str, dict[str, None]] = {}
     before: dict[str, dict[str, None]] = {}
@@ -115,7 +111,7 @@ def merge(graphs: Iterable[Graph]) -> Graph:
     try:
         order = list(TopologicalSorter(before).static_order())
     except CycleError:
-        # The same names wired the other way round: the order is for show, the ids are not.
+        # Two graphs order the same names differently. The order is only for display.
         order = list(stages)
     return Graph(nodes, {name: tuple(stages[name]) for name in order})
 
@@ -123,22 +119,22 @@ def merge(graphs: Iterable[Graph]) -> Graph:
 def build_graph(
     stages: Sequence[Stage], frame_count: int, chunk_size: int, index: CodeIndex | None = None
 ) -> Graph:
-    """The graph of `stages` over the frames 0 … `frame_count` - 1, cut in chunks of `chunk_size`.
+    """Build the graph of `stages` over the frames 0 … `frame_count` - 1, in chunks of `chunk_size`.
 
-    Nothing of the stages is imported or computed. `index` may be shared by graphs that are built
-    at one time, so that each file is read once; for many graphs, see `GraphBuilder`.
+    No stage is imported or computed. With a shared `index` several graphs read each file once; for
+    many graphs see `GraphBuilder`.
 
     Raises:
-        ValueError: stages that contradict themselves or each other, in one line.
+        ValueError: the stages are not valid; one line.
         LookupError, TypeError, OSError: see `stage_identity`.
     """
     return GraphBuilder(index).build(stages, frame_count, chunk_size)
 
 
 class GraphBuilder:
-    """Builds many graphs at one time: what they have in common is looked at once.
+    """Builds many graphs. Identities and nodes that they share are computed once.
 
-    Code and outside files are taken as they are at first sight; make a new one to see them later.
+    Code and external files are read once: make a new builder to see later edits.
     """
 
     def __init__(self, index: CodeIndex | None = None):
@@ -147,9 +143,9 @@ class GraphBuilder:
         self._nodes: dict[tuple, dict[str, Node]] = {}
 
     def build(self, stages: Sequence[Stage], frame_count: int, chunk_size: int) -> Graph:
-        """As `build_graph`."""
+        """See `build_graph`."""
         if frame_count < 1 or chunk_size < 1:
-            raise ValueError(f"no frames to run over: {frame_count} frames, chunks of {chunk_size}")
+            raise ValueError(f"no frames: {frame_count} frames in chunks of {chunk_size}")
         one = _OneGraph(frame_count, chunk_size)
         for stage in _in_order(stages):
             identity = self._identity(stage)
@@ -168,13 +164,13 @@ class GraphBuilder:
         return Graph(one.nodes, one.ids)
 
     def _identity(self, stage: Stage) -> Identity:
-        # A pickle tells apart all that a key does, types and the last bit of floats among it.
+        # Pickles differ whenever keys do, also by types and by the last bit of floats.
         what = (stage.name, stage.function, stage.pattern, stage.modules, stage.seed)
         files = [str(path) for path in stage.files]
         try:
             known = pickle.dumps((what, files, dict(stage.settings)))
         except Exception:
-            # It cannot be part of a key either, which is said better there.
+            # `stage_identity` reports a setting that cannot be part of a key.
             return stage_identity(stage, self._index)
         if known not in self._identities:
             self._identities[known] = stage_identity(stage, self._index)
@@ -182,7 +178,7 @@ class GraphBuilder:
 
 
 class _OneGraph:
-    """Adds one stage after the other, each after those that it takes inputs from."""
+    """A graph under construction. Stages are added after their inputs."""
 
     def __init__(self, frame_count: int, chunk_size: int):
         self.nodes: dict[str, Node] = {}
@@ -201,7 +197,7 @@ class _OneGraph:
         made: dict[str, Node] = {}
         for first, stop in self.frames_of(stage):
             inputs = {
-                argument: self.givers(stage, self.added[source], first)
+                argument: self.providers(stage, self.added[source], first)
                 for argument, source in sorted(stage.inputs.items())
             }
             previous = next(reversed(made)) if stage.pattern == "fold" and made else None
@@ -241,8 +237,8 @@ class _OneGraph:
             for first in range(0, self.frame_count, self.chunk_size)
         ]
 
-    def givers(self, stage: Stage, source: Stage, first: int | None) -> tuple[str, ...]:
-        """Keys of the nodes of `source` that a node of `stage` from frame `first` on takes."""
+    def providers(self, stage: Stage, source: Stage, first: int | None) -> tuple[str, ...]:
+        """Keys of the nodes of `source` that provide an input from frame `first` on."""
         ids = self.ids[source.name]
         if stage.pattern == "once" or source.pattern == "once":
             return ids
@@ -257,24 +253,25 @@ class _OneGraph:
 
 
 def _in_order(stages: Sequence[Stage]) -> list[Stage]:
-    """The stages, checked, each after those that it takes inputs from."""
+    """Check the stages, and order each after its inputs."""
     by_name: dict[str, Stage] = {}
     for stage in stages:
         stage.check()
         if stage.name in by_name:
-            raise ValueError(f"two stages are called {stage.name}")
+            raise ValueError(f"two stages have the name {stage.name}")
         by_name[stage.name] = stage
     for stage in stages:
         for source in stage.inputs.values():
             if source not in by_name:
-                raise ValueError(f"stage {stage.name} takes an input from {source}: no such stage")
+                raise ValueError(f"stage {stage.name} has the unknown input {source}")
     ordered: dict[str, Stage] = {}
     while len(ordered) < len(by_name):
-        # As given, but for those that must wait.
+        # Keep the given order where the inputs allow it.
         left = [stage for stage in stages if stage.name not in ordered]
         ready = [stage for stage in left if ordered.keys() >= set(stage.inputs.values())]
         if not ready:
-            raise ValueError(f"stages feed each other: {', '.join(stage.name for stage in left)}")
+            names = ", ".join(stage.name for stage in left)
+            raise ValueError(f"stages depend on each other: {names}")
         ordered[ready[0].name] = ready[0]
     return list(ordered.values())
 

@@ -1,26 +1,77 @@
-"""What decides a node's result, gathered into the node's key."""
+"""The key of a result: a digest of everything that determines the result."""
 
+import json
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
-from hashlib import file_digest
+from dataclasses import dataclass, fields, is_dataclass
+from hashlib import file_digest, sha256
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.engine.canonical import canonical, digest, settings_types
 from stixel_cli.engine.code import Code, CodeIndex
 from stixel_cli.engine.stage import Stage
 
+
+def canonical(value: Any) -> Any:
+    """Encode a setting as a JSON tree with types and values, floats to the last bit.
+
+    Dataclasses carry the name of their type. 1, 1.0 and True differ, as do 0.0 and -0.0, and a list
+    and a tuple.
+
+    Raises:
+        TypeError: a value of a type that has no canonical form.
+    """
+    if value is None or isinstance(value, bool | str):
+        return value
+    if isinstance(value, int):
+        return int(value)
+    if isinstance(value, float):
+        return {"float": repr(float(value))}
+    if isinstance(value, list | tuple):
+        return {type_name(value): [canonical(item) for item in value]}
+    if is_dataclass(value) and not isinstance(value, type):
+        content = {field.name: canonical(getattr(value, field.name)) for field in fields(value)}
+        return {type_name(value): content}
+    if isinstance(value, Mapping) and all(isinstance(key, str) for key in value):
+        return {"mapping": {key: canonical(value[key]) for key in sorted(value)}}
+    raise TypeError(f"a setting of type {type(value).__name__} cannot be part of a key: {value!r}")
+
+
+def type_name(value: Any) -> str:
+    """Module and name of the type of a value; only the name of a built-in type."""
+    kind = type(value)
+    module = "" if kind.__module__ == "builtins" else f"{kind.__module__}."
+    return f"{module}{kind.__qualname__}"
+
+
+def settings_types(value: Any) -> set[type]:
+    """The dataclasses in `value`, at any depth."""
+    if is_dataclass(value) and not isinstance(value, type):
+        inner = [settings_types(getattr(value, field.name)) for field in fields(value)]
+        return {type(value)}.union(*inner)
+    if isinstance(value, list | tuple):
+        return set().union(*map(settings_types, value))
+    if isinstance(value, Mapping):
+        return set().union(*map(settings_types, value.values()))
+    return set()
+
+
+def digest(tree: Any) -> str:
+    """SHA-256, in hex, of a JSON tree."""
+    text = json.dumps(tree, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+    return sha256(text.encode()).hexdigest()
+
+
 LAYOUT = 3
-"""Goes up when entries are stored in another way, so that older ones are not read."""
+"""Version of the stored format. Entries of other versions are not read."""
 
 
 @dataclass(frozen=True)
 class Identity:
-    """What all nodes of a stage have in common in their keys.
+    """The part of the key that all nodes of a stage share.
 
     Attributes:
-        code: the code that the stage reaches.
+        code: code that the stage reaches.
         content: stage, function, settings, code, versions, seed and files as a JSON tree.
         digest: of `content`.
     """
@@ -31,11 +82,11 @@ class Identity:
 
 
 def stage_identity(stage: Stage, index: CodeIndex) -> Identity:
-    """The part of the key that does not change from node to node of a stage.
+    """Compute the identity of a stage.
 
     Raises:
-        LookupError: there is no such module, or one that is not Python.
-        TypeError: a setting that cannot be part of a key.
+        LookupError: a module is missing or is not valid Python.
+        TypeError: a setting cannot be part of a key.
         OSError: one of the stage's files cannot be read.
     """
     types = settings_types(dict(stage.settings))
@@ -63,10 +114,13 @@ def node_key(
     inputs: Mapping[str, tuple[str, ...]],
     previous: str | None,
 ) -> str:
-    """Key of one node: 64 hex digits.
+    """Compute the key of one node: 64 hex digits.
 
-    `first` and `stop` bound its frames (None for `once`); `inputs` are the keys of the nodes that
-    give each argument, and `previous` the key of the fold's node before.
+    Args:
+        identity: of the node's stage.
+        first, stop: first frame, and end of the frames; None for the pattern `once`.
+        inputs: argument name -> keys of the nodes that provide it.
+        previous: key of the node before in a fold.
     """
     return digest(
         {
@@ -79,7 +133,7 @@ def node_key(
 
 
 def python_version() -> str:
-    """As it counts in keys: without the last part."""
+    """Python version in keys, such as `3.11`."""
     return f"{sys.version_info.major}.{sys.version_info.minor}"
 
 

@@ -1,18 +1,26 @@
-"""Whether the code that this process has imported is the code that was planned.
+"""Check that this process runs the code that the keys were made from.
 
-A key stands for the code as it was on the disk when the graph was built. A process that imported a
-module before an edit, or imports it after one, would store the result of other code under that key.
+A key contains the code as it was on disk when the graph was built. A process that imported a module
+before an edit, or imports it after one, would store the result of other code under that key. So
+would a process that loads stale bytecode: Python trusts a `.pyc` file if the size and the
+modification time of the source match, and some edits keep both (`cp -p`, `rsync -t`).
 """
 
+import importlib.util
+import marshal
+import py_compile
 import socket
+import struct
 import sys
 import threading
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from importlib import import_module
+from pathlib import Path
+from types import CodeType
 from typing import Any
 
 from stixel_cli import FIRST_IMPORT
-from stixel_cli.engine.bytecode import check_bytecode
 from stixel_cli.engine.code import Code, CodeIndex, installed_version, same_files
 from stixel_cli.engine.errors import CodeChanged
 from stixel_cli.engine.keys import python_version
@@ -20,11 +28,11 @@ from stixel_cli.engine.keys import python_version
 _started = FIRST_IMPORT
 _lock = threading.Lock()
 _imported: dict[str, str] = {}
-"""Digest of each module's code when this process imported it."""
+"""Digest of each module's code when it was imported."""
 
 
 def may_run_here(code: Code) -> bool:
-    """Whether this process can run the planned code, whatever it has imported already."""
+    """Whether the modules that this process has imported are the planned code."""
     for module, (path, _) in code.files.items():
         if module in _imported:
             if _imported[module] != code.modules[module]:
@@ -35,14 +43,14 @@ def may_run_here(code: Code) -> bool:
 
 
 def planned_function(name: str, code: Code) -> Callable[..., Any]:
-    """The function "package.module:function".
+    """Import the function "package.module:function".
 
     Raises:
         LookupError: the module has no such function.
-        CodeChanged: it is not the planned code, or that cannot be told: a module was edited, and
-            this process had imported it some time before.
+        CodeChanged: it is not, or may not be, the planned code: a module was edited that this
+            process had imported before.
     """
-    # Between the import and the note of it, another thread would take the module for an old one.
+    # Without the lock, another thread could see the module imported but not yet in `_imported`.
     with _lock:
         if not may_run_here(code):
             raise _changed(name)
@@ -52,7 +60,7 @@ def planned_function(name: str, code: Code) -> Callable[..., Any]:
         if function is None:
             raise LookupError(f"module {module} has no function {attribute}")
         new = {module: file for module, file in code.files.items() if module not in _imported}
-        # Equal bytes are enough; after an edit of a comment alone the digests decide.
+        # Equal files are enough; if only a comment was edited, the digests of the code are equal.
         if not (same_files(new) or CodeIndex().code(code.roots).digest == code.digest):
             raise _changed(name)
         _imported.update(code.modules)
@@ -62,14 +70,14 @@ def planned_function(name: str, code: Code) -> Callable[..., Any]:
 def _changed(function: str) -> CodeChanged:
     return CodeChanged(
         f"the code of {function} was edited after this run was planned or after this process "
-        "had imported it: start again to use it"
+        "had imported it: run the command again to use the new code"
     )
 
 
 def check_versions(notes: Mapping[str, Any]) -> None:
-    """Raise CodeChanged unless Python and the packages are here what they were in the plan.
+    """Raise CodeChanged unless Python and the packages have the planned versions.
 
-    Where they differ is another machine's worker.
+    Workers on another machine may have other versions.
     """
     here = {"python": python_version()} | {
         name: installed_version(name) for name in notes["versions"]
@@ -78,6 +86,64 @@ def check_versions(notes: Mapping[str, Any]) -> None:
     for name, version in planned.items():
         if here[name] != version:
             raise CodeChanged(
-                f"worker on {socket.gethostname()}: it has {name} {here[name]}, this run was "
+                f"worker on {socket.gethostname()}: has {name} {here[name]}, but this run was "
                 f"planned with {version}"
             )
+
+
+_BY_TIME, _BY_HASH = struct.pack("<I", 0), struct.pack("<I", 3)
+"""Flags of a `.pyc` file: how Python checks it against the source (PEP 552)."""
+
+_checked: set[Path] = set()
+
+
+def check_bytecode(modules: Mapping[str, Path]) -> None:
+    """Ensure that Python runs the current source of `modules` (name -> file).
+
+    Bytecode is compared with its source once per process, and replaced by bytecode that Python
+    itself checks by the hash of the source.
+
+    Raises:
+        CodeChanged: this process has imported stale bytecode, or it cannot be replaced.
+    """
+    for name, source in modules.items():
+        if source not in _checked:
+            _check(name, source)
+            _checked.add(source)
+
+
+def _check(name: str, source: Path) -> None:
+    bytecode = Path(importlib.util.cache_from_source(source))
+    try:
+        content, text, state = bytecode.read_bytes(), source.read_bytes(), source.stat()
+    except OSError:
+        # There is no bytecode. A missing source is reported elsewhere.
+        return
+    flags = content[4:8]
+    by_time = struct.pack("<II", int(state.st_mtime) & 0xFFFFFFFF, len(text) & 0xFFFFFFFF)
+    ignored = content[:4] != importlib.util.MAGIC_NUMBER or (
+        flags == _BY_TIME and content[8:16] != by_time
+    )
+    if ignored or flags == _BY_HASH:
+        return
+    same = _code(content) == compile(text, source, "exec", dont_inherit=True)
+    if same and sys.dont_write_bytecode:
+        return
+    replaced = False
+    with suppress(OSError):
+        mode = py_compile.PycInvalidationMode.CHECKED_HASH
+        py_compile.compile(str(source), str(bytecode), doraise=True, invalidation_mode=mode)
+        replaced = True
+    if not same and (name in sys.modules or not replaced):
+        raise CodeChanged(
+            f"{bytecode}: stale bytecode of {source}: "
+            + ("replaced; run the command again" if replaced else "delete it")
+        )
+
+
+def _code(content: bytes) -> CodeType | None:
+    """The code in a `.pyc` file; None if it is damaged."""
+    try:
+        return marshal.loads(content[16:])
+    except (EOFError, ValueError, TypeError):
+        return None

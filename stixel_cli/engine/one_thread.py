@@ -1,9 +1,9 @@
-"""One thread per stage: the workers give the parallelism, and the bytes do not depend on it."""
+"""One thread per stage: parallel work comes from the workers, and results do not depend on it."""
 
 import importlib
 import os
 import sys
-from collections.abc import Callable, Iterator, MutableMapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Lock, Thread
@@ -24,19 +24,19 @@ _LIBRARIES = dict.fromkeys(
 )
 
 ENVIRONMENT = {**_LIBRARIES, "NUMBA_NUM_THREADS": "1"}
-"""For a new process. The libraries read it when they are loaded."""
+"""Environment of a new process. Libraries read it when they are loaded."""
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
     """Limit the numerical libraries of this process to one thread, until the last caller leaves.
 
-    A process that began with `ENVIRONMENT` needs no limit; this is for the others: a program that
-    calls this package, a worker that somebody else started. Numba is left alone: its kernels here
-    are not parallel, and it objects to a change after its start.
+    A process that started with `ENVIRONMENT` needs no limit. Others do: a program that calls this
+    package, or a worker that another program started. Numba is not limited: its kernels here are
+    not parallel, and it rejects a change after its start.
 
     Raises:
-        ExecutorError: a library keeps more threads.
+        ExecutorError: a library still uses more threads.
     """
     controller = _limits.enter()
     try:
@@ -71,10 +71,10 @@ class _Limits:
         self.environment: dict[str, str | None] = {}
 
     def enter(self) -> Any:
-        """Set what is not set; the controller of the libraries that are loaded."""
+        """Set missing limits; return the controller of the loaded libraries."""
         with self.lock:
             if "cv2" in sys.modules:
-                # Another thread may be importing it just now: this waits until it has.
+                # Another thread may be importing it: this waits for the import.
                 cv2 = importlib.import_module("cv2")
                 if cv2.getNumThreads() != 1:
                     self.opencv_threads = cv2.getNumThreads()
@@ -84,7 +84,7 @@ class _Limits:
                 os.environ.update(_LIBRARIES)
                 self.controller = None
             if self.controller is None:
-                # What is loaded after this reads the environment.
+                # Libraries that are loaded later read the environment.
                 from threadpoolctl import ThreadpoolController
 
                 self.controller = ThreadpoolController()
@@ -104,29 +104,25 @@ class _Limits:
                 _in_a_thread(self.set_by_libraries.restore_original_limits)
             if self.opencv_threads is not None:
                 sys.modules["cv2"].setNumThreads(self.opencv_threads)
-            _restore(os.environ, self.environment)
+            for name, value in self.environment.items():
+                if value is None:
+                    os.environ.pop(name, None)
+                else:
+                    os.environ[name] = value
             self.set_by_libraries, self.opencv_threads, self.environment = None, None, {}
 
 
 def _in_a_thread(call: Callable[[], Any]) -> Any:
-    """The result of `call()` in a thread of its own.
+    """Run `call()` in a new thread and return its result.
 
-    threadpoolctl lets one thread alone set limits of OpenBLAS: the first that does, until that
-    thread ends. It ignores all others, without an error.
+    Only the first thread that sets a limit of OpenBLAS can set one, until that thread ends.
+    threadpoolctl ignores other threads without an error.
     """
     results: list[Any] = []
     thread = Thread(target=lambda: results.append(call()))
     thread.start()
     thread.join()
     return results[0]
-
-
-def _restore(environment: MutableMapping[str, str], before: dict[str, str | None]) -> None:
-    for name, value in before.items():
-        if value is None:
-            environment.pop(name, None)
-        else:
-            environment[name] = value
 
 
 _limits = _Limits()

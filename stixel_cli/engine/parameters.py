@@ -1,16 +1,71 @@
-"""Parameters of the engine: the schemas of the groups `executor` and `cache`.
+"""Parameters of the groups `executor` and `cache`, and the sizes and ages in them.
 
 No stage reads them, so no key and no result depends on them.
 """
 
+import re
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le, MinLen
 
-from stixel_cli.engine.units import parse_size
+_SIZES = {
+    "": 1,
+    "B": 1,
+    **{f"{prefix}B": 1000**power for power, prefix in enumerate("KMGT", 1)},
+    **{f"{prefix}IB": 1024**power for power, prefix in enumerate("KMGT", 1)},
+}
+_AGES = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 604800.0}
 
-# The same as that of the rooms, which the engine does not know.
+
+def parse_size(text: str) -> int:
+    """Bytes of `500MB`, `10 GB`, `1.5TiB`, `4096`.
+
+    Raises:
+        ValueError: it is not a valid size; one line.
+    """
+    number, unit = _split(text)
+    if number is None or unit.upper() not in _SIZES:
+        raise ValueError(f"{text!r} is not a valid size: write 500MB, 10GB, 1.5TB")
+    return int(number * _SIZES[unit.upper()])
+
+
+def parse_age(text: str) -> float:
+    """Seconds of `90s`, `10min`, `12h`, `30d`, `4w`.
+
+    Raises:
+        ValueError: it is not a valid age; one line.
+    """
+    number, unit = _split(text)
+    if number is None or unit not in _AGES:
+        raise ValueError(f"{text!r} is not a valid age: write 10min, 12h, 30d, 4w")
+    return number * _AGES[unit]
+
+
+def show_size(size: int) -> str:
+    """Format bytes with two or three digits: `4.2 GB`."""
+    value, units = float(size), ["B", "KB", "MB", "GB", "TB"]
+    while value >= 999.5 and len(units) > 1:
+        value /= 1000.0
+        units.pop(0)
+    return (
+        f"{value:.0f} {units[0]}"
+        if value >= 99.95 or units[0] == "B"
+        else (f"{value:.1f} {units[0]}")
+    )
+
+
+def _split(text: str) -> tuple[float | None, str]:
+    found = re.fullmatch(r"\s*(\d{1,15}(?:\.\d{1,9})?)\s*([A-Za-z]*)\s*", text, re.ASCII)
+    return (float(found[1]), found[2]) if found else (None, "")
+
+
+PROGRAM = __name__.partition(".")[0].removesuffix("_cli")
+"""Name of the program in messages, and of its folder in the user's cache."""
+
+CACHE_VARIABLE = f"{PROGRAM.upper()}_CACHE"
+"""Environment variable that names the folder of the store."""
+
 STRICT = {"extra": "forbid", "strict": True, "allow_inf_nan": False}
 
 Workers = Annotated[int, Ge(1), Le(4096)]
@@ -19,12 +74,12 @@ TimeLimit = Annotated[float, Gt(0), Le(1e7)]
 
 @dataclass(frozen=True)
 class LocalExecutor:
-    """Processes of this machine.
+    """Processes on this machine.
 
     Attributes:
-        workers: how many; each runs one node at a time, on one thread.
-        time_limit: seconds that a node may take, from loading its inputs to storing its result;
-            one that takes longer is killed and has failed. Null for no limit.
+        workers: number of processes; each runs one node at a time, on one thread.
+        time_limit: maximum seconds per node, from loading its inputs to storing its result. A node
+            that takes longer is ended and fails. Null for no limit.
     """
 
     __pydantic_config__ = STRICT
@@ -36,10 +91,10 @@ class LocalExecutor:
 
 @dataclass(frozen=True)
 class ThreadsExecutor:
-    """Threads of this process. A thread cannot be killed, so there is no time limit.
+    """Threads of this process. A thread cannot be ended, so there is no time limit.
 
     Attributes:
-        workers: how many.
+        workers: number of threads.
     """
 
     __pydantic_config__ = STRICT
@@ -50,14 +105,14 @@ class ThreadsExecutor:
 
 @dataclass(frozen=True)
 class DaskExecutor:
-    """Workers of Dask; needs `pip install 'stixel[dask]'`.
+    """Workers of Dask; requires the optional dependencies `dask`.
 
     Attributes:
-        workers: how many processes a cluster of its own has; with an address, how many nodes are
-            handed out at a time.
-        time_limit: as `LocalExecutor` has it.
-        address: of a scheduler that runs, such as tcp://10.0.0.7:8786; null to start a cluster of
-            processes on this machine.
+        workers: number of processes of a cluster on this machine; with an address, number of nodes
+            that are submitted at a time.
+        time_limit: see `LocalExecutor`.
+        address: of a running scheduler, such as tcp://10.0.0.7:8786; null to start a cluster on
+            this machine.
     """
 
     __pydantic_config__ = STRICT
@@ -73,12 +128,12 @@ Executor = LocalExecutor | ThreadsExecutor | DaskExecutor
 
 @dataclass(frozen=True)
 class CacheParameters:
-    """Where results are kept, and how many.
+    """The store of results.
 
     Attributes:
-        folder: null for the folder named by STIXEL_CACHE, or else the user's cache.
-        max_size: such as 20GB, kept after every execution by removing what was not used for the
-            longest time; what a running process uses stays in any case. Null for no limit.
+        folder: null for the folder that the environment names, or else the user's cache.
+        max_size: such as 20GB. Each execution removes the least recently used results beyond it,
+            except those that a running process uses. Null for no limit.
     """
 
     __pydantic_config__ = STRICT
@@ -87,7 +142,7 @@ class CacheParameters:
     max_size: str | None
 
     def check(self) -> None:
-        """Raise ValueError if the size is none."""
+        """Raise ValueError if `max_size` is not a valid size."""
         if self.max_size is not None:
             try:
                 parse_size(self.max_size)

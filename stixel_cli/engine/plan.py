@@ -1,9 +1,15 @@
-"""What is to be computed for some targets, given what the store holds."""
+"""What an execution would compute, how long that would take, and whether it can start."""
 
-from collections.abc import Collection, Sequence
+import json
+import os
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
-from stixel_cli.engine.graph import Graph
+from stixel_cli.engine.errors import CacheError
+from stixel_cli.engine.graph import Graph, Node
+from stixel_cli.engine.parameters import CACHE_VARIABLE, DaskExecutor, Executor
 from stixel_cli.engine.store import Store
 
 
@@ -12,10 +18,10 @@ class Plan:
     """What an execution would do.
 
     Attributes:
-        graph: what it is about.
-        targets: ids of the nodes that are asked for.
-        needed: ids of the targets and all that they depend on.
-        missing: ids of those that have to be computed, in an order that they can be.
+        graph: of all nodes.
+        targets: ids of the target nodes.
+        needed: ids of the targets and of all nodes that they depend on.
+        missing: ids of the nodes to compute, each after its inputs.
     """
 
     graph: Graph
@@ -25,26 +31,26 @@ class Plan:
 
 
 def plan(graph: Graph, targets: Sequence[str], store: Store, verify: bool = True) -> Plan:
-    """What is to be computed for `targets` (stage names or node ids): what they need and only that.
+    """Find the nodes to compute for `targets` (stage names or node ids).
 
-    Targets that are there are read and believed only if their digest is right, since they will
-    be loaded; of what lies before them it is enough that it is there. Without `verify` this is
-    enough of the targets too: a forecast for many is made in no time.
+    The digests of stored targets are verified, since they will be loaded; for other nodes it is
+    enough that an entry exists. With `verify=False` this is enough for the targets too: fast for
+    many targets.
 
     Raises:
         KeyError: no such target.
         CacheError: the store cannot be read.
     """
     ids = graph.expand(targets)
-    there = store.verify if verify else store.has
-    missing = missing_nodes(graph, [key for key in ids if not there(key)], store)
+    stored = store.verify if verify else store.has
+    missing = missing_nodes(graph, [key for key in ids if not stored(key)], store)
     return Plan(graph, tuple(ids), frozenset(graph.ancestors(ids)), tuple(missing))
 
 
 def missing_nodes(graph: Graph, wanted: Collection[str], store: Store) -> list[str]:
-    """`wanted` and those of their ancestors that have to be computed first, in such an order."""
+    """`wanted` and their missing ancestors, each node after its inputs."""
     found: dict[str, None] = {}
-    # Among equals, who is wanted first comes first: the points of a sweep run in their order.
+    # Nodes of equal depth stay in the order of `wanted`.
     pending = list(wanted)[::-1]
     while pending:
         key = pending.pop()
@@ -52,3 +58,78 @@ def missing_nodes(graph: Graph, wanted: Collection[str], store: Store) -> list[s
             found[key] = None
             pending += [s for s in graph.nodes[key].sources if s not in found and not store.has(s)]
     return sorted(found, key=lambda key: (graph.nodes[key].depth, graph.nodes[key].first or 0))
+
+
+class Durations:
+    """Seconds per node of each stage's function, kept in the store at `folder`."""
+
+    def __init__(self, folder: Path):
+        self._path = folder / "durations.json"
+        self._seconds: dict[str, float] = {}
+        with suppress(OSError, ValueError, TypeError, AttributeError):
+            known = json.loads(self._path.read_text(encoding="utf-8"))
+            self._seconds = {str(name): float(seconds) for name, seconds in known.items()}
+
+    def estimate(self, nodes: Iterable[Node]) -> float | None:
+        """Seconds for `nodes`, one after the other; None if a stage was never measured."""
+        total = 0.0
+        for node in nodes:
+            seconds = self._seconds.get(node.stage.function)
+            if seconds is None:
+                return None
+            total += seconds
+        return total
+
+    def by_stage(self, nodes: Iterable[Node]) -> dict[str, float]:
+        """Seconds per node by the stage's name, without stages that were never measured."""
+        names = {node.stage.name: self._seconds.get(node.stage.function) for node in nodes}
+        return {name: seconds for name, seconds in names.items() if seconds is not None}
+
+    def learn(self, graph: Graph, seconds: Mapping[str, float]) -> None:
+        """Update the estimates with measured seconds, by key: half old value, half new mean."""
+        by_function: dict[str, list[float]] = {}
+        for key, value in seconds.items():
+            by_function.setdefault(graph.nodes[key].stage.function, []).append(value)
+        for function, values in by_function.items():
+            mean = sum(values) / len(values)
+            old = self._seconds.get(function, mean)
+            self._seconds[function] = round(0.5 * (old + mean), 4)
+        if not seconds:
+            return
+        # Only an estimate: it may fail to be written, or be overwritten by another process.
+        with suppress(OSError):
+            partial = self._path.with_name(f"durations-{os.getpid()}.json")
+            partial.write_text(json.dumps(self._seconds, indent=1, sort_keys=True), "utf-8")
+            partial.replace(self._path)
+
+
+def probe(missing: int, store: Store, executor: Executor | None) -> None:
+    """Raise what `execute` would raise before it computes `missing` nodes.
+
+    Without missing nodes neither a writable store nor workers are needed.
+
+    Raises:
+        CacheError: results cannot be stored.
+        ExecutorError: Dask is not installed, or no scheduler answers at the executor's address.
+    """
+    if not missing:
+        return
+    check_writable(missing, store)
+    if isinstance(executor, DaskExecutor):
+        from stixel_cli.engine.dask_pool import probe_scheduler
+
+        probe_scheduler(executor)
+
+
+def check_writable(missing: int, store: Store) -> None:
+    """Raise CacheError if results are missing and the store cannot be written."""
+    if not missing:
+        return
+    try:
+        store.check_writable()
+    except CacheError as error:
+        results = "1 of the results" if missing == 1 else f"{missing} of the results"
+        raise CacheError(
+            f"{error}; it lacks {results} needed (set another folder with "
+            f"{CACHE_VARIABLE} or cache.folder=…)"
+        ) from error

@@ -1,12 +1,4 @@
-"""Where tasks run: in loky's processes, in threads, or right here. One loop drives them all.
-
-A pool has `limit` (how many tasks to hand it at a time: one more than it runs, so that no worker
-waits for the next), `submit(function, *arguments)` that gives a `concurrent.futures.Future`,
-`died(error)` that tells whether a future's error is the death of its worker, `all_die_together`,
-`kills` (whether a task may end the process that it runs in), `renew()` after workers died,
-`tend(note)` now and then while tasks are in flight, and `close()`. Dask's is in a module of its
-own.
-"""
+"""Pools of workers: processes of loky, threads, or this thread. `dask_pool` has the one of Dask."""
 
 import os
 import signal
@@ -16,50 +8,55 @@ from concurrent.futures import BrokenExecutor, Future
 from contextlib import contextmanager
 from queue import SimpleQueue
 from threading import Thread
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 from stixel_cli.engine.one_thread import ENVIRONMENT
 from stixel_cli.engine.parameters import DaskExecutor, Executor, LocalExecutor, ThreadsExecutor
 
 ExecutorName = Literal["local", "threads", "dask", "serial"]
 ORPHAN_INTERVAL = 0.5
-"""Seconds between two looks of a worker at whether its parent lives."""
+"""Seconds between two checks of a worker that its parent is alive."""
 
 NAMES = ("local", "threads", "dask", "serial")
 
 
-class Pool(Protocol):
-    """What the loop of `execute` needs."""
+class Pool:
+    """Workers for the scheduler. The defaults are those of workers in this process.
 
-    all_die_together: bool
-    kills: bool
+    Attributes:
+        limit: maximum number of submitted tasks: one more than run, so that no worker waits.
+        all_die_together: whether all running tasks fail if one worker crashes.
+        kills: whether tasks run in processes of their own, which a time limit may end.
+    """
 
-    @property
-    def limit(self) -> int:
-        """How many tasks to hand it at a time."""
+    limit = 1
+    all_die_together = False
+    kills = False
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
-        """Have a worker run `function`."""
+        """Run `function` in a worker."""
+        raise NotImplementedError
 
     def died(self, error: BaseException | None) -> bool:
-        """Whether a future ended with `error` because its worker died."""
+        """Whether the error of a future means that its worker crashed."""
+        return False
 
     def renew(self) -> None:
-        """Workers died: see that there are others."""
+        """Replace crashed workers, if the pool does not do so by itself."""
 
     def tend(self, note: Callable[[str], None]) -> None:
-        """Say by `note` what keeps the workers from work.
+        """Report by `note` that the tasks wait for workers. Called while tasks run.
 
         Raises:
-            ExecutorError: there are none, and none will come.
+            ExecutorError: no worker came for too long.
         """
 
     def close(self) -> None:
-        """End the workers, with what they still run."""
+        """End the workers, also those that still run a task."""
 
 
-class ProcessPool:
-    """Processes of loky, started with the first task. When one dies, all tasks in flight fail."""
+class ProcessPool(Pool):
+    """Processes of loky, started with the first task. If one crashes, all running tasks fail."""
 
     all_die_together = True
     kills = True
@@ -77,7 +74,7 @@ class ProcessPool:
             from joblib.externals.loky import ProcessPoolExecutor
             from joblib.externals.loky.backend import resource_tracker as loky_tracker
 
-            # Starting these lets Ctrl-C through again, which is to be held back, see below.
+            # Starting these unblocks Ctrl-C, so start them before it is blocked below.
             resource_tracker.ensure_running()
             loky_tracker.ensure_running()
             self._executor = ProcessPoolExecutor(
@@ -90,21 +87,18 @@ class ProcessPool:
             with _without_interrupts():
                 return self._executor.submit(function, *arguments)
         except BrokenExecutor as error:
-            # A worker died just now. This task is as suspect as those in flight, no more.
+            # A worker crashed just now: this task fails with the running ones.
             future: Future = Future()
             future.set_exception(error)
             return future
 
     def died(self, error: BaseException | None) -> bool:
-        """Whether a process died."""
+        """Whether a process crashed."""
         return isinstance(error, BrokenExecutor)
 
     def renew(self) -> None:
-        """Leave what remains of the processes; the next task starts new ones."""
+        """End the remaining processes; the next task starts new ones."""
         self.close()
-
-    def tend(self, note: Callable[[str], None]) -> None:
-        """They come with the first task."""
 
     def close(self) -> None:
         """Kill the processes."""
@@ -113,25 +107,8 @@ class ProcessPool:
             self._executor = None
 
 
-class _InThisProcess:
-    """What is so of every pool without processes of its own."""
-
-    all_die_together = False
-    kills = False
-
-    def died(self, error: BaseException | None) -> bool:
-        """It would be this process."""
-        return False
-
-    def renew(self) -> None:
-        """There is nothing to renew."""
-
-    def tend(self, note: Callable[[str], None]) -> None:
-        """Its workers are always there."""
-
-
-class ThreadPool(_InThisProcess):
-    """Threads of this process. They do not hold up its end, as the standard library's would."""
+class ThreadPool(Pool):
+    """Daemon threads of this process: unlike the standard library's, they do not delay its end."""
 
     def __init__(self, workers: int):
         self.limit = workers + 1
@@ -147,7 +124,7 @@ class ThreadPool(_InThisProcess):
         return future
 
     def close(self) -> None:
-        """Send the threads home. Those that still run something, after an interrupt, are left."""
+        """End idle threads. After an interrupt, threads that still run a task are left."""
         for _ in self._threads:
             self._tasks.put(None)
 
@@ -158,10 +135,8 @@ class ThreadPool(_InThisProcess):
                 _settle(future, function, arguments)
 
 
-class SerialPool(_InThisProcess):
-    """This thread: each task is done when `submit` comes back."""
-
-    limit = 1
+class SerialPool(Pool):
+    """This thread: `submit` returns when the task is done."""
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
         """Run `function` now."""
@@ -169,22 +144,19 @@ class SerialPool(_InThisProcess):
         _settle(future, function, arguments)
         return future
 
-    def close(self) -> None:
-        """There is nothing to close."""
-
 
 def executor_of(executor: Executor | ExecutorName, workers: int) -> Executor | None:
-    """The executor of a name with `workers` and no time limit, or itself; None for "serial".
+    """Return the executor of that name with `workers`, or `executor` itself; None for "serial".
 
     Raises:
-        ValueError: in one line, if there is no such executor or there are no workers.
+        ValueError: unknown executor, or fewer than one worker; one line.
     """
     if not isinstance(executor, str):
         return executor
     if executor not in NAMES:
-        raise ValueError(f"executor: there is no {executor!r}, only {', '.join(NAMES)}")
+        raise ValueError(f"executor: {executor!r} is unknown; choose {', '.join(NAMES)}")
     if workers < 1:
-        raise ValueError(f"workers: {workers} is too few, at least 1")
+        raise ValueError(f"workers: must be at least 1, got {workers}")
     if executor == "local":
         return LocalExecutor("local", workers, None)
     if executor == "threads":
@@ -193,10 +165,10 @@ def executor_of(executor: Executor | ExecutorName, workers: int) -> Executor | N
 
 
 def make_pool(executor: Executor) -> Pool:
-    """The pool of an executor.
+    """Make the pool of an executor.
 
     Raises:
-        ExecutorError: in one line, if its workers cannot be had.
+        ExecutorError: its workers cannot be started or reached; one line.
     """
     if isinstance(executor, LocalExecutor):
         return ProcessPool(executor.workers)
@@ -216,10 +188,10 @@ def _settle(future: Future, function: Callable[..., Any], arguments: tuple) -> N
 
 @contextmanager
 def _without_interrupts() -> Iterator[None]:
-    """Hold Ctrl-C back until afterwards.
+    """Block Ctrl-C inside the `with` block.
 
-    It reaches the whole group of processes. One that is started within holds it back for good, and
-    so does not die of it with a traceback while it still imports what would have it ignored.
+    Ctrl-C reaches the whole process group. A process that is started in the block inherits the
+    blocked signal, so that it does not end with a traceback before its initialiser runs.
     """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -229,18 +201,18 @@ def _without_interrupts() -> Iterator[None]:
 
 
 def _prepare_worker(parent: int) -> None:
-    # Ctrl-C reaches the whole group of processes; the parent alone answers it, and kills these.
+    # Ctrl-C reaches the whole process group. Only the parent handles it, and ends the workers.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Thread(target=_end_with, args=(parent,), daemon=True).start()
     from joblib.externals.loky import process_executor
 
-    # With psutil installed, loky replaces a worker that has grown by 300 MB, taking it for a leak.
-    # Loading Open3D and compiled kernels grows it by as much.
+    # With psutil installed, loky takes growth of a worker by 300 MB for a leak and replaces it.
+    # Loading large libraries and compiled kernels takes as much.
     process_executor._MAX_MEMORY_LEAK_SIZE = float("inf")
 
 
 def _end_with(parent: int) -> None:
-    """End this worker when its parent was killed, which loky's would outlive, waiting for work."""
+    """End this worker if its parent was killed; otherwise it would wait for work forever."""
     while os.getppid() == parent:
         time.sleep(ORPHAN_INTERVAL)
     os._exit(1)

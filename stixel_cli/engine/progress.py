@@ -1,58 +1,23 @@
-"""How far an execution is, on stderr: a bar on a terminal, now and then a line elsewhere."""
+"""Progress of an execution on stderr: a bar on a terminal, some lines elsewhere."""
 
 import sys
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Protocol
 
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.graph import Node
+from stixel_cli.engine.parameters import PROGRAM
 
 PATIENCE = 1.0
-"""What is over before this many seconds is not shown."""
+"""Seconds before the first output: a shorter execution shows nothing."""
 
 LINE_INTERVAL = 5.0
+"""Seconds between two lines."""
 
 
-class Progress(Protocol):
-    """What an execution tells; all calls come from its own thread."""
-
-    def expect(self, known: Mapping[str, float], workers: int) -> None:
-        """A node took `known` seconds formerly, by the stage's name; `workers` share the work."""
-
-    def begin(self, nodes: Sequence[Node], cached: int) -> None:
-        """`nodes` are to be computed, `cached` more are not."""
-
-    def extend(self, nodes: Sequence[Node]) -> None:
-        """These are to be computed as well."""
-
-    def started(self, node: Node) -> None:
-        """The node was handed to a worker (again, if that had died)."""
-
-    def finished(self, node: Node, seconds: float) -> None:
-        """The node is in the store."""
-
-    def failed(self, node: Node, failure: StageFailure, skipped: Sequence[Node]) -> None:
-        """The node failed while the rest goes on; `skipped` depend on it and will not be tried."""
-
-    def tick(self) -> None:
-        """A little time has passed."""
-
-    def note(self, text: str) -> None:
-        """One line that the user should see."""
-
-    def close(self) -> None:
-        """It is over, well or badly."""
-
-
-def make_progress() -> Progress:
-    """A bar if stderr is a terminal, else lines."""
-    return Bar() if sys.stderr.isatty() else Lines()
-
-
-class Silent:
-    """Counts, and shows nothing but notes."""
+class Progress:
+    """Count nodes and show only notes. All calls come from the thread of the execution."""
 
     def __init__(self):
         self.total: dict[str, int] = {}
@@ -67,33 +32,33 @@ class Silent:
         self.workers = 1
 
     def expect(self, known: Mapping[str, float], workers: int) -> None:
-        """Keep them, see `seconds_left`."""
+        """Set the seconds that a node of each stage took before, and the number of workers."""
         self.known, self.workers = known, workers
 
     def begin(self, nodes: Sequence[Node], cached: int) -> None:
-        """Begin to count, and to measure the time."""
+        """Start: `nodes` will be computed, `cached` others are in the store."""
         self.began = time.monotonic()
         self.cached = cached
         self.extend(nodes)
 
     def extend(self, nodes: Sequence[Node]) -> None:
-        """Count these as still to come."""
+        """Add nodes that will be computed as well."""
         for node in nodes:
             self.total[node.stage.name] = self.total.get(node.stage.name, 0) + 1
 
     def started(self, node: Node) -> None:
-        """Count the node as running."""
+        """Count a node as running. A node whose worker crashed starts a second time."""
         self.running[node.key] = node.stage.name
 
     def finished(self, node: Node, seconds: float) -> None:
-        """Count the node as done."""
+        """Count a node as done: its result is in the store."""
         name = node.stage.name
         self.running.pop(node.key, None)
         self.done[name] = self.done.get(name, 0) + 1
         self.seconds[name] = self.seconds.get(name, 0.0) + seconds
 
     def failed(self, node: Node, failure: StageFailure, skipped: Sequence[Node]) -> None:
-        """Count them, and say what failed."""
+        """Report a failed node. The nodes `skipped` depend on it and will not be computed."""
         self.running.pop(node.key, None)
         self.failures += 1
         self.skipped += len(skipped)
@@ -102,32 +67,32 @@ class Silent:
         self.note(f"failed: {' '.join(str(failure).split())}")
 
     def tick(self) -> None:
-        """Show nothing."""
+        """Update the display. Called several times per second."""
 
     def note(self, text: str) -> None:
-        """Print a line on stderr."""
-        print(f"stixel: {text}", file=sys.stderr, flush=True)  # noqa: T201
+        """Print one line for the user."""
+        print(f"{PROGRAM}: {text}", file=sys.stderr, flush=True)  # noqa: T201
 
     def close(self) -> None:
-        """Nothing to end."""
+        """End the display, after success or failure."""
 
     @property
     def all_done(self) -> int:
-        """How many nodes are done."""
+        """Number of finished nodes."""
         return sum(self.done.values())
 
     @property
     def all_total(self) -> int:
-        """How many nodes there are."""
+        """Number of nodes to compute."""
         return sum(self.total.values())
 
     @property
     def elapsed(self) -> float:
-        """Seconds since the beginning."""
+        """Seconds since the start."""
         return time.monotonic() - self.began
 
     def seconds_left(self) -> float | None:
-        """What remains, by what nodes of each stage took; None while that is not known."""
+        """Estimated seconds left; None if a stage without any measured time is to be computed."""
         total = 0.0
         for name, count in self.total.items():
             done = self.done.get(name, 0)
@@ -141,7 +106,7 @@ class Silent:
 
     @property
     def text_left(self) -> str:
-        """`; about 40 s left`, or nothing where that is not known, or nothing is left."""
+        """`; about 40 s left`; empty if that is unknown or all nodes are done."""
         left = self.seconds_left()
         if left is None or self.all_done >= self.all_total:
             return ""
@@ -149,25 +114,29 @@ class Silent:
 
     @property
     def running_stages(self) -> str:
-        """The stages that have nodes with the workers."""
+        """Names of the stages that are running."""
         return ", ".join(dict.fromkeys(self.running.values()))
 
 
-def obituary(labels: Sequence[str], again: bool) -> str:
-    """What is said of a worker that died with nodes of these labels, to be tried again or not."""
-    counts = Counter(labels).items()
-    told = ", ".join(
-        label if count == 1 else f"{label} ({count} points)" for label, count in counts
+def crash_note(labels: Sequence[str], retry: bool) -> str:
+    """Message for a worker that crashed while it ran nodes with these labels."""
+    names = ", ".join(
+        label if count == 1 else f"{label} ({count} nodes)"
+        for label, count in Counter(labels).items()
     )
-    if not again:
-        return f"a worker died of {told}"
-    if len(labels) == 1:
-        return f"a worker died while it ran {told}, which is tried once more, alone"
-    return f"a worker died while these were running: {told}; each is tried again, alone"
+    if not retry:
+        return f"a worker crashed while running {names}"
+    each = f"{names} on its own" if len(labels) == 1 else "each on its own"
+    return f"a worker crashed while running {names}; retrying {each}"
+
+
+def make_progress() -> Progress:
+    """A bar if stderr is a terminal, else lines."""
+    return Bar() if sys.stderr.isatty() else Lines()
 
 
 def duration(seconds: float) -> str:
-    """A time as one says it: `40 s`, `12 min`, `3 h 20 min`."""
+    """Format a time: `40 s`, `12 min`, `3 h 20 min`."""
     if seconds < 90:
         return f"{max(1, round(seconds))} s"
     minutes = round(seconds / 60)
@@ -176,8 +145,8 @@ def duration(seconds: float) -> str:
     return f"{minutes // 60} h {minutes % 60} min"
 
 
-class Lines(Silent):
-    """A line when a stage is complete, and every few seconds."""
+class Lines(Progress):
+    """Print a line for each finished stage, and one every few seconds."""
 
     def __init__(self):
         super().__init__()
@@ -192,7 +161,7 @@ class Lines(Silent):
             self._line(f"{name}{nodes} done in {self.seconds[name]:.1f} s of work")
 
     def tick(self) -> None:
-        """Print a line if there was none for some time."""
+        """Print a line if the last one is some time ago."""
         if self.running and self.elapsed - self._last_line > LINE_INTERVAL:
             self._line(f"running {self.running_stages}{self.text_left}")
 
@@ -201,8 +170,8 @@ class Lines(Silent):
         self.note(f"[{self.all_done}/{self.all_total}] {text}")
 
 
-class Bar(Silent):
-    """A bar of rich that goes away at the end."""
+class Bar(Progress):
+    """Show a progress bar of rich, and remove it at the end."""
 
     def __init__(self):
         super().__init__()
@@ -210,7 +179,7 @@ class Bar(Silent):
         self._task = None
 
     def tick(self) -> None:
-        """Show the bar, or bring it up to date."""
+        """Show or update the bar."""
         if self._bar is None and self.all_total and self.elapsed > PATIENCE:
             self._start()
         if self._bar is not None:
@@ -226,10 +195,10 @@ class Bar(Silent):
         if self._bar is None:
             super().note(text)
         else:
-            self._bar.console.print(f"stixel: {text}", markup=False, highlight=False)
+            self._bar.console.print(f"{PROGRAM}: {text}", markup=False, highlight=False)
 
     def close(self) -> None:
-        """Take the bar away."""
+        """Remove the bar."""
         if self._bar is not None:
             self._bar.stop()
             self._bar = None

@@ -1,4 +1,4 @@
-"""A stage: one step of a pipeline, named and bound to its slice of the configuration."""
+"""A stage: a function with its name, inputs and settings."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,7 +8,7 @@ from typing import Any, Literal
 Pattern = Literal["once", "map", "fold", "pick"]
 
 CHUNKED = ("map", "fold")
-"""The patterns that have one node for every chunk of frames."""
+"""Patterns with one node per chunk of frames."""
 
 GIVEN = {
     "once": (),
@@ -16,30 +16,30 @@ GIVEN = {
     "fold": ("frames", "previous"),
     "pick": ("frame",),
 }
-"""Arguments the engine gives of its own accord, for each pattern."""
+"""Arguments that the engine adds, by pattern."""
 
 
 @dataclass(frozen=True)
 class Stage:
-    """One step of a pipeline.
+    """A function with its name, inputs and settings.
 
     Attributes:
-        name: unique in its pipeline.
+        name: unique in its graph.
         function: "package.module:function", imported only where it runs.
-        pattern: `once` is one node; `map` one node for every chunk of frames, called with
-            `frames: range`; `fold` the same with `previous`, its own result of the chunk before
-            (None at the first); `pick` one node for every chosen frame, called with `frame: int`.
-        inputs: argument name -> name of the stage that gives it. A chunked input arrives in a
-            chunked stage as the chunk with the same frames, in `pick` as the chunk that holds
-            the frame, and in `once` as a lazy sequence of all chunks.
+        pattern: `once` is one node. `map` is one node per chunk of frames, called with
+            `frames: range`. `fold` is `map` with `previous`, its own result of the chunk before
+            (None for the first). `pick` is one node per chosen frame, called with `frame: int`.
+        inputs: argument name -> name of the stage that provides it. A chunked input is passed to a
+            chunked stage as the chunk of the same frames, to `pick` as the chunk that contains the
+            frame, and to `once` as a lazy sequence of all chunks.
         settings: argument name -> slice of the configuration, a frozen dataclass or plain value.
         modules: further modules whose code is part of the key: those that no import statement of
             the function's module leads to.
-        seed: given as `seed` and part of the key; None for a stage that draws nothing.
+        seed: passed as `seed` and part of the key; None for a stage that draws no random numbers.
         frames: the chosen frames of a `pick` stage.
-        files: outside files; the digest of their content is part of the key.
-        keys: argument name -> what its setting is called where the user sets it, if otherwise
-            than the argument; to tell what changed, and no part of the key.
+        files: external files; the digest of their content is part of the key.
+        keys: argument name -> key of the setting in the configuration, if it differs from the
+            argument. Used to explain changes; not part of the result's key.
     """
 
     name: str
@@ -54,10 +54,10 @@ class Stage:
     keys: Mapping[str, str] = field(default_factory=dict)
 
     def check(self) -> None:
-        """Raise ValueError, in one line, if the stage contradicts itself."""
+        """Raise ValueError, in one line, if the stage is not valid."""
         if self.pattern not in GIVEN:
             raise ValueError(
-                f"stage {self.name}: no pattern {self.pattern!r}, only {', '.join(GIVEN)}"
+                f"stage {self.name}: {self.pattern!r} is not a pattern; choose {', '.join(GIVEN)}"
             )
         module, _, function = self.function.partition(":")
         if not module or not function.isidentifier():

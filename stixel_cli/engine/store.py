@@ -1,9 +1,8 @@
-"""The cache: one folder for each result, found by its key, believed only if its digest is right.
+"""The store of results: one folder per key, with the value, notes, and digests of both.
 
-An entry is written in a folder of its own beside the others and renamed into place when it is
-complete, so that readers see all of it or nothing, and what a killed process leaves is never taken
-for a result. Nothing is flushed to the disk by force: what a power cut tears fails its digest. The
-notes on an entry hold the digest of its value, and begin with one of their own.
+An entry is written in a temporary folder and then renamed, so that readers see all of it or
+nothing, also after a process was killed. Nothing is flushed to disk by force: after a power cut the
+digest reveals an incomplete entry. The notes have the digest of the value, and one of their own.
 """
 
 import io
@@ -11,6 +10,7 @@ import json
 import os
 import shutil
 import socket
+import stat
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -22,25 +22,45 @@ import joblib
 
 from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.locks import file_lock, unwritable
-from stixel_cli.engine.parameters import CacheParameters
-from stixel_cli.engine.units import parse_size
+from stixel_cli.engine.parameters import (
+    CACHE_VARIABLE,
+    PROGRAM,
+    CacheParameters,
+    parse_size,
+)
 
 VALUE = "value.joblib"
 META = "meta.json"
 
 
+class NotARegularFile(OSError):
+    """A folder, FIFO, socket or device in the place of a file."""
+
+
+def read_file(path: Path) -> bytes:
+    """Read a regular file. Other kinds are not opened: a FIFO or a device could block.
+
+    Raises:
+        NotARegularFile: it is of another kind.
+        OSError: it cannot be read.
+    """
+    if not stat.S_ISREG(path.stat().st_mode):
+        raise NotARegularFile(f"{path} is not a regular file")
+    return path.read_bytes()
+
+
 def default_cache_folder() -> Path:
-    """The folder named by STIXEL_CACHE, else `stixel` in the platform's cache of the user."""
-    named = os.environ.get("STIXEL_CACHE")
+    """The folder named by the environment, else the program's folder in the user's cache."""
+    named = os.environ.get(CACHE_VARIABLE)
     if named:
         return Path(named).expanduser().absolute()
     import platformdirs
 
-    return platformdirs.user_cache_path("stixel", appauthor=False)
+    return platformdirs.user_cache_path(PROGRAM, appauthor=False)
 
 
 def open_store(parameters: CacheParameters) -> "Store":
-    """The store that the configuration names, with its limit; nothing is touched yet."""
+    """The store that the configuration names, with its limit. The folder is not created yet."""
     folder = parameters.folder
     limit = parameters.max_size
     return Store(
@@ -50,9 +70,9 @@ def open_store(parameters: CacheParameters) -> "Store":
 
 
 class Store:
-    """Results in a folder that several processes may share; it is made when it is needed.
+    """Results in a folder that several processes may share. `save` creates the folder.
 
-    `max_size` in bytes is kept by `execute`, see `stixel_cli.engine.upkeep`.
+    `execute` keeps the limit `max_size`, in bytes: see `stixel_cli.engine.cleanup`.
     """
 
     def __init__(self, folder: Path | str, max_size: int | None = None):
@@ -60,35 +80,32 @@ class Store:
         self.max_size = max_size
 
     def entry(self, key: str) -> Path:
-        """The folder of a key's entry, whether there is one or not."""
+        """The folder of a key's entry, which may not exist."""
         return self.folder / key[:2] / key
 
     def has(self, key: str) -> bool:
-        """Whether there is an entry, with notes that are what was stored. Nothing is set aside.
-
-        Its value is not looked at, see `verify`.
-        """
+        """Whether an entry with valid notes exists. Its value is not read, see `verify`."""
         try:
-            return _notes_fault((self.entry(key) / META).read_bytes(), key) is None
+            return _notes_fault(read_file(self.entry(key) / META), key) is None
         except OSError:
             return False
 
     def load(self, key: str) -> Any:
-        """The value of an entry, each time a new object.
+        """Read the value of an entry, as a new object each time.
 
         Raises:
-            MissingEntry: there is none, or its content is not what was stored; then it is set
-                aside, so that it counts as missing from now on.
+            MissingEntry: there is no entry, or it is damaged. A damaged entry is set aside, so
+                that it counts as missing from then on.
             CacheError: it cannot be read.
         """
         content = self._content(key)
         with suppress(OSError):
-            # The time of last use, by which entries are evicted. A cache may be read-only.
+            # The time of last use, for the cleanup. A cache may be read-only.
             os.utime(self.entry(key))
         return joblib.load(io.BytesIO(content))
 
     def meta(self, key: str) -> dict[str, Any]:
-        """What was noted about an entry: stage, label, seconds, size, digest, ….
+        """Read the notes of an entry: stage, label, seconds, size, digest, ….
 
         Raises:
             MissingEntry, CacheError: as `load` does.
@@ -100,7 +117,7 @@ class Store:
         return json.loads(content)
 
     def verify(self, key: str) -> bool:
-        """Whether there is an entry with the content that was stored; if not, it is set aside."""
+        """Whether an undamaged entry exists. A damaged one is set aside."""
         try:
             self._content(key)
         except MissingEntry:
@@ -108,14 +125,14 @@ class Store:
         return True
 
     def check(self, key: str) -> None:
-        """Raise MissingEntry unless there is an entry with the content that was stored."""
+        """Raise MissingEntry unless an undamaged entry exists. A damaged one is set aside."""
         self._content(key)
 
     def save(self, key: str, value: Any, **notes: Any) -> int:
-        """Store a value with notes (JSON) about it; its size in bytes.
+        """Store a value with notes (JSON); return the size of the value in bytes.
 
         Raises:
-            CacheError: it cannot be written; nothing is left of it.
+            CacheError: it cannot be written. Nothing of it remains.
         """
         partial = self.folder / "tmp" / f"{key[:16]}-{socket.gethostname()}-{os.getpid()}"
         partial = partial.with_name(f"{partial.name}-{time.monotonic_ns():x}")
@@ -138,7 +155,7 @@ class Store:
 
     @contextmanager
     def lock(self, key: str) -> Iterator[None]:
-        """Hold the lock of a key: for one thread of one process at a time, freed if that is killed.
+        """Acquire the lock of a key, for one thread of one process at a time.
 
         Raises:
             CacheError: the folder cannot be written.
@@ -153,14 +170,14 @@ class Store:
         try:
             yield
         finally:
-            # Removed while it is held. Who waits for the removed file finds no name for it and
-            # begins anew; were two to slip through, both would store the same result.
+            # Remove the file before the release: a process that waits for the removed file finds
+            # it without a name and retries. Two that get the lock would store the same result.
             with suppress(OSError):
                 path.unlink()
             lock.release()
 
     def check_writable(self) -> None:
-        """Raise CacheError if entries cannot be written or locked, before a stage runs in vain."""
+        """Raise CacheError if entries cannot be written or locked."""
         probe = self.folder / "tmp" / f"probe-{os.getpid()}-{time.monotonic_ns():x}"
         try:
             probe.parent.mkdir(parents=True, exist_ok=True)
@@ -177,30 +194,30 @@ class Store:
         meta = self.meta(key)
         content = self._read(key, VALUE)
         if len(content) != meta.get("size"):
-            raise self._set_aside(key, f"it is cut short ({len(content)} bytes)")
+            raise self._set_aside(key, f"it is truncated ({len(content)} bytes)")
         if sha256(content).hexdigest() != meta.get("digest"):
-            raise self._set_aside(key, "its content is not what was stored")
+            raise self._set_aside(key, "its content has changed")
         return content
 
     def _read(self, key: str, name: str) -> bytes:
         try:
-            return (self.entry(key) / name).read_bytes()
+            return read_file(self.entry(key) / name)
         except (FileNotFoundError, NotADirectoryError):
             if self.entry(key).is_dir():
                 raise self._set_aside(key, f"{name} is missing") from None
-            raise MissingEntry(key, "there is none") from None
-        except IsADirectoryError:
-            raise self._set_aside(key, f"{name} is a folder") from None
+            raise MissingEntry(key, "not found") from None
+        except NotARegularFile:
+            raise self._set_aside(key, f"{name} is not a regular file") from None
         except OSError as error:
             raise CacheError(
                 f"cannot read the cache {self.folder}: {error.strerror or error}"
             ) from error
 
     def _set_aside(self, key: str, reason: str) -> MissingEntry:
-        """Move a bad entry out of the way; the exception to raise."""
+        """Move a damaged entry to the quarantine; return the exception to raise."""
         aside = self.folder / "quarantine" / f"{key}-{time.time_ns()}"
         with suppress(OSError):
-            # Where this fails, the entry stays, and whoever wants to replace it says why it cannot.
+            # If this fails, the entry stays, and `save` reports why it cannot replace it.
             aside.parent.mkdir(parents=True, exist_ok=True)
             self.entry(key).rename(aside)
             return MissingEntry(key, reason, set_aside=True)
@@ -211,11 +228,11 @@ class Store:
             _move(partial, entry)
         except OSError:
             if self.has(entry.name):
-                # Someone else stored the same result first.
+                # Another process stored the same result first.
                 shutil.rmtree(partial, ignore_errors=True)
                 return
-            # What is left of an entry that was not removed to the end, or was damaged.
-            self._set_aside(entry.name, "it is not complete")
+            # A damaged entry, or one that was removed in part.
+            self._set_aside(entry.name, "it is incomplete")
             _move(partial, entry)
 
 
@@ -224,7 +241,7 @@ def _move(partial: Path, entry: Path) -> None:
         entry.parent.mkdir(parents=True, exist_ok=True)
         partial.rename(entry)
     except FileNotFoundError:
-        # A collector removed the folder in between, empty as it was.
+        # A cleanup removed the empty folder in between.
         entry.parent.mkdir(parents=True, exist_ok=True)
         partial.rename(entry)
 
@@ -234,27 +251,27 @@ _OWN_DIGEST_END = b'",'
 
 
 def _notes_content(meta: dict[str, Any]) -> bytes:
-    """Notes as they are stored: JSON whose first entry is the digest of the text that follows."""
+    """Encode notes as JSON whose first entry is the digest of the text that follows."""
     rest = json.dumps(meta, indent=1).encode("ascii").removeprefix(b"{")
     return _OWN_DIGEST + sha256(rest).hexdigest().encode() + _OWN_DIGEST_END + rest
 
 
 def _notes_fault(content: bytes, key: str) -> str | None:
-    """What is wrong with the stored notes of a key's entry, or None."""
+    """Return what is wrong with the stored notes of a key, or None."""
     begin = len(_OWN_DIGEST)
     stop = begin + 64 + len(_OWN_DIGEST_END)
     if not content.startswith(_OWN_DIGEST) or content[stop - 2 : stop] != _OWN_DIGEST_END:
-        return "its notes are damaged, or of an older version"
+        return "its notes are damaged or of an older version"
     rest = content[stop:]
     if content[begin : begin + 64] != sha256(rest).hexdigest().encode():
-        return "its notes are not what was stored"
+        return "its notes have changed"
     if f'\n "key": "{key}",'.encode() not in rest:
-        return "it is the entry of another key"
+        return "it belongs to another key"
     return None
 
 
 class _HashingWriter:
-    """A binary file that hashes what is written to it."""
+    """Write to a binary file and hash the content."""
 
     def __init__(self, file: io.BufferedWriter):
         self._file = file

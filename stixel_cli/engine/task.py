@@ -1,27 +1,35 @@
-"""A node as it travels to a worker: names and keys, never arrays. And what comes back."""
+"""Compute one node in a worker. Names and keys travel between processes, never arrays."""
 
-from collections.abc import Mapping
+import pickle
+import time
+import traceback
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 from stixel_cli.engine.code import Code
+from stixel_cli.engine.errors import MissingEntry
 from stixel_cli.engine.graph import Node
-from stixel_cli.engine.time_limit import TimeLimit
+from stixel_cli.engine.loaded_code import check_versions, planned_function
+from stixel_cli.engine.one_thread import one_thread
+from stixel_cli.engine.store import Store
+from stixel_cli.engine.time_limit import TimeLimit, limited
 
 
 @dataclass(frozen=True)
 class Task:
-    """All that a worker needs to compute a node.
+    """Everything a worker needs to compute a node.
 
     Attributes:
         key, label, function: of the node and its stage.
-        arguments: the settings, frames and seed as the function takes them.
-        inputs: argument name -> keys; those in `sequences` arrive as a lazy sequence.
-        previous: key of the fold's node before, None at the first; `fold` tells whether there
-            is such an argument.
-        code: the code as it was planned.
-        notes: stored beside the value.
-        limit: on the time it takes, None for none.
+        arguments: settings, frames and seed, as the function takes them.
+        inputs: argument name -> keys; those in `sequences` are passed as a lazy sequence.
+        fold: whether the function has the argument `previous`.
+        previous: key of the node before in a fold, None for the first.
+        code: the code that the key was made from.
+        notes: stored with the value.
+        limit: time limit of the node, None for no limit.
     """
 
     key: str
@@ -39,15 +47,15 @@ class Task:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a task.
+    """Outcome of a task.
 
     Attributes:
-        status: `computed`, `cached` (someone else was first), `missing` (an input is not there,
-            or was damaged and is set aside), or `failed`.
-        seconds: spent on loading, computing and storing, not on waiting for the lock.
+        status: `computed`, `cached` (another process was first), `missing` (an input is missing or
+            damaged), or `failed`.
+        seconds: time to load, compute and store, without the wait for the lock.
         size: bytes that were stored.
-        missing: (key, reason) of the inputs that are not there.
-        error, traceback_text: what the stage raised.
+        missing: (key, reason) of the missing inputs.
+        error, traceback_text: see `StageFailure`.
     """
 
     status: Literal["computed", "cached", "missing", "failed"]
@@ -59,7 +67,7 @@ class Outcome:
 
 
 def task_of(node: Node, limit: TimeLimit | None = None) -> Task:
-    """The task that computes `node`."""
+    """Make the task that computes `node`."""
     stage = node.stage
     arguments = dict(stage.settings)
     if stage.pattern in ("map", "fold"):
@@ -88,3 +96,109 @@ def task_of(node: Node, limit: TimeLimit | None = None) -> Task:
         notes=notes,
         limit=limit,
     )
+
+
+class ChunkSequence(Sequence):
+    """The chunks of an input in order. Each access loads the chunk from the store."""
+
+    def __init__(self, keys: tuple[str, ...], load: Callable[[str], Any]):
+        self._keys = keys
+        self._load = load
+
+    def __len__(self) -> int:
+        return len(self._keys)
+
+    def __getitem__(self, index):
+        if isinstance(index, slice):
+            return ChunkSequence(self._keys[index], self._load)
+        return self._load(self._keys[index])
+
+
+def run_task(task: Task, folder: Path) -> Outcome:
+    """Compute a node and store it at `folder`, unless the store has it by now."""
+    store = Store(folder)
+    inputs = _Inputs(store)
+    started = time.perf_counter()
+    try:
+        with store.lock(task.key):
+            if store.has(task.key):
+                return Outcome("cached")
+            started = time.perf_counter()
+            with limited(task.limit):
+                size = _compute(task, inputs, store)
+            return Outcome("computed", time.perf_counter() - started, size)
+    except Exception as error:
+        seconds = time.perf_counter() - started
+        if inputs.missing:
+            return Outcome("missing", seconds, missing=tuple(inputs.missing.items()))
+        return Outcome("failed", seconds, error=_portable(error), traceback_text=_own_part(error))
+
+
+def _compute(task: Task, inputs: "_Inputs", store: Store) -> int:
+    """Load, call and store; return the size of the result in bytes."""
+    # CPU time of this thread does not depend on the load of the machine. It does not include
+    # processes that the function starts.
+    started, cpu_started = time.perf_counter(), time.thread_time()
+    check_versions(task.notes)
+    function = planned_function(task.function, task.code)
+    with one_thread():
+        value = function(**_arguments(task, inputs))
+    return store.save(
+        task.key,
+        value,
+        **task.notes,
+        modules=task.code.modules,
+        seconds=round(time.perf_counter() - started, 4),
+        cpu_seconds=round(time.thread_time() - cpu_started, 6),
+        created=round(time.time(), 3),
+    )
+
+
+class _Inputs:
+    """Load inputs, and record the missing ones."""
+
+    def __init__(self, store: Store):
+        self.store = store
+        self.missing: dict[str, str] = {}
+
+    def load(self, key: str) -> Any:
+        try:
+            return self.store.load(key)
+        except MissingEntry as error:
+            self.missing[key] = error.reason
+            raise
+
+
+def _arguments(task: Task, inputs: _Inputs) -> dict[str, Any]:
+    arguments = dict(task.arguments)
+    for name, keys in task.inputs.items():
+        if name in task.sequences:
+            arguments[name] = ChunkSequence(keys, inputs.load)
+        else:
+            arguments[name] = inputs.load(keys[0])
+    if task.fold:
+        arguments["previous"] = None if task.previous is None else inputs.load(task.previous)
+    return arguments
+
+
+def _own_part(error: Exception) -> str:
+    """The traceback without the first frames, which are of this module."""
+    trace = error.__traceback__
+    while (
+        trace is not None
+        and trace.tb_next is not None
+        and trace.tb_frame.f_code.co_filename == __file__
+    ):
+        trace = trace.tb_next
+    return "".join(traceback.format_exception(type(error), error, trace))
+
+
+def _portable(error: Exception) -> Exception:
+    """The error, or its text if it cannot be pickled."""
+    try:
+        copy = pickle.loads(pickle.dumps(error))
+        if str(copy) == str(error):
+            return error
+    except Exception:
+        pass
+    return RuntimeError(f"{type(error).__name__}: {error}")

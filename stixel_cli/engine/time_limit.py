@@ -1,8 +1,8 @@
-"""A limit on the time that a node takes, kept in the process that runs it.
+"""Time limit of a node, enforced in the process that runs it.
 
-A stage may hang in compiled code that holds the interpreter, so a thread of Python's is no good:
-faulthandler's own watchdog ends the process, and leaves in a file where it hung. By that file, the
-*mark*, the parent tells a node over its limit from one whose worker died of something else.
+A stage may hang in compiled code that holds the interpreter lock, so a Python thread cannot end it.
+The watchdog of `faulthandler` ends the process and writes the traceback to a file, the *mark*. The
+mark tells the parent that the node exceeded its limit, and that the worker did not crash.
 """
 
 import faulthandler
@@ -13,17 +13,18 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from stixel_cli.engine.errors import CacheError, TimeLimitExceeded
+from stixel_cli.engine.errors import TimeLimitExceeded
+from stixel_cli.engine.locks import unwritable
 
 
 @dataclass(frozen=True)
 class TimeLimit:
-    """What a worker needs to know.
+    """Time limit of one node.
 
     Attributes:
-        seconds: that the node may take.
-        mark: file that tells that it took longer; None in the calling process itself, which is
-            not to be killed: there the stage is interrupted.
+        seconds: maximum time.
+        mark: file that the watchdog writes; None in the calling process, which must not be ended:
+            there the stage is interrupted.
     """
 
     seconds: float
@@ -31,17 +32,17 @@ class TimeLimit:
 
     @property
     def error(self) -> TimeLimitExceeded:
-        """What is said of a node that took longer."""
-        return TimeLimitExceeded(f"over its time limit of {self.seconds:g} s, and was ended")
+        """Error of a node that exceeded the limit."""
+        return TimeLimitExceeded(f"exceeded its time limit of {self.seconds:g} s and was ended")
 
 
 @contextmanager
 def limited(limit: TimeLimit | None) -> Iterator[None]:
-    """Keep what is within to `limit`.
+    """Enforce `limit` inside the `with` block.
 
     Raises:
-        TimeLimitExceeded: in the calling process; or at once, if the node was over it elsewhere
-            (Dask hands what a lost worker ran to the next).
+        TimeLimitExceeded: the block took too long in the calling process; or, at once, the node
+            took too long in another worker (Dask retries the tasks of a lost worker).
     """
     if limit is None:
         yield
@@ -56,12 +57,12 @@ def limited(limit: TimeLimit | None) -> Iterator[None]:
 
 
 def can_interrupt() -> bool:
-    """Whether a stage can be interrupted where this is called: by an alarm, in the main thread."""
+    """Whether a stage can be interrupted by an alarm: only in the main thread."""
     return hasattr(signal, "setitimer") and (threading.current_thread() is threading.main_thread())
 
 
 def mark_text(limit: TimeLimit | None) -> str | None:
-    """Where the node hung, if it was over its limit in another process; None if it was not."""
+    """Traceback of a node that exceeded its limit in another process; None if it did not."""
     if limit is None or limit.mark is None:
         return None
     with suppress(OSError):
@@ -75,9 +76,7 @@ def _killed(limit: TimeLimit, mark: Path) -> Iterator[None]:
         mark.parent.mkdir(parents=True, exist_ok=True)
         file = mark.open("w")
     except OSError as error:
-        raise CacheError(
-            f"cannot write in the cache {mark.parents[1]}: {error.strerror or error}"
-        ) from error
+        raise unwritable(mark.parents[1], error) from error
     with file:
         faulthandler.dump_traceback_later(limit.seconds, exit=True, file=file)
         try:

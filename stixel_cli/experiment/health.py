@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from stixel_cli.engine.entries import entries, set_aside
 from stixel_cli.engine.errors import CacheError, MissingEntry
+from stixel_cli.engine.parameters import show_size
 from stixel_cli.engine.store import Store
-from stixel_cli.engine.units import show_size
-from stixel_cli.engine.upkeep import entries, set_aside
 from stixel_cli.results.provenance import git_state, package_versions
 
 RENDERER_TIMEOUT = 60.0

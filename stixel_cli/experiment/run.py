@@ -6,7 +6,7 @@ from typing import Any
 from stixel_cli.config.schema import Configuration
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.graph import Graph, build_graph
-from stixel_cli.engine.leases import lease
+from stixel_cli.engine.locks import lease
 from stixel_cli.engine.plan import Plan, plan
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.engine.canonical import digest
 from stixel_cli.engine.errors import MissingEntry
 from stixel_cli.engine.graph import Graph, Node
+from stixel_cli.engine.keys import digest
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
 from stixel_cli.files import read_json

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from stixel_cli.config import messages
-from stixel_cli.engine.leases import lease
+from stixel_cli.engine.locks import lease
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.recorded_run import provenance

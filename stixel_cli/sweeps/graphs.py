@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from stixel_cli.engine.durations import Durations
 from stixel_cli.engine.graph import Graph, GraphBuilder, merge
-from stixel_cli.engine.plan import plan
+from stixel_cli.engine.plan import Durations, plan
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.experiment.stages import CHUNK_SIZE, pipeline_stages, scan_count

@@ -5,11 +5,11 @@ from collections.abc import Callable, Mapping, Sequence
 
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.graph import Node
-from stixel_cli.engine.progress import LINE_INTERVAL, PATIENCE, Silent
+from stixel_cli.engine.progress import LINE_INTERVAL, PATIENCE, Progress
 from stixel_cli.sweeps.graphs import PlannedRun
 
 
-class SweepProgress(Silent):
+class SweepProgress(Progress):
     """Counts runs beside nodes, and hands each run on as soon as all it asks for is there."""
 
     def __init__(

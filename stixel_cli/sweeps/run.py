@@ -6,9 +6,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.engine.durations import Durations
 from stixel_cli.engine.errors import MissingEntry, StageFailure
 from stixel_cli.engine.execute import execute
+from stixel_cli.engine.plan import Durations
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.recorded_run import told_in_one_line

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.engine.errors import StageFailure
-from stixel_cli.engine.records import Execution, NodeRecord
+from stixel_cli.engine.execute import Execution, NodeRecord
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.results.folder import json_text, score_columns
 from stixel_cli.results.lineage import FILE

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from stixel_cli.config.compose_many import Composer
-from stixel_cli.engine.probe import probe
+from stixel_cli.engine.plan import probe
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import FolderTaken
 from stixel_cli.experiment.recorded_run import provenance, stamp, told_in_one_line

@@ -243,7 +243,7 @@ def test_sweeps_of_options(group, capsys):
         (["rig=kitti,default", "rig.focal_length=3", "rig.horizontal_fov=50"], "rig.focal_length"),
         (["path=turn,waypoints", "path.points=[[0,9],[0,19]]"], "path.points"),
         (["executor.workers=0", "seed=0,1"], "executor.workers: 0 is out of range"),
-        (["cache.max_size=much", "seed=0,1"], "cache.max_size: 'much' is no size"),
+        (["cache.max_size=much", "seed=0,1"], "cache.max_size: 'much' is not a valid size"),
         (["--from", "nowhere.yaml"], "nowhere.yaml"),
         (["hydra.sweep.dir=x", "seed=0,1"], "Hydra's own settings"),
         (["seed=1,-2"], "seed: -2 is out of range"),

@@ -110,7 +110,7 @@ def test_notes_that_were_altered_are_bad_though_they_are_valid(store, capsys):
     notes.write_text(json.dumps(content | {"label": "other"}, indent=1))
     assert main(["cache", "verify"]) == 1
     said = capsys.readouterr().out
-    assert "bad: other 222222222222: its notes are not what was stored; set aside" in said
+    assert "bad: other 222222222222: its notes have changed; set aside" in said
     assert left(store) == [0, 1, 3, 4, 5]
 
 
@@ -149,10 +149,10 @@ def test_clear_asks_on_a_terminal(store, monkeypatch, words, code, kept):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("gc", "--max-size", "much"), "--max-size: 'much' is no size: write 500MB"),
-        (("gc", "--max-size", "-1GB"), "--max-size: '-1GB' is no size"),
-        (("gc", "--older-than", "old"), "--older-than: 'old' is no age: write"),
-        (("gc", "--older-than", "30"), "--older-than: '30' is no age"),
+        (("gc", "--max-size", "much"), "--max-size: 'much' is not a valid size: write 500MB"),
+        (("gc", "--max-size", "-1GB"), "--max-size: '-1GB' is not a valid size"),
+        (("gc", "--older-than", "old"), "--older-than: 'old' is not a valid age: write"),
+        (("gc", "--older-than", "30"), "--older-than: '30' is not a valid age"),
         ((), "missing command"),
         (("lss",), "did you mean 'ls'?"),
         (("verify", "all"), "unexpected extra argument"),

@@ -12,7 +12,7 @@ import pytest
 from stixel_cli.engine import loaded_code
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.graph import build_graph
-from stixel_cli.engine.progress import Silent
+from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.stage import Stage
 from stixel_cli.engine.store import VALUE, Store
 
@@ -111,7 +111,7 @@ MODULES = {
 _numbers = itertools.count()
 
 
-class Notes(Silent):
+class Notes(Progress):
     """Keeps the notes instead of printing them."""
 
     def __init__(self):

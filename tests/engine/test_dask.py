@@ -10,12 +10,12 @@ from textwrap import dedent
 
 import pytest
 
-from stixel_cli.engine.dask_cluster import Cluster
+from stixel_cli.engine.dask_pool import Cluster
 from stixel_cli.engine.errors import CodeChanged, ExecutorError, StageFailure
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.graph import build_graph
 from stixel_cli.engine.parameters import DaskExecutor
-from stixel_cli.engine.probe import probe
+from stixel_cli.engine.plan import probe
 from stixel_cli.engine.stage import Stage
 from stixel_cli.engine.store import Store
 
@@ -118,7 +118,7 @@ def test_a_worker_is_killed_in_the_midst_and_the_bytes_are_those_of_local(
     killer.join()
     assert len(killed) == 1
     assert {record.status for record in execution.records.values()} == {"computed"}
-    assert len(notes.notes) == 1 and notes.notes[0].startswith("a worker died while")
+    assert len(notes.notes) == 1 and notes.notes[0].startswith("a worker crashed")
     by_dask = project.contents(graph)
     project.store.folder = tmp_path / "other"
     execute(graph, ["total"], project.store, executor="local")
@@ -137,7 +137,7 @@ def test_a_stage_over_its_time_limit(cluster, project, notes):
     )
     ((key, failure),) = execution.failures.items()
     assert key == graph.of_stage("hang")[2].key
-    assert "over its time limit of 1 s" in str(failure) and "in hang" in failure.traceback_text
+    assert "exceeded its time limit of 1 s" in str(failure) and "in hang" in failure.traceback_text
     assert sum(project.store.has(node.key) for node in graph.of_stage("hang")) == 3
 
 
@@ -207,7 +207,7 @@ def test_no_scheduler_there(project, monkeypatch):
 
 def test_dask_is_not_installed(project, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(ExecutorError, match=r"needs Dask: pip install 'stixel\[dask\]'"):
+    with pytest.raises(ExecutorError, match=r"requires Dask: pip install 'stixel\[dask\]'"):
         execute(project.graph(), ["numbers"], project.store, executor="dask")
 
 
@@ -221,7 +221,7 @@ OWN = """
     from stixel_cli.engine.parameters import DaskExecutor
     from stixel_cli.engine.stage import Stage
     from stixel_cli.engine.store import Store
-    from stixel_cli.engine.progress import Silent
+    from stixel_cli.engine.progress import Progress
 
     sys.path.insert(0, {folder!r})
     os.environ["PYTHONPATH"] = {folder!r}
@@ -300,7 +300,7 @@ def test_ctrl_c_while_a_cluster_of_its_own_starts(project, monkeypatch):
 def test_a_cluster_ends_with_who_started_it():
     script = """
         import os, signal
-        from stixel_cli.engine.dask_cluster import Cluster
+        from stixel_cli.engine.dask_pool import Cluster
         if __name__ == "__main__":
             cluster = Cluster(1)
             print(cluster._process.pid, cluster.address(), flush=True)

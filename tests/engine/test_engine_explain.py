@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import pytest
 
+from stixel_cli.engine.cleanup import clear, collect
 from stixel_cli.engine.explain import by_stage, explain
 from stixel_cli.engine.graph import build_graph
 from stixel_cli.engine.store import VALUE
-from stixel_cli.engine.upkeep import clear, collect
 
 FRAMES, CHUNK = 10, 4
 
@@ -173,11 +173,11 @@ def test_an_input_that_is_stored_already_is_followed_to_what_changed(project, sa
 def test_what_was_removed(project, said):
     graph = project.graph()
     collect(project.store, max_size=0)
-    assert said(graph, ["numbers"]) == {"numbers": "numbers: removed from the cache for space"}
+    assert said(graph, ["numbers"]) == {"numbers": "numbers: removed from the cache to save space"}
     project.run(graph)
     clear(project.store)
     assert said(graph, ["numbers"]) == {
-        "numbers": "numbers: removed from the cache by stixel cache clear"
+        "numbers": "numbers: removed from the cache when it was cleared"
     }
 
 
@@ -193,7 +193,7 @@ def test_what_was_damaged(project, said):
     assert said(graph) == told
     project.run(graph)
     collect(project.store, max_size=10**9, older_than=-1)
-    assert said(graph, ["gather"])["gather"] == "gather: removed from the cache for age"
+    assert said(graph, ["gather"])["gather"] == "gather: removed from the cache by age"
 
 
 def test_other_frames(project, said):

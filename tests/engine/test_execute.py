@@ -169,7 +169,7 @@ def test_plan_computes_and_writes_nothing(project):
 
 @pytest.mark.parametrize(
     ("options", "message"),
-    [({"executor": "cloud"}, "there is no 'cloud'"), ({"workers": 0}, "0 is too few")],
+    [({"executor": "cloud"}, "'cloud' is unknown"), ({"workers": 0}, "must be at least 1, got 0")],
 )
 def test_refuses_pools_that_do_not_exist(project, options, message):
     with pytest.raises(ValueError, match=message):

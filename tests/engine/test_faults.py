@@ -6,17 +6,19 @@ import signal
 import subprocess
 import sys
 import time
+import traceback
 from concurrent.futures import wait
 from pathlib import Path
 from textwrap import dedent
 
 import pytest
 
-from stixel_cli.engine import loop
+from stixel_cli.engine import scheduler
+from stixel_cli.engine.cleanup import collect
+from stixel_cli.engine.entries import entries, verify_all
 from stixel_cli.engine.errors import CacheError, StageFailure, WorkerDied
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.store import VALUE, Store
-from stixel_cli.engine.upkeep import collect, entries, verify_all
 
 
 def test_a_stage_that_raises(project):
@@ -35,6 +37,15 @@ def test_a_stage_that_raises(project):
     project.run()
     # What was finished is kept: only the stage itself, and pictures not begun by then.
     assert set(project.calls()) <= {"gather", "grid 2", "grid 9", "show 2", "show 9"}
+
+
+@pytest.mark.parametrize("executor", ["local", "serial"])
+def test_what_python_prints_has_the_frames_of_the_stage_once(project, executor):
+    project.edit("helpers", "    return FACTOR * values", "    return values.alphaa")
+    with pytest.raises(StageFailure) as caught:
+        project.run(executor=executor, targets=["double"])
+    assert caught.value.place.endswith("helpers.py, line 7: `return values.alphaa`")
+    assert "".join(traceback.format_exception(caught.value)).count("in scale\n") == 1
 
 
 def test_an_error_that_cannot_travel_arrives_as_text(project):
@@ -76,8 +87,8 @@ def test_a_worker_that_is_killed_once_costs_nothing_but_time(project, notes):
     graph = project.graph()
     project.run(graph, executor="local", progress=notes)
     assert all(project.store.verify(node.key) for node in graph.nodes.values())
-    assert len(notes.notes) == 1 and notes.notes[0].startswith("a worker died")
-    assert project.calls().count("double 0") == 1, "what was in the store is not made again"
+    assert len(notes.notes) == 1 and notes.notes[0].startswith("a worker crashed")
+    assert project.calls().count("double 0") == 1, "what was in the store is not recomputed"
 
 
 def damage(project, graph, name, position=0, cut=False):
@@ -115,7 +126,7 @@ def test_a_damaged_input_is_made_again(project, executor, notes):
     execution = project.run(graph, executor=executor, progress=notes)
     assert set(project.calls()) == {"double 0", "show 2"}
     assert notes.notes == [
-        "cached result of double[0:4] is not usable: its content is not what was stored; made again"
+        "cached result of double[0:4] is unusable (its content has changed); recomputing it"
     ]
     assert execution.of_stage("double").nodes_computed == 1
     assert project.store.load(graph.of_stage("show")[0].key) == expected
@@ -138,7 +149,7 @@ def test_a_damaged_entry_that_cannot_be_set_aside(project, monkeypatch, notes):
     damage(project, graph, "double")
     monkeypatch.setattr(Path, "rename", lambda *args: (_ for _ in ()).throw(OSError("no")))
     graph = project.graph(seed=2)
-    with pytest.raises(CacheError, match=r"double\[0:4\] in .* cannot be used nor replaced"):
+    with pytest.raises(CacheError, match=r"double\[0:4\] in .* cannot be replaced"):
         project.run(graph, progress=notes)
 
 
@@ -183,7 +194,7 @@ SCRIPT = """
     from pathlib import Path
     from stixel_cli.engine.execute import execute
     from stixel_cli.engine.graph import build_graph
-    from stixel_cli.engine.progress import Silent
+    from stixel_cli.engine.progress import Progress
     from stixel_cli.engine.stage import Stage
     from stixel_cli.engine.store import Store
 
@@ -191,7 +202,7 @@ SCRIPT = """
     # Where the tests run in the background of a shell, Ctrl-C is ignored from the start.
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-    class Planned(Silent):
+    class Planned(Progress):
         def begin(self, nodes, cached):
             print("planned", flush=True)
 
@@ -294,25 +305,28 @@ def test_ctrl_c_ends_it_and_its_workers(project, executor):
     assert not any(path.name == VALUE for path in project.store.folder.rglob("*"))
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("executor", ["local", "threads"])
-def test_ctrl_c_in_the_midst_of_waiting_ends_it_at_the_next_look(project, monkeypatch, executor):
+def test_ctrl_c_in_the_midst_of_waiting_ends_it_at_the_next_look(
+    project, monkeypatch, executor, number
+):
     """An exception in there would leave a future's lock held, and the pool's end wait for it."""
     seen = []
 
     def interrupted(*arguments, **options):
-        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(number)
         seen.append("went on")
         return wait(*arguments, **options)
 
-    monkeypatch.setattr(loop, "wait", interrupted)
+    monkeypatch.setattr(scheduler, "wait", interrupted)
     # Where the tests run in the background of a shell, Ctrl-C is ignored from the start.
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    before = signal.signal(number, signal.default_int_handler)
     try:
         with pytest.raises(KeyboardInterrupt):
             project.run(executor=executor)
-        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        assert signal.getsignal(number) is signal.default_int_handler
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.signal(number, before)
     assert seen == ["went on"]
 
 

@@ -7,10 +7,11 @@ import sys
 
 import pytest
 
+from stixel_cli.engine.cleanup import collect
+from stixel_cli.engine.entries import entries, verify_all
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.parameters import LocalExecutor
 from stixel_cli.engine.store import VALUE, Store
-from stixel_cli.engine.upkeep import collect, entries, verify_all
 
 
 @pytest.fixture

@@ -45,16 +45,16 @@ def test_targets_are_stages_or_nodes(project):
 @pytest.mark.parametrize(
     ("index", "changes", "message"),
     [
-        (0, {"name": "double"}, "two stages are called double"),
-        (1, {"inputs": {"numbers": "none"}}, "takes an input from none"),
+        (0, {"name": "double"}, "name double"),
+        (1, {"inputs": {"numbers": "none"}}, "unknown input none"),
         (1, {"inputs": {"gain": "numbers"}}, "'gain' is given twice"),
         (1, {"settings": {"frames": 1}}, "'frames' is given twice"),
         (3, {"settings": {"seed": 1}}, "'seed' is given twice"),
-        (1, {"pattern": "each"}, "no pattern 'each'"),
+        (1, {"pattern": "each"}, "'each' is not a pattern"),
         (1, {"frames": (1,)}, "frames are for the pattern pick"),
         (4, {"frames": (10,)}, "frame 10 is not in 0 … 9"),
         (4, {"frames": (2,)}, "show needs frame 9 of grid"),
-        (0, {"inputs": {"count": "gather"}, "settings": {}}, "feed each other"),
+        (0, {"inputs": {"count": "gather"}, "settings": {}}, "depend on each other"),
         (0, {"function": "steps"}, "is not package.module:function"),
     ],
 )

@@ -72,7 +72,7 @@ def test_a_killer_of_workers_fails_alone(project, notes):
         "gather"
     }
     assert str(execution.failures[execution.graph.of_stage("gather")[0].key]) == (
-        "gather: WorkerDied: it killed the process that ran it, twice"
+        "gather: WorkerDied: it crashed its worker twice"
     )
 
 

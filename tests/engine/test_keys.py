@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stixel_cli.engine.canonical import canonical, digest
 from stixel_cli.engine.graph import build_graph
+from stixel_cli.engine.keys import canonical, digest
 
 CHUNK, FRAMES = 4, 10
 

@@ -5,7 +5,7 @@ import io
 import pytest
 
 from stixel_cli.engine import progress as module
-from stixel_cli.engine.progress import Bar, Lines, Silent, make_progress, obituary
+from stixel_cli.engine.progress import Bar, Lines, Progress, crash_note, make_progress
 
 
 @pytest.fixture
@@ -16,7 +16,7 @@ def clock(monkeypatch):
 
 
 def feed(progress, project, clock, step):
-    """All nodes of a graph but `show`, `step` seconds each; and a node that is made again."""
+    """All nodes of a graph but `show`, `step` seconds each; and a node that is recomputed."""
     graph = project.graph()
     nodes = [node for node in graph.nodes.values() if node.stage.name != "show"]
     progress.begin(nodes, cached=2)
@@ -27,7 +27,7 @@ def feed(progress, project, clock, step):
         progress.finished(node, step)
     progress.extend(nodes[:1])
     progress.started(nodes[0])
-    progress.note("made again")
+    progress.note("recomputed")
     progress.finished(nodes[0], step)
     progress.close()
 
@@ -44,7 +44,7 @@ def test_lines(project, clock, capsys):
         "stixel: [7/10] running (3 nodes) done in 6.0 s of work",
         "stixel: [8/10] gather done in 2.0 s of work",
         "stixel: [10/10] grid (2 nodes) done in 4.0 s of work",
-        "stixel: made again",
+        "stixel: recomputed",
         "stixel: [11/11] numbers (2 nodes) done in 4.0 s of work",
     ]
 
@@ -68,7 +68,7 @@ def test_the_time_left(project, clock, capsys):
 
 
 def test_an_execution_tells_what_nodes_took_before(project):
-    class Kept(Silent):
+    class Kept(Progress):
         def begin(self, nodes, cached):
             super().begin(nodes, cached)
             self.at_first = self.seconds_left()
@@ -85,7 +85,7 @@ def test_an_execution_tells_what_nodes_took_before(project):
 def test_what_is_short_is_not_shown(project, clock, capsys, make):
     feed(make(), project, clock, 0.01)
     captured = capsys.readouterr()
-    assert (captured.out, captured.err) == ("", "stixel: made again\n")
+    assert (captured.out, captured.err) == ("", "stixel: recomputed\n")
 
 
 class Terminal(io.StringIO):
@@ -104,7 +104,7 @@ def test_a_bar_on_a_terminal(project, clock, capsys):
         bar.expect({stage: 60.0 for stage in project.graph().stages}, 1)
         feed(bar, project, clock, 2.0)
     assert "grid; about 2 s left" in terminal.getvalue()
-    assert "/10" in terminal.getvalue() and "made again" in terminal.getvalue()
+    assert "/10" in terminal.getvalue() and "recomputed" in terminal.getvalue()
     assert capsys.readouterr().out == ""
 
 
@@ -112,10 +112,8 @@ def test_lines_where_there_is_no_terminal(capsys):
     assert isinstance(make_progress(), Lines)
 
 
-def test_what_is_said_of_a_worker_that_died():
-    assert obituary(["track", "track", "match[0:10]"], True) == (
-        "a worker died while these were running: track (2 points), match[0:10]; "
-        "each is tried again, alone"
-    )
-    assert obituary(["track"], True).endswith("it ran track, which is tried once more, alone")
-    assert obituary(["track"], False) == "a worker died of track"
+def test_the_note_on_a_crashed_worker():
+    note = crash_note(["double", "double", "grid[0:10]"], True)
+    assert "crashed" in note and "double (2 nodes), grid[0:10]" in note and "retrying each" in note
+    assert crash_note(["double"], True).endswith("retrying double on its own")
+    assert crash_note(["double"], False) == "a worker crashed while running double"

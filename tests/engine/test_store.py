@@ -6,12 +6,13 @@ import os
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from stixel_cli.engine.errors import CacheError, MissingEntry
-from stixel_cli.engine.leases import collector_lock
+from stixel_cli.engine.locks import collector_lock
 from stixel_cli.engine.store import META, VALUE, Store, default_cache_folder
 
 KEY = "ab" + "0" * 62
@@ -44,7 +45,7 @@ def test_each_load_is_a_new_object_that_may_be_written(store):
 
 def test_nothing_is_made_before_it_is_needed(store):
     assert not store.has(KEY) and not store.verify(KEY)
-    with pytest.raises(MissingEntry, match="there is none"):
+    with pytest.raises(MissingEntry, match="not found"):
         store.load(KEY)
     assert not store.folder.exists()
 
@@ -70,9 +71,9 @@ def flip(path):
     path.write_bytes(content)
 
 
-def put_folder(path):
+def put(make, path):
     path.unlink()
-    path.mkdir()
+    make(path)
 
 
 def change_notes(entry, **notes):
@@ -91,17 +92,20 @@ def old_notes(entry):
 @pytest.mark.parametrize(
     ("spoil", "reason"),
     [
-        (lambda entry: flip(entry / VALUE), "not what was stored"),
-        (lambda entry: (entry / VALUE).write_bytes((entry / VALUE).read_bytes()[:-9]), "cut short"),
-        (lambda entry: (entry / VALUE).write_bytes(b""), "cut short"),
+        (lambda entry: flip(entry / VALUE), "has changed"),
+        (lambda entry: (entry / VALUE).write_bytes((entry / VALUE).read_bytes()[:-9]), "truncated"),
+        (lambda entry: (entry / VALUE).write_bytes(b""), "truncated"),
         (lambda entry: (entry / VALUE).unlink(), "value.joblib is missing"),
-        (lambda entry: put_folder(entry / VALUE), "value.joblib is a folder"),
-        (lambda entry: put_folder(entry / META), "meta.json is a folder"),
+        (lambda entry: put(Path.mkdir, entry / VALUE), "value.joblib is not a regular file"),
+        (lambda entry: put(Path.mkdir, entry / META), "meta.json is not a regular file"),
+        # To open a FIFO would block until a process writes to it.
+        (lambda entry: put(os.mkfifo, entry / VALUE), "value.joblib is not a regular file"),
+        (lambda entry: put(os.mkfifo, entry / META), "meta.json is not a regular file"),
         (lambda entry: (entry / META).write_text("{"), "notes are damaged"),
         (lambda entry: (entry / META).write_text("[]"), "notes are damaged"),
         (lambda entry: (entry / META).unlink(), "meta.json is missing"),
-        (lambda entry: flip(entry / META), "notes are not what was stored"),
-        (lambda entry: change_notes(entry, size=7), "notes are not what was stored"),
+        (lambda entry: flip(entry / META), "notes have changed"),
+        (lambda entry: change_notes(entry, size=7), "notes have changed"),
         (lambda entry: (entry / META).write_text(old_notes(entry)), "of an older version"),
     ],
 )
@@ -136,7 +140,7 @@ def test_the_entry_of_another_key_is_not_believed(store):
     store.entry(other).parent.mkdir(parents=True)
     store.entry(KEY).rename(store.entry(other))
     assert not store.has(other)
-    with pytest.raises(MissingEntry, match="of another key"):
+    with pytest.raises(MissingEntry, match="another key"):
         store.load(other)
 
 
@@ -243,11 +247,11 @@ def test_a_file_system_without_locks_is_refused_and_no_substitute_is_left(
 
     store.save(KEY, 1)
     monkeypatch.setattr("fcntl.flock", no_lock)
-    with pytest.raises(CacheError, match="knows no locks"), store.lock(KEY):
+    with pytest.raises(CacheError, match="locks"), store.lock(KEY):
         raise AssertionError("held")
-    with pytest.raises(CacheError, match="knows no locks"), collector_lock(store.folder):
+    with pytest.raises(CacheError, match="locks"), collector_lock(store.folder):
         raise AssertionError("held")
-    with pytest.raises(CacheError, match="knows no locks"):
+    with pytest.raises(CacheError, match="locks"):
         store.check_writable()
     monkeypatch.undo()
     assert list((store.folder / "tmp").iterdir()) == []

@@ -18,7 +18,7 @@ def hang(project, function):
 
 def test_it_is_killed_and_named_and_not_tried_again(project, notes):
     hang(project, "gather")
-    with pytest.raises(StageFailure, match=r"gather: .*over its time limit of 1 s") as caught:
+    with pytest.raises(StageFailure, match=r"gather: .*exceeded its time limit of 1 s") as caught:
         project.run(executor=LOCAL, progress=notes)
     assert isinstance(caught.value.cause, TimeLimitExceeded)
     assert "in gather" in caught.value.traceback_text, "where it hung"
@@ -48,7 +48,7 @@ def test_small_work_in_this_process_is_interrupted(project, monkeypatch):
     monkeypatch.setattr("stixel_cli.engine.execute.make_pool", None)
     hang(project, "gather")
     project.forget()
-    with pytest.raises(StageFailure, match=r"gather: .*over its time limit of 0\.2 s"):
+    with pytest.raises(StageFailure, match=r"gather: .*exceeded its time limit of 0\.2 s"):
         project.run(executor=LocalExecutor("local", 2, 0.2))
     assert "slept" not in project.calls()
 

@@ -29,7 +29,7 @@ def test_a_read_only_cache(refusing, tmp_path, capsys, words):
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert "Read-only file system; it lacks " in said
-    assert "STIXEL_CACHE or cache.folder=… names another" in said
+    assert "STIXEL_CACHE or cache.folder=…" in said
     assert not results.exists()
 
 

@@ -9,13 +9,12 @@ import time
 import numpy as np
 import pytest
 
+from stixel_cli.engine.cleanup import clear, collect, evicted, keep_limit
+from stixel_cli.engine.entries import entries, verify_all
 from stixel_cli.engine.errors import CacheError
-from stixel_cli.engine.leases import Lease, lease, leased_keys
-from stixel_cli.engine.parameters import CacheParameters
-from stixel_cli.engine.removal import evicted
+from stixel_cli.engine.locks import Lease, lease, leased_keys
+from stixel_cli.engine.parameters import CacheParameters, parse_age, parse_size, show_size
 from stixel_cli.engine.store import VALUE, Store, default_cache_folder, open_store
-from stixel_cli.engine.units import parse_age, parse_size, show_size
-from stixel_cli.engine.upkeep import clear, collect, entries, keep_limit, verify_all
 
 KEYS = [f"{i:02x}" * 32 for i in range(1, 6)]
 
@@ -97,7 +96,7 @@ def test_a_lease_that_is_taken_again_lets_the_others_go(store):
 
 HOLD = """
 import sys, time
-from stixel_cli.engine.leases import Lease
+from stixel_cli.engine.locks import Lease
 from pathlib import Path
 own = Lease(Path(sys.argv[1]))
 own.take(sys.argv[2:])
@@ -170,8 +169,8 @@ def test_bad_entries_are_named_and_set_aside(store):
         (KEYS[4], "stage0", "label4"),
     ]
     assert [reason.partition(" (")[0] for _, reason in bad] == [
-        "its content is not what was stored",
-        "it is cut short",
+        "its content has changed",
+        "it is truncated",
         "value.joblib is missing",
     ]
     assert seen == [(i, 5) for i in range(1, 6)]
@@ -185,7 +184,7 @@ def test_a_bad_entry_that_cannot_be_set_aside(store, monkeypatch):
     from pathlib import Path
 
     monkeypatch.setattr(Path, "rename", lambda *args: (_ for _ in ()).throw(OSError("no")))
-    with pytest.raises(CacheError, match=r"label1 in .* is bad \(it is cut short"):
+    with pytest.raises(CacheError, match=r"label1 in .* is damaged \(it is truncated"):
         verify_all(store)
 
 
@@ -242,7 +241,7 @@ def test_the_store_of_the_configuration(monkeypatch, tmp_path):
     assert (store.folder, store.max_size) == (default_cache_folder(), 2_000_000_000)
     store = open_store(CacheParameters(str(tmp_path / "own"), None))
     assert (store.folder, store.max_size) == (tmp_path / "own", None)
-    with pytest.raises(ValueError, match=r"^cache.max_size: '2 XB' is no size: .*, or null$"):
+    with pytest.raises(ValueError, match=r"^cache.max_size: '2 XB' is not .*, or null$"):
         CacheParameters(None, "2 XB").check()
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from stixel_cli.engine import bytecode
+from stixel_cli.engine import loaded_code
 from stixel_cli.engine.errors import CodeChanged
 
 
@@ -23,7 +23,7 @@ def edited(project, monkeypatch):
     before = source.stat()
     project.edit("helpers", "FACTOR = 3.0", "FACTOR = 5.0")
     os.utime(source, ns=(before.st_atime_ns, before.st_mtime_ns))
-    bytecode._checked.clear()
+    loaded_code._checked.clear()
     return source
 
 
@@ -54,8 +54,8 @@ def test_workers_replace_stale_bytecode(project, edited):
 
 def test_stale_bytecode_that_was_imported_ends_the_run(project, edited):
     assert importlib.import_module(f"{project.name}.helpers").FACTOR == 3.0
-    with pytest.raises(CodeChanged, match=r"helpers.*\.pyc: .*start again"):
-        bytecode.check_bytecode({f"{project.name}.helpers": edited})
+    with pytest.raises(CodeChanged, match=r"helpers.*\.pyc: .*run the command again"):
+        loaded_code.check_bytecode({f"{project.name}.helpers": edited})
     assert first_double(project) == [0.0, 10.0, 20.0, 30.0]
 
 
@@ -63,7 +63,7 @@ def test_stale_bytecode_that_cannot_be_replaced_ends_the_run(project, edited, mo
     def refuse(*_, **__):
         raise PermissionError
 
-    monkeypatch.setattr(bytecode.py_compile, "compile", refuse)
+    monkeypatch.setattr(loaded_code.py_compile, "compile", refuse)
     with pytest.raises(CodeChanged, match=r"helpers.*\.pyc: .*delete it"):
         first_double(project)
 
@@ -72,9 +72,9 @@ def test_right_bytecode_is_compared_with_the_source_once(project, monkeypatch):
     monkeypatch.setattr(sys, "dont_write_bytecode", False)
     source = project.package / "helpers.py"
     file = Path(py_compile.compile(str(source), doraise=True, invalidation_mode=TIME))
-    bytecode._checked.clear()
-    bytecode.check_bytecode({f"{project.name}.helpers": source})
-    assert file.read_bytes()[4:8] == bytecode._BY_HASH
-    monkeypatch.setattr(bytecode, "_code", None)
-    bytecode._checked.clear()
-    bytecode.check_bytecode({f"{project.name}.helpers": source})
+    loaded_code._checked.clear()
+    loaded_code.check_bytecode({f"{project.name}.helpers": source})
+    assert file.read_bytes()[4:8] == loaded_code._BY_HASH
+    monkeypatch.setattr(loaded_code, "_code", None)
+    loaded_code._checked.clear()
+    loaded_code.check_bytecode({f"{project.name}.helpers": source})

@@ -1,16 +1,20 @@
-"""The one loop that drives every pool: hands out what is ready, takes in what became of it."""
+"""The loop that submits nodes to a pool of workers and collects their outcomes."""
 
 import heapq
 import os
+import signal
 import socket
+import threading
 import time
 import traceback
 from collections import defaultdict, deque
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from graphlib import TopologicalSorter
+from typing import Literal
 
+from stixel_cli.engine.cleanup import keep_limit
 from stixel_cli.engine.errors import (
     CacheError,
     CodeChanged,
@@ -18,29 +22,29 @@ from stixel_cli.engine.errors import (
     StageFailure,
     WorkerDied,
 )
-from stixel_cli.engine.interrupts import deferred_interrupts
-from stixel_cli.engine.leases import Lease
+from stixel_cli.engine.locks import Lease
 from stixel_cli.engine.plan import Plan, missing_nodes
 from stixel_cli.engine.pools import Pool, SerialPool
-from stixel_cli.engine.progress import Progress, obituary
-from stixel_cli.engine.records import NodeRecord, Status
-from stixel_cli.engine.run_task import run_task
+from stixel_cli.engine.progress import Progress, crash_note
 from stixel_cli.engine.store import Store
-from stixel_cli.engine.task import Outcome, task_of
+from stixel_cli.engine.task import Outcome, run_task, task_of
 from stixel_cli.engine.time_limit import TimeLimit, mark_text
-from stixel_cli.engine.upkeep import keep_limit
+
+Status = Literal["computed", "cached", "failed", "skipped"]
+"""`skipped`: depends on a node that failed."""
+
 
 TICK = 0.25
-"""Seconds between two looks at the progress."""
+"""Seconds between two updates of the progress."""
 
 TRIES = 3
-"""How often a node is tried whose inputs turn out to be missing or damaged."""
+"""Number of attempts for a node whose inputs turn out to be missing or damaged."""
 
 SLACK = 0.05
-"""Share of the store's limit after whose writing it is kept, while the execution goes on."""
+"""During an execution the limit of the store is kept each time this share of it is written."""
 
 FATAL = (CacheError, CodeChanged, ExecutorError)
-"""What would befall the next node as well."""
+"""Errors that the next node would meet as well."""
 
 
 class Run:
@@ -48,11 +52,11 @@ class Run:
 
     Attributes:
         planned, store, progress, keep_going: see `execute`.
-        lease: on what is needed, taken by now.
+        lease: on the needed keys; already taken.
         pool: where tasks run.
-        time_limit: of a node, seconds; None for none.
-        seconds: of the nodes that were computed; what someone else computed meanwhile is not among.
-        failures: by key, of the nodes that failed while the rest went on.
+        time_limit: of a node, in seconds; None for no limit.
+        seconds: by key, of the nodes that this execution computed.
+        failures: by key, of the failed nodes, with `keep_going`.
     """
 
     def __init__(
@@ -85,14 +89,14 @@ class Run:
         self._ready: list[tuple[int, int, str]] = []
         self._order: dict[str, int] = {}
         self._suspects: deque[str] = deque()
-        """Nodes that were in flight when a worker died: tried again, each with nothing beside."""
+        """Nodes that were running when a worker crashed. Each is retried on its own."""
         self._fatal: BaseException | None = None
         self._check_interrupt = _never
 
     def all(self) -> None:
-        """Compute all that is missing. Inputs that turn out damaged make for another round.
+        """Compute all missing nodes. Damaged inputs are recomputed in another round.
 
-        Ctrl-C ends it between two looks at the futures; a stage in this process at once.
+        Ctrl-C takes effect between two waits for futures; a stage in this process ends at once.
         """
         here = isinstance(self.pool, SerialPool)
         with nullcontext(_never) if here else deferred_interrupts() as check:
@@ -115,34 +119,21 @@ class Run:
             self.progress.extend([self.graph.nodes[key] for key in again])
 
     def keep_limit(self) -> None:
-        """Keep the limit of the store, if it has one and something was stored."""
+        """Keep the limit of the store, if it has one and results were written."""
         if self.store.max_size is not None and self._written:
             self._written = 0
             self._lease.take(sorted(self._wanted()))
             keep_limit(self.store)
 
     def _wanted(self) -> set[str]:
-        """Keys that must stay in the store: of the targets, and what is to be read still."""
+        """Keys that must stay in the store: the targets, and inputs that are still needed."""
         over = self._done | self._skipped | self.failures.keys()
         undone = self.planned.needed.intersection(self.planned.missing).difference(over)
         sources = {source for key in undone for source in self.graph.nodes[key].sources}
         return sources.union(undone, self.planned.targets)
 
-    def records(self) -> dict[str, NodeRecord]:
-        """What became of each node that the targets need."""
-        return {
-            key: NodeRecord(
-                key=key,
-                stage=node.stage.name,
-                label=node.label,
-                status=self._status(key),
-                seconds=round(self.seconds.get(key, 0.0), 4),
-            )
-            for key, node in self.graph.nodes.items()
-            if key in self.planned.needed
-        }
-
-    def _status(self, key: str) -> Status:
+    def status(self, key: str) -> Status:
+        """Status of a node that the targets need."""
         if key in self.failures:
             return "failed"
         if key in self._skipped:
@@ -150,7 +141,7 @@ class Run:
         return "computed" if key in self.seconds else "cached"
 
     def _round(self, keys: Collection[str]) -> None:
-        """Compute `keys`, but for those whose inputs fail or are found missing."""
+        """Compute `keys`, except nodes whose inputs fail or are missing."""
         wanted = set(keys)
         nodes = self.graph.nodes
         sorter = TopologicalSorter(
@@ -162,7 +153,7 @@ class Run:
         while True:
             for key in sorter.get_ready():
                 self._push(key)
-            self._hand_out()
+            self._submit_ready()
             if not self._in_flight:
                 return
             finished, _ = wait(self._in_flight, timeout=TICK, return_when=FIRST_COMPLETED)
@@ -175,11 +166,11 @@ class Run:
             self.progress.tick()
 
     def _push(self, key: str) -> None:
-        # What lies deepest first: chunks come to their end early.
+        # Deepest first, so that each chunk finishes early.
         heapq.heappush(self._ready, (-self.graph.nodes[key].depth, self._order[key], key))
 
-    def _hand_out(self) -> None:
-        """Give the pool what it can take."""
+    def _submit_ready(self) -> None:
+        """Submit ready nodes up to the limit of the pool."""
         if self._fatal is not None:
             return
         if self._suspects:
@@ -206,9 +197,9 @@ class Run:
         return TimeLimit(self.time_limit, mark if self.pool.kills else None)
 
     def _collect(self, finished: Collection[Future]) -> list[str]:
-        """Take in what has finished; the keys of the nodes that are in the store now."""
+        """Process finished futures; return the keys of the nodes that are in the store now."""
         if self.pool.all_die_together and any(self._died(future) for future in finished):
-            # All in flight fail with a worker, but for those that were through before it died.
+            # All running tasks fail with a worker, except those that finished before it crashed.
             finished, _ = wait(self._in_flight)
         done, dead = [], []
         for future in [future for future in self._in_flight if future in finished]:
@@ -224,7 +215,7 @@ class Run:
                 done.append(key)
         if dead:
             self.pool.renew()
-            self._bury(dead)
+            self._crashed(dead)
         if self._fatal is not None:
             for future in self._in_flight:
                 future.cancel()
@@ -238,7 +229,7 @@ class Run:
             return False
 
     def _take(self, key: str, outcome: Outcome) -> bool:
-        """Take in what became of a node; whether it is in the store now."""
+        """Process the outcome of a node; return whether it is in the store now."""
         node = self.graph.nodes[key]
         if outcome.status == "failed":
             self._fail(key, outcome.error, outcome.traceback_text)
@@ -247,12 +238,14 @@ class Run:
             self._tries[key] += 1
             labels = [(self.graph.nodes[k].label, reason) for k, reason in outcome.missing]
             for label, reason in labels:
-                self.progress.note(f"cached result of {label} is not usable: {reason}; made again")
+                self.progress.note(
+                    f"cached result of {label} is unusable ({reason}); recomputing it"
+                )
             if self._tries[key] >= TRIES:
                 label, reason = labels[0]
                 self._fatal = CacheError(
-                    f"the cached result of {label} in {self.store.folder} cannot be used "
-                    f"nor replaced: {reason}"
+                    f"the cached result of {label} in {self.store.folder} is unusable and cannot "
+                    f"be replaced: {reason}"
                 )
             return False
         if outcome.status == "computed":
@@ -262,24 +255,24 @@ class Run:
         self.progress.finished(node, outcome.seconds)
         return True
 
-    def _bury(self, dead: list[str]) -> None:
-        """A worker died with these: of who took too long, or who dies alone and did before."""
+    def _crashed(self, dead: list[str]) -> None:
+        """Handle the nodes that were running when a worker crashed or exceeded a time limit."""
         over = {key: text for key in dead if (text := mark_text(self._limit(key))) is not None}
         for key, text in over.items():
             self._fail(key, self._limit(key).error, text)
-        innocents = [key for key in dead if key not in over]
+        others = [key for key in dead if key not in over]
         if over:
-            for key in innocents:
+            for key in others:
                 self._push(key)
             return
         for key in dead:
             self._deaths[key] += 1
             if len(dead) == 1 and self._deaths[key] > 1:
-                self._fail(key, WorkerDied("it killed the process that ran it, twice"), "")
+                self._fail(key, WorkerDied("it crashed its worker twice"), "")
             else:
                 self._suspects.append(key)
-        again = any(key in self._suspects for key in dead)
-        self.progress.note(obituary([self.graph.nodes[key].label for key in dead], again))
+        retry = any(key in self._suspects for key in dead)
+        self.progress.note(crash_note([self.graph.nodes[key].label for key in dead], retry))
 
     def _fail(self, key: str, error: BaseException, traceback_text: str) -> None:
         if self._fatal is not None:
@@ -299,7 +292,7 @@ class Run:
         self.progress.failed(node, failure, [self.graph.nodes[key] for key in sorted(skipped)])
 
     def _dependents(self, key: str) -> set[str]:
-        """Nodes to be computed that depend on a node."""
+        """Missing nodes that depend on a node."""
         found = {key}
         for other in sorted(self.planned.missing, key=lambda k: self.graph.nodes[k].depth):
             if not found.isdisjoint(self.graph.nodes[other].sources):
@@ -308,9 +301,42 @@ class Run:
 
 
 def _never() -> None:
-    """No Ctrl-C is kept in mind."""
+    """No interrupt is deferred."""
 
 
 def _error(future: Future) -> BaseException | None:
-    """What a finished future ended with, None if with a result."""
+    """The exception of a finished future, or None."""
     return CancelledError() if future.cancelled() else future.exception()
+
+
+@contextmanager
+def deferred_interrupts() -> Iterator[Callable[[], None]]:
+    """Defer Ctrl-C, and SIGTERM if handled as Ctrl-C, until the yielded function is called.
+
+    That function raises KeyboardInterrupt. Raised inside `wait`, it would leave the lock of a
+    future acquired, and the thread that manages the workers would wait for that lock forever.
+
+    Nothing changes outside the main thread, nor for a signal with another handler than Python's
+    `default_int_handler`.
+    """
+    pending: list[int] = []
+
+    def check() -> None:
+        if pending:
+            raise KeyboardInterrupt
+
+    here = threading.current_thread() is threading.main_thread()
+    ours = [
+        number
+        for number in (signal.SIGINT, signal.SIGTERM)
+        if here and signal.getsignal(number) is signal.default_int_handler
+    ]
+    for number in ours:
+        signal.signal(number, lambda number, _: pending.append(number))
+    try:
+        yield check
+    finally:
+        for number in ours:
+            signal.signal(number, signal.default_int_handler)
+    # A signal may have arrived after the last call.
+    check()

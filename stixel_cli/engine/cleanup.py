@@ -1,0 +1,280 @@
+"""Remove entries from the store: by size, by age, or all.
+
+Entries that a running process uses are never removed: see `stixel_cli.engine.locks`.
+"""
+
+import json
+import os
+import re
+import shutil
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from filelock import Timeout
+
+from stixel_cli.engine.code import remove_sources
+from stixel_cli.engine.entries import EntryFolder, entry_folders, stage_and_label
+from stixel_cli.engine.errors import CacheError
+from stixel_cli.engine.locks import collector_lock, file_lock, leased_keys
+from stixel_cli.engine.store import Store
+
+EVICTED = "evicted.jsonl"
+REMEMBERED = 20_000
+"""Number of removed keys that are remembered, to explain why a node is computed again."""
+
+FOREIGN_AGE = 86400.0
+"""Age in seconds at which an unfinished entry of another machine counts as abandoned."""
+
+
+@dataclass(frozen=True)
+class Removed:
+    """A removed entry or file, or one that would be removed.
+
+    Attributes:
+        name: key of the entry, or name of the file.
+        stage: stage of the entry; "" for other files.
+        size: bytes.
+        reason: `size`, `age`, `cleared`, `orphan` (of a killed process) or `set aside` (damaged).
+    """
+
+    name: str
+    stage: str
+    size: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class Collection:
+    """Result of a cleanup.
+
+    Attributes:
+        removed: in the order of removal.
+        kept, kept_size: number and bytes of the entries that remain.
+        in_use: number of entries that a running process uses.
+    """
+
+    removed: tuple[Removed, ...]
+    kept: int
+    kept_size: int
+    in_use: int
+
+    @property
+    def removed_size(self) -> int:
+        """Bytes that were removed."""
+        return sum(one.size for one in self.removed)
+
+
+def clear(store: Store) -> Collection:
+    """Remove everything except entries that a running process uses.
+
+    Raises:
+        CacheError: the store cannot be read or written.
+    """
+    return collect(store, 0, cleared=True)
+
+
+def keep_limit(store: Store) -> Collection | None:
+    """Remove entries until the store's own limit is kept; None if there was nothing to do.
+
+    A store that cannot be written, or that another process cleans up at this moment, is left as is.
+    """
+    if store.max_size is None:
+        return None
+    try:
+        if sum(one.size for one in entry_folders(store)) <= store.max_size:
+            return None
+        return collect(store, store.max_size)
+    except CacheError:
+        return None
+
+
+def collect(
+    store: Store,
+    max_size: int | None = None,
+    older_than: float | None = None,
+    dry_run: bool = False,
+    cleared: bool = False,
+) -> Collection:
+    """Remove the files of killed processes, then entries by age, then by size.
+
+    Args:
+        store: to clean up. Entries in use stay.
+        max_size: remove the least recently used entries until the rest takes at most these bytes.
+        older_than: remove entries that were not used for these seconds.
+        dry_run: report what would be removed, and remove nothing.
+        cleared: remove all entries, with this as the reason.
+
+    Raises:
+        CacheError: the store cannot be read or written.
+    """
+    if not store.folder.is_dir():
+        return Collection((), 0, 0, 0)
+    if not dry_run:
+        store.check_writable()
+    with ExitStack() as held:
+        try:
+            held.enter_context(collector_lock(store.folder))
+        except CacheError:
+            # A dry run also works on a store that is read-only.
+            if not dry_run:
+                raise
+        used = leased_keys(store.folder)
+        orphans = list(_orphans(store, dry_run))
+        aside = list(_set_aside(store, older_than, max_size, dry_run))
+        found = entry_folders(store)
+        size = sum(one.size for one in found)
+        now = time.time()
+        removed = []
+        for one in found:
+            old = older_than is not None and now - one.last_use > older_than
+            large = cleared or (max_size is not None and size > max_size)
+            if (old or large) and one.key not in used:
+                stage, _ = stage_and_label(one.path)
+                if dry_run or _remove_entry(store, one):
+                    reason = "cleared" if cleared else "age" if old else "size"
+                    removed.append(Removed(one.key, stage, one.size, reason))
+                    size -= one.size
+        kept = len(found) - len(removed)
+        if not dry_run:
+            # Empty folders of the keys' first digits. `Store.save` creates them.
+            for folder in _inside(store.folder):
+                if len(folder.name) == 2:
+                    with suppress(OSError):
+                        folder.rmdir()
+            remove_sources(store.folder, everything=kept == 0)
+            damaged = [(one.name, "damaged", when) for one, when in aside]
+            _remember(store, [*damaged, *((one.name, one.reason, now) for one in removed)])
+        in_use = sum(one.key in used for one in found)
+    return Collection((*orphans, *(one for one, _ in aside), *removed), kept, size, in_use)
+
+
+def evicted(store: Store) -> dict[str, tuple[str, float]]:
+    """Reason and time of removal, by key, of entries that were removed or set aside."""
+    found: dict[str, tuple[str, float]] = {}
+
+    def note(key: str, reason: str, when: float) -> None:
+        # The last reason counts: a damaged result may have been recomputed and then removed.
+        if key not in found or found[key][1] <= when:
+            found[key] = (reason, when)
+
+    with suppress(OSError):
+        for line in (store.folder / EVICTED).read_text("utf-8").splitlines():
+            with suppress(ValueError, TypeError):
+                key, reason, when = json.loads(line)
+                note(key, reason, when)
+    for path in _inside(store.folder / "quarantine"):
+        key, when = _aside_since(path)
+        note(key, "damaged", when)
+    return found
+
+
+def _remember(store: Store, removed: list[tuple[str, str, float]]) -> None:
+    """Append key, reason and time of removal to the file that `evicted` reads, if possible."""
+    if not removed:
+        return
+    path = store.folder / EVICTED
+    with suppress(OSError):
+        lines = path.read_text("utf-8").splitlines() if path.exists() else []
+        lines += [json.dumps([key, reason, round(when, 3)]) for key, reason, when in removed]
+        partial = path.with_name(f"{EVICTED}-{os.getpid()}")
+        partial.write_text("\n".join(lines[-REMEMBERED:]) + "\n", "utf-8")
+        partial.replace(path)
+
+
+def _remove_entry(store: Store, one: EntryFolder) -> bool:
+    """Move an entry away, then remove it, so that no reader sees half of it."""
+    away = store.folder / "tmp" / f"gone-{socket.gethostname()}-{os.getpid()}-{one.key[:16]}"
+    try:
+        one.path.rename(away)
+    except OSError:
+        return False
+    shutil.rmtree(away, ignore_errors=True)
+    return True
+
+
+def _orphans(store: Store, dry_run: bool) -> Iterator[Removed]:
+    """Remove what killed processes left behind: partial entries and lock files."""
+    for path in _inside(store.folder / "tmp"):
+        if _is_orphan(path):
+            size = _size(path)
+            if dry_run or _remove(path):
+                yield Removed(path.name, "", size, "orphan")
+    if dry_run:
+        return
+    for path in _inside(store.folder / "locks"):
+        if path.name.endswith(".lock"):
+            lock = file_lock(path)
+            with suppress(OSError, Timeout):
+                lock.acquire(timeout=0)
+                # Remove the file before the release, as `Store.lock` does.
+                with suppress(OSError):
+                    path.unlink()
+                lock.release()
+
+
+def _set_aside(
+    store: Store, older_than: float | None, max_size: int | None, dry_run: bool
+) -> Iterator[tuple[Removed, float]]:
+    """Remove damaged entries, each with the time since when it is set aside."""
+    for path in _inside(store.folder / "quarantine"):
+        with suppress(OSError):
+            age = time.time() - path.stat().st_mtime
+            if max_size is None and (older_than is None or age <= older_than):
+                continue
+            size = _size(path)
+            if dry_run or _remove(path):
+                key, when = _aside_since(path)
+                yield Removed(key, "", size, "set aside"), when
+
+
+def _is_orphan(path: Path) -> bool:
+    """Whether the process that created it has ended; for other machines, judged by its age."""
+    with suppress(OSError):
+        if time.time() - path.stat().st_mtime > FOREIGN_AGE:
+            return True
+    named = re.search(rf"-{re.escape(socket.gethostname())}-(\d+)(?:-|$)", path.name)
+    if named is None:
+        return False
+    try:
+        os.kill(int(named[1]), 0)
+    except ProcessLookupError:
+        return True
+    except (OSError, OverflowError):
+        pass
+    return False
+
+
+def _inside(folder: Path) -> list[Path]:
+    try:
+        return sorted(folder.iterdir())
+    except OSError:
+        return []
+
+
+def _size(path: Path) -> int:
+    total = 0
+    for one in [path, *path.rglob("*")]:
+        with suppress(OSError):
+            total += one.stat().st_size if one.is_file() else 0
+    return total
+
+
+def _remove(path: Path) -> bool:
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        with suppress(OSError):
+            path.unlink()
+    return not path.exists()
+
+
+def _aside_since(path: Path) -> tuple[str, float]:
+    """Key of an entry that was set aside, and the time when that happened."""
+    key, _, when = path.name.partition("-")
+    with suppress(ValueError):
+        return key, int(when, 10) / 1e9
+    return key, 0.0

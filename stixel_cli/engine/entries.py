@@ -1,0 +1,170 @@
+"""List and verify the entries of the store."""
+
+import json
+import os
+import re
+from collections.abc import Callable, Container, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from stixel_cli.engine.errors import CacheError, MissingEntry
+from stixel_cli.engine.store import META, VALUE, Store, read_file
+
+COMPARED = 2000
+"""Maximum number of notes per stage that `stored_notes` yields."""
+
+_KEY = re.compile(r"[0-9a-f]{64}")
+_STAGE = re.compile(rb'"stage": ("(?:[^"\\]|\\.)*")')
+_LABEL = re.compile(rb'"label": ("(?:[^"\\]|\\.)*")')
+
+
+@dataclass(frozen=True)
+class EntryFolder:
+    """Folder of an entry; `size` in bytes, `last_use` in seconds since the epoch."""
+
+    key: str
+    path: Path
+    size: int
+    last_use: float
+
+
+@dataclass(frozen=True)
+class Entry:
+    """An entry; `created` and `last_use` in seconds since the epoch, `size` in bytes."""
+
+    key: str
+    stage: str
+    label: str
+    size: int
+    last_use: float
+    created: float
+
+
+def entry_folders(store: Store) -> list[EntryFolder]:
+    """List the folders of all entries, least recently used first, without reading a file.
+
+    Raises:
+        CacheError: the store cannot be read.
+    """
+    found = []
+    for prefix in _folders(store.folder):
+        if len(prefix.name) != 2:
+            continue
+        for entry in _folders(Path(prefix)):
+            if not _KEY.fullmatch(entry.name):
+                continue
+            with suppress(OSError):
+                last_use = entry.stat().st_mtime
+                size = sum(_file_size(entry.path, name) for name in (META, VALUE))
+                found.append(EntryFolder(entry.name, Path(entry.path), size, last_use))
+    return sorted(found, key=lambda one: (one.last_use, one.key))
+
+
+def entries(store: Store, on_damaged: Callable[[MissingEntry], None] | None = None) -> list[Entry]:
+    """List all entries, least recently used first.
+
+    Entries with damaged notes are left out, set aside if possible, and passed to `on_damaged`.
+
+    Raises:
+        CacheError: the store cannot be read.
+    """
+    found = []
+    for one in entry_folders(store):
+        try:
+            notes = store.meta(one.key)
+        except MissingEntry as fault:
+            # An entry that another process has removed meanwhile is not damaged.
+            if on_damaged is not None and (fault.set_aside or store.entry(one.key).exists()):
+                on_damaged(fault)
+            continue
+        found.append(
+            Entry(
+                key=one.key,
+                stage=str(notes.get("stage", "?")),
+                label=str(notes.get("label", "?")),
+                size=one.size,
+                last_use=one.last_use,
+                created=float(notes.get("created", one.last_use)),
+            )
+        )
+    return found
+
+
+def stage_and_label(entry: Path) -> tuple[str, str]:
+    """Stage and label in the notes of an entry, found without parsing them; "?" if unreadable."""
+    with suppress(OSError, ValueError, TypeError):
+        notes = read_file(entry / META)
+        return json.loads(_STAGE.search(notes)[1]), json.loads(_LABEL.search(notes)[1])
+    return "?", "?"
+
+
+def verify_all(
+    store: Store, progress: Callable[[int, int], None] | None = None
+) -> list[tuple[Entry, str]]:
+    """Read every entry; set damaged entries aside and return them, each with the reason.
+
+    `progress` is called after each entry with the number of entries read and of all entries.
+
+    Raises:
+        CacheError: the store cannot be read, or a damaged entry cannot be set aside.
+    """
+    found = entry_folders(store)
+    damaged = []
+    for done, one in enumerate(found, 1):
+        stage, label = stage_and_label(one.path)
+        try:
+            store.check(one.key)
+        except MissingEntry as error:
+            # An entry that another process has removed meanwhile is not damaged.
+            if error.set_aside:
+                entry = Entry(one.key, stage, label, one.size, one.last_use, one.last_use)
+                damaged.append((entry, error.reason))
+            elif store.entry(one.key).exists():
+                raise CacheError(
+                    f"{label} in {store.folder} is damaged ({error.reason}) and cannot be set aside"
+                ) from error
+        if progress is not None:
+            progress(done, len(found))
+    return damaged
+
+
+def set_aside(store: Store) -> int:
+    """Number of damaged entries that were set aside and not removed yet."""
+    try:
+        return sum(1 for _ in (store.folder / "quarantine").iterdir())
+    except OSError:
+        return 0
+
+
+def stored_notes(store: Store, stages: Container[str]) -> Iterator[dict[str, Any]]:
+    """Yield the notes of the entries of `stages`, most recently used first.
+
+    Raises:
+        CacheError: the store cannot be read.
+    """
+    counts: dict[str, int] = {}
+    for one in reversed(entry_folders(store)):
+        stage, _ = stage_and_label(one.path)
+        counts[stage] = counts.get(stage, 0) + 1
+        if stage in stages and counts[stage] <= COMPARED:
+            with suppress(MissingEntry):
+                yield store.meta(one.key)
+
+
+def _file_size(folder: str, name: str) -> int:
+    """Bytes of a file; 0 if it is missing, which `verify_all` reports."""
+    with suppress(OSError):
+        return os.stat(os.path.join(folder, name)).st_size
+    return 0
+
+
+def _folders(folder: Path) -> list[os.DirEntry]:
+    try:
+        with os.scandir(folder) as inside:
+            return [one for one in inside if one.is_dir(follow_symlinks=False)]
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+    except OSError as error:
+        raise CacheError(f"cannot read the cache {folder}: {error.strerror or error}") from error
