@@ -19,7 +19,12 @@ from stixel_cli.engine.plan import Plan, plan
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import FolderTaken, UserError
-from stixel_cli.experiment.stages import CHUNK_SIZE, pipeline_stages, scan_count
+from stixel_cli.experiment.stages import (
+    CHUNK_SIZE,
+    picture_stages,
+    pipeline_stages,
+    scan_count,
+)
 from stixel_cli.report.playback import playback_html
 from stixel_cli.results.folder import check_results, reserve_folder, stamp, write_folder
 from stixel_cli.results.lineage import lineage_of
@@ -27,14 +32,14 @@ from stixel_cli.results.provenance import provenance
 from stixel_cli.results.result import RunResult
 
 RESULTS = ("scenario", "scans", "track", "scores")
-"""Steps that every pipeline has, and whose results are an experiment's."""
+"""Stages that every pipeline has; their results are those of the experiment."""
 
 CAMERA = "camera_frames"
-"""The step that pipelines with a camera have for the page on which a run is played back."""
+"""The stage that prepares the camera's images for the playback page."""
 
 
 def plan_experiment(configuration: Configuration, store: Store) -> Plan:
-    """What an experiment would compute, given what `store` holds.
+    """The nodes that an experiment would compute, given the results in `store`.
 
     Raises:
         UserError: if the pipeline's file is wrong.
@@ -45,7 +50,7 @@ def plan_experiment(configuration: Configuration, store: Store) -> Plan:
 
 
 def experiment_graph(configuration: Configuration) -> Graph:
-    """The graph of nodes that an experiment asks for."""
+    """The graph of an experiment's nodes."""
     return build_graph(pipeline_stages(configuration), scan_count(configuration), CHUNK_SIZE)
 
 
@@ -83,7 +88,7 @@ def run_experiment(
         results = {name: store.load(graph.of_stage(name)[0].key) for name in RESULTS}
         files = {
             path: data
-            for name in (_picture_steps(graph) if pictures else ())
+            for name in (picture_stages(graph) if pictures else ())
             for node in graph.of_stage(name)
             for path, data in store.load(node.key).files.items()
         }
@@ -184,15 +189,11 @@ def one_line_errors() -> Iterator[None]:
 
 
 def targets(graph: Graph, pictures: bool = True, camera: bool | None = None) -> list[str]:
-    """Names of the stages whose results are an experiment's: `RESULTS`, pictures and the camera's.
+    """Names of the stages that an experiment needs: `RESULTS`, those that draw, and `CAMERA`.
 
-    `camera` is None for those of an experiment with pictures, or without.
+    `camera` is None to include `CAMERA` if there are pictures.
     """
-    wanted = [*RESULTS, *(_picture_steps(graph) if pictures else ())]
+    wanted = [*RESULTS, *(picture_stages(graph) if pictures else ())]
     if (pictures if camera is None else camera) and CAMERA in graph.stages:
         wanted.append(CAMERA)
     return wanted
-
-
-def _picture_steps(graph: Graph) -> list[str]:
-    return [name for name in graph.stage_names if name.endswith("_pictures")]

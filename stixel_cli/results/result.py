@@ -38,7 +38,7 @@ class RunResult:
         metrics: name to value, None for a metric without a value; as in `metrics.json`.
         folder: the result folder; None if nothing was written.
         composition: the validated experiment, see `stixel_cli.compose`.
-        scenario, scans, track, scores: results of the nodes of these names.
+        scenario, scans, track, scores: results of the stages of these names.
         pictures: path below `figures/` to the file's bytes.
         camera: chunks of the camera's frames, in order; empty for a run without images.
         lineage: keys, settings and versions of each stage; None in a folder of an older version.

@@ -8,11 +8,16 @@ from stixel_cli.engine.graph import Graph, GraphBuilder, merge
 from stixel_cli.engine.plan import plan
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import ConfigurationError
-from stixel_cli.experiment.stages import CHUNK_SIZE, pipeline_stages, scan_count
+from stixel_cli.experiment.stages import (
+    CHUNK_SIZE,
+    draws,
+    picture_stages,
+    pipeline_stages,
+    scan_count,
+)
 from stixel_cli.sweeps.points import Point
 
 SCORES = "scores"
-_PICTURES = "_pictures"
 
 
 @dataclass(frozen=True)
@@ -37,9 +42,7 @@ class PlannedPoint:
     @property
     def pictures(self) -> tuple[str, ...]:
         """Keys of its pictures, none unless it asks for them."""
-        return tuple(
-            key for key in self.targets if self.graph.nodes[key].stage.name.endswith(_PICTURES)
-        )
+        return tuple(key for key in self.targets if draws(self.graph.nodes[key].stage))
 
     @property
     def beside(self) -> tuple[str, ...]:
@@ -124,7 +127,7 @@ def plan_points(
             ) from None
         names = [SCORES]
         if pictures:
-            names += [name for name in graph.stage_names if name.endswith(_PICTURES)]
+            names += picture_stages(graph)
         names += [name for name in steps if name in graph.stages and name not in names]
         planned.append(PlannedPoint(point, graph, tuple(graph.expand(names))))
     return planned
