@@ -6,71 +6,16 @@ mend is a `stixel_cli.errors.UserError`, in one line.
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from stixel_cli.config.compose import Composition, from_resolved
 from stixel_cli.config.compose import compose as compose_overrides
-from stixel_cli.evaluation.scores import Scores
-from stixel_cli.experiment.recorded_run import record_run
-from stixel_cli.measurements.scans import Scans
-from stixel_cli.results.folder import scan_columns, score_columns, track_columns
-from stixel_cli.scene.scenario import Scenario
-from stixel_cli.tracking.track import Track
+from stixel_cli.experiment.run import record_run
+from stixel_cli.results.result import RunResult
 
 if TYPE_CHECKING:
     from stixel_cli.sweeps.run import SweepResult
-
-
-@dataclass(frozen=True)
-class RunResult:
-    """What an experiment gives.
-
-    Attributes:
-        composition: what was run: the configuration, validated, and the overrides.
-        folder: the result folder; None if none was asked for.
-        metrics: name to value, None where there is none; as in `metrics.json`.
-        scenario, scans, track, scores: the results of the steps of these names.
-        pictures: path below `figures/` to the file's bytes.
-        stages: a record a step: name, key, status, seconds, nodes, nodes_computed.
-    """
-
-    composition: Composition
-    folder: Path | None
-    metrics: dict[str, float | int | None]
-    scenario: Scenario
-    scans: Scans
-    track: Track
-    scores: Scores
-    pictures: dict[str, bytes]
-    stages: list[dict[str, Any]]
-
-    @property
-    def record(self) -> dict[str, Any]:
-        """One row of a table of runs: folder, seed, what was overridden, metrics.
-
-        `pandas.DataFrame([result.record for result in results])` is that table.
-        """
-        typed = [text.lstrip("+").partition("=")[0] for text in self.composition.overrides]
-        given = {name: self.composition.value(name) for name in typed}
-        folder = None if self.folder is None else str(self.folder)
-        seed = self.composition.configuration.seed
-        return {"folder": folder, "seed": seed, **given, **self.metrics}
-
-    @property
-    def tables(self) -> dict[str, dict[str, np.ndarray]]:
-        """Columns of `scans` (a row a point), `track` and `scores` (a row a scan), as in the files.
-
-        `pandas.DataFrame(result.tables["track"])` is such a table.
-        """
-        return {
-            "scans": scan_columns(self.scans),
-            "track": track_columns(self.track),
-            "scores": score_columns(self.scores),
-        }
 
 
 def compose(overrides: Sequence[str] | str = ()) -> Composition:
@@ -105,23 +50,11 @@ def run(
     """
     composition = experiment if isinstance(experiment, Composition) else compose(experiment)
     composition = _on_this_machine(composition, workers, cache)
-    made = record_run(
+    return record_run(
         composition,
         ["stixel", "run", *composition.overrides],
         results=None if results is None else Path(results),
         name=name,
-    )
-    outcome = made.outcome
-    return RunResult(
-        composition=composition,
-        folder=made.folder,
-        metrics=dict(outcome.scores.metrics),
-        scenario=outcome.scenario,
-        scans=outcome.scans,
-        track=outcome.track,
-        scores=outcome.scores,
-        pictures=outcome.pictures,
-        stages=outcome.stages,
     )
 
 

@@ -14,7 +14,7 @@ from stixel_cli.engine.errors import MissingEntry
 from stixel_cli.engine.parameters import parse_age, parse_size, show_size
 from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.recorded_run import told_in_one_line
+from stixel_cli.experiment.run import one_line_errors
 from stixel_cli.results.text import json_text
 
 
@@ -26,7 +26,7 @@ def list_command(json: bool) -> int:
     """Print, by stage, how many results there are, their size and last use; the exit code."""
     store = _store()
     damaged: list[MissingEntry] = []
-    with told_in_one_line():
+    with one_line_errors():
         found = entries(store, damaged.append)
     if damaged:
         tell(_damage(damaged))
@@ -71,7 +71,7 @@ def collect_command(max_size: str | None, older_than: str | None, dry_run: bool,
         age = None if older_than is None else parse_age(older_than)
     except ValueError as fault:
         raise UserError(f"--older-than: {fault}") from None
-    with told_in_one_line():
+    with one_line_errors():
         done = collect(store, size, age, dry_run)
     _print_collection(store, done, "would be removed" if dry_run else "removed", json)
     return 0
@@ -95,7 +95,7 @@ def clear_command(yes: bool, json: bool) -> int:
     if not yes and not _confirmed(store):
         tell("nothing was removed")
         return 1
-    with told_in_one_line():
+    with one_line_errors():
         done = clear(store)
     _print_collection(store, done, "removed", json)
     return 0
@@ -104,7 +104,7 @@ def clear_command(yes: bool, json: bool) -> int:
 def check_command(json: bool) -> int:
     """Read every result: 0 if all are what was stored, 1 if not; bad ones are named, set aside."""
     store = _store()
-    with told_in_one_line():
+    with one_line_errors():
         # `entries` would set aside, unnamed, what `verify_all` is to name.
         count = len(entry_folders(store))
         bad = verify_all(store)
@@ -124,7 +124,7 @@ def _confirmed(store: Store) -> bool:
     """The answer of who sits at the terminal."""
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
         raise UserError("this removes all results of the cache: add --yes, there is no one to ask")
-    with told_in_one_line():
+    with one_line_errors():
         found = entry_folders(store)
     size = show_size(sum(one.size for one in found))
     sys.stderr.write(f"remove {len(found)} results, {size}, from {store.folder}? [y/N] ")

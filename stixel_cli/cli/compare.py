@@ -6,7 +6,7 @@ from pathlib import Path
 from stixel_cli.cli.terminal import print_table
 from stixel_cli.errors import UserError
 from stixel_cli.report.compare import differing_settings, metric_rows, run_labels
-from stixel_cli.results.reader import read_folder
+from stixel_cli.results.result import read_scored_run
 from stixel_cli.results.text import json_text
 
 
@@ -19,7 +19,7 @@ def compare_command(folders: list[Path], json: bool) -> int:
     if len(folders) < 2:
         raise UserError("stixel compare puts runs side by side: name two result folders or more")
     labels = run_labels(folders)
-    runs = [read_folder(folder) for folder in folders]
+    runs = [read_scored_run(folder) for folder in folders]
     settings, _ = differing_settings(runs)
     metrics = {name: [run.metrics.get(name) for run in runs] for name in _metric_names(runs)}
     differing = {name: values for name, values in metrics.items() if len(set(values)) > 1}

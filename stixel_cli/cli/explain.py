@@ -13,9 +13,8 @@ from stixel_cli.engine.explain import Change, Explanation, by_stage, explain
 from stixel_cli.engine.graph import Graph
 from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.recorded_run import told_in_one_line
-from stixel_cli.experiment.run import experiment_graph, targets
-from stixel_cli.experiment.stored_run import read_stored_run
+from stixel_cli.experiment.run import experiment_graph, one_line_errors, targets
+from stixel_cli.experiment.stored_run import has_pictures, read_stored_run
 from stixel_cli.results.reader import SWEEP_FILE
 from stixel_cli.results.text import json_text
 from stixel_cli.sweeps.folder import SweepFolder
@@ -51,7 +50,7 @@ def explain_command(what: Sequence[str], json: bool, file: str | None = None) ->
         UserError: for what `stixel run` or `stixel sweep` would refuse.
     """
     asked = _asked(what, file)
-    with told_in_one_line():
+    with one_line_errors():
         found = explain(asked.graph, asked.store, asked.targets)
     needed_by = _needed_by(asked.runs, {one.key for one in found})
     if json:
@@ -93,7 +92,7 @@ def _asked(what: Sequence[str], file: str | None) -> _Asked:
             runs = compose_runs(request.runs, request.keys, composer)
             return _of_runs(*planned_sweep(runs, None, request.pictures, request.steps))
         stored = read_stored_run(folder)
-        return _of_run(stored.composition, stored.pictures)
+        return _of_run(stored.composition, has_pictures(stored))
     folders = [text for text in what if "=" not in text and os.path.isdir(text)]
     if folders:
         raise UserError(f"{folders[0]}: name one result folder, or overrides, not both")
@@ -108,7 +107,7 @@ def _asked(what: Sequence[str], file: str | None) -> _Asked:
 
 
 def _of_run(composition: Composition, pictures: bool) -> _Asked:
-    with told_in_one_line():
+    with one_line_errors():
         graph = experiment_graph(composition.configuration)
     store = open_store(composition.configuration.cache)
     return _Asked(graph, targets(graph, pictures), store)

@@ -8,7 +8,7 @@ from stixel_cli.cli.run import with_workers
 from stixel_cli.cli.terminal import print_table
 from stixel_cli.engine.progress import duration
 from stixel_cli.experiment.run import CAMERA, RESULTS
-from stixel_cli.results.folder import json_text
+from stixel_cli.results.text import json_text
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.graphs import SweepPlan
 from stixel_cli.sweeps.runs import design_runs, sweep_design

@@ -19,7 +19,7 @@ def play_command(folders: list[Path], output: Path | None, workers: int | None) 
         raise UserError(f"--output: there is no folder {output.parent}")
     from stixel_cli.cli.run import with_workers
     from stixel_cli.engine.progress import make_progress
-    from stixel_cli.experiment.played_folders import folders_page
+    from stixel_cli.experiment.playback import folders_page
     from stixel_cli.experiment.stored_run import read_stored_run
     from stixel_cli.report.compare import default_page, run_labels, write_page
 

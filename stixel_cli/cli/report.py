@@ -18,9 +18,9 @@ def report_command(folders: list[Path], output: Path | None) -> int:
     if output is not None and output.exists():
         raise UserError(f"--output: {output} exists, and is not written over; name another file")
     from stixel_cli.report.compare import default_page, page_html, write_page
-    from stixel_cli.results.reader import read_folder
+    from stixel_cli.results.result import read_scored_run
 
-    runs = [read_folder(folder) for folder in folders]
+    runs = [read_scored_run(folder) for folder in folders]
     page = default_page(folders) if output is None else output
     command = ["stixel", "report", *map(str, folders)]
     if output is not None:

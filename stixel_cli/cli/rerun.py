@@ -4,7 +4,7 @@ from pathlib import Path
 
 from stixel_cli.cli.run import print_run, with_workers
 from stixel_cli.engine.progress import make_progress
-from stixel_cli.experiment.recorded_run import record_run
+from stixel_cli.experiment.run import record_run
 from stixel_cli.experiment.stored_run import read_stored_run
 
 

@@ -11,9 +11,9 @@ from stixel_cli.cli.terminal import print_table
 from stixel_cli.config.compose import Composition, compose
 from stixel_cli.engine.progress import make_progress
 from stixel_cli.engine.store import Store, open_store
-from stixel_cli.experiment.recorded_run import RecordedRun, record_run, told_in_one_line
-from stixel_cli.experiment.run import Outcome, plan_experiment
+from stixel_cli.experiment.run import one_line_errors, plan_experiment, record_run
 from stixel_cli.results.folder import check_name
+from stixel_cli.results.result import RunResult
 from stixel_cli.results.text import json_text
 
 
@@ -45,36 +45,37 @@ def with_workers(overrides: Sequence[str], workers: int | None) -> list[str]:
     return [*overrides, *([] if workers is None else [f"executor.workers={workers}"])]
 
 
-def print_run(made: RecordedRun, json: bool) -> None:
+def print_run(made: RunResult, json: bool) -> None:
     """Print scores and folder of a run, as JSON or for the eye."""
     if json:
-        answer = {"folder": str(made.folder.absolute()), "metrics": made.outcome.scores.metrics}
-        sys.stdout.write(json_text(answer | {"stages": made.outcome.stages}))
+        answer = {"folder": str(made.folder.absolute()), "metrics": made.metrics}
+        sys.stdout.write(json_text(answer | {"stages": made.stages}))
     else:
-        _print_outcome(made.folder, made.outcome, made.manifest["seconds"])
+        _print_scores(made)
 
 
-def _print_outcome(folder: Path, outcome: Outcome, seconds: float) -> None:
+def _print_scores(made: RunResult) -> None:
     from rich.console import Console
 
     from stixel_cli.report.table import scores_table
 
     console = Console(highlight=False, soft_wrap=True)
-    console.print(scores_table(outcome.scores.metrics))
-    if not outcome.scenario.star_convex:
+    console.print(scores_table(made.metrics))
+    if not made.scenario.star_convex:
         console.print(
             "The true contour is not star-convex about its centre: no track can match it exactly."
         )
-    if outcome.scores.metrics["empty_scans"] == outcome.scores.metrics["scans"]:
+    if made.metrics["empty_scans"] == made.metrics["scans"]:
         console.print("The road user was never measured: every scan is empty.")
-    computed = [stage["name"] for stage in outcome.stages if stage["status"] == "computed"]
-    console.print(f"computed: {', '.join(computed) or 'nothing, all was cached'}; {seconds:.1f} s")
-    console.print(str(folder), markup=False)
+    computed = [stage["name"] for stage in made.stages if stage["status"] == "computed"]
+    stages = ", ".join(computed) or "nothing, all was cached"
+    console.print(f"computed: {stages}; {made.manifest['seconds']:.1f} s")
+    console.print(str(made.folder), markup=False)
 
 
 def _print_plan(composition: Composition, store: Store, json: bool) -> int:
     """Print the configuration and, by stage, how many nodes there are and how many would run."""
-    with told_in_one_line():
+    with one_line_errors():
         planned = plan_experiment(composition.configuration, store)
     missing = set(planned.missing)
     stages: list[dict[str, Any]] = []

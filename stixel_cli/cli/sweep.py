@@ -11,7 +11,8 @@ from stixel_cli.cli.plan import print_plan
 from stixel_cli.cli.run import with_workers
 from stixel_cli.cli.terminal import print_table
 from stixel_cli.errors import UserError
-from stixel_cli.results.folder import check_name, json_text
+from stixel_cli.results.folder import check_name
+from stixel_cli.results.text import json_text
 from stixel_cli.sweeps.results import FAILED, SKIPPED, SweepResult
 from stixel_cli.sweeps.run import resume_command
 from stixel_cli.sweeps.runs import design_runs, sweep_design

@@ -9,9 +9,9 @@ from stixel_cli.cli.run import with_workers
 from stixel_cli.engine.progress import make_progress
 from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.recorded_run import provenance
 from stixel_cli.experiment.stored_run import read_stored_run
 from stixel_cli.experiment.verify import StageDifference, Verification, verify_run
+from stixel_cli.results.provenance import provenance
 from stixel_cli.results.text import json_text
 
 

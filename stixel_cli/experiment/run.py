@@ -1,55 +1,45 @@
-"""One experiment from its configuration to its results, without a command line."""
+"""One experiment from its configuration to its result folder: what `run`, `rerun` and Python do."""
 
-from dataclasses import dataclass
+import shlex
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
+from stixel_cli.config.compose import Composition
 from stixel_cli.config.schema import Configuration
+from stixel_cli.engine.errors import CacheError, CodeChanged, ExecutorError, StageFailure
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.graph import Graph, build_graph
 from stixel_cli.engine.locks import lease
 from stixel_cli.engine.plan import Plan, plan
 from stixel_cli.engine.progress import Progress
-from stixel_cli.engine.store import Store
-from stixel_cli.evaluation.scores import Scores
-from stixel_cli.experiment.stages import CHUNK_SIZE, pipeline_stages, scan_count
-from stixel_cli.measurements.scans import Scans
-from stixel_cli.report.types import CameraFrames
-from stixel_cli.results.lineage import Lineage, lineage_of
-from stixel_cli.scene.scenario import Scenario
-from stixel_cli.tracking.track import Track
+from stixel_cli.engine.store import Store, open_store
+from stixel_cli.errors import FolderTaken, UserError
+from stixel_cli.experiment.stages import (
+    CHUNK_SIZE,
+    picture_stages,
+    pipeline_stages,
+    scan_count,
+)
+from stixel_cli.report.playback import playback_html
+from stixel_cli.results.folder import check_results, reserve_folder, stamp, write_folder
+from stixel_cli.results.lineage import lineage_of
+from stixel_cli.results.provenance import provenance
+from stixel_cli.results.result import RunResult
 
 RESULTS = ("scenario", "scans", "track", "scores")
-"""Steps that every pipeline has, and whose results are an experiment's."""
+"""Stages that every pipeline has; their results are those of the experiment."""
 
 CAMERA = "camera_frames"
-"""The step that pipelines with a camera have for the page on which a run is played back."""
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What an experiment gives.
-
-    Attributes:
-        scenario, scans, track, scores: the results of the steps of these names.
-        pictures: path below the figures' folder to the file's bytes.
-        camera: chunks of the camera's frames, in order; none where there is no camera.
-        stages: a record a step: name, key, status ("computed" or "cached"), seconds, nodes,
-            nodes_computed.
-        lineage: what the steps were made of.
-    """
-
-    scenario: Scenario
-    scans: Scans
-    track: Track
-    scores: Scores
-    pictures: dict[str, bytes]
-    camera: tuple[CameraFrames, ...]
-    stages: list[dict[str, Any]]
-    lineage: Lineage
+"""The stage that prepares the camera's images for the playback page."""
 
 
 def plan_experiment(configuration: Configuration, store: Store) -> Plan:
-    """What an experiment would compute, given what `store` holds.
+    """The nodes that an experiment would compute, given the results in `store`.
 
     Raises:
         UserError: if the pipeline's file is wrong.
@@ -60,30 +50,37 @@ def plan_experiment(configuration: Configuration, store: Store) -> Plan:
 
 
 def experiment_graph(configuration: Configuration) -> Graph:
-    """The graph of nodes that an experiment asks for."""
+    """The graph of an experiment's nodes."""
     return build_graph(pipeline_stages(configuration), scan_count(configuration), CHUNK_SIZE)
 
 
 def run_experiment(
-    configuration: Configuration,
+    composition: Composition,
     store: Store,
     progress: Progress | None = None,
     pictures: bool = True,
     camera: bool | None = None,
-) -> Outcome:
-    """Compute what `store` does not hold yet of an experiment, and load its results.
+) -> RunResult:
+    """Compute the missing nodes of an experiment and load its result.
 
-    It runs on the executor that the configuration names; `pictures` tells whether to draw any,
-    `camera` whether to have the camera's frames for the page (None: if there are pictures).
+    It runs on the executor of the configuration.
+
+    Args:
+        composition: the experiment.
+        store: the cache.
+        progress: reports the progress.
+        pictures: whether to draw pictures.
+        camera: whether to load the camera's frames for the page; None: if there are pictures.
 
     Raises:
-        StageFailure: if a stage fails; what was finished stays in the store.
+        StageFailure: if a stage fails; finished nodes stay in the store.
         CacheError: if the store cannot be read or written.
     """
+    configuration = composition.configuration
     graph = experiment_graph(configuration)
     with_camera = (pictures if camera is None else camera) and CAMERA in graph.stages
     wanted = targets(graph, pictures, with_camera)
-    # Held until all is loaded: another process, or the size limit, may tidy up in between.
+    # The lease lasts until all is loaded: another process, or the size limit, may remove entries.
     with lease(store.folder, sorted(graph.ancestors(graph.expand(wanted)))):
         execution = execute(
             graph, wanted, store, executor=configuration.executor, progress=progress
@@ -91,7 +88,7 @@ def run_experiment(
         results = {name: store.load(graph.of_stage(name)[0].key) for name in RESULTS}
         files = {
             path: data
-            for name in (_picture_steps(graph) if pictures else ())
+            for name in (picture_stages(graph) if pictures else ())
             for node in graph.of_stage(name)
             for path, data in store.load(node.key).files.items()
         }
@@ -99,25 +96,104 @@ def run_experiment(
             store.load(node.key) for node in (graph.of_stage(CAMERA) if with_camera else ())
         )
         lineage = lineage_of(graph, execution.records, store)
-    return Outcome(
+    return RunResult(
+        settings=composition.resolved,
+        manifest={"choices": composition.choices, "stages": execution.stage_records()},
+        metrics=dict(results["scores"].metrics),
+        composition=composition,
         **results,
         pictures=files,
         camera=frames,
-        stages=execution.stage_records(),
         lineage=lineage,
     )
 
 
-def targets(graph: Graph, pictures: bool = True, camera: bool | None = None) -> list[str]:
-    """Names of the stages whose results are an experiment's: `RESULTS`, pictures and the camera's.
+def record_run(
+    composition: Composition,
+    command: Sequence[str],
+    results: Path | None = None,
+    name: str | None = None,
+    stem: str | None = None,
+    progress: Progress | None = None,
+    notes: dict[str, Any] | None = None,
+) -> RunResult:
+    """Run an experiment and write its result folder into `results`, if that is given.
 
-    `camera` is None for those of an experiment with pictures, or without.
+    Args:
+        composition: the experiment.
+        command: the command line for the manifest.
+        results: parent of the result folder; None to write nothing.
+        name: of the result folder; None for a name made of `stem` and the time.
+        stem: None for the choices of the main groups.
+        progress: reports the progress.
+        notes: further entries of the manifest.
+
+    Raises:
+        UserError: for any error that the user can fix; no result folder is left then.
+        StageFailure: if a stage fails for another reason.
     """
-    wanted = [*RESULTS, *(_picture_steps(graph) if pictures else ())]
+    started = time.perf_counter()
+    if results is not None:
+        check_results(results, name)
+    store = open_store(composition.configuration.cache)
+    now = datetime.now(UTC)
+    with one_line_errors():
+        run = run_experiment(composition, store, progress=progress)
+    manifest = {
+        "command": shlex.join(command),
+        "overrides": list(composition.overrides),
+        "choices": composition.choices,
+        "seed": composition.configuration.seed,
+        "created": now.isoformat(timespec="seconds"),
+        "seconds": round(time.perf_counter() - started, 3),
+        "workers": composition.configuration.executor.workers,
+        **provenance(),
+        **(notes or {}),
+        "star_convex": run.scenario.star_convex,
+        "stages": run.stages,
+    }
+    run = replace(run, manifest=manifest)
+    stem = choice_name(composition) if stem is None else stem
+    while results is not None:
+        # Only now: a refused cache or scheduler leaves no folder behind.
+        folder = reserve_folder(results, name, f"{stem}-{stamp(now)}")
+        page = playback_html([replace(run, label=folder.name)], folder.name)
+        try:
+            write_folder(folder, run, page)
+            return replace(run, folder=folder)
+        except FolderTaken:
+            # Two runs in one second: the other was faster, and there are more default names.
+            if name is not None:
+                raise
+    return run
+
+
+def choice_name(composition: Composition) -> str:
+    """Default name of a run: its choices of the main groups."""
+    groups = ("road_user", "path", "measurement", "tracker")
+    return "-".join(composition.choices[group] for group in groups if group in composition.choices)
+
+
+@contextmanager
+def one_line_errors() -> Iterator[None]:
+    """Turn errors that the user can fix into a `UserError`; defects pass through."""
+    try:
+        yield
+    except (CacheError, CodeChanged, ExecutorError) as error:
+        raise UserError(str(error)) from error
+    except StageFailure as failure:
+        # What a stage reports of its input or of the machine is for the user; the rest is a defect.
+        if isinstance(failure.cause, ValueError | UserError) or hasattr(failure.cause, "one_line"):
+            raise UserError(f"{failure.label}: {failure.cause}") from failure
+        raise
+
+
+def targets(graph: Graph, pictures: bool = True, camera: bool | None = None) -> list[str]:
+    """Names of the stages that an experiment needs: `RESULTS`, those that draw, and `CAMERA`.
+
+    `camera` is None to include `CAMERA` if there are pictures.
+    """
+    wanted = [*RESULTS, *(picture_stages(graph) if pictures else ())]
     if (pictures if camera is None else camera) and CAMERA in graph.stages:
         wanted.append(CAMERA)
     return wanted
-
-
-def _picture_steps(graph: Graph) -> list[str]:
-    return [name for name in graph.stage_names if name.endswith("_pictures")]

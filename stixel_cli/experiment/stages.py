@@ -1,11 +1,10 @@
-"""The table of stages: what the engine needs to know of each, kept outside the domain rooms.
+"""The table of stages: it joins the functions of the science with the engine.
 
-A row says which function does the work, which slice of the configuration each of its arguments is,
-and how the stage runs over the frames.
-`pipelines/*.yaml` wires rows by name.
+A definition names the function, the settings that each of its arguments takes, and how the stage
+runs over the frames. Each node of `pipelines/*.yaml` names its stage and its inputs.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -15,28 +14,31 @@ import yaml
 
 from stixel_cli.config.folders import shipped_folder
 from stixel_cli.config.schema import Configuration
+from stixel_cli.engine.graph import Graph
 from stixel_cli.engine.stage import Stage
 from stixel_cli.errors import UserError
 from stixel_cli.scene.mesh_references import referred_files
 
 CHUNK_SIZE = 10
-"""Frames a node: small enough that two workers stay busy, large enough to share a background."""
+"""Frames per chunk: few enough to keep two workers busy, enough to share a background."""
 
 
 @dataclass(frozen=True)
 class Definition:
-    """One row of the table.
+    """One stage of the table.
 
     Attributes:
-        functions: "module:function" to call, by the `kind` of the slice that `chosen_by` names; a
-            stage of one implementation has the single entry "".
+        functions: "module:function" to call, by the `kind` of the settings that `chosen_by` names;
+            a stage with one implementation has the single key "".
         pattern: how it runs over the frames, see `stixel_cli.engine.stage.Stage`.
-        reads: argument name to the dotted path of its slice in the configuration.
+        reads: argument name to the dotted path of its settings in the configuration.
         modules: code that no import statement leads to, see `Stage.modules`.
-        chosen_by: dotted path of the slice whose `kind` picks the function; "" if there is no
+        chosen_by: dotted path of the settings whose `kind` selects the function; "" if there is no
             choice.
-        seeded: whether it draws random numbers, and so is given the experiment's seed.
-        reads_mesh: whether it reads the user's own mesh file, and those that this refers to.
+        seeded: whether it draws random numbers, and so needs the experiment's seed.
+        files: dotted paths of the settings that are files. Their content, and that of the files
+            they refer to, is part of the key.
+        pictures: whether it draws: its result is a `Pictures`.
     """
 
     functions: Mapping[str, str]
@@ -45,7 +47,8 @@ class Definition:
     modules: tuple[str, ...] = ()
     chosen_by: str = ""
     seeded: bool = False
-    reads_mesh: bool = False
+    files: tuple[str, ...] = ()
+    pictures: bool = False
 
 
 def _only(function: str) -> dict[str, str]:
@@ -66,7 +69,7 @@ TABLE: dict[str, Definition] = {
         _only("scene.build:build_scenario"),
         "once",
         _same("road_user", "path"),
-        reads_mesh=True,
+        files=("road_user.mesh",),
     ),
     "render": Definition(
         {
@@ -76,7 +79,7 @@ TABLE: dict[str, Definition] = {
         "map",
         _same("road_user", "world", "rig", "renderer"),
         chosen_by="renderer",
-        reads_mesh=True,
+        files=("road_user.mesh",),
     ),
     "add_sensor_noise": Definition(
         _only("rendering.sensor_noise:add_sensor_noise"),
@@ -118,7 +121,7 @@ TABLE: dict[str, Definition] = {
             "scanner": "measurement.scanner",
             "camera_field": "rig.field_of_view",
         },
-        reads_mesh=True,
+        files=("road_user.mesh",),
     ),
     "lidar_scans": Definition(
         _only("measurements.lidar:lidar_scans"), "once", _same("measurement"), seeded=True
@@ -149,6 +152,7 @@ TABLE: dict[str, Definition] = {
         _only("report.camera:camera_pictures"),
         "pick",
         _same("rig"),
+        pictures=True,
     ),
     "camera_frames": Definition(
         _only("report.camera_frames:camera_frames"),
@@ -158,20 +162,39 @@ TABLE: dict[str, Definition] = {
         _only("report.birds_eye:track_pictures"),
         "pick",
         _same("rig"),
+        pictures=True,
     ),
     "run_pictures": Definition(
         _only("report.over_time:run_pictures"),
         "once",
         _same("rig"),
+        pictures=True,
     ),
 }
 
 
+_DRAWING = {f for stage in TABLE.values() if stage.pictures for f in stage.functions.values()}
+
+
+def draws(stage: Stage) -> bool:
+    """Whether the result of a stage is a `Pictures`."""
+    return stage.function in _DRAWING
+
+
+def picture_stages(graph: Graph) -> list[str]:
+    """Names of the stages of a graph that draw."""
+    return [
+        name
+        for name in graph.stage_names
+        if any(draws(node.stage) for node in graph.of_stage(name))
+    ]
+
+
 def pipeline_stages(configuration: Configuration) -> list[Stage]:
-    """The stages of one experiment, wired as the file of its kind of measurement says.
+    """The stages of one experiment, wired by the pipeline of its kind of measurement.
 
     Raises:
-        UserError: if the pipeline's file is missing or names what the table does not know.
+        UserError: if the pipeline's file is missing or names an unknown stage.
     """
     path = shipped_folder("pipelines") / f"{configuration.measurement.kind}.yaml"
     return [_stage(configuration, path, name, wiring or {}) for name, wiring in _read(path).items()]
@@ -183,7 +206,7 @@ def scan_count(configuration: Configuration) -> int:
 
 
 def pictured_frames(configuration: Configuration) -> tuple[int, ...]:
-    """The frames to draw: those asked for, or four spread evenly over the run."""
+    """The frames to draw: those of the configuration, or four spread evenly over the run."""
     chosen = configuration.pictures.frames
     if chosen is not None:
         return tuple(sorted(set(chosen)))
@@ -203,37 +226,38 @@ def _read(path: Path) -> dict[str, dict[str, str] | None]:
 
 @lru_cache(maxsize=16)
 def _parse(path: Path, *state: int) -> dict[str, dict[str, str] | None]:
-    """Content of the file, parsed once for all points of a sweep while its `state` is the same."""
+    """Content of the file, parsed once per process while its `state` is the same."""
     return yaml.safe_load(path.read_text(encoding="utf-8"))
 
 
 def _stage(configuration: Configuration, path: Path, name: str, wiring: dict[str, str]) -> Stage:
     inputs = dict(wiring)
-    row = inputs.pop("stage", name)
-    if row not in TABLE:
-        raise UserError(f"{path}: {name}: no stage {row!r}; the table has {', '.join(TABLE)}")
-    definition = TABLE[row]
-    kind = _slice(configuration, f"{definition.chosen_by}.kind") if definition.chosen_by else ""
-    mesh = configuration.road_user.mesh
+    stage = inputs.pop("stage", name)
+    if stage not in TABLE:
+        raise UserError(f"{path}: {name}: no stage {stage!r}; the table has {', '.join(TABLE)}")
+    definition = TABLE[stage]
+    kind = _value(configuration, f"{definition.chosen_by}.kind") if definition.chosen_by else ""
     return Stage(
         name=name,
         function=definition.functions[kind],
         pattern=definition.pattern,
         inputs=inputs,
-        settings={a: _slice(configuration, p) for a, p in definition.reads.items()},
+        settings={a: _value(configuration, p) for a, p in definition.reads.items()},
         modules=definition.modules,
         seed=configuration.seed if definition.seeded else None,
         frames=pictured_frames(configuration) if definition.pattern == "pick" else (),
-        files=_mesh_files(Path(mesh)) if definition.reads_mesh and mesh is not None else (),
+        files=_files(_value(configuration, p) for p in definition.files),
         keys=definition.reads,
     )
 
 
-def _mesh_files(mesh: Path) -> tuple[Path, ...]:
-    return (mesh, *referred_files(mesh))
+def _files(names: Iterable[str | None]) -> tuple[Path, ...]:
+    """The files of these names and the files that they refer to."""
+    files = [Path(name) for name in names if name is not None]
+    return tuple(file for own in files for file in (own, *referred_files(own)))
 
 
-def _slice(configuration: Configuration, path: str) -> Any:
+def _value(configuration: Configuration, path: str) -> Any:
     value: Any = configuration
     for part in path.split("."):
         value = getattr(value, part)

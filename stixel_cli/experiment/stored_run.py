@@ -1,68 +1,55 @@
-"""A result folder as an experiment that can be run again."""
+"""Read a result folder as an experiment that can be run again."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from stixel_cli import __version__
 from stixel_cli.config.compose import Composition, compose, from_resolved
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.results.lineage import Lineage, read_lineage
-from stixel_cli.results.reader import check_folder, read_config, read_manifest, read_metrics
+from stixel_cli.results.lineage import read_lineage
+from stixel_cli.results.result import RunResult, read_run
 
 OF_THE_MACHINE = ("executor", "cache")
-"""Groups that say where to compute, not what: a rerun takes those of the machine it runs on."""
+"""Groups that name where to compute, not what: a rerun uses those of its own machine."""
 
 
-@dataclass(frozen=True)
-class StoredRun:
-    """What a result folder says of its run.
+def read_stored_run(path: Path, overrides: tuple[str, ...] = ()) -> RunResult:
+    """Read the result folder `path`, with its validated experiment and its lineage.
 
-    Attributes:
-        path: the folder.
-        composition: its configuration, validated, with the machine's own executor and cache.
-        manifest, metrics: what the files of these names hold.
-        lineage: what the stages were made of; None in a folder of an older version.
-    """
-
-    path: Path
-    composition: Composition
-    manifest: dict[str, Any]
-    metrics: dict[str, float | int | None]
-    lineage: Lineage | None
-
-    @property
-    def pictures(self) -> bool:
-        """Whether it has pictures: those of a sweep's points have none, unless asked for."""
-        return (self.path / "figures").is_dir()
-
-
-def read_stored_run(path: Path, overrides: tuple[str, ...] = ()) -> StoredRun:
-    """Read the result folder `path`; `overrides` are of the groups `OF_THE_MACHINE` alone.
+    The experiment has the executor and the cache of this machine. `overrides` may only change the
+    groups `OF_THE_MACHINE`.
 
     Raises:
-        UserError: if it is no result folder, or its configuration is not one of this version.
+        UserError: if it is not a result folder, or its configuration is not valid in this version.
     """
-    check_folder(path)
-    manifest = read_manifest(path)
+    run = read_run(path)
     own = compose(overrides).resolved
-    resolved = read_config(path) | {name: own[name] for name in OF_THE_MACHINE if name in own}
+    resolved = {**run.settings, **{name: own[name] for name in OF_THE_MACHINE if name in own}}
     try:
         configuration = from_resolved(resolved)
     except ConfigurationError as fault:
-        raise UserError(f"{path / 'config.yaml'}: {fault}{_by_another_version(manifest)}") from None
-    choices = manifest.get("choices")
-    given = manifest.get("overrides")
+        raise UserError(
+            f"{path / 'config.yaml'}: {fault}{_by_another_version(run.manifest)}"
+        ) from None
+    choices = run.manifest.get("choices")
+    given = run.manifest.get("overrides")
     composition = Composition(
         configuration,
         {str(k): str(v) for k, v in choices.items()} if isinstance(choices, dict) else {},
         tuple(str(text) for text in given) if isinstance(given, list) else (),
         resolved,
     )
-    return StoredRun(path, composition, manifest, read_metrics(path), read_lineage(path))
+    return replace(run, settings=resolved, composition=composition, lineage=read_lineage(path))
 
 
-def _by_another_version(manifest: dict[str, Any]) -> str:
+def has_pictures(run: RunResult) -> bool:
+    """Whether the folder of a run has pictures. Runs of a sweep have them only on request."""
+    return (run.folder / "figures").is_dir()
+
+
+def _by_another_version(manifest: Mapping[str, Any]) -> str:
     versions = manifest.get("versions")
     theirs = versions.get("stixel") if isinstance(versions, dict) else None
     if theirs in (None, __version__):

@@ -9,14 +9,14 @@ import numpy as np
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store
-from stixel_cli.experiment.causes import first_other_stage
-from stixel_cli.experiment.differences import first_difference
-from stixel_cli.experiment.recorded_run import told_in_one_line
-from stixel_cli.experiment.run import Outcome, experiment_graph, run_experiment
-from stixel_cli.experiment.stored_run import StoredRun
+from stixel_cli.experiment.run import experiment_graph, one_line_errors, run_experiment
+from stixel_cli.experiment.stored_run import has_pictures
 from stixel_cli.files import read_arrays, read_bytes
-from stixel_cli.results.folder import scan_columns, score_columns, track_arrays
+from stixel_cli.results.causes import first_other_stage
+from stixel_cli.results.differences import first_difference
 from stixel_cli.results.lineage import Lineage
+from stixel_cli.results.result import RunResult
+from stixel_cli.results.tables import scan_columns, score_columns, track_arrays
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Verification:
 
 
 def verify_run(
-    stored: StoredRun,
+    stored: RunResult,
     store: Store,
     old_store: Store,
     now: Mapping[str, Any],
@@ -92,18 +92,18 @@ def verify_run(
     """
     # Before the run, which may take long.
     names = ("scans.npz", "track.npz", "scores.npz")
-    paths = {name: stored.path / name for name in names}
+    paths = {name: stored.folder / name for name in names}
     held = {name: read_arrays(path) for name, path in paths.items() if path.exists()}
-    with told_in_one_line():
-        outcome = run_experiment(stored.composition.configuration, store, progress, stored.pictures)
-    compared = list(_compared_files(stored, held, outcome))
+    with one_line_errors():
+        new = run_experiment(stored.composition, store, progress, has_pictures(stored))
+    compared = list(_compared_files(stored, held, new))
     files = tuple(
         FileDifference(file, stage, what) for file, stage, what in compared if what is not None
     )
     by_key = by_value = None
     if stored.lineage is not None:
-        by_key = _first_by_key(stored, outcome.lineage)
-        by_value = _first_by_digest(stored.lineage, outcome.lineage, old_store, store)
+        by_key = _first_by_key(stored, new.lineage)
+        by_value = _first_by_digest(stored.lineage, new.lineage, old_store, store)
     if by_value is None and files:
         by_value = _first_by_file(files, stored.lineage is not None)
     if by_value is not None and by_key is not None and not by_value.causes:
@@ -114,30 +114,29 @@ def verify_run(
         by_key=by_key,
         by_value=by_value,
         changes=tuple(_changes(stored.manifest, now)),
-        stages=outcome.stages,
+        stages=new.stages,
     )
 
 
 def _compared_files(
-    stored: StoredRun, held: Mapping[str, Mapping[str, np.ndarray]], outcome: Outcome
+    stored: RunResult, held: Mapping[str, Mapping[str, np.ndarray]], new: RunResult
 ) -> Iterator[tuple[str, str, str | None]]:
     """(file, stage, difference or None) of every file with results that the folder has."""
     for file, stage, columns in (
-        ("scans.npz", "scans", scan_columns(outcome.scans)),
-        ("track.npz", "track", track_arrays(outcome.track)),
-        ("scores.npz", "scores", score_columns(outcome.scores)),
+        ("scans.npz", "scans", scan_columns(new.scans)),
+        ("track.npz", "track", track_arrays(new.track)),
+        ("scores.npz", "scores", score_columns(new.scores)),
     ):
         if file in held:
             yield file, stage, first_difference(held[file], columns)
-    metrics = dict(outcome.scores.metrics)
-    yield "metrics.json", "scores", first_difference(stored.metrics, metrics)
-    for name, data in outcome.pictures.items():
-        picture = stored.path / "figures" / name
+    yield "metrics.json", "scores", first_difference(stored.metrics, new.metrics)
+    for name, data in new.pictures.items():
+        picture = stored.folder / "figures" / name
         if picture.exists():
             yield f"figures/{name}", "pictures", first_difference(read_bytes(picture), data)
 
 
-def _first_by_key(stored: StoredRun, new: Lineage) -> StageDifference | None:
+def _first_by_key(stored: RunResult, new: Lineage) -> StageDifference | None:
     graph = experiment_graph(stored.composition.configuration)
     found = first_other_stage(stored.lineage, new, graph)
     if found is None:

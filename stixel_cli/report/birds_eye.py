@@ -11,7 +11,7 @@ from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.report import ground, style
-from stixel_cli.report.types import Pictures
+from stixel_cli.results.pictures import Pictures
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track
 

@@ -15,7 +15,7 @@ from stixel_cli.rendering.frames import RenderedFrames, StereoPairs
 from stixel_cli.report import camera_panels as panels
 from stixel_cli.report import style
 from stixel_cli.report.camera_panels import FrameView
-from stixel_cli.report.types import Pictures
+from stixel_cli.results.pictures import Pictures
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stereo.disparities import Disparities
 from stixel_cli.stixels.types import FreeSpace, Stixels

@@ -3,7 +3,7 @@
 import numpy as np
 
 from stixel_cli.rendering.frames import StereoPairs
-from stixel_cli.report.types import CameraFrames
+from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.stixels.types import Stixels
 
 WIDEST = 512

@@ -16,7 +16,8 @@ from stixel_cli.evaluation.metric_table import metric
 from stixel_cli.report import style
 from stixel_cli.report.compare_figure import error_curves, line_style
 from stixel_cli.report.metrics import NO_VALUE, best, format_value
-from stixel_cli.results.reader import RunFolder
+from stixel_cli.results.reader import flat_settings
+from stixel_cli.results.result import RunResult
 
 _LONGEST_NAME = 150
 
@@ -48,9 +49,9 @@ def default_page(folders: Sequence[Path], what: str = "report") -> Path:
     return page
 
 
-def page_html(runs: Sequence[RunFolder], command: Sequence[str]) -> str:
+def page_html(runs: Sequence[RunResult], command: Sequence[str]) -> str:
     """The page of two or more runs; `command` is the command line which makes it."""
-    labels = run_labels([run.path for run in runs])
+    labels = run_labels([run.folder for run in runs])
     differing, same = differing_settings(runs)
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
@@ -67,7 +68,7 @@ def page_html(runs: Sequence[RunFolder], command: Sequence[str]) -> str:
         same=same,
         metrics=metric_rows(runs),
         curves=[(title, Markup(svg)) for title, svg in error_curves(runs)],
-        pictures=[_data_uri(run.path_picture) for run in runs],
+        pictures=[_data_uri(run.pictures.get("path.png")) for run in runs],
         provenance=_provenance(runs),
         command=shlex.join(command),
     )
@@ -91,10 +92,11 @@ def write_page(page: Path, html: str) -> None:
 
 
 def differing_settings(
-    runs: Sequence[RunFolder],
+    runs: Sequence[RunResult],
 ) -> tuple[list[Any], list[tuple[str, str]]]:
     """Settings that differ, (key, value of each run), and those that do not, (key, value)."""
-    tables = [_choices(run) | run.settings for run in runs]
+    flat = [flat_settings(run.settings) for run in runs]
+    tables = [_choices(run, settings) | settings for run, settings in zip(runs, flat, strict=True)]
     keys = list(dict.fromkeys(key for table in tables for key in table))
     groups = list(dict.fromkeys(key.partition(".")[0] for key in keys))
     keys.sort(key=lambda key: groups.index(key.partition(".")[0]))
@@ -108,7 +110,7 @@ def differing_settings(
     return differing, same
 
 
-def _choices(run: RunFolder) -> dict[str, str]:
+def _choices(run: RunResult, settings: dict[str, str]) -> dict[str, str]:
     """Group to the option that was chosen, where the settings do not say so by their `kind`."""
     choices = run.manifest.get("choices")
     if not isinstance(choices, dict):
@@ -116,11 +118,11 @@ def _choices(run: RunFolder) -> dict[str, str]:
     return {
         str(group): str(option)
         for group, option in choices.items()
-        if f"{group}.kind" not in run.settings
+        if f"{group}.kind" not in settings
     }
 
 
-def metric_rows(runs: Sequence[RunFolder]) -> list[dict[str, Any]]:
+def metric_rows(runs: Sequence[RunResult]) -> list[dict[str, Any]]:
     """A row a metric: name, label, unit; of each run the value as text and whether it is best."""
     rows = []
     for name in dict.fromkeys(name for run in runs for name in run.metrics):
@@ -131,10 +133,10 @@ def metric_rows(runs: Sequence[RunFolder]) -> list[dict[str, Any]]:
     return rows
 
 
-def _provenance(runs: Sequence[RunFolder]) -> list[tuple[str, list[str]]]:
+def _provenance(runs: Sequence[RunResult]) -> list[tuple[str, list[str]]]:
     """(what, value of each run): where the results come from."""
     manifests = [run.manifest for run in runs]
-    rows = [("folder", [str(run.path) for run in runs])]
+    rows = [("folder", [str(run.folder) for run in runs])]
     for name in ("command", "seed", "created"):
         rows.append((name, [_text(manifest.get(name)) for manifest in manifests]))
     rows.append(("seconds", [_text(manifest.get("seconds")) for manifest in manifests]))

@@ -8,7 +8,7 @@ import numpy as np
 
 from stixel_cli.evaluation.scores import LOW_OVERLAP
 from stixel_cli.report import style
-from stixel_cli.results.reader import RunFolder
+from stixel_cli.results.result import RunResult
 
 LINE_STYLES = ("-", "--", "-.", ":")
 
@@ -48,7 +48,7 @@ def line_style(i: int) -> str:
     return LINE_STYLES[(i + i // len(style.RUNS)) % len(LINE_STYLES)]
 
 
-def error_curves(runs: Sequence[RunFolder]) -> list[tuple[str, str]]:
+def error_curves(runs: Sequence[RunResult]) -> list[tuple[str, str]]:
     """(title, SVG element) for each error that a run has; the i-th run is drawn in `var(--run-i)`.
 
     The elements stand in an HTML page: text and axes take `currentColor`, the grid `var(--grid)`.
@@ -56,12 +56,12 @@ def error_curves(runs: Sequence[RunFolder]) -> list[tuple[str, str]]:
     drawn = []
     with style.drawing({"text.color": _INK, "axes.edgecolor": _INK, "axes.labelcolor": _INK}):
         for curve in CURVES:
-            if any(np.isfinite(run.series.get(curve.series, np.nan)).any() for run in runs):
+            if any(np.isfinite(getattr(run.scores, curve.series)).any() for run in runs):
                 drawn.append((curve.title, _for_page(_curve_svg(curve, runs), len(drawn))))
     return drawn
 
 
-def _curve_svg(curve: Curve, runs: Sequence[RunFolder]) -> str:
+def _curve_svg(curve: Curve, runs: Sequence[RunResult]) -> str:
     figure = style.new_figure(5.0, 2.7)
     figure.patch.set_visible(False)
     axes = figure.add_axes((0.115, 0.165, 0.87, 0.72))
@@ -75,12 +75,12 @@ def _curve_svg(curve: Curve, runs: Sequence[RunFolder]) -> str:
     if curve.line is not None:
         axes.axhline(curve.line, color=_INK, linewidth=0.7, linestyle=(0, (4, 3)))
     for i, run in enumerate(runs):
-        if curve.series not in run.series:
-            continue
-        values = curve.factor * run.series[curve.series]
+        values = curve.factor * getattr(run.scores, curve.series)
         if curve.logarithmic:
             values = np.where(values > 0.0, values, np.nan)
-        axes.plot(run.times, values, color=run_colour(i), linestyle=line_style(i), linewidth=1.6)
+        axes.plot(
+            run.scores.times, values, color=run_colour(i), linestyle=line_style(i), linewidth=1.6
+        )
     axes.set_ylim(*curve.limits)
     if curve.logarithmic:
         low, high = axes.get_ylim()

@@ -6,7 +6,7 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.report import style
 from stixel_cli.report.errors_figure import errors_figure
 from stixel_cli.report.path_figure import path_figure
-from stixel_cli.report.types import Pictures
+from stixel_cli.results.pictures import Pictures
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track
 

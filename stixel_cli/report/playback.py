@@ -7,20 +7,19 @@ Matplotlib nor OpenCV is imported, for every run writes such a page.
 import base64
 import html
 import json
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from stixel_cli.evaluation.metric_table import metric
-from stixel_cli.evaluation.scores import Scores
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.report.metrics import format_value
-from stixel_cli.report.types import CameraFrames
-from stixel_cli.scene.scenario import Scenario
-from stixel_cli.tracking.track import Track
+from stixel_cli.results.pictures import CameraFrames
+from stixel_cli.results.result import RunResult
 
 IMAGE_BUDGET = 4_500_000
 """Characters of encoded images on a page: of a longer run every 2nd, 3rd, … frame is shown."""
@@ -38,44 +37,36 @@ SUMMARY = (
 )
 """The metrics that the page shows of a whole run."""
 
+FACTS = ("road_user", "path", "ego", "measurement", "tracker")
+"""The groups whose choices the page names."""
+
 SCRIPTS = ("paths", "map", "camera", "charts", "legend", "time")
 """The files `templates/playback_*.js` in the order in which they are put into one function."""
 
 _FARTHEST = 1e7  # m; what is further off is as good as not there
 
 
-@dataclass(frozen=True)
-class PlayedRun:
-    """A run as it is played back.
-
-    Attributes:
-        label: what it is called in the legend.
-        facts: (what, value) pairs that say what was run.
-        field_of_view: the sensor's right and left border, rad from its heading.
-        scenario, scans, track, scores: the run's results.
-        camera: chunks of the camera's frames in order; none of a run without images.
-    """
-
-    label: str
-    facts: tuple[tuple[str, str], ...]
-    field_of_view: tuple[float, float]
-    scenario: Scenario
-    scans: Scans
-    track: Track
-    scores: Scores
-    camera: tuple[CameraFrames, ...]
-
-
-def playback_html(runs: Sequence[PlayedRun], title: str, notes: Sequence[str] = ()) -> str:
-    """The page of one or more runs of one scene; `notes` stand below its title.
+def playback_html(
+    runs: Sequence[RunResult],
+    title: str,
+    notes: Sequence[str] = (),
+    folders: Sequence[str] = (),
+) -> str:
+    """The page of one or more computed runs of one scene.
 
     The same runs give the same bytes.
+
+    Args:
+        runs: their `label` is their name in the legend.
+        title: of the page.
+        notes: lines below the title.
+        folders: what to name as each run's folder; empty to name none.
     """
     folder = resources.files(__package__).joinpath("templates")
     parts = {
         "title": html.escape(title),
         "style": folder.joinpath("playback.css").read_text("utf-8"),
-        "data": json_in_html(playback_data(runs, title, notes)),
+        "data": json_in_html(playback_data(runs, title, notes, folders)),
         "script": "\n".join(
             folder.joinpath(f"playback_{name}.js").read_text("utf-8") for name in SCRIPTS
         ),
@@ -98,7 +89,10 @@ def json_in_html(value: Any) -> str:
 
 
 def playback_data(
-    runs: Sequence[PlayedRun], title: str, notes: Sequence[str] = ()
+    runs: Sequence[RunResult],
+    title: str,
+    notes: Sequence[str] = (),
+    folders: Sequence[str] = (),
 ) -> dict[str, Any]:
     """All that the page shows, as JSON's types; None for what is not finite.
 
@@ -108,9 +102,10 @@ def playback_data(
     scans: list[Scans] = []
     cameras: list[tuple[CameraFrames, ...]] = []
     played = []
-    for run in runs:
+    for i, run in enumerate(runs):
+        facts = [("folder", folders[i])] if folders else []
         played.append(
-            _run(run)
+            _run(run, [*facts, *_facts(run)])
             | {
                 "scan": _place(scans, run.scans, _same_scans),
                 "camera": _place(cameras, run.camera, _same_camera) if run.camera else None,
@@ -144,8 +139,27 @@ def consistent_bounds(degrees_of_freedom: np.ndarray) -> np.ndarray:
     return np.where(n == 2.0, exact[:, None], np.stack(bounds))
 
 
-def _run(run: PlayedRun) -> dict[str, Any]:
+def _facts(run: RunResult) -> list[tuple[str, str]]:
+    """(name, value) pairs that describe what was run."""
+    facts = [(group, run.choice(group)) for group in FACTS]
+    mesh = run.settings["road_user"].get("mesh")
+    if mesh is not None:
+        facts.append(("mesh", Path(mesh).name))
+    return [*facts, ("seed", str(run.settings["seed"]))]
+
+
+def _field_of_view(configuration: Any) -> tuple[float, float]:
+    """Bearings of the sensor's right and left border, rad: a lidar may have its own."""
+    measurement = configuration.measurement
+    own = measurement.scanner.horizontal_fov if measurement.kind == "lidar" else None
+    if own is None:
+        return configuration.rig.field_of_view
+    return -math.radians(0.5 * own), math.radians(0.5 * own)
+
+
+def _run(run: RunResult, facts: Sequence[tuple[str, str]]) -> dict[str, Any]:
     track, scores = run.track, run.scores
+    field_of_view = _field_of_view(run.composition.configuration)
     used = [
         track.used_points[track.used_offsets[k] : track.used_offsets[k + 1]] - run.scans.offsets[k]
         for k in range(len(track.times))
@@ -153,8 +167,8 @@ def _run(run: PlayedRun) -> dict[str, Any]:
     low, high = consistent_bounds(track.nis_degrees_of_freedom)
     return {
         "label": run.label,
-        "facts": [list(fact) for fact in run.facts],
-        "fieldOfView": [round(bearing, 6) for bearing in run.field_of_view],
+        "facts": [list(fact) for fact in facts],
+        "fieldOfView": [round(bearing, 6) for bearing in field_of_view],
         "summary": _summary(scores.metrics),
         "poses": _poses(track.means),
         "centre": _ellipses(track.covariances[:, :2, :2]),

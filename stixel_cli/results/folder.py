@@ -1,4 +1,4 @@
-"""The result folder: everything it takes to read an experiment, and to make it again."""
+"""Write result folders: everything needed to read a run and to repeat it."""
 
 import csv
 import io
@@ -7,19 +7,17 @@ import re
 import shutil
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import yaml
 
 from stixel_cli.errors import FolderTaken, UserError
-from stixel_cli.evaluation.scores import Scores
-from stixel_cli.experiment.run import Outcome
-from stixel_cli.measurements.scans import Scans
 from stixel_cli.results import lineage
+from stixel_cli.results.result import RunResult
+from stixel_cli.results.tables import track_arrays
 from stixel_cli.results.text import json_text
-from stixel_cli.tracking.track import Track
 
 PAGE = "index.html"
 """The page that plays a run back."""
@@ -49,6 +47,11 @@ def reserve_folder(results: Path, name: str | None, default_name: str) -> Path:
     while os.path.lexists(folder):
         folder, number = results / f"{default_name}-{number}", number + 1
     return folder
+
+
+def stamp(moment: datetime) -> str:
+    """Date and time at the end of a folder's name."""
+    return f"{moment:%Y%m%d-%H%M%S}"
 
 
 def check_results(results: Path, name: str | None) -> None:
@@ -92,24 +95,21 @@ def check_plain_name(name: str) -> None:
         raise UserError(f"--name: {name[:20]}…: at most {MOST_CHARACTERS} characters")
 
 
-def write_folder(
-    folder: Path,
-    outcome: Outcome,
-    resolved: Mapping[str, Any],
-    manifest: Mapping[str, Any],
-    page: str,
-) -> None:
-    """Write a result folder: it appears whole, under its name, or not at all.
+def write_folder(folder: Path, run: RunResult, page: str) -> None:
+    """Write a result folder: it appears complete, under its name, or not at all.
 
-    `page` is what plays the run back.
+    Args:
+        folder: path of the new folder.
+        run: a computed run, with its complete manifest.
+        page: HTML of the playback page.
 
     Raises:
-        FolderTaken: if there is a folder of its name by now.
+        FolderTaken: if a folder of that name exists by now.
         UserError: if it cannot be written (disk full, no permission).
     """
     partial = folder.with_name(f".{folder.name}.partial-{os.getpid()}")
     try:
-        _write_files(partial, outcome, resolved, manifest, page)
+        _write_files(partial, run, page)
         # A rename onto an empty folder would succeed; mkdir claims the name for us alone.
         try:
             folder.mkdir()
@@ -127,82 +127,24 @@ def write_folder(
             shutil.rmtree(partial)
 
 
-def _write_files(
-    folder: Path,
-    outcome: Outcome,
-    resolved: Mapping[str, Any],
-    manifest: Mapping[str, Any],
-    page: str,
-) -> None:
+def _write_files(folder: Path, run: RunResult, page: str) -> None:
     folder.mkdir(parents=True)
-    text = yaml.safe_dump(dict(resolved), sort_keys=False, allow_unicode=True)
-    (folder / "config.yaml").write_text(text, encoding="utf-8")
-    (folder / "manifest.json").write_text(json_text(manifest), encoding="utf-8")
-    (folder / "metrics.json").write_text(json_text(outcome.scores.metrics), encoding="utf-8")
-    (folder / lineage.FILE).write_text(
-        json_text(lineage.lineage_tree(outcome.lineage)), encoding="utf-8"
-    )
-    (folder / PAGE).write_text(page, encoding="utf-8")
-    for stem, columns in (
-        ("scans", scan_columns(outcome.scans)),
-        ("track", track_columns(outcome.track)),
-        ("scores", score_columns(outcome.scores)),
-    ):
-        (folder / f"{stem}.csv").write_text(_csv_text(columns), encoding="utf-8")
-    np.savez_compressed(folder / "scans.npz", **scan_columns(outcome.scans))
-    np.savez_compressed(folder / "track.npz", **track_arrays(outcome.track))
-    np.savez_compressed(folder / "scores.npz", **score_columns(outcome.scores))
-    for path, data in sorted(outcome.pictures.items()):
+    texts = {
+        "config.yaml": yaml.safe_dump(dict(run.settings), sort_keys=False, allow_unicode=True),
+        "manifest.json": json_text(run.manifest),
+        "metrics.json": json_text(run.metrics),
+        lineage.FILE: json_text(lineage.lineage_tree(run.lineage)),
+        PAGE: page,
+        **{f"{stem}.csv": _csv_text(columns) for stem, columns in run.tables.items()},
+    }
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    for stem, arrays in (run.tables | {"track": track_arrays(run.track)}).items():
+        np.savez_compressed(folder / f"{stem}.npz", **arrays)
+    for path, data in sorted(run.pictures.items()):
         file = folder / "figures" / path
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_bytes(data)
-
-
-def scan_columns(scans: Scans) -> dict[str, np.ndarray]:
-    """The scans as a table, one row a point: k, t (s), x, y (m), variances (m²)."""
-    k = np.repeat(np.arange(len(scans)), np.diff(scans.offsets))
-    return {
-        "k": k,
-        "t": scans.times[k],
-        "x": scans.points_world[:, 0],
-        "y": scans.points_world[:, 1],
-        "var_xx": scans.covariances_world[:, 0, 0],
-        "var_xy": scans.covariances_world[:, 0, 1],
-        "var_yy": scans.covariances_world[:, 1, 1],
-    }
-
-
-def track_columns(track: Track) -> dict[str, np.ndarray]:
-    """The track as a table, one row a scan: pose, rates, their standard deviations, points used."""
-    names = ("x", "y", "heading", "x_rate", "y_rate", "heading_rate")
-    std = np.sqrt(np.diagonal(track.covariances, axis1=1, axis2=2)[:, :6])
-    return {
-        "k": np.arange(len(track.times)),
-        "t": track.times,
-        **{name: track.means[:, i] for i, name in enumerate(names)},
-        **{f"std_{name}": std[:, i] for i, name in enumerate(names)},
-        "points_used": np.diff(track.used_offsets),
-        "nis": track.nis,
-        "nis_degrees_of_freedom": track.nis_degrees_of_freedom,
-    }
-
-
-def score_columns(scores: Scores) -> dict[str, np.ndarray]:
-    """The errors as a table, one row a scan; units as in `Scores`."""
-    return {
-        "k": np.arange(len(scores.times)),
-        "t": scores.times,
-        "centre_error": scores.centre_error,
-        "orientation_error": scores.orientation_error,
-        "iou": scores.iou,
-        "nees_position": scores.nees_position,
-        "nis": scores.nis,
-    }
-
-
-def track_arrays(track: Track) -> dict[str, np.ndarray]:
-    """All arrays of the track by name; shapes as in `Track`."""
-    return {name: value for name, value in vars(track).items() if isinstance(value, np.ndarray)}
 
 
 def _csv_text(columns: Mapping[str, Sequence]) -> str:

@@ -22,6 +22,11 @@ PACKAGES = (
 )
 
 
+def provenance() -> dict[str, Any]:
+    """Entries of a manifest: revision, package versions and machine of this process."""
+    return {"git": git_state(), "versions": package_versions(), "machine": machine()}
+
+
 def package_versions() -> dict[str, str]:
     """Versions of Python and of the installed packages that results depend on."""
     versions = {"python": platform.python_version()}

@@ -1,6 +1,5 @@
-"""Reading result folders: files that may be anybody's, checked before they are believed."""
+"""Read result folders. Their files may come from anybody, so each is checked."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,48 +15,6 @@ SWEEP_FILE = "sweep.yaml"
 """What marks the folder of a sweep."""
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-
-
-@dataclass(frozen=True)
-class RunFolder:
-    """What a result folder tells of one run.
-
-    Attributes:
-        path: the folder.
-        settings: dotted key to value as text, in the order of the configuration.
-        manifest: what `manifest.json` says.
-        metrics: name to value; None where there is none.
-        times: (K,) s.
-        series: name (of `SERIES`) to values (K,), NaN where there are none; missing ones left out.
-        path_picture: PNG of the path seen from above, or None.
-    """
-
-    path: Path
-    settings: dict[str, str]
-    manifest: dict[str, Any]
-    metrics: dict[str, float | int | None]
-    times: np.ndarray
-    series: dict[str, np.ndarray]
-    path_picture: bytes | None
-
-
-def read_folder(path: Path) -> RunFolder:
-    """Read and check a result folder.
-
-    Raises:
-        UserError: if it is no result folder, or a file is missing or not what it must be.
-    """
-    check_folder(path)
-    times, series = read_series(path / "scores.npz")
-    return RunFolder(
-        path=path,
-        settings=flat_settings(read_config(path)),
-        manifest=read_manifest(path),
-        metrics=read_metrics(path),
-        times=times,
-        series=series,
-        path_picture=_read_picture(path / "figures" / "path.png"),
-    )
 
 
 def check_folder(path: Path) -> None:
@@ -147,10 +104,16 @@ def read_series(file: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     return times, found
 
 
-def _read_picture(file: Path) -> bytes | None:
+def read_pictures(figures: Path, name: str) -> dict[str, bytes]:
+    """The PNG picture `name` of a folder of figures, by its name; empty if it is missing.
+
+    Raises:
+        UserError: if it is not a PNG image.
+    """
+    file = figures / name
     if not file.exists():
-        return None
+        return {}
     data = read_bytes(file)
     if not data.startswith(PNG_SIGNATURE):
         raise UserError(f"{file}: not a PNG image")
-    return data
+    return {name: data}

@@ -13,9 +13,9 @@ from pathlib import Path, PurePosixPath
 import yaml
 
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.recorded_run import provenance
 from stixel_cli.files import read_yaml, write_whole, written
 from stixel_cli.results.folder import check_plain_name
+from stixel_cli.results.provenance import provenance
 from stixel_cli.studies.differences import differences
 from stixel_cli.studies.plan import StudyPlan
 from stixel_cli.studies.tables import figures_of, table_csv, table_latex, table_markdown, tables_of

@@ -14,7 +14,7 @@ from stixel_cli.config import messages
 from stixel_cli.engine.locks import lease
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.recorded_run import provenance
+from stixel_cli.results.provenance import provenance
 from stixel_cli.studies.data import NodeSeconds, part_of
 from stixel_cli.studies.folder import StudyFolder
 from stixel_cli.studies.page import study_page

@@ -7,11 +7,16 @@ from stixel_cli.engine.graph import Graph, GraphBuilder, merge
 from stixel_cli.engine.plan import Durations, plan
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import ConfigurationError
-from stixel_cli.experiment.stages import CHUNK_SIZE, pipeline_stages, scan_count
+from stixel_cli.experiment.stages import (
+    CHUNK_SIZE,
+    draws,
+    picture_stages,
+    pipeline_stages,
+    scan_count,
+)
 from stixel_cli.sweeps.runs import SweepRun
 
 SCORES = "scores"
-_PICTURES = "_pictures"
 
 
 @dataclass(frozen=True)
@@ -36,9 +41,7 @@ class PlannedRun:
     @property
     def pictures(self) -> tuple[str, ...]:
         """Keys of its pictures, none unless it asks for them."""
-        return tuple(
-            key for key in self.targets if self.graph.nodes[key].stage.name.endswith(_PICTURES)
-        )
+        return tuple(key for key in self.targets if draws(self.graph.nodes[key].stage))
 
     @property
     def beside(self) -> tuple[str, ...]:
@@ -122,7 +125,7 @@ def plan_runs(
             ) from None
         names = [SCORES]
         if pictures:
-            names += [name for name in graph.stage_names if name.endswith(_PICTURES)]
+            names += picture_stages(graph)
         names += [name for name in steps if name in graph.stages and name not in names]
         planned.append(PlannedRun(run, graph, tuple(graph.expand(names))))
     return planned

@@ -4,8 +4,8 @@ from collections import Counter
 from collections.abc import Sequence
 
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.causes import first_other_stage
 from stixel_cli.experiment.stored_run import OF_THE_MACHINE
+from stixel_cli.results.causes import first_other_stage
 from stixel_cli.results.lineage import lineage_of, read_lineage
 from stixel_cli.results.reader import flat_settings, read_config
 from stixel_cli.sweeps.folder import SweepFolder

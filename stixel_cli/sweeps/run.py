@@ -11,7 +11,7 @@ from stixel_cli.engine.execute import execute
 from stixel_cli.engine.plan import Durations
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.recorded_run import told_in_one_line
+from stixel_cli.experiment.run import one_line_errors
 from stixel_cli.sweeps.folder import FIGURES, TABLE, SweepFolder
 from stixel_cli.sweeps.graphs import PlannedRun, SweepPlan
 from stixel_cli.sweeps.lineages import RunLineages, remove_unused_code
@@ -54,7 +54,7 @@ def run_sweep(
     """
     sweep = _Sweep(plan, store, None if folder is None else SweepFolder(folder), notes or {})
     try:
-        with told_in_one_line():
+        with one_line_errors():
             sweep.take_what_is_there()
             sweep.compute(visible, label)
     except KeyboardInterrupt:

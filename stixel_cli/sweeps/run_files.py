@@ -11,8 +11,9 @@ import numpy as np
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.execute import Execution, NodeRecord
 from stixel_cli.evaluation.scores import Scores
-from stixel_cli.results.folder import json_text, score_columns
 from stixel_cli.results.lineage import FILE
+from stixel_cli.results.tables import score_columns
+from stixel_cli.results.text import json_text
 from stixel_cli.sweeps.folder import yaml_text
 from stixel_cli.sweeps.graphs import PlannedRun
 from stixel_cli.sweeps.results import FAILED, SKIPPED

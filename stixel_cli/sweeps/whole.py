@@ -11,8 +11,9 @@ from stixel_cli.config.compose_many import Composer
 from stixel_cli.engine.plan import probe
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import FolderTaken
-from stixel_cli.experiment.recorded_run import provenance, stamp, told_in_one_line
-from stixel_cli.results.folder import check_results, reserve_folder
+from stixel_cli.experiment.run import one_line_errors
+from stixel_cli.results.folder import check_results, reserve_folder, stamp
+from stixel_cli.results.provenance import provenance
 from stixel_cli.sweeps.checks import check_axes
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
@@ -156,14 +157,14 @@ def planned_sweep(
     planned = plan_runs(runs, pictures, steps)
     notes = check_axes(planned)
     store = open_store(runs[0].composition.configuration.cache)
-    with told_in_one_line():
+    with one_line_errors():
         return plan_sweep(shuffled_runs(planned, shuffle), store), notes
 
 
 def _probe(plan: SweepPlan) -> None:
     """Raise UserError if the cache or the scheduler is refused, before a folder is made."""
     configuration = plan.runs[0].run.composition.configuration
-    with told_in_one_line():
+    with one_line_errors():
         probe(len(plan.missing), open_store(configuration.cache), configuration.executor)
 
 

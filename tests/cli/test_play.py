@@ -41,11 +41,11 @@ def results(tmp_path_factory, shared_cache):
 def make_point(folder, overrides):
     composition = compose(overrides)
     store = open_store(composition.configuration.cache)
-    outcome = run_experiment(composition.configuration, store, pictures=False)
+    result = run_experiment(composition, store, pictures=False)
     folder.mkdir()
     (folder / "config.yaml").write_text(yaml.safe_dump(composition.resolved))
     (folder / "manifest.json").write_text(json.dumps({"choices": composition.choices}))
-    (folder / "metrics.json").write_text(json.dumps(outcome.scores.metrics))
+    (folder / "metrics.json").write_text(json.dumps(result.metrics))
 
 
 def page_data(file):
@@ -124,7 +124,7 @@ def test_results_that_come_out_differently_are_said(results, tmp_path, capsys):
     (copy / "metrics.json").write_text(json.dumps(metrics | {"iou_mean": 0.1}))
     code, _, err = play(capsys, copy)
     assert code == 0
-    assert "altered: its results come out differently now" in err
+    assert "altered: this version gives different results" in err
     assert len(page_data(tmp_path / "play-altered.html")["notes"]) == 1
 
 

@@ -10,7 +10,8 @@ import pytest
 from stixel_cli.config.compose import compose
 from stixel_cli.engine.code import CodeIndex
 from stixel_cli.engine.stage import GIVEN
-from stixel_cli.experiment.stages import TABLE, pictured_frames, pipeline_stages, scan_count
+from stixel_cli.experiment.stages import TABLE, draws, pictured_frames, pipeline_stages, scan_count
+from stixel_cli.results.pictures import Pictures
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
 
 TRUTH = {"scenario", "render"}
@@ -24,7 +25,7 @@ def stages_of(measurement):
 
 def test_past_the_images_only_start_scores_and_pictures_see_the_truth():
     for stage in stages_of("simulated").values():
-        if stage.name not in MAY_SEE_TRUTH and not stage.name.endswith("_pictures"):
+        if stage.name not in MAY_SEE_TRUTH and not draws(stage):
             assert TRUTH.isdisjoint(stage.inputs.values()), stage.name
 
 
@@ -40,7 +41,7 @@ def test_the_track_sees_no_truth_and_does_not_depend_on_pictures(measurement):
     stages = stages_of(measurement)
     assert stages["track"].inputs == {"scans": "scans", "initial": "start"}
     for stage in stages.values():
-        assert not any(source.endswith("_pictures") for source in stage.inputs.values())
+        assert not any(draws(stages[source]) for source in stage.inputs.values())
 
 
 def reached(function):
@@ -48,7 +49,7 @@ def reached(function):
     return CodeIndex().code([function.partition(":")[0]]).modules.keys()
 
 
-FUNCTIONS = [function for row in TABLE.values() for function in row.functions.values()]
+FUNCTIONS = [function for stage in TABLE.values() for function in stage.functions.values()]
 
 
 @pytest.mark.parametrize("function", FUNCTIONS)
@@ -82,18 +83,18 @@ READER = "stixel_cli.files"
 """The one reader of files: what calls it is looked at."""
 
 DECLARED = {
-    # The user's mesh and what it refers to: the stage's files, see `reads_mesh`.
-    "stixel_cli.scene.mesh_file": "reads_mesh",
-    "stixel_cli.scene.mesh_references": "reads_mesh",
+    # The user's mesh and what it refers to: the stage's files, see `Definition.files`.
+    "stixel_cli.scene.mesh_file": "files",
+    "stixel_cli.scene.mesh_references": "files",
     # The child process runs filament_process, which the module imports; the files are its answers.
     "stixel_cli.rendering.filament": "stixel_cli.rendering.filament_process",
     "stixel_cli.rendering.filament_process": "stixel_cli.rendering.filament_process",
 }
 
 
-@pytest.mark.parametrize("row", TABLE)
-def test_what_imports_do_not_show_is_declared(row):
-    definition = TABLE[row]
+@pytest.mark.parametrize("name", TABLE)
+def test_what_imports_do_not_show_is_declared(name):
+    definition = TABLE[name]
     for function in definition.functions.values():
         code = CodeIndex().code([function.partition(":")[0], *definition.modules])
         for module, (path, _) in code.files.items():
@@ -120,16 +121,16 @@ def _spelled(node):
     return ""
 
 
-@pytest.mark.parametrize("row", TABLE)
-def test_a_stages_arguments_are_those_of_every_function_it_may_call(row):
-    definition = TABLE[row]
+@pytest.mark.parametrize("name", TABLE)
+def test_a_stages_arguments_are_those_of_every_function_it_may_call(name):
+    definition = TABLE[name]
     wired = [
         stage
         for measurement in ("simulated", "fabricated", "lidar")
         for stage in stages_of(measurement).values()
         if stage.function in definition.functions.values()
     ]
-    assert wired, "no pipeline uses this row"
+    assert wired, "no pipeline uses this stage"
     given = {*wired[0].inputs, *wired[0].settings, *GIVEN[definition.pattern]}
     given |= {"seed"} if definition.seeded else set()
     for function in definition.functions.values():
@@ -137,6 +138,15 @@ def test_a_stages_arguments_are_those_of_every_function_it_may_call(row):
         needed = {p.name for p in parameters if p.default is p.empty}
         assert needed <= given, function
         assert given <= {p.name for p in parameters}, function
+
+
+def test_the_stages_that_draw_are_marked():
+    stages = stages_of("simulated")
+    drawing = {name for name, stage in stages.items() if draws(stage)}
+    assert drawing == {"camera_pictures", "track_pictures", "run_pictures"}
+    for stage in map(stages.get, drawing):
+        function = resolve_name(stage.function)
+        assert inspect.get_annotations(function)["return"] is Pictures
 
 
 def test_pictured_frames_are_those_chosen_or_four_spread_over_the_run():

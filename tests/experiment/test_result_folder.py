@@ -12,7 +12,7 @@ from run_cli import FEW, SMALL, run_json
 
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import compose, from_resolved
-from stixel_cli.experiment import recorded_run
+from stixel_cli.experiment import run
 
 REPEATED = ("metrics.json", "scans.csv", "scans.npz", "track.csv", "track.npz", "scores.npz")
 FABRICATED = ("measurement=fabricated", "path.duration=0.5", "pictures.frames=[0]")
@@ -78,8 +78,8 @@ def test_of_two_in_one_second_both_are_written(results, capsys, monkeypatch):
             folder.mkdir()
         write_folder(folder, *arguments)
 
-    write_folder = recorded_run.write_folder
-    monkeypatch.setattr(recorded_run, "write_folder", taken_meanwhile)
+    write_folder = run.write_folder
+    monkeypatch.setattr(run, "write_folder", taken_meanwhile)
     folder = Path(run_json(capsys, results, *FABRICATED)["folder"])
     assert folder.name.endswith("-2")
     assert (folder / "metrics.json").is_file()

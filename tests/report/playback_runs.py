@@ -1,5 +1,7 @@
 """Runs made by hand for the page that plays them back."""
 
+from functools import cache
+
 import numpy as np
 from report_nouns import (
     make_camera_nouns,
@@ -10,8 +12,9 @@ from report_nouns import (
     make_track,
 )
 
+from stixel_cli.config.compose import compose
 from stixel_cli.report.camera_frames import camera_frames
-from stixel_cli.report.playback import PlayedRun
+from stixel_cli.results.result import RunResult
 
 SCANS = 12
 
@@ -29,13 +32,22 @@ def make_run(label="run", seed=0, with_camera=True, corners=60):
             camera_frames(pairs, stixels, range(0, 10)),
             camera_frames(pairs, stixels, range(10, SCANS)),
         )
-    return PlayedRun(
-        label=label,
-        facts=(("measurement", "simulated" if with_camera else "fabricated"), ("tracker", label)),
-        field_of_view=(-0.5, 0.5),
+    composition = composed("simulated" if with_camera else "fabricated")
+    scores = make_scores(scenario, track)
+    return RunResult(
+        settings=composition.resolved,
+        manifest={"choices": composition.choices | {"tracker": label}, "stages": []},
+        metrics=scores.metrics,
+        composition=composition,
         scenario=scenario,
         scans=scans,
         track=track,
-        scores=make_scores(scenario, track),
+        scores=scores,
         camera=camera,
+        label=label,
     )
+
+
+@cache
+def composed(measurement):
+    return compose([f"measurement={measurement}"])

@@ -14,7 +14,7 @@ from stixel_cli.report.compare import default_page, page_html, run_labels, write
 from stixel_cli.report.compare_figure import line_style, run_colour
 from stixel_cli.report.metrics import best, format_value
 from stixel_cli.report.table import scores_table
-from stixel_cli.results.reader import read_folder
+from stixel_cli.results.result import read_scored_run
 
 
 @pytest.fixture
@@ -28,7 +28,7 @@ def folders(tmp_path):
 
 
 def make_page(folders):
-    return page_html([read_folder(folder) for folder in folders], ["stixel", "report", "a b"])
+    return page_html([read_scored_run(folder) for folder in folders], ["stixel", "report", "a b"])
 
 
 def test_page_shows_what_differs(folders):
@@ -149,35 +149,35 @@ def test_default_page_is_free(folders):
         ("figures/path.png", b"GIF89a", "not a PNG image"),
     ],
 )
-def test_bad_folders_are_told_in_one_line(folders, file, content, told):
+def test_bad_folders_are_one_line_errors(folders, file, content, told):
     path = folders[0] / file
     if content is None:
         path.unlink()
     else:
         path.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(UserError, match=told) as failure:
-        read_folder(folders[0])
+        read_scored_run(folders[0])
     assert "\n" not in str(failure.value)
 
 
 def test_arrays_are_not_unpickled(folders):
     np.savez(folders[0] / "scores.npz", t=np.array([{}], dtype=object))
     with pytest.raises(UserError, match="not a file of numeric arrays"):
-        read_folder(folders[0])
+        read_scored_run(folders[0])
 
 
 def test_arrays_of_wrong_shape(folders):
     np.savez(folders[0] / "scores.npz", t=np.arange(3.0), iou=np.arange(4.0))
     with pytest.raises(UserError, match="iou has shape"):
-        read_folder(folders[0])
+        read_scored_run(folders[0])
 
 
 def test_no_folder(tmp_path):
     with pytest.raises(UserError, match="no such folder"):
-        read_folder(tmp_path / "nothing")
+        read_scored_run(tmp_path / "nothing")
     (tmp_path / "file").write_text("")
     with pytest.raises(UserError, match="not a folder"):
-        read_folder(tmp_path / "file")
+        read_scored_run(tmp_path / "file")
 
 
 def test_best():

@@ -12,7 +12,7 @@ import yaml
 
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import compose, from_resolved
-from stixel_cli.results.reader import read_folder
+from stixel_cli.results.result import read_scored_run
 from stixel_cli.sweeps import figures
 from stixel_cli.sweeps.statistics import statistic
 from stixel_cli.sweeps.whole import new_sweep
@@ -94,7 +94,7 @@ def test_the_folder(sweeps):
         assert configuration.seed == int(row["seed"]) == index % 3
         assert configuration.tracker.sigma_f == float(row["tracker.sigma_f"])
         # A run's folder is read as any run's is, and small.
-        read = read_folder(run)
+        read = read_scored_run(run)
         assert read.metrics == metrics
         keys = {stage["name"]: stage["key"] for stage in read.manifest["stages"]}
         assert {"scans", "track", "scores"} <= keys.keys()

@@ -1,4 +1,4 @@
-"""What the picture stages give."""
+"""Results of the stages that draw."""
 
 from dataclasses import dataclass
 
@@ -10,8 +10,8 @@ class Pictures:
     """Finished pictures.
 
     Attributes:
-        files: name relative to the folder of figures (`k0033/left.png`, `path.svg`) to the bytes
-            of the file.
+        files: file name relative to the folder of figures (`k0033/left.png`, `path.svg`) to the
+            file's bytes.
     """
 
     files: dict[str, bytes]
@@ -19,12 +19,12 @@ class Pictures:
 
 @dataclass(frozen=True)
 class CameraFrames:
-    """The left camera's images and the stixels in them, small enough for a page.
+    """The left camera's images and their stixels, small enough for a page.
 
     Attributes:
         first: index k of the first frame.
         width, height: size of the camera's own image, px; the pictures may be smaller.
-        images: a JPEG a frame.
+        images: one JPEG per frame.
         offsets: (n + 1,) int64, the stixels of frame i are rows offsets[i]:offsets[i + 1].
         left, right, top, base: (S,) int32, columns left … right - 1 and rows top … base of the
             camera's own image.

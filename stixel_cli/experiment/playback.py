@@ -1,0 +1,96 @@
+"""Play back the runs of result folders on one page."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from stixel_cli.engine.progress import Progress
+from stixel_cli.engine.store import open_store
+from stixel_cli.errors import UserError
+from stixel_cli.experiment.run import one_line_errors, run_experiment
+from stixel_cli.report.playback import playback_html
+from stixel_cli.results.reader import flat_settings
+from stixel_cli.results.result import RunResult
+from stixel_cli.results.text import listed
+
+SCENE = ("road_user", "path", "ego")
+"""The groups that define the scene."""
+
+
+def folders_page(
+    stored: Sequence[RunResult], labels: Sequence[str], progress: Progress | None = None
+) -> tuple[str, list[str]]:
+    """The page of one stored run, or of several of one scene, and notes for the user.
+
+    Results that the cache lacks are computed; the page shows the new results. Where they differ
+    from those of a folder, the page and the notes say so.
+
+    Args:
+        stored: the runs, see `experiment.stored_run.read_stored_run`.
+        labels: names of the folders, all different.
+        progress: reports the progress of each run.
+
+    Raises:
+        UserError: if the runs are not of one scene, or one cannot be run.
+        StageFailure: if a stage fails.
+    """
+    check_one_scene(stored, labels)
+    runs = [
+        replace(_recomputed(one, progress), label=name)
+        for one, name in zip(stored, _legend(stored, labels), strict=True)
+    ]
+    for label, run in zip(labels[1:], runs[1:], strict=True):
+        if not _same_scene(runs[0], run):
+            raise UserError(
+                f"the runs must share one scene: the paths in {labels[0]} and {label} differ, "
+                "though their settings do not"
+            )
+    notes = [
+        f"{label}: this version gives different results, which the page shows "
+        f"(stixel verify {one.folder} explains why)"
+        for label, one, run in zip(labels, stored, runs, strict=True)
+        if run.metrics != one.metrics
+    ]
+    if len(runs) == 1:
+        return playback_html(runs, labels[0], notes), notes
+    title = f"{listed([run.label for run in runs])} on one scene"
+    return playback_html(runs, title, notes, labels), notes
+
+
+def check_one_scene(stored: Sequence[RunResult], labels: Sequence[str]) -> None:
+    """Raise UserError with the first setting that differs, unless all runs share the scene."""
+    first = _scene_settings(stored[0])
+    for label, one in zip(labels[1:], stored[1:], strict=True):
+        other = _scene_settings(one)
+        for key in dict.fromkeys((*first, *other)):
+            here, there = first.get(key, "not set"), other.get(key, "not set")
+            if here != there:
+                raise UserError(
+                    f"the runs must share one scene: {key} is {here} in {labels[0]} "
+                    f"and {there} in {label}"
+                )
+
+
+def _scene_settings(stored: RunResult) -> dict[str, str]:
+    return flat_settings({group: stored.settings[group] for group in SCENE})
+
+
+def _same_scene(one: RunResult, other: RunResult) -> bool:
+    names = ("times", "ego_poses_world", "target_poses_world", "contour_target")
+    return all(
+        np.array_equal(getattr(one.scenario, name), getattr(other.scenario, name)) for name in names
+    )
+
+
+def _recomputed(stored: RunResult, progress: Progress | None) -> RunResult:
+    store = open_store(stored.composition.configuration.cache)
+    with one_line_errors():
+        return run_experiment(stored.composition, store, progress, pictures=False, camera=True)
+
+
+def _legend(stored: Sequence[RunResult], labels: Sequence[str]) -> list[str]:
+    """Name of each run: its tracker if the trackers all differ, else its folder."""
+    trackers = [one.choice("tracker") for one in stored]
+    alike = len(stored) == 1 or len(set(trackers)) < len(trackers)
+    return list(labels) if alike else trackers

@@ -1,0 +1,130 @@
+"""The result of one run, as it flows from the run to its folder, to tables, plots and pages."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stixel_cli.evaluation.scores import Scores
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.results.lineage import Lineage
+from stixel_cli.results.pictures import CameraFrames
+from stixel_cli.results.reader import (
+    SERIES,
+    check_folder,
+    read_config,
+    read_manifest,
+    read_metrics,
+    read_pictures,
+    read_series,
+)
+from stixel_cli.results.tables import scan_columns, score_columns, track_columns
+from stixel_cli.scene.scenario import Scenario
+from stixel_cli.tracking.track import Track
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """The result of one run, computed in this process or read from a result folder.
+
+    A result that was computed has everything. A result that was read has what its reader names:
+    `read_run`, `read_scored_run` or `experiment.stored_run.read_stored_run`.
+
+    Attributes:
+        settings: the configuration in plain types, as in `config.yaml`.
+        manifest: content of `manifest.json`.
+        metrics: name to value, None for a metric without a value; as in `metrics.json`.
+        folder: the result folder; None if nothing was written.
+        composition: the validated experiment, see `stixel_cli.compose`.
+        scenario, scans, track, scores: results of the stages of these names.
+        pictures: path below `figures/` to the file's bytes.
+        camera: chunks of the camera's frames, in order; empty for a run without images.
+        lineage: keys, settings and versions of each stage; None in a folder of an older version.
+        label: name of the run in a legend.
+    """
+
+    settings: Mapping[str, Any]
+    manifest: Mapping[str, Any]
+    metrics: dict[str, float | int | None]
+    folder: Path | None = None
+    composition: Any = None
+    scenario: Scenario | None = None
+    scans: Scans | None = None
+    track: Track | None = None
+    scores: Scores | None = None
+    pictures: Mapping[str, bytes] = field(default_factory=dict)
+    camera: tuple[CameraFrames, ...] = ()
+    lineage: Lineage | None = None
+    label: str = ""
+
+    @property
+    def stages(self) -> list[dict[str, Any]]:
+        """One record per stage: name, key, status ("computed" or "cached"), seconds, nodes,
+        nodes_computed."""
+        return self.manifest["stages"]
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """One row of a table of runs: folder, seed, overridden settings, metrics.
+
+        `pandas.DataFrame([result.record for result in results])` is that table.
+        """
+        typed = [text.lstrip("+").partition("=")[0] for text in self.composition.overrides]
+        given = {name: self.composition.value(name) for name in typed}
+        folder = None if self.folder is None else str(self.folder)
+        seed = self.composition.configuration.seed
+        return {"folder": folder, "seed": seed, **given, **self.metrics}
+
+    @property
+    def tables(self) -> dict[str, dict[str, np.ndarray]]:
+        """Columns of `scans` (one row per point), `track` and `scores` (one row per scan).
+
+        They are the columns of the CSV files. `pandas.DataFrame(result.tables["track"])` is such a
+        table.
+        """
+        return {
+            "scans": scan_columns(self.scans),
+            "track": track_columns(self.track),
+            "scores": score_columns(self.scores),
+        }
+
+    def choice(self, group: str) -> str:
+        """The chosen option of a group, or its `kind` if the option is not known."""
+        choices = self.manifest.get("choices")
+        if isinstance(choices, dict) and group in choices:
+            return str(choices[group])
+        value = self.settings[group]
+        return str(value.get("kind", "own") if isinstance(value, dict) else value)
+
+
+def read_run(folder: Path) -> RunResult:
+    """Read settings, manifest and metrics of a result folder; nothing else of the result is set.
+
+    Raises:
+        UserError: if it is not a result folder, or a file is missing or not valid.
+    """
+    check_folder(folder)
+    return RunResult(
+        folder=folder,
+        manifest=read_manifest(folder),
+        settings=read_config(folder),
+        metrics=read_metrics(folder),
+    )
+
+
+def read_scored_run(folder: Path) -> RunResult:
+    """Read a result folder as `read_run` does, with the scores and the picture of the path.
+
+    Errors over time that the folder lacks are NaN.
+
+    Raises:
+        UserError: if it is not a result folder, or a file is missing or not valid.
+    """
+    check_folder(folder)
+    times, series = read_series(folder / "scores.npz")
+    run = read_run(folder)
+    missing = {name: np.full(times.shape, np.nan) for name in SERIES if name not in series}
+    scores = Scores(times=times, **series, **missing, metrics=run.metrics)
+    return replace(run, scores=scores, pictures=read_pictures(folder / "figures", "path.png"))
