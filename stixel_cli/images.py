@@ -50,11 +50,11 @@ def decode_png(data: bytes) -> np.ndarray:
     """The image in the bytes of a PNG, as `encode_png` took it.
 
     Raises:
-        ValueError: if they are none.
+        ValueError: if they are not a PNG image.
     """
     import cv2
 
     image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:
-        raise ValueError("these bytes are no PNG image")
+        raise ValueError("not a PNG image")
     return image if image.ndim == 2 else np.ascontiguousarray(image[..., ::-1])

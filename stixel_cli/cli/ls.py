@@ -5,11 +5,12 @@ from pathlib import Path
 
 from stixel_cli.cli.errors import tell
 from stixel_cli.cli.terminal import print_table
+from stixel_cli.evaluation.metric_table import metric
 from stixel_cli.report.metrics import format_value
 from stixel_cli.results.run_list import ListedRun, list_runs
 from stixel_cli.results.text import json_text
 
-SHOWN = {"centre_rmse_m": "centre RMSE, m", "iou_mean": "IoU"}
+SHOWN = ("centre_rmse_m", "iou_mean")
 
 
 def ls_command(folder: Path, json: bool) -> int:
@@ -28,7 +29,8 @@ def ls_command(folder: Path, json: bool) -> int:
     if not runs:
         tell(f"{folder}: no result folders")
         return 0
-    columns = ["folder", "created", "choices", "seed", *SHOWN.values()]
+    shown = [f"{metric(name).short_label}, {metric(name).unit}".rstrip(", ") for name in SHOWN]
+    columns = ["folder", "created", "choices", "seed", *shown]
     print_table(columns, map(_row, runs), right=(3, 4, 5))
     return 0
 

@@ -26,7 +26,7 @@ def validate(track: Track, scenario: Scenario, scans: Scans) -> None:
         raise ValueError("no scan to score")
     for name, times in (("track", track.times), ("scans", scans.times)):
         if not np.array_equal(times, scenario.times):
-            raise ValueError(f"the times of the {name} are not those of the scenario")
+            raise ValueError(f"the times of the {name} differ from those of the scenario")
     if len(track.used_points) and track.used_points.max() >= len(scans.points_world):
         raise ValueError("the track used points that the scans do not have")
 

@@ -114,8 +114,8 @@ def _contrasts(one, two, light, encode, contrast):
 def edge_masks(width, hits, tables, lit, light, encode, contrast, bend, jump):
     """Two masks (n,) bool, of the pixels of `edge_pixels`.
 
-    Inside one surface the texture's own filter is enough, and an edge that nobody sees needs no
-    further samples. So it takes another surface or another light than that of a neighbour (of
+    Inside one surface the texture's own filter is enough, and an invisible edge needs no
+    further samples. So an edge needs another surface or another light than that of a neighbour (of
     four), and colours that differ. Where lit and unlit pixels meet there may be a shadow's edge.
 
     Args:

@@ -27,7 +27,7 @@ def numbered_objects(world: World) -> list[tuple[int, Mesh]]:
             numbered.append((BACKGROUND_ID + count, item.mesh))
             count += 1
     if BACKGROUND_ID + count > 256:
-        raise ValueError(f"world: {count} objects, but ids leave room for {256 - BACKGROUND_ID}")
+        raise ValueError(f"world: {count} objects, but at most {256 - BACKGROUND_ID} have an id")
     return numbered
 
 

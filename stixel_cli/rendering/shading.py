@@ -2,7 +2,8 @@
 
 A sample is a point (u, v) in px on the image of a camera, given by `rotation` (3, 3) from the
 camera to the frame, `origin` (3,) m, `focal`, `u0`, `v0` px. Directions have depth 1 along the
-optical axis, so a ray's parameter is the depth in m. All is in one frame, that of the body asked.
+optical axis, so a ray's parameter is the depth in m. All is in one frame, that of the body in
+question.
 """
 
 import numpy as np

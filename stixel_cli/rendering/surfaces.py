@@ -141,14 +141,14 @@ def build_textures(images: Iterable[np.ndarray]) -> Textures:
     Averages are taken in linear light, for that is what a pixel collects.
 
     Raises:
-        ValueError: if a side is no power of two.
+        ValueError: if a side is not a power of two.
     """
     texels, levels, first_level, count = [], [], [0], 0
     for image in images:
         level = linear_from_srgb(np.asarray(image))
         for side in level.shape[:2]:
             if side & (side - 1):
-                raise ValueError(f"a texture has the size {level.shape[:2]}: no powers of two")
+                raise ValueError(f"a texture has the size {level.shape[:2]}: must be powers of two")
         while True:
             height, width = level.shape[:2]
             texels.append(_packed(level).ravel())

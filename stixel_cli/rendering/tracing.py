@@ -234,7 +234,7 @@ def supersampled(
 
     `sun` (3,) points to the sun in the world. `at_shadow` (n,) is true if a shadow's edge may
     be in the pixel. A sample on the centre's triangle has the centre's light, whose filter is a
-    pixel wide; only where a shadow's edge may run between them is the sun asked for.
+    pixel wide; rays to the sun are cast only where a shadow's edge may run between them.
     """
     right, down = sample_offsets(samples)
     hits = nearest(bodies, camera, centres.rows, centres.columns, right, down)

@@ -222,7 +222,7 @@ class Waypoints(_Driven):
         """Raise ValueError if the values contradict each other."""
         super().check()
         if len(self.points) < 2:
-            raise ValueError(f"path.points: two points at least, not {len(self.points)}")
+            raise ValueError(f"path.points: must have at least two points, got {len(self.points)}")
         if not all(math.isfinite(value) for point in self.points for value in point):
             raise ValueError("path.points: every coordinate must be finite")
         _check_start(self.points[0], "path.points")

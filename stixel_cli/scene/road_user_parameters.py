@@ -17,9 +17,9 @@ class RoadUser:
         kind: the class of road user.
         length, width, height: size of the mesh's bounding box, m: along the heading, across it and
             upwards. A pedestrian's length is the stride, the width goes over shoulders and arms.
-            A user's own mesh brings its size along, and these three are not read.
+            A user's own mesh keeps its size, and these three are not read.
         contrast: how strong the texture of paint and cloth is, 0 (plain) … 1; stereo fails on 0.
-        mesh: file with the user's own mesh (whatever Open3D reads; m, x forward, z up) or null.
+        mesh: file with the user's own mesh (any format of Open3D; m, x forward, z up) or null.
     """
 
     __pydantic_config__ = STRICT
@@ -32,6 +32,6 @@ class RoadUser:
     mesh: str | None
 
     def check(self) -> None:
-        """Raise ValueError where the user's mesh is no file; what is in it is seen on reading."""
+        """Raise ValueError if the user's mesh is not a file; its content is checked on reading."""
         if self.mesh is not None and not os.path.isfile(self.mesh):
             raise ValueError(f"road_user.mesh: there is no file {self.mesh!r}")

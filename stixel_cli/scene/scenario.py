@@ -1,4 +1,4 @@
-"""What happens in a scene: where the ego car and the target are at every time."""
+"""The motion in a scene: poses of the ego car and the target at every time."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Closed surfaces that road users and the background are put together from.
+"""Closed surfaces, the parts of road users and of the background.
 
 A surface is (vertices (V, 3) m, triangles (T, 3) int32, counter-clockwise seen from outside).
 """
@@ -189,8 +189,8 @@ def rounded_rectangle(
     """A closed ring (4 (per_side + per_corner), 2), counter-clockwise from the corner of `high`.
 
     `low` and `high` (2,) are opposite corners; they and `radius` have one unit. In turn: corner,
-    then side; sides go −x, −y, +x, +y. Rings of equal counts match point by point, whatever their
-    size: a loft's columns stay what they are.
+    then side; sides go −x, −y, +x, +y. Rings of equal counts match point by point at any
+    size, so a loft's columns keep their meaning.
     """
     low, high = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
     x0, y0, x1, y1 = low[0] + radius, low[1] + radius, high[0] - radius, high[1] - radius

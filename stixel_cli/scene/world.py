@@ -2,7 +2,7 @@
 
 World frame: x right, y forward, z up, m; the ego car starts at the origin. The square is free for
 |x| < 12.8, y < 28.5; so is the street, |x| < 5, beyond. Houses, trees and lamp posts, higher than
-4 m, are on all sides, so a camera that turns finds something everywhere.
+4 m, are on all sides, so a camera that turns sees obstacles in every direction.
 """
 
 from dataclasses import dataclass
@@ -100,7 +100,7 @@ class WorldObject:
     """An object of the world that does not move.
 
     Attributes:
-        name: what it is.
+        name: of the object.
         kind: the road, or background.
         mesh: in the world frame.
     """

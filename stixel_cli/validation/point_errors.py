@@ -81,7 +81,7 @@ def point_errors(scans: Scans, scenario: Scenario, rig: Rig) -> PointErrors:
         ValueError: unless the scans' times are the scenario's.
     """
     if not np.array_equal(scans.times, scenario.times):
-        raise ValueError("the times of the scans are not those of the scenario")
+        raise ValueError("the times of the scans differ from those of the scenario")
     count = len(scans)
     points, columns, spans = [], [], []
     clutter = np.zeros(count, dtype=np.int64)

@@ -28,9 +28,9 @@ def pooled(records: Iterable[StageErrors]) -> StageErrors:
     """
     records = list(records)
     if not records:
-        raise ValueError("no record to pool")
+        raise ValueError("no records to pool")
     if len({record.columns.true.shape[1] for record in records}) > 1:
-        raise ValueError("records of images of different widths are not pooled")
+        raise ValueError("cannot pool records of images of different widths")
 
     def joined(kind, parts):
         names = [field.name for field in fields(kind)]

@@ -51,10 +51,10 @@ def frame_truth(
 
     **A column's nearest obstacle.** Of the column's pixels that are neither road nor sky and are
     between `road.least_height` and `road.greatest_height` above the road, the nearest are taken
-    until they are as many as the least obstacle that free space is asked to find has at the depth
+    until they are as many as the least obstacle that free space must find has at the depth
     of the last of them: max(`free_space.obstacle_pixels`, f `free_space.obstacle_height` / z). The
-    last one's depth is the obstacle's, if it is within the grid's range. So the truth is asked
-    for no more than the grid is, and one stray pixel is no obstacle.
+    last one's depth is the obstacle's, if it is within the grid's range. So the truth has no
+    smaller obstacles than the grid must find, and one stray pixel is not an obstacle.
     """
     v = np.arange(rig.height)[:, None] - rig.v0
     cosine, sine = np.cos(rig.pitch_radians), np.sin(rig.pitch_radians)

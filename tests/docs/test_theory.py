@@ -8,7 +8,7 @@ import pytest
 
 PAGE = (Path(__file__).parents[2] / "docs" / "theory.md").read_text(encoding="utf-8")
 NAMES = sorted(set(re.findall(r"`(\w+(?:\.\w+)+:\w+(?:\.\w+)?)`", PAGE)))
-ROOMS = ("geometry", "stereo", "stixels", "measurements", "tracking", "evaluation")
+ROOMS = ("geometry", "stereo", "stixels", "measurements", "tracking", "evaluation", "validation")
 
 
 def test_every_room_of_the_way_is_named():

@@ -264,8 +264,8 @@ def test_a_path_that_starts_behind_the_camera_is_refused(kind, name):
 @pytest.mark.parametrize(
     ("points", "message"),
     [
-        ((), "two points at least, not 0"),
-        (((0.0, 10.0),), "two points at least, not 1"),
+        ((), "at least two points, got 0"),
+        (((0.0, 10.0),), "at least two points, got 1"),
         (((0.0, 10.0), (0.0, 10.0), (5.0, 9.0)), "points 0 and 1 are the same"),
         (((0.0, 10.0), (0.0, float("nan"))), "must be finite"),
         (((0.0, 10.0), (0.0, float("inf"))), "must be finite"),
