@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from stixel_cli.report import style
-from stixel_cli.report.metrics import METRICS, metric
+from stixel_cli.report.metrics import METRICS
 from stixel_cli.sweeps.design import SEED
 from stixel_cli.sweeps.statistics import Statistic, statistic
+from stixel_cli.sweeps.tables import heading
 
 SHOWN = ("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "low_overlap_share")
 MOST_LINES = 8
@@ -99,8 +100,7 @@ def _figure(
                 shifted = [place + steps[line] for place in places]
                 drawn = Line(shifted, rows, style.RUNS[line], other, numbers is not None)
                 clipped |= drawn.draw(axes)
-            shown = metric(name)
-            axes.set_title(f"{shown.label} ({shown.unit})" if shown.unit else shown.label)
+            axes.set_title(heading(name))
             axes.set_xlabel(_joined(keys))
             axes.grid(True, axis="y")
             if numbers is None:
