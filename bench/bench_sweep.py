@@ -1,4 +1,4 @@
-"""What a sweep costs beside the work: planning 1,000 runs (goal 3 s), 200 tracker runs (60 s).
+"""Overhead of a sweep: planning 1,000 runs (goal 3 s), 200 tracker runs (60 s).
 
 pytest bench/bench_sweep.py
 """
@@ -63,7 +63,7 @@ def test_compose(benchmark, how, what):
 @pytest.mark.benchmark(group="200 tracker runs on cached measurements")
 @pytest.mark.parametrize("how", ["plain calls", "sweep"])
 def test_tracker_runs(benchmark, cache, tmp_path, how):
-    """100 scans each, two workers; beside the same calls in one process with nothing stored."""
+    """100 scans each, two workers; compared with plain calls in one process without a store."""
     line = ["measurement=fabricated", "tracker.sigma_q=range(0.1,20.1,0.1)"]
     made = new_sweep([*line[:1], "tracker.sigma_q=30,31"])
     assert made.complete

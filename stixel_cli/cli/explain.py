@@ -90,7 +90,7 @@ def _asked(what: Sequence[str], file: str | None) -> _Asked:
             request = SweepFolder(folder).request()
             composer = Composer(request.working_directory)
             runs = compose_runs(request.runs, request.keys, composer)
-            return _of_runs(*planned_sweep(runs, None, request.pictures, request.steps))
+            return _of_runs(*planned_sweep(runs, None, request.pictures, request.nodes))
         stored = read_stored_run(folder)
         return _of_run(stored.composition, has_pictures(stored))
     folders = [text for text in what if "=" not in text and os.path.isdir(text)]

@@ -39,7 +39,7 @@ def plan_command(
     if design.axes:
         plan, notes = planned_sweep(runs, None, pictures)
     else:
-        plan, notes = planned_sweep(runs, None, pictures=True, steps=(*RESULTS, CAMERA))
+        plan, notes = planned_sweep(runs, None, pictures=True, nodes=(*RESULTS, CAMERA))
         notes = [AS_RUN, *notes]
     print_plan(plan, design, notes, json)
     return 0

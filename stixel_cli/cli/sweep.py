@@ -14,7 +14,7 @@ from stixel_cli.errors import UserError
 from stixel_cli.results.folder import check_name
 from stixel_cli.results.text import json_text
 from stixel_cli.sweeps.results import FAILED, SKIPPED, SweepResult
-from stixel_cli.sweeps.run import resume_command
+from stixel_cli.sweeps.resume import resume_command
 from stixel_cli.sweeps.runs import design_runs, sweep_design
 from stixel_cli.sweeps.whole import new_sweep, planned_sweep, resumed_sweep
 
@@ -56,7 +56,7 @@ def sweep_command(
     started = time.perf_counter()
     if resume is not None:
         _refuse_beside_resume(file, name, shuffle, pictures, dry_run)
-        result = resumed_sweep(resume, workers, visible=True, overrides=overrides, tell=tell)
+        result = resumed_sweep(resume, workers, visible=True, overrides=overrides, note=tell)
     else:
         overrides = with_workers(overrides, workers)
         if dry_run:
@@ -66,7 +66,7 @@ def sweep_command(
             print_plan(plan, design, notes, json)
             return 0
         result = new_sweep(
-            overrides, file, results, name, shuffle, pictures, visible=True, tell=tell
+            overrides, file, results, name, shuffle, pictures, visible=True, note=tell
         )
     _report(result, json, time.perf_counter() - started)
     return 0 if result.complete else INCOMPLETE

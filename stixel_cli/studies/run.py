@@ -198,13 +198,13 @@ class _Run:
             request = SweepFolder(path).request()
             texts = [point.overrides for point in design_runs(design)]
             same = _results(request.runs) == _results(texts)
-            if same and request.steps == one.part.steps:
+            if same and request.nodes == one.part.steps:
                 return resumed_sweep(
                     path,
                     self.workers,
                     self.visible,
                     label,
-                    tell=lambda note: self.tell(f"{name}: {note}"),
+                    note=lambda text: self.tell(f"{name}: {text}"),
                 )
         # What is there was begun in a moment, or was derived from other results.
         if path.exists():

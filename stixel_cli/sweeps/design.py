@@ -1,4 +1,4 @@
-"""What a sweep is made of: what all runs have in common, and the axes along which they differ."""
+"""The design of a sweep: the overrides that all runs share, and the axes that they vary."""
 
 import itertools
 import math
@@ -21,12 +21,12 @@ SEED = "seed"
 
 @dataclass(frozen=True)
 class Axis:
-    """One direction of a sweep.
+    """An axis of a sweep.
 
     Attributes:
-        keys: one, or several that go together.
-        steps: one a value; each has an override of one value, `key=value`, for each key, and after
-            these any that go with this step alone.
+        keys: one key, or several zipped keys.
+        steps: for each value of the axis an override `key=value` of each key, followed by any
+            overrides that only this step has.
     """
 
     keys: tuple[str, ...]
@@ -40,13 +40,13 @@ class Axis:
 
 @dataclass(frozen=True)
 class Design:
-    """All of a sweep before its runs are made.
+    """A sweep before its runs are composed.
 
     Attributes:
-        fixed: overrides that all runs have.
-        axes: of which the runs are all combinations, the last running fastest.
-        left_out: runs that are not wanted: keys of axes with the value that is left out.
-        file: which names those; "" where none does.
+        fixed: overrides of all runs.
+        axes: the runs are all combinations of their steps; the last axis varies fastest.
+        left_out: combinations to leave out, each as keys of axes with their values.
+        file: that names them; "" if there is no file.
     """
 
     fixed: tuple[str, ...]
@@ -56,7 +56,7 @@ class Design:
 
     @property
     def leave_out(self) -> str:
-        """Where runs are left out, as messages name it."""
+        """Location of the entry `leave_out`, for messages."""
         return f"{messages.printable(self.file, 200)}: leave_out" if self.file else "leave_out"
 
     @property
@@ -65,7 +65,7 @@ class Design:
         return [key for axis in self.axes for key in axis.keys]
 
     def combinations(self, composer: Composer) -> Iterator[tuple[str, ...]]:
-        """The overrides that make each run differ, without those that are left out."""
+        """The overrides of each run that differ, without combinations that are left out."""
         if self.left_out:
             self._check_left_out(composer)
         for steps in itertools.product(*(axis.steps for axis in self.axes)):
@@ -85,25 +85,24 @@ class Design:
             for key, value in entry.items():
                 if not any(one.key_or_group == key and same(one.value(), value) for one in swept):
                     raise ConfigurationError(
-                        f"{self.leave_out}: no run has {key}={messages.show(value)}, so nothing "
-                        "would be left out"
+                        f"{self.leave_out}: no run has {key}={messages.show(value)}"
                     )
 
 
 def same(one: Any, other: Any) -> bool:
-    """Whether two values are equal, 1 and True being different and 1 and 1.0 not."""
+    """Whether two values are equal; 1 equals 1.0 but not True."""
     return isinstance(one, bool) == isinstance(other, bool) and one == other
 
 
 def design_from_line(overrides: Sequence[str], shuffled: bool) -> Design:
-    """The design that overrides on the command line stand for.
+    """The design of overrides on the command line.
 
     Args:
-        overrides: in Hydra's grammar, those with several values being the axes.
-        shuffled: whether the order is drawn, see `single_overrides`.
+        overrides: in Hydra's grammar; those with several values are the axes.
+        shuffled: whether the order is random, see `single_overrides`.
 
     Raises:
-        ConfigurationError: for what cannot be meant.
+        ConfigurationError: for an invalid override.
     """
     parsed = parse_overrides(overrides)
     check_overrides(parsed)
@@ -119,7 +118,7 @@ def design_from_line(overrides: Sequence[str], shuffled: bool) -> Design:
 
 
 def check_each(texts: Sequence[str]) -> None:
-    """Refuse overrides of one value each that cannot be meant, or that are the same.
+    """Refuse invalid or repeated overrides of one value each.
 
     Raises:
         ConfigurationError: for the first of them.
@@ -128,7 +127,7 @@ def check_each(texts: Sequence[str]) -> None:
     for override in parse_overrides(texts):
         check_overrides([override])
         value = override.value()
-        # 1 and 1.0 are the same, and equal; 1 and true are not, and would be.
+        # In Python 1 == True, but here they are different values; 1 and 1.0 are the same.
         mark = (isinstance(value, bool), value if isinstance(value, Hashable) else str(value))
         if mark in seen:
             raise ConfigurationError(
@@ -139,10 +138,10 @@ def check_each(texts: Sequence[str]) -> None:
 
 
 def joined(one: Design, other: Design, where: str) -> Design:
-    """Both designs together, the axes of `one` first; `where` says where `one` stands.
+    """Both designs combined, the axes of `one` first; `where` names the file of `one`.
 
     Raises:
-        ConfigurationError: if they have a key in common.
+        ConfigurationError: if they share a key.
     """
     mine = {key for axis in one.axes for key in axis.keys}
     mine |= {text.partition("=")[0].lstrip("+") for text in one.fixed}
@@ -151,10 +150,10 @@ def joined(one: Design, other: Design, where: str) -> Design:
     twice = sorted(mine & theirs)
     if twice:
         raise ConfigurationError(
-            f"{twice[0]}: is given twice, in {where} and on the line: give it once"
+            f"{twice[0]}: is given twice, in {where} and on the command line: give it once"
         )
     axes = (*one.axes, *other.axes)
-    # Seeds run fastest, so that the first runs to be there are those of one setting.
+    # Seeds vary fastest, so that the first finished runs complete one setting.
     last = [axis for axis in axes if axis.keys == (SEED,)]
     return Design(
         (*one.fixed, *other.fixed),
@@ -165,7 +164,7 @@ def joined(one: Design, other: Design, where: str) -> Design:
 
 
 def check_size(design: Design, one_is_enough: bool = False) -> None:
-    """Refuse a design of more runs than anybody can mean, or of one if that is not enough.
+    """Refuse a design of too many runs, or of a single one unless `one_is_enough`.
 
     Raises:
         ConfigurationError: in one line.

@@ -1,4 +1,4 @@
-"""A figure for each axis of a sweep: how the metrics go with its values."""
+"""A figure for each axis of a sweep: the metrics over its values."""
 
 import itertools
 import math
@@ -10,16 +10,17 @@ from stixel_cli.evaluation.metric_table import metric
 from stixel_cli.report import style
 from stixel_cli.sweeps.design import SEED
 from stixel_cli.sweeps.statistics import Statistic, statistic
+from stixel_cli.sweeps.tables import heading
 
 SHOWN = ("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "low_overlap_share")
 MOST_LINES = 8
-"""Combinations of the other axes that get a line each; of more, their runs are taken together."""
+"""Combinations of the other axes with a line each; beyond this number their runs are pooled."""
 
 _DODGED = 0.25
 _LONGEST_LABEL = 28
 _LONGEST_NAME = 100
 _LEGEND_WIDTH = 150
-"""Characters that fit beside each other."""
+"""Characters that fit in a row of the legend."""
 
 
 def axis_figures(
@@ -28,16 +29,16 @@ def axis_figures(
     axes: Sequence[Sequence[str]],
     left_out: int = 0,
 ) -> dict[str, bytes]:
-    """PNGs by file name, one an axis but for the seed's.
+    """PNGs by file name, one for each axis except the seed's.
 
-    An axis of which only means over the other axes could be drawn has no figure where settings are
-    left out: its values would stand for different ones.
+    An axis whose runs are pooled over the other axes has no figure if settings are incomplete: its
+    means would not be over the same settings.
 
     Args:
         settings: of each run, without the seed.
         metrics: of each run, name to value.
         axes: the keys of each axis.
-        left_out: how many settings are not among them, for they are not complete.
+        left_out: number of incomplete settings, which are not in `settings`.
     """
     figures = {}
     for keys in axes:
@@ -50,13 +51,13 @@ def axis_figures(
 
 
 def _file_stem(keys: Sequence[str]) -> str:
-    """The keys as one file's name: of many that go together the first, and how many follow."""
+    """A file name from the keys; of many zipped keys the first, and the number of others."""
     name = "+".join(keys).replace("/", ".")
     return name if len(name) <= _LONGEST_NAME else _joined(keys).replace("/", ".")
 
 
 def _joined(keys: Sequence[str]) -> str:
-    """The keys of an axis in words that are not too long."""
+    """The keys of an axis, shortened if they are too long."""
     text = " + ".join(keys)
     return text if len(text) <= _LONGEST_NAME else f"{keys[0]} + {len(keys) - 1} more"
 
@@ -68,7 +69,7 @@ def _figure(
     others: Sequence[str],
     left_out: int,
 ) -> bytes:
-    """A figure of `keys`, with a line for each label in `others`; of all runs where none is."""
+    """A figure over `keys` with a line for each label in `others`; one line if that is empty."""
     known = {name for run in metrics for name in run}
     names = [name for name in SHOWN if name in known] or sorted(known)[:4]
     values = list(dict.fromkeys(tuple(setting[key] for key in keys) for setting in settings))
@@ -96,8 +97,7 @@ def _figure(
                 shifted = [place + steps[line] for place in places]
                 drawn = Line(shifted, rows, style.RUNS[line], other, numbers is not None)
                 clipped |= drawn.draw(axes)
-            shown = metric(name)
-            axes.set_title(f"{shown.label} ({shown.unit})" if shown.unit else shown.label)
+            axes.set_title(heading(name))
             axes.set_xlabel(_joined(keys))
             axes.grid(True, axis="y")
             if numbers is None:
@@ -120,19 +120,19 @@ def _figure(
 
 
 def caption(together: bool, lines: int, clipped: bool, left_out: int) -> str:
-    """What a figure shows, and what was done to it so that it can be read."""
+    """What a figure shows, and how it was made readable."""
     what = "mean over seeds" + (" and all other axes" if together else "")
-    notes = ["lines moved apart sideways"] if lines > 1 else []
-    notes += ["intervals cut where no value can be"] if clipped else []
-    settings = "setting that is" if left_out == 1 else "settings that are"
-    notes += [f"without {left_out} {settings} not complete"] if left_out else []
+    notes = ["lines shifted sideways"] if lines > 1 else []
+    notes += ["intervals clipped to possible values"] if clipped else []
+    settings = "setting" if left_out == 1 else "settings"
+    notes += [f"without {left_out} incomplete {settings}"] if left_out else []
     return "; ".join([f"{what}, with the 95 % interval", *notes])
 
 
 def dodges(places: Sequence[float], lines: int) -> list[float]:
-    """How far to the right each line is moved, so that error bars do not lie over each other.
+    """Shift of each line to the right, so that error bars do not overlap.
 
-    All of them together take a quarter of the least distance between two places.
+    All lines together take a quarter of the least distance between two places.
     """
     least = min((b - a for a, b in itertools.pairwise(sorted(places))), default=1.0)
     width = _DODGED * least
@@ -141,7 +141,7 @@ def dodges(places: Sequence[float], lines: int) -> list[float]:
 
 @dataclass(frozen=True)
 class Line:
-    """Means and intervals at some places, with how they are drawn."""
+    """Means and intervals at some places, and their style."""
 
     places: Sequence[float]
     rows: Sequence[Statistic]
@@ -150,7 +150,7 @@ class Line:
     joined: bool
 
     def draw(self, axes: Any) -> bool:
-        """Draw it; whether an interval was clipped."""
+        """Draw the line; return whether an interval was clipped."""
         drawn = [
             (x, row) for x, row in zip(self.places, self.rows, strict=True) if row.mean is not None
         ]
@@ -181,7 +181,7 @@ class Line:
 
 
 def drawn_interval(row: Statistic) -> tuple[float, float]:
-    """The ends of the interval as drawn: cut at the bounds of the metric."""
+    """The drawn ends of the interval, clipped to the metric's bounds."""
     if row.low is None:
         return row.mean, row.mean
     least, most = metric(row.metric).bounds
@@ -190,12 +190,12 @@ def drawn_interval(row: Statistic) -> tuple[float, float]:
 
 
 def _label(setting: Mapping[str, str], keys: Sequence[str]) -> str:
-    """The keys of a setting that are not among `keys`."""
+    """`key=value …` of a setting without `keys`."""
     return " ".join(f"{k}={v}" for k, v in setting.items() if k not in keys)
 
 
 def _numbers(values: Sequence[tuple[str, ...]]) -> list[float] | None:
-    """The values as numbers, None unless all are and there is one key."""
+    """The values as finite numbers; None if any is not, or there are several keys."""
     try:
         numbers = [float(value) for (value,) in values]
     except ValueError:

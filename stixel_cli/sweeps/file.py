@@ -21,10 +21,10 @@ ENTRIES = ("fixed", "axes", "zipped", "seeds", "leave_out")
 
 
 def find_file(name: str) -> Path:
-    """The file that is meant: a path, or the bare name of one that is shipped in `pipelines/`.
+    """The file of a path, or of the bare name of a file shipped in `pipelines/studies`.
 
     Raises:
-        ConfigurationError: if there is neither.
+        ConfigurationError: if neither exists.
     """
     path = Path(name)
     if path.is_file() or (path.suffix == ".yaml" and path.exists()):
@@ -35,16 +35,16 @@ def find_file(name: str) -> Path:
         return inside
     known = [file.stem for file in sorted(shipped.glob("*.yaml")) if not is_study(file)]
     hint = messages.suggestion(name, known) or (f" (shipped: {', '.join(known)})" if known else "")
-    raise ConfigurationError(f"--from: {messages.printable(name)}: there is no such file{hint}")
+    raise ConfigurationError(f"--from: {messages.printable(name)}: no such file{hint}")
 
 
 def is_study(path: Path) -> bool:
-    """Whether a file is of a study, of several sweeps, and not of one; both are in `pipelines/`."""
+    """Whether a file describes a study of several sweeps; `pipelines/studies` has both kinds."""
     return re.search("^parts:", read_text(path), re.M) is not None
 
 
 def read_design(path: Path, shuffled: bool) -> Design:
-    """The design that a file describes.
+    """The design in a file.
 
     Raises:
         ConfigurationError: in one line that names the file and the entry.
@@ -59,7 +59,7 @@ def read_design(path: Path, shuffled: bool) -> Design:
 
 
 def design_of(content: Mapping[Any, Any], shuffled: bool) -> Design:
-    """The design that the entries of a file describe.
+    """The design of a file's entries.
 
     Raises:
         ConfigurationError: in one line that names the entry.
@@ -77,7 +77,7 @@ def design_of(content: Mapping[Any, Any], shuffled: bool) -> Design:
     for number, keys in enumerate(_list(content, "zipped"), start=1):
         where = f"zipped: entry {number}"
         if not isinstance(keys, dict) or len(keys) < 2:
-            raise ConfigurationError(f"{where}: two keys or more with their values are needed")
+            raise ConfigurationError(f"{where}: must map two keys or more to values")
         axes.append(_axis(where, keys, shuffled))
     if content.get("seeds") is not None:
         axes.append(_axis("seeds", {SEED: _seeds(content["seeds"])}, shuffled))
@@ -87,7 +87,7 @@ def design_of(content: Mapping[Any, Any], shuffled: bool) -> Design:
 
 
 def read_mapping(path: Path, entries: Sequence[str]) -> dict[str, Any]:
-    """The content of a YAML file that is to have some of `entries`, in plain types.
+    """The content of a YAML file with some of `entries`, in plain types.
 
     Raises:
         UserError: in one line that names the file.
@@ -99,16 +99,16 @@ def read_mapping(path: Path, entries: Sequence[str]) -> dict[str, Any]:
     text = read_yaml_text(path, _MOST_ENTRIES)
     where = messages.printable(str(path), 200)
     try:
-        # Its YAML takes 1e-6 for a number and refuses a key that is given twice.
+        # OmegaConf reads 1e-6 as a number and refuses a repeated key.
         content = OmegaConf.to_container(OmegaConf.create(text), resolve=False)
     except YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f"line {mark.line + 1}: " if mark is not None else ""
-        reason = getattr(error, "problem", None) or "is no YAML"
+        reason = getattr(error, "problem", None) or "not valid YAML"
         raise ConfigurationError(f"{where}: {line}{messages.printable(str(reason), 200)}") from None
     except (OmegaConfBaseException, AssertionError, ValueError, TypeError, RecursionError) as error:
         # AssertionError: the whole file is one number.
-        reason = (str(error).splitlines() or ["is no YAML"])[0]
+        reason = (str(error).splitlines() or ["not valid YAML"])[0]
         raise ConfigurationError(f"{where}: {messages.printable(reason, 200)}") from None
     check_plain(content, path)
     if not isinstance(content, dict):
@@ -119,7 +119,7 @@ def read_mapping(path: Path, entries: Sequence[str]) -> dict[str, Any]:
 
 
 def refuse_unknown(content: Mapping[Any, Any], entries: Sequence[str]) -> None:
-    """Refuse a name that is none of `entries`; ConfigurationError with the nearest."""
+    """Raise ConfigurationError for a name that is not in `entries`; it suggests the nearest."""
     for name in content:
         if name not in entries:
             hint = messages.suggestion(str(name), entries) or f" (entries: {', '.join(entries)})"
@@ -131,7 +131,7 @@ def _mapping(content: Mapping[str, Any], name: str) -> dict[str, Any]:
     if value is None:
         return {}
     if not isinstance(value, dict) or not all(isinstance(key, str) for key in value):
-        raise ConfigurationError(f"{name}: must be keys of the configuration with their values")
+        raise ConfigurationError(f"{name}: must map keys of the configuration to values")
     return value
 
 
@@ -140,14 +140,16 @@ def _list(content: Mapping[str, Any], name: str) -> list[Any]:
     if value is None:
         return []
     if not isinstance(value, list):
-        raise ConfigurationError(f"{name}: must be a list, each entry keys with their values")
+        raise ConfigurationError(f"{name}: must be a list of mappings from keys to values")
     return value
 
 
 def _seeds(value: Any) -> Any:
     if isinstance(value, int) and not isinstance(value, bool):
         if not 1 <= value <= 100_000:
-            raise ConfigurationError(f"seeds: {value} of them: must be 1 to 100000, or a list")
+            raise ConfigurationError(
+                f"seeds: must be a number from 1 to 100000 or a list, got {value}"
+            )
         return list(range(value))
     return value
 
@@ -161,7 +163,7 @@ def _axis(where: str, keys: Mapping[str, Any], shuffled: bool) -> Axis:
     lengths = {len(column) for column in columns}
     if len(lengths) > 1:
         counts = ", ".join(f"{k} {len(c)}" for k, c in zip(keys, columns, strict=True))
-        raise ConfigurationError(f"{where}: keys that go together need as many values: {counts}")
+        raise ConfigurationError(f"{where}: zipped keys need the same number of values: {counts}")
     steps = list(zip(*columns, strict=True))
     if len(set(steps)) < len(steps):
         twice = next(step for step in steps if steps.count(step) > 1)
@@ -173,13 +175,13 @@ def _axis(where: str, keys: Mapping[str, Any], shuffled: bool) -> Axis:
 
 def _values(where: str, key: Any, values: Any, shuffled: bool) -> list[str]:
     if not isinstance(key, str):
-        raise ConfigurationError(f"{where}: {messages.show(key)} is no key")
+        raise ConfigurationError(f"{where}: {messages.show(key)} is not a key")
     if isinstance(values, list):
         if not values:
             raise ConfigurationError(f"{where}: {key} has no values")
         return [override_text(key, value) for value in values]
     if isinstance(values, str):
-        # As on the line: a,b or choice(…), range(…), glob(…).
+        # As on the command line: a,b or choice(…), range(…), glob(…).
         parsed = parse_overrides([f"{key}={values}"])
         check_overrides(parsed)
         if parsed[0].is_sweep_override():
@@ -205,12 +207,13 @@ def _left_out(content: Mapping[str, Any], axes: list[Axis]) -> list[dict[str, An
     for number, entry in enumerate(entries, start=1):
         if not isinstance(entry, dict) or not entry:
             raise ConfigurationError(
-                f"leave_out: entry {number}: must be keys with the value that is left out"
+                f"leave_out: entry {number}: must map keys to the values to leave out"
             )
         for key in entry:
             if key not in swept:
                 hint = messages.suggestion(str(key), swept)
                 raise ConfigurationError(
-                    f"leave_out: entry {number}: {messages.printable(str(key))} is on no axis{hint}"
+                    f"leave_out: entry {number}: {messages.printable(str(key))} is not on any axis"
+                    f"{hint}"
                 )
     return entries

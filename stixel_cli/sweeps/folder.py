@@ -1,12 +1,12 @@
-"""The folder of a sweep: what was asked for, a row and a small folder a run, and the summary.
+"""The folder of a sweep.
 
-sweep.yaml         what was asked for, and the overrides of every run
-runs.csv           one row a run
-summary.csv .md .tex   statistics over the seeds of each setting all of whose runs are there
-figures/           one an axis, of the same settings
-runs/0000/ …     config.yaml, manifest.json, metrics.json, scores.npz, lineage.json
-code/              what the runs' lineage.json refer to: digests of the code they reach
-failed/0007/ …     config.yaml, failure.json, traceback.txt
+sweep.yaml             the request: the axes, and the overrides of every run
+runs.csv               one row for each run
+summary.csv .md .tex   statistics over the seeds of each complete setting
+figures/               one figure for each axis, of the same settings
+runs/0000/ …           config.yaml, manifest.json, metrics.json, scores.npz, lineage.json
+code/                  code digests to which the runs' lineage.json refer
+failed/0007/ …         config.yaml, failure.json, traceback.txt
 """
 
 import os
@@ -25,6 +25,7 @@ from stixel_cli.results.reader import read_manifest, read_metrics
 
 PLAN = "sweep.yaml"
 TABLE = "runs.csv"
+SUMMARIES = ("summary.csv", "summary.md", "summary.tex")
 RUNS, FAILED, FIGURES = "runs", "failed", "figures"
 
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
@@ -32,24 +33,23 @@ _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 @dataclass(frozen=True)
 class SweepRequest:
-    """What was asked for, as `sweep.yaml` holds it.
+    """The content of `sweep.yaml`.
 
     Attributes:
         axes: the keys of each axis.
         runs: overrides of each run, in the order of their indices.
-        shuffle: seed of the order in which they run; None for theirs.
+        shuffle: seed of the order of execution; None for the order of the indices.
         pictures: whether pictures are drawn.
-        steps: of the pipelines, whose results are wanted beside the scores.
-        working_directory: in which the runs' names of files are meant that are relative; "" in
-            the folder of an older version, which does not say.
-        notes: command, time, revision, versions, machine; and `resumed`, when it was gone on with.
+        nodes: of the pipelines; their results are required in addition to the scores.
+        working_directory: to which relative file names in the overrides refer.
+        notes: command, time, revision, versions, machine; and `resumed`, the times of each resume.
     """
 
     axes: tuple[tuple[str, ...], ...]
     runs: tuple[tuple[str, ...], ...]
     shuffle: int | None
     pictures: bool
-    steps: tuple[str, ...]
+    nodes: tuple[str, ...]
     working_directory: str
     notes: Mapping[str, Any]
 
@@ -60,27 +60,27 @@ class SweepRequest:
 
 
 class SweepFolder:
-    """Writes and reads the folder at `path`; every failure of the disk is a UserError."""
+    """Writes and reads the folder at `path`; raises UserError for every disk failure."""
 
     def __init__(self, path: Path):
         self.path = path
 
     def create(self, request: SweepRequest) -> None:
-        """Make the folder, and say in it what was asked for.
+        """Create the folder with its `sweep.yaml`.
 
         Raises:
-            FolderTaken: if there is a folder of its name by now.
+            FolderTaken: if a folder of this name exists.
             UserError: if it cannot be written.
         """
         with written(self.path):
             try:
                 self.path.mkdir(parents=True)
             except FileExistsError:
-                raise FolderTaken(f"{self.path}: was made by another process meanwhile") from None
+                raise FolderTaken(f"{self.path}: another process has just created it") from None
         try:
             self.write_request(request)
         except UserError:
-            # A full disk: an empty folder would keep its name from the next try.
+            # The disk is full: an empty folder would block its name for the next attempt.
             with suppress(OSError):
                 self.path.rmdir()
             raise
@@ -92,51 +92,51 @@ class SweepFolder:
             "working_directory": request.working_directory,
             "shuffle": request.shuffle,
             "pictures": request.pictures,
-            "steps": list(request.steps),
+            "nodes": list(request.nodes),
             "axes": [list(keys) for keys in request.axes],
             "runs": [list(overrides) for overrides in request.runs],
         }
         self.write_table(PLAN, yaml_text(content))
 
     def request(self) -> SweepRequest:
-        """What was asked for.
+        """The content of `sweep.yaml`.
 
         Raises:
-            UserError: if this is no folder of a sweep.
+            UserError: if this is not the folder of a sweep.
         """
         file = self.path / PLAN
         if not self.path.is_dir():
-            raise UserError(f"{self.path}: there is no such folder")
+            raise UserError(f"{self.path}: no such folder")
         if not file.exists():
-            raise UserError(f"{self.path}: no folder of a sweep ({PLAN} is missing)")
+            raise UserError(f"{self.path}: not the folder of a sweep ({PLAN} is missing)")
         content = read_yaml(file)
         try:
             axes = tuple(tuple(map(str, keys)) for keys in content.pop("axes"))
             runs = tuple(tuple(map(str, overrides)) for overrides in content.pop("runs"))
             shuffle, pictures = content.pop("shuffle"), content.pop("pictures")
-            steps = tuple(map(str, content.pop("steps", ())))
-            working_directory = str(content.pop("working_directory", ""))
+            nodes = tuple(map(str, content.pop("nodes")))
+            working_directory = str(content.pop("working_directory"))
         except (AttributeError, KeyError, TypeError):
-            raise UserError(f"{file}: not what a sweep was asked for") from None
+            raise UserError(f"{file}: not a valid {PLAN} of this version of stixel") from None
         if not runs or not isinstance(shuffle, int | None) or not isinstance(pictures, bool):
-            raise UserError(f"{file}: not what a sweep was asked for")
+            raise UserError(f"{file}: not a valid {PLAN} of this version of stixel")
         for index, overrides in enumerate(runs):
             given = {text.partition("=")[0].strip().lstrip("+") for text in overrides}
             for key in (key for keys in axes for key in keys if key not in given):
                 raise UserError(f"{file}: run {index} has no value for {key[:60]}, an axis")
-        return SweepRequest(axes, runs, shuffle, pictures, steps, working_directory, content)
+        return SweepRequest(axes, runs, shuffle, pictures, nodes, working_directory, content)
 
     def run(self, index: int) -> Path:
-        """The folder of a run, whether it is there or not."""
+        """The folder of a run; it may not exist."""
         return self.path / RUNS / f"{index:04d}"
 
     def stored(self, index: int, results: Sequence[str]) -> dict[str, Any] | None:
-        """The metrics of a run that is complete with these results, by their keys; else None."""
+        """The metrics of a run if it is complete and its results have these keys; else None."""
         found = self._read_run(index)
         return found[1] if found is not None and found[0] == list(results) else None
 
     def results(self, index: int) -> list[str] | None:
-        """The keys of the results that a run has; None if it is not complete."""
+        """The keys of a run's results; None if it is not complete."""
         found = self._read_run(index)
         return None if found is None else found[0]
 
@@ -151,21 +151,21 @@ class SweepFolder:
     def write_run(
         self, index: int, files: Mapping[str, str | bytes | Callable[[Path], None]]
     ) -> None:
-        """Write a run's folder: whole, in place of an older one, or not at all."""
+        """Write a run's folder atomically; it replaces an older one."""
         self._write_folder(self.run(index), files)
         with suppress(OSError):
             shutil.rmtree(self.path / FAILED / f"{index:04d}")
-            # With the last of them goes the folder, which would look as if something had failed.
+            # An empty folder would look as if a run had failed.
             (self.path / FAILED).rmdir()
 
     def write_failure(self, index: int, files: Mapping[str, str]) -> None:
-        """Write what became of a run that failed, and take away what an older run left of it."""
+        """Write the folder of a failed run, and remove its results of an earlier attempt."""
         self._write_folder(self.path / FAILED / f"{index:04d}", files)
         with suppress(OSError):
             shutil.rmtree(self.run(index))
 
     def write_table(self, name: str, text: str) -> None:
-        """Write a file of the folder: whole, or not at all."""
+        """Write a file of the folder atomically."""
         with written(self.path):
             write_whole(self.path / name, text)
 
@@ -177,14 +177,14 @@ class SweepFolder:
                 (self.path / FIGURES / name).write_bytes(data)
 
     def remove(self, names: Iterable[str]) -> None:
-        """Take away files or folders that do not hold any more."""
+        """Remove outdated files and folders."""
         for name in names:
             path = self.path / name
             with suppress(OSError):
                 shutil.rmtree(path) if path.is_dir() else path.unlink()
 
     def remove_unfinished(self) -> None:
-        """Take away what a killed process left of a run's folder."""
+        """Remove partial folders that a killed process left."""
         for name in (RUNS, FAILED):
             for path in (self.path / name).glob(".*.partial-*"):
                 shutil.rmtree(path, ignore_errors=True)

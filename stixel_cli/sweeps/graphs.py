@@ -1,5 +1,6 @@
-"""The runs of a sweep as one graph: what they share is there once."""
+"""The runs of a sweep as one graph: runs share the nodes that they have in common."""
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,6 +15,7 @@ from stixel_cli.experiment.stages import (
     pipeline_stages,
     scan_count,
 )
+from stixel_cli.sweeps.design import SEED
 from stixel_cli.sweeps.runs import SweepRun
 
 SCORES = "scores"
@@ -21,12 +23,12 @@ SCORES = "scores"
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """A run with what it needs.
+    """A run and its graph.
 
     Attributes:
         run: its configuration.
-        graph: of it alone.
-        targets: ids of the nodes that it asks for, that of the scores first.
+        graph: of this run only.
+        targets: ids of the nodes whose results it requires, the scores first.
     """
 
     run: SweepRun
@@ -40,26 +42,26 @@ class PlannedRun:
 
     @property
     def pictures(self) -> tuple[str, ...]:
-        """Keys of its pictures, none unless it asks for them."""
+        """Keys of its pictures; empty unless they are required."""
         return tuple(key for key in self.targets if draws(self.graph.nodes[key].stage))
 
     @property
-    def beside(self) -> tuple[str, ...]:
-        """Keys of what it asks for that is in the store alone: neither scores nor pictures."""
+    def store_only(self) -> tuple[str, ...]:
+        """Keys of required results that stay in the store: neither scores nor pictures."""
         others = {self.scores, *self.pictures}
         return tuple(key for key in self.targets if key not in others)
 
 
 @dataclass(frozen=True)
 class StagePlan:
-    """What a stage has to do for a sweep.
+    """The work of one stage in a sweep.
 
     Attributes:
         name: of the stage.
-        nodes: how many the runs need, each counted once.
-        cached, to_run: how many are there, and how many are not.
-        seconds: that those to run will take on one worker, by what was recorded; None if nothing
-            was.
+        nodes: number of nodes that the runs need, each counted once.
+        cached, to_run: number of nodes in the store, and number of missing ones.
+        seconds: estimated time of the missing nodes on one worker, from recorded durations; None
+            if there are no records.
     """
 
     name: str
@@ -71,13 +73,13 @@ class StagePlan:
 
 @dataclass(frozen=True)
 class SweepPlan:
-    """What a sweep would do.
+    """The work of a sweep.
 
     Attributes:
-        runs: all of them.
-        graph: of all of them.
-        needed: ids of the nodes that they need.
-        missing: ids of the nodes to run, each after those that it takes something from.
+        runs: all runs.
+        graph: of all runs.
+        needed: ids of the nodes that the runs need.
+        missing: ids of the nodes to compute, each after its inputs.
         stages: by stage, in the order of the data.
     """
 
@@ -88,12 +90,12 @@ class SweepPlan:
     stages: tuple[StagePlan, ...]
 
     def complete_runs(self) -> int:
-        """How many runs need no node to run."""
+        """Number of runs whose results are all in the store."""
         missing = set(self.missing)
         return sum(missing.isdisjoint(planned.targets) for planned in self.runs)
 
     def seconds(self, workers: int) -> float | None:
-        """How long it will take, were the work to be had evenly by all workers."""
+        """Estimated time if the work divides evenly among the workers; None if unknown."""
         known = [stage.seconds for stage in self.stages if stage.to_run]
         if any(seconds is None for seconds in known):
             return None
@@ -101,15 +103,15 @@ class SweepPlan:
 
 
 def plan_runs(
-    runs: Sequence[SweepRun], pictures: bool = False, steps: Sequence[str] = ()
+    runs: Sequence[SweepRun], pictures: bool = False, nodes: Sequence[str] = ()
 ) -> list[PlannedRun]:
-    """The graphs of the runs; what they have in common is worked out once.
+    """The graphs of the runs; common parts are built once.
 
-    Beside the scores each run asks for its pictures, where wanted, and for those of `steps` that
-    its pipeline has.
+    Each run requires its scores; with `pictures` also its pictures; and the results of those
+    `nodes` that its pipeline has.
 
     Raises:
-        UserError: if the pipeline's file is wrong, or a file of the user's cannot be read.
+        UserError: if the pipeline's file is wrong, or an input file cannot be read.
     """
     builder = GraphBuilder()
     planned = []
@@ -126,26 +128,26 @@ def plan_runs(
         names = [SCORES]
         if pictures:
             names += picture_stages(graph)
-        names += [name for name in steps if name in graph.stages and name not in names]
+        names += [name for name in nodes if name in graph.stages and name not in names]
         planned.append(PlannedRun(run, graph, tuple(graph.expand(names))))
     return planned
 
 
 def plan_sweep(planned: Sequence[PlannedRun], store: Store) -> SweepPlan:
-    """What `store` lacks for the runs. Entries are looked for, not read.
+    """The nodes of the runs that `store` lacks. It looks entries up without reading them.
 
     Raises:
         CacheError: if the store cannot be read.
     """
-    graph = merge(run.graph for run in planned)
-    targets = list(dict.fromkeys(target for run in planned for target in run.targets))
+    graph = merge(one.graph for one in planned)
+    targets = list(dict.fromkeys(target for one in planned for target in one.targets))
     found = plan(graph, targets, store, verify=False)
-    lacking = set(found.missing)
+    missing = set(found.missing)
     durations = Durations(store.folder)
     stages = []
     for name in graph.stage_names:
         keys = [key for key in graph.stages[name] if key in found.needed]
-        to_run = [graph.nodes[key] for key in keys if key in lacking]
+        to_run = [graph.nodes[key] for key in keys if key in missing]
         if keys:
             stages.append(
                 StagePlan(
@@ -157,3 +159,60 @@ def plan_sweep(planned: Sequence[PlannedRun], store: Store) -> SweepPlan:
                 )
             )
     return SweepPlan(tuple(planned), graph, found.needed, found.missing, tuple(stages))
+
+
+def check_axes(planned: Sequence[PlannedRun]) -> list[str]:
+    """Refuse an axis that no stage reads; return notes on axes that the stages of some runs ignore.
+
+    Runs whose results have the same keys give the same results, whatever their settings are.
+
+    Raises:
+        ConfigurationError: in one line that names the axis.
+    """
+    notes = []
+    keys = list(planned[0].run.settings)
+    for key in keys:
+        if key.partition(".")[0] in ("executor", "cache"):
+            raise ConfigurationError(f"{key}: it does not affect results, so it cannot be swept")
+    for key in keys:
+        groups: dict[tuple, list[tuple[str, ...]]] = defaultdict(list)
+        for one in planned:
+            others = tuple(v for name, v in one.run.settings.items() if name != key)
+            groups[others].append(one.targets)
+        several = {others: targets for others, targets in groups.items() if len(targets) > 1}
+        if not several:
+            # Zipped with another key, which is checked in its place.
+            continue
+        idle = [others for others, targets in several.items() if len(set(targets)) == 1]
+        if len(idle) == len(several):
+            raise ConfigurationError(_unread(key, planned))
+        if idle and key != SEED:
+            labels = [name for name in keys if name != key]
+            first = " ".join(f"{k}={v}" for k, v in zip(labels, idle[0], strict=True))
+            notes.append(
+                f"{key}: no stage reads it in {len(idle)} of {len(several)} settings of the other "
+                f"axes ({first}), so their runs give equal results"
+            )
+    return notes or _equal_runs(planned)
+
+
+def _unread(key: str, planned: Sequence[PlannedRun]) -> str:
+    if key.startswith("pictures"):
+        return f"{key}: no stage reads it: a sweep draws pictures only with --pictures"
+    choices = planned[0].run.composition.choices
+    return (
+        f"{key}: no stage reads it with measurement={choices.get('measurement')} and "
+        f"path={choices.get('path')}: all runs would be equal"
+    )
+
+
+def _equal_runs(planned: Sequence[PlannedRun]) -> list[str]:
+    seen: dict[tuple[str, ...], PlannedRun] = {}
+    for one in planned:
+        other = seen.setdefault(one.targets, one)
+        if other is not one:
+            return [
+                f"runs {other.run.index} and {one.run.index} give equal results: "
+                f"{other.run.label} and {one.run.label}"
+            ]
+    return []

@@ -1,4 +1,4 @@
-"""How far a sweep is: runs and nodes, on stderr; a bar on a terminal, lines elsewhere."""
+"""Progress of a sweep on stderr, runs and nodes: a bar on a terminal, lines elsewhere."""
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -10,33 +10,33 @@ from stixel_cli.sweeps.graphs import PlannedRun
 
 
 class SweepProgress(Progress):
-    """Counts runs beside nodes, and hands each run on as soon as all it asks for is there."""
+    """Counts runs and nodes, and reports each run as soon as all its results are in the store."""
 
     def __init__(
         self,
         waiting: Sequence[PlannedRun],
-        there: int,
+        finished: int,
         workers: int,
         known_seconds: Mapping[str, float],
         on_run: Callable[[PlannedRun, Mapping[str, float]], None],
         visible: bool = True,
         label: str = "",
     ):
-        """Begin with no run of `waiting` done.
+        """Start with no run of `waiting` done.
 
         Args:
-            waiting: the runs to be computed.
-            there: how many runs are done already.
-            workers: among whom the work is divided.
-            known_seconds: stage name to the seconds that a node took formerly.
-            on_run: called with a run that is complete, and the seconds of all nodes computed
-                so far, by key.
-            visible: whether anything but notes is shown.
-            label: what the counts are of, put before them.
+            waiting: the runs to compute.
+            finished: number of runs that are already done.
+            workers: number of workers.
+            known_seconds: recorded seconds of a node, by stage name.
+            on_run: called with each complete run, and the seconds of all nodes computed so far,
+                by key.
+            visible: show more than notes.
+            label: prefix of the counts.
         """
         super().__init__()
-        self.runs_total = there + len(waiting)
-        self.runs_done = there
+        self.runs_total = finished + len(waiting)
+        self.runs_done = finished
         self.runs_failed = 0
         self.node_seconds: dict[str, float] = {}
         self.expect(known_seconds, workers)
@@ -44,35 +44,35 @@ class SweepProgress(Progress):
         self._label = f"{label}: " if label else ""
         self._left = {one.run.index: set(one.targets) for one in waiting}
         self._runs = {one.run.index: one for one in waiting}
-        self._asking: dict[str, list[int]] = {}
+        self._waiting_for: dict[str, list[int]] = {}
         for one in waiting:
             for target in one.targets:
-                self._asking.setdefault(target, []).append(one.run.index)
+                self._waiting_for.setdefault(target, []).append(one.run.index)
         self._display = _display() if visible else None
 
     def begin(self, nodes: Sequence[Node], cached: int) -> None:
-        """Count the nodes; runs all of whose nodes are there are handed on."""
+        """Count the nodes, and report runs that need no node to run."""
         super().begin(nodes, cached)
         to_run = {node.key for node in nodes}
-        for target in [target for target in self._asking if target not in to_run]:
-            self._have(target)
+        for target in [target for target in self._waiting_for if target not in to_run]:
+            self._done(target)
 
     def finished(self, node: Node, seconds: float) -> None:
-        """Count the node, and hand on the runs that waited for it alone."""
+        """Count the node, and report the runs that waited only for it."""
         super().finished(node, seconds)
         self.node_seconds[node.key] = seconds
-        self._have(node.key)
+        self._done(node.key)
 
     def failed(self, node: Node, failure: StageFailure, skipped: Sequence[Node]) -> None:
-        """Say what failed, and count the runs that will not be complete."""
+        """Report the failure, and count the runs that cannot become complete."""
         super().failed(node, failure, skipped)
         for one in (node, *skipped):
-            for index in self._asking.get(one.key, ()):
+            for index in self._waiting_for.get(one.key, ()):
                 if self._left.pop(index, None) is not None:
                     self.runs_failed += 1
 
     def tick(self) -> None:
-        """Show how far it is."""
+        """Show the progress."""
         if self._display is not None and self.elapsed > PATIENCE:
             self._display.show(self)
 
@@ -82,7 +82,7 @@ class SweepProgress(Progress):
             super().note(text)
 
     def close(self) -> None:
-        """Take a bar away."""
+        """Remove the bar."""
         if self._display is not None:
             self._display.close()
 
@@ -97,8 +97,8 @@ class SweepProgress(Progress):
         ]
         return "; ".join(parts) + self.text_left
 
-    def _have(self, target: str) -> None:
-        for index in self._asking.get(target, ()):
+    def _done(self, target: str) -> None:
+        for index in self._waiting_for.get(target, ()):
             left = self._left.get(index)
             if left is None:
                 continue
@@ -132,7 +132,7 @@ class _Lines:
 
 
 class _Bar:
-    """A bar of rich that goes away at the end."""
+    """A bar of rich, removed at the end."""
 
     def __init__(self):
         self._bar = None

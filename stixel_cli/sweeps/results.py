@@ -1,28 +1,27 @@
-"""What a sweep gives, run by run."""
+"""The result of a sweep: the outcome of each run, and statistics of the complete settings."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.sweeps.graphs import PlannedRun
-from stixel_cli.sweeps.statistics import Statistic
+from stixel_cli.sweeps.statistics import Statistic, summarise
 
 DONE, FAILED, SKIPPED, MISSING = "done", "failed", "skipped", "missing"
-"""What becomes of a run: `skipped` is one that needs what failed in another, `missing` one that
-was not come to."""
+"""Status of a run; `skipped`: a node failed in another run; `missing`: not run yet."""
 
 
 @dataclass(frozen=True)
 class RunOutcome:
-    """What became of a run.
+    """The outcome of a run.
 
     Attributes:
         planned: the run.
         status: `done`, `failed`, `skipped` or `missing`.
         metrics: of its scores, by name; empty unless it is done.
-        failure: why it is not there.
+        failure: of a run that failed or was skipped.
     """
 
     planned: PlannedRun
@@ -33,12 +32,12 @@ class RunOutcome:
 
 @dataclass(frozen=True)
 class IncompleteSetting:
-    """A setting that has no statistics, for not all of its runs are done.
+    """A setting without statistics, because some of its runs are not done.
 
     Attributes:
         setting: keys that differ between runs, without the seed, with their values as typed.
-        runs: how many it has.
-        done: how many of them are done.
+        runs: number of its runs.
+        done: number of its runs that are done.
     """
 
     setting: Mapping[str, str]
@@ -47,24 +46,57 @@ class IncompleteSetting:
 
     @property
     def label(self) -> str:
-        """`key=value …`, and how many runs are done."""
+        """`key=value …`, and the number of runs that are done."""
         named = " ".join(f"{key}={value}" for key, value in self.setting.items())
         return f"{named or 'the one setting'} ({self.done} of {self.runs} runs done)"
 
 
 @dataclass(frozen=True)
-class SweepResult:
-    """What a sweep gave.
+class Summary:
+    """The settings of a sweep, divided into complete and incomplete ones.
 
     Attributes:
-        folder: where it was written, None if nowhere.
-        runs: one a run, in the order of their indices.
-        records: the rows of `runs.csv`, plain values; what differs between runs is of its own
-            type here, as in the configuration.
-        statistics: over the seeds of each setting all of whose runs are done.
-        incomplete: the other settings, which have none.
-        computed: how many nodes this call computed.
-        cached: how many of those that the runs need were in the store before.
+        complete: the runs of complete settings, those all of whose runs are done.
+        statistics: of the complete settings, over their seeds.
+        incomplete: the other settings.
+    """
+
+    complete: tuple[RunOutcome, ...]
+    statistics: list[Statistic]
+    incomplete: tuple[IncompleteSetting, ...]
+
+
+def summary_of(runs: Sequence[RunOutcome]) -> Summary:
+    """The summary of runs. Incomplete settings get no statistics: missing seeds would bias them."""
+    groups: dict[tuple, list[RunOutcome]] = {}
+    for run in runs:
+        groups.setdefault(tuple(run.planned.run.setting.items()), []).append(run)
+    complete, incomplete = [], []
+    for setting, members in groups.items():
+        done = sum(run.status == DONE for run in members)
+        if done == len(members):
+            complete += members
+        else:
+            incomplete.append(IncompleteSetting(dict(setting), len(members), done))
+    statistics = summarise(
+        [run.planned.run.setting for run in complete], [run.metrics for run in complete]
+    )
+    return Summary(tuple(complete), statistics, tuple(incomplete))
+
+
+@dataclass(frozen=True)
+class SweepResult:
+    """The result of a sweep.
+
+    Attributes:
+        folder: its folder; None if nothing was written.
+        runs: one entry for each run, in the order of their indices.
+        records: the rows of `runs.csv` as plain values; values of keys that differ between runs
+            have their own type here, as in the configuration.
+        statistics: of the settings all of whose runs are done, over their seeds.
+        incomplete: the other settings.
+        computed: number of nodes that this call computed.
+        cached: number of needed nodes that were in the store before.
     """
 
     folder: Path | None
@@ -81,5 +113,5 @@ class SweepResult:
         return all(run.status == DONE for run in self.runs)
 
     def count(self, status: str) -> int:
-        """How many runs have a status."""
+        """Number of runs with a status."""
         return sum(run.status == status for run in self.runs)

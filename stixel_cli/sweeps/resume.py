@@ -1,7 +1,8 @@
-"""Going on with a sweep elsewhere: another executor, another cache, and the note of it."""
+"""Resume a sweep: other executors or caches, runs that are out of date, the note of the resume."""
 
 import os
 import shlex
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,22 +11,29 @@ from typing import TYPE_CHECKING, Any
 from stixel_cli.config import messages
 from stixel_cli.config.override_text import override_text
 from stixel_cli.config.overrides import check_overrides, parse_overrides
-from stixel_cli.errors import ConfigurationError
+from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.experiment.stored_run import OF_THE_MACHINE
+from stixel_cli.results.causes import first_other_stage
+from stixel_cli.results.lineage import lineage_of, read_lineage
+from stixel_cli.results.reader import flat_settings, read_config
 from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
-from stixel_cli.sweeps.graphs import SweepPlan
+from stixel_cli.sweeps.graphs import PlannedRun, SweepPlan
 
 if TYPE_CHECKING:
     from hydra.core.override_parser.types import Override
+
+MOST_REASONS = 3
+_OTHER_SETTINGS = "other settings"
+_UNKNOWN = "no usable lineage in its folder"
 
 
 def on_this_machine(
     runs: Sequence[Sequence[str]], overrides: Sequence[str]
 ) -> list[tuple[str, ...]]:
-    """The overrides of each run, with those of executor and cache that are given in their place.
+    """The overrides of each run, with those of executor and cache replaced by `overrides`.
 
-    The option of a group takes the place of all that the runs say of the group: its keys may
-    not be those of another.
+    An option of a group replaces every override of that group in the runs: the keys of another
+    option may differ.
 
     Raises:
         ConfigurationError: in one line, for an override of any other group, or of several values.
@@ -35,20 +43,23 @@ def on_this_machine(
         if override.key_or_group.partition(".")[0] not in OF_THE_MACHINE:
             line = messages.printable(str(override.input_line))
             raise ConfigurationError(
-                f"{line}: --resume goes on with what the folder asks for: only keys of "
-                f"{' and '.join(OF_THE_MACHINE)} can be given, on which no result depends"
+                f"{line}: --resume keeps the settings in the folder: only keys of "
+                f"{' and '.join(OF_THE_MACHINE)}, which do not affect results, can be changed"
             )
         if override.is_sweep_override():
             line = messages.printable(str(override.input_line))
             raise ConfigurationError(f"{line}: --resume: one value is needed")
     check_overrides(parsed)
     names = {override.key_or_group for override in parsed}
-    given = [_as_meant_here(override) for override in parsed]
+    given = [_with_full_path(override) for override in parsed]
     return [(*(text for text in texts if not _replaced(text, names)), *given) for texts in runs]
 
 
-def _as_meant_here(override: "Override") -> str:
-    """The text of an override; a folder in full, for the runs' own names are meant elsewhere."""
+def _with_full_path(override: "Override") -> str:
+    """The text of an override, with an absolute cache folder.
+
+    Relative paths of the runs refer to the sweep's working directory; this one refers to today's.
+    """
     folder = override.value()
     if override.key_or_group == "cache.folder" and isinstance(folder, str) and folder:
         in_full = os.path.abspath(os.path.expanduser(folder))
@@ -62,8 +73,8 @@ def _replaced(text: str, names: set[str]) -> bool:
     return key in names or key.partition(".")[0] in names
 
 
-def resume_words(path: Path, overrides: Sequence[str] = ()) -> str:
-    """The command line that goes on with a sweep."""
+def resume_command(path: Path, overrides: Sequence[str] = ()) -> str:
+    """The command line that resumes a sweep."""
     return shlex.join(["stixel", "sweep", "--resume", str(path), *overrides])
 
 
@@ -74,14 +85,14 @@ def note_resumed(
     command: str,
     origin: dict[str, Any],
 ) -> None:
-    """Write into `sweep.yaml` that the sweep is gone on with, if something of it is not there.
+    """Note the resume in `sweep.yaml` if any run is incomplete.
 
     Raises:
-        UserError: if it cannot be written.
+        UserError: if the file cannot be written.
     """
     missing = set(plan.missing)
     if all(
-        folder.stored(one.run.index, one.targets) is not None and missing.isdisjoint(one.beside)
+        folder.stored(one.run.index, one.targets) is not None and missing.isdisjoint(one.store_only)
         for one in plan.runs
     ):
         return
@@ -89,3 +100,57 @@ def note_resumed(
     entry = {"time": origin["created"], "command": command, "revision": origin["git"]["revision"]}
     resumed = [*(before if isinstance(before, list) else ()), entry]
     folder.write_request(replace(request, notes={**request.notes, "resumed": resumed}))
+
+
+def outdated_runs(folder: SweepFolder, planned: Sequence[PlannedRun]) -> str | None:
+    """One line that counts the finished runs that are out of date, with causes; None if none is."""
+    finished = 0
+    reasons: Counter[str] = Counter()
+    for one in planned:
+        results = folder.results(one.run.index)
+        if results is None:
+            continue
+        finished += 1
+        if results != list(one.targets):
+            reasons[_reason(folder, one)] += 1
+    if not reasons:
+        return None
+    count = sum(reasons.values())
+    shown = [reason for reason, _ in reasons.most_common(MOST_REASONS)]
+    shown += ["…"] if len(reasons) > MOST_REASONS else []
+    return (
+        f"{count} of {finished} finished runs {'is' if count == 1 else 'are'} out of date and will "
+        f"be recomputed ({'; '.join(shown)})"
+    )
+
+
+def _reason(folder: SweepFolder, one: PlannedRun) -> str:
+    """The first stage of a run whose key changed, and the cause."""
+    path = folder.run(one.run.index)
+    try:
+        before = read_lineage(path)
+        if before is None:
+            return _UNKNOWN
+        after = lineage_of(one.graph, one.graph.ancestors(one.targets), None)
+        found = first_other_stage(before, after, one.graph, _OTHER_SETTINGS)
+        if found is None:
+            return "other results are required"
+        causes = [_settings(folder, one) if c == _OTHER_SETTINGS else c for c in found.causes]
+    except UserError:
+        return _UNKNOWN
+    if not found.known:
+        return f"{found.stage} is new"
+    more = f" and {len(causes) - 1} more" if len(causes) > 1 else ""
+    return f"{found.stage}: {causes[0] if causes else 'its inputs changed'}{more}"
+
+
+def _settings(folder: SweepFolder, one: PlannedRun) -> str:
+    """The first setting that differs from the run's stored configuration."""
+    before = flat_settings(read_config(folder.run(one.run.index)))
+    after = flat_settings(one.run.composition.resolved)
+    other = [
+        f"{key} {before.get(key, 'none')} → {after.get(key, 'none')}"
+        for key in dict.fromkeys((*before, *after))
+        if before.get(key) != after.get(key) and key.partition(".")[0] not in OF_THE_MACHINE
+    ]
+    return other[0] if other else _OTHER_SETTINGS

@@ -1,4 +1,4 @@
-"""A sweep from its runs to its folder, without a command line."""
+"""Compute the runs of a sweep and write its folder, without a command line."""
 
 import shlex
 from collections.abc import Mapping, Sequence
@@ -12,14 +12,21 @@ from stixel_cli.engine.plan import Durations
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.run import one_line_errors
-from stixel_cli.sweeps.folder import FIGURES, TABLE, SweepFolder
+from stixel_cli.sweeps.folder import FIGURES, RUNS, SUMMARIES, TABLE, SweepFolder
 from stixel_cli.sweeps.graphs import PlannedRun, SweepPlan
-from stixel_cli.sweeps.lineages import RunLineages, remove_unused_code
 from stixel_cli.sweeps.progress import SweepProgress
-from stixel_cli.sweeps.results import DONE, FAILED, MISSING, SKIPPED, RunOutcome, SweepResult
-from stixel_cli.sweeps.resume import resume_words
-from stixel_cli.sweeps.run_files import failure_files, run_files
-from stixel_cli.sweeps.summary import SUMMARIES, summary_of, write_figures, write_tables
+from stixel_cli.sweeps.results import (
+    DONE,
+    FAILED,
+    MISSING,
+    SKIPPED,
+    RunOutcome,
+    Summary,
+    SweepResult,
+    summary_of,
+)
+from stixel_cli.sweeps.resume import resume_command
+from stixel_cli.sweeps.run_files import RunLineages, failure_files, remove_unused_code, run_files
 
 
 class SweepInterrupted(UserError):
@@ -37,45 +44,40 @@ def run_sweep(
     visible: bool = True,
     label: str = "",
 ) -> SweepResult:
-    """Compute what the runs of a sweep lack, each failing alone, and write what they give.
+    """Compute the missing nodes of a sweep and write its results. A failing run stops no other.
 
     Args:
-        plan: the runs, in the order in which they are to run.
+        plan: the runs, in the order of execution.
         axes: the keys of each axis.
-        store: where results are kept.
-        folder: of the sweep; it is there, with its `sweep.yaml`. None to write nothing.
-        notes: what every run's manifest says of the sweep and the machine.
-        visible: whether progress is shown on stderr.
-        label: what stands before it.
+        store: of the results.
+        folder: of the sweep, with its `sweep.yaml`; None to write nothing.
+        notes: entries about the sweep and the machine for the manifest of every run.
+        visible: show progress on stderr.
+        label: prefix of the progress.
 
     Raises:
-        SweepInterrupted: by Ctrl-C; the folder says what is there.
+        SweepInterrupted: by Ctrl-C; the tables in the folder show which runs are done.
         UserError: if the cache or the folder cannot be written, or there are no workers.
     """
     sweep = _Sweep(plan, store, None if folder is None else SweepFolder(folder), notes or {})
+    resume = "" if folder is None else f"; resume with: {resume_command(folder)}"
     try:
         with one_line_errors():
-            sweep.take_what_is_there()
+            sweep.take_finished()
             sweep.compute(visible, label)
     except KeyboardInterrupt:
         done = len(sweep.metrics)
-        again = "" if folder is None else f"; go on with: {resume_command(folder)}"
         sweep.leave()
         raise SweepInterrupted(
-            f"interrupted: {done} of {len(plan.runs)} runs are done, and what was computed "
-            f"is kept{again}"
+            f"interrupted: {done} of {len(plan.runs)} runs are done; computed results are "
+            f"kept{resume}"
         ) from None
     except UserError as error:
         sweep.leave()
         if folder is None:
             raise
-        raise type(error)(f"{error}; go on with: {resume_command(folder)}") from error
+        raise type(error)(f"{error}{resume}") from error
     return sweep.finish(axes)
-
-
-def resume_command(folder: Path) -> str:
-    """The command line that goes on with a sweep."""
-    return resume_words(folder)
 
 
 class _Sweep:
@@ -92,15 +94,15 @@ class _Sweep:
         """Of the runs that are done, by index."""
         self.failures: dict[int, StageFailure] = {}
         self.failed_nodes: dict[str, int] = {}
-        """Index of the first run that needed each node that failed."""
+        """Index of the first run that needs each failed node."""
         self.skipped: set[int] = set()
         self.computed = 0
-        self.there = set(plan.needed).difference(plan.missing)
-        """Nodes that are in the store and were not computed by this call."""
+        self.cached = set(plan.needed).difference(plan.missing)
+        """Nodes in the store that this call did not compute."""
         self.lineages = None if folder is None else RunLineages(store, folder)
 
-    def take_what_is_there(self) -> None:
-        """Take up the runs whose folder is complete, or whose results are all in the store."""
+    def take_finished(self) -> None:
+        """Take the runs whose folder is complete, or whose results are all in the store."""
         if self.folder is not None:
             self.folder.remove([*SUMMARIES, FIGURES])
             self.folder.remove_unfinished()
@@ -109,16 +111,16 @@ class _Sweep:
             index = planned.run.index
             if self.folder is not None:
                 stored = self.folder.stored(index, planned.targets)
-                if stored is not None and missing.isdisjoint(planned.beside):
+                if stored is not None and missing.isdisjoint(planned.store_only):
                     self.metrics[index] = stored
                     continue
             if missing.isdisjoint(planned.targets):
-                # One that turns out damaged is set aside, and computed with the rest.
+                # A damaged entry is moved away; the run is computed with the others.
                 with suppress(MissingEntry):
                     self.take(planned, {})
 
     def compute(self, visible: bool, label: str) -> None:
-        """Compute what the other runs lack."""
+        """Compute the missing nodes of the other runs."""
         waiting = [p for p in self.plan.runs if p.run.index not in self.metrics]
         if not waiting:
             return
@@ -132,18 +134,17 @@ class _Sweep:
             visible,
             label,
         )
-        targets = list(dict.fromkeys(target for one in waiting for target in one.targets))
         execution = execute(
             self.plan.graph,
-            targets,
+            list(dict.fromkeys(target for one in waiting for target in one.targets)),
             self.store,
             executor=executor,
             progress=progress,
             keep_going=True,
         )
         self.computed = sum(r.status == "computed" for r in execution.records.values())
-        self.there.update(execution.records)
-        self.there -= {key for key, r in execution.records.items() if r.status != "cached"}
+        self.cached.update(execution.records)
+        self.cached -= {key for key, r in execution.records.items() if r.status != "cached"}
         for planned in waiting:
             if planned.run.index in self.metrics:
                 continue
@@ -154,7 +155,7 @@ class _Sweep:
                 self.note_failure(planned, *failure)
 
     def take(self, planned: PlannedRun, seconds: Mapping[str, float]) -> None:
-        """Load a run's scores, and write its folder."""
+        """Load the scores of a complete run, and write its folder."""
         scores = self.store.load(planned.scores)
         if self.folder is not None:
             pictures = {
@@ -168,24 +169,21 @@ class _Sweep:
         self.metrics[planned.run.index] = scores.metrics
 
     def note_failure(self, planned: PlannedRun, node: str, failure: StageFailure) -> None:
-        """Keep in mind, and in the folder, why a run is not there."""
+        """Record the failure of a run, here and in the folder."""
         index = planned.run.index
         first = self.failed_nodes.setdefault(node, index)
         self.failures[index] = failure
         if first != index:
             self.skipped.add(index)
-        if self.folder is None:
-            return
-        self.folder.write_failure(index, failure_files(planned.run, node, failure, first))
+        if self.folder is not None:
+            self.folder.write_failure(index, failure_files(planned.run, node, failure, first))
 
     def finish(self, axes: Sequence[Sequence[str]]) -> SweepResult:
-        """Write the tables, and of the settings that are complete the statistics and figures."""
-        records = self.write_runs()
-        runs = self._results()
-        summary = summary_of(runs)
+        """Write the tables, and the statistics and figures of complete settings."""
+        runs, records, summary = self.write_tables()
         if self.folder is not None:
-            write_tables(self.folder, summary, self._title(self.folder))
-            write_figures(self.folder, summary, axes)
+            if summary.statistics:
+                self._write_figures(summary, axes)
             remove_unused_code(self.folder)
         return SweepResult(
             folder=None if self.folder is None else self.folder.path,
@@ -196,35 +194,49 @@ class _Sweep:
             statistics=summary.statistics,
             incomplete=summary.incomplete,
             computed=self.computed,
-            cached=len(self.there),
+            cached=len(self.cached),
         )
 
     def leave(self) -> None:
-        """Write the tables as things stand. Figures would take longer than Ctrl-C may."""
-        # What is in the folder counts, not whether its tables could be written as well.
+        """Write the tables of an interrupted sweep; drawing figures would delay Ctrl-C."""
+        # The runs in the folder count, even if its tables cannot be written.
         with suppress(UserError):
-            self.write_runs()
-            if self.folder is not None:
-                summary = summary_of(self._results())
-                write_tables(self.folder, summary, self._title(self.folder))
+            self.write_tables()
 
-    def write_runs(self) -> list[dict[str, Any]]:
-        """Write `runs.csv` as things stand; its rows."""
-        from stixel_cli.sweeps.tables import csv_text
+    def write_tables(self) -> tuple[tuple[RunOutcome, ...], list[dict[str, Any]], Summary]:
+        """Write `runs.csv` and the summaries; return the outcomes, the rows and the summary."""
+        from stixel_cli.sweeps.tables import csv_text, summary_files
 
-        records = [self._record(result) for result in self._results()]
+        in_order = sorted(self.plan.runs, key=lambda one: one.run.index)
+        runs = tuple(self._outcome(one) for one in in_order)
+        records = [self._record(run) for run in runs]
+        summary = summary_of(runs)
         if self.folder is not None:
             columns = dict.fromkeys(name for record in records for name in record)
             self.folder.write_table(TABLE, csv_text(list(columns), records))
-        return records
+            if summary.statistics:
+                title = str(self.notes.get("sweep", self.folder.path.name))
+                files = summary_files(summary.statistics, summary.incomplete, title)
+                for name, text in files.items():
+                    self.folder.write_table(name, text)
+        return runs, records, summary
+
+    def _write_figures(self, summary: Summary, axes: Sequence[Sequence[str]]) -> None:
+        from stixel_cli.sweeps.figures import axis_figures
+
+        settings = [run.planned.run.setting for run in summary.complete]
+        metrics = [run.metrics for run in summary.complete]
+        figures = axis_figures(settings, metrics, axes, len(summary.incomplete))
+        if figures:
+            self.folder.write_figures(figures)
 
     def _record(self, result: RunOutcome) -> dict[str, Any]:
         run, failure = result.planned.run, result.failure
-        at = FAILED if failure is not None else "runs" if result.status == DONE else None
+        at = FAILED if failure is not None else RUNS if result.status == DONE else None
         return {
             "run": run.index,
             "status": result.status,
-            **{key: value for key, value in run.setting.items()},
+            **run.setting,
             "seed": run.seed,
             "overrides": " ".join(map(shlex.quote, run.overrides)),
             "folder": None if at is None or self.folder is None else f"{at}/{run.index:04d}",
@@ -233,7 +245,7 @@ class _Sweep:
             **result.metrics,
         }
 
-    def _result(self, planned: PlannedRun) -> RunOutcome:
+    def _outcome(self, planned: PlannedRun) -> RunOutcome:
         index = planned.run.index
         if index in self.metrics:
             return RunOutcome(planned, DONE, self.metrics[index])
@@ -241,14 +253,6 @@ class _Sweep:
             status = SKIPPED if index in self.skipped else FAILED
             return RunOutcome(planned, status, failure=self.failures[index])
         return RunOutcome(planned, MISSING)
-
-    def _results(self) -> tuple[RunOutcome, ...]:
-        """Of every run, in the order of their indices."""
-        in_order = sorted(self.plan.runs, key=lambda one: one.run.index)
-        return tuple(self._result(one) for one in in_order)
-
-    def _title(self, folder: SweepFolder) -> str:
-        return str(self.notes.get("sweep", folder.path.name))
 
     def _known_seconds(self) -> dict[str, float]:
         durations = Durations(self.store.folder)

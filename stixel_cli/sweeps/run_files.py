@@ -1,4 +1,4 @@
-"""The files of a run's folder: small, for what is large stays in the cache under its key."""
+"""The files of a run's folder. They are small: large results stay in the cache under their keys."""
 
 import shlex
 import traceback
@@ -10,11 +10,12 @@ import numpy as np
 
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.execute import Execution, NodeRecord
+from stixel_cli.engine.store import Store
 from stixel_cli.evaluation.scores import Scores
-from stixel_cli.results.lineage import FILE
+from stixel_cli.results import lineage
 from stixel_cli.results.tables import score_columns
 from stixel_cli.results.text import json_text
-from stixel_cli.sweeps.folder import yaml_text
+from stixel_cli.sweeps.folder import RUNS, SweepFolder, yaml_text
 from stixel_cli.sweeps.graphs import PlannedRun
 from stixel_cli.sweeps.results import FAILED, SKIPPED
 from stixel_cli.sweeps.runs import SweepRun
@@ -25,12 +26,16 @@ def run_files(
     scores: Scores,
     seconds: Mapping[str, float],
     notes: Mapping[str, Any],
-    lineage: str,
+    lineage_text: str,
 ) -> dict[str, str | Callable[[Path], None]]:
-    """Configuration, manifest, metrics, lineage and scores of a run, by name.
+    """Configuration, manifest, metrics, lineage and scores of a run, by file name.
 
-    `seconds` are those of the nodes that were computed, by key; `notes` go into the manifest;
-    `lineage` is the text of its file.
+    Args:
+        planned: the run.
+        scores: its scores.
+        seconds: of the computed nodes, by key.
+        notes: additional entries of the manifest.
+        lineage_text: content of the lineage file.
     """
     run = planned.run
     manifest = {
@@ -48,15 +53,15 @@ def run_files(
         "config.yaml": yaml_text(run.composition.resolved),
         "manifest.json": json_text(manifest),
         "metrics.json": json_text(scores.metrics),
-        FILE: lineage,
+        lineage.FILE: lineage_text,
         "scores.npz": lambda file: np.savez_compressed(file, **columns),
     }
 
 
 def failure_files(run: SweepRun, node: str, failure: StageFailure, first: int) -> dict[str, str]:
-    """What became of a run that is not there, by name.
+    """Configuration, cause and traceback of a run that failed or was skipped, by file name.
 
-    `node` is the key of the node that failed, and `first` the first run that needed it.
+    `node` is the key of the failed node, and `first` the index of the first run that needs it.
     """
     content = {
         "run": run.index,
@@ -77,9 +82,9 @@ def failure_files(run: SweepRun, node: str, failure: StageFailure, first: int) -
 
 
 def _stage_records(planned: PlannedRun, seconds: Mapping[str, float]) -> list[dict[str, Any]]:
-    """The stages that a run needed, as in a run's manifest, with the keys of their results.
+    """The stages of a run with the keys of their results, as in the manifest of `stixel run`.
 
-    What several runs share is told as computed in each of them.
+    Each run that shares a computed node records it as computed.
     """
     graph = planned.graph
     records = {
@@ -93,3 +98,42 @@ def _stage_records(planned: PlannedRun, seconds: Mapping[str, float]) -> list[di
         for key in graph.ancestors(planned.targets)
     }
     return Execution(graph, records).stage_records()
+
+
+class RunLineages:
+    """The lineages of runs; their code digests are stored once, in the sweep's folder.
+
+    Four fifths of a lineage are code digests, and most runs have the same ones.
+    """
+
+    def __init__(self, store: Store, folder: SweepFolder):
+        self._store = store
+        self._folder = folder
+        self._digests: dict[str, str] = {}
+        self._codes: dict[tuple[str, ...], str] = {}
+
+    def text(self, planned: PlannedRun) -> str:
+        """The lineage file of a complete run; writes its code file into the sweep's folder.
+
+        Raises:
+            UserError: if the folder cannot be written.
+            CacheError: if the store cannot be read.
+        """
+        graph = planned.graph
+        keys = graph.ancestors(planned.targets)
+        found = lineage.lineage_of(graph, keys, self._store, self._digests)
+        reached = tuple(graph.of_stage(name)[0].identity.code.digest for name in found.stages)
+        if reached not in self._codes:
+            name, text = lineage.shared_code(found)
+            self._folder.write_table(f"{lineage.CODE_FOLDER}/{name}.json", text)
+            self._codes[reached] = name
+        return lineage.run_lineage_text(found, self._codes[reached])
+
+
+def remove_unused_code(folder: SweepFolder) -> None:
+    """Remove code files that no run refers to any more; those that cannot be removed stay."""
+    files = list((folder.path / lineage.CODE_FOLDER).glob("*.json"))
+    if len(files) < 2:
+        return
+    used = {lineage.read_code_name(run) for run in (folder.path / RUNS).glob("[0-9]*")}
+    folder.remove(f"{lineage.CODE_FOLDER}/{one.name}" for one in files if one.stem not in used)

@@ -1,4 +1,4 @@
-"""From overrides or a file to the runs of a sweep, each composed and validated."""
+"""The runs of a sweep, composed and validated from overrides or a file."""
 
 import json
 import random
@@ -16,12 +16,12 @@ from stixel_cli.sweeps.file import find_file, read_design
 
 @dataclass(frozen=True)
 class SweepRun:
-    """One configuration of a sweep.
+    """One run of a sweep: its configuration.
 
     Attributes:
         index: from 0, in the order of the axes; shuffling does not change it.
-        overrides: what it takes to compose it alone.
-        settings: the keys that differ between runs, each with its value as it is typed.
+        overrides: all that `stixel run` needs to compose it.
+        settings: the keys that differ between runs, each with its value as typed.
         composition: validated.
     """
 
@@ -32,22 +32,22 @@ class SweepRun:
 
     @property
     def seed(self) -> int:
-        """The seed of all that it draws."""
+        """Its seed."""
         return self.composition.configuration.seed
 
     @property
     def setting(self) -> dict[str, str]:
-        """What differs, without the seed: runs of equal settings are repetitions."""
+        """The settings without the seed: runs of equal settings are repetitions."""
         return {key: value for key, value in self.settings.items() if key != SEED}
 
     @property
     def values(self) -> dict[str, Any]:
-        """What differs, without the seed: options of groups, and values of their own types."""
+        """The settings without the seed: options of groups, and values of their own types."""
         return {key: self.composition.value(key) for key in self.setting}
 
     @property
     def label(self) -> str:
-        """`key=value …` of what differs."""
+        """`key=value …` of the settings."""
         return _label(self.settings)
 
 
@@ -57,16 +57,16 @@ def sweep_design(
     shuffle_seed: int | None = None,
     one_is_enough: bool = False,
 ) -> Design:
-    """The design of a command line and a file together.
+    """The design of a command line and a file.
 
     Args:
-        overrides: in Hydra's grammar, with its sweeps.
-        file: a path, or the name of one in `pipelines/studies`; see `stixel_cli.sweeps.file`.
-        shuffle_seed: of the order in which the runs will run, None for theirs.
-        one_is_enough: whether a design of a single run will do.
+        overrides: in Hydra's grammar; several values of a key make an axis.
+        file: a path, or a name in `pipelines/studies`; see `stixel_cli.sweeps.file`.
+        shuffle_seed: of the order of execution; None for the order of the axes.
+        one_is_enough: accept a design of a single run.
 
     Raises:
-        ConfigurationError: for what cannot be meant, a key that both give among it.
+        ConfigurationError: for an invalid override, or a key in both.
     """
     shuffled = shuffle_seed is not None
     design = design_from_line(overrides, shuffled)
@@ -80,17 +80,15 @@ def sweep_design(
 
 
 def design_runs(design: Design) -> list[SweepRun]:
-    """The runs of a design, in the order of its axes, every one of them validated.
+    """The validated runs of a design, in the order of its axes.
 
     Raises:
-        ConfigurationError: in one line, for what is wrong with any of them.
+        ConfigurationError: in one line, for the first invalid run.
     """
     composer = Composer()
     texts = [(*design.fixed, *changes) for changes in design.combinations(composer)]
     if not texts:
-        raise ConfigurationError(
-            f"{design.leave_out}: every run is left out: nothing remains to sweep"
-        )
+        raise ConfigurationError(f"{design.leave_out}: every run is left out")
     runs = compose_runs(texts, design.keys, composer)
     _refuse_equal(runs)
     return runs
@@ -102,12 +100,12 @@ def compose_runs(
     """The runs of given overrides.
 
     Args:
-        texts: overrides of one value each, of every run.
-        keys: those that differ between runs.
-        composer: to go on with.
+        texts: overrides of each run, of one value each.
+        keys: that differ between runs.
+        composer: None for a new one.
 
     Raises:
-        ConfigurationError: in one line that names the run by what differs.
+        ConfigurationError: in one line that names the run by its settings.
     """
     composer = Composer() if composer is None else composer
     runs = []
@@ -125,7 +123,7 @@ def compose_runs(
 
 
 def shuffled_runs(runs: Sequence[Any], seed: int | None) -> list[Any]:
-    """The runs in an order that is drawn; as they are where there is no seed."""
+    """The runs in a random order; in their own order if `seed` is None."""
     runs = list(runs)
     if seed is not None:
         random.Random(seed).shuffle(runs)
@@ -150,5 +148,5 @@ def _refuse_equal(runs: Sequence[SweepRun]) -> None:
         if other is not run:
             raise ConfigurationError(
                 f"runs {other.index} and {run.index} are equal: {other.label} and "
-                f"{run.label} are the same configuration"
+                f"{run.label} give the same configuration"
             )

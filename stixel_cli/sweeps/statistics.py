@@ -17,11 +17,11 @@ class Statistic:
     Attributes:
         setting: keys that differ between runs, without the seed, with their values as typed.
         metric: its name.
-        n: how many seeds have a value; one whose estimate is not finite may have none.
-        mean: None if none has.
-        standard deviation: standard deviation, n - 1 in the denominator; None below two values.
+        n: number of seeds with a value; where an estimate is not finite there may be no value.
+        mean: None if n is 0.
+        std: standard deviation, n - 1 in the denominator; None if n < 2.
         low, high: ends of the 95 % interval of the mean, Student's t with n - 1 degrees of
-            freedom; None below two values.
+            freedom; None if n < 2.
     """
 
     setting: Mapping[str, str]
@@ -36,7 +36,7 @@ class Statistic:
 def summarise(
     settings: Sequence[Mapping[str, str]], metrics: Sequence[Mapping[str, float | int | None]]
 ) -> list[Statistic]:
-    """The statistics of runs, of which those of equal settings are repetitions.
+    """The statistics of runs; runs of equal settings are repetitions.
 
     Args:
         settings: of each run, without the seed.
@@ -56,12 +56,12 @@ def summarise(
 def statistic(
     setting: Mapping[str, str], metric: str, values: Sequence[float | int | None]
 ) -> Statistic:
-    """The statistic of one metric's values; those that are None are left out."""
+    """The statistic of one metric's values, without those that are None."""
     known = np.array([value for value in values if value is not None], dtype=np.float64)
     n = len(known)
     if n == 0:
         return Statistic(setting, metric, 0, None, None, None, None)
-    # Summed in order of size, so that the order of the seeds does not show in the last bit.
+    # Sorted before the sum, so that the order of the seeds does not change the last bit.
     mean = float(np.sort(known).mean())
     if n == 1:
         return Statistic(setting, metric, 1, mean, None, None, None)
@@ -72,7 +72,7 @@ def statistic(
 
 @cache
 def student_t(degrees_of_freedom: int) -> float:
-    """Quantile of Student's t that leaves out half of 5 % at each end."""
+    """The 97.5 % quantile of Student's t distribution."""
     from scipy.special import stdtrit
 
     return float(stdtrit(degrees_of_freedom, 0.5 + CONFIDENCE / 2))

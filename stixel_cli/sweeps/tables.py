@@ -1,4 +1,4 @@
-"""The tables of a sweep's folder: rows of runs, and statistics as CSV, Markdown and LaTeX."""
+"""Tables: CSV, Markdown and LaTeX, and the summaries of a sweep written in them."""
 
 import csv
 import io
@@ -7,9 +7,14 @@ from typing import Any
 
 from stixel_cli.evaluation.metric_table import metric
 from stixel_cli.report.metrics import format_value
+from stixel_cli.sweeps.folder import SUMMARIES
 from stixel_cli.sweeps.results import IncompleteSetting
 from stixel_cli.sweeps.statistics import Statistic
 
+_EXPLANATION = (
+    "Over the seeds of each setting: n values, their mean, standard deviation, and the 95 % "
+    "interval of the mean (Student's t)."
+)
 _LATEX = {
     "\\": r"\textbackslash{}",
     "&": r"\&",
@@ -26,7 +31,7 @@ _LATEX = {
     "–": "--",
     "\u2212": "$-$",
     "×": r"$\times$",
-    # Without a package, < and > are other signs in text.
+    # Without a package, LaTeX prints other characters for < and > in text.
     "<": "$<$",
     ">": "$>$",
     "²": "$^2$",
@@ -36,7 +41,7 @@ _LATEX = {
 
 
 def csv_text(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
-    """Comma-separated rows; empty where there is no value, floats with all their digits."""
+    """Comma-separated rows: missing values are empty, floats have all their digits."""
     buffer = io.StringIO()
     writer = csv.DictWriter(buffer, columns, restval="", lineterminator="\n")
     writer.writeheader()
@@ -45,7 +50,7 @@ def csv_text(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
 
 
 def summary_records(statistics: Sequence[Statistic]) -> list[dict[str, Any]]:
-    """One record a setting and metric, as they stand in `summary.csv`."""
+    """One record for each setting and metric, as in `summary.csv`."""
     return [
         {
             **one.setting,
@@ -61,21 +66,32 @@ def summary_records(statistics: Sequence[Statistic]) -> list[dict[str, Any]]:
     ]
 
 
-def summary_csv(
-    statistics: Sequence[Statistic], incomplete: Sequence[IncompleteSetting] = ()
+def summary_files(
+    statistics: Sequence[Statistic], incomplete: Sequence[IncompleteSetting], title: str
+) -> dict[str, str]:
+    """The summaries of a sweep by file name; `title` is its command line."""
+    writers = (_summary_csv, _summary_markdown, _summary_latex)
+    return {
+        name: write(statistics, incomplete, title)
+        for name, write in zip(SUMMARIES, writers, strict=True)
+    }
+
+
+def _summary_csv(
+    statistics: Sequence[Statistic], incomplete: Sequence[IncompleteSetting], _: str
 ) -> str:
-    """The statistics, one row a setting and metric; one row of each setting that has none."""
+    """One row for each setting and metric, and one row for each incomplete setting."""
     records = [record | {"status": "complete"} for record in summary_records(statistics)]
     columns = list(records[0]) if records else []
     others = [one.setting | {"n": one.done, "status": "incomplete"} for one in incomplete]
     return csv_text(columns, [*records, *others])
 
 
-def summary_markdown(
+def _summary_markdown(
     statistics: Sequence[Statistic], incomplete: Sequence[IncompleteSetting], title: str
 ) -> str:
-    """The statistics in Markdown, one table a metric."""
-    lines = [f"# {title}", "", _explanation(), ""]
+    """One table for each metric."""
+    lines = [f"# {title}", "", _EXPLANATION, ""]
     if incomplete:
         lines += [f"{_refusal(incomplete)}:", "", *(f"- {one.label}" for one in incomplete), ""]
     for name, rows in _by_metric(statistics):
@@ -88,11 +104,11 @@ def summary_markdown(
     return "\n".join(lines)
 
 
-def summary_latex(
+def _summary_latex(
     statistics: Sequence[Statistic], incomplete: Sequence[IncompleteSetting], title: str
 ) -> str:
-    """The statistics in LaTeX, one table a metric; it needs no package."""
-    lines = [f"% {' '.join(title.split())}", f"% {_explanation()}"]
+    """One table for each metric; LaTeX needs no package for them."""
+    lines = [f"% {' '.join(title.split())}", f"% {_EXPLANATION}"]
     if incomplete:
         lines += [f"% {_refusal(incomplete)}:"]
         lines += [f"%   {' '.join(one.label.split())}" for one in incomplete]
@@ -104,16 +120,9 @@ def summary_latex(
     return "\n".join(lines)
 
 
-def _explanation() -> str:
-    return (
-        "Over the seeds of each setting: n values, their mean, standard deviation, and the 95 % "
-        "interval of the mean (Student's t)."
-    )
-
-
 def _refusal(incomplete: Sequence[IncompleteSetting]) -> str:
-    what = "1 setting that is" if len(incomplete) == 1 else f"{len(incomplete)} settings that are"
-    return f"No statistics of {what} not complete"
+    count = len(incomplete)
+    return f"No statistics yet of {count} incomplete setting{'' if count == 1 else 's'}"
 
 
 def _by_metric(statistics: Sequence[Statistic]) -> list[tuple[str, list[Statistic]]]:
@@ -122,7 +131,7 @@ def _by_metric(statistics: Sequence[Statistic]) -> list[tuple[str, list[Statisti
 
 
 def heading(name: str) -> str:
-    """What a metric is called, with its unit."""
+    """Label of a metric, with its unit."""
     shown = metric(name)
     return f"{shown.label} ({shown.unit})" if shown.unit else shown.label
 
@@ -153,7 +162,7 @@ def markdown_row(cells: Sequence[str]) -> str:
 def latex_table(
     caption: str, numeric: Sequence[bool], header: Sequence[str], rows: Iterable[Sequence[str]]
 ) -> list[str]:
-    """Lines of a table in LaTeX, the last one empty; columns that are `numeric` end flush right."""
+    """Lines of a table in LaTeX, the last one empty; `numeric` columns are aligned right."""
     return [
         r"\begin{table}",
         rf"\caption{{{_latex_text(caption)}}}",

@@ -1,4 +1,4 @@
-"""A whole sweep, new or gone on with, as the command line and Python call it."""
+"""Run a new sweep or resume one, from the command line or Python."""
 
 import os
 import shlex
@@ -14,13 +14,16 @@ from stixel_cli.errors import FolderTaken
 from stixel_cli.experiment.run import one_line_errors
 from stixel_cli.results.folder import check_results, reserve_folder, stamp
 from stixel_cli.results.provenance import provenance
-from stixel_cli.sweeps.checks import check_axes
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
-from stixel_cli.sweeps.graphs import SweepPlan, plan_runs, plan_sweep
-from stixel_cli.sweeps.older import older_runs
+from stixel_cli.sweeps.graphs import SweepPlan, check_axes, plan_runs, plan_sweep
 from stixel_cli.sweeps.results import SweepResult
-from stixel_cli.sweeps.resume import note_resumed, on_this_machine, resume_words
+from stixel_cli.sweeps.resume import (
+    note_resumed,
+    on_this_machine,
+    outdated_runs,
+    resume_command,
+)
 from stixel_cli.sweeps.run import run_sweep
 from stixel_cli.sweeps.runs import (
     SweepRun,
@@ -39,29 +42,29 @@ def new_sweep(
     shuffle: int | None = None,
     pictures: bool = False,
     visible: bool = False,
-    tell: Callable[[str], Any] = lambda note: None,
+    note: Callable[[str], Any] = lambda text: None,
 ) -> SweepResult:
     """Run a sweep.
 
     Args:
-        overrides: in Hydra's grammar, with its sweeps.
-        file: that describes axes: a path, or the name of one that is shipped.
-        results: the folder in which the sweep's is made; None to write nothing.
-        name: of the sweep's folder; None for one made of the file's name and the time.
-        shuffle: seed of the order in which the runs run; None for theirs.
-        pictures: draw every run's pictures.
+        overrides: in Hydra's grammar; several values of a key make an axis.
+        file: with axes: a path, or the name of a shipped one.
+        results: parent of the sweep's folder; None to write nothing.
+        name: of the sweep's folder; None for the file's name and the time.
+        shuffle: seed of the order of execution; None for the order of the axes.
+        pictures: draw the pictures of every run.
         visible: show progress on stderr.
-        tell: called with notes on the axes before anything runs.
+        note: called with notes on the axes before anything runs.
 
     Raises:
-        UserError: in one line; before anything is computed for what is wrong with the runs.
+        UserError: in one line; for invalid runs before anything is computed.
         SweepInterrupted: by Ctrl-C.
     """
     design = sweep_design(overrides, file, shuffle)
     runs = design_runs(design)
     plan, notes = planned_sweep(runs, shuffle, pictures)
-    for note in notes:
-        tell(note)
+    for text in notes:
+        note(text)
     now = datetime.now(UTC)
     origin = _origin(_command(overrides, file, shuffle, pictures), now)
     folder = None
@@ -76,7 +79,7 @@ def new_sweep(
                 made.create(request)
                 folder = made
             except FolderTaken:
-                # Two of a second: the other was faster, and there are more default names.
+                # Another sweep of the same second took the name; there are more default names.
                 if name is not None:
                     raise
     return _run(plan, [axis.keys for axis in design.axes], folder, origin, visible)
@@ -86,28 +89,28 @@ def designed_sweep(
     design: Design,
     path: Path,
     command: str,
-    steps: Sequence[str] = (),
+    nodes: Sequence[str] = (),
     visible: bool = False,
     label: str = "",
 ) -> SweepResult:
-    """Run the sweep of a design in the new folder `path`.
+    """Run the sweep of a design in a new folder.
 
     Args:
         design: of its runs.
-        path: the folder to make.
-        command: the command line that stands for it.
-        steps: of the pipelines, whose results are kept in the store beside the scores.
-        visible: show progress on stderr, with `label` before it.
+        path: the folder to create.
+        command: the command line to record.
+        nodes: of the pipelines; their results are required in addition to the scores.
+        visible: show progress on stderr, with the prefix `label`.
 
     Raises:
         UserError, SweepInterrupted: as `new_sweep` does.
     """
     runs = design_runs(design)
-    plan, _ = planned_sweep(runs, None, False, steps)
+    plan, _ = planned_sweep(runs, None, False, nodes)
     origin = _origin(command, datetime.now(UTC))
     _probe(plan)
     folder = SweepFolder(path)
-    folder.create(_request(design, runs, None, False, steps, origin))
+    folder.create(_request(design, runs, None, False, nodes, origin))
     return _run(plan, [axis.keys for axis in design.axes], folder, origin, visible, label)
 
 
@@ -117,19 +120,19 @@ def resumed_sweep(
     visible: bool = False,
     label: str = "",
     overrides: Sequence[str] = (),
-    tell: Callable[[str], Any] = lambda note: None,
+    note: Callable[[str], Any] = lambda text: None,
 ) -> SweepResult:
-    """Go on with the sweep in a folder: run what is missing, has failed, or is of older code.
+    """Resume the sweep in a folder: run what is missing, has failed, or is out of date.
 
     Args:
         path: the sweep's folder.
-        workers: None for those it began with.
-        visible: show progress on stderr, with `label` before it.
-        overrides: of executor and cache, in the place of those it began with.
-        tell: called with how many finished runs are computed again, and why.
+        workers: None to keep their number.
+        visible: show progress on stderr, with the prefix `label`.
+        overrides: of executor and cache; they replace those of the sweep.
+        note: called with the number of finished runs that are out of date, and why.
 
     Raises:
-        UserError: in one line, if it is no such folder or cannot be gone on with.
+        UserError: in one line, if the folder is not of a sweep or cannot be resumed.
         SweepInterrupted: by Ctrl-C.
     """
     folder = SweepFolder(path)
@@ -137,24 +140,24 @@ def resumed_sweep(
     overrides = [*overrides, *([] if workers is None else [f"executor.workers={workers}"])]
     texts = on_this_machine(request.runs, overrides)
     runs = compose_runs(texts, request.keys, Composer(request.working_directory))
-    plan, _ = planned_sweep(runs, request.shuffle, request.pictures, request.steps)
+    plan, _ = planned_sweep(runs, request.shuffle, request.pictures, request.nodes)
     origin = _origin(str(request.notes.get("command", path.name)), datetime.now(UTC))
-    older = older_runs(folder, plan.runs)
-    if older is not None:
-        tell(older)
-    note_resumed(folder, request, plan, resume_words(path, overrides), origin)
+    outdated = outdated_runs(folder, plan.runs)
+    if outdated is not None:
+        note(outdated)
+    note_resumed(folder, request, plan, resume_command(path, overrides), origin)
     return _run(plan, request.axes, folder, origin, visible, label)
 
 
 def planned_sweep(
-    runs: Sequence[SweepRun], shuffle: int | None, pictures: bool, steps: Sequence[str] = ()
+    runs: Sequence[SweepRun], shuffle: int | None, pictures: bool, nodes: Sequence[str] = ()
 ) -> tuple[SweepPlan, list[str]]:
-    """The plan of runs, in the order in which they are to run, and notes on their axes.
+    """The plan of runs in the order of execution, and notes on their axes.
 
     Raises:
         UserError: if no stage reads an axis, or the cache cannot be read.
     """
-    planned = plan_runs(runs, pictures, steps)
+    planned = plan_runs(runs, pictures, nodes)
     notes = check_axes(planned)
     store = open_store(runs[0].composition.configuration.cache)
     with one_line_errors():
@@ -162,7 +165,7 @@ def planned_sweep(
 
 
 def _probe(plan: SweepPlan) -> None:
-    """Raise UserError if the cache or the scheduler is refused, before a folder is made."""
+    """Raise UserError for an unusable cache or scheduler, before a folder is created."""
     configuration = plan.runs[0].run.composition.configuration
     with one_line_errors():
         probe(len(plan.missing), open_store(configuration.cache), configuration.executor)
@@ -192,7 +195,7 @@ def _request(
     runs: Sequence[SweepRun],
     shuffle: int | None,
     pictures: bool,
-    steps: Sequence[str],
+    nodes: Sequence[str],
     origin: dict[str, Any],
 ) -> SweepRequest:
     return SweepRequest(
@@ -200,7 +203,7 @@ def _request(
         runs=tuple(run.overrides for run in runs),
         shuffle=shuffle,
         pictures=pictures,
-        steps=tuple(steps),
+        nodes=tuple(nodes),
         working_directory=os.getcwd(),
         notes=origin,
     )

@@ -107,8 +107,8 @@ def test_points_that_are_computed_again_are_told(studies, toy, monkeypatch):
     assert "computed again" not in studies.error
     monkeypatch.setattr(keys, "LAYOUT", keys.LAYOUT + 1)
     assert studies.run(file)["complete"]
-    assert "first: 4 of 4 finished runs were made of something else" in studies.error
-    assert "second: 2 of 2 finished runs were made of something else" in studies.error
+    assert "first: 4 of 4 finished runs are out of date" in studies.error
+    assert "second: 2 of 2 finished runs are out of date" in studies.error
 
 
 def test_another_configuration_is_refused_but_for_name_or_fresh(studies, toy):
@@ -262,7 +262,7 @@ def test_what_is_interrupted_is_gone_on_with(studies, toy, monkeypatch, own_cach
         (("parts", "second", "derive"), "width", "has no function width"),
         (("parts", "first", "derive"), "widths", "derive: no part is before it"),
         (("parts", "first", "fixed"), {"path.durations": 1}, "did you mean path.duration?"),
-        (("parts", "second", "seeds"), 0, "parts: second: seeds: 0 of them"),
+        (("parts", "second", "seeds"), 0, "parts: second: seeds: must be"),
         (("parts", "a b"), {}, "parts: a b: a name"),
     ],
 )

@@ -90,7 +90,7 @@ def test_a_file_and_the_folder_of_a_sweep(sweeps, explained, tmp_path, capsys):
     sweeps.run("--from", file, "--name", "mine")
     folder = sweeps.results / "mine"
     assert explained(folder) == []
-    # A run draws no pictures, so none are asked for.
+    # Runs of a sweep draw no pictures by default, so explain requires none.
     assert explained(folder / "runs" / "0001") == []
     stages = {one["stage"] for one in explained(*FEW, "seed=1")}
     assert stages == {"track_pictures", "run_pictures"}
@@ -102,7 +102,7 @@ def test_a_file_and_the_folder_of_a_sweep(sweeps, explained, tmp_path, capsys):
     assert "no stage reads it" in errors[1]
 
 
-def test_runs_are_named_shortly():
+def test_indices_of_runs_are_shortened():
     assert shown_runs([0, 1, 2], 3) == "all 3 runs"
     assert shown_runs([0, 1, 2, 5, 7, 8], 9) == "runs 0-2, 5, 7-8"
     assert shown_runs([4], 9) == "run 4"

@@ -17,7 +17,7 @@ FEW = ("measurement=fabricated", "path.duration=0.3")
 STATISTICS = ("summary.csv", "summary.md", "summary.tex")
 
 
-def test_a_run_that_fails_fails_alone_and_resume_goes_on(sweeps, bad_mesh):
+def test_a_failing_run_stops_no_other_and_resume_retries_it(sweeps, bad_mesh):
     axes = (f"road_user.mesh=null,{bad_mesh}", "seed=0,1", "tracker.sigma_q=0.5,0.6")
     swept = sweeps.run(*FEW, *axes, "--name", "mine", code=1)
     folder = sweeps.results / "mine"
@@ -35,7 +35,7 @@ def test_a_run_that_fails_fails_alone_and_resume_goes_on(sweeps, bad_mesh):
     assert "run 4 failed" in sweeps.error
     for name in ("summary.md", "summary.tex"):
         text = (folder / name).read_text()
-        assert "No statistics of 2 settings that are not complete" in text
+        assert "No statistics yet of 2 incomplete settings" in text
         assert f"road_user.mesh={bad_mesh} tracker.sigma_q=0.6 (0 of 2 runs done)" in text
     assert "| 0 | incomplete | – | – |" in (folder / "summary.md").read_text()
     with (folder / "summary.csv").open() as file:
@@ -45,9 +45,9 @@ def test_a_run_that_fails_fails_alone_and_resume_goes_on(sweeps, bad_mesh):
     assert {row["road_user.mesh"] for row in rows if row["status"] == "complete"} == {"null"}
     failed = folder / swept["runs"][4]["folder"]
     assert failed == folder / "failed" / "0004"
-    told = json.loads((failed / "failure.json").read_text())
-    assert told["stage"] == swept["runs"][4]["failed_stage"] == "scenario"
-    assert told["status"] == "failed"
+    failure = json.loads((failed / "failure.json").read_text())
+    assert failure["stage"] == swept["runs"][4]["failed_stage"] == "scenario"
+    assert failure["status"] == "failed"
     assert json.loads((folder / "failed/0005/failure.json").read_text())["failed_in_run"] == 4
     assert "Traceback" in (failed / "traceback.txt").read_text()
     assert yaml.safe_load((failed / "config.yaml").read_text())["road_user"]["mesh"] == str(
@@ -82,7 +82,7 @@ f 4 1 5
 """
 
 
-def test_resume_makes_again_what_was_removed_or_damaged(sweeps):
+def test_resume_recomputes_removed_and_damaged_runs(sweeps):
     first = sweeps.run(*FEW, "seed=0,1,2", "--name", "mine")
     folder = sweeps.results / "mine"
     shutil.rmtree(folder / "runs" / "0001")
@@ -106,7 +106,7 @@ sys.exit(main())
 """
 
 
-def test_ctrl_c_says_what_is_kept_and_resume_goes_on(sweeps):
+def test_ctrl_c_names_the_command_that_resumes(sweeps):
     """A real process with workers, which the signal meets in the midst of its runs."""
     line = ["measurement=fabricated", "tracker.sigma_q=range(1,61)", "tracker.basis_points=80"]
     where = ["--results", str(sweeps.results), "--name", "mine"]
@@ -125,21 +125,21 @@ def test_ctrl_c_says_what_is_kept_and_resume_goes_on(sweeps):
     _, error = process.communicate(timeout=30)
     assert process.returncode == 130, error
     last = error.splitlines()[-1]
-    told = re.search(r"interrupted: (\d+) of 60 runs are done, and what was computed", last)
-    assert told, error
-    assert last.endswith(f"go on with: stixel sweep --resume {folder}")
+    found = re.search(r"interrupted: (\d+) of 60 runs are done", last)
+    assert found, error
+    assert last.endswith(f"resume with: stixel sweep --resume {folder}")
     assert "Traceback" not in error
-    done = int(told[1])
+    done = int(found[1])
     assert 1 <= done < 60
     rows = sweeps.rows("mine")
     assert [row["status"] for row in rows].count("done") == done
     assert [row["status"] for row in rows].count("missing") == 60 - done
-    # Of what is complete there are statistics; figures would hold it up.
+    # Complete settings have statistics; an interrupted sweep draws no figures.
     with (folder / "summary.csv").open(newline="") as file:
         settings = {row["tracker.sigma_q"] for row in csv.DictReader(file) if row["n"] == "1"}
     assert len(settings) == done
     assert not (folder / "figures").exists()
-    # A few of them are enough to see that it goes on.
+    # A few runs are enough to test resume.
     request = yaml.safe_load((folder / "sweep.yaml").read_text())
     request["runs"] = request["runs"][: done + 2]
     (folder / "sweep.yaml").write_text(yaml.safe_dump(request))
@@ -148,7 +148,7 @@ def test_ctrl_c_says_what_is_kept_and_resume_goes_on(sweeps):
     assert again["nodes"]["computed"] <= 4
 
 
-def test_a_folder_that_cannot_be_written_ends_it_in_one_line(sweeps, monkeypatch):
+def test_an_unwritable_folder_ends_the_sweep_in_one_line(sweeps, monkeypatch):
     rename = Path.rename
 
     def full(path, target):
@@ -160,12 +160,12 @@ def test_a_folder_that_cannot_be_written_ends_it_in_one_line(sweeps, monkeypatch
     assert sweeps.run(*FEW, "seed=0,1", "--name", "mine", code=2) is None
     # Lines of progress may stand before it, where the machine is busy.
     last = sweeps.error.splitlines()[-1]
-    assert "cannot be written: No space left on device; go on with: stixel sweep" in last
+    assert "cannot be written: No space left on device; resume with: stixel sweep" in last
     assert "Traceback" not in sweeps.error
     assert list((sweeps.results / "mine/runs").iterdir()) == []
 
 
-def test_code_that_changed_makes_the_runs_again(sweeps, monkeypatch):
+def test_changed_code_recomputes_the_runs(sweeps, monkeypatch):
     from stixel_cli.engine import keys
 
     sweeps.run(*FEW, "seed=0,1", "--name", "mine")

@@ -1,4 +1,4 @@
-"""How a sweep's figures are drawn: beside each other, within what can be, without what lacks."""
+"""Figures of a sweep: lines side by side, intervals within bounds, incomplete settings."""
 
 import pytest
 
@@ -14,7 +14,7 @@ from stixel_cli.sweeps.figures import (
 from stixel_cli.sweeps.statistics import statistic
 
 
-def test_error_bars_stand_beside_each_other():
+def test_error_bars_do_not_overlap():
     assert dodges([0, 1, 2], 1) == [0.0]
     moved = dodges([3.0, 1.0, 1.4], 4)
     assert moved == sorted(moved)
@@ -24,7 +24,7 @@ def test_error_bars_stand_beside_each_other():
     assert len({0.0, *dodges([5.0], 2)}) == 3
 
 
-def test_intervals_end_where_no_value_can_be_and_the_table_keeps_them():
+def test_intervals_are_clipped_in_figures_but_not_in_tables():
     iou = statistic({}, "iou_mean", [0.2, 0.95])
     assert iou.low < 0.0
     assert iou.high > 1.0
@@ -36,7 +36,7 @@ def test_intervals_end_where_no_value_can_be_and_the_table_keeps_them():
     assert drawn_interval(statistic({}, "iou_mean", [0.5])) == (0.5, 0.5)
 
 
-def test_what_is_drawn_is_what_was_said():
+def test_drawn_means_and_intervals():
     rows = [statistic({}, "iou_mean", values) for values in ([0.2, 0.95], [0.5, 0.5], [None])]
     with style.drawing():
         axes = style.new_figure(3.0, 2.0).add_subplot()
@@ -48,15 +48,15 @@ def test_what_is_drawn_is_what_was_said():
         assert not Line([0.0], rows[1:2], "#000000", "a", True).draw(axes)
 
 
-def test_the_caption_says_what_was_done():
+def test_the_caption_names_every_change_of_the_drawing():
     assert caption(False, 1, False, 0) == "mean over seeds, with the 95 % interval"
     text = caption(False, 3, True, 2)
-    assert "moved apart" in text
-    assert "intervals cut where no value can be" in text
-    assert "without 2 settings that are not complete" in text
+    assert "shifted" in text
+    assert "intervals clipped" in text
+    assert "without 2 incomplete settings" in text
 
 
-def test_means_over_other_axes_are_not_drawn_of_what_is_not_complete():
+def test_means_over_other_axes_are_not_drawn_for_incomplete_settings():
     settings = [{"a": str(i), "b": str(i % 2)} for i in range(2 * MOST_LINES + 2)]
     metrics = [{"iou_mean": 0.5}] * len(settings)
     assert set(axis_figures(settings, metrics, [["a"], ["b"]])) == {"a.png", "b.png"}

@@ -35,5 +35,5 @@ def test_runs_and_nodes_are_counted(capsys):
     progress.close()
 
 
-def test_times_as_one_says_them():
+def test_times_in_words():
     assert [duration(s) for s in (0.2, 80, 600, 12_000)] == ["1 s", "80 s", "10 min", "3 h 20 min"]

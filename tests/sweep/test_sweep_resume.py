@@ -75,7 +75,7 @@ def test_another_executor_and_another_cache(sweeps, folder, tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["seed=3"], "seed=3: --resume goes on with what the folder asks for"),
+        (["seed=3"], "seed=3: --resume keeps the settings"),
         (["executor.workers=1,2"], "executor.workers=1,2: --resume: one value is needed"),
         (["executor=loacl"], "did you mean executor=local?"),
         (["executor.workers=1", "--workers", "2"], "executor.workers: is given twice"),
@@ -84,7 +84,7 @@ def test_another_executor_and_another_cache(sweeps, folder, tmp_path):
         (["--dry-run"], "leave out --dry-run"),
     ],
 )
-def test_what_cannot_be_other_is_refused(sweeps, folder, words, said):
+def test_resume_refuses_overrides_that_affect_results(sweeps, folder, words, said):
     before = request_of(folder)
     assert said in sweeps.refused("--resume", folder, *words)
     assert request_of(folder) == before
@@ -101,7 +101,7 @@ TETRAHEDRON = "v -2 -1 0\nv 2 -1 0\nv 2 1 0\nv -2 1 0\nv 0 0 {}\nf 1 3 2\nf 1 4 
 )
 
 
-def test_relative_names_of_files_hold_in_another_working_directory(
+def test_relative_file_names_work_from_another_working_directory(
     sweeps, tmp_path, capsys, monkeypatch
 ):
     there, here = tmp_path / "there", tmp_path / "here"
@@ -130,7 +130,7 @@ def test_relative_names_of_files_hold_in_another_working_directory(
     assert sorted(path.name for path in here.iterdir()) == ["mine.obj", "other"]
 
 
-def test_a_mesh_that_changed_is_named_and_verified(sweeps, tmp_path, capsys):
+def test_a_changed_mesh_is_named_by_resume_and_verify(sweeps, tmp_path, capsys):
     mesh = tmp_path / "mine.obj"
     mesh.write_text(TETRAHEDRON.format(1.5))
     sweeps.run(*FEW, f"road_user.mesh=null,{mesh}", "--name", "mine")
@@ -145,14 +145,14 @@ def test_a_mesh_that_changed_is_named_and_verified(sweeps, tmp_path, capsys):
     again = sweeps.run("--resume", folder)
     assert again["complete"]
     assert (
-        "1 of 2 finished runs was made of something else than there is now (scenario: the "
-        f"content of {mesh} is not what it was) and is computed again" in sweeps.error
+        "1 of 2 finished runs is out of date and will be recomputed (scenario: the "
+        f"content of {mesh} is not what it was)" in sweeps.error
     )
     sweeps.run("--resume", folder)
     assert sweeps.error == ""
 
 
-def test_a_setting_and_a_folder_that_does_not_say(sweeps, monkeypatch):
+def test_resume_names_changed_settings_and_missing_lineages(sweeps, monkeypatch):
     from stixel_cli.engine import keys
 
     sweeps.run(*FEW, "tracker.sigma_f=0.1,0.2", "--name", "mine")
@@ -162,13 +162,13 @@ def test_a_setting_and_a_folder_that_does_not_say(sweeps, monkeypatch):
     # As if the option's file in conf/ had changed.
     file.write_text(file.read_text().replace("- tracker.sigma_f=0.2\n", "- tracker.sigma_f=0.3\n"))
     sweeps.run("--resume", folder)
-    assert "1 of 2 finished runs was made of something else" in sweeps.error
+    assert "1 of 2 finished runs is out of date" in sweeps.error
     assert "(track: tracker.sigma_f 0.2 → 0.3)" in sweeps.error
     monkeypatch.setattr(keys, "LAYOUT", keys.LAYOUT + 1)
     sweeps.run("--resume", folder)
     assert "2 of 2 finished runs" in sweeps.error
-    assert "the folder does not say of what" in sweeps.error
-    assert "ego_motion: its inputs are others" in sweeps.error
+    assert "no usable lineage" in sweeps.error
+    assert "ego_motion: its inputs changed" in sweeps.error
 
 
 def test_edited_code_is_named_by_resume_and_by_verify_of_a_run(tmp_path):
@@ -200,7 +200,7 @@ def test_edited_code_is_named_by_resume_and_by_verify_of_a_run(tmp_path):
     edited = "stixel_cli.tracking.start was edited"
     assert found["first_by_value"]["causes"] == [edited]
     assert "by up to" in found["first_by_value"]["what"]
-    # Taken out of its sweep's folder, it knows what was made, and not of which code.
+    # Outside its sweep's folder a run has keys but no code digests.
     alone = shutil.copytree(run, tmp_path / "alone" / "run")
     found = json.loads(stixel("verify", str(alone), "--cached", "--json", code=1).stdout)
     assert found["first_by_value"]["stage"] == "start"
@@ -208,7 +208,7 @@ def test_edited_code_is_named_by_resume_and_by_verify_of_a_run(tmp_path):
         "which code changed is not known: the folder does not say"
     ]
     done = stixel("sweep", "--resume", "results/mine", code=0)
-    assert f"(start: {edited}) and are computed again" in done.stderr
+    assert f"will be recomputed (start: {edited})" in done.stderr
     assert "2 of 2 finished runs" in done.stderr
 
 
@@ -228,7 +228,7 @@ def test_runs_refer_to_one_file_of_code(folder, sweeps):
         assert main(["verify", str(folder / "runs/0000"), "--cached"]) == 2
 
 
-def test_an_interrupted_verify_keeps_nothing_and_says_so(original, capsys, monkeypatch):
+def test_an_interrupted_verify_keeps_nothing(original, capsys, monkeypatch):
     from stixel_cli.cli import verify
 
     run = str(original / "runs/0000")

@@ -36,7 +36,7 @@ def test_runs_share_what_they_have_in_common(sweeps, capsys):
     swept = sweeps.run(*line, "--name", "a")
     assert swept["nodes"] == {"computed": 18, "cached": 0}
     assert swept["complete"]
-    # One more value computes its own nodes alone; all of it again computes none.
+    # One more value computes only its own nodes; the same values again compute nothing.
     more = sweeps.run(*FEW, "seed=0,1", "tracker.sigma_q=0.5,0.6,0.7,0.8")
     assert more["nodes"]["computed"] == 2 * 2
     assert sweeps.run(*line)["nodes"]["computed"] == 0
@@ -144,8 +144,8 @@ def test_statistics_of_few_values():
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--resume", "nowhere"], "nowhere: there is no such folder"),
-        (["--resume", "."], "no folder of a sweep (sweep.yaml is missing)"),
+        (["--resume", "nowhere"], "nowhere: no such folder"),
+        (["--resume", "."], "not the folder of a sweep (sweep.yaml is missing)"),
         (["--resume", ".", "--from", "x"], "leave out --from"),
         (["--resume", ".", "--dry-run"], "leave out --dry-run"),
         (["seed=0,1", "seed=2"], "seed: is given twice"),
@@ -154,22 +154,22 @@ def test_statistics_of_few_values():
         ([*FEW, "seed=0,1", "--name", "a/b"], "is no folder name"),
         ([*FEW, "seed=0,1", "--name", "a/b", "--dry-run"], "is no folder name"),
         ([*FEW, "seed=0,1", "--name", "", "--dry-run"], "is no folder name"),
-        (["--from", "nowhere"], "there is no such file"),
+        (["--from", "nowhere"], "no such file"),
     ],
 )
-def test_what_is_refused_is_one_line_and_writes_nothing(sweeps, arguments, said, monkeypatch):
+def test_a_refused_command_prints_one_line_and_writes_nothing(sweeps, arguments, said, monkeypatch):
     sweeps.results.mkdir()
     monkeypatch.chdir(sweeps.results)
     assert said in sweeps.refused(*arguments)
 
 
-def test_a_wrong_sweep_yaml_is_one_line(sweeps):
+def test_a_wrong_sweep_yaml_is_refused_in_one_line(sweeps):
     sweeps.run(*FEW, "seed=0,1", "--name", "mine")
     file = sweeps.results / "mine" / "sweep.yaml"
     for text in ("", "[]", "runs: 3", "a: [", "axes: []\nruns: []\nshuffle: 1\npictures: no"):
         file.write_text(text)
         said = sweeps.refused("--resume", file.parent)
-        assert "not what a sweep was asked for" in said or "not valid YAML" in said
+        assert "not a valid sweep.yaml" in said or "not valid YAML" in said
 
 
 def test_dry_run_writes_nothing(sweeps, capsys):
@@ -181,7 +181,7 @@ def test_dry_run_writes_nothing(sweeps, capsys):
     assert not sweeps.results.exists()
 
 
-def test_pictures_only_where_they_are_asked_for(sweeps):
+def test_pictures_only_on_request(sweeps):
     plain = sweeps.run(*FEW, "seed=0,1", "--name", "plain")
     assert not (sweeps.results / "plain" / "runs" / "0000" / "figures").exists()
     asked = sweeps.run(*FEW, "pictures.frames=[1]", "seed=0,1", "--name", "asked", "--pictures")
@@ -191,7 +191,7 @@ def test_pictures_only_where_they_are_asked_for(sweeps):
     assert asked["summary"] == plain["summary"]
 
 
-def test_the_summary_for_the_eye(sweeps, capsys):
+def test_the_printed_summary(sweeps, capsys):
     line = [*FEW, "seed=0,1", "tracker.sigma_q=1,2", "--results", str(sweeps.results)]
     assert main(["sweep", *line, "--name", "mine", "--shuffle", "3"]) == 0
     said = capsys.readouterr().out
@@ -203,9 +203,7 @@ def test_the_summary_for_the_eye(sweeps, capsys):
 
 
 @pytest.mark.parametrize("columns", ["40", "80"])
-def test_no_cell_of_a_table_is_cut_off_or_broken_where_there_is_no_terminal(
-    sweeps, capsys, monkeypatch, columns
-):
+def test_tables_are_not_cut_without_a_terminal(sweeps, capsys, monkeypatch, columns):
     monkeypatch.setenv("COLUMNS", columns)
     line = [*FEW, "tracker.sigma_f=0.05,0.15", "start.position=0.1,0.2", "seed=0,1"]
     assert main(["plan", *line]) == 0
@@ -219,9 +217,7 @@ def test_no_cell_of_a_table_is_cut_off_or_broken_where_there_is_no_terminal(
     assert sum(row.count("±") == 4 for row in said.splitlines()) == 4
 
 
-def test_the_folder_is_told_in_full_and_shown_in_lines_one_can_read(
-    sweeps, tmp_path, capsys, monkeypatch
-):
+def test_json_has_the_full_folder_and_show_fits_the_terminal(sweeps, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     sweeps.results = Path("here")
     swept = sweeps.run(*FEW, "seed=0,1", "--name", "mine")
@@ -241,7 +237,7 @@ def test_from_python_nothing_is_written(sweeps, tmp_path):
     assert not sweeps.results.exists()
 
 
-def test_figures_of_words_of_numbers_and_of_many_lines():
+def test_figures_of_text_values_numbers_and_many_lines():
     settings, metrics = [], []
     for i in range(12):
         for user in ("car", "cyclist"):

@@ -5,8 +5,7 @@ from runs_of import sweep_runs
 
 from stixel_cli.config.compose import compose
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.sweeps.checks import check_axes
-from stixel_cli.sweeps.graphs import plan_runs
+from stixel_cli.sweeps.graphs import check_axes, plan_runs
 
 FABRICATED = "measurement=fabricated"
 
@@ -36,7 +35,7 @@ def test_the_sweep_grammar(override, expected):
     assert labels(override) == expected
 
 
-def test_a_group_within_another_is_swept_wherever_the_outer_option_stands(tmp_path):
+def test_a_group_within_another_is_swept_in_any_order_of_the_options(tmp_path):
     swept = "measurement/noise=stereo,constant"
     assert labels(FABRICATED, swept) == ["measurement/noise=stereo", "measurement/noise=constant"]
     file = tmp_path / "study.yaml"
@@ -79,7 +78,7 @@ def test_a_group_inside_another_is_swept():
         sweep_runs(["measurement/noise=stereo,constant"])
 
 
-def test_the_order_is_drawn_with_the_seed_that_is_given():
+def test_shuffle_depends_on_its_seed():
     in_order = labels("seed=range(20)")
     drawn = labels("seed=range(20)", shuffle_seed=1)
     assert drawn != in_order
@@ -118,7 +117,7 @@ def test_the_order_is_drawn_with_the_seed_that_is_given():
         (["seed=range(0)"], "stands for no value at all"),
         (["seed=1,"], "a value is missing beside a comma"),
         (["rig.width=640,640,'${rig.height}'"], "given twice"),
-        (["rig.width='${rig.height}',480"], "are the same configuration"),
+        (["rig.width='${rig.height}',480"], "give the same configuration"),
         (["hydra.job.name=a,b"], "no effect here"),
         (["measurement/noise=stereo,constant"], "with measurement=simulated; it belongs to"),
         (["measurement=fabricated,simulated", "measurement/noise=stereo"], "(run 1: "),
@@ -126,7 +125,7 @@ def test_the_order_is_drawn_with_the_seed_that_is_given():
         (["seed=range(0,2),range(5,7)"], "several values within several"),
     ],
 )
-def test_what_cannot_be_meant_is_refused(line, said):
+def test_an_invalid_line_is_refused(line, said):
     with pytest.raises(ConfigurationError) as error:
         sweep_runs(line)
     assert said in str(error.value)
@@ -137,10 +136,10 @@ def test_what_cannot_be_meant_is_refused(line, said):
     ("line", "said"),
     [
         (["sensor.read_noise=0,1"], "sensor.read_noise: no stage reads it"),
-        (["executor.workers=1,2"], "no result depends on it"),
-        (["executor=local,threads", "seed=1,2"], "no result depends on it"),
-        (["cache.max_size=null,1GB"], "no result depends on it"),
-        (["pictures.frames=[0],[1]"], "unless --pictures is given"),
+        (["executor.workers=1,2"], "it does not affect results"),
+        (["executor=local,threads", "seed=1,2"], "it does not affect results"),
+        (["cache.max_size=null,1GB"], "it does not affect results"),
+        (["pictures.frames=[0],[1]"], "only with --pictures"),
     ],
 )
 def test_an_axis_that_no_stage_reads_is_refused(line, said):
@@ -175,7 +174,7 @@ leave_out:
 """.replace("0.1, 1e-1, ", "1e-1, ")
 
 
-def test_a_file_names_axes_seeds_zipped_axes_and_what_is_left_out(tmp_path):
+def test_a_file_names_axes_seeds_zipped_axes_and_left_out_runs(tmp_path):
     file = tmp_path / "study.yaml"
     file.write_text(FILE, encoding="utf-8")
     runs = sweep_runs(["start.position=0.2"], file=str(file))
@@ -206,24 +205,27 @@ def test_the_shipped_study_is_valid():
         ("axes: {seed: [1, 2]}\nseeds: 3", "seed: is given twice"),
         ("axes: {seed: [1, 2]}\naxes: {path: [turn, circle]}", "line 2: found duplicate key axes"),
         ("axis: {seed: [1, 2]}", "axis: no such entry; did you mean axes?"),
-        ("axes: [seed]", "axes: must be keys of the configuration"),
+        ("axes: [seed]", "axes: must map keys of the configuration"),
         ("axes: {path: [turn, trun]}", "did you mean path=turn?"),
         ("axes:\n  tracker.sigma_f: interval(0.1,1)", "STEP"),
         ("fixed: {seed: '0,1'}\naxes: {path: [turn, circle]}", "'0,1' is text"),
         ("fixed: {path: [turn]}\nseeds: 2", "one option is needed"),
-        ("seeds: 0", "seeds: 0 of them: must be 1 to 100000"),
+        ("seeds: 0", "seeds: must be a number from 1 to 100000 or a list, got 0"),
         ("seeds: a", "'a' is one value"),
-        ("zipped: [{seed: [1, 2]}]", "zipped: entry 1: two keys or more"),
+        ("zipped: [{seed: [1, 2]}]", "zipped: entry 1: must map two keys or more"),
         ("zipped: {seed: [1, 2]}", "zipped: must be a list"),
-        ("zipped: [{seed: [1, 2], path: [turn]}]", "need as many values: seed 2, path 1"),
+        (
+            "zipped: [{seed: [1, 2], path: [turn]}]",
+            "need the same number of values: seed 2, path 1",
+        ),
         ("zipped: [{seed: [1, 1], path: [turn, turn]}]", "seed=1 path=turn is given twice"),
-        ("seeds: 2\nleave_out: [{path: turn}]", "path is on no axis"),
+        ("seeds: 2\nleave_out: [{path: turn}]", "path is not on any axis"),
         ("seeds: 2\nleave_out: [{seed: 7}]", "study.yaml: leave_out: no run has seed=7"),
         (
             "seeds: 2\nleave_out: [{seed: 0}, {seed: 1}]",
             "study.yaml: leave_out: every run is left out",
         ),
-        ("seeds: 2\nleave_out: [seed]", "must be keys with the value"),
+        ("seeds: 2\nleave_out: [seed]", "leave_out: entry 1: must map keys"),
         ("- 1", "must have the entries"),
         ("", "nothing to sweep"),
         ("axes: {seed: [1, 2", "did not find expected"),
@@ -231,7 +233,7 @@ def test_the_shipped_study_is_valid():
         ("\t", "line 1"),
     ],
 )
-def test_a_wrong_file_is_one_line(tmp_path, text, said):
+def test_a_wrong_file_is_refused_in_one_line(tmp_path, text, said):
     file = tmp_path / "study.yaml"
     file.write_text(text, encoding="utf-8")
     with pytest.raises(UserError) as error:
@@ -250,7 +252,7 @@ def test_a_key_in_the_file_and_on_the_line_is_refused(tmp_path):
 
 @pytest.mark.parametrize("name", ["nowhere.yaml", "prior_widht", "", "a\nb"])
 def test_no_such_file(name):
-    with pytest.raises(ConfigurationError, match="there is no such file") as error:
+    with pytest.raises(ConfigurationError, match="no such file") as error:
         sweep_runs([], file=name)
     assert "rq1" not in str(error.value), "a study is no sweep"
     assert "\n" not in str(error.value)
