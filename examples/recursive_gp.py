@@ -1,12 +1,12 @@
 """Recursive Gaussian process regression of a fixed star-convex contour.
 
-Thesis section 5.4.2 and Figure 8: the target's shape on the plane, and the same shape as a radial
-function. The radius is learnt from noisy points that come ten at a time; what has not been seen
-keeps its uncertainty.
+Thesis section 5.4.2 and Figure 8. The radius of a contour is estimated from noisy points, ten per
+batch. The figure shows the contour on the plane and as a radial function after some batches.
+Where there are no points, the uncertainty stays at the prior's.
 
     python examples/recursive_gp.py PICTURE
 
-writes the picture (PNG, SVG, PDF) to PICTURE.
+writes the figure (PNG, SVG or PDF) to PICTURE.
 """
 
 import argparse
@@ -23,25 +23,25 @@ from stixel_cli.randomness import generator
 from stixel_cli.tracking import recursive_gp
 from stixel_cli.tracking.kernel import contour_process
 
-STD = 0.08  # of a measured radius, m
+STD = 0.08  # m, of a measured radius
 PER_BATCH = 10
 SHOWN = (1, 4, 20)  # batches
 TRUTH, ESTIMATE, POINTS = "#444444", "#0072b2", "#d55e00"
 
 
 def true_radius(angles):
-    """Radius in m of a shape some 4 m long and 2 m wide, with a bulge on either side."""
+    """Radius in m of a shape about 4 m × 2 m: an ellipse with a bulge on each side."""
     ellipse = 2.0 * 1.0 / np.hypot(1.0 * np.cos(angles), 2.0 * np.sin(angles))
     return ellipse + 0.12 * np.cos(4.0 * angles)
 
 
 def on_the_plane(radii, angles):
-    """x and y in m of the contour's points."""
+    """x and y in m of points of a contour."""
     return radii * np.cos(angles), radii * np.sin(angles)
 
 
 def draw(plane, function, angles, mean, std, seen_angles, seen_radii):
-    """One column: the contour on the plane above, its radial function below."""
+    """Draw one column: the contour on the plane (top) and its radial function (bottom)."""
     low, high = np.maximum(mean - 2.0 * std, 0.0), mean + 2.0 * std
     ring = [
         np.concatenate(pair)
@@ -67,7 +67,7 @@ def draw(plane, function, angles, mean, std, seen_angles, seen_radii):
 
 
 def main(picture: Path) -> None:
-    """Learn the contour, and draw it after a few batches."""
+    """Estimate the contour and draw it after some of the batches."""
     process = contour_process(
         basis_points=50, length_scale=np.pi / 8, sigma_f=0.5, sigma_r=1.5, jitter=1e-6
     )
