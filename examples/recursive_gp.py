@@ -1,12 +1,13 @@
 """Recursive Gaussian process regression of a fixed star-convex contour.
 
-Thesis section 5.4.2 and Figure 8. The radius of a contour is estimated from noisy points, ten per
-batch. The figure shows the contour on the plane and as a radial function after some batches.
-Where there are no points, the uncertainty stays at the prior's.
+Thesis section 5.4.2, (57)-(60) and Figure 8; Huber 2014, *Recursive Gaussian process*: a filter
+whose state is the radius at the basis angles. The picture shows the target's shape on the plane,
+and the same shape as a radial function. The radius is learnt from noisy points that come ten at a
+time; angles without points keep their uncertainty.
 
     python examples/recursive_gp.py PICTURE
 
-writes the figure (PNG, SVG or PDF) to PICTURE.
+writes the picture (PNG, SVG, PDF) to PICTURE.
 """
 
 import argparse
@@ -20,13 +21,47 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from stixel_cli.randomness import generator
-from stixel_cli.tracking import recursive_gp
-from stixel_cli.tracking.kernel import contour_process
+from stixel_cli.tracking.kernel import ContourProcess, contour_process
 
-STD = 0.08  # m, of a measured radius
+STD = 0.08  # of a measured radius, m
 PER_BATCH = 10
 SHOWN = (1, 4, 20)  # batches
 TRUTH, ESTIMATE, POINTS = "#444444", "#0072b2", "#d55e00"
+
+
+def start(process: ContourProcess) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (N,) m and covariance (N, N) m² before any value: x^f ~ N(0, K)."""
+    return np.zeros(len(process.basis_angles)), process.covariance.copy()
+
+
+def update(
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    angles: np.ndarray,
+    radii: np.ndarray,
+    std: float,
+    process: ContourProcess,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (N,) m and covariance (N, N) m² with a batch of values.
+
+    `radii` (n,) m were measured at `angles` (n,) rad with a standard deviation `std` in m:
+    r = H^f x^f + e with e ~ N(0, R^f + R), and the values of a batch are taken as independent given
+    the basis points, thesis (49).
+    """
+    matrix, variances = process.at(angles)
+    innovation_covariance = matrix @ covariance @ matrix.T + np.diag(variances + std**2)
+    gain = np.linalg.solve(innovation_covariance, matrix @ covariance).T
+    updated = covariance - gain @ innovation_covariance @ gain.T
+    return mean + gain @ (radii - matrix @ mean), 0.5 * (updated + updated.T)
+
+
+def radius(
+    mean: np.ndarray, covariance: np.ndarray, angles: np.ndarray, process: ContourProcess
+) -> tuple[np.ndarray, np.ndarray]:
+    """Radius (n,) and its standard deviation (n,) in m at `angles` (n,) rad."""
+    matrix, variances = process.at(angles)
+    spread = np.einsum("ij,ij->i", matrix @ covariance, matrix)
+    return matrix @ mean, np.sqrt(np.maximum(spread, 0.0) + variances)
 
 
 def true_radius(angles):
@@ -71,7 +106,7 @@ def main(picture: Path) -> None:
     process = contour_process(
         basis_points=50, length_scale=np.pi / 8, sigma_f=0.5, sigma_r=1.5, jitter=1e-6
     )
-    mean, covariance = recursive_gp.start(process)
+    mean, covariance = start(process)
     angles = np.linspace(0.0, 2.0 * np.pi, 361)
     figure, axes = plt.subplots(2, len(SHOWN), figsize=(11, 6.4), layout="constrained")
     seen_angles, seen_radii = np.zeros(0), np.zeros(0)
@@ -79,10 +114,10 @@ def main(picture: Path) -> None:
         random = generator(0, "example", batch)
         new = random.uniform(0.0, 2.0 * np.pi, PER_BATCH)
         radii = true_radius(new) + STD * random.standard_normal(PER_BATCH)
-        mean, covariance = recursive_gp.update(mean, covariance, new, radii, STD, process)
+        mean, covariance = update(mean, covariance, new, radii, STD, process)
         seen_angles, seen_radii = np.append(seen_angles, new), np.append(seen_radii, radii)
         if batch in SHOWN:
-            found, std = recursive_gp.radius(mean, covariance, angles, process)
+            found, std = radius(mean, covariance, angles, process)
             plane, function = axes[:, SHOWN.index(batch)]
             draw(plane, function, angles, found, std, seen_angles, seen_radii)
             error = np.sqrt(np.mean((found - true_radius(angles)) ** 2))
