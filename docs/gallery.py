@@ -1,8 +1,8 @@
-"""Make the gallery: `docs/gallery.md` and its pictures, each from a run of `stixel`.
+"""Write the gallery: `docs/gallery.md` and its pictures, each from a run of `stixel`.
 
     python docs/gallery.py
 
-Pictures that are there already are made again; what the cache has is not computed again.
+It overwrites all pictures. Results that are in the cache are not recomputed.
 """
 
 import io
@@ -15,12 +15,12 @@ from stixel_cli.config.folders import group_options
 DOCS = Path(__file__).parent
 FOLDER = "figures/gallery"
 WIDEST = 760
-"""Pictures are scaled down to this, px."""
+"""Greatest width of a picture, px."""
 
 QUALITY = 72
 
 NEAR = {"car": "[-0.4,13]", "cyclist": "[-0.2,7.5]", "pedestrian": "[0,6.5]"}
-"""Where each stands for its portrait, m; any other where the car does."""
+"""Start of each road user for its picture, m; a new one starts where the car does."""
 
 STREET = ["path=crossing", "path.duration=1.6", "pictures.frames=[15]"]
 FABRICATED = ["measurement=fabricated", "pictures.frames=[]"]
@@ -31,11 +31,11 @@ class Entry:
     """One picture.
 
     Attributes:
-        name: of the file, without its ending.
-        caption: what it shows.
-        overrides: of the run that makes it.
-        source: the picture's path below the run's `figures/`.
-        width: px; the picture is scaled down to it.
+        name: the file's name without extension.
+        caption: text next to the picture.
+        overrides: of the run.
+        source: path of the picture in the run's `figures/`.
+        width: greatest width, px.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Entry:
 
 
 def sections() -> dict[str, list[Entry]]:
-    """The pictures by the heading they stand under."""
+    """The pictures of each section, by heading."""
     options = group_options()
     users = options["road_user"]
     return {
@@ -115,12 +115,12 @@ def sections() -> dict[str, list[Entry]]:
 
 
 def page() -> str:
-    """The text of the gallery's page."""
+    """Text of `docs/gallery.md`."""
     lines = [
         "# Gallery",
         "",
-        "Every picture is one that a run of `stixel` leaves in `figures/`, scaled down; the",
-        "command stands beside it. All, and this page, are made by `python docs/gallery.py`.",
+        "Every picture is from the `figures/` of a run, scaled down; the command is below it.",
+        "`python docs/gallery.py` writes this page and all its pictures.",
     ]
     for heading, entries in sections().items():
         lines += ["", f"## {heading}"]
@@ -130,7 +130,7 @@ def page() -> str:
                 "",
                 f"![{entry.caption.strip('`')}]({FOLDER}/{entry.name}.webp)",
                 "",
-                f"{entry.caption} `{entry.source}` of",
+                f"{entry.caption.removesuffix('.')}: `{entry.source}` of",
                 "",
                 "```sh",
                 command,
@@ -140,7 +140,7 @@ def page() -> str:
 
 
 def small_picture(png: bytes, width: int) -> bytes:
-    """A PNG as a WebP, `width` px wide at most."""
+    """WebP of a PNG, at most `width` px wide."""
     from PIL import Image
 
     image = Image.open(io.BytesIO(png)).convert("RGB")
@@ -152,7 +152,7 @@ def small_picture(png: bytes, width: int) -> bytes:
 
 
 def main() -> None:
-    """Run what the pictures are from, and write them and the page."""
+    """Run the entries; write the pictures and the page."""
     from stixel_cli import run
 
     folder = DOCS / FOLDER

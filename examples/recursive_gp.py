@@ -65,18 +65,18 @@ def radius(
 
 
 def true_radius(angles):
-    """Radius in m of a shape some 4 m long and 2 m wide, with a bulge on either side."""
+    """Radius in m of a shape about 4 m × 2 m: an ellipse with a bulge on each side."""
     ellipse = 2.0 * 1.0 / np.hypot(1.0 * np.cos(angles), 2.0 * np.sin(angles))
     return ellipse + 0.12 * np.cos(4.0 * angles)
 
 
 def on_the_plane(radii, angles):
-    """x and y in m of the contour's points."""
+    """x and y in m of points of a contour."""
     return radii * np.cos(angles), radii * np.sin(angles)
 
 
 def draw(plane, function, angles, mean, std, seen_angles, seen_radii):
-    """One column: the contour on the plane above, its radial function below."""
+    """Draw one column: the contour on the plane (top) and its radial function (bottom)."""
     low, high = np.maximum(mean - 2.0 * std, 0.0), mean + 2.0 * std
     ring = [
         np.concatenate(pair)
@@ -102,7 +102,7 @@ def draw(plane, function, angles, mean, std, seen_angles, seen_radii):
 
 
 def main(picture: Path) -> None:
-    """Learn the contour, and draw it after a few batches."""
+    """Estimate the contour and draw it after some of the batches."""
     process = contour_process(
         basis_points=50, length_scale=np.pi / 8, sigma_f=0.5, sigma_r=1.5, jitter=1e-6
     )

@@ -1,4 +1,4 @@
-"""The README's examples are commands that work."""
+"""The README's examples are valid, and its tables are complete."""
 
 import ast
 import re
@@ -24,7 +24,7 @@ def test_there_are_examples():
 
 
 @pytest.mark.parametrize("arguments", RUNS, ids=" ".join)
-def test_the_examples_are_accepted(arguments, capsys):
+def test_examples_are_valid(arguments, capsys):
     assert main([*arguments, "--dry-run"]) == 0, capsys.readouterr().err
 
 
@@ -33,12 +33,12 @@ def test_every_command_exists(capsys):
         assert main([verb, "--help"]) == 0, verb
 
 
-def test_every_study_is_told_of():
-    told = re.findall(r"^stixel study (\w+)", README, flags=re.MULTILINE)
-    assert told == shipped_studies()
+def test_every_study_is_in_the_readme():
+    named = re.findall(r"^stixel study (\w+)", README, flags=re.MULTILINE)
+    assert named == shipped_studies()
 
 
-def test_the_python_example_is_accepted():
+def test_python_example_is_valid():
     (code,) = re.findall(r"^```python\n(.*?)^```", README, flags=re.MULTILINE | re.DOTALL)
     lists = [node for node in ast.walk(ast.parse(code)) if isinstance(node, ast.List)]
     assert lists
@@ -46,7 +46,7 @@ def test_the_python_example_is_accepted():
         compose(ast.literal_eval(overrides))
 
 
-def test_every_option_in_the_readme_exists_and_none_is_missing():
+def test_options_in_the_readme_are_complete():
     table = re.findall(r"^\| `([\w/]+)` \| (`.*) \|$", README, flags=re.MULTILINE)
     named = {group: set(re.findall(r"`(\w+)`", options)) for group, options in table}
     known = group_options()

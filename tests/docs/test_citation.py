@@ -1,4 +1,4 @@
-"""CITATION.cff has what the format 1.2.0 requires, and says what the package says."""
+"""CITATION.cff has the fields that format 1.2.0 requires, and agrees with the package."""
 
 import tomllib
 from pathlib import Path
@@ -24,13 +24,13 @@ def test_required_fields():
     assert all(is_named(author) for author in CITATION["authors"])
 
 
-def test_it_says_what_the_package_says():
+def test_it_agrees_with_the_package():
     assert CITATION["version"] == PROJECT["version"] == stixel_cli.__version__
     assert CITATION["license"] == PROJECT["license"]
     assert [a["name"] for a in CITATION["authors"]] == [a["name"] for a in PROJECT["authors"]]
 
 
-def test_references_are_whole():
+def test_references_are_complete():
     for reference in CITATION["references"]:
         assert {"type", "title", "authors"} <= reference.keys()
         assert reference["type"] in REFERENCE_TYPES

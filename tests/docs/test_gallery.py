@@ -1,4 +1,4 @@
-"""The gallery's page and pictures are those that its script makes; its commands are accepted."""
+"""The gallery is the output of its script, and its commands are valid."""
 
 import importlib.util
 import shlex
@@ -25,20 +25,20 @@ gallery = load_script()
 ENTRIES = [entry for group in gallery.sections().values() for entry in group]
 
 
-def test_the_page_is_the_scripts():
+def test_page_is_output_of_script():
     assert (DOCS / "gallery.md").read_text(encoding="utf-8") == gallery.page(), (
         "run python docs/gallery.py"
     )
 
 
-def test_the_pictures_are_the_scripts_and_small():
+def test_pictures_are_output_of_script_and_small():
     files = sorted((DOCS / gallery.FOLDER).iterdir())
     assert [file.name for file in files] == sorted(f"{entry.name}.webp" for entry in ENTRIES)
     assert all(file.read_bytes()[8:12] == b"WEBP" for file in files)
     assert sum(file.stat().st_size for file in files) < MOST_BYTES
 
 
-def test_every_command_is_on_the_page_and_its_words_exist():
+def test_every_command_is_on_the_page_and_valid():
     text = (DOCS / "gallery.md").read_text(encoding="utf-8")
     for entry in ENTRIES:
         check_overrides(parse_overrides(entry.overrides))
@@ -46,8 +46,8 @@ def test_every_command_is_on_the_page_and_its_words_exist():
 
 
 @pytest.mark.parametrize("group", gallery.sections().values(), ids=gallery.sections())
-def test_commands_give_their_pictures(group):
-    """One of each section: its entries differ in the option alone, and every preset is run."""
+def test_commands_draw_their_pictures(group):
+    """One entry per section: the entries of a section differ only in the option."""
     entry = group[-1]
     configuration = compose(entry.overrides).configuration
     frames = pictured_frames(configuration)
@@ -58,7 +58,7 @@ def test_commands_give_their_pictures(group):
         assert configuration.measurement.kind == "simulated"
 
 
-def test_a_picture_is_scaled_down_and_never_up():
+def test_pictures_are_scaled_down_only():
     import io
 
     from PIL import Image

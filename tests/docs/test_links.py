@@ -1,4 +1,4 @@
-"""Relative links and pictures of every page lead somewhere, headings included."""
+"""Relative links and pictures of every page have a target, headings included."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Every function that the theory page names is there."""
+"""Every function that the theory page names exists."""
 
 import importlib
 import re
@@ -8,21 +8,21 @@ import pytest
 
 PAGE = (Path(__file__).parents[2] / "docs" / "theory.md").read_text(encoding="utf-8")
 NAMES = sorted(set(re.findall(r"`(\w+(?:\.\w+)+:\w+(?:\.\w+)?)`", PAGE)))
-ROOMS = ("geometry", "stereo", "stixels", "measurements", "tracking", "evaluation", "validation")
+FOLDERS = ("geometry", "stereo", "stixels", "measurements", "tracking", "evaluation", "validation")
 
 
-def test_every_room_of_the_way_is_named():
-    assert {name.split(".")[0] for name in NAMES} == set(ROOMS)
+def test_every_folder_is_named():
+    assert {name.split(".")[0] for name in NAMES} == set(FOLDERS)
 
 
-def test_no_function_is_named_in_another_form():
-    """One written `room.module.name`, or with a slash, would not be looked up below."""
-    odd = re.findall(rf"`((?:{'|'.join(ROOMS)})[./][^`\n]*)`", PAGE)
+def test_functions_are_named_in_one_form():
+    """Otherwise the test below would not check them."""
+    odd = re.findall(rf"`((?:{'|'.join(FOLDERS)})[./][^`\n]*)`", PAGE)
     assert [name for name in odd if name not in NAMES] == []
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_function_is_there(name):
+def test_function_exists(name):
     module, _, path = name.partition(":")
     found = importlib.import_module(f"stixel_cli.{module}")
     for part in path.split("."):

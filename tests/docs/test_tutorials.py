@@ -1,4 +1,4 @@
-"""The tutorials are done as they are read: every block, in order, with what it says it prints."""
+"""Every block of the tutorials runs, in order, with the output that the page shows."""
 
 import os
 import shutil
@@ -18,7 +18,7 @@ def test_there_are_five_in_order():
 
 
 def copy_checkout(folder: Path) -> None:
-    """What a change of the source needs of this checkout."""
+    """Copy the files that a tutorial edits, and those that they need."""
     leave = shutil.ignore_patterns("__pycache__")
     for name in ("stixel_cli", "conf", "pipelines"):
         shutil.copytree(ROOT / name, folder / name, ignore=leave)
@@ -53,7 +53,7 @@ def test_tutorial(page, tmp_path, monkeypatch):
             pytest.fail(f"{page.name}, the block at line {block.line}: {error}", pytrace=False)
 
 
-def test_what_is_stated_is_compared():
+def test_output_is_compared():
     assert matches("a 0.25 m  \nb\nc\n", "a 0.2… m\n…\nc")
     assert matches("a\n", "…\na\n…\n")
     assert not matches("a 0.35 m\n", "a 0.2… m")
@@ -61,7 +61,7 @@ def test_what_is_stated_is_compared():
     assert not matches("", "a")
 
 
-def test_an_edit_finds_its_place_once(tmp_path):
+def test_diff_applies_once(tmp_path):
     file = tmp_path / "file"
     file.write_text("one\ntwo\ntwo\nthree\n")
     apply_diff(file, " one\n-two\n+2\n")

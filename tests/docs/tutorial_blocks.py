@@ -1,14 +1,14 @@
-"""What a tutorial's fenced blocks say, and how they are carried out.
+"""Parse and run the fenced blocks of a tutorial.
 
-    ```sh                  a script of bash that must succeed
-    ```console             `$ command`, then what it prints on stdout
-    ```console exit=2      the same of a command that fails so, and what it prints on stderr
-    ```python              goes on where the page's last Python block stopped
-    ```text                what the Python block before it prints
-    ```LANGUAGE file=PATH  a file that the reader saves
-    ```diff file=PATH      an edit of a file: the lines without `+` stand there once, together
+    ```sh                  bash script that must succeed
+    ```console             `$ command` and its stdout
+    ```console exit=2      `$ command` that exits with 2, and its stderr
+    ```python              runs in the namespace of the page's earlier Python blocks
+    ```text                stdout of the Python block before
+    ```LANGUAGE file=PATH  file that the reader saves
+    ```diff file=PATH      edit of a file: its lines without `+` occur once in the file, together
 
-In what is printed `…` stands for anything within a line, and alone on a line for any lines.
+In output, `…` matches any text within a line; on a line of its own it matches any lines.
 """
 
 import os
@@ -37,7 +37,7 @@ class Block:
 
 
 def read_blocks(page: Path) -> list[Block]:
-    """The page's blocks in order, each with the text between it and the one before."""
+    """Blocks of a page in order, each with the text before it."""
     text = page.read_text(encoding="utf-8")
     blocks, end = [], 0
     for found in _FENCE.finditer(text):
@@ -49,7 +49,7 @@ def read_blocks(page: Path) -> list[Block]:
 
 
 def matches(printed: str, stated: str) -> bool:
-    """Whether `printed` is what is `stated`, apart from spaces at the ends of lines."""
+    """Whether output matches the page, apart from spaces at the ends of lines."""
     pattern = ""
     for line in stated.rstrip().splitlines():
         if line.strip() == "…":
@@ -61,7 +61,7 @@ def matches(printed: str, stated: str) -> bool:
 
 
 def apply_diff(path: Path, diff: str) -> None:
-    """Edit a file as a diff without line numbers says."""
+    """Apply a diff without line numbers to a file."""
     lines = diff.splitlines()
     assert all(line[:1] in {"", " ", "-", "+"} for line in lines), diff
     old = "".join(f"{line[1:]}\n" for line in lines if not line.startswith("+"))
@@ -72,7 +72,7 @@ def apply_diff(path: Path, diff: str) -> None:
 
 
 class Reader:
-    """One who does what a page says, in a folder of their own."""
+    """Runs the blocks of one page in one folder."""
 
     def __init__(self, folder: Path, environment: dict[str, str]):
         self.folder = folder
@@ -81,7 +81,7 @@ class Reader:
         self.printed = ""
 
     def follow(self, block: Block) -> None:
-        """Do what the block says; AssertionError if something else comes of it."""
+        """Run a block; AssertionError if its result differs from the page."""
         if block.file is not None:
             path = self.folder / block.file
             assert f"`{block.file}`" in block.before, f"the text does not name {block.file}"
