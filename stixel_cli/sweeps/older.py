@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.stored_run import OF_THE_MACHINE
-from stixel_cli.results.causes import first_other_stage
+from stixel_cli.results.causes import first_changed_stage
 from stixel_cli.results.lineage import lineage_of, read_lineage
 from stixel_cli.results.reader import flat_settings, read_config
 from stixel_cli.sweeps.folder import SweepFolder
@@ -47,7 +47,7 @@ def _reason(folder: SweepFolder, one: PlannedPoint) -> str:
         if before is None:
             return _UNKNOWN
         after = lineage_of(one.graph, one.graph.ancestors(one.targets), None)
-        found = first_other_stage(before, after, one.graph, _OTHER_SETTINGS)
+        found = first_changed_stage(before, after, one.graph, _OTHER_SETTINGS)
         if found is None:
             return "other results were asked for"
         causes = [_settings(folder, one) if c == _OTHER_SETTINGS else c for c in found.causes]
