@@ -47,7 +47,7 @@ def test_a_result_folder_is_as_that_of_the_command_line(tmp_path):
     assert result.folder == tmp_path / "mine"
     assert json.loads((tmp_path / "mine" / "metrics.json").read_text()) == result.metrics
     assert "stixel run measurement=fabricated" in (tmp_path / "mine" / "manifest.json").read_text()
-    with pytest.raises(UserError, match="exists, and is not written over"):
+    with pytest.raises(UserError, match="exists; choose another --name"):
         run(FABRICATED, results=str(tmp_path), name="mine")
 
 

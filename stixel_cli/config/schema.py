@@ -19,7 +19,7 @@ from stixel_cli.measurements.simulated import SimulatedParameters
 from stixel_cli.rendering.filament_parameters import FilamentParameters
 from stixel_cli.rendering.raycast_parameters import RaycastParameters
 from stixel_cli.rendering.sensor_noise import Sensor
-from stixel_cli.report.parameters import PicturesParameters
+from stixel_cli.results.pictures import PicturesParameters
 from stixel_cli.scene.ego import Ego
 from stixel_cli.scene.pace_parameters import Pace
 from stixel_cli.scene.path_parameters import Path

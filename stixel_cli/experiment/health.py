@@ -1,4 +1,4 @@
-"""What this machine has of what experiments need."""
+"""Check whether this machine can run experiments."""
 
 import os
 import platform
@@ -18,23 +18,23 @@ from stixel_cli.engine.store import Store
 from stixel_cli.results.provenance import git_state, package_versions
 
 RENDERER_TIMEOUT = 60.0
-"""Seconds that a renderer is given; the first start on a machine compiles kernels."""
+"""Time limit of a renderer, s; the first start on a machine compiles kernels."""
 
 LEAST_FREE = 10**9
-"""Bytes that must be free for the cache: some experiments of a hundred frames."""
+"""Free bytes that the cache needs: a few experiments of a hundred frames."""
 
 RAYCAST_PROBE = (sys.executable, "-m", "stixel_cli.experiment.raycast_probe")
 
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that was looked at.
+    """The result of one check.
 
     Attributes:
-        name: what.
-        status: `fails` is what keeps the default experiment from running; `absent` is what only
-            some experiments need; `limited` is there, and not all that it should be.
-        text: what was found, or what is wrong, in one line.
+        name: what was checked.
+        status: `fails` keeps the default experiment from running; `absent` is needed by some
+            experiments only; `limited` works in part.
+        text: the finding or the fault, in one line.
     """
 
     name: str
@@ -47,9 +47,9 @@ def examine(
     raycast: Callable[[], str | None] | None = None,
     filament: Callable[[], str | None] | None = None,
 ) -> list[Check]:
-    """Look at everything; what hangs or dies is in a child process, and timed out.
+    """Run all checks; the renderers run in child processes with a time limit.
 
-    `raycast` and `filament` tell why the renderer does not work, None if it does.
+    `raycast` and `filament` return why the renderer does not work, None if it works.
     """
     return [
         *_software(),
@@ -63,7 +63,7 @@ def examine(
 def probe_raycast(
     timeout: float = RENDERER_TIMEOUT, command: tuple[str, ...] = RAYCAST_PROBE
 ) -> str | None:
-    """Why rays cannot be cast here, in one line; None if one picture is rendered in time."""
+    """Why ray casting does not work here, in one line; None if it renders a picture in time."""
     child = subprocess.Popen(
         command,
         stdin=subprocess.DEVNULL,
@@ -74,7 +74,7 @@ def probe_raycast(
         start_new_session=True,
     )
     try:
-        _, said = child.communicate(timeout=timeout)
+        _, errors = child.communicate(timeout=timeout)
     except subprocess.TimeoutExpired:
         return f"no picture within {timeout:g} s"
     finally:
@@ -83,8 +83,8 @@ def probe_raycast(
             child.communicate()
     if child.returncode == 0:
         return None
-    lines = [line.strip() for line in said.splitlines() if line.strip()]
-    return lines[-1] if lines else f"its process died with {child.returncode}"
+    lines = [line.strip() for line in errors.splitlines() if line.strip()]
+    return lines[-1] if lines else f"its process ended with exit code {child.returncode}"
 
 
 def _probe_filament() -> str | None:
@@ -111,7 +111,7 @@ def _software() -> list[Check]:
         Check(
             "Python",
             "ok" if supported else "fails",
-            versions["python"] + ("" if supported else ": 3.11 or 3.12 is needed"),
+            versions["python"] + ("" if supported else ": Python 3.11 or 3.12 is required"),
         ),
         Check("system", "ok", f"{platform.system()} {platform.release()} {platform.machine()}"),
         *(
@@ -129,7 +129,7 @@ def _dask() -> Check:
     try:
         return Check("distributed", "ok", version("distributed"))
     except PackageNotFoundError:
-        return Check("distributed", "absent", "executor=dask needs pip install 'stixel[dask]'")
+        return Check("distributed", "absent", "for executor=dask: pip install 'stixel[dask]'")
 
 
 def _processors() -> list[Check]:
@@ -154,36 +154,36 @@ def _cache(store: Store) -> list[Check]:
             Check("cache size", "ok", f"{size} in {len(found)} results, {limit}"),
             _cache_entries(store, len(damaged)),
         ]
-    beside = next(p for p in (store.folder, *store.folder.parents) if p.exists())
-    free = shutil.disk_usage(beside).free
+    existing = next(p for p in (store.folder, *store.folder.parents) if p.exists())
+    free = shutil.disk_usage(existing).free
     return [*checks, Check("disk free", "ok" if free >= LEAST_FREE else "fails", show_size(free))]
 
 
 def _cache_entries(store: Store, damaged: int) -> Check:
-    """How many results are known to be damaged; their values are not read, which may take long."""
+    """Whether results are known to be damaged; their values are not read, which may take long."""
     aside = set_aside(store)
-    # Those that were found just now are among them, where they could be set aside.
+    # `aside` includes the damaged results just found, if they could be set aside.
     if not (damaged or aside):
-        return Check("cache entries", "ok", "none known to be damaged")
+        return Check("cache entries", "ok", "no damaged results known")
     if not aside:
-        text = f"{damaged} damaged, which cannot be set aside"
+        text = f"{damaged} damaged results cannot be set aside"
     else:
-        text = f"{aside} damaged and set aside, computed again when needed"
-    return Check("cache entries", "limited", f"{text}; stixel cache verify reads all")
+        text = f"{aside} damaged results set aside; they are recomputed when needed"
+    return Check("cache entries", "limited", f"{text}; stixel cache verify checks all")
 
 
-def _cache_folder(store: Store, held: int) -> Check:
-    """Whether results could be stored, beside the `held` there are; nothing is left behind."""
-    beside: Path = next(p for p in (store.folder, *store.folder.parents) if p.exists())
-    if beside != store.folder:
-        able = beside.is_dir() and os.access(beside, os.W_OK | os.X_OK)
-        text = "not there yet" if able else f"cannot be made in {beside}"
+def _cache_folder(store: Store, stored: int) -> Check:
+    """Whether results can be stored, in addition to the `stored` ones; leaves nothing behind."""
+    existing: Path = next(p for p in (store.folder, *store.folder.parents) if p.exists())
+    if existing != store.folder:
+        able = existing.is_dir() and os.access(existing, os.W_OK | os.X_OK)
+        text = "not created yet" if able else f"cannot be created in {existing}"
         return Check("cache folder", "ok" if able else "fails", f"{store.folder}, {text}")
     try:
         store.check_writable()
     except CacheError as error:
-        if held:
-            text = f"{error}; experiments that it holds can run, others cannot"
+        if stored:
+            text = f"{error}; only cached experiments can run"
             return Check("cache folder", "limited", text)
         return Check("cache folder", "fails", str(error))
     return Check("cache folder", "ok", str(store.folder))

@@ -1,4 +1,4 @@
-"""Render one small picture with rays; run as a module, for a fault here may end the process."""
+"""Render one small picture by ray casting; run as a module, since a fault may end the process."""
 
 from stixel_cli.config.compose import compose
 from stixel_cli.rendering.raycast import render
@@ -7,7 +7,7 @@ from stixel_cli.scene.ego import ego_motion
 
 
 def main() -> None:
-    """Render one frame of the default experiment at 64 × 64 pixels, whichever its renderer is."""
+    """Render one frame of the default experiment at 64 × 64 pixels, whatever its renderer."""
     small = ("rig.width=64", "rig.height=64", "stereo.disparities=16", "path.duration=0.2")
     what = compose((*small, "pictures.frames=[0]", "renderer=raycast")).configuration
     ego = ego_motion(what.ego, what.path.duration, what.path.sample_time)

@@ -1,4 +1,4 @@
-"""Whether a result folder comes out again, and if not, where it first differs and why."""
+"""Check that a result folder can be reproduced; if not, find the first difference and its cause."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -12,7 +12,7 @@ from stixel_cli.engine.store import Store
 from stixel_cli.experiment.run import experiment_graph, one_line_errors, run_experiment
 from stixel_cli.experiment.stored_run import has_pictures
 from stixel_cli.files import read_arrays, read_bytes
-from stixel_cli.results.causes import first_other_stage
+from stixel_cli.results.causes import first_changed_stage
 from stixel_cli.results.differences import first_difference
 from stixel_cli.results.lineage import Lineage
 from stixel_cli.results.result import RunResult
@@ -21,12 +21,12 @@ from stixel_cli.results.tables import scan_columns, score_columns, track_arrays
 
 @dataclass(frozen=True)
 class StageDifference:
-    """A stage that is not what it was.
+    """A stage that changed.
 
     Attributes:
         stage: its name.
-        what: how its key, or its result, differs, in words.
-        causes: why, as far as it can be told; one line each.
+        what: how its key or its result differs.
+        causes: the known causes, one line each.
     """
 
     stage: str
@@ -36,7 +36,7 @@ class StageDifference:
 
 @dataclass(frozen=True)
 class FileDifference:
-    """A file of the folder that is not what comes out now."""
+    """A file of the folder that differs from the new result."""
 
     file: str
     stage: str
@@ -45,15 +45,15 @@ class FileDifference:
 
 @dataclass(frozen=True)
 class Verification:
-    """What became of running a folder's configuration again.
+    """The comparison of a folder with a new run of its configuration.
 
     Attributes:
-        files: those that differ, in the order of the data.
-        compared: how many files were compared.
-        by_key: the first stage that was made of something else; None if none was, or if the
-            folder does not say.
-        by_value: the first stage whose result differs; None if none does.
-        changes: versions, revision and machine that are not what they were; one line each.
+        files: the different ones, in the order of the data.
+        compared: number of compared files.
+        by_key: the first stage whose keys differ; None if all are equal, or if the folder has no
+            lineage.
+        by_value: the first stage whose result differs; None if all are equal.
+        changes: changed versions, revision and machine, one line each.
         stages: records of the new run, as in a manifest.
     """
 
@@ -66,7 +66,7 @@ class Verification:
 
     @property
     def identical(self) -> bool:
-        """Whether every file that holds results is what comes out now."""
+        """Whether every file with results equals the new result."""
         return not self.files
 
 
@@ -81,22 +81,22 @@ def verify_run(
 
     Args:
         stored: the folder.
-        store: where the new results go; an empty one to compute all of them.
-        old_store: where results of the old run may still be, to tell by how much they differ.
-        now: `git`, `versions` and `machine` as a manifest holds them, of this moment.
-        progress: told how far it is.
+        store: for the new results; an empty one to compute all of them.
+        old_store: may still have results of the old run, to measure how much they differ.
+        now: `git`, `versions` and `machine` of this moment, as in a manifest.
+        progress: reports the progress.
 
     Raises:
-        UserError: if a file of the folder is not what it must be, or the run cannot be made.
+        UserError: if a file of the folder is not valid, or the run is not possible.
         StageFailure: if a stage fails.
     """
     # Before the run, which may take long.
     names = ("scans.npz", "track.npz", "scores.npz")
     paths = {name: stored.folder / name for name in names}
-    held = {name: read_arrays(path) for name, path in paths.items() if path.exists()}
+    arrays = {name: read_arrays(path) for name, path in paths.items() if path.exists()}
     with one_line_errors():
         new = run_experiment(stored.composition, store, progress, has_pictures(stored))
-    compared = list(_compared_files(stored, held, new))
+    compared = list(_compared_files(stored, arrays, new))
     files = tuple(
         FileDifference(file, stage, what) for file, stage, what in compared if what is not None
     )
@@ -119,7 +119,7 @@ def verify_run(
 
 
 def _compared_files(
-    stored: RunResult, held: Mapping[str, Mapping[str, np.ndarray]], new: RunResult
+    stored: RunResult, old: Mapping[str, Mapping[str, np.ndarray]], new: RunResult
 ) -> Iterator[tuple[str, str, str | None]]:
     """(file, stage, difference or None) of every file with results that the folder has."""
     for file, stage, columns in (
@@ -127,8 +127,8 @@ def _compared_files(
         ("track.npz", "track", track_arrays(new.track)),
         ("scores.npz", "scores", score_columns(new.scores)),
     ):
-        if file in held:
-            yield file, stage, first_difference(held[file], columns)
+        if file in old:
+            yield file, stage, first_difference(old[file], columns)
     yield "metrics.json", "scores", first_difference(stored.metrics, new.metrics)
     for name, data in new.pictures.items():
         picture = stored.folder / "figures" / name
@@ -138,10 +138,10 @@ def _compared_files(
 
 def _first_by_key(stored: RunResult, new: Lineage) -> StageDifference | None:
     graph = experiment_graph(stored.composition.configuration)
-    found = first_other_stage(stored.lineage, new, graph)
+    found = first_changed_stage(stored.lineage, new, graph)
     if found is None:
         return None
-    what = "it has other keys" if found.known else "the folder's run had no such stage"
+    what = "its keys differ" if found.known else "the folder's run did not have this stage"
     return StageDifference(found.stage, what, found.causes)
 
 
@@ -162,18 +162,18 @@ def _first_by_digest(
                     old_store.load(before.keys[i]), new_store.load(stage.keys[i])
                 )
             except CacheError:
-                what = "other bytes; by how much is not known, the old result is not cached"
+                what = "different bytes (by how much is unknown: the old result is not cached)"
             if what is not None:
-                part = f"part {i + 1} of {len(stage.keys)}: " if len(stage.keys) > 1 else ""
-                return StageDifference(name, part + what, ())
+                chunk = f"chunk {i + 1} of {len(stage.keys)}: " if len(stage.keys) > 1 else ""
+                return StageDifference(name, chunk + what, ())
     return None
 
 
 def _first_by_file(files: tuple[FileDifference, ...], recorded: bool) -> StageDifference:
-    """The first file that differs, where the run's own record shows no difference."""
+    """The first file that differs, if the lineage shows no difference."""
     file = files[0]
     causes = (
-        (f"{file.file} was altered after the run: its lineage.json tells of what comes out now",)
+        (f"{file.file} was altered after the run: lineage.json matches the new result",)
         if recorded
         else ()
     )
@@ -181,13 +181,13 @@ def _first_by_file(files: tuple[FileDifference, ...], recorded: bool) -> StageDi
 
 
 def _changes(manifest: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
-    """What is not as it was when the folder was made."""
+    """Versions, machine and revision that changed since the run."""
     for name in ("versions", "machine"):
         old = manifest.get(name)
         old = old if isinstance(old, dict) else {}
         for key in dict.fromkeys((*old, *now[name])):
             if old.get(key) != now[name].get(key):
-                yield f"{key} {old.get(key, 'none')} → {now[name].get(key, 'none')}"
+                yield f"{key} {old.get(key, 'missing')} → {now[name].get(key, 'missing')}"
     git = manifest.get("git")
     git = git if isinstance(git, dict) else {}
     old, new = git.get("revision"), now["git"]["revision"]

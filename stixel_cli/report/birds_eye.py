@@ -37,7 +37,7 @@ def track_pictures(
         _draw_surroundings(wide, scans, track, scenario, rig, frame)
         _enlarge(near, scans, track, scenario, frame)
         _mark_enlarged(wide, near)
-        wide.set_title(style.title("From above", frame, track.times[frame]))
+        wide.set_title(style.title("Bird's eye view", frame, track.times[frame]))
         near.set_title(_std(track, scenario, frame))
         _legend(figure)
         return Pictures({f"k{frame:04d}/birds_eye.png": style.png(figure)})
@@ -86,7 +86,7 @@ def _draw_scan(axes: Axes, scans: Scans, track: Track, k: int) -> None:
 def _draw_surroundings(
     axes: Axes, scans: Scans, track: Track, scenario: Scenario, rig: Rig, k: int
 ) -> None:
-    """Ego car, field of view, and the paths up to now; the limits hold all that is seen now."""
+    """Ego car, field of view, and the paths up to now; the limits include all visible things."""
     ego = scenario.ego_poses_world[k]
     contour = _true_contour(scenario, k)
     points = scans.points_world[scans.rows(k)]
@@ -136,10 +136,10 @@ def _mark_enlarged(wide: Axes, near: Axes) -> None:
 def _std(track: Track, scenario: Scenario, k: int) -> str:
     offset = track.means[k, :3] - scenario.target_poses_world[k]
     if not np.isfinite(offset).all():
-        return "Target, enlarged;  no estimate"
+        return "Target, enlarged;  no valid estimate"
     centre = float(np.hypot(*offset[:2]))
     turn = np.degrees(float(wrap_angle(offset[2])))
-    return f"Target, enlarged;  centre off by {centre:.2f} m, heading by {abs(turn):.1f}°"
+    return f"Target, enlarged;  centre error {centre:.2f} m, heading error {abs(turn):.1f}°"
 
 
 def _legend(figure: Figure) -> None:

@@ -63,7 +63,7 @@ def camera_pictures(
 
     Gives `k0033/left.png` (as rendered), `disparity.png`, `occupancy.png`, `free_space.png`,
     `height.png` and `stixels.png` (over the camera's noisy image), and `camera.png`, all of them
-    on one page. `ego_motion` is read for the time alone.
+    on one page. Only the times of `ego_motion` are used.
     """
     view = _view(rendered, pairs, disparities, grid, free_space, stixels, rig, frame)
     time = float(ego_motion.times[frame])

@@ -1,4 +1,4 @@
-"""What the page that plays a run back shows of the camera: small images, and the stixels."""
+"""The camera's part of the playback page: small images, and the stixels."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.stixels.types import Stixels
 
 WIDEST = 512
-"""Wider images are made this wide, px: to average pixels takes the noise out, which JPEG cannot."""
+"""Wider images are reduced to this width, px. Averaging removes the noise, which JPEG cannot."""
 
 QUALITY = 70
 

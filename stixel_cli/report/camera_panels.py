@@ -1,4 +1,4 @@
-"""What the left camera sees and what is found in it, each thing drawn into axes of its own.
+"""Panels of the left camera: images, disparity, occupancy grid, free space, stixels.
 
 Every panel takes the axes and a `FrameView`; pixels are at whole (u, v), v down.
 """
@@ -17,25 +17,25 @@ from stixel_cli.report import style
 from stixel_cli.stereo.disparities import SUBPIXELS
 
 LIKELIHOOD_RANGE = 1000.0
-"""Likelihoods less than the greatest one divided by this are drawn as none."""
+"""Likelihoods below the maximum divided by this are drawn as empty."""
 
 GRID_DEPTHS = (10, 20, 50, 100, 5, 2, 30, 200, 1, 40, 60, 80, 3, 15, 4, 7)
-"""Depths for an axis' ticks in m; the first go first where room is short."""
+"""Depths of an axis' ticks in m, the most important first."""
 
 
 @dataclass(frozen=True)
 class FrameView:
-    """All that is drawn of one frame.
+    """The data of one frame that the panels draw.
 
     Attributes:
         rig: the stereo rig.
         colour: (H, W, 3) uint8, the left view without noise; grey: (H, W) uint8, the camera's.
         raw_disparity: (H, W) int16, 1/16 px, negative where invalid.
-        grid_kind: which occupancy grid it is.
+        grid_kind: kind of the occupancy grid.
         grid: (R, C) likelihood; grid_depth: (R,) m, depth of its rows, ascending.
-        grid_laterals: (C,) what its columns are: m to the right (Cartesian), else image columns.
+        grid_laterals: (C,) lateral positions: m to the right (Cartesian), else image columns.
         obstacle_disparity: (W,) px, NaN where the column is free; base_row: (W,).
-        horizon_row: the first row of the road that the grid holds.
+        horizon_row: the first image row of the road in the grid.
         left, right, top, base: (S,) px, the stixels' columns left … right - 1, rows top … base.
         depth: (S,) m, the stixels' depth.
     """

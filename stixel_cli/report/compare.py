@@ -1,4 +1,4 @@
-"""Several runs side by side, as one page that needs nothing but itself."""
+"""Compare several runs on one self-contained page."""
 
 import base64
 import os
@@ -23,7 +23,7 @@ _LONGEST_NAME = 150
 
 
 def run_labels(folders: Sequence[Path]) -> list[str]:
-    """What each run is called: its folder's name, with the parents' where names are alike.
+    """Name of each run: its folder's name, with the parents' names where that is not unique.
 
     Raises:
         UserError: if a folder is named twice.
@@ -33,11 +33,11 @@ def run_labels(folders: Sequence[Path]) -> list[str]:
         labels = ["/".join(path.parts[-parts:]) for path in paths]
         if len(set(labels)) == len(labels):
             return labels
-    raise UserError("a folder is named twice; name each run once")
+    raise UserError("a folder is given twice; give each folder once")
 
 
 def default_page(folders: Sequence[Path], what: str = "report") -> Path:
-    """A page's name that is free: beside the first folder, of `what` and the folders' names."""
+    """An unused file next to the first folder, named by `what` and the folders' names."""
     names = [folder.resolve().name for folder in folders]
     stem = f"{what}-" + "-".join(names)
     if len(stem) > _LONGEST_NAME:
@@ -50,7 +50,7 @@ def default_page(folders: Sequence[Path], what: str = "report") -> Path:
 
 
 def page_html(runs: Sequence[RunResult], command: Sequence[str]) -> str:
-    """The page of two or more runs; `command` is the command line which makes it."""
+    """The page of two or more runs; `command` is the command line that writes it."""
     labels = run_labels([run.folder for run in runs])
     differing, same = differing_settings(runs)
     environment = jinja2.Environment(
@@ -75,10 +75,10 @@ def page_html(runs: Sequence[RunResult], command: Sequence[str]) -> str:
 
 
 def write_page(page: Path, html: str) -> None:
-    """Write a page which is not there yet.
+    """Write a page to a new file.
 
     Raises:
-        UserError: if it is there, or cannot be written.
+        UserError: if the file exists or cannot be written.
     """
     try:
         with page.open("x", encoding="utf-8") as file:
@@ -94,7 +94,7 @@ def write_page(page: Path, html: str) -> None:
 def differing_settings(
     runs: Sequence[RunResult],
 ) -> tuple[list[Any], list[tuple[str, str]]]:
-    """Settings that differ, (key, value of each run), and those that do not, (key, value)."""
+    """Different settings as (key, value of each run), and equal ones as (key, value)."""
     flat = [flat_settings(run.settings) for run in runs]
     tables = [_choices(run, settings) | settings for run, settings in zip(runs, flat, strict=True)]
     keys = list(dict.fromkeys(key for table in tables for key in table))
@@ -111,7 +111,7 @@ def differing_settings(
 
 
 def _choices(run: RunResult, settings: dict[str, str]) -> dict[str, str]:
-    """Group to the option that was chosen, where the settings do not say so by their `kind`."""
+    """The chosen option of each group whose settings have no `kind`."""
     choices = run.manifest.get("choices")
     if not isinstance(choices, dict):
         return {}
@@ -123,7 +123,7 @@ def _choices(run: RunResult, settings: dict[str, str]) -> dict[str, str]:
 
 
 def metric_rows(runs: Sequence[RunResult]) -> list[dict[str, Any]]:
-    """A row a metric: name, label, unit; of each run the value as text and whether it is best."""
+    """One row per metric: name, label, unit; per run the value as text and whether it is best."""
     rows = []
     for name in dict.fromkeys(name for run in runs for name in run.metrics):
         values = [run.metrics.get(name) for run in runs]
@@ -134,7 +134,7 @@ def metric_rows(runs: Sequence[RunResult]) -> list[dict[str, Any]]:
 
 
 def _provenance(runs: Sequence[RunResult]) -> list[tuple[str, list[str]]]:
-    """(what, value of each run): where the results come from."""
+    """(name, value of each run): command, revision, versions and machine."""
     manifests = [run.manifest for run in runs]
     rows = [("folder", [str(run.folder) for run in runs])]
     for name in ("command", "seed", "created"):
@@ -151,7 +151,7 @@ def _provenance(runs: Sequence[RunResult]) -> list[tuple[str, list[str]]]:
 def _revision(git: Any) -> str:
     if not isinstance(git, dict) or git.get("revision") is None:
         return NO_VALUE
-    return f"{str(git['revision'])[:12]}{' with changes' if git.get('dirty') else ''}"
+    return f"{str(git['revision'])[:12]}{' with uncommitted changes' if git.get('dirty') else ''}"
 
 
 def _text(value: Any) -> str:

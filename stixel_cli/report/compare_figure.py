@@ -1,4 +1,4 @@
-"""Error curves of several runs over each other, as SVG that takes its colours from the page."""
+"""Error curves of several runs in one plot each, as SVG with the colours of the page."""
 
 import re
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from stixel_cli.results.result import RunResult
 
 LINE_STYLES = ("-", "--", "-.", ":")
 
-# Stand-ins for colours that the page chooses, for it may be light or dark.
+# Placeholders for colours of the page, which is light or dark.
 _INK, _GRID = "#010203", "#020304"
 
 
@@ -33,8 +33,8 @@ CURVES = (
     Curve("centre_error", "Centre error", "m", limits=(0.0, None)),
     Curve("orientation_error", "Orientation error", "degrees", float(np.degrees(1.0)), line=0.0),
     Curve("iou", "Intersection over union", "IoU", limits=(0.0, 1.0), line=LOW_OVERLAP),
-    Curve("nees_position", "Position NEES / 2, 1 is consistent", "ratio", 1.0, True, line=1.0),
-    Curve("nis", "NIS / degrees of freedom, 1 is consistent", "ratio", 1.0, True, line=1.0),
+    Curve("nees_position", "Position NEES / 2 (consistent: 1)", "ratio", 1.0, True, line=1.0),
+    Curve("nis", "NIS / degrees of freedom (consistent: 1)", "ratio", 1.0, True, line=1.0),
 )
 
 
@@ -44,14 +44,14 @@ def run_colour(i: int) -> str:
 
 
 def line_style(i: int) -> str:
-    """Line style of the i-th run: with its colour, of no other of the first 32 runs."""
+    """Line style of the i-th run: style and colour are unique among the first 32 runs."""
     return LINE_STYLES[(i + i // len(style.RUNS)) % len(LINE_STYLES)]
 
 
 def error_curves(runs: Sequence[RunResult]) -> list[tuple[str, str]]:
-    """(title, SVG element) for each error that a run has; the i-th run is drawn in `var(--run-i)`.
+    """(title, SVG element) of each error that a run has; the i-th run has colour `var(--run-i)`.
 
-    The elements stand in an HTML page: text and axes take `currentColor`, the grid `var(--grid)`.
+    On the HTML page, text and axes use `currentColor`, the grid uses `var(--grid)`.
     """
     drawn = []
     with style.drawing({"text.color": _INK, "axes.edgecolor": _INK, "axes.labelcolor": _INK}):
@@ -92,12 +92,12 @@ def _curve_svg(curve: Curve, runs: Sequence[RunResult]) -> str:
 
 
 def _for_page(text: str, number: int) -> str:
-    """An SVG file as an element of a page: names of its own, colours of the page."""
+    """An SVG file as an element of a page, with unique ids and the colours of the page."""
     text = text[text.index("<svg") :]
     text = re.sub(r'\sxmlns(:xlink)?="[^"]*"', "", text)
     text = re.sub(r'(<svg\b[^>]*?)\swidth="[^"]*"\sheight="[^"]*"', r"\1", text, count=1)
     text = text.replace("xlink:href=", "href=")
-    # Matplotlib names parts by their content, alike in all figures of a page.
+    # Matplotlib derives ids from content, so two figures of a page may share them.
     text = re.sub(r'\bid="', f'id="c{number}-', text)
     text = re.sub(r'(url\(|href=")#', rf"\1#c{number}-", text)
     colours = {_INK: "currentColor", _GRID: "var(--grid)"}

@@ -51,7 +51,9 @@ def draw_points(
     """Points (n, 2) and their ellipses of one standard deviation, covariances (n, 2, 2) in m²."""
     if len(points_world) == 0:
         return
-    alpha = min(max(20.0 / len(points_world), 0.3), 0.8)  # few stand out, many do not smear
+    alpha = min(
+        max(20.0 / len(points_world), 0.3), 0.8
+    )  # few points are visible, many do not smear
     draw_ellipses(axes, points_world, covariances_world, 1.0, colour, alpha=alpha, linewidth=0.6)
     axes.plot(*points_world.T, ".", color=colour, markersize=3.0, zorder=3.5)
 

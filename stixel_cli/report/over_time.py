@@ -1,10 +1,14 @@
-"""Pictures of a whole run."""
+"""Pictures of a whole run: its path, and its errors and consistency over time."""
 
-from stixel_cli.evaluation.scores import Scores
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy.special import gammaincinv
+
+from stixel_cli.evaluation.scores import LOW_OVERLAP, Scores
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.report import style
-from stixel_cli.report.errors_figure import errors_figure
 from stixel_cli.report.path_figure import path_figure
 from stixel_cli.results.pictures import Pictures
 from stixel_cli.scene.scenario import Scenario
@@ -24,3 +28,96 @@ def run_pictures(
             files[f"{name}.png"] = style.png(figure)
             files[f"{name}.svg"] = style.svg(figure)
     return Pictures(files)
+
+
+def errors_figure(scans: Scans, track: Track, scores: Scores) -> Figure:
+    """Centre error, orientation error and IoU; NEES and NIS with χ² bounds; points of each scan."""
+    figure = style.new_figure(10.4, 6.0)
+    grid = figure.subplots(
+        3,
+        2,
+        sharex=True,
+        gridspec_kw={
+            "left": 0.07,
+            "right": 0.985,
+            "bottom": 0.08,
+            "top": 0.95,
+            "hspace": 0.32,
+            "wspace": 0.18,
+        },
+    )
+    used = np.diff(track.used_offsets)
+    _draw_errors(grid[:, 0], scores)
+    _draw_consistency(grid[0, 1], scores.times, scores.nees_position, np.full(len(used), 2))
+    grid[0, 1].set_title("Position NEES / 2  (consistent: 1; grey: 95 % interval)")
+    _draw_consistency(grid[1, 1], scores.times, scores.nis, track.nis_degrees_of_freedom)
+    grid[1, 1].set_title("NIS / degrees of freedom")
+    _draw_counts(grid[2, 1], scores.times, np.diff(scans.offsets), used)
+    for axes in grid.flat:
+        axes.grid(True)
+        axes.margins(x=0.01)
+    for axes in grid[2]:
+        axes.set_xlabel("t (s)")
+    figure.align_ylabels()
+    return figure
+
+
+def chi_square_bounds(degrees_of_freedom: np.ndarray) -> np.ndarray:
+    """Bounds (2, K) of the central 95 % of χ² / degrees of freedom (K,); NaN for 0 degrees."""
+    n = np.where(degrees_of_freedom > 0, degrees_of_freedom, np.nan).astype(np.float64)
+    return np.stack([2.0 * gammaincinv(0.5 * n, p) / n for p in (0.025, 0.975)])
+
+
+def _draw_errors(column, scores: Scores) -> None:
+    centre, orientation, overlap = column
+    degrees = np.degrees(scores.orientation_error)
+    centre.plot(scores.times, scores.centre_error, color=style.ESTIMATE)
+    centre.set_ylim(bottom=0.0)
+    centre.set_title(f"Centre error{_summary('RMSE', scores, 'centre_rmse_m', ' m')}")
+    centre.set_ylabel("m")
+    orientation.axhline(0.0, color=style.TRUTH, linewidth=0.7)
+    orientation.plot(scores.times, degrees, color=style.ESTIMATE)
+    orientation.set_title(
+        f"Orientation error{_summary('RMSE', scores, 'orientation_rmse_deg', '°')}"
+    )
+    orientation.set_ylabel("degrees")
+    overlap.plot(scores.times, scores.iou, color=style.ESTIMATE)
+    overlap.axhline(LOW_OVERLAP, color=style.UNUSED, linewidth=0.9, linestyle="--")
+    overlap.set_ylim(0.0, 1.0)
+    overlap.set_title(
+        f"Intersection over union{_summary('mean', scores, 'iou_mean', '')}"
+        f"  (dashed: low overlap, < {LOW_OVERLAP})"
+    )
+    overlap.set_ylabel("IoU")
+
+
+def _draw_consistency(axes: Axes, times, ratio, degrees_of_freedom) -> None:
+    """A statistic divided by its degrees of freedom, on a logarithmic axis."""
+    low, high = chi_square_bounds(np.asarray(degrees_of_freedom))
+    ratio = np.where(np.asarray(ratio) > 0.0, ratio, np.nan)
+    axes.set_yscale("log")
+    # A decade to each side at least, so that a small scatter does not look like a great one.
+    finite = np.concatenate([[0.1, 10.0], ratio[np.isfinite(ratio)]])
+    axes.set_ylim(0.8 * finite.min(), 1.25 * finite.max())
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.minorticks_off()
+    axes.fill_between(times, low, high, color=style.CONSISTENT, linewidth=0)
+    axes.axhline(1.0, color=style.TRUTH, linewidth=0.7)
+    axes.plot(times, ratio, color=style.ESTIMATE)
+    axes.set_ylabel("ratio")
+
+
+def _draw_counts(axes: Axes, times, candidates, used) -> None:
+    steps = {"drawstyle": "steps-mid"}
+    # Wide, so that it shows where all points of a scan are used.
+    axes.plot(times, candidates, color=style.UNUSED, linewidth=3.5, label="in scan", **steps)
+    axes.plot(times, used, color=style.USED, label="used", **steps)
+    axes.set_ylim(0.0, 1.25 * max(1, int(candidates.max(initial=0))))
+    axes.set_title("Points per scan")
+    axes.set_ylabel("points")
+    axes.legend(loc="upper right", ncols=2)
+
+
+def _summary(name: str, scores: Scores, metric: str, unit: str) -> str:
+    value = scores.metrics.get(metric)
+    return "" if value is None else f", {name} {value:.2f}{unit}"

@@ -23,13 +23,13 @@ HALO = withStroke(linewidth=2.5, foreground="white")
 """Keeps a label readable where it meets a line."""
 
 SCALE = 0.5
-"""Room for the scale beside the contours, in cells."""
+"""Width for the scale next to the contours, in cells."""
 
 
 def path_figure(track: Track, scenario: Scenario, rig: Rig) -> Figure:
     """Paths with contours at several times in the world, and the same contours enlarged below.
 
-    Below, contours are in the frame of the true target: heading to the right, one beside the other.
+    Below, contours are in the frame of the true target: heading to the right, next to each other.
     """
     poses, ego = scenario.target_poses_world, scenario.ego_poses_world
     size = float(np.linalg.norm(scenario.contour_target, axis=1).max())
@@ -99,7 +99,7 @@ def _axes_for(points: np.ndarray, margin: float, cells: float) -> tuple[Figure, 
 
 
 def _label_times(axes: Axes, times, poses, chosen, distance: float) -> None:
-    """Times beside the contours: on the outer side of the path, or the other if that is taken."""
+    """Times next to the contours: on the outer side of the path if it is free."""
     middle = poses[:, :2].mean(axis=0)
     height = np.diff(axes.get_ylim()).item()
     distance = distance + 0.03 * height
@@ -129,7 +129,7 @@ def _room(track: Track, poses: np.ndarray, chosen, size: float) -> float:
 
 
 def _draw_strip(axes: Axes, track: Track, scenario: Scenario, chosen, size: float) -> None:
-    """The contours at `chosen` in the true target's frame, one beside the other."""
+    """The contours at `chosen` in the true target's frame, next to each other."""
     width, height = CELL[0] * size, CELL[1] * size
     for i, k in enumerate(chosen):
         pose, centre = scenario.target_poses_world[k], np.array([(i + 0.5) * width, 0.0])

@@ -1,7 +1,7 @@
-"""A run, or several of one scene, played back on a page that needs nothing but itself.
+"""Play back one run, or several of one scene, on a self-contained page.
 
-The page is put together from the files `templates/playback.*` and one block of JSON. Neither
-Matplotlib nor OpenCV is imported, for every run writes such a page.
+The page consists of the files `templates/playback.*` and one block of JSON. Every run writes such
+a page, so this module imports neither Matplotlib nor OpenCV.
 """
 
 import base64
@@ -22,10 +22,10 @@ from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.results.result import RunResult
 
 IMAGE_BUDGET = 4_500_000
-"""Characters of encoded images on a page: of a longer run every 2nd, 3rd, … frame is shown."""
+"""Characters of encoded images on a page. Longer runs show every 2nd, 3rd, … frame."""
 
 MOST_ELLIPSES = 60_000
-"""With more points than these, their standard deviations are left out."""
+"""With more points than this, the page shows no standard deviations of points."""
 
 SUMMARY = (
     "centre_rmse_m",
@@ -41,9 +41,9 @@ FACTS = ("road_user", "path", "ego", "measurement", "tracker")
 """The groups whose choices the page names."""
 
 SCRIPTS = ("paths", "map", "camera", "charts", "legend", "time")
-"""The files `templates/playback_*.js` in the order in which they are put into one function."""
+"""The files `templates/playback_*.js`, in the order of the page's one function."""
 
-_FARTHEST = 1e7  # m; what is further off is as good as not there
+_FARTHEST = 1e7  # m; the page leaves out what is farther away
 
 
 def playback_html(
@@ -71,7 +71,7 @@ def playback_html(
             folder.joinpath(f"playback_{name}.js").read_text("utf-8") for name in SCRIPTS
         ),
     }
-    # Cut once at its marks, so that what is put in is never searched for more of them.
+    # Split the template once, so that inserted text is never searched for marks.
     pieces = folder.joinpath("playback.html").read_text("utf-8").split("⟦")
     page = [pieces[0]]
     for piece in pieces[1:]:
@@ -81,7 +81,7 @@ def playback_html(
 
 
 def json_in_html(value: Any) -> str:
-    """JSON that may stand between script tags: in ASCII, without `<`, `>` and `&`; NaN refused."""
+    """JSON for a script element: in ASCII, without `<`, `>` and `&`; NaN is refused."""
     text = json.dumps(value, allow_nan=False, separators=(",", ":"))
     for character in "<>&":
         text = text.replace(character, f"\\u{ord(character):04x}")
@@ -94,10 +94,10 @@ def playback_data(
     notes: Sequence[str] = (),
     folders: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """All that the page shows, as JSON's types; None for what is not finite.
+    """The page's data in JSON's types; None for values that are not finite.
 
-    Lengths are whole millimetres and headings 1e-4 rad. What several runs have in common (scans,
-    images) is there once, and the runs hold its index.
+    Lengths are whole millimetres and headings 1e-4 rad. Scans and images that several runs share
+    are stored once, and each run has their index.
     """
     scans: list[Scans] = []
     cameras: list[tuple[CameraFrames, ...]] = []
@@ -127,10 +127,10 @@ def playback_data(
 
 
 def consistent_bounds(degrees_of_freedom: np.ndarray) -> np.ndarray:
-    """Bounds (2, K) that hold 95 % of χ² / degrees of freedom (K,), near enough for a picture.
+    """Approximate bounds (2, K) of the central 95 % of χ² / degrees of freedom (K,).
 
-    Exact for two degrees of freedom, else by Wilson & Hilferty (1931): less than a tenth off for
-    four, and a hundredth for twenty. To import SciPy for it would take longer than all the rest.
+    Exact for two degrees of freedom, else by Wilson & Hilferty (1931): the error is below 0.1 for
+    four degrees and 0.01 for twenty. Importing SciPy would take longer than the whole page.
     """
     n = np.where(degrees_of_freedom > 0, degrees_of_freedom, np.nan).astype(np.float64)
     spread = 2.0 / (9.0 * n)
@@ -209,7 +209,7 @@ def _scan(scans: Scans) -> dict[str, Any]:
 
 
 def _camera(chunks: tuple[CameraFrames, ...]) -> dict[str, Any]:
-    """Images and stixels of every n-th frame, n the least with which they keep the budget."""
+    """Images and stixels of every n-th frame, for the smallest n that keeps to the budget."""
     where = [(chunk, i) for chunk in chunks for i in range(len(chunk.images))]
     sizes = np.array([4 * -(-len(chunk.images[i]) // 3) for chunk, i in where])
     every = 1
@@ -227,7 +227,7 @@ def _camera(chunks: tuple[CameraFrames, ...]) -> dict[str, Any]:
 
 
 def _stixels(chunk: CameraFrames, index: int) -> list[int]:
-    """left, right, top, base (px) and depth (cm) of one stixel after the other."""
+    """left, right, top, base (px) and depth (cm) of each stixel, in one list."""
     rows = slice(int(chunk.offsets[index]), int(chunk.offsets[index + 1]))
     depth = np.rint(100.0 * np.clip(np.nan_to_num(chunk.depth[rows]), 0.0, 1e4))
     columns = (chunk.left[rows], chunk.right[rows], chunk.top[rows], chunk.base[rows], depth)
@@ -235,7 +235,7 @@ def _stixels(chunk: CameraFrames, index: int) -> list[int]:
 
 
 def _place(known: list, value: Any, same) -> int:
-    """Index of a value among those known, to which it is added if it is new."""
+    """Index of a value among the known ones; a new value is added to them."""
     for i, other in enumerate(known):
         if same(other, value):
             return i
@@ -260,7 +260,7 @@ def _same_camera(one: tuple[CameraFrames, ...], other: tuple[CameraFrames, ...])
 
 
 def _ellipses(covariances: np.ndarray) -> list[int | None]:
-    """Semi-axes (mm) and angle (1e-3 rad) of one standard deviation, one after the other."""
+    """Semi-axes (mm) and angle (1e-3 rad) of each 1σ ellipse, in one list."""
     a, b, c = covariances[:, 0, 0], covariances[:, 0, 1], covariances[:, 1, 1]
     # The eigenvalues of a symmetric 2 × 2 matrix in closed form.
     mean, spread = 0.5 * (a + c), np.hypot(0.5 * (a - c), b)
@@ -280,7 +280,7 @@ def _millimetres(values: np.ndarray) -> list[int] | None:
 
 
 def _integers(values: np.ndarray) -> list[int] | None:
-    """The nearest whole numbers; None if one is not finite or out of all bounds."""
+    """The values rounded to integers; None if one is not finite or too large."""
     if not (np.abs(values) < 1e3 * _FARTHEST).all():
         return None
     return np.rint(values).astype(np.int64).tolist()

@@ -1,7 +1,7 @@
 """How pictures look: colours with one meaning each, and figures that repeat to the byte.
 
-The colours are those of Okabe & Ito (2008), *Color Universal Design*, told apart by all common
-kinds of colour vision. One colour means one thing in every picture.
+The colours are those of Okabe & Ito (2008), *Color Universal Design*, distinguishable with
+all common kinds of colour vision. One colour means one thing in every picture.
 """
 
 import io
@@ -72,7 +72,7 @@ _one_at_a_time = RLock()
 def drawing(settings: dict | None = None) -> Iterator[None]:
     """Context in which figures are made and written: our settings over Matplotlib's defaults.
 
-    What the user's own matplotlibrc says is put aside, for it would change the bytes. `settings`
+    The user's own matplotlibrc is ignored, because it would change the bytes. `settings`
     are more of Matplotlib's, which go before ours. One thread is in it at a time.
     """
     defaults = {

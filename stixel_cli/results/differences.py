@@ -1,4 +1,4 @@
-"""By how much two results differ: arrays, dataclasses of them, anything they are made of."""
+"""Find the first difference of two results: arrays, dataclasses, containers, plain values."""
 
 import math
 from collections.abc import Mapping
@@ -9,12 +9,12 @@ import numpy as np
 
 
 def first_difference(old: Any, new: Any, name: str = "") -> str | None:
-    """Where two values first differ and by how much, in words; None if they are the same.
+    """The first difference of two values in one line, with its size; None if they are equal.
 
-    Floats are the same if their bits are, NaN and NaN too. `name` is what the value is called.
+    Floats are equal if their bits are; NaN equals NaN. `name` is the name of the value.
     """
     if type(old) is not type(new):
-        return _said(name, f"a {type(old).__name__} became a {type(new).__name__}")
+        return _named(name, f"a {type(old).__name__} became a {type(new).__name__}")
     if isinstance(old, np.ndarray):
         return _array_difference(old, new, name)
     if is_dataclass(old):
@@ -24,10 +24,10 @@ def first_difference(old: Any, new: Any, name: str = "") -> str | None:
     if isinstance(old, list | tuple):
         return _of_parts(dict(enumerate(old)), dict(enumerate(new)), name)
     if isinstance(old, bytes):
-        return None if old == new else _said(name, "other bytes")
+        return None if old == new else _named(name, "other bytes")
     if isinstance(old, float) and math.isnan(old) and math.isnan(new):
         return None
-    return None if old == new else _said(name, f"{_short(old)} became {_short(new)}")
+    return None if old == new else _named(name, f"{_short(old)} became {_short(new)}")
 
 
 def _parts(value: Any) -> dict[str, Any]:
@@ -37,7 +37,7 @@ def _parts(value: Any) -> dict[str, Any]:
 def _of_parts(old: Mapping, new: Mapping, name: str) -> str | None:
     if old.keys() != new.keys():
         odd = [str(key) for key in (*old, *new) if (key in old) != (key in new)]
-        return _said(name, f"{odd[0]} is in one of the two alone")
+        return _named(name, f"{odd[0]} is in only one of the two")
     for key in old:
         inner = f"{name}.{key}" if name else str(key)
         difference = first_difference(old[key], new[key], inner)
@@ -48,25 +48,25 @@ def _of_parts(old: Mapping, new: Mapping, name: str) -> str | None:
 
 def _array_difference(old: np.ndarray, new: np.ndarray, name: str) -> str | None:
     if old.shape != new.shape:
-        return _said(name, f"its shape {old.shape} became {new.shape}")
+        return _named(name, f"its shape {old.shape} became {new.shape}")
     if old.dtype != new.dtype:
-        return _said(name, f"its type {old.dtype} became {new.dtype}")
+        return _named(name, f"its type {old.dtype} became {new.dtype}")
     if old.tobytes() == new.tobytes():
         return None
     if old.dtype.kind not in "biufc":
-        return _said(name, "other values")
+        return _named(name, "other values")
     same = (old == new) | ((old != old) & (new != new))
     if same.all():
-        return _said(name, "zeros of other signs or other NaNs")
+        return _named(name, "zeros of other signs or other NaNs")
     share = f"{np.count_nonzero(~same)} of {same.size} values differ"
     with np.errstate(invalid="ignore", over="ignore"):
         apart = np.abs(new[~same].astype(np.complex128) - old[~same].astype(np.complex128))
     finite = apart[np.isfinite(apart)]
     most = f", by up to {finite.max():.3g}" if finite.size else ", not finite"
-    return _said(name, share + most)
+    return _named(name, share + most)
 
 
-def _said(name: str, text: str) -> str:
+def _named(name: str, text: str) -> str:
     return f"{name}: {text}" if name else text
 
 

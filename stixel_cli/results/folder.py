@@ -20,27 +20,27 @@ from stixel_cli.results.tables import track_arrays
 from stixel_cli.results.text import json_text
 
 PAGE = "index.html"
-"""The page that plays a run back."""
+"""The playback page of a run."""
 
 MOST_CHARACTERS = 200
-"""Of a folder's name: with what is put round it while it is written, disks take 255."""
+"""Limit of a folder's name; its temporary name is longer, and file systems allow 255."""
 
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+=,-]*")
 
 
 def reserve_folder(results: Path, name: str | None, default_name: str) -> Path:
-    """The folder to write: `results` / `name`, or one of the default name that is free.
+    """The folder to write: `results` / `name`, or an unused one of the default name.
 
-    Nothing is written but the folder `results` itself.
+    Only the folder `results` itself is created.
 
     Raises:
-        UserError: if the name is no plain folder name or is taken, or `results` is not writable.
+        UserError: if the name is not a plain folder name, or exists, or `results` is not writable.
     """
     check_results(results, name)
     try:
         results.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UserError(f"--results: {results}: cannot be made: {error.strerror}") from error
+        raise UserError(f"--results: {results}: cannot be created: {error.strerror}") from error
     if name is not None:
         return results / name
     folder, number = results / default_name, 2
@@ -55,9 +55,9 @@ def stamp(moment: datetime) -> str:
 
 
 def check_results(results: Path, name: str | None) -> None:
-    """Raise UserError if `name` is no plain folder name or is taken, or `results` not writable.
+    """Raise UserError if `name` is not a plain folder name or exists, or `results` is not writable.
 
-    Nothing is left of the try to make `results` where it is not there.
+    A folder `results` that did not exist before is removed again.
     """
     check_name(results, name)
     if results.is_dir() and not os.access(results, os.W_OK | os.X_OK):
@@ -66,7 +66,7 @@ def check_results(results: Path, name: str | None) -> None:
     try:
         results.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UserError(f"--results: {results}: cannot be made: {error.strerror}") from error
+        raise UserError(f"--results: {results}: cannot be created: {error.strerror}") from error
     finally:
         for path in missing:
             # Another process may have put something into it.
@@ -75,22 +75,24 @@ def check_results(results: Path, name: str | None) -> None:
 
 
 def check_name(results: Path, name: str | None) -> None:
-    """Raise UserError if a name that was given is no plain folder name, or is taken."""
+    """Raise UserError if a given name is not a plain folder name, or exists."""
     try:
         results.exists()
     except OSError as error:
-        raise UserError(f"--results: {results}: cannot be made: {error.strerror}") from error
+        raise UserError(f"--results: {results}: cannot be created: {error.strerror}") from error
     if name is None:
         return
     check_plain_name(name)
     if os.path.lexists(results / name):
-        raise UserError(f"--name: {results / name} exists, and is not written over")
+        raise UserError(f"--name: {results / name} exists; choose another --name")
 
 
 def check_plain_name(name: str) -> None:
-    """Raise UserError if a name that was given is no plain folder name."""
+    """Raise UserError if a given name is not a plain folder name."""
     if not _NAME.fullmatch(name):
-        raise UserError(f"--name: {name!r} is no folder name: use letters, digits and _ . + = , -")
+        raise UserError(
+            f"--name: {name!r} is not a valid folder name: use letters, digits and _ . + = , -"
+        )
     if len(name) > MOST_CHARACTERS:
         raise UserError(f"--name: {name[:20]}…: at most {MOST_CHARACTERS} characters")
 
@@ -110,11 +112,11 @@ def write_folder(folder: Path, run: RunResult, page: str) -> None:
     partial = folder.with_name(f".{folder.name}.partial-{os.getpid()}")
     try:
         _write_files(partial, run, page)
-        # A rename onto an empty folder would succeed; mkdir claims the name for us alone.
+        # A rename onto an empty folder would succeed; mkdir reserves the name for this process.
         try:
             folder.mkdir()
         except FileExistsError:
-            raise FolderTaken(f"{folder}: was made by another process meanwhile") from None
+            raise FolderTaken(f"{folder}: was created by another process meanwhile") from None
         try:
             partial.rename(folder)
         except OSError:
@@ -148,7 +150,7 @@ def _write_files(folder: Path, run: RunResult, page: str) -> None:
 
 
 def _csv_text(columns: Mapping[str, Sequence]) -> str:
-    """Comma-separated columns; floats with as many digits as it takes to read them back."""
+    """Comma-separated columns; floats with enough digits to read them back exactly."""
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(columns)

@@ -1,4 +1,7 @@
-"""What every stage of a run was made of and what it gave: what tells later why a rerun differs."""
+"""The lineage of a run: keys, settings, versions, code and digests of every stage.
+
+It explains later why a rerun differs.
+"""
 
 import json
 from collections.abc import Iterable, Mapping, MutableMapping
@@ -15,7 +18,7 @@ from stixel_cli.files import read_json
 
 FILE = "lineage.json"
 CODE_FOLDER = "code"
-"""Of a sweep: what its points' lineages say of the code, once for all that say the same."""
+"""Folder of a sweep: the code part of its runs' lineages, one file for equal parts."""
 
 _KEY_DIGITS = 64
 _CODE_DIGITS = 16
@@ -26,12 +29,12 @@ class StageLineage:
     """One stage of a run.
 
     Attributes:
-        settings: digest of what it was given: settings, seed, frames, content of files.
-        versions: version of each package that matters to it, and of Python.
+        settings: digest of its settings, seed, frames and the content of its files.
+        versions: version of Python and of each package that it reaches.
         keys: of its nodes, in the order of their frames.
-        digests: of what is stored under each key; None where it had been evicted.
-        files: path of each of the user's files that it reads -> digest of its content; None in a
-            folder of an older version, which does not say.
+        digests: of the stored result of each key; None for an evicted one.
+        files: path of each user file that it reads -> digest of its content; None in a folder of
+            an older version.
     """
 
     settings: str
@@ -47,8 +50,8 @@ class Lineage:
 
     Attributes:
         stages: by name.
-        code: module -> digest, of all code that the stages reach; None if it is not known, as in
-            a folder of an older version, or of a run that was moved out of its sweep.
+        code: module -> digest, of all code that the stages reach; None if unknown: in a folder
+            of an older version, or for a run that was moved out of its sweep.
     """
 
     stages: Mapping[str, StageLineage]
@@ -61,13 +64,13 @@ def lineage_of(
     store: Store | None,
     known: MutableMapping[str, str] | None = None,
 ) -> Lineage:
-    """The lineage of the nodes `keys` of a graph, all of them computed or had from `store`.
+    """The lineage of the nodes `keys` of a graph; all of them are computed or in `store`.
 
     Args:
         graph: of one experiment.
         keys: of its nodes.
-        store: None to leave out the digests of what is stored.
-        known: digests by key, so that what several experiments share is looked up once.
+        store: None to leave out the digests of stored results.
+        known: digests by key, so that shared nodes are looked up once.
 
     Raises:
         CacheError: the store cannot be read.
@@ -98,9 +101,9 @@ def _stage_lineage(
 
 
 def settings_digest(content: Mapping[str, Any], files: Iterable[str] | None = None) -> str:
-    """Digest of what a stage was given, from the content of its identity.
+    """Digest of a stage's settings, from the content of its identity.
 
-    `files` are the digests of its files; None for those that they have now.
+    `files` are the digests of its files; None for their current ones.
     """
     names = ("function", "pattern", "settings", "seed", "files")
     given = {name: content[name] for name in names}
@@ -138,13 +141,13 @@ def stages_tree(lineage: Lineage) -> dict[str, Any]:
 
 
 def shared_code(lineage: Lineage) -> tuple[str, str]:
-    """What a point's lineage refers to its code by, and the text of that file of the sweep's."""
+    """The name and the text of the sweep's file with the code part of a lineage."""
     text = _compact(dict(sorted((lineage.code or {}).items())))
     return digest(text)[:_CODE_DIGITS], text
 
 
 def run_lineage_text(lineage: Lineage, code: str) -> str:
-    """The lineage of a sweep's point, which refers to its code, see `shared_code`."""
+    """The lineage of a sweep's run, which names its code file, see `shared_code`."""
     return _compact({"stages": stages_tree(lineage), "code": code})
 
 
@@ -153,12 +156,12 @@ def _compact(tree: Any) -> str:
 
 
 def read_lineage(folder: Path) -> Lineage | None:
-    """The lineage that a result folder holds; None where there is none, as in older folders.
+    """Read the lineage of a result folder; None if it is missing, as in older folders.
 
-    That of a sweep's point has its code in the sweep's folder.
+    The code part of a sweep's run is in the sweep's folder.
 
     Raises:
-        UserError: if the file is not what it must be.
+        UserError: if the file is not valid.
     """
     file = folder / FILE
     if not file.exists():
@@ -172,12 +175,12 @@ def read_lineage(folder: Path) -> Lineage | None:
             code = read_json(file) if file.exists() else None
         parts = None if code is None else _read_code(code)
     except (KeyError, TypeError, AttributeError, ValueError):
-        raise UserError(f"{file}: not the lineage of a run") from None
+        raise UserError(f"{file}: not a valid lineage of a run") from None
     return Lineage(stages, parts)
 
 
 def read_code_name(folder: Path) -> str | None:
-    """What the lineage of a sweep's point refers to its code by; None where it does not say."""
+    """The name of the code file that the lineage of a sweep's run refers to; None if missing."""
     try:
         name = read_json(folder / FILE).get("code")
     except UserError:
@@ -192,13 +195,13 @@ def _code_file(folder: Path, code: str) -> Path:
 
 
 def _read_code(tree: Mapping[str, Any]) -> dict[str, str] | None:
-    """Digests by module; None for those of an older version, which are digests of functions."""
+    """Digests by module; None for an older version, which has digests of functions."""
     return dict(tree) if all(isinstance(digest, str) for digest in tree.values()) else None
 
 
 def _read_stage(stage: Mapping[str, Any]) -> StageLineage:
     keys = tuple(stage["keys"])
-    # A key names a file of the cache: nothing else may pass for one.
+    # A key names a file of the cache, so its form is checked.
     if not all(len(key) == _KEY_DIGITS and set(key) <= set("0123456789abcdef") for key in keys):
         raise ValueError("no keys")
     digests = tuple(stage["digests"])

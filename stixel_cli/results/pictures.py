@@ -1,8 +1,13 @@
-"""Results of the stages that draw."""
+"""Results of the stages that draw, and the settings of what they draw."""
 
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Ge, Le, Len
+
+from stixel_cli.geometry.rig import STRICT
 
 
 @dataclass(frozen=True)
@@ -41,3 +46,27 @@ class CameraFrames:
     top: np.ndarray
     base: np.ndarray
     depth: np.ndarray
+
+
+@dataclass(frozen=True)
+class PicturesParameters:
+    """The frames that get pictures.
+
+    Attributes:
+        frames: increasing indices k of the pictured frames; null for four frames, spread evenly
+            over the run.
+    """
+
+    __pydantic_config__ = STRICT
+
+    frames: Annotated[tuple[Annotated[int, Ge(0), Le(100000)], ...], Len(0, 64)] | None
+
+    def check(self) -> None:
+        """Refuse repeated and unsorted frames.
+
+        Raises:
+            ValueError: if `frames` is not increasing.
+        """
+        frames = self.frames or ()
+        if any(later <= earlier for earlier, later in pairwise(frames)):
+            raise ValueError(f"pictures.frames: {list(frames)} is not increasing")

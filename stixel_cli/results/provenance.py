@@ -1,4 +1,4 @@
-"""Where a result comes from: code, packages, machine."""
+"""Provenance of a result: code, packages, machine."""
 
 import os
 import platform
@@ -39,9 +39,9 @@ def package_versions() -> dict[str, str]:
 
 
 def git_state() -> dict[str, Any]:
-    """Revision of the checkout that holds this package, and whether it has changes.
+    """Revision of this package's checkout, and whether it has uncommitted changes.
 
-    Both are None where the package is no part of a checkout or git is not installed.
+    Both are None if the package is not in a checkout or git is not installed.
     """
     folder = Path(__file__).resolve().parents[2]
     if not (folder / ".git").exists():
@@ -52,7 +52,7 @@ def git_state() -> dict[str, Any]:
 
 
 def machine() -> dict[str, Any]:
-    """What the machine is: system, architecture, processor count."""
+    """System, release, architecture and number of processors of this machine."""
     return {
         "system": platform.system(),
         "release": platform.release(),

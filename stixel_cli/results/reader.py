@@ -9,10 +9,10 @@ from stixel_cli.errors import UserError
 from stixel_cli.files import read_arrays, read_bytes, read_json, read_yaml
 
 SERIES = ("centre_error", "orientation_error", "iou", "nees_position", "nis")
-"""Errors over time that a folder may hold; units as in `evaluation.scores.Scores`."""
+"""Errors over time in `scores.npz`; units as in `evaluation.scores.Scores`."""
 
 SWEEP_FILE = "sweep.yaml"
-"""What marks the folder of a sweep."""
+"""The file that marks the folder of a sweep."""
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
@@ -20,23 +20,25 @@ PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 def check_folder(path: Path) -> None:
     """Raise UserError unless `path` is the result folder of a run."""
     if not path.exists():
-        raise UserError(f"{path}: there is no such folder")
+        raise UserError(f"{path}: no such folder")
     if not path.is_dir():
-        raise UserError(f"{path}: not a folder; name the result folder of a run")
+        raise UserError(f"{path}: not a folder; give the result folder of a run")
     if (path / SWEEP_FILE).exists():
-        first = path / "runs" / "0000"
-        raise UserError(f"{path}: the folder of a sweep; name one of its runs, such as {first}")
+        run = path / "runs" / "0000"
+        raise UserError(
+            f"{path}: a sweep's folder; give the folder of one of its runs, such as {run}"
+        )
     if not (path / "manifest.json").exists():
-        raise UserError(f"{path}: no result folder of a run (manifest.json is missing)")
+        raise UserError(f"{path}: not the result folder of a run (manifest.json is missing)")
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """What a folder's `manifest.json` says; UserError if it is missing or no such file."""
+    """Content of a folder's `manifest.json`; UserError if it is missing or not valid."""
     return read_json(folder / "manifest.json")
 
 
 def read_metrics(folder: Path) -> dict[str, float | int | None]:
-    """A folder's metrics, None where one has no value; UserError if the file is no such thing."""
+    """Metrics of a folder, None for one without a value; UserError if the file is not valid."""
     file = folder / "metrics.json"
     metrics = read_json(file)
     for name, value in metrics.items():
@@ -46,15 +48,15 @@ def read_metrics(folder: Path) -> dict[str, float | int | None]:
 
 
 def read_config(folder: Path) -> dict[str, Any]:
-    """A folder's configuration as it stands in `config.yaml`, in plain types, not validated.
+    """The configuration in a folder's `config.yaml`, in plain types, not validated.
 
     Raises:
-        UserError: if the file is missing, is no YAML, or is no configuration.
+        UserError: if the file is missing, is not YAML, or is not a configuration.
     """
     file = folder / "config.yaml"
     content = read_yaml(file)
     if not isinstance(content, dict) or not all(isinstance(key, str) for key in content):
-        raise UserError(f"{file}: must hold the groups of a configuration")
+        raise UserError(f"{file}: must contain the groups of a configuration")
     return content
 
 
@@ -86,15 +88,15 @@ def _setting_text(value: Any) -> str:
 
 
 def read_series(file: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """The times (K,), s, of a file of scores, and those of `SERIES` that it has, each (K,).
+    """The times (K,), s, of a file of scores, and the `SERIES` that it has, each (K,).
 
     Raises:
-        UserError: if it is missing, is no file of arrays, or these do not fit together.
+        UserError: if it is missing or not valid, or the shapes of its arrays differ.
     """
     arrays = read_arrays(file)
     found = {n: arrays[n].astype(np.float64) for n in ("t", *SERIES) if n in arrays}
     if "t" not in found:
-        raise UserError(f"{file}: holds no times (t)")
+        raise UserError(f"{file}: the times (t) are missing")
     times = found.pop("t")
     if times.ndim != 1:
         raise UserError(f"{file}: t has shape {times.shape}, must have one dimension")

@@ -1,4 +1,4 @@
-"""The result folders below a folder, told in a line each."""
+"""List the result folders below a folder."""
 
 import os
 from collections.abc import Iterator
@@ -9,21 +9,21 @@ from stixel_cli.errors import UserError
 from stixel_cli.results.reader import SWEEP_FILE, read_manifest, read_metrics
 
 DEEPEST = 4
-"""How far below the folder result folders are looked for."""
+"""Depth of the search below the folder."""
 
 
 @dataclass(frozen=True)
 class ListedRun:
-    """One result folder in a list.
+    """One line of the list.
 
     Attributes:
         path: the folder.
-        kind: `run`, or `sweep` for the folder of many.
-        created: date and time, "" if it is not known.
+        kind: `run` or `sweep`.
+        created: date and time, "" if unknown.
         choices: the options of the main groups.
-        seed: None if it is not known.
-        metrics: all of the run's; none of a sweep.
-        fault: why it cannot be read, in one line; None if it can.
+        seed: None if unknown.
+        metrics: of the run; empty for a sweep.
+        fault: why it cannot be read, in one line; None if it can be read.
     """
 
     path: Path
@@ -36,13 +36,13 @@ class ListedRun:
 
 
 def list_runs(root: Path) -> list[ListedRun]:
-    """The result folders below `root`, oldest first; of a sweep below it the folder alone.
+    """The result folders below `root`, oldest first; a sweep is one entry, without its runs.
 
     Raises:
-        UserError: if there is no such folder, or it cannot be read.
+        UserError: if the folder does not exist or cannot be read.
     """
     if not root.is_dir():
-        raise UserError(f"{root}: there is no such folder")
+        raise UserError(f"{root}: no such folder")
     try:
         os.listdir(root)
     except OSError as error:
@@ -63,7 +63,7 @@ def _find(folder: Path, depth: int) -> Iterator[tuple[Path, str]]:
         yield folder, "sweep"
     elif depth < DEEPEST:
         for name in sorted(name for name, is_folder in inside.items() if is_folder):
-            # What begins with a dot is not finished, or somebody else's.
+            # A name that begins with a dot is unfinished or of another program.
             if not name.startswith("."):
                 yield from _find(folder / name, depth + 1)
 

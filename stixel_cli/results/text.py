@@ -1,4 +1,4 @@
-"""Text as result folders and commands have it: JSON, lists of words."""
+"""Text of result folders and commands: JSON, lists of words."""
 
 import json
 from collections.abc import Sequence

@@ -305,7 +305,7 @@ def test_folders_that_are_none(command, tmp_path_factory, capsys):
     for folder in (there / "nowhere", file, empty / ".." / "empty", "", "\0", "a\nb"):
         say_one_line([str(folder), *more], capsys, command)
     assert "missing argument" in say_one_line([], capsys, command)
-    assert "no result folder of a run" in say_one_line(
+    assert "not the result folder of a run" in say_one_line(
         [str(empty), *([str(there)] if more else [])], capsys, command
     )
 

@@ -104,7 +104,7 @@ def test_a_read_only_cache_serves_what_it_holds(renderers, tmp_path, monkeypatch
     monkeypatch.setattr(Store, "check_writable", refuse)
     checks = {one.name: one for one in health.examine(store, works, works)}
     assert checks["cache folder"].status == "limited"
-    assert "Read-only file system; experiments that it holds can run" in checks["cache folder"].text
+    assert "Read-only file system; only cached experiments can run" in checks["cache folder"].text
     store.entry("ab" * 32).rename(tmp_path / "gone")
     checks = {one.name: one for one in health.examine(store, works, works)}
     assert checks["cache folder"].status == "fails"
@@ -122,4 +122,4 @@ def test_damaged_entries_are_counted(renderers, tmp_path, monkeypatch):
     for _ in range(2):
         checks = {one.name: one for one in health.examine(store, works, works)}
         assert checks["cache entries"].status == "limited"
-        assert "2 damaged and set aside" in checks["cache entries"].text
+        assert "2 damaged results set aside" in checks["cache entries"].text

@@ -132,9 +132,9 @@ def test_results_that_come_out_differently_are_said(results, tmp_path, capsys):
     ("folders", "said"),
     [
         (("one", "faster"), "path.speed is 3 in one and 7.5 in faster"),
-        (("one", "one"), "a folder is named twice"),
-        (("none",), "there is no such folder"),
-        (("sweep",), "the folder of a sweep; name one of its runs"),
+        (("one", "one"), "a folder is given twice"),
+        (("none",), "no such folder"),
+        (("sweep",), "a sweep's folder; give the folder of one of its runs"),
     ],
 )
 def test_what_cannot_be_played_is_refused_in_one_line(results, folders, said, capsys):

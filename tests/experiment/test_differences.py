@@ -34,7 +34,7 @@ def test_what_is_the_same():
         (np.array([0], np.uint8), np.array([255], np.uint8), "by up to 255"),
         (Noun(np.zeros(2)), Noun(np.ones(2)), "values: 2 of 2 values differ, by up to 1"),
         (Noun(np.zeros(1)), Noun(np.zeros(1), "b"), "name: 'a' became 'b'"),
-        ({"a": 1}, {"b": 1}, "a is in one of the two alone"),
+        ({"a": 1}, {"b": 1}, "a is in only one of the two"),
         ([1, [2, 3]], [1, [2, 4]], "1.1: 3 became 4"),
         (1, 1.0, "a int became a float"),
         (b"one", b"two", "other bytes"),

@@ -84,7 +84,7 @@ def test_of_two_in_one_second_both_are_written(results, capsys, monkeypatch):
     assert folder.name.endswith("-2")
     assert (folder / "metrics.json").is_file()
     assert main(["run", *FABRICATED, "--results", str(results), "--name", "mine"]) == 2
-    assert "mine: was made by another process meanwhile\n" in capsys.readouterr().err
+    assert "mine: was created by another process meanwhile\n" in capsys.readouterr().err
 
 
 def test_default_names_do_not_collide(results, capsys):
@@ -96,14 +96,14 @@ def test_default_names_do_not_collide(results, capsys):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--name", "taken"), "exists, and is not written over"),
-        (("--name", "link"), "exists, and is not written over"),
-        (("--name", "a/b"), "is no folder name"),
-        (("--name", ""), "is no folder name"),
+        (("--name", "taken"), "exists; choose another --name"),
+        (("--name", "link"), "exists; choose another --name"),
+        (("--name", "a/b"), "is not a valid folder name"),
+        (("--name", ""), "is not a valid folder name"),
         (("--name", "x" * 201), "at most 200 characters"),
-        (("--results", "file"), "--results: file: cannot be made"),
-        (("--results", "file/below"), "--results: file/below: cannot be made"),
-        (("--results", "new/" + "x" * 300), "cannot be made: File name too long"),
+        (("--results", "file"), "--results: file: cannot be created"),
+        (("--results", "file/below"), "--results: file/below: cannot be created"),
+        (("--results", "new/" + "x" * 300), "cannot be created: File name too long"),
     ],
 )
 def test_a_folder_that_cannot_be_written_is_refused(arguments, said, tmp_path, capsys, monkeypatch):

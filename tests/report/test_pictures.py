@@ -17,8 +17,7 @@ from report_nouns import (
 from stixel_cli.images import decode_png
 from stixel_cli.report.birds_eye import track_pictures
 from stixel_cli.report.camera import camera_pictures
-from stixel_cli.report.errors_figure import chi_square_bounds
-from stixel_cli.report.over_time import run_pictures
+from stixel_cli.report.over_time import chi_square_bounds, run_pictures
 from stixel_cli.report.path_figure import spaced_frames
 from stixel_cli.stixels.types import OccupancyGrid
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from stixel_cli.report.parameters import PicturesParameters
+from stixel_cli.results.pictures import PicturesParameters
 
 
 def test_frames_must_increase():

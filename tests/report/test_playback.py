@@ -15,7 +15,7 @@ from report_nouns import make_camera_nouns, make_rig
 
 from stixel_cli.report import playback, style
 from stixel_cli.report.camera_frames import WIDEST, camera_frames
-from stixel_cli.report.errors_figure import chi_square_bounds
+from stixel_cli.report.over_time import chi_square_bounds
 from stixel_cli.report.playback import consistent_bounds, json_in_html, playback_data, playback_html
 
 

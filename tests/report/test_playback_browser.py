@@ -125,7 +125,7 @@ def test_it_draws_what_is_stored(one, k):
         assert on_screen["x"] + on_screen["width"] < picture["x"] + picture["width"]
         assert on_screen["width"] > 0.15 * picture["width"]
     else:
-        assert "empty scan" in page.locator("#scan-caption").inner_text()
+        assert "Empty scan" in page.locator("#scan-caption").inner_text()
     error = page.locator(".chart .value").first.inner_text()
     assert error == f"{run.scores.centre_error[k]:.3f} m"
 
@@ -221,7 +221,7 @@ def test_an_estimate_outside_the_picture_is_pointed_at(open_page, tmp_path):
     assert middle[0] < pointer["x"] < picture["x"] + picture["width"] - pointer["width"]
     assert middle[1] < pointer["y"] < picture["y"] + picture["height"] - pointer["height"]
     said = page.locator("#scan-caption").inner_text()
-    assert said == "An empty scan: the track is a prediction."
+    assert said == "Empty scan: the track is a prediction."
     assert opened.problems == []
     page.close()
 
@@ -309,7 +309,7 @@ def test_the_plots_stand_level_and_bands_have_no_gaps(one):
 def test_a_run_without_images_says_so(open_page, pages):
     opened = open_page(pages / "blind.html")
     said = opened.page.locator("#no-camera")
-    assert said.inner_text() == "No camera image: fabricated measurements are made without one."
+    assert said.inner_text() == 'No camera image: the measurement "fabricated" uses no camera.'
     assert not opened.page.locator("#image").is_visible()
     assert opened.problems == []
     opened.page.close()

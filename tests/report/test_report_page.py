@@ -43,7 +43,7 @@ def test_page_shows_what_differs(folders):
     assert "centre error, RMSE" in page
     assert page.count('<td class="best">') == 2
     assert "<td>–</td><td>–</td>" in page  # nis_mean is null in both
-    assert "0123456789ab with changes" in page
+    assert "0123456789ab with uncommitted changes" in page
     assert "stixel report &#39;a b&#39;" in page
 
 
@@ -113,7 +113,7 @@ def test_page_without_series_or_picture(tmp_path):
 def test_labels_of_folders_with_one_name(tmp_path):
     folders = [tmp_path / "x" / "run", tmp_path / "y" / "run"]
     assert run_labels(folders) == ["x/run", "y/run"]
-    with pytest.raises(UserError, match="named twice"):
+    with pytest.raises(UserError, match="given twice"):
         run_labels([folders[0], folders[0]])
 
 
@@ -140,7 +140,7 @@ def test_default_page_is_free(folders):
         ("config.yaml", "a: [", "not valid YAML"),
         ("config.yaml", "!!python/object/apply:os.getcwd []", "not valid YAML"),
         ("config.yaml", "a: &a {b: *a}", "an alias of itself"),
-        ("config.yaml", "just text", "must hold the groups"),
+        ("config.yaml", "just text", "must contain the groups"),
         ("config.yaml", b"\xff\xfe\x00", "not a text"),
         ("metrics.json", '{"iou_mean": "high"}', "iou_mean must be a number"),
         ("metrics.json", '{"iou_mean": NaN}', "iou_mean: not a finite number"),

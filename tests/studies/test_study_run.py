@@ -126,10 +126,10 @@ def test_another_configuration_is_refused_but_for_name_or_fresh(studies, toy):
     (studies.results / "mine").mkdir()
     (studies.results / "mine/text").write_text("mine\n")
     assert "is not a study folder" in studies.refused(file, "--name", "mine", "--fresh")
-    assert "is no folder name" in studies.refused(file, "--name", "a/b")
+    assert "is not a valid folder name" in studies.refused(file, "--name", "a/b")
     assert "at most 200 characters" in studies.refused(file, "--name", "a" * 201)
     for dry_run in ((), ("--dry-run",)):
-        assert "--name: '' is no folder name" in studies.refused(file, "--name=", *dry_run)
+        assert "--name: '' is not a valid folder name" in studies.refused(file, "--name=", *dry_run)
     for content in ("[1", "[]", "parts: 3", "{study: toy, report: r, parts: {first: {fixed: 3}}}"):
         (folder / "study.yaml").write_text(content)
         assert "study.yaml: not a valid study file" in studies.refused(file, *same)

@@ -140,13 +140,13 @@ def test_a_changed_mesh_is_named_by_resume_and_verify(sweeps, tmp_path, capsys):
     assert main(["verify", str(folder / "runs/0001"), "--cached", "--json"]) == 1
     found = json.loads(capsys.readouterr().out)
     assert found["first_by_key"]["stage"] == "scenario"
-    assert found["first_by_key"]["causes"] == ([f"the content of {mesh} is not what it was"])
+    assert found["first_by_key"]["causes"] == ([f"the content of {mesh} changed"])
     assert found["first_by_value"]["stage"] == "scenario"
     again = sweeps.run("--resume", folder)
     assert again["complete"]
     assert (
         "1 of 2 finished runs is out of date and will be recomputed (scenario: the "
-        f"content of {mesh} is not what it was)" in sweeps.error
+        f"content of {mesh} changed)" in sweeps.error
     )
     sweeps.run("--resume", folder)
     assert sweeps.error == ""
@@ -205,7 +205,7 @@ def test_edited_code_is_named_by_resume_and_by_verify_of_a_run(tmp_path):
     found = json.loads(stixel("verify", str(alone), "--cached", "--json", code=1).stdout)
     assert found["first_by_value"]["stage"] == "start"
     assert found["first_by_value"]["causes"] == [
-        "which code changed is not known: the folder does not say"
+        "unknown code changes: the folder does not record its code"
     ]
     done = stixel("sweep", "--resume", "results/mine", code=0)
     assert f"will be recomputed (start: {edited})" in done.stderr

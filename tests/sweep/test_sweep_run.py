@@ -151,9 +151,9 @@ def test_statistics_of_few_values():
         (["seed=0,1", "seed=2"], "seed: is given twice"),
         ([*FEW, "sensor.read_noise=0,1"], "no stage reads it"),
         (["seed=3"], "nothing to sweep"),
-        ([*FEW, "seed=0,1", "--name", "a/b"], "is no folder name"),
-        ([*FEW, "seed=0,1", "--name", "a/b", "--dry-run"], "is no folder name"),
-        ([*FEW, "seed=0,1", "--name", "", "--dry-run"], "is no folder name"),
+        ([*FEW, "seed=0,1", "--name", "a/b"], "is not a valid folder name"),
+        ([*FEW, "seed=0,1", "--name", "a/b", "--dry-run"], "is not a valid folder name"),
+        ([*FEW, "seed=0,1", "--name", "", "--dry-run"], "is not a valid folder name"),
         (["--from", "nowhere"], "no such file"),
     ],
 )

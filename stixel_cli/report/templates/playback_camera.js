@@ -15,8 +15,8 @@ function drawCamera() {
   find("stixels-choice").hidden = shots === null;
   find("stixels").style.display = shots && find("stixels-shown").checked ? "" : "none";
   if (shots === null) {
-    const measurement = (run.facts.find(([what]) => what === "measurement") || ["", "these"])[1];
-    find("no-camera").textContent = `No camera image: ${measurement} measurements are made without one.`;
+    const measurement = (run.facts.find(([what]) => what === "measurement") || ["", "of this run"])[1];
+    find("no-camera").textContent = `No camera image: the measurement "${measurement}" uses no camera.`;
     find("camera-caption").textContent = "";
     imageShown = null;
     return;
@@ -25,7 +25,7 @@ function drawCamera() {
   if (imageShown === name) return;
   imageShown = name;
   find("image").src = `data:image/jpeg;base64,${shots.images[i]}`;
-  find("image").alt = `What the left camera sees at k = ${shots.frames[i]}`;
+  find("image").alt = `Image of the left camera at k = ${shots.frames[i]}`;
   const overlay = find("stixels"), flat = shots.stixels[i], count = flat.length / 5;
   overlay.setAttribute("viewBox", `-0.5 -0.5 ${shots.width} ${shots.height}`);
   while (rectangles.length < count) rectangles.push(svg("rect", {}, overlay));
@@ -40,7 +40,7 @@ function drawCamera() {
     for (const [key, value] of Object.entries(place)) rectangle.setAttribute(key, value);
   });
   find("camera-caption").textContent = `${count} stixel${count === 1 ? "" : "s"}, coloured by depth` +
-    (shots.every > 1 ? `; image of k = ${shots.frames[i]}: this page holds every ${ordinal(shots.every)} image` : "");
+    (shots.every > 1 ? `; image of k = ${shots.frames[i]}: this page shows every ${ordinal(shots.every)} image` : "");
 }
 
 function ordinal(n) {

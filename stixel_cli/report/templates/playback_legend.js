@@ -1,4 +1,4 @@
-// What was run, and the legend.
+// The description of the runs, and the legend.
 function swatch(parent, draw) {
   const picture = svg("svg", { class: "swatch", viewBox: "0 0 32 12", "aria-hidden": "true" }, parent);
   draw(picture);
@@ -46,15 +46,15 @@ function describe() {
   runs.forEach((run, r) => entries.push(
     [lineSwatch(colourOf(r), dashOf(r)), runs.length === 1 ? "estimate: contour, heading, path" : run.label]));
   entries.push(
-    [area(runs.length === 1 ? "var(--estimate)" : "var(--faint)", 0.25), "± 2σ of the radius"],
-    [lineSwatch(runs.length === 1 ? "var(--estimate)" : "var(--faint)", "4 3", 1.5), "2σ of the centre"],
-    [dot("var(--used)"), "point used, with 1σ"],
-    [dot("var(--unused)"), "point not used"],
+    [area(runs.length === 1 ? "var(--estimate)" : "var(--faint)", 0.25), "± 2σ of the contour's radius"],
+    [lineSwatch(runs.length === 1 ? "var(--estimate)" : "var(--faint)", "4 3", 1.5), "2σ ellipse of the centre"],
+    [dot("var(--used)"), "used point, with 1σ ellipse"],
+    [dot("var(--unused)"), "unused point"],
     [(picture) => { svg("path", { d: "M16 0 22 12H10Z" }, picture).style.fill = "var(--ego)"; }, "ego car's sensor"],
     [area("var(--field-of-view)", 0.35), "field of view"],
-    [area("var(--consistent)", 1), "NEES, NIS: 95 % of a consistent filter"],
+    [area("var(--consistent)", 1), "NEES, NIS: 95 % interval of a consistent filter"],
     [lineSwatch("var(--unused)", "4 3", 1.5), `low overlap: IoU < ${LOW_OVERLAP}`],
-    [lineSwatch("var(--unused)", "", 3), runs.length === 1 ? "points in the scan" : "points in the scan of the run chosen"]);
+    [lineSwatch("var(--unused)", "", 3), runs.length === 1 ? "points in the scan" : "points in the scan of the chosen run"]);
   for (const [draw, text] of entries) {
     const item = html("li", {}, find("legend"));
     swatch(item, draw);

@@ -161,10 +161,10 @@ function drawScan(scan, used, k) {
   find("ellipses-used").setAttribute("d", rings[1]);
   const count = points.length / 2;
   const of = `${count} point${count === 1 ? "" : "s"} in the scan, `;
-  find("scan-caption").textContent = (count === 0 ? "An empty scan: the track is a prediction."
-    : used.length === 0 ? `${of}none used: the track is a prediction`
+  find("scan-caption").textContent = (count === 0 ? "Empty scan: the track is a prediction."
+    : used.length === 0 ? `${of}0 used: the track is a prediction`
       : `${of}${used.length} used by the tracker`) +
-    (scan.ellipses ? "" : "; too many in the run to show their σ");
+    (scan.ellipses ? "" : "; the run has too many points to show their σ");
 }
 
 // Zoom by a factor about a place of the picture, px, which stays where it is.
