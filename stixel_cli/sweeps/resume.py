@@ -13,7 +13,7 @@ from stixel_cli.config.override_text import override_text
 from stixel_cli.config.overrides import check_overrides, parse_overrides
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.experiment.stored_run import OF_THE_MACHINE
-from stixel_cli.results.causes import first_other_stage
+from stixel_cli.results.causes import first_changed_stage
 from stixel_cli.results.lineage import lineage_of, read_lineage
 from stixel_cli.results.reader import flat_settings, read_config
 from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
@@ -132,7 +132,7 @@ def _reason(folder: SweepFolder, one: PlannedRun) -> str:
         if before is None:
             return _UNKNOWN
         after = lineage_of(one.graph, one.graph.ancestors(one.targets), None)
-        found = first_other_stage(before, after, one.graph, _OTHER_SETTINGS)
+        found = first_changed_stage(before, after, one.graph, _OTHER_SETTINGS)
         if found is None:
             return "other results are required"
         causes = [_settings(folder, one) if c == _OTHER_SETTINGS else c for c in found.causes]
