@@ -189,7 +189,7 @@ ASKED = YAMLS | {
     "runs": value("runs", [["seed=0"], [3]]),
     "no runs": value("runs", []),
     "odd run": value("runs", [["[" * 1000 + "=seed=", "seed=0"]]),
-    "steps": value("steps", 3),
+    "nodes": value("nodes", 3),
     "shuffle": value("shuffle", "x"),
     "pictures": value("pictures", 1),
 }
@@ -201,7 +201,7 @@ def test_a_sweep_is_refused(results, capsys, words, kind):
     ASKED[kind](results / "sweep" / "sweep.yaml")
     before = sorted(results.rglob("*"))
     if kind == "odd run" and words == ["show"]:
-        return  # It is no damage to those who do not compose it.
+        return  # `stixel show` does not compose the runs.
     said = one_line(capsys, *words, results / "sweep")
     assert "sweep.yaml" in said or kind == "odd run"
     assert sorted(results.rglob("*")) == before
@@ -224,7 +224,7 @@ def test_a_table_of_a_sweep(results, capsys, name, kind):
 
 @pytest.mark.parametrize("name", ["manifest.json", "metrics.json", "lineage.json"])
 @pytest.mark.parametrize("kind", JSONS)
-def test_a_damaged_point_is_computed_again(results, capsys, name, kind):
+def test_a_damaged_run_is_recomputed(results, capsys, name, kind):
     JSONS[kind](results / "sweep/runs/0001" / name)
     capsys.readouterr()
     assert main(["sweep", "--resume", str(results / "sweep"), "--json"]) == 0

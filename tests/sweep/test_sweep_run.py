@@ -166,7 +166,8 @@ def test_a_refused_command_prints_one_line_and_writes_nothing(sweeps, arguments,
 def test_a_wrong_sweep_yaml_is_refused_in_one_line(sweeps):
     sweeps.run(*FEW, "seed=0,1", "--name", "mine")
     file = sweeps.results / "mine" / "sweep.yaml"
-    for text in ("", "[]", "runs: 3", "a: [", "axes: []\nruns: []\nshuffle: 1\npictures: no"):
+    before_runs = file.read_text().replace("\nruns:", "\npoints:").replace("\nnodes:", "\nsteps:")
+    for text in ("", "[]", "runs: 3", "a: [", "axes: []\nruns: []\nnodes: []", before_runs):
         file.write_text(text)
         said = sweeps.refused("--resume", file.parent)
         assert "not a valid sweep.yaml" in said or "not valid YAML" in said
