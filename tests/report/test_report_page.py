@@ -52,7 +52,7 @@ def test_settings_that_mean_the_same_do_not_differ(tmp_path):
         make_folder(tmp_path / name, 1, CONFIG | {"path": {"duration": duration}})
         for name, duration in (("a", 3), ("b", 3.0))
     ]
-    assert "None: the runs have the same configuration." in make_page(folders)
+    assert "All settings are the same." in make_page(folders)
 
 
 def test_page_shows_the_options_that_settings_do_not_name(folders):
@@ -106,7 +106,7 @@ def test_page_without_series_or_picture(tmp_path):
     folders = [make_folder(tmp_path / name, 1, series=empty | lost) for name in ("a", "b")]
     (folders[0] / "figures" / "path.png").unlink()
     page = make_page(folders)
-    assert "No run has errors over time" in page
+    assert "The runs have no errors over time" in page
     assert "This run has no picture of its path" in page
 
 
@@ -132,7 +132,7 @@ def test_default_page_is_free(folders):
 @pytest.mark.parametrize(
     ("file", "content", "told"),
     [
-        ("manifest.json", None, "no result folder"),
+        ("manifest.json", None, "not the result folder"),
         ("manifest.json", "{", "not valid JSON"),
         ("manifest.json", "[" * 100_000, "not valid JSON"),
         ("manifest.json", "[1]", "must hold names"),
