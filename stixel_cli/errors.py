@@ -8,6 +8,7 @@ class UserError(Exception):
     """
 
     exit_code = 2
+    one_line = True
 
 
 class ConfigurationError(UserError):

@@ -81,8 +81,14 @@ class StageFailure(Exception):
         file, line, code = (own or frames)[-1]
         return f"{_near(file)}, line {line}: `{code.strip()}`"
 
+    @property
+    def is_about_input(self) -> bool:
+        """Whether the message is about the stage's input or the machine, and not about code."""
+        return isinstance(self.cause, ValueError) or hasattr(self.cause, "one_line")
+
     def __str__(self) -> str:
-        return f"{self.label}: {type(self.cause).__name__}: {self.cause}"
+        text = f"{self.label}: {type(self.cause).__name__}: {self.cause}"
+        return text if self.is_about_input or not self.place else f"{text} ({self.place})"
 
 
 _FRAME = re.compile(r'^  File "([^"]+)", line (\d+), in .+\n    (.+)$', re.MULTILINE)

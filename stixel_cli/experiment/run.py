@@ -182,8 +182,7 @@ def one_line_errors() -> Iterator[None]:
     except (CacheError, CodeChanged, ExecutorError) as error:
         raise UserError(str(error)) from error
     except StageFailure as failure:
-        # What a stage reports of its input or of the machine is for the user; the rest is a defect.
-        if isinstance(failure.cause, ValueError | UserError) or hasattr(failure.cause, "one_line"):
+        if failure.is_about_input:
             raise UserError(f"{failure.label}: {failure.cause}") from failure
         raise
 
