@@ -9,7 +9,6 @@ from types import SimpleNamespace
 
 import pytest
 
-from stixel_cli.cli.plan import plan_command
 from stixel_cli.config.compose import compose
 from stixel_cli.config.compose_many import Composer
 from stixel_cli.engine.store import Store
@@ -40,7 +39,7 @@ def test_plan(benchmark, cache, capsys, line):
     for key in plan.needed:
         cache.save(key, None)
     assert len(plan.points) == 1000
-    benchmark.pedantic(plan_command, args=(LINES[line], None, False), rounds=3)
+    benchmark.pedantic(plan, args=(LINES[line],), rounds=3)
     benchmark.extra_info["nodes"] = len(plan.needed)
     assert "1000 points, 1000 complete" in capsys.readouterr().out
 

@@ -40,8 +40,8 @@ def test_each_node_once_with_the_points_that_need_it(sweeps, explained, capsys):
     }
     assert main(["explain", *line]) == 0
     said = capsys.readouterr().out
-    assert "\nstart (points 2, 5): seed changed from " in said
-    assert "\nscores, 2 nodes (points 3-4): input changed: track\n" in said
+    assert "\nstart (runs 2, 5): seed changed from " in said
+    assert "\nscores, 2 nodes (runs 3-4): input changed: track\n" in said
     sweeps.run(*line)
     assert explained(*line) == []
 
@@ -98,11 +98,11 @@ def test_a_file_and_the_folder_of_a_sweep(sweeps, explained, tmp_path, capsys):
     assert main(["explain", str(folder), "--from", str(file)]) == 2
     assert main(["explain", *FEW, "sensor.read_noise=0,1"]) == 2
     errors = capsys.readouterr().err.splitlines()
-    assert "one result folder, or --from FILE, not both" in errors[0]
+    assert "either a result folder or --from FILE" in errors[0]
     assert "no stage reads it" in errors[1]
 
 
 def test_points_are_named_shortly():
-    assert shown_points([0, 1, 2], 3) == "all 3 points"
-    assert shown_points([0, 1, 2, 5, 7, 8], 9) == "points 0-2, 5, 7-8"
-    assert shown_points([4], 9) == "point 4"
+    assert shown_points([0, 1, 2], 3) == "all 3 runs"
+    assert shown_points([0, 1, 2, 5, 7, 8], 9) == "runs 0-2, 5, 7-8"
+    assert shown_points([4], 9) == "run 4"

@@ -31,7 +31,7 @@ def test_a_point_that_fails_fails_alone_and_resume_goes_on(sweeps, bad_mesh):
     statuses = [row["status"] for row in swept["points"]]
     assert statuses == ["done"] * 4 + ["failed"] + ["skipped"] * 3
     assert sweeps.error.splitlines()[-1] == f"stixel sweep --resume {folder}"
-    assert "4 of 8 points are not there: no statistics of 2 settings" in sweeps.error
+    assert "no statistics yet for 2 settings: 4 of 8 runs are missing" in sweeps.error
     assert "point 4 failed" in sweeps.error
     for name in ("summary.md", "summary.tex"):
         text = (folder / name).read_text()

