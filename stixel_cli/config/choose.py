@@ -15,8 +15,9 @@ if TYPE_CHECKING:
 _HYDRA = threading.Lock()
 
 
+@lru_cache(maxsize=1024)
 def choose(
-    chosen: Mapping[str, str], state: tuple[Any, ...]
+    chosen: tuple[tuple[str, str], ...], state: tuple[Any, ...]
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """The configuration of the chosen options, before values are set.
 
@@ -25,7 +26,7 @@ def choose(
     Where choices affect sections of other groups, Hydra composes all of them together.
 
     Args:
-        chosen: group to override, such as `path` to `path=turn`.
+        chosen: groups and their overrides, such as `path` and `path=turn`.
         state: of the files, see `conf_state`.
 
     Returns:
@@ -38,7 +39,7 @@ def choose(
     from hydra.errors import HydraException
 
     families: dict[str, list[str]] = {}
-    for group, text in chosen.items():
+    for group, text in chosen:
         families.setdefault(group.partition("/")[0], []).append(text)
     found = None
     if len(families) > 1:
@@ -46,7 +47,7 @@ def choose(
         with suppress(HydraException):
             found = _choose_apart(families, state)
     if found is None:
-        _, plain, choices = choose_together(tuple(chosen.values()), state)
+        _, plain, choices = choose_together(tuple(text for _, text in chosen), state)
         return plain, choices
     return found
 

@@ -171,18 +171,18 @@ def _resolved(
     from omegaconf.errors import OmegaConfBaseException
     from yaml import YAMLError
 
-    chosen = {
-        one.key_or_group: str(one.input_line)
+    chosen = tuple(
+        (one.key_or_group, str(one.input_line))
         for one in parsed
         if one.key_or_group in group_options()
-    }
+    )
     values = [one for one in parsed if one.key_or_group not in group_options()]
     try:
         plain, choices = choose(chosen, state)
         try:
             tree = with_values(plain, {one.key_or_group: one.value() for one in values})
         except NotPlain:
-            base, _, choices = choose_together(tuple(chosen.values()), state)
+            base, _, choices = choose_together(tuple(text for _, text in chosen), state)
             tree = _by_omegaconf(base, values)
     except OmegaConfBaseException as fault:
         raise ConfigurationError(_unresolved(fault)) from None

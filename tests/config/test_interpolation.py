@@ -122,7 +122,7 @@ def test_equal_groups_are_one_object(composer):
 )
 def test_options_chosen_apart_are_those_that_hydra_chooses_together(line):
     state = folders.conf_state()
-    chosen = {text.partition("=")[0]: text for text in line}
+    chosen = tuple((text.partition("=")[0], text) for text in line)
     families = {}
     for text in line:
         families.setdefault(text.partition("=")[0].partition("/")[0], []).append(text)
