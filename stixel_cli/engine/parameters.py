@@ -3,21 +3,18 @@
 No stage reads them, so no key and no result depends on them.
 """
 
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le, MinLen
 
 from stixel_cli.engine.units import parse_size
-
-# The same as that of the rooms, which the engine does not know.
-STRICT = {"extra": "forbid", "strict": True, "allow_inf_nan": False}
+from stixel_cli.parameters import parameters
 
 Workers = Annotated[int, Ge(1), Le(4096)]
 TimeLimit = Annotated[float, Gt(0), Le(1e7)]
 
 
-@dataclass(frozen=True)
+@parameters
 class LocalExecutor:
     """Processes of this machine.
 
@@ -27,14 +24,12 @@ class LocalExecutor:
             one that takes longer is killed and has failed. Null for no limit.
     """
 
-    __pydantic_config__ = STRICT
-
     kind: Literal["local"]
     workers: Workers
     time_limit: TimeLimit | None
 
 
-@dataclass(frozen=True)
+@parameters
 class ThreadsExecutor:
     """Threads of this process. A thread cannot be killed, so there is no time limit.
 
@@ -42,13 +37,11 @@ class ThreadsExecutor:
         workers: how many.
     """
 
-    __pydantic_config__ = STRICT
-
     kind: Literal["threads"]
     workers: Workers
 
 
-@dataclass(frozen=True)
+@parameters
 class DaskExecutor:
     """Workers of Dask; needs `pip install 'stixel[dask]'`.
 
@@ -60,8 +53,6 @@ class DaskExecutor:
             processes on this machine.
     """
 
-    __pydantic_config__ = STRICT
-
     kind: Literal["dask"]
     workers: Workers
     time_limit: TimeLimit | None
@@ -71,7 +62,7 @@ class DaskExecutor:
 Executor = LocalExecutor | ThreadsExecutor | DaskExecutor
 
 
-@dataclass(frozen=True)
+@parameters
 class CacheParameters:
     """Where results are kept, and how many.
 
@@ -80,8 +71,6 @@ class CacheParameters:
         max_size: such as 20GB, kept after every execution by removing what was not used for the
             longest time; what a running process uses stays in any case. Null for no limit.
     """
-
-    __pydantic_config__ = STRICT
 
     folder: Annotated[str, MinLen(1)] | None
     max_size: str | None

@@ -1,15 +1,14 @@
 """What of a run is pictured."""
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated
 
 from annotated_types import Ge, Le, Len
 
-from stixel_cli.geometry.rig import STRICT
+from stixel_cli.parameters import parameters
 
 
-@dataclass(frozen=True)
+@parameters
 class PicturesParameters:
     """Which frames get pictures.
 
@@ -17,8 +16,6 @@ class PicturesParameters:
         frames: indices k of the pictured frames, increasing; null is four, spread evenly over the
             run.
     """
-
-    __pydantic_config__ = STRICT
 
     frames: Annotated[tuple[Annotated[int, Ge(0), Le(100000)], ...], Len(0, 64)] | None
 

@@ -1,15 +1,14 @@
 """The shape that a class of road users has before any of it is seen."""
 
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from stixel_cli.geometry.rig import STRICT
+from stixel_cli.parameters import parameters
 
 
-@dataclass(frozen=True)
+@parameters
 class PriorShape:
     """What is known of a class of road users before any is measured; not the true size.
 
@@ -22,8 +21,6 @@ class PriorShape:
         measurement_std: of a point, m: noise, and error of the shape that neighbouring points
             share. A tracker's configuration takes the three up, or has its own.
     """
-
-    __pydantic_config__ = STRICT
 
     length: Annotated[float, Gt(0), Le(30)]
     width: Annotated[float, Gt(0), Le(30)]
