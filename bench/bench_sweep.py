@@ -9,9 +9,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from stixel_cli.cli.plan import plan_command
-from stixel_cli.config.compose import compose
-from stixel_cli.config.compose_many import Composer
+from stixel_cli.cli.plan import plan as plan_command
+from stixel_cli.config.compose import Composer, compose
 from stixel_cli.engine.store import Store
 from stixel_cli.sweeps.graphs import plan_runs, plan_sweep
 from stixel_cli.sweeps.runs import design_runs, sweep_design
@@ -40,7 +39,7 @@ def test_plan(benchmark, cache, capsys, line):
     for key in plan.needed:
         cache.save(key, None)
     assert len(plan.runs) == 1000
-    benchmark.pedantic(plan_command, args=(LINES[line], None, False), rounds=3)
+    benchmark.pedantic(plan_command, args=(LINES[line],), rounds=3)
     benchmark.extra_info["nodes"] = len(plan.needed)
     assert "1000 runs, 1000 complete" in capsys.readouterr().out
 
@@ -49,7 +48,7 @@ def test_plan(benchmark, cache, capsys, line):
 @pytest.mark.parametrize("how", ["compose", "Composer"])
 @pytest.mark.parametrize("what", ["keys", "groups"])
 def test_compose(benchmark, how, what):
-    """By Hydra and OmegaConf one after the other, and by plain dicts."""
+    """With a composer per configuration, and with one for all."""
     line = ["tracker.sigma_q=range(0.1,20.1,0.1)"] if what == "keys" else GROUPS
     texts = [run.overrides for run in design_runs(sweep_design(line))][:200]
     one = compose if how == "compose" else None

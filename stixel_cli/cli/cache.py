@@ -1,29 +1,48 @@
-"""`stixel cache`: what is in the cache, what may go, what is damaged."""
+"""`stixel cache`: inspect and clean the cache."""
 
 import sys
 import time
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from stixel_cli.cli.errors import tell
-from stixel_cli.cli.terminal import print_table
-from stixel_cli.config.compose import compose
-from stixel_cli.engine.cleanup import Collection, clear, collect
-from stixel_cli.engine.entries import entries, entry_folders, verify_all
-from stixel_cli.engine.errors import MissingEntry
-from stixel_cli.engine.parameters import parse_age, parse_size, show_size
-from stixel_cli.engine.store import Store, open_store
+from stixel_cli.cli.options import Json
+from stixel_cli.cli.terminal import print_json, print_table
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.run import one_line_errors
-from stixel_cli.results.text import json_text
+
+if TYPE_CHECKING:
+    from stixel_cli.engine.cleanup import Collection
+    from stixel_cli.engine.errors import MissingEntry
+    from stixel_cli.engine.store import Store
+
+app = typer.Typer(rich_markup_mode=None, no_args_is_help=False)
 
 
-def _store() -> Store:
+@app.callback()
+def cache() -> None:
+    """Inspect and clean the cache.
+
+    The cache is the folder `cache.folder` of the configuration, else the one that the environment
+    variable STIXEL_CACHE names, else the user's cache folder.
+    """
+
+
+def _store() -> "Store":
+    from stixel_cli.config.compose import compose
+    from stixel_cli.engine.store import open_store
+
     return open_store(compose().configuration.cache)
 
 
-def list_command(json: bool) -> int:
-    """Print, by stage, how many results there are, their size and last use; the exit code."""
+@app.command()
+def ls(json: Json = False) -> int:
+    """List cached results by stage: number, size, last use."""
+    from stixel_cli.engine.entries import entries
+    from stixel_cli.engine.parameters import show_size
+    from stixel_cli.experiment.run import one_line_errors
+
     store = _store()
     damaged: list[MissingEntry] = []
     with one_line_errors():
@@ -41,7 +60,7 @@ def list_command(json: bool) -> int:
     if json:
         answer = {"folder": str(store.folder), "max_size": store.max_size, "size": total}
         counts = {"entries": len(found), "damaged": len(damaged)}
-        sys.stdout.write(json_text({**answer, **counts, "stages": stages}))
+        print_json({**answer, **counts, "stages": stages})
         return 0
     rows = [
         (name, str(row["entries"]), show_size(row["size"]), _ago(row["last_use"]))
@@ -54,14 +73,36 @@ def list_command(json: bool) -> int:
     return 0
 
 
-def collect_command(max_size: str | None, older_than: str | None, dry_run: bool, json: bool) -> int:
-    """Remove what was not used for long, and what is too much; the exit code.
+@app.command()
+def gc(
+    max_size: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SIZE",
+            help="Keep at most this size, for example 10GB (default: the configured limit).",
+        ),
+    ] = None,
+    older_than: Annotated[
+        str | None,
+        typer.Option(
+            metavar="AGE", help="Also remove results not used for this time, for example 30d."
+        ),
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Print what would be removed; remove nothing.")
+    ] = False,
+    json: Json = False,
+) -> int:
+    """Remove least recently used results.
 
-    Without `max_size` the limit of the configuration is kept.
+    It also removes the remains of killed processes. Results that a running process uses are kept.
 
-    Raises:
-        UserError: for a size or an age that is none, or a cache that cannot be read or written.
+    Example: stixel cache gc --max-size 10GB --older-than 30d
     """
+    from stixel_cli.engine.cleanup import collect
+    from stixel_cli.engine.parameters import parse_age, parse_size
+    from stixel_cli.experiment.run import one_line_errors
+
     store = _store()
     try:
         size = store.max_size if max_size is None else parse_size(max_size)
@@ -77,53 +118,70 @@ def collect_command(max_size: str | None, older_than: str | None, dry_run: bool,
     return 0
 
 
-def _damage(damaged: Sequence[MissingEntry]) -> str:
+def _damage(damaged: "Sequence[MissingEntry]") -> str:
     count = "1 entry is" if len(damaged) == 1 else f"{len(damaged)} entries are"
     aside = " and set aside" if all(one.set_aside for one in damaged) else ""
-    return f"{count} damaged or of an older version{aside}; made again when needed"
+    return f"{count} damaged or of an older version{aside}; recomputed when needed"
 
 
-def clear_command(yes: bool, json: bool) -> int:
-    """Remove all but what a running process uses; the exit code.
+@app.command()
+def clear(
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")] = False,
+    json: Json = False,
+) -> int:
+    """Remove all results that no running process uses.
 
-    On a terminal it asks before, unless `yes`.
-
-    Raises:
-        UserError: where there is neither a terminal nor `yes`, or the cache cannot be written.
+    It asks for confirmation. Without a terminal, --yes is required.
     """
+    from stixel_cli.engine.cleanup import clear as clear_store
+    from stixel_cli.experiment.run import one_line_errors
+
     store = _store()
     if not yes and not _confirmed(store):
         tell("nothing was removed")
         return 1
     with one_line_errors():
-        done = clear(store)
+        done = clear_store(store)
     _print_collection(store, done, "removed", json)
     return 0
 
 
-def check_command(json: bool) -> int:
-    """Read every result: 0 if all are what was stored, 1 if not; bad ones are named, set aside."""
+@app.command()
+def verify(json: Json = False) -> int:
+    """Check the digest of every result; set damaged ones aside.
+
+    Damaged results are listed and recomputed when needed. The exit code is then 1.
+    """
+    from stixel_cli.engine.entries import entry_folders, verify_all
+    from stixel_cli.experiment.run import one_line_errors
+
     store = _store()
     with one_line_errors():
-        # `entries` would set aside, unnamed, what `verify_all` is to name.
+        # `entries` would set damaged results aside before `verify_all` could list them.
         count = len(entry_folders(store))
         bad = verify_all(store)
     if json:
         answer = [vars(entry) | {"reason": reason} for entry, reason in bad]
-        sys.stdout.write(json_text({"folder": str(store.folder), "read": count, "bad": answer}))
+        print_json({"folder": str(store.folder), "read": count, "bad": answer})
     else:
         for entry, reason in bad:
             sys.stdout.write(f"bad: {entry.label} {entry.key[:12]}: {reason}; set aside\n")
         are = "is" if len(bad) == 1 else "are"
-        told = f"{len(bad)} {are} bad, and made again when needed" if bad else "all are good"
-        sys.stdout.write(f"{store.folder}: {count} results read, {told}\n")
+        verdict = f"{len(bad)} {are} bad and recomputed when needed" if bad else "all are good"
+        sys.stdout.write(f"{store.folder}: {count} results read, {verdict}\n")
     return 1 if bad else 0
 
 
-def _confirmed(store: Store) -> bool:
-    """The answer of who sits at the terminal."""
+def _confirmed(store: "Store") -> bool:
+    """Ask the user at the terminal for confirmation."""
+    from stixel_cli.engine.entries import entry_folders
+    from stixel_cli.engine.parameters import show_size
+    from stixel_cli.experiment.run import one_line_errors
+
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        raise UserError("this removes all results of the cache: add --yes, there is no one to ask")
+        raise UserError(
+            "this removes all cached results: add --yes, there is no terminal to ask at"
+        )
     with one_line_errors():
         found = entry_folders(store)
     size = show_size(sum(one.size for one in found))
@@ -132,7 +190,9 @@ def _confirmed(store: Store) -> bool:
     return sys.stdin.readline().strip().lower() in ("y", "yes")
 
 
-def _print_collection(store: Store, done: Collection, verb: str, json: bool) -> None:
+def _print_collection(store: "Store", done: "Collection", verb: str, json: bool) -> None:
+    from stixel_cli.engine.parameters import show_size
+
     if json:
         answer = {
             "folder": str(store.folder),
@@ -142,7 +202,7 @@ def _print_collection(store: Store, done: Collection, verb: str, json: bool) -> 
             "kept_size": done.kept_size,
             "in_use": done.in_use,
         }
-        sys.stdout.write(json_text(answer))
+        print_json(answer)
         return
     by_reason: dict[str, list[int]] = {}
     for one in done.removed:

@@ -1,27 +1,27 @@
-"""`stixel compare`: settings that differ beside metrics that differ, on the terminal."""
+"""`stixel compare`: print the settings and metrics that differ between runs."""
 
 import sys
-from pathlib import Path
 
-from stixel_cli.cli.terminal import print_table
+from stixel_cli.cli.options import Folders, Json
+from stixel_cli.cli.terminal import print_json, print_table
 from stixel_cli.errors import UserError
-from stixel_cli.report.compare import differing_settings, metric_rows, run_labels
-from stixel_cli.results.result import read_scored_run
-from stixel_cli.results.text import json_text
 
 
-def compare_command(folders: list[Path], json: bool) -> int:
-    """Print what two or more runs do not have in common; the exit code.
+def compare(folders: Folders, json: Json = False) -> int:
+    """Show the settings and metrics in which runs differ.
 
-    Raises:
-        UserError: if there are fewer than two, or one of them is not to be read.
+    Example: stixel compare results/simulated results/fabricated
     """
     if len(folders) < 2:
-        raise UserError("stixel compare puts runs side by side: name two result folders or more")
+        raise UserError("stixel compare compares runs: name two or more result folders")
+    from stixel_cli.report.compare import differing_settings, metric_rows, run_labels
+    from stixel_cli.results.result import read_scored_run
+
     labels = run_labels(folders)
     runs = [read_scored_run(folder) for folder in folders]
     settings, _ = differing_settings(runs)
-    metrics = {name: [run.metrics.get(name) for run in runs] for name in _metric_names(runs)}
+    names = dict.fromkeys(name for run in runs for name in run.metrics)
+    metrics = {name: [run.metrics.get(name) for run in runs] for name in names}
     differing = {name: values for name, values in metrics.items() if len(set(values)) > 1}
     if json:
         answer = {
@@ -29,7 +29,7 @@ def compare_command(folders: list[Path], json: bool) -> int:
             "settings": {key: dict(zip(labels, values, strict=True)) for key, values in settings},
             "metrics": {k: dict(zip(labels, v, strict=True)) for k, v in differing.items()},
         }
-        sys.stdout.write(json_text(answer))
+        print_json(answer)
         return 0
     if settings:
         print_table(("setting", *labels), [(key, *values) for key, values in settings])
@@ -49,10 +49,6 @@ def compare_command(folders: list[Path], json: bool) -> int:
     else:
         sys.stdout.write("the metrics are the same\n")
     return 0
-
-
-def _metric_names(runs) -> list[str]:
-    return list(dict.fromkeys(name for run in runs for name in run.metrics))
 
 
 def _cell(cell: tuple[str, bool]) -> str:

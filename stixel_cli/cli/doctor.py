@@ -1,22 +1,27 @@
-"""`stixel doctor`: what this machine has of what experiments need."""
+"""`stixel doctor`: check this machine."""
 
 import sys
 
-from stixel_cli.cli.terminal import print_table
-from stixel_cli.config.compose import compose
-from stixel_cli.engine.store import open_store
-from stixel_cli.experiment.health import examine
-from stixel_cli.results.text import json_text
+from stixel_cli.cli.options import Json
+from stixel_cli.cli.terminal import print_json, print_table
 
 
-def doctor_command(json: bool) -> int:
-    """Print what works here and what does not: 0 if the default experiment can run, else 1."""
+def doctor(json: Json = False) -> int:
+    """Check whether this machine can run experiments.
+
+    It checks versions, cores, threads, renderers, cache and disk. The exit code is 0 if the default
+    experiment can run here, otherwise 1.
+    """
+    from stixel_cli.config.compose import compose
+    from stixel_cli.engine.store import open_store
+    from stixel_cli.experiment.health import examine
+
     checks = examine(open_store(compose().configuration.cache))
     failing = [check for check in checks if check.status == "fails"]
     if json:
-        sys.stdout.write(json_text({"ok": not failing, "checks": [vars(one) for one in checks]}))
+        print_json({"ok": not failing, "checks": [vars(one) for one in checks]})
     else:
-        print_table(("what", "", "found"), [(one.name, one.status, one.text) for one in checks])
+        print_table(("check", "", "found"), [(one.name, one.status, one.text) for one in checks])
         sys.stdout.write(
             "".join(f"{one.name} fails: {one.text}\n" for one in failing)
             or "the default experiment can run here\n"

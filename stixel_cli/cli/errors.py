@@ -4,8 +4,7 @@ import errno
 import io
 import os
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +12,14 @@ from stixel_cli.config.folders import group_options
 from stixel_cli.errors import UserError
 
 CRASHED = 1
+LONGEST_USAGE = 300
+"""Characters of a usage error: it repeats the words that were typed."""
 
 _OF_THE_USER = (errno.ENAMETOOLONG, errno.EACCES)
-"""What any look at a path that was typed may end with, be it only whether something is there."""
+"""Errors that any access to a typed path may raise."""
 
 _OF_STDOUT = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EPIPE)
-"""What ends a print, which has no file name; what fails to write a file of ours is told as that."""
+"""Errors of printing, which have no file name."""
 
 
 class Interrupted(UserError):
@@ -30,23 +31,14 @@ class Interrupted(UserError):
         return "interrupted; what was computed is kept"
 
 
-@contextmanager
-def interruptible() -> Iterator[None]:
-    """Ctrl-C as an `Interrupted`; Typer would swallow it, or end the line, as its version goes."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        raise Interrupted from None
-
-
 def guarded(command: Callable[[], int]) -> int:
-    """Exit code of `command()`, with its errors told in one line.
+    """Exit code of `command()`; errors are reported in one line.
 
-    A `UserError` is told as it is. A crash leaves its traceback in a log file that is named.
+    A `UserError` is printed verbatim. A crash writes its traceback to a log file and names it.
     """
     try:
         code = command()
-        # What does not fit on the disk is told now, and not by Python in its last moments.
+        # Report a full disk here, not by Python at its exit.
         sys.stdout.flush()
         return code
     except UserError as error:
@@ -63,7 +55,7 @@ def guarded(command: Callable[[], int]) -> int:
             _leave_stdout(error)
             return CRASHED
         if isinstance(error, FileNotFoundError) and _working_directory_is_gone():
-            tell("the working directory is not there any more: change to one that is")
+            tell("the working directory no longer exists: change to another one")
             return UserError.exit_code
         _tell_crash(error)
         return CRASHED
@@ -87,7 +79,7 @@ def _leave_stdout(error: OSError) -> None:
     """Tell that stdout cannot be written, unless its reader has gone away, and write no more."""
     if error.errno != errno.EPIPE:
         tell(f"standard output: cannot be written: {error.strerror}")
-    # Or Python tries again at its end, and complains.
+    # Otherwise Python tries again at its exit and complains.
     sys.stdout = open(os.devnull, "w")  # noqa: SIM115
 
 
@@ -167,6 +159,8 @@ def usage_line(error: Any) -> str:
     wrong = getattr(error, "option_name", None)
     if wrong and "no such option" in text:
         text = f"no such option {wrong}{_near_option(wrong, context)}"
+    if len(text) > LONGEST_USAGE:
+        text = f"{text[: LONGEST_USAGE - 1]}…"
     where = context.command_path if context is not None else "stixel"
     mark = "?" if "; did you mean" in text and not text.endswith("?") else ""
     return f"{text}{mark} (see {where} --help)"

@@ -1,60 +1,79 @@
-"""`stixel explain`: why a run or a sweep would compute what it would."""
+"""`stixel explain`: explain why results would be recomputed."""
 
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
-from stixel_cli.config.compose import Composition
-from stixel_cli.config.compose_many import Composer
-from stixel_cli.engine.explain import Change, Explanation, by_stage, explain
-from stixel_cli.engine.graph import Graph
-from stixel_cli.engine.store import Store, open_store
+import typer
+
+from stixel_cli.cli.completion import complete_run_or_override
+from stixel_cli.cli.options import FromFile, Json
+from stixel_cli.cli.terminal import print_json
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.run import experiment_graph, one_line_errors, targets
-from stixel_cli.experiment.stored_run import has_pictures, read_stored_run
-from stixel_cli.results.reader import SWEEP_FILE
-from stixel_cli.results.text import json_text
-from stixel_cli.sweeps.folder import SweepFolder
-from stixel_cli.sweeps.graphs import PlannedRun, SweepPlan
-from stixel_cli.sweeps.runs import compose_runs, design_runs, sweep_design
-from stixel_cli.sweeps.whole import planned_sweep
+
+if TYPE_CHECKING:
+    from stixel_cli.config.compose import Composition
+    from stixel_cli.engine.explain import Change, Explanation
+    from stixel_cli.engine.graph import Graph
+    from stixel_cli.engine.store import Store
+    from stixel_cli.sweeps.graphs import PlannedRun, SweepPlan
 
 MOST_LINES = 30
-"""So many lines of a module's difference are printed; --json gives all."""
+"""Lines of a module's difference that are printed; --json gives all."""
 
 
-@dataclass(frozen=True)
-class _Asked:
-    """What is to be explained.
+class _Asked(NamedTuple):
+    """The nodes to explain.
 
     Attributes:
         graph, targets, store: of the nodes.
-        runs: those of a sweep; none of a run.
+        runs: the runs of a sweep; () for a single run.
     """
 
-    graph: Graph
+    graph: "Graph"
     targets: list[str]
-    store: Store
-    runs: tuple[PlannedRun, ...] = ()
+    store: "Store"
+    runs: "tuple[PlannedRun, ...]" = ()
 
 
-def explain_command(what: Sequence[str], json: bool, file: str | None = None) -> int:
-    """Print why each node of a run, or of all runs of a sweep, would be computed; the exit code.
+def explain(
+    what: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="A result folder, or overrides.",
+            metavar="FOLDER|OVERRIDES",
+            autocompletion=complete_run_or_override,
+            show_default=False,
+        ),
+    ] = None,
+    file: FromFile = None,
+    json: Json = False,
+) -> int:
+    """Explain why results would be recomputed.
 
-    `what` is one result folder, or overrides; `file` describes a sweep's axes.
+    For each missing node, the reason is one of: new, setting, function, version, evicted, input.
+    The nodes of a sweep (several values, a file, or a sweep's folder) are listed once, with the
+    runs that need them. Pictures count where `stixel plan` counts them.
 
-    Raises:
-        UserError: for what `stixel run` or `stixel sweep` would refuse.
+    \b
+    Examples:
+      stixel explain tracker.length_scale=0.5
+      stixel explain tracker.length_scale=0.5,0.6 seed=0,1
+      stixel explain results/wide-prior
     """
-    asked = _asked(what, file)
+    from stixel_cli.engine.explain import by_stage
+    from stixel_cli.engine.explain import explain as explain_nodes
+    from stixel_cli.experiment.run import one_line_errors
+
+    asked = _asked(what or [], file)
     with one_line_errors():
-        found = explain(asked.graph, asked.store, asked.targets)
+        found = explain_nodes(asked.graph, asked.store, asked.targets)
     needed_by = _needed_by(asked.runs, {one.key for one in found})
     if json:
-        sys.stdout.write(json_text([_as_json(one, needed_by.get(one.key)) for one in found]))
+        print_json([_as_json(one, needed_by.get(one.key)) for one in found])
         return 0
     shown: set[tuple[str, ...]] = set()
     for group, text in by_stage(found):
@@ -69,12 +88,12 @@ def explain_command(what: Sequence[str], json: bool, file: str | None = None) ->
                 shown.add(change.difference)
                 sys.stdout.write("".join(f"    {line}\n" for line in _shortened(change)))
     if not found:
-        sys.stdout.write("nothing would run: all is cached\n")
+        sys.stdout.write("nothing to recompute: all results are cached\n")
     return 0
 
 
-def _shortened(change: Change) -> list[str]:
-    """The lines of a module's difference, without its two lines of head; no more than some."""
+def _shortened(change: "Change") -> list[str]:
+    """The first lines of a module's difference, without its two lines of header."""
     lines = list(change.difference[2:])
     if len(lines) > MOST_LINES:
         return [*lines[:MOST_LINES], f"… {len(lines) - MOST_LINES} more lines"]
@@ -82,9 +101,16 @@ def _shortened(change: Change) -> list[str]:
 
 
 def _asked(what: Sequence[str], file: str | None) -> _Asked:
+    from stixel_cli.config.compose import Composer
+    from stixel_cli.experiment.stored_run import has_pictures, read_stored_run
+    from stixel_cli.results.reader import SWEEP_FILE
+    from stixel_cli.sweeps.folder import SweepFolder
+    from stixel_cli.sweeps.runs import compose_runs, design_runs, sweep_design
+    from stixel_cli.sweeps.whole import planned_sweep
+
     if len(what) == 1 and os.path.isdir(what[0]):
         if file is not None:
-            raise UserError(f"{what[0]}: name one result folder, or --from FILE, not both")
+            raise UserError(f"{what[0]}: name either a result folder or --from FILE")
         folder = Path(what[0])
         if (folder / SWEEP_FILE).exists():
             request = SweepFolder(folder).request()
@@ -95,10 +121,10 @@ def _asked(what: Sequence[str], file: str | None) -> _Asked:
         return _of_run(stored.composition, has_pictures(stored))
     folders = [text for text in what if "=" not in text and os.path.isdir(text)]
     if folders:
-        raise UserError(f"{folders[0]}: name one result folder, or overrides, not both")
+        raise UserError(f"{folders[0]}: name either one result folder or overrides")
     lost = [text for text in what if "=" not in text and os.sep in text]
     if lost:
-        raise UserError(f"{lost[0]}: there is no such folder")
+        raise UserError(f"{lost[0]}: no such folder")
     design = sweep_design(what, file, one_is_enough=True)
     runs = design_runs(design)
     if not design.axes:
@@ -106,21 +132,26 @@ def _asked(what: Sequence[str], file: str | None) -> _Asked:
     return _of_runs(*planned_sweep(runs, None, False))
 
 
-def _of_run(composition: Composition, pictures: bool) -> _Asked:
+def _of_run(composition: "Composition", pictures: bool) -> _Asked:
+    from stixel_cli.engine.store import open_store
+    from stixel_cli.experiment.run import experiment_graph, one_line_errors, targets
+
     with one_line_errors():
         graph = experiment_graph(composition.configuration)
     store = open_store(composition.configuration.cache)
     return _Asked(graph, targets(graph, pictures), store)
 
 
-def _of_runs(plan: SweepPlan, _: Sequence[str]) -> _Asked:
+def _of_runs(plan: "SweepPlan", _: Sequence[str]) -> _Asked:
+    from stixel_cli.engine.store import open_store
+
     store = open_store(plan.runs[0].run.composition.configuration.cache)
     wanted = dict.fromkeys(target for one in plan.runs for target in one.targets)
     return _Asked(plan.graph, list(wanted), store, plan.runs)
 
 
-def _needed_by(runs: Sequence[PlannedRun], missing: set[str]) -> dict[str, list[int]]:
-    """Indices of the runs for which each node that is missing would run."""
+def _needed_by(runs: "Sequence[PlannedRun]", missing: set[str]) -> dict[str, list[int]]:
+    """Indices of the runs that need each missing node."""
     needed: dict[str, list[int]] = {}
     for one in runs:
         found: set[str] = set()
@@ -129,7 +160,7 @@ def _needed_by(runs: Sequence[PlannedRun], missing: set[str]) -> dict[str, list[
             key = pending.pop()
             if key not in found:
                 found.add(key)
-                # What a stored result was made of is not needed, be it missing or not.
+                # The sources of a cached node are not needed, missing or not.
                 pending += [s for s in one.graph.nodes[key].sources if s in missing]
         for key in found:
             needed.setdefault(key, []).append(one.run.index)
@@ -137,17 +168,17 @@ def _needed_by(runs: Sequence[PlannedRun], missing: set[str]) -> dict[str, list[
 
 
 def shown_runs(runs: Sequence[int], count: int) -> str:
-    """Indices in ascending order, as `runs 0-4, 7`; `all 8 runs` where none is left out."""
+    """Indices in ascending order, as `runs 0-4, 7`; `all 8 runs` for all of them."""
     if len(runs) == count:
         return f"all {count} runs"
-    # Consecutive numbers differ from their places by the same amount.
+    # Consecutive numbers differ from their positions by the same amount.
     ranges = [list(one) for _, one in groupby(enumerate(runs), lambda at: at[1] - at[0])]
     ends = [(one[0][1], one[-1][1]) for one in ranges]
     shown = ", ".join(str(a) if a == b else f"{a}-{b}" for a, b in ends)
     return f"run{'' if len(runs) == 1 else 's'} {shown}"
 
 
-def _as_json(one: Explanation, runs: Sequence[int] | None) -> dict:
+def _as_json(one: "Explanation", runs: Sequence[int] | None) -> dict:
     return {
         "key": one.key,
         "stage": one.stage,

@@ -1,27 +1,40 @@
-"""`stixel ls`: the result folders below a folder."""
+"""`stixel ls`: list runs and sweeps."""
 
-import sys
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
+import typer
+
+from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.errors import tell
-from stixel_cli.cli.terminal import print_table
-from stixel_cli.evaluation.metric_table import metric
-from stixel_cli.report.metrics import format_value
-from stixel_cli.results.run_list import ListedRun, list_runs
-from stixel_cli.results.text import json_text
+from stixel_cli.cli.options import Json
+from stixel_cli.cli.terminal import print_json, print_table
+
+if TYPE_CHECKING:
+    from stixel_cli.results.run_list import ListedRun
 
 SHOWN = ("centre_rmse_m", "iou_mean")
 
 
-def ls_command(folder: Path, json: bool) -> int:
-    """Print the result folders below `folder`, oldest first; the exit code.
+def ls(
+    folder: Annotated[
+        Path,
+        typer.Argument(
+            help="Folder to search.",
+            metavar="DIR",
+            autocompletion=complete_folder,
+            show_default=True,
+        ),
+    ] = Path("results"),
+    json: Json = False,
+) -> int:
+    """List runs and sweeps, oldest first."""
+    from stixel_cli.evaluation.metric_table import metric
+    from stixel_cli.results.run_list import list_runs
 
-    Raises:
-        UserError: if there is no such folder.
-    """
     runs = list_runs(folder)
     if json:
-        sys.stdout.write(json_text([vars(run) | {"path": str(run.path)} for run in runs]))
+        print_json([vars(run) | {"path": str(run.path)} for run in runs])
         return 0
     for run in runs:
         if run.fault is not None:
@@ -35,7 +48,9 @@ def ls_command(folder: Path, json: bool) -> int:
     return 0
 
 
-def _row(run: ListedRun) -> list[str]:
+def _row(run: "ListedRun") -> list[str]:
+    from stixel_cli.report.metrics import format_value
+
     what = "a sweep" if run.kind == "sweep" else run.choices
     seed = "" if run.seed is None else str(run.seed)
     shown = [format_value(run.metrics[name]) if name in run.metrics else "" for name in SHOWN]

@@ -1,4 +1,4 @@
-"""Arguments and options that several commands have."""
+"""Arguments and options that several commands share."""
 
 from pathlib import Path
 from typing import Annotated
@@ -11,11 +11,12 @@ from stixel_cli.cli.completion import (
     complete_study,
     complete_sweep,
 )
+from stixel_cli.errors import UserError
 
 Overrides = Annotated[
     list[str] | None,
     typer.Argument(
-        help="What differs from the default: GROUP=OPTION or KEY=VALUE, in Hydra's grammar.",
+        help="Changes to the default: GROUP=OPTION or KEY=VALUE, in Hydra's grammar.",
         metavar="OVERRIDES",
         autocompletion=complete_override,
         show_default=False,
@@ -24,7 +25,7 @@ Overrides = Annotated[
 SweepOverrides = Annotated[
     list[str] | None,
     typer.Argument(
-        help="As for `stixel run`, with several values: KEY=1,2 KEY=range(1,9,2) GROUP=glob(*).",
+        help="As in `stixel run`, plus several values: KEY=1,2 KEY=range(1,9,2) GROUP=glob(*).",
         metavar="OVERRIDES",
         autocompletion=complete_sweep,
         show_default=False,
@@ -33,7 +34,7 @@ SweepOverrides = Annotated[
 StudyWords = Annotated[
     list[str] | None,
     typer.Argument(
-        help="A study of pipelines/studies, or all; then what differs, as for `stixel sweep`.",
+        help="A study of pipelines/studies, or all; then overrides as in `stixel sweep`.",
         metavar="STUDY [OVERRIDES]",
         autocompletion=complete_study,
         show_default=False,
@@ -58,7 +59,7 @@ Folders = Annotated[
     ),
 ]
 Name = Annotated[
-    str | None, typer.Option(help="Name of the result folder; if not given, from time and choices.")
+    str | None, typer.Option(help="Name of the result folder (default: time and choices).")
 ]
 StudyName = Annotated[
     str | None,
@@ -67,28 +68,44 @@ StudyName = Annotated[
         metavar="<str>",
     ),
 ]
-Results = Annotated[Path, typer.Option(metavar="DIR", help="Where the result folder is made.")]
+Output = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Output file (default: named after the runs)."),
+]
+Results = Annotated[
+    Path, typer.Option(metavar="DIR", help="Folder in which to create the result folder.")
+]
 Workers = Annotated[
     int | None,
-    typer.Option(min=1, max=4096, help="How many compute at a time: short for executor.workers=…"),
+    typer.Option(min=1, max=4096, help="Number of workers; short for executor.workers=…"),
 ]
-Json = Annotated[
-    bool, typer.Option("--json", help="Print the result as JSON, and nothing else, on stdout.")
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON only.")]
+DryRun = Annotated[
+    bool, typer.Option("--dry-run", help="Print what would be computed; compute nothing.")
 ]
-DryRun = Annotated[bool, typer.Option("--dry-run", help="Print what would be done; do nothing.")]
 FromFile = Annotated[
     str | None,
     typer.Option(
         "--from",
         metavar="FILE",
-        help="A YAML file, or one of pipelines/studies by name: axes, seeds, points left out.",
+        help="A YAML file, or the name of one in pipelines/studies: axes, seeds, excluded runs.",
     ),
 ]
 Shuffle = Annotated[
     int | None,
-    typer.Option(min=0, metavar="SEED", help="Run the points in an order drawn with this seed."),
+    typer.Option(min=0, metavar="SEED", help="Shuffle the order of the runs with this seed."),
 ]
-Pictures = Annotated[bool, typer.Option("--pictures", help="Draw the pictures of every point.")]
+Pictures = Annotated[bool, typer.Option("--pictures", help="Draw the pictures of every run.")]
 Fresh = Annotated[
-    bool, typer.Option("--fresh", help="Begin anew, and take away what the study's folder holds.")
+    bool, typer.Option("--fresh", help="Start over: delete what the study's folder has.")
 ]
+
+
+def check_output(output: Path | None) -> None:
+    """Refuse an `--output` that exists.
+
+    Raises:
+        UserError: in one line.
+    """
+    if output is not None and output.exists():
+        raise UserError(f"--output: {output} exists and is not overwritten; name another file")

@@ -1,63 +1,72 @@
-"""`stixel plan`: what a run or a sweep would compute, and how long it would take."""
+"""`stixel plan`: count the nodes that a run or a sweep would compute, and estimate the time."""
 
-import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from stixel_cli.cli.options import FromFile, Json, Pictures, SweepOverrides, Workers
 from stixel_cli.cli.run import with_workers
-from stixel_cli.cli.terminal import print_table
-from stixel_cli.engine.progress import duration
-from stixel_cli.experiment.run import CAMERA, RESULTS
-from stixel_cli.results.text import json_text
-from stixel_cli.sweeps.design import Design
-from stixel_cli.sweeps.graphs import SweepPlan
-from stixel_cli.sweeps.runs import design_runs, sweep_design
-from stixel_cli.sweeps.whole import planned_sweep
+from stixel_cli.cli.terminal import counted, print_json, print_table
+
+if TYPE_CHECKING:
+    from stixel_cli.sweeps.design import Design
+    from stixel_cli.sweeps.graphs import SweepPlan
 
 AS_RUN = (
-    "what stixel run would compute, pictures and page with it; "
+    "this is what stixel run would compute, including pictures and page; "
     "a sweep draws pictures only with --pictures"
 )
 
 
-def plan_command(
-    overrides: Sequence[str],
-    file: str | None,
-    json: bool,
-    workers: int | None = None,
-    pictures: bool = False,
+def plan(
+    overrides: SweepOverrides = None,
+    file: FromFile = None,
+    workers: Workers = None,
+    pictures: Pictures = False,
+    json: Json = False,
 ) -> int:
-    """Print what a sweep, or a run, would compute; the exit code. Nothing is written.
+    """Print what a run or a sweep would compute.
 
-    Where nothing has several values it is a run, as for `stixel explain`.
+    The table has one line per stage: all nodes, cached nodes, missing nodes and an estimate of the
+    time. A node is one cached step of the computation, usually a few frames of one stage.
 
-    Raises:
-        UserError: for whatever the user can put right.
+    Without several values of a key, this is the plan of `stixel run`, with its pictures. Otherwise
+    it is the plan of `stixel sweep`, which draws pictures only with --pictures.
+
+    \b
+    Examples:
+      stixel plan tracker.length_scale=0.5
+      stixel plan tracker.length_scale=0.2,0.4,0.8 seed=0,1,2
     """
-    design = sweep_design(with_workers(overrides, workers), file, one_is_enough=True)
+    from stixel_cli.experiment.run import CAMERA, RESULTS
+    from stixel_cli.sweeps.runs import design_runs, sweep_design
+    from stixel_cli.sweeps.whole import planned_sweep
+
+    design = sweep_design(with_workers(overrides or [], workers), file, one_is_enough=True)
     runs = design_runs(design)
     if design.axes:
-        plan, notes = planned_sweep(runs, None, pictures)
+        planned, notes = planned_sweep(runs, None, pictures)
     else:
-        plan, notes = planned_sweep(runs, None, pictures=True, nodes=(*RESULTS, CAMERA))
+        planned, notes = planned_sweep(runs, None, pictures=True, nodes=(*RESULTS, CAMERA))
         notes = [AS_RUN, *notes]
-    print_plan(plan, design, notes, json)
+    print_plan(planned, design, notes, json)
     return 0
 
 
-def print_plan(plan: SweepPlan, design: Design, notes: Sequence[str], json: bool) -> None:
-    """Print a plan, as JSON or for the eye."""
+def print_plan(plan: "SweepPlan", design: "Design", notes: Sequence[str], json: bool) -> None:
+    """Print a plan as JSON or as a table."""
     content = plan_content(plan, design, notes)
     if json:
-        sys.stdout.write(json_text(content))
+        print_json(content)
         return
     from rich.console import Console
+
+    from stixel_cli.engine.progress import duration
 
     console = Console(highlight=False, soft_wrap=True)
     for axis in design.axes:
         values = [" ".join(step) for step in axis.steps]
         shown = ", ".join(values[:6]) + (", …" if len(values) > 6 else "")
-        console.print(f"{axis.name}: {_many(len(values), 'value')}: {shown}", markup=False)
+        console.print(f"{axis.name}: {counted(len(values), 'value')}: {shown}", markup=False)
     for note in notes:
         console.print(f"note: {note}", markup=False)
     rows = [
@@ -73,13 +82,13 @@ def print_plan(plan: SweepPlan, design: Design, notes: Sequence[str], json: bool
     print_table(("stage", "nodes", "cached", "to run", "time"), rows, right=(1, 2, 3, 4))
     counts = content["nodes"]
     console.print(
-        f"{_many(content['runs'], 'run')}, {content['runs_cached']} complete; "
-        f"{_many(counts['all'], 'node')}, {counts['cached']} cached, {counts['to_run']} to run"
+        f"{counted(content['runs'], 'run')}, {content['runs_cached']} complete; "
+        f"{counted(counts['all'], 'node')}, {counts['cached']} cached, {counts['to_run']} to run"
         f"{_estimate(plan, content)}"
     )
 
 
-def plan_content(plan: SweepPlan, design: Design, notes: Sequence[str]) -> dict[str, Any]:
+def plan_content(plan: "SweepPlan", design: "Design", notes: Sequence[str]) -> dict[str, Any]:
     """A plan in plain types."""
     configuration = plan.runs[0].run.composition.configuration
     seconds = plan.seconds(configuration.executor.workers)
@@ -102,13 +111,11 @@ def plan_content(plan: SweepPlan, design: Design, notes: Sequence[str]) -> dict[
     }
 
 
-def _estimate(plan: SweepPlan, content: dict[str, Any]) -> str:
+def _estimate(plan: "SweepPlan", content: dict[str, Any]) -> str:
     if not plan.missing:
         return ""
+    from stixel_cli.engine.progress import duration
+
     if content["seconds"] is None:
-        return "; how long is not known yet"
-    return f", about {duration(content['seconds'])} with {_many(content['workers'], 'worker')}"
-
-
-def _many(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"
+        return "; no estimate of the time yet"
+    return f", about {duration(content['seconds'])} with {counted(content['workers'], 'worker')}"

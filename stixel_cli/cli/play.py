@@ -1,23 +1,43 @@
-"""`stixel play`: a page that plays runs back."""
+"""`stixel play`: write a page that plays runs back."""
 
 import sys
 from pathlib import Path
+from typing import Annotated
 
+import typer
+
+from stixel_cli.cli.completion import complete_folder
+from stixel_cli.cli.errors import tell
+from stixel_cli.cli.options import Output, Workers, check_output
+from stixel_cli.cli.run import with_workers
 from stixel_cli.errors import UserError
 
 
-def play_command(folders: list[Path], output: Path | None, workers: int | None) -> int:
-    """Write the page of one run, or of several of one scene, and print where it is; the exit code.
+def play(
+    folders: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Result folders of runs; several must share one scene.",
+            metavar="FOLDER",
+            autocompletion=complete_folder,
+            show_default=False,
+        ),
+    ],
+    output: Output = None,
+    workers: Workers = None,
+) -> int:
+    """Write a page that plays one or more runs of one scene back.
 
-    Raises:
-        UserError: if a folder is not to be read, the runs are not of one scene, or the page is not
-            to be written.
+    Missing results are computed. The page of one run is already in its folder, as index.html.
+
+    \b
+    Examples:
+      stixel play results/gp results/point
+      stixel play results/sweep/runs/0003
     """
-    if output is not None and output.exists():
-        raise UserError(f"--output: {output} exists, and is not written over; name another file")
+    check_output(output)
     if output is not None and not output.parent.is_dir():
-        raise UserError(f"--output: there is no folder {output.parent}")
-    from stixel_cli.cli.run import with_workers
+        raise UserError(f"--output: the folder {output.parent} does not exist")
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.experiment.playback import folders_page
     from stixel_cli.experiment.stored_run import read_stored_run
@@ -27,7 +47,7 @@ def play_command(folders: list[Path], output: Path | None, workers: int | None) 
     stored = [read_stored_run(folder, tuple(with_workers((), workers))) for folder in folders]
     page, notes = folders_page(stored, labels, make_progress())
     for note in notes:
-        sys.stderr.write(f"stixel: {note}\n")
+        tell(note)
     file = default_page(folders, "play") if output is None else output
     write_page(file, page)
     sys.stdout.write(f"{file}\n")

@@ -1,22 +1,21 @@
-"""`stixel report`: result folders side by side on one page."""
+"""`stixel report`: compare runs on one page."""
 
 import sys
-from pathlib import Path
 
+from stixel_cli.cli.options import Folders, Output, check_output
 from stixel_cli.errors import UserError
 
 
-def report_command(folders: list[Path], output: Path | None) -> int:
-    """Write the page of two or more result folders and print where it is; the exit code.
+def report(folders: Folders, output: Output = None) -> int:
+    """Compare two or more runs side by side on one page.
 
-    Raises:
-        UserError: if there are fewer than two, one of them is not to be read, or the page is not
-            to be written.
+    The page shows the settings that differ, the metrics, and the errors over time.
+
+    Example: stixel report results/simulated results/fabricated
     """
     if len(folders) < 2:
-        raise UserError("stixel report puts runs side by side: name two result folders or more")
-    if output is not None and output.exists():
-        raise UserError(f"--output: {output} exists, and is not written over; name another file")
+        raise UserError("stixel report compares runs: name two or more result folders")
+    check_output(output)
     from stixel_cli.report.compare import default_page, page_html, write_page
     from stixel_cli.results.result import read_scored_run
 

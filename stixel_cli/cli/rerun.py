@@ -1,21 +1,29 @@
-"""`stixel rerun`: a result folder's configuration once more."""
+"""`stixel rerun`: repeat a run."""
 
 from pathlib import Path
 
+from stixel_cli.cli.options import Folder, Json, Name, Results, Workers
 from stixel_cli.cli.run import print_run, with_workers
-from stixel_cli.engine.progress import make_progress
-from stixel_cli.experiment.run import record_run
-from stixel_cli.experiment.stored_run import read_stored_run
 
 
-def rerun_command(
-    folder: Path, name: str | None, results: Path, workers: int | None, json: bool
+def rerun(
+    folder: Folder,
+    name: Name = None,
+    results: Results = Path("results"),
+    workers: Workers = None,
+    json: Json = False,
 ) -> int:
-    """Run the configuration of a result folder into a new one; the exit code.
+    """Repeat a run with the configuration of its folder.
 
-    Raises:
-        UserError: if it is no result folder, or for whatever `stixel run` would refuse.
+    The results go into a new folder. Executor and cache are those of this machine, all other
+    settings are those of the folder.
+
+    Example: stixel rerun results/wide-prior
     """
+    from stixel_cli.engine.progress import make_progress
+    from stixel_cli.experiment.run import record_run
+    from stixel_cli.experiment.stored_run import read_stored_run
+
     stored = read_stored_run(folder, tuple(with_workers((), workers)))
     made = record_run(
         stored.composition,

@@ -1,60 +1,112 @@
-"""`stixel run`: one experiment, from overrides to a result folder."""
+"""`stixel run`: run one experiment."""
 
 import sys
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import yaml
+import typer
 
-from stixel_cli.cli.terminal import print_table
-from stixel_cli.config.compose import Composition, compose
-from stixel_cli.engine.progress import make_progress
-from stixel_cli.engine.store import Store, open_store
-from stixel_cli.experiment.run import one_line_errors, plan_experiment, record_run
-from stixel_cli.results.folder import check_name
-from stixel_cli.results.result import RunResult
-from stixel_cli.results.text import json_text
+from stixel_cli.cli.options import Json, Name, Overrides, Results, Workers
+from stixel_cli.cli.terminal import print_json, print_table
+from stixel_cli.config.folders import group_options
+from stixel_cli.errors import UserError
+
+if TYPE_CHECKING:
+    from stixel_cli.config.compose import Composition
+    from stixel_cli.engine.store import Store
+    from stixel_cli.results.result import RunResult
 
 
-def run_command(
-    overrides: Sequence[str],
-    name: str | None,
-    results: Path,
-    workers: int | None,
-    json: bool,
-    dry_run: bool,
+def run(
+    overrides: Overrides = None,
+    name: Name = None,
+    results: Results = Path("results"),
+    workers: Workers = None,
+    json: Json = False,
+    dry_run: Annotated[
+        bool,
+        typer.Option(
+            "--dry-run", help="Print the configuration and the missing nodes; compute nothing."
+        ),
+    ] = False,
 ) -> int:
-    """Run one experiment, print its scores and the folder's path; the exit code.
+    """Run one experiment; its help is `help_of_run`."""
+    from stixel_cli.config.compose import compose
+    from stixel_cli.engine.progress import make_progress
+    from stixel_cli.engine.store import open_store
+    from stixel_cli.experiment.run import record_run
+    from stixel_cli.results.folder import check_name
 
-    Raises:
-        UserError: for whatever the user can put right, before anything is written.
-    """
-    composition = compose(with_workers(overrides, workers))
+    composition = compose(with_workers(overrides or [], workers))
     if dry_run:
         check_name(results, name)
-        return _print_plan(composition, open_store(composition.configuration.cache), json)
+        _print_plan(composition, open_store(composition.configuration.cache), json)
+        return 0
     command = ["stixel", "run", *composition.overrides]
     made = record_run(composition, command, results, name, progress=make_progress())
     print_run(made, json)
     return 0
 
 
+def help_of_run() -> str:
+    """The help of `stixel run`, with the groups of `conf/`."""
+    try:
+        groups = group_options()
+    except (OSError, UserError):
+        groups = {}
+    many = [f"  {name}={'|'.join(these)}" for name, these in groups.items() if len(these) > 1]
+    single = ", ".join(name for name, these in groups.items() if len(these) == 1)
+    return "\n".join(
+        [
+            "Run one experiment.",
+            "",
+            "It renders the scene, measures the road user, tracks it, scores the track and draws "
+            "pictures. Stages whose results are in the cache are not computed again.",
+            "",
+            "\b",
+            "Groups and their options:",
+            *many,
+            *textwrap.wrap(
+                f"with one option each: {single}",
+                76,
+                initial_indent="  ",
+                subsequent_indent="    ",
+            ),
+            "",
+            "\b",
+            "Keys of the chosen options, for example:",
+            "  rig.width rig.horizontal_fov rig.baseline path.speed path.duration",
+            "  tracker.basis_points tracker.length_scale tracker.sigma_f seed",
+            "  (stixel run --dry-run prints all of them)",
+            "",
+            "\b",
+            "Examples:",
+            "  stixel run",
+            "  stixel run road_user=pedestrian path=crossing",
+            "  stixel run measurement=fabricated tracker.length_scale=0.6 seed=3",
+            "  stixel run rig=kitti stereo=bm --name kitti-bm",
+            "  stixel run path=waypoints 'path.points=[[0,12],[3,15],[0,20]]' --workers 2",
+        ]
+    )
+
+
 def with_workers(overrides: Sequence[str], workers: int | None) -> list[str]:
-    """`overrides`, and `--workers` as the override that it stands for."""
+    """`overrides`, with `--workers` as the override `executor.workers`."""
     return [*overrides, *([] if workers is None else [f"executor.workers={workers}"])]
 
 
-def print_run(made: RunResult, json: bool) -> None:
-    """Print scores and folder of a run, as JSON or for the eye."""
+def print_run(made: "RunResult", json: bool) -> None:
+    """Print scores and folder of a run."""
     if json:
         answer = {"folder": str(made.folder.absolute()), "metrics": made.metrics}
-        sys.stdout.write(json_text(answer | {"stages": made.stages}))
+        print_json(answer | {"stages": made.stages})
     else:
         _print_scores(made)
 
 
-def _print_scores(made: RunResult) -> None:
+def _print_scores(made: "RunResult") -> None:
     from rich.console import Console
 
     from stixel_cli.report.table import scores_table
@@ -73,22 +125,25 @@ def _print_scores(made: RunResult) -> None:
     console.print(str(made.folder), markup=False)
 
 
-def _print_plan(composition: Composition, store: Store, json: bool) -> int:
-    """Print the configuration and, by stage, how many nodes there are and how many would run."""
+def _print_plan(composition: "Composition", store: "Store", json: bool) -> None:
+    """Print the configuration and, for each stage, the number of nodes and of missing nodes."""
+    import yaml
+
+    from stixel_cli.experiment.run import one_line_errors, plan_experiment
+
     with one_line_errors():
         planned = plan_experiment(composition.configuration, store)
     missing = set(planned.missing)
     stages: list[dict[str, Any]] = []
     for name in planned.graph.stage_names:
-        # A pipeline has steps that only studies ask for.
+        # Some nodes of a pipeline are for studies only.
         nodes = planned.needed.intersection(planned.graph.stages[name])
         if nodes:
             to_run = len(missing.intersection(nodes))
             stages.append({"name": name, "nodes": len(nodes), "to_run": to_run})
     if json:
-        sys.stdout.write(json_text({"config": composition.resolved, "stages": stages}))
-        return 0
+        print_json({"config": composition.resolved, "stages": stages})
+        return
     sys.stdout.write(yaml.safe_dump(composition.resolved, sort_keys=False, allow_unicode=True))
     rows = [tuple(str(value) for value in stage.values()) for stage in stages]
     print_table(("stage", "nodes", "to run"), rows, right=(1, 2))
-    return 0

@@ -1,4 +1,4 @@
-"""`stixel show`: what a result folder tells of its run, or of its sweep."""
+"""`stixel show`: print the record of a run or a sweep."""
 
 import csv
 import sys
@@ -6,32 +6,31 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.cli.terminal import print_table
+from stixel_cli.cli.options import Folder, Json
+from stixel_cli.cli.terminal import print_json, print_table
 from stixel_cli.errors import UserError
-from stixel_cli.evaluation.metric_table import metric
-from stixel_cli.files import read_text
-from stixel_cli.report.metrics import format_value
-from stixel_cli.results.reader import (
-    SWEEP_FILE,
-    check_folder,
-    flat_settings,
-    read_config,
-    read_manifest,
-    read_metrics,
-)
-from stixel_cli.results.text import json_text
 
 MOST_SECTIONS = 4
 WIDTH = 100
-"""Characters of a line where there is no terminal: the longest values are lists."""
+"""Characters of a line where stdout is not a terminal: some values are long lists."""
 
 
-def show_command(folder: Path, json: bool) -> int:
-    """Print where a result folder comes from, its scores and its stages; the exit code.
+def show(folder: Folder, json: Json = False) -> int:
+    """Show one run or sweep: its origin, scores and stages.
 
-    Raises:
-        UserError: if it is no result folder, or a file of it is not what it must be.
+    Example: stixel show results/wide-prior
     """
+    from stixel_cli.evaluation.metric_table import metric
+    from stixel_cli.report.metrics import format_value
+    from stixel_cli.results.reader import (
+        SWEEP_FILE,
+        check_folder,
+        flat_settings,
+        read_config,
+        read_manifest,
+        read_metrics,
+    )
+
     if (folder / SWEEP_FILE).exists():
         return _show_sweep(folder, json)
     check_folder(folder)
@@ -39,9 +38,9 @@ def show_command(folder: Path, json: bool) -> int:
     settings = flat_settings(read_config(folder))
     if json:
         answer = {"folder": str(folder), "settings": settings, "metrics": metrics}
-        sys.stdout.write(json_text(answer | {"manifest": manifest}))
+        print_json(answer | {"manifest": manifest})
         return 0
-    print_table(("of the run", str(folder)), _provenance(manifest), width=WIDTH)
+    print_table(("run", str(folder)), _provenance(manifest), width=WIDTH)
     sys.stdout.write("\n")
     rows = [(metric(name).label, format_value(v), metric(name).unit) for name, v in metrics.items()]
     print_table(("score", "value", "unit"), rows, right=(1,))
@@ -51,7 +50,8 @@ def show_command(folder: Path, json: bool) -> int:
 
 
 def _show_sweep(folder: Path, json: bool) -> int:
-    """Print what was asked of a sweep, what became of its runs, and its statistics."""
+    """Print the request of a sweep, the status of its runs, and its statistics."""
+    from stixel_cli.files import read_text
     from stixel_cli.sweeps.folder import TABLE, SweepFolder
 
     notes = SweepFolder(folder).request().notes
@@ -59,12 +59,12 @@ def _show_sweep(folder: Path, json: bool) -> int:
     statuses = Counter(row.get("status") or "missing" for row in with_status)
     if json:
         answer = {"folder": str(folder), "notes": dict(notes), "runs": with_status}
-        sys.stdout.write(json_text(answer))
+        print_json(answer)
         return 0
     runs = ", ".join(f"{count} {status}" for status, count in statuses.items())
-    rows = [("runs", runs or "none has run")]
+    rows = [("runs", runs or "not started")]
     rows += [(name, str(notes[name])) for name in ("command", "created") if name in notes]
-    print_table(("of the sweep", str(folder)), rows, width=WIDTH)
+    print_table(("sweep", str(folder)), rows, width=WIDTH)
     summary = folder / "summary.md"
     if summary.exists():
         head, *sections = read_text(summary).split("\n## ")
@@ -75,6 +75,8 @@ def _show_sweep(folder: Path, json: bool) -> int:
 
 
 def _read_rows(file: Path) -> list[dict[str, str]]:
+    from stixel_cli.files import read_text
+
     if not file.exists():
         return []
     lines = read_text(file).splitlines()

@@ -1,68 +1,72 @@
-"""`stixel study`: a research question, from its sweeps to its report."""
+"""`stixel study`: answer a research question by its sweeps and its report."""
 
 import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stixel_cli.cli.errors import tell
+from stixel_cli.cli.options import DryRun, Fresh, Json, Results, StudyName, StudyWords, Workers
 from stixel_cli.cli.plan import plan_content, print_plan
-from stixel_cli.cli.terminal import print_table
+from stixel_cli.cli.terminal import print_json, print_table
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.results.text import json_text
-from stixel_cli.studies.file import ALL, find_study, read_study, shipped_studies
-from stixel_cli.studies.folder import StudyFolder, study_folder
-from stixel_cli.studies.plan import StudyPlan, plan_study
-from stixel_cli.studies.run import StudyResult, run_study
-from stixel_cli.studies.tables import shown_table
-from stixel_cli.sweeps.run import SweepInterrupted
+
+if TYPE_CHECKING:
+    from stixel_cli.studies.plan import StudyPlan
+    from stixel_cli.studies.run import StudyResult
 
 INCOMPLETE = 1
 
 
-def study_command(
-    words: Sequence[str],
-    name: str | None,
-    results: Path,
-    workers: int | None,
-    json: bool,
-    dry_run: bool,
-    fresh: bool,
+def study(
+    words: StudyWords = None,
+    name: StudyName = None,
+    results: Results = Path("results"),
+    workers: Workers = None,
+    fresh: Fresh = False,
+    dry_run: DryRun = False,
+    json: Json = False,
 ) -> int:
-    """Run one study, or all of them; the exit code is 1 if one is not complete in the end.
+    """Run a study and write its report, tables and figures.
 
-    Args:
-        words: the study, and overrides in Hydra's grammar.
-        name: of the study's folder; None for the study's name and its overrides.
-        results: the folder in which that is.
-        workers: short for the override `executor.workers`.
-        json: print the result as JSON.
-        dry_run: print what would be computed, and write nothing.
-        fresh: begin anew in the place of a folder that is there.
+    \b
+    rq1  Are these stixels like those of The Stixel World?
+    rq2  How well does the tracker work on stixels, compared with lidar?
+    rq3  What do fabricated measurements miss?
+    all  The three studies, one after the other.
 
-    Raises:
-        UserError: for whatever the user can put right, before anything is computed.
-        SweepInterrupted: by Ctrl-C.
+    Run the same command again to resume a study. Statistics appear once all runs are complete;
+    until then the exit code is 1.
+
+    \b
+    Examples:
+      stixel study rq2
+      stixel study rq2 road_user=car 'seed=range(0,3)' --name rq2-car
+      stixel study all
     """
+    from stixel_cli.studies.file import ALL, shipped_studies
+    from stixel_cli.studies.folder import study_folder
+    from stixel_cli.sweeps.run import SweepInterrupted
+
     shipped = shipped_studies()
     if not words or "=" in words[0]:
         raise ConfigurationError(f"name a study first: {', '.join(shipped)}, or {ALL}")
-    study, *overrides = words
+    chosen, *overrides = words
     options = _options(name, results, workers)
-    if study != ALL:
-        one = _Command(study, overrides, options, workers, dry_run, fresh)
+    if chosen != ALL:
+        one = _Command(chosen, overrides, options, workers, dry_run, fresh)
         plan = one.plan()
         folder = study_folder(results, plan.folder_name if name is None else name)
         answer, code = one.run(plan, folder, json)
         if json:
-            sys.stdout.write(json_text(answer))
+            print_json(answer)
         return code
     if name is not None:
-        raise UserError(f"--name: names the folder of one study: leave it out with {ALL}")
+        raise UserError(f"--name names the folder of one study: leave it out with {ALL}")
     commands = {one: _Command(one, overrides, options, workers, dry_run, fresh) for one in shipped}
     answers, codes, plans = {}, [], {}
-    # Before the first of them runs for minutes, it is known which cannot.
+    # Report studies that cannot run before the first one runs for minutes.
     for one, command in commands.items():
         try:
             plans[one] = command.plan()
@@ -80,7 +84,7 @@ def study_command(
             answers[one], code = _failed(one, error), error.exit_code
         codes.append(code)
     if json:
-        sys.stdout.write(json_text({"studies": [answers[one] for one in shipped]}))
+        print_json({"studies": [answers[one] for one in shipped]})
     return max(codes, default=0)
 
 
@@ -96,7 +100,7 @@ def _options(name: str | None, results: Path, workers: int | None) -> list[str]:
 
 
 class _Command:
-    """One study as it was asked for."""
+    """One study as it was requested."""
 
     def __init__(
         self,
@@ -114,16 +118,26 @@ class _Command:
         self.dry_run = dry_run
         self.fresh = fresh
 
-    def plan(self) -> StudyPlan:
+    def plan(self) -> "StudyPlan":
         """The study with its overrides.
 
         Raises:
-            UserError: if it cannot be had with them.
+            UserError: if the study cannot be run with them.
         """
+        from stixel_cli.studies.file import find_study, read_study
+        from stixel_cli.studies.plan import plan_study
+
         return plan_study(read_study(find_study(self.study)), self.overrides)
 
-    def run(self, plan: StudyPlan, folder: Path, json: bool) -> tuple[dict[str, Any], int]:
-        """What came of it in plain types, printed for the eye unless `json`, and the exit code."""
+    def run(self, plan: "StudyPlan", folder: Path, json: bool) -> tuple[dict[str, Any], int]:
+        """Run the study and print the result unless `json`.
+
+        Returns:
+            The result in plain types, and the exit code.
+        """
+        from stixel_cli.studies.folder import StudyFolder
+        from stixel_cli.studies.run import run_study
+
         if self.dry_run:
             StudyFolder(folder).check(plan, self.fresh)
             return _planned(plan, json), 0
@@ -133,18 +147,18 @@ class _Command:
         missing = [state for state in result.parts if not state.complete]
         for state in missing:
             for fault in state.faults:
-                tell(f"part {state.name}: {fault}")
+                tell(f"sweep {state.name}: {fault}")
         if missing:
             counts = ", ".join(
                 f"{state.name} {state.done} of {state.runs if state.runs else '?'}"
                 for state in missing
             )
-            tell(f"no statistics: runs are not there: {counts}; {result.page} says so")
+            tell(f"no statistics yet: runs are missing: {counts}; see {result.page}")
             print(self.text, file=sys.stderr)  # noqa: T201
         return _answer(plan, result), INCOMPLETE if missing else 0
 
 
-def _planned(plan: StudyPlan, json: bool) -> dict[str, Any]:
+def _planned(plan: "StudyPlan", json: bool) -> dict[str, Any]:
     parts: dict[str, Any] = {}
     if not json:
         for note in plan.notes:
@@ -152,11 +166,11 @@ def _planned(plan: StudyPlan, json: bool) -> dict[str, Any]:
     for one in plan.parts:
         name = one.part.name
         if not json:
-            print(f"part {name}")  # noqa: T201
+            print(f"sweep {name}")  # noqa: T201
         if one.plan is None:
             parts[name] = None
             if not json:
-                print("its axes follow from the results of the parts before\n")  # noqa: T201
+                print("its axes depend on the results of the sweeps before\n")  # noqa: T201
             continue
         parts[name] = plan_content(one.plan, one.design, one.notes)
         if not json:
@@ -165,7 +179,7 @@ def _planned(plan: StudyPlan, json: bool) -> dict[str, Any]:
     return {"study": plan.study.name, "notes": list(plan.notes), "parts": parts}
 
 
-def _answer(plan: StudyPlan, result: StudyResult) -> dict[str, Any]:
+def _answer(plan: "StudyPlan", result: "StudyResult") -> dict[str, Any]:
     return {
         "study": plan.study.name,
         "folder": str(result.folder),
@@ -186,8 +200,10 @@ def _answer(plan: StudyPlan, result: StudyResult) -> dict[str, Any]:
     }
 
 
-def _print(plan: StudyPlan, result: StudyResult) -> None:
+def _print(plan: "StudyPlan", result: "StudyResult") -> None:
     from rich.console import Console
+
+    from stixel_cli.studies.tables import shown_table
 
     console = Console(highlight=False, soft_wrap=True)
     if result.findings is not None:

@@ -1,61 +1,77 @@
-"""`stixel sweep`: many runs, from overrides or a file to a sweep's folder."""
+"""`stixel sweep`: run all combinations of several values."""
 
 import sys
 import time
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import typer
+
+from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.errors import tell
+from stixel_cli.cli.options import (
+    DryRun,
+    FromFile,
+    Json,
+    Name,
+    Pictures,
+    Results,
+    Shuffle,
+    SweepOverrides,
+    Workers,
+)
 from stixel_cli.cli.plan import print_plan
 from stixel_cli.cli.run import with_workers
-from stixel_cli.cli.terminal import print_table
+from stixel_cli.cli.terminal import counted, print_json, print_table
 from stixel_cli.errors import UserError
-from stixel_cli.results.folder import check_name
-from stixel_cli.results.text import json_text
-from stixel_cli.sweeps.results import FAILED, SKIPPED, SweepResult
-from stixel_cli.sweeps.resume import resume_command
-from stixel_cli.sweeps.runs import design_runs, sweep_design
-from stixel_cli.sweeps.whole import new_sweep, planned_sweep, resumed_sweep
+
+if TYPE_CHECKING:
+    from stixel_cli.sweeps.results import SweepResult
 
 INCOMPLETE = 1
 _MOST_SHOWN = 10
 
 
-def sweep_command(
-    overrides: Sequence[str],
-    file: str | None,
-    name: str | None,
-    results: Path,
-    workers: int | None,
-    json: bool,
-    dry_run: bool,
-    resume: Path | None,
-    shuffle: int | None,
-    pictures: bool = False,
+def sweep(
+    overrides: SweepOverrides = None,
+    file: FromFile = None,
+    name: Name = None,
+    results: Results = Path("results"),
+    workers: Workers = None,
+    shuffle: Shuffle = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Resume a sweep: run what is missing or failed; accepts overrides of executor "
+            "and cache only.",
+            autocompletion=complete_folder,
+        ),
+    ] = None,
+    pictures: Pictures = False,
+    dry_run: DryRun = False,
+    json: Json = False,
 ) -> int:
-    """Run a sweep, or go on with one; the exit code is 1 if a run is not there in the end.
+    """Run all combinations of several values.
 
-    Args:
-        overrides: in Hydra's grammar, with its sweeps.
-        file: that describes axes, see `stixel_cli.sweeps.file`.
-        name: of the sweep's folder; None for one made of the file's name and the time.
-        results: the folder in which that is made.
-        workers: short for the override `executor.workers`.
-        json: print the result as JSON.
-        dry_run: print what would be computed, and write nothing.
-        resume: the folder of a sweep to go on with; then nothing else is given but `workers`, and
-            overrides of executor and cache.
-        shuffle: seed of the order in which the runs run; None for theirs.
-        pictures: draw every run's pictures.
+    Each combination of values and seed is a run. Stages that runs share are computed once. A
+    failing run does not stop the others. The folder has a table with one row per run, statistics
+    over the seeds, and one figure per axis. The exit code is 1 if runs are missing at the end.
 
-    Raises:
-        UserError: for whatever the user can put right, before anything is computed.
-        SweepInterrupted: by Ctrl-C.
+    \b
+    Examples:
+      stixel sweep tracker.length_scale=0.2,0.4,0.8 seed='range(0,10)'
+      stixel sweep road_user='glob(*)' path=turn,s_curve measurement=fabricated
+      stixel sweep --resume results/sweep-20260101-120000
     """
+    from stixel_cli.results.folder import check_name
+    from stixel_cli.sweeps.runs import design_runs, sweep_design
+    from stixel_cli.sweeps.whole import new_sweep, planned_sweep, resumed_sweep
+
     started = time.perf_counter()
+    overrides = overrides or []
     if resume is not None:
-        _refuse_beside_resume(file, name, shuffle, pictures, dry_run)
+        _refuse_with_resume(file, name, shuffle, pictures, dry_run)
         result = resumed_sweep(resume, workers, visible=True, overrides=overrides, note=tell)
     else:
         overrides = with_workers(overrides, workers)
@@ -72,7 +88,7 @@ def sweep_command(
     return 0 if result.complete else INCOMPLETE
 
 
-def _refuse_beside_resume(
+def _refuse_with_resume(
     file: str | None, name: str | None, shuffle: int | None, pictures: bool, dry_run: bool
 ) -> None:
     given = {
@@ -84,12 +100,12 @@ def _refuse_beside_resume(
     }
     for what, is_given in given.items():
         if is_given:
-            raise UserError(f"--resume goes on with what the folder asks for: leave out {what}")
+            raise UserError(f"--resume continues the sweep of that folder: leave out {what}")
 
 
-def _report(result: SweepResult, json: bool, seconds: float) -> None:
+def _report(result: "SweepResult", json: bool, seconds: float) -> None:
     if json:
-        sys.stdout.write(json_text(_answer(result)))
+        print_json(_answer(result))
     else:
         from rich.console import Console
 
@@ -106,7 +122,7 @@ def _report(result: SweepResult, json: bool, seconds: float) -> None:
         _tell_what_is_missing(result)
 
 
-def _answer(result: SweepResult) -> dict[str, Any]:
+def _answer(result: "SweepResult") -> dict[str, Any]:
     from stixel_cli.sweeps.tables import summary_records
 
     return {
@@ -119,8 +135,8 @@ def _answer(result: SweepResult) -> dict[str, Any]:
     }
 
 
-def _print_statistics(console: Any, result: SweepResult) -> None:
-    """The first of the shown metrics by setting; all of it is in the summary."""
+def _print_statistics(console: Any, result: "SweepResult") -> None:
+    """Print the main metrics of the first settings; all of them are in the summary."""
     from stixel_cli.report.metrics import format_value
     from stixel_cli.sweeps.figures import SHOWN
     from stixel_cli.sweeps.tables import heading
@@ -144,13 +160,20 @@ def _print_statistics(console: Any, result: SweepResult) -> None:
     print_table(header, rows, right=range(len(keys), len(header)))
     more = len(by_setting) - 2 * _MOST_SHOWN
     console.print(
-        ("Mean over seeds ± half of the 95 % interval" if spread else "One seed each: no interval")
-        + (f"; {more} more settings, and" if more > 0 else ";")
+        (
+            "Mean over seeds ± half the 95 % interval"
+            if spread
+            else "One seed per setting: no interval"
+        )
+        + (f"; {more} more settings and" if more > 0 else ";")
         + " all metrics: summary.csv, .md, .tex"
     )
 
 
-def _tell_what_is_missing(result: SweepResult) -> None:
+def _tell_what_is_missing(result: "SweepResult") -> None:
+    from stixel_cli.sweeps.results import FAILED, SKIPPED
+    from stixel_cli.sweeps.resume import resume_command
+
     lines = []
     for status in (FAILED, SKIPPED):
         runs = [run for run in result.runs if run.status == status]
@@ -161,18 +184,16 @@ def _tell_what_is_missing(result: SweepResult) -> None:
         if len(runs) > _MOST_SHOWN:
             lines.append(f"{len(runs) - _MOST_SHOWN} more runs {status}, see runs.csv")
     lacking = len(result.runs) - result.count("done")
-    where = f"{lacking} of {len(result.runs)} runs are not there"
+    where = f"{lacking} of {len(result.runs)} runs are missing"
     if result.statistics:
         named = "; ".join(one.label for one in result.incomplete[:_MOST_SHOWN])
         more = len(result.incomplete) - _MOST_SHOWN
         named += f"; and {more} more" if more > 0 else ""
-        settings = "setting" if len(result.incomplete) == 1 else "settings"
         lines.append(
-            f"{where}: no statistics of {len(result.incomplete)} {settings} that they belong to: "
-            f"{named}"
+            f"no statistics yet for {counted(len(result.incomplete), 'setting')}: {where}: {named}"
         )
     else:
-        lines.append(f"no statistics: {where}")
+        lines.append(f"no statistics yet: {where}")
     for line in lines:
         tell(line)
     print(resume_command(result.folder), file=sys.stderr)  # noqa: T201

@@ -1,10 +1,18 @@
-"""Tables on the terminal."""
+"""Tables and JSON on the terminal."""
 
 import sys
 from collections.abc import Collection, Iterable, Sequence
+from typing import Any
 
 LONGEST_LINE = 400
-"""Characters of a line where there is no terminal."""
+"""Characters of a line where stdout is not a terminal."""
+
+
+def print_json(value: Any) -> None:
+    """Print a value in plain types as JSON."""
+    from stixel_cli.results.text import json_text
+
+    sys.stdout.write(json_text(value))
 
 
 def print_table(
@@ -13,10 +21,15 @@ def print_table(
     right: Collection[int] = (),
     width: int = LONGEST_LINE,
 ) -> None:
-    """Print a table; `right` are the places of the columns whose cells end in a line.
+    """Print a table.
 
-    What the cells hold is printed as it is: brackets mean nothing. `width` is that of the longest
-    line where there is no terminal; what is longer goes on in the next.
+    Cells are printed verbatim: brackets are not markup.
+
+    Args:
+        columns: the header.
+        rows: one cell per column.
+        right: indices of the right-aligned columns.
+        width: characters of a line where stdout is not a terminal; longer lines are wrapped.
     """
     from rich import box
     from rich.console import Console
@@ -30,3 +43,8 @@ def print_table(
     for row in rows:
         table.add_row(*(Text(cell) for cell in row))
     Console(highlight=False, width=None if sys.stdout.isatty() else width).print(table)
+
+
+def counted(count: int, noun: str) -> str:
+    """`1 run`, `2 runs`."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"

@@ -1,34 +1,50 @@
-"""`stixel verify`: whether a result folder comes out again."""
+"""`stixel verify`: repeat a run and compare."""
 
 import sys
-import tempfile
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import typer
+
+from stixel_cli.cli.options import Folder, Json, Workers
 from stixel_cli.cli.run import with_workers
-from stixel_cli.engine.progress import make_progress
-from stixel_cli.engine.store import Store, open_store
+from stixel_cli.cli.terminal import print_json
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.stored_run import read_stored_run
-from stixel_cli.experiment.verify import StageDifference, Verification, verify_run
-from stixel_cli.results.provenance import provenance
-from stixel_cli.results.text import json_text
+
+if TYPE_CHECKING:
+    from stixel_cli.experiment.verify import StageDifference, Verification
 
 
 class VerifyInterrupted(UserError):
-    """Ctrl-C while everything is computed anew, away from the cache."""
+    """Ctrl-C while `stixel verify` computes outside the cache."""
 
     exit_code = 130
 
 
-def verify_command(folder: Path, cached: bool, workers: int | None, json: bool) -> int:
-    """Run a folder's configuration again and compare: 0 if all is identical, 1 if not.
+def verify(
+    folder: Folder,
+    cached: Annotated[
+        bool, typer.Option("--cached", help="Take unchanged results from the cache.")
+    ] = False,
+    workers: Workers = None,
+    json: Json = False,
+) -> int:
+    """Repeat a run and check that the results are identical.
 
-    Nothing is written but the cache; and where `cached` is false not even that.
+    All stages are computed again, outside the cache. If results differ, the command reports the
+    first stage that differs, by how much, and which version or function changed. The exit code is
+    0 if all results are identical, otherwise 1.
 
-    Raises:
-        UserError: if it is no result folder, or cannot be run.
+    Example: stixel verify results/wide-prior
     """
+    import tempfile
+
+    from stixel_cli.engine.progress import make_progress
+    from stixel_cli.engine.store import Store, open_store
+    from stixel_cli.experiment.stored_run import read_stored_run
+    from stixel_cli.experiment.verify import verify_run
+    from stixel_cli.results.provenance import provenance
+
     stored = read_stored_run(folder, tuple(with_workers((), workers)))
     own = open_store(stored.composition.configuration.cache)
     progress = make_progress()
@@ -38,20 +54,24 @@ def verify_command(folder: Path, cached: bool, workers: int | None, json: bool) 
         try:
             temporary = tempfile.TemporaryDirectory(prefix="stixel-verify-")
         except OSError as error:
-            raise UserError(f"no folder for the results to compare: {error.strerror}") from error
+            raise UserError(
+                f"cannot create a temporary folder for the results: {error.strerror}"
+            ) from error
         try:
             with temporary as scratch:
                 found = verify_run(stored, Store(scratch), own, provenance(), progress)
         except KeyboardInterrupt:
-            raise VerifyInterrupted("interrupted; nothing is kept of it (--cached would)") from None
+            raise VerifyInterrupted(
+                "interrupted; the results are discarded (--cached keeps them)"
+            ) from None
     if json:
-        sys.stdout.write(json_text(_as_json(folder, found)))
+        print_json(_as_json(folder, found))
     else:
         sys.stdout.write("".join(f"{line}\n" for line in _as_text(found, stored.lineage is None)))
     return 0 if found.identical else 1
 
 
-def _as_json(folder: Path, found: Verification) -> dict[str, Any]:
+def _as_json(folder: Path, found: "Verification") -> dict[str, Any]:
     return {
         "folder": str(folder),
         "identical": found.identical,
@@ -64,7 +84,7 @@ def _as_json(folder: Path, found: Verification) -> dict[str, Any]:
     }
 
 
-def _as_text(found: Verification, no_record: bool) -> list[str]:
+def _as_text(found: "Verification", no_record: bool) -> list[str]:
     computed = sum(stage["nodes_computed"] for stage in found.stages)
     nodes = sum(stage["nodes"] for stage in found.stages)
     again = f"{computed} of {nodes} nodes computed again"
@@ -74,18 +94,16 @@ def _as_text(found: Verification, no_record: bool) -> list[str]:
         lines = [f"differs: {len(found.files)} of {found.compared} files, {again}"]
         lines += [f"  {file.file}: {file.what}" for file in found.files]
     if found.by_key is not None:
-        lines += _stage_lines("first stage made of something else", found.by_key)
+        lines += _stage_lines("first stage with another key", found.by_key)
     if found.by_value is not None:
         lines += _stage_lines("first stage with another result", found.by_value)
     if no_record:
-        lines.append(
-            "the folder does not say what its stages were made of (lineage.json is missing)"
-        )
+        lines.append("the keys of the stages are unknown: lineage.json is missing")
     if found.changes:
         lines.append("since then:")
         lines += [f"  {change}" for change in found.changes]
     return lines
 
 
-def _stage_lines(title: str, stage: StageDifference) -> list[str]:
+def _stage_lines(title: str, stage: "StageDifference") -> list[str]:
     return [f"{title}: {stage.stage}: {stage.what}", *(f"  {cause}" for cause in stage.causes)]

@@ -155,11 +155,11 @@ def _what(value: Any) -> str:
         case None:
             return "null"
         case bool():
-            return "a truth value"
+            return "a boolean"
         case int():
             return "a whole number"
         case float():
-            return "a number with a point"
+            return "a float"
         case str():
             return "text" if value else "empty"
         case list():

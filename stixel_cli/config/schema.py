@@ -4,7 +4,6 @@ The fields are the groups of `conf/`. No field of any of them has a default: the
 `conf/` alone, so a configuration that lacks a key, or has one more, is wrong.
 """
 
-from dataclasses import dataclass
 from functools import cache
 from typing import Annotated
 
@@ -12,10 +11,11 @@ from annotated_types import Ge, Le
 from pydantic import Field, TypeAdapter
 
 from stixel_cli.engine.parameters import CacheParameters, Executor
-from stixel_cli.geometry.rig import STRICT, Rig
+from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import FabricatedParameters
 from stixel_cli.measurements.lidar import LidarParameters
 from stixel_cli.measurements.simulated import SimulatedParameters
+from stixel_cli.parameters import parameters
 from stixel_cli.rendering.filament_parameters import FilamentParameters
 from stixel_cli.rendering.raycast_parameters import RaycastParameters
 from stixel_cli.rendering.sensor_noise import Sensor
@@ -46,7 +46,7 @@ Tracker = GpEkfParameters | PointParameters
 _BY_KIND = Field(discriminator="kind")
 
 
-@dataclass(frozen=True)
+@parameters
 class Configuration:
     """All that an experiment depends on; two equal configurations give the same results.
 
@@ -55,8 +55,6 @@ class Configuration:
         executor, cache: where it runs and where results are kept. No result depends on them.
         others: the parameters of one group each, see the class of each.
     """
-
-    __pydantic_config__ = STRICT
 
     seed: Annotated[int, Ge(0), Le(2**63 - 1)]
     road_user: RoadUser

@@ -4,10 +4,11 @@ No stage reads them, so no key and no result depends on them.
 """
 
 import re
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le, MinLen
+
+from stixel_cli.parameters import parameters
 
 _SIZES = {
     "": 1,
@@ -66,13 +67,12 @@ PROGRAM = __name__.partition(".")[0].removesuffix("_cli")
 CACHE_VARIABLE = f"{PROGRAM.upper()}_CACHE"
 """Environment variable that names the folder of the store."""
 
-STRICT = {"extra": "forbid", "strict": True, "allow_inf_nan": False}
 
 Workers = Annotated[int, Ge(1), Le(4096)]
 TimeLimit = Annotated[float, Gt(0), Le(1e7)]
 
 
-@dataclass(frozen=True)
+@parameters
 class LocalExecutor:
     """Processes on this machine.
 
@@ -82,14 +82,12 @@ class LocalExecutor:
             that takes longer is ended and fails. Null for no limit.
     """
 
-    __pydantic_config__ = STRICT
-
     kind: Literal["local"]
     workers: Workers
     time_limit: TimeLimit | None
 
 
-@dataclass(frozen=True)
+@parameters
 class ThreadsExecutor:
     """Threads of this process. A thread cannot be ended, so there is no time limit.
 
@@ -97,13 +95,11 @@ class ThreadsExecutor:
         workers: number of threads.
     """
 
-    __pydantic_config__ = STRICT
-
     kind: Literal["threads"]
     workers: Workers
 
 
-@dataclass(frozen=True)
+@parameters
 class DaskExecutor:
     """Workers of Dask; requires the optional dependencies `dask`.
 
@@ -115,8 +111,6 @@ class DaskExecutor:
             this machine.
     """
 
-    __pydantic_config__ = STRICT
-
     kind: Literal["dask"]
     workers: Workers
     time_limit: TimeLimit | None
@@ -126,7 +120,7 @@ class DaskExecutor:
 Executor = LocalExecutor | ThreadsExecutor | DaskExecutor
 
 
-@dataclass(frozen=True)
+@parameters
 class CacheParameters:
     """The store of results.
 
@@ -135,8 +129,6 @@ class CacheParameters:
         max_size: such as 20GB. Each execution removes the least recently used results beyond it,
             except those that a running process uses. Null for no limit.
     """
-
-    __pydantic_config__ = STRICT
 
     folder: Annotated[str, MinLen(1)] | None
     max_size: str | None

@@ -5,7 +5,6 @@ camera's frame turned upright by the pitch; ego ground plane (x right, y forward
 left camera) = (x, z) of the level frame. Pixel (u, v) has its centre at integer coordinates.
 """
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated
 
@@ -13,11 +12,10 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotation
+from stixel_cli.parameters import parameters
 
-STRICT = {"extra": "forbid", "strict": True, "allow_inf_nan": False}
 
-
-@dataclass(frozen=True)
+@parameters
 class Rig:
     """A rectified stereo rig with square pixels; give `horizontal_fov` or `focal_length`.
 
@@ -30,8 +28,6 @@ class Rig:
         camera_height: height of the cameras above the road, m.
         pitch: rotation about the lateral axis, degrees, positive with the nose down.
     """
-
-    __pydantic_config__ = STRICT
 
     width: Annotated[int, Ge(64), Le(4096)]
     height: Annotated[int, Ge(64), Le(4096)]

@@ -1,16 +1,16 @@
 """Fabricated scans: rays against the true contour, with noise along the ray; thesis (16)-(17)."""
 
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal, get_args, get_type_hints
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from stixel_cli.geometry.pose import rotation, world_from_target
-from stixel_cli.geometry.rig import STRICT, Rig
+from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.noise import Noise, columns_per_point, measure, range_std
 from stixel_cli.measurements.rays import Rays, first_crossings, spread_rays
 from stixel_cli.measurements.scans import Scans, points_along
+from stixel_cli.parameters import parameters
 from stixel_cli.randomness import generator
 from stixel_cli.scene.scenario import Scenario
 
@@ -18,7 +18,7 @@ from stixel_cli.scene.scenario import Scenario
 class _ByKind:
     """Schema of an annotated union whose members differ by `kind`.
 
-    The protocol is pydantic's, as `__pydantic_config__` is, and takes no import of it.
+    The protocol is pydantic's; this does not import pydantic.
     """
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> dict[str, Any]:
@@ -27,7 +27,7 @@ class _ByKind:
         return {"type": "tagged-union", "discriminator": "kind", "choices": choices}
 
 
-@dataclass(frozen=True)
+@parameters
 class FabricatedParameters:
     """Scans straight from the true contour, thesis (16)-(17).
 
@@ -39,8 +39,6 @@ class FabricatedParameters:
         missed_probability: probability that a ray which hits gives no point.
         range_max: farthest range that is measured, m.
     """
-
-    __pydantic_config__ = STRICT
 
     kind: Literal["fabricated"]
     rays: Annotated[int, Ge(2), Le(4096)] | None

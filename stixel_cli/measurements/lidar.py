@@ -5,21 +5,20 @@ and looks along the ego car's heading. Azimuths are counter-clockwise from there
 the horizon, rad. All beams of a scan leave at its time: there is no motion during a scan.
 """
 
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from stixel_cli.geometry.rig import STRICT
 from stixel_cli.measurements.gates import check_gates
 from stixel_cli.measurements.scanner import LidarReturns, Scanner
 from stixel_cli.measurements.scans import Scans, points_along
+from stixel_cli.parameters import parameters
 from stixel_cli.randomness import generator
 from stixel_cli.scene.scenario import EgoMotion
 
 
-@dataclass(frozen=True)
+@parameters
 class LidarParameters:
     """Scans from a lidar. The gates see only the return: no tracker and no truth.
 
@@ -31,8 +30,6 @@ class LidarParameters:
         height_min, height_max: of the measured point above the road, m: the ground is below.
         range_min, range_max: distance from the sensor on the ground plane, m.
     """
-
-    __pydantic_config__ = STRICT
 
     kind: Literal["lidar"]
     scanner: Scanner

@@ -1,16 +1,16 @@
 """From the crossings of rays with a contour to the points of a sensor: noise along the rays."""
 
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge, Le, Lt
 
-from stixel_cli.geometry.rig import STRICT, Rig
+from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.rays import Rays
+from stixel_cli.parameters import parameters
 
 
-@dataclass(frozen=True)
+@parameters
 class StereoNoise:
     """Noise along the ray that grows with the depth: white in the disparity.
 
@@ -18,13 +18,11 @@ class StereoNoise:
         disparity_std: standard deviation of the disparity, px.
     """
 
-    __pydantic_config__ = STRICT
-
     kind: Literal["stereo"]
     disparity_std: Annotated[float, Ge(0), Le(10)]
 
 
-@dataclass(frozen=True)
+@parameters
 class ConstantNoise:
     """Noise along the ray that is the same at every range.
 
@@ -32,13 +30,11 @@ class ConstantNoise:
         range_std: standard deviation of the range, m.
     """
 
-    __pydantic_config__ = STRICT
-
     kind: Literal["constant"]
     range_std: Annotated[float, Ge(0), Le(10)]
 
 
-@dataclass(frozen=True)
+@parameters
 class FittedNoise:
     """Noise fitted to the errors of simulated points: `stixel study rq3` writes the presets.
 
@@ -64,8 +60,6 @@ class FittedNoise:
         missed_share: share of the points between the ends that are missed.
         missed_columns: mean length of a run of missed points, columns.
     """
-
-    __pydantic_config__ = STRICT
 
     kind: Literal["fitted"]
     columns_per_point: Annotated[int, Ge(1), Le(256)]

@@ -6,10 +6,10 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from stixel_cli.geometry.rig import STRICT
+from stixel_cli.parameters import parameters
 
 
-@dataclass(frozen=True)
+@parameters
 class Scanner:
     """Where a lidar's beams go: all that its noise-free returns depend on.
 
@@ -21,8 +21,6 @@ class Scanner:
         horizontal_fov: degrees, straight ahead in its middle; null is that of the camera rig.
         mount_height: of the lidar above the road, m.
     """
-
-    __pydantic_config__ = STRICT
 
     layers: Annotated[int, Ge(1), Le(256)]
     elevation_lowest: Annotated[float, Ge(-80), Le(80)]

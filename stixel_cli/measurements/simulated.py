@@ -1,21 +1,20 @@
 """Scans from stixels: the candidate points, gated by the scene."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotate_covariances, world_from_ego
-from stixel_cli.geometry.rig import STRICT
 from stixel_cli.measurements.gates import check_gates
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.parameters import parameters
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stixels.types import Stixels
 
 
-@dataclass(frozen=True)
+@parameters
 class SimulatedParameters:
     """Scans from stixels. The gates see only the stixel: no tracker and no truth.
 
@@ -24,8 +23,6 @@ class SimulatedParameters:
             kerbs and errors of the road, above are walls, poles and trees.
         range_min, range_max: distance from the sensor on the ground plane, m.
     """
-
-    __pydantic_config__ = STRICT
 
     kind: Literal["simulated"]
     height_min: Annotated[float, Ge(0), Le(10)]

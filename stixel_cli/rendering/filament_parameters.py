@@ -1,15 +1,14 @@
 """Parameters of the renderer `filament`."""
 
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le
 
-from stixel_cli.geometry.rig import STRICT
+from stixel_cli.parameters import parameters
 from stixel_cli.rendering.light import Light
 
 
-@dataclass(frozen=True)
+@parameters
 class FilamentParameters:
     """Open3D's rasteriser (OffscreenRenderer on Filament and EGL), in a child process.
 
@@ -20,8 +19,6 @@ class FilamentParameters:
         frame_timeout: time that the child may take to render one stereo pair, s.
         attempts: how often a child that hangs or crashes is restarted.
     """
-
-    __pydantic_config__ = STRICT
 
     kind: Literal["filament"]
     light: Light

@@ -1,14 +1,13 @@
 """The light of a scene, for both renderers."""
 
-from dataclasses import dataclass
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
-from stixel_cli.geometry.rig import STRICT
+from stixel_cli.parameters import parameters
 
 
-@dataclass(frozen=True)
+@parameters
 class Light:
     """The light of the scene, in linear units: a white surface in full light shines with about 1.
 
@@ -20,8 +19,6 @@ class Light:
         ambient: irradiance from the sky of a surface that faces up, over pi.
         exposure: factor from light to the image's linear grey, with full scale 1.
     """
-
-    __pydantic_config__ = STRICT
 
     sun_azimuth: Annotated[float, Ge(-180), Le(360)]
     sun_elevation: Annotated[float, Ge(5), Le(90)]

@@ -1,15 +1,14 @@
 """Parameters of the renderer `raycast`."""
 
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Le
 
-from stixel_cli.geometry.rig import STRICT
+from stixel_cli.parameters import parameters
 from stixel_cli.rendering.light import Light
 
 
-@dataclass(frozen=True)
+@parameters
 class RaycastParameters:
     """Rays against the meshes (Open3D's RaycastingScene): exact, repeats to the bit, no driver.
 
@@ -19,8 +18,6 @@ class RaycastParameters:
             everywhere.
         light: the sun, the sky and the exposure.
     """
-
-    __pydantic_config__ = STRICT
 
     kind: Literal["raycast"]
     samples: Annotated[int, Ge(1), Le(8)]

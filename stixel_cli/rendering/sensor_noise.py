@@ -1,18 +1,17 @@
 """The sensors: noise-free colour pictures become the grey images that all later stages see."""
 
-from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Le
 
-from stixel_cli.geometry.rig import STRICT
 from stixel_cli.images import ImageStack, encode_png
+from stixel_cli.parameters import parameters
 from stixel_cli.randomness import generator
 from stixel_cli.rendering.frames import RenderedFrames, StereoPairs
 
 
-@dataclass(frozen=True)
+@parameters
 class Sensor:
     """The cameras' sensors: their effect on a noise-free picture. Grey levels are of 255.
 
@@ -24,8 +23,6 @@ class Sensor:
         shot_noise: standard deviation that is added at full scale, grey levels.
         right_gain: brightness of the right camera over that of the left.
     """
-
-    __pydantic_config__ = STRICT
 
     read_noise: Annotated[float, Ge(0), Le(50)]
     shot_noise: Annotated[float, Ge(0), Le(50)]

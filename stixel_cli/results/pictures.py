@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Le, Len
 
-from stixel_cli.geometry.rig import STRICT
+from stixel_cli.parameters import parameters
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class CameraFrames:
     depth: np.ndarray
 
 
-@dataclass(frozen=True)
+@parameters
 class PicturesParameters:
     """The frames that get pictures.
 
@@ -56,8 +56,6 @@ class PicturesParameters:
         frames: increasing indices k of the pictured frames; null for four frames, spread evenly
             over the run.
     """
-
-    __pydantic_config__ = STRICT
 
     frames: Annotated[tuple[Annotated[int, Ge(0), Le(100000)], ...], Len(0, 64)] | None
 

@@ -1,26 +1,23 @@
 """The ego car's known motion."""
 
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge, Le
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
-from stixel_cli.geometry.rig import STRICT
+from stixel_cli.parameters import parameters
 from stixel_cli.scene.scenario import EgoMotion
 
 
-@dataclass(frozen=True)
+@parameters
 class Parked:
     """The ego car does not move."""
-
-    __pydantic_config__ = STRICT
 
     kind: Literal["parked"]
 
 
-@dataclass(frozen=True)
+@parameters
 class Straight:
     """The ego car drives straight ahead.
 
@@ -28,13 +25,11 @@ class Straight:
         speed: m/s.
     """
 
-    __pydantic_config__ = STRICT
-
     kind: Literal["straight"]
     speed: Annotated[float, Ge(0), Le(60)]
 
 
-@dataclass(frozen=True)
+@parameters
 class Turning:
     """The ego car drives along an arc.
 
@@ -42,8 +37,6 @@ class Turning:
         speed: m/s.
         yaw_rate: degrees/s, positive to the left.
     """
-
-    __pydantic_config__ = STRICT
 
     kind: Literal["turning"]
     speed: Annotated[float, Ge(0), Le(60)]

@@ -4,16 +4,15 @@ Positions are in the world frame: the ego car's ground plane at k = 0, x right, 
 Headings are in degrees, counter-clockwise from +x.
 """
 
-from dataclasses import dataclass
 from typing import Annotated
 
 from annotated_types import Ge, Le, Len
 
-from stixel_cli.geometry.rig import STRICT
+from stixel_cli.parameters import parameters
 from stixel_cli.scene.path_parameters import Degrees, Duration, Point, Radius, Speed
 
 
-@dataclass(frozen=True)
+@parameters
 class Stretch:
     """Where and how long a road user of some class is on one of the preset paths.
 
@@ -23,14 +22,12 @@ class Stretch:
         duration: s.
     """
 
-    __pydantic_config__ = STRICT
-
     start: Point
     heading: Degrees
     duration: Duration
 
 
-@dataclass(frozen=True)
+@parameters
 class Pace:
     """Credible speeds of a class of road user, and preset paths that keep it in view.
 
@@ -45,8 +42,6 @@ class Pace:
         points_duration: time on the preset waypoints, s.
         approach, depart, crossing, turn, s_curve, stop_and_go, circle: start of each preset path.
     """
-
-    __pydantic_config__ = STRICT
 
     speed: Speed
     turn_speed: Speed

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le, Len
 
-from stixel_cli.geometry.rig import STRICT
+from stixel_cli.parameters import parameters
 
 MOST_SCANS = 100_000
 
@@ -29,7 +29,7 @@ def _direction(heading: float) -> tuple[float, float]:
     return math.cos(math.radians(heading)), math.sin(math.radians(heading))
 
 
-@dataclass(frozen=True, kw_only=True)
+@parameters(kw_only=True)
 class _Driven:
     """Parameters of every path: speed, duration and sample time.
 
@@ -39,8 +39,6 @@ class _Driven:
         duration: s.
         sample_time: time from one scan to the next, s.
     """
-
-    __pydantic_config__ = STRICT
 
     kind: str
     speed: Speed

@@ -1,15 +1,14 @@
 """Parameters of the target: the group `road_user`."""
 
 import os.path
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Le
 
-from stixel_cli.geometry.rig import STRICT
+from stixel_cli.parameters import parameters
 
 
-@dataclass(frozen=True)
+@parameters
 class RoadUser:
     """The target.
 
@@ -21,8 +20,6 @@ class RoadUser:
         contrast: how strong the texture of paint and cloth is, 0 (plain) … 1; stereo fails on 0.
         mesh: file with the user's own mesh (any format of Open3D; m, x forward, z up) or null.
     """
-
-    __pydantic_config__ = STRICT
 
     kind: Literal["car", "cyclist", "pedestrian"]
     length: Annotated[float, Ge(0.1), Le(30)]

@@ -1,14 +1,13 @@
 """Parameters of road and background: the group `world`."""
 
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Le
 
-from stixel_cli.geometry.rig import STRICT
+from stixel_cli.parameters import parameters
 
 
-@dataclass(frozen=True)
+@parameters
 class World:
     """Road and background.
 
@@ -17,8 +16,6 @@ class World:
         seed: of the layout and its textures (not the run's seed).
         contrast: how strong the textures of road and background are, 0 (plain) … 1.
     """
-
-    __pydantic_config__ = STRICT
 
     kind: Literal["street"]
     seed: Annotated[int, Ge(0), Le(1_000_000)]

@@ -1,18 +1,18 @@
 """Shared by both matchers: the range of disparities, the padded border and the threads."""
 
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, MultipleOf
 
-from stixel_cli.geometry.rig import STRICT, Rig
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.parameters import parameters
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo.disparities import INVALID, SUBPIXELS, Disparities
 
 
-@dataclass(frozen=True, kw_only=True)
+@parameters(kw_only=True)
 class MatchingParameters:
     """Parameters of both matchers.
 
@@ -32,8 +32,6 @@ class MatchingParameters:
         error_cancellation: match once more with the right image moved half a pixel and take the
             mean, which cancels most of the pull to whole pixels, in twice the time.
     """
-
-    __pydantic_config__ = STRICT
 
     kind: str
     disparities: Annotated[int, Ge(16), Le(1024), MultipleOf(16)] | None

@@ -1,14 +1,13 @@
 """Parameters of the way from free space to stixels: the groups `height` and `extraction`."""
 
-from dataclasses import dataclass
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
-from stixel_cli.geometry.rig import STRICT
+from stixel_cli.parameters import parameters
 
 
-@dataclass(frozen=True)
+@parameters
 class HeightParameters:
     """Where the obstacles end upwards, Badino, Franke, Pfeiffer 2009.
 
@@ -18,14 +17,12 @@ class HeightParameters:
         depth_scale: neighbours this far apart in depth are not tied to each other, m (N_Z).
     """
 
-    __pydantic_config__ = STRICT
-
     depth_margin: Annotated[float, Gt(0), Le(100)]
     smoothness: Annotated[float, Ge(0), Le(1000)]
     depth_scale: Annotated[float, Gt(0), Le(500)]
 
 
-@dataclass(frozen=True)
+@parameters
 class ExtractionParameters:
     """How columns become stixels.
 
@@ -39,8 +36,6 @@ class ExtractionParameters:
         correlated_pixels: that many neighbouring pixels count as one independent measurement.
         relief: standard deviation of an object's surface round the flat stixel, in depth, m.
     """
-
-    __pydantic_config__ = STRICT
 
     width: Annotated[int, Ge(1), Le(64)]
     smoothing: Annotated[float, Ge(0.1), Le(4)]

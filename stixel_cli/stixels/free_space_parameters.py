@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le
 
-from stixel_cli.geometry.rig import STRICT
+from stixel_cli.parameters import parameters
 
 Height = Annotated[float, Ge(0), Le(20)]
 
@@ -22,7 +22,7 @@ DepthStep = Annotated[float, Ge(0.02), Le(10)]
 Std = Annotated[float, Ge(0.05), Le(10)]
 
 
-@dataclass(frozen=True, kw_only=True)
+@parameters(kw_only=True)
 class _Road:
     """Obstacles on the road, for every source of its plane.
 
@@ -32,8 +32,6 @@ class _Road:
         greatest_height: pixels above it are overhanging and do not occupy, m.
         disparity_margin: an obstacle's disparity exceeds the road's in its row by this, px.
     """
-
-    __pydantic_config__ = STRICT
 
     kind: str
     least_height: Height
@@ -77,7 +75,7 @@ class EstimatedRoad(_Road):
 RoadParameters = RigRoad | EstimatedRoad
 
 
-@dataclass(frozen=True, kw_only=True)
+@parameters(kw_only=True)
 class _Occupancy:
     """Parameters of every occupancy grid.
 
@@ -87,8 +85,6 @@ class _Occupancy:
         disparity_std: standard deviation of a disparity, px.
         relief: standard deviation of an obstacle's surface in depth, m.
     """
-
-    __pydantic_config__ = STRICT
 
     kind: str
     nearest: Depth
@@ -150,7 +146,7 @@ class CartesianOccupancy(_Occupancy):
 OccupancyParameters = PolarOccupancy | ColumnDisparityOccupancy | CartesianOccupancy
 
 
-@dataclass(frozen=True)
+@parameters
 class FreeSpaceParameters:
     """The cheapest path through the occupancy grid; costs are in units of the least obstacle's.
 
@@ -166,8 +162,6 @@ class FreeSpaceParameters:
         temporal_cost: cost of a step in depth since the last frame, 1/m (C_t); 0: no cost.
         temporal_limit: greater steps cost no more, m (T_t).
     """
-
-    __pydantic_config__ = STRICT
 
     obstacle_height: Annotated[float, Gt(0), Le(5)]
     obstacle_pixels: Annotated[float, Ge(1), Le(200)]

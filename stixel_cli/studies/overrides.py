@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from stixel_cli.config import messages
-from stixel_cli.config.compose_many import Composer
+from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import group_options
 from stixel_cli.config.overrides import check_overrides, parse_overrides, single_overrides
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from stixel_cli.config import messages
-from stixel_cli.config.compose_many import Composer
+from stixel_cli.config.compose import Composer
 from stixel_cli.config.overrides import (
     MOST_VALUES,
     check_overrides,

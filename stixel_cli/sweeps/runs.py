@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from stixel_cli.config.compose import Composition
-from stixel_cli.config.compose_many import Composer
+from stixel_cli.config.compose import Composer, Composition
 from stixel_cli.config.messages import LONGEST_REASON, printable
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.sweeps.design import SEED, Design, check_size, design_from_line, joined

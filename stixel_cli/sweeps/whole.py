@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.config.compose_many import Composer
+from stixel_cli.config.compose import Composer
 from stixel_cli.engine.plan import probe
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import FolderTaken

@@ -24,8 +24,8 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.geometry.rig import STRICT
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.parameters import parameters
 from stixel_cli.tracking.association import associate, contour_moments
 from stixel_cli.tracking.kernel import ContourProcess, contour_process
 from stixel_cli.tracking.motion import intervals, predict, process_noise
@@ -33,7 +33,7 @@ from stixel_cli.tracking.prior import PriorShape, prior_radii
 from stixel_cli.tracking.track import InitialState, Track, contour_directions, used_rows
 
 
-@dataclass(frozen=True)
+@parameters
 class GpEkfParameters:
     """The extended Kalman filter on a Gaussian process contour, [GP] Wahlström & Özkan 2015.
 
@@ -51,8 +51,6 @@ class GpEkfParameters:
         gate_probability: chi-square probability of the association's gate; null takes every point.
         contour_points: number M of points of the contour that is reported.
     """
-
-    __pydantic_config__ = STRICT
 
     kind: Literal["gp_ekf"]
     basis_points: Annotated[int, Ge(4), Le(500)]

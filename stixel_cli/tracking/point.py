@@ -13,22 +13,21 @@ c the configuration's `centroid_offset`. The shared error is no white noise: it 
 the same side is seen, so no such filter can be consistent.
 """
 
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
 from stixel_cli.geometry.angles import wrap_angle
-from stixel_cli.geometry.rig import STRICT
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.parameters import parameters
 from stixel_cli.tracking.association import associate
 from stixel_cli.tracking.motion import intervals, process_noise, transition
 from stixel_cli.tracking.prior import PriorShape, prior_radii
 from stixel_cli.tracking.track import InitialState, Track, contour_directions, used_rows
 
 
-@dataclass(frozen=True)
+@parameters
 class PointParameters:
     """The baseline: a Kalman filter of constant velocity on the centroid of a scan.
 
@@ -41,8 +40,6 @@ class PointParameters:
         least_speed: below this speed, m/s, the heading is kept as it was.
         contour_points: number M of points of the circle that is reported.
     """
-
-    __pydantic_config__ = STRICT
 
     kind: Literal["point"]
     sigma_q: Annotated[float, Ge(0), Le(100)]

@@ -1,15 +1,14 @@
 """The prior shape of a class of road users."""
 
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from stixel_cli.geometry.rig import STRICT
+from stixel_cli.parameters import parameters
 
 
-@dataclass(frozen=True)
+@parameters
 class PriorShape:
     """Prior for a class of road users, before any measurement; not the true size.
 
@@ -22,8 +21,6 @@ class PriorShape:
         measurement_std: of a point, m: noise, and error of the shape that neighbouring points
             share. A tracker's configuration refers to the three, or sets its own.
     """
-
-    __pydantic_config__ = STRICT
 
     length: Annotated[float, Gt(0), Le(30)]
     width: Annotated[float, Gt(0), Le(30)]

@@ -1,19 +1,18 @@
 """Initialisation of a tracker: the truth, with noise."""
 
-from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Gt, Le
 
-from stixel_cli.geometry.rig import STRICT
+from stixel_cli.parameters import parameters
 from stixel_cli.randomness import generator
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.motion import intervals, transition
 from stixel_cli.tracking.track import InitialState
 
 
-@dataclass(frozen=True)
+@parameters
 class StartParameters:
     """Standard deviations of the noise on the true pose and rates that a tracker starts from.
 
@@ -23,8 +22,6 @@ class StartParameters:
         velocity: of the rates of x and of y, m/s.
         heading_rate: rad/s.
     """
-
-    __pydantic_config__ = STRICT
 
     position: Annotated[float, Gt(0), Le(100)]
     heading: Annotated[float, Gt(0), Le(3.2)]

@@ -96,10 +96,8 @@ def test_ls_counts_what_is_damaged(store, capsys):
     said = capsys.readouterr()
     assert json.loads(said.out)["damaged"] == 2
     assert json.loads(said.out)["entries"] == 4
-    assert said.err == (
-        "stixel: 2 entries are damaged or of an older version and set aside; "
-        "made again when needed\n"
-    )
+    assert said.err.startswith("stixel: 2 entries are damaged or of an older version")
+    assert said.err.count("\n") == 1
     assert main(["cache", "ls"]) == 0
     assert capsys.readouterr().err == ""
 

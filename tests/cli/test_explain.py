@@ -37,7 +37,7 @@ def test_nothing_would_run(explained, folder, capsys):
     assert explained(*FABRICATED) == {}
     assert explained(str(folder)) == {}
     assert main(["explain", str(folder)]) == 0
-    assert capsys.readouterr().out == "nothing would run: all is cached\n"
+    assert capsys.readouterr().out == "nothing to recompute: all results are cached\n"
 
 
 def test_a_setting_that_changed(explained, capsys):
@@ -59,4 +59,4 @@ def test_an_empty_cache(explained, folder, monkeypatch, tmp_path, capsys):
 
 def test_folder_and_overrides_do_not_mix(folder, capsys):
     assert main(["explain", str(folder), "seed=1"]) == 2
-    assert "one result folder, or overrides, not both" in capsys.readouterr().err
+    assert "either one result folder or overrides" in capsys.readouterr().err

@@ -83,7 +83,7 @@ def test_two_trackers_on_one_scene(results, tmp_path, capsys):
     assert [run["label"] for run in data["runs"]] == ["gp_ekf", "point"]
     assert data["notes"] == []
     assert len(data["scans"]) == 1
-    assert "not written over" in play(capsys, results / "one", "--output", page)[2]
+    assert "not overwritten" in play(capsys, results / "one", "--output", page)[2]
 
 
 def test_runs_of_one_tracker_are_called_by_their_folders(results, tmp_path, capsys):

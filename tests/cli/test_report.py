@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stixel_cli.cli.report import report_command
+from stixel_cli.cli.report import report
 from stixel_cli.errors import UserError
 
 
@@ -25,27 +25,27 @@ def folders(tmp_path):
 
 
 def test_report_prints_the_page(folders, capsys):
-    assert report_command(folders, None) == 0
+    assert report(folders, None) == 0
     page = Path(capsys.readouterr().out.strip())
     assert page == folders[0].parent / "report-one-two.html"
     assert "Intersection over union" in page.read_text()
-    assert report_command(folders, None) == 0
+    assert report(folders, None) == 0
     assert capsys.readouterr().out.strip().endswith("report-one-two-2.html")
 
 
 def test_report_writes_where_it_is_told(folders, tmp_path, capsys):
     page = tmp_path / "page.html"
-    assert report_command(folders, page) == 0
+    assert report(folders, page) == 0
     assert f"--output {page}" in page.read_text()
-    with pytest.raises(UserError, match="not written over"):
-        report_command(folders, page)
+    with pytest.raises(UserError, match="not overwritten"):
+        report(folders, page)
     with pytest.raises(UserError, match="cannot be written"):
-        report_command(folders, tmp_path / "nowhere" / "page.html")
+        report(folders, tmp_path / "nowhere" / "page.html")
 
 
 def test_report_refuses(folders, tmp_path):
     for given in (folders[:1], [folders[0], folders[0]], [folders[0], tmp_path / "none"]):
         with pytest.raises(UserError) as failure:
-            report_command(given, None)
+            report(given, None)
         assert "\n" not in str(failure.value)
     assert not list(tmp_path.glob("*.html"))

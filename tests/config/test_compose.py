@@ -5,8 +5,7 @@ from dataclasses import replace
 import pytest
 import yaml
 
-from stixel_cli.config.compose import compose, from_resolved
-from stixel_cli.config.compose_many import Composer
+from stixel_cli.config.compose import Composer, compose, from_resolved
 from stixel_cli.config.folders import configuration_folder, group_options, outer_options
 from stixel_cli.config.schema import Configuration
 from stixel_cli.errors import ConfigurationError, UserError

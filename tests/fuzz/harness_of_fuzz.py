@@ -34,7 +34,7 @@ MOST_MEMORY = 4 * 2**30
 LONGEST_LINE = 1000
 """Characters of a line on stderr, over those that were typed."""
 
-DEFECTS = ("Traceback", "defect of stixel", "internal error", "Warning: ")
+DEFECTS = ("Traceback", "internal error", "Warning: ")
 
 Make = Callable[[random.Random, Path], list[str]]
 """Draws a case: the words after `stixel`; it may write what they name into the folder."""

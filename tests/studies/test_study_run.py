@@ -13,6 +13,7 @@ from study_toy import changed
 from stixel_cli.cli.app import main
 from stixel_cli.engine import execute as execution
 from stixel_cli.engine import keys
+from stixel_cli.studies import run as study_run
 from stixel_cli.studies.differences import differences
 from stixel_cli.studies.file import read_study
 from stixel_cli.studies.plan import StudyPlan
@@ -198,7 +199,7 @@ def test_what_fails_is_told_and_gone_on_with(studies, toy, tmp_path):
         "folder": str(folder / "parts/second"),
         "faults": ["its axes follow from the parts before"],
     }
-    assert "no statistics: runs are not there: first 2 of 4, second 0 of ?" in studies.error
+    assert "no statistics yet: runs are missing: first 2 of 4, second 0 of ?" in studies.error
     command = f"stixel study {file} seed=0 --results {studies.results}"
     assert studies.error.endswith(f"{command}\n")
     page = (folder / "report.html").read_text()
@@ -323,26 +324,26 @@ def test_what_names_no_study_is_refused(studies, toy):
 
 
 def test_a_study_whose_file_fails_fails_alone(studies, toy, monkeypatch, tmp_path):
-    from stixel_cli.cli import study
-
     good, bad = toy(name="good"), toy("title: x\n", name="bad")
-    monkeypatch.setattr(study, "shipped_studies", lambda: [str(bad), str(good)])
-    monkeypatch.setattr(study, "study_folder", lambda results, name: results / Path(name).stem)
+    monkeypatch.setattr("stixel_cli.studies.file.shipped_studies", lambda: [str(bad), str(good)])
+    monkeypatch.setattr(
+        "stixel_cli.studies.folder.study_folder", lambda results, name: results / Path(name).stem
+    )
     answer = studies.run("all", "road_user=car", "seed=0", code=2)
     assert [one["complete"] for one in answer["studies"]] == [False, True]
     assert re.search("bad.yaml: question: must be there", studies.error)
 
 
 def test_which_studies_cannot_be_run_is_told_before_the_first_runs(studies, toy, monkeypatch):
-    from stixel_cli.cli import study
-
     good, bad = toy(name="good"), toy("title: x\n", name="bad")
     told = []
-    monkeypatch.setattr(study, "shipped_studies", lambda: [str(good), str(bad)])
-    monkeypatch.setattr(study, "study_folder", lambda results, name: results / Path(name).stem)
-    monkeypatch.setattr(study, "tell", told.append)
-    run = study.run_study
-    monkeypatch.setattr(study, "run_study", lambda *a, **k: told.append("runs") or run(*a, **k))
+    monkeypatch.setattr("stixel_cli.studies.file.shipped_studies", lambda: [str(good), str(bad)])
+    monkeypatch.setattr(
+        "stixel_cli.studies.folder.study_folder", lambda results, name: results / Path(name).stem
+    )
+    monkeypatch.setattr("stixel_cli.cli.study.tell", told.append)
+    run = study_run.run_study
+    monkeypatch.setattr(study_run, "run_study", lambda *a, **k: told.append("runs") or run(*a, **k))
     answer = studies.run("all", "road_user=car", "seed=0", code=2)
     assert [one["complete"] for one in answer["studies"]] == [True, False]
     assert "bad.yaml: question" in told[0] and told[1] == "runs"

@@ -98,7 +98,7 @@ def test_a_file_and_the_folder_of_a_sweep(sweeps, explained, tmp_path, capsys):
     assert main(["explain", str(folder), "--from", str(file)]) == 2
     assert main(["explain", *FEW, "sensor.read_noise=0,1"]) == 2
     errors = capsys.readouterr().err.splitlines()
-    assert "one result folder, or --from FILE, not both" in errors[0]
+    assert "either a result folder or --from FILE" in errors[0]
     assert "no stage reads it" in errors[1]
 
 

@@ -117,7 +117,7 @@ def test_relative_file_names_work_from_another_working_directory(
     monkeypatch.chdir(here)
     capsys.readouterr()
     assert main(["explain", str(folder)]) == 0
-    assert capsys.readouterr().out == "nothing would run: all is cached\n"
+    assert capsys.readouterr().out == "nothing to recompute: all results are cached\n"
     again = sweeps.run("--resume", folder)
     assert again["summary"] == whole["summary"]
     assert again["nodes"]["computed"] == 0
@@ -228,18 +228,16 @@ def test_runs_refer_to_one_file_of_code(folder, sweeps):
         assert main(["verify", str(folder / "runs/0000"), "--cached"]) == 2
 
 
-def test_an_interrupted_verify_keeps_nothing(original, capsys, monkeypatch):
-    from stixel_cli.cli import verify
-
+def test_an_interrupted_verify_keeps_nothing_and_says_so(original, capsys, monkeypatch):
     run = str(original / "runs/0000")
 
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(verify, "verify_run", interrupted)
+    monkeypatch.setattr("stixel_cli.experiment.verify.verify_run", interrupted)
     assert main(["verify", run]) == 130
-    assert capsys.readouterr().err == (
-        "stixel: interrupted; nothing is kept of it (--cached would)\n"
-    )
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "--cached" in said
     assert main(["verify", run, "--cached"]) == 130
     assert "what was computed is kept" in capsys.readouterr().err

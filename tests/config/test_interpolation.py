@@ -1,11 +1,12 @@
-"""The fast way to many configurations gives what the one way gives, to the message."""
+"""Values set in plain dicts give the same configurations and messages as OmegaConf."""
 
 import pytest
 
-from stixel_cli.config import compose_many
-from stixel_cli.config.compose import compose
-from stixel_cli.config.compose_many import Composer
+from stixel_cli.config import choose, folders
+from stixel_cli.config import compose as compose_module
+from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import group_options, outer_options
+from stixel_cli.config.interpolation import NotPlain
 from stixel_cli.errors import ConfigurationError
 
 OPTIONS = [(group, option) for group, options in group_options().items() for option in options]
@@ -47,24 +48,44 @@ def alone(group, option):
     return [*around, f"{group}={option}"]
 
 
+def refuse(*_):
+    raise NotPlain
+
+
 @pytest.fixture(scope="module")
 def composer():
     return Composer()
 
 
+@pytest.fixture
+def by_omegaconf(monkeypatch):
+    """Composes with OmegaConf alone."""
+
+    def compose(line):
+        with monkeypatch.context() as patch:
+            patch.setattr(compose_module, "with_values", refuse)
+            return Composer().compose(line)
+
+    return compose
+
+
 @pytest.mark.parametrize("line", [*LINES, *(alone(*one) for one in OPTIONS)])
-def test_it_is_what_compose_gives(line, composer, monkeypatch):
-    monkeypatch.setattr(compose_many, "compose", None)  # the slow way is not needed
-    fast, slow = composer.compose(line), compose(line)
+def test_equal_to_omegaconf(line, composer, by_omegaconf, monkeypatch):
+    slow = by_omegaconf(line)
+    monkeypatch.setattr(compose_module, "_by_omegaconf", None)  # not needed for these lines
+    fast = composer.compose(line)
     assert fast == slow
     assert list(fast.resolved) == list(slow.resolved)
+    assert [list(fast.resolved[one]) for one in fast.choices if "/" not in one] == [
+        list(slow.resolved[one]) for one in slow.choices if "/" not in one
+    ]
     assert repr(fast.configuration) == repr(slow.configuration)
 
 
 @pytest.mark.parametrize("line", WRONG)
-def test_what_is_wrong_is_said_as_compose_says_it(line, composer):
+def test_same_message_as_omegaconf(line, composer, by_omegaconf):
     with pytest.raises(ConfigurationError) as slow:
-        compose(line)
+        by_omegaconf(line)
     with pytest.raises(ConfigurationError) as fast:
         composer.compose(line)
     assert str(fast.value) == str(slow.value)
@@ -73,9 +94,9 @@ def test_what_is_wrong_is_said_as_compose_says_it(line, composer):
 @pytest.mark.parametrize(
     "line", [["road_user.contrast=${oc.decode:0.25}"], ["world.contrast='${world.contrast_}'"]]
 )
-def test_what_plain_dicts_cannot_do_is_left_to_compose(line, composer):
+def test_omegaconf_resolves_the_rest(line, composer, by_omegaconf):
     try:
-        slow = compose(line)
+        slow = by_omegaconf(line)
     except ConfigurationError as fault:
         with pytest.raises(ConfigurationError, match=str(fault)[:20]):
             composer.compose(line)
@@ -88,3 +109,24 @@ def test_equal_groups_are_one_object(composer):
     assert one.configuration.rig is other.configuration.rig
     assert one.configuration.tracker is not other.configuration.tracker
     assert one.resolved["rig"] is not other.resolved["rig"]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        ["road_user=cyclist", "pace=car", "path=circle"],
+        ["pace=pedestrian", "prior=car", "road_user=cyclist"],
+        ["measurement=fabricated", "measurement/noise=constant", "rig=kitti", "tracker=point"],
+        ["measurement=lidar", "road_user=pedestrian", "occupancy=polar", "road=rig"],
+    ],
+)
+def test_options_chosen_apart_are_those_that_hydra_chooses_together(line):
+    state = folders.conf_state()
+    chosen = tuple((text.partition("=")[0], text) for text in line)
+    families = {}
+    for text in line:
+        families.setdefault(text.partition("=")[0].partition("/")[0], []).append(text)
+    _, plain, choices = choose.choose_together(tuple(line), state)
+    apart = choose._choose_apart(families, state)
+    assert apart == (plain, choices) == choose.choose(chosen, state)
+    assert list(apart[0]) == list(plain) and list(apart[1]) == list(choices)

@@ -1,0 +1,124 @@
+"""The options of all groups, composed by Hydra and cached in memory."""
+
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from stixel_cli.config.folders import configuration_folder, group_options
+
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
+
+# Hydra's composition goes through a singleton of the process.
+_HYDRA = threading.Lock()
+
+
+@lru_cache(maxsize=1024)
+def choose(
+    chosen: tuple[tuple[str, str], ...], state: tuple[Any, ...]
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """The configuration of the chosen options, before values are set.
+
+    Hydra composes the choices of each top-level group on their own, and the changed sections are
+    put together: a sweep of 3 road users, 8 paths and 2 trackers needs 13 compositions, not 48.
+    Where choices affect sections of other groups, Hydra composes all of them together.
+
+    Args:
+        chosen: groups and their overrides, such as `path` and `path=turn`.
+        state: of the files, see `conf_state`.
+
+    Returns:
+        The configuration in plain types with interpolations as text, not to be changed; and the
+        option of each group.
+
+    Raises:
+        HydraException: if Hydra cannot compose the options.
+    """
+    from hydra.errors import HydraException
+
+    families: dict[str, list[str]] = {}
+    for group, text in chosen:
+        families.setdefault(group.partition("/")[0], []).append(text)
+    found = None
+    if len(families) > 1:
+        # A group that follows another may need one of the other choices.
+        with suppress(HydraException):
+            found = _choose_apart(families, state)
+    if found is None:
+        _, plain, choices = choose_together(tuple(text for _, text in chosen), state)
+        return plain, choices
+    return found
+
+
+def _choose_apart(
+    families: Mapping[str, list[str]], state: tuple[Any, ...]
+) -> tuple[dict[str, Any], dict[str, str]] | None:
+    """As `choose`, from one composition per top-level group; None if groups affect each other."""
+    _, base, base_choices = choose_together((), state)
+    changed: dict[str, Any] = {}
+    choices = dict(base_choices)
+    for family, texts in families.items():
+        _, plain, its_choices = choose_together(tuple(texts), state)
+        # Some groups follow another by default, as `pace` follows `road_user`.
+        following = {
+            group.partition("/")[0]
+            for group, option in its_choices.items()
+            if option != base_choices.get(group)
+        }
+        differing = {name for name in plain if plain[name] != base.get(name)}
+        taken = {family} | (following - families.keys())
+        if (
+            plain.keys() != base.keys()
+            or differing - following - {family}
+            or taken & changed.keys()
+        ):
+            return None
+        changed |= {name: plain[name] for name in taken}
+        choices = {g: option for g, option in choices.items() if g.partition("/")[0] not in taken}
+        choices |= {g: option for g, option in its_choices.items() if g.partition("/")[0] in taken}
+    ordered = {group: choices[group] for group in group_options() if group in choices}
+    return base | changed, ordered
+
+
+@lru_cache(maxsize=1024)
+def choose_together(
+    chosen: tuple[str, ...], state: tuple[Any, ...]
+) -> "tuple[DictConfig, dict[str, Any], dict[str, str]]":
+    """The configuration that Hydra composes of the chosen options, before values are set.
+
+    Hydra takes about 0.05 s, so the result is cached while the files of `conf/` keep their `state`.
+
+    Returns:
+        The configuration, the same in plain types with interpolations as text, and the option of
+        each group.
+    """
+    import hydra
+    from omegaconf import OmegaConf, open_dict
+
+    folder = str(configuration_folder())
+    with (
+        _HYDRA,
+        _no_hydra_of_others(),
+        hydra.initialize_config_dir(folder, job_name="stixel", version_base="1.3"),
+    ):
+        composed = hydra.compose("config", overrides=list(chosen), return_hydra_config=True)
+        options = dict(composed.hydra.runtime.choices)
+    with open_dict(composed):
+        del composed["hydra"]
+    choices = {group: options[group] for group in group_options() if group in options}
+    return composed, OmegaConf.to_container(composed, resolve=False), choices
+
+
+@contextmanager
+def _no_hydra_of_others() -> Iterator[None]:
+    """Hydra's singleton empty, and as it was afterwards: a notebook may have its own."""
+    from hydra.core.global_hydra import GlobalHydra
+
+    theirs = GlobalHydra.instance().hydra
+    GlobalHydra.instance().clear()
+    try:
+        yield
+    finally:
+        GlobalHydra.instance().hydra = theirs
