@@ -1,4 +1,4 @@
-"""A study's file: YAML with title, question, the report's module, and parts, each a sweep."""
+"""A study's file: YAML with title, question, the report's module, and sweeps."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -16,21 +16,21 @@ from stixel_cli.sweeps.file import ENTRIES as SWEEP_ENTRIES
 from stixel_cli.sweeps.file import design_of, is_study, read_mapping, refuse_unknown
 
 ALL = "all"
-ENTRIES = ("title", "question", "report", "parts")
-_PART_ENTRIES = (*SWEEP_ENTRIES, "results", "derive")
-_PART_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+ENTRIES = ("title", "question", "report", "sweeps")
+_SWEEP_ENTRIES = (*SWEEP_ENTRIES, "results", "derive")
+_SWEEP_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
 @dataclass(frozen=True)
-class PartFile:
-    """One part as the file has it.
+class SweepEntry:
+    """One sweep as the file has it.
 
     Attributes:
-        name: of the part.
+        name: of the sweep.
         content: its entries as in a sweep's file.
         steps: whose results the report reads beside the scores.
         derive: name of the function in the report's module that gives further axes, from the data
-            of the parts before; None for none.
+            of the sweeps before; None for none.
     """
 
     name: str
@@ -42,7 +42,7 @@ class PartFile:
         """The design of its points, with the axes that were derived.
 
         Raises:
-            ConfigurationError: in one line that names the part and the entry.
+            ConfigurationError: in one line that names the sweep and the entry.
         """
         content = dict(self.content)
         for keys in derived or []:
@@ -53,18 +53,18 @@ class PartFile:
         try:
             return design_of(content, shuffled=False)
         except ConfigurationError as fault:
-            raise ConfigurationError(f"parts: {self.name}: {fault}") from None
+            raise ConfigurationError(f"sweeps: {self.name}: {fault}") from None
 
 
 @dataclass(frozen=True)
 class StudyFile:
-    """A study as its file has it; `module` is that of its report, `parts` in their order."""
+    """A study as its file has it; `module` is that of its report, `sweeps` in their order."""
 
     path: Path
     title: str
     question: str
     module: str
-    parts: tuple[PartFile, ...]
+    sweeps: tuple[SweepEntry, ...]
 
     @property
     def name(self) -> str:
@@ -111,27 +111,27 @@ def find_study(name: str) -> Path:
 
 
 def read_study(path: Path) -> StudyFile:
-    """The study that a file describes, its parts' designs looked at.
+    """The study that a file describes, its sweeps' designs looked at.
 
     Raises:
         ConfigurationError: in one line that names the file and the entry.
     """
     content = read_mapping(path, ENTRIES)
     try:
-        if "parts" not in content and not set(content) - set(SWEEP_ENTRIES):
+        if "sweeps" not in content and not set(content) - set(SWEEP_ENTRIES):
             raise ConfigurationError(f"is a sweep, not a study: stixel sweep --from {path}")
         refuse_unknown(content, ENTRIES)
         title, question, report = (_text(content, name) for name in ENTRIES[:3])
         module = f"{__package__}.{report}.report"
         if not _is_module(module):
             raise ConfigurationError(f"report: there is no module {messages.printable(module)}")
-        study = StudyFile(path, title, question, module, tuple(_parts(content)))
-        if study.parts[0].derive is not None:
-            raise ConfigurationError(f"parts: {study.parts[0].name}: derive: no part is before it")
-        for part in study.parts:
-            part.design()
-            if part.derive is not None:
-                study.function(part.derive)
+        study = StudyFile(path, title, question, module, tuple(_sweeps(content)))
+        if study.sweeps[0].derive is not None:
+            raise ConfigurationError(f"sweeps: {study.sweeps[0].name}: derive: no earlier sweep")
+        for sweep in study.sweeps:
+            sweep.design()
+            if sweep.derive is not None:
+                study.function(sweep.derive)
         study.function("report")
     except ConfigurationError as fault:
         where = messages.printable(str(path), 200)
@@ -156,19 +156,19 @@ def _text(content: Mapping[str, Any], name: str) -> str:
     return " ".join(value.split())
 
 
-def _parts(content: Mapping[str, Any]) -> list[PartFile]:
-    parts = content.get("parts")
-    if not isinstance(parts, dict) or not parts:
-        raise ConfigurationError("parts: must be names, each with a sweep's entries")
+def _sweeps(content: Mapping[str, Any]) -> list[SweepEntry]:
+    sweeps = content.get("sweeps")
+    if not isinstance(sweeps, dict) or not sweeps:
+        raise ConfigurationError("sweeps: must be names, each with a sweep's entries")
     found = []
-    for name, entries in parts.items():
-        where = f"parts: {messages.printable(str(name))}"
-        if not isinstance(name, str) or not _PART_NAME.fullmatch(name):
+    for name, entries in sweeps.items():
+        where = f"sweeps: {messages.printable(str(name))}"
+        if not isinstance(name, str) or not _SWEEP_NAME.fullmatch(name):
             raise ConfigurationError(f"{where}: a name of letters, digits and _ is needed")
         if not isinstance(entries, dict):
             raise ConfigurationError(f"{where}: must have a sweep's entries, as KEY: VALUE")
         try:
-            refuse_unknown(entries, _PART_ENTRIES)
+            refuse_unknown(entries, _SWEEP_ENTRIES)
         except ConfigurationError as fault:
             raise ConfigurationError(f"{where}: {fault}") from None
         steps = entries.get("results") or []
@@ -178,5 +178,5 @@ def _parts(content: Mapping[str, Any]) -> list[PartFile]:
         if derive is not None and not isinstance(derive, str):
             raise ConfigurationError(f"{where}: derive: must be the name of a function")
         sweep = {key: value for key, value in entries.items() if key in SWEEP_ENTRIES}
-        found.append(PartFile(name, sweep, tuple(steps), derive))
+        found.append(SweepEntry(name, sweep, tuple(steps), derive))
     return found

@@ -1,7 +1,7 @@
-"""The folder of a study: what was asked for, the parts' sweeps, and the report with its files.
+"""The folder of a study: what was asked for, the sweeps' sweeps, and the report with its files.
 
 study.yaml         what was asked for
-parts/NAME/        the sweep of each part
+sweeps/NAME/        the sweep of each sweep
 report.html        the report
 tables/ figures/   its tables as CSV, Markdown and LaTeX and its figures as SVG, once all is there
 """
@@ -37,9 +37,9 @@ class StudyFolder:
     def __init__(self, path: Path):
         self.path = path
 
-    def part(self, name: str) -> Path:
-        """The folder of a part's sweep."""
-        return self.path / "parts" / name
+    def sweep(self, name: str) -> Path:
+        """The folder of a sweep's sweep."""
+        return self.path / "sweeps" / name
 
     def check(self, plan: StudyPlan, fresh: bool) -> bool:
         """Whether there is a folder of this plan to go on with; nothing is written.

@@ -14,7 +14,7 @@ TOY = {
     "title": "A <toy> & its title",
     "question": "What comes of it?",
     "report": "toy",
-    "parts": {
+    "sweeps": {
         "first": {
             "fixed": FEW,
             "zipped": [{"road_user": ["car", "pedestrian"], "path": ["turn", "crossing"]}],
@@ -36,7 +36,9 @@ def toy_module():
     module = ModuleType("stixel_cli.studies.toy.report")
     module.__spec__ = ModuleSpec(module.__name__, None)
     module.seen = []
-    module.widths = lambda data: [{"tracker.sigma_f": [0.1, 0.1 + len(data.parts["first"].points)]}]
+    module.widths = lambda data: [
+        {"tracker.sigma_f": [0.1, 0.1 + len(data.sweeps["first"].points)]}
+    ]
     module.report = lambda data: report(data, module.seen)
     return module
 
@@ -58,7 +60,7 @@ def changed(where, value):
 def report(data, seen):
     """A figure, a picture, tables and a file of the data, which is kept in `seen`."""
     seen.append(data)
-    points = data.parts["first"].points
+    points = data.sweeps["first"].points
     with style.drawing():
         figure = style.new_figure(3.0, 2.0)
         figure.subplots().plot([p.metrics["iou_mean"] for p in points], color=style.RUNS[0])

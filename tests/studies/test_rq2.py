@@ -173,7 +173,7 @@ def test_the_answer_is_made_of_what_is_there():
         "he gp_ekf does worse on stixels than on the lidar_9 for the car (centre, orientation and"
     )
     assert told in text
-    beside_lidar, beside_floor = answer_tables(runs)
+    beside_lidar, beside_baseline = answer_tables(runs)
     header, rows, _ = shown_table(beside_lidar)
     assert header[3:] == ["stixels", "lidar_9", "stixels − lidar_9 [95 %]"]
     assert rows[0] == [
@@ -181,7 +181,7 @@ def test_the_answer_is_made_of_what_is_there():
     ]  # fmt: skip
     # NEES, like every mean, of both measurements, and without a test.
     assert rows[4][2:] == ["position NEES / 2", "1.00", "1.00", "–"]
-    # A tracker that came later is answered for, the floor is not.
+    # A tracker that came later is answered for, the baseline is not.
     assert "They show no difference of the new_one on stixels from the lidar_9." in text
     # Effects with their intervals come first, then the tests.
     first, *_, tests, limits = answer(runs)
@@ -192,7 +192,7 @@ def test_the_answer_is_made_of_what_is_there():
     assert tests.startswith("Tests: 6 paired t-tests over n = 3 seeds, with Holm's correction.")
     assert "no p below 0.250 at n = 3" in limits
     assert "The point does" not in text
-    _, rows, _ = shown_table(beside_floor)
+    _, rows, _ = shown_table(beside_baseline)
     assert rows[0][:6] == ["car", "gp_ekf", "point", "centre RMSE, m", "0.510", "1.50"]
     assert rows[0][6].startswith("−0.990 [")
     assert {row[1] for row in rows} == {"gp_ekf", "new_one"}
@@ -203,7 +203,7 @@ def test_the_answer_is_made_of_what_is_there():
     assert "position NEES / 2 is 1.00 for the car" in text
 
 
-def test_a_tracker_below_the_floor_is_said_to_be():
+def test_a_tracker_below_the_baseline_is_reported():
     runs = []
     for user, shift in {"car": -0.5, "cyclist": 0.5, "pedestrian": 0.0}.items():
         for seed in range(3):
@@ -214,7 +214,7 @@ def test_a_tracker_below_the_floor_is_said_to_be():
             runs.append(run(seed, "lidar", centre=1.0, road_user=user))
     text = " ".join(answer(runs))
     assert "better for the car; worse for the cyclist; not clear for the pedestrian." in text
-    assert "the baseline [95 %, not corrected for the number of comparisons]: car +0.049 [" in text
+    assert "the baseline [95 %, not corrected for multiplicity]: car +0.049 [" in text
 
 
 def test_of_one_seed_it_says_first_that_no_test_can_tell():
@@ -274,7 +274,7 @@ _TRACKERS = {"gp_ekf": "GP-EKF", "point": "point tracker"}
 @pytest.fixture
 def tiny(studies):
     answer = studies.run("rq2", *TINY)
-    assert answer["complete"] and answer["parts"]["tracking"]["points"] == 2 * 2
+    assert answer["complete"] and answer["sweeps"]["tracking"]["points"] == 2 * 2
     return Path(answer["folder"])
 
 
@@ -289,7 +289,7 @@ def test_a_tiny_study_from_the_command_line(tiny):
     # What was not run by this study is not in its report.
     for words in ("Published", "model.md", "lost"):
         assert words not in html
-    with (tiny / "parts/tracking/runs.csv").open(encoding="utf-8") as file:
+    with (tiny / "sweeps/tracking/runs.csv").open(encoding="utf-8") as file:
         runs = list(csv.DictReader(file))
     with (tiny / "tables/pedestrian_tracking.csv").open(encoding="utf-8") as file:
         rows = {row["tracker"]: row for row in csv.DictReader(file)}

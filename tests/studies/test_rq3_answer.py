@@ -80,7 +80,7 @@ def test_what_a_family_of_tests_can_show(pairs, enough):
 
 
 def test_the_cost_is_cpu_time_and_not_known_without_all_of_it():
-    def part(**seconds):
+    def sweep(**seconds):
         configuration = SimpleNamespace(
             road_user=SimpleNamespace(kind="car"),
             path=SimpleNamespace(kind="turn"),
@@ -92,8 +92,8 @@ def test_the_cost_is_cpu_time_and_not_known_without_all_of_it():
         )
         return SimpleNamespace(points=[point])
 
-    cost = cost_of(part(scenario=9.0, render=2.0, scans=0.5), part(scenario=9.0, scans=0.01))
+    cost = cost_of(sweep(scenario=9.0, render=2.0, scans=0.5), sweep(scenario=9.0, scans=0.01))
     assert cost.simulated_total == pytest.approx(0.25)
     assert cost.ratio == pytest.approx(250.0)
     # A stage of an entry that has no CPU seconds is not left out of the sum.
-    assert cost_of(part(render=np.nan, scans=0.5), part(scans=0.01)).ratio is None
+    assert cost_of(sweep(render=np.nan, scans=0.5), sweep(scans=0.01)).ratio is None

@@ -95,7 +95,7 @@ def _verdict(every: Group) -> str:
 
 def _rigs(data: StudyData) -> Iterator[str]:
     told = []
-    lines = groups(data.parts["rigs"], rig)
+    lines = groups(data.sweeps["rigs"], rig)
     for group in lines:
         rms = estimate(group, by_pose.stixel_sums(group, *ROUND), by_pose.STIXEL_RMS)
         needed = needed_disparity(group.rig, SW_STD, SW_DEPTH)
@@ -141,7 +141,7 @@ def _stages(every: Group) -> Iterator[tuple[str, str, str, Estimate]]:
 
 
 def _matchers(data: StudyData) -> Iterator[str]:
-    found = groups(data.parts["matchers"], matcher)
+    found = groups(data.sweeps["matchers"], matcher)
     if not found:
         return
     told = [
@@ -171,7 +171,7 @@ def _stixels(group: Group) -> np.ndarray:
 
 
 def _grids(data: StudyData) -> Iterator[str]:
-    found = groups(data.parts["grids"], grid)
+    found = groups(data.sweeps["grids"], grid)
     told, apart = [], []
     for group in found:
         sums = by_pose.column_sums(group, "path")
@@ -226,7 +226,7 @@ def _consistency(every: Group, users: Sequence[Group]) -> str:
 
 
 def _contrast(data: StudyData) -> Iterator[str]:
-    found = groups(data.parts["contrast"], lambda point: f"{contrast(point):g}")
+    found = groups(data.sweeps["contrast"], lambda point: f"{contrast(point):g}")
     found = sorted(found, key=lambda group: float(group.label))
     if len(found) < 2:
         return
@@ -243,7 +243,7 @@ def _contrast(data: StudyData) -> Iterator[str]:
 
 
 def _setup(data: StudyData) -> str:
-    points = data.parts["ranges"].points
+    points = data.sweeps["ranges"].points
     lines = lines_of(data.name)
     cost = cpu_seconds_a_frame(points, "render")
     return (

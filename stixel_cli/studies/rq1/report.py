@@ -22,8 +22,8 @@ from stixel_cli.validation.stage_errors import BORDER, GROSS
 
 
 def report(data: StudyData) -> Findings:
-    """The report of the study, from all of its parts."""
-    users = groups(data.parts["ranges"], road_user)
+    """The report of the study, from all of its sweeps."""
+    users = groups(data.sweeps["ranges"], road_user)
     every = pool("all", [point for group in users for point in group.points])
     return Findings(
         answer=tuple(answer(data, users, every)),
@@ -36,7 +36,7 @@ def report(data: StudyData) -> Findings:
             rigs_section(data),
             contrast_section(data),
             setup_section(data),
-            gallery_section(data.parts["gallery"]),
+            gallery_section(data.sweeps["gallery"]),
         ),
         files={},
         summary=(answer_table(every),),

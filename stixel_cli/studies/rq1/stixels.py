@@ -182,7 +182,7 @@ def _stixel_counts(users: Sequence[Group]) -> str:
 
 def rigs_section(data: StudyData) -> Section:
     """Depth error over range of three rigs, and the precision that 0.1 m at 28 m takes."""
-    lines = groups(data.parts["rigs"], rig)
+    lines = groups(data.sweeps["rigs"], rig)
     return Section(
         "Three rigs, and the 0.1 m at 28 m of The Stixel World",
         (

@@ -10,7 +10,7 @@ from stixel_cli.studies.rq2.contrasts import (
     ERRORS,
     Contrast,
     family,
-    is_floor,
+    is_baseline,
     least_effect,
     of_kind,
 )
@@ -50,7 +50,8 @@ def answer(runs: Sequence[Run]) -> list[str]:
             sentences.append(_effects(own))
             verdicts.append(_verdict(own))
         sentences += [
-            _against_floor(runs, tracker, floor, stixels[0]) for floor in _floors(runs, tracker)
+            _against_baseline(runs, tracker, baseline, stixels[0])
+            for baseline in _baselines(runs, tracker)
         ]
         sentences.append(_consistency(runs, tracker, stixels[0]))
     if n > 1:
@@ -66,15 +67,17 @@ def answer_tables(runs: Sequence[Run]) -> tuple[Table, ...]:
         return ()
     trackers = list(dict.fromkeys(one.tracker for one in tested))
     tables = [_lidar_table(runs, tested, trackers, stixels[0], lidars)]
-    floors = [(tracker, floor) for tracker in trackers for floor in _floors(runs, tracker)]
-    if floors:
-        tables.append(_floor_table(chosen(runs, measurement=stixels[0]), floors))
+    baselines = [
+        (tracker, baseline) for tracker in trackers for baseline in _baselines(runs, tracker)
+    ]
+    if baselines:
+        tables.append(_baseline_table(chosen(runs, measurement=stixels[0]), baselines))
     return tuple(tables)
 
 
-def _floors(runs: Sequence[Run], tracker: str) -> list[str]:
+def _baselines(runs: Sequence[Run], tracker: str) -> list[str]:
     """The trackers that this one is to beat."""
-    return [one for one in names(runs, "tracker") if one != tracker and is_floor(runs, one)]
+    return [one for one in names(runs, "tracker") if one != tracker and is_baseline(runs, one)]
 
 
 def _lidar_table(
@@ -114,20 +117,20 @@ def _lidar_table(
     )
 
 
-def _floor_table(on_stixels: Sequence[Run], pairs: Sequence[tuple[str, str]]) -> Table:
+def _baseline_table(on_stixels: Sequence[Run], pairs: Sequence[tuple[str, str]]) -> Table:
     rows = []
     for user in names(on_stixels, "road_user"):
-        for tracker, floor in pairs:
+        for tracker, baseline in pairs:
             for metric, (name, unit, _) in ERRORS.items():
                 values = [
                     metric_over_seeds(chosen(on_stixels, road_user=user, tracker=one), metric).mean
-                    for one in (tracker, floor)
+                    for one in (tracker, baseline)
                 ]
-                apart = floor_difference(on_stixels, user, tracker, floor, metric)
-                row = (user, tracker, floor, _with_unit(name, unit), *values)
+                apart = baseline_difference(on_stixels, user, tracker, baseline, metric)
+                row = (user, tracker, baseline, _with_unit(name, unit), *values)
                 rows.append((*row, apart.mean, apart.low, apart.high))
     return Table(
-        "answer_floor",
+        "answer_baseline",
         "On stixels, a tracker and the baseline: means over paths and seeds, and the tracker minus "
         "the baseline, paired, with its 95 % interval over the seeds; not "
         "corrected for the number of comparisons.",
@@ -207,30 +210,30 @@ def _by_user(found: Sequence[Contrast]) -> str:
     return listed(parts)
 
 
-def _against_floor(runs: Sequence[Run], tracker: str, floor: str, stixels: str) -> str:
+def _against_baseline(runs: Sequence[Run], tracker: str, baseline: str, stixels: str) -> str:
     on_stixels = chosen(runs, measurement=stixels)
     effects, verdicts = [], {}
     for user in names(runs, "road_user"):
-        apart = floor_difference(on_stixels, user, tracker, floor, "iou_mean")
+        apart = baseline_difference(on_stixels, user, tracker, baseline, "iou_mean")
         effects.append(f"{user} {with_interval(apart.mean, apart.low, apart.high, sign=True)}")
-        verdicts.setdefault(_beside_floor(apart), []).append(f"the {user}")
+        verdicts.setdefault(_beside_baseline(apart), []).append(f"the {user}")
     told = "; ".join(f"{how} for {listed(users)}" for how, users in verdicts.items())
     return (
-        f"On stixels, mean IoU of the {tracker} minus that of the {floor}, the baseline [95 %, not "
-        f"corrected for the number of comparisons]: {', '.join(effects)}. By these intervals: "
+        f"On stixels, mean IoU of the {tracker} minus that of the {baseline}, the baseline "
+        f"[95 %, not corrected for multiplicity]: {', '.join(effects)}. By these intervals: "
         f"{told}."
     )
 
 
-def floor_difference(
-    runs: Sequence[Run], user: str, tracker: str, floor: str, metric: str
+def baseline_difference(
+    runs: Sequence[Run], user: str, tracker: str, baseline: str, metric: str
 ) -> Statistic:
-    """A metric of a tracker minus the floor's, paired by road user, path and seed."""
-    sides = [chosen(runs, road_user=user, tracker=one) for one in (tracker, floor)]
+    """A metric of a tracker minus the baseline's, paired by road user, path and seed."""
+    sides = [chosen(runs, road_user=user, tracker=one) for one in (tracker, baseline)]
     return paired_difference(*sides, metric)
 
 
-def _beside_floor(iou: Statistic) -> str:
+def _beside_baseline(iou: Statistic) -> str:
     if iou.low is None:
         return "not known"
     if iou.low <= 0.0 <= iou.high:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from scipy.stats import t as student
 
-from stixel_cli.studies.field_names import FLOOR, LIDAR, STIXELS
+from stixel_cli.studies.field_names import BASELINE, LIDAR, STIXELS
 from stixel_cli.studies.inference import SIGNIFICANT, holm
 from stixel_cli.studies.prose import MINUS
 from stixel_cli.studies.rq2.runs import Run, chosen, metric_over_seeds, names, paired_difference
@@ -71,7 +71,7 @@ def contrasts(runs: Sequence[Run], tracker: str, one: str, other: str) -> list[C
 def family(runs: Sequence[Run]) -> list[Contrast]:
     """The question's own: stixels against every lidar by every extended tracker, p by Holm."""
     stixels, lidars = of_kind(runs, STIXELS), of_kind(runs, LIDAR)
-    extended = [tracker for tracker in names(runs, "tracker") if not is_floor(runs, tracker)]
+    extended = [tracker for tracker in names(runs, "tracker") if not is_baseline(runs, tracker)]
     found = [
         contrast
         for tracker in extended or names(runs, "tracker")
@@ -112,9 +112,9 @@ def of_kind(runs: Sequence[Run], kind: str) -> list[str]:
     return names(chosen(runs, kind=kind), "measurement")
 
 
-def is_floor(runs: Sequence[Run], tracker: str) -> bool:
+def is_baseline(runs: Sequence[Run], tracker: str) -> bool:
     """Whether a tracker is the one that others are to beat."""
-    return all(run.tracker_kind == FLOOR for run in chosen(runs, tracker=tracker))
+    return all(run.tracker_kind == BASELINE for run in chosen(runs, tracker=tracker))
 
 
 def contrasts_section(runs: Sequence[Run]) -> Section:

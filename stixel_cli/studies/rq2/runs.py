@@ -60,7 +60,7 @@ class Run:
 
 def runs_of(data: StudyData) -> list[Run]:
     """Every run of the study."""
-    points = [point for part in data.parts.values() for point in part.points]
+    points = [point for sweep in data.sweeps.values() for point in sweep.points]
     called = {
         "measurement": _called(points, "measurement", measurement_name),
         "tracker": _called(points, "tracker", tracker_name),

@@ -203,8 +203,8 @@ def _matters(tracker: str, found: Sequence[Comparison]) -> str:
     return f"{capital(tracker)}: {'; '.join(told)}."
 
 
-def _without_zero(one: Comparison, part: str = FABRICATED) -> bool:
-    gap = one.apart[part]
+def _without_zero(one: Comparison, sweep: str = FABRICATED) -> bool:
+    gap = one.apart[sweep]
     return gap.low is not None and not gap.low <= 0.0 <= gap.high
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stixel_cli.studies.rq3.runs import FABRICATED, SIMULATED, pairing
-from stixel_cli.studies.types import Paragraph, Part, Section, StudyPoint, Table
+from stixel_cli.studies.types import Paragraph, Section, StudyPoint, StudySweep, Table
 
 SHARED = ("ego_motion", "scenario")
 """Steps that both kinds of scan begin with; not counted as the cost of either."""
@@ -43,7 +43,7 @@ class Cost:
         return self.simulated_total / self.fabricated_total
 
 
-def cost_of(simulated: Part, fabricated: Part) -> Cost:
+def cost_of(simulated: StudySweep, fabricated: StudySweep) -> Cost:
     """The computational cost of scans of both kinds."""
     ours, theirs = _totals(simulated.points), _totals(fabricated.points)
     ratios = [ours[key] / theirs[key] for key in ours if theirs.get(key)]

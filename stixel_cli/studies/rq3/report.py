@@ -31,15 +31,15 @@ from stixel_cli.studies.rq3.runs import (
     point_measures,
     runs_of,
 )
-from stixel_cli.studies.types import Findings, Paragraph, Part, Section, StudyData, Table
+from stixel_cli.studies.types import Findings, Paragraph, Section, StudyData, StudySweep, Table
 
 TRAINING = "training"
 COMMAND = "stixel study rq3"
 
 
 def fitted_noise(data: StudyData) -> list[dict[str, list]]:
-    """The axis of the fitted part: road user and path, with a noise that has not seen the path."""
-    noises = held_out_noises(data.parts[TRAINING])
+    """The axis of the fitted sweep: road user and path, with a noise that has not seen the path."""
+    noises = held_out_noises(data.sweeps[TRAINING])
     keys = [name for name in asdict(next(iter(noises.values()))) if name != "kind"]
     axis: dict[str, list] = {
         "road_user": [user for user, _ in noises],
@@ -50,7 +50,7 @@ def fitted_noise(data: StudyData) -> list[dict[str, list]]:
     return [axis]
 
 
-def held_out_noises(training: Part) -> dict[tuple[str, str], FittedNoise]:
+def held_out_noises(training: StudySweep) -> dict[tuple[str, str], FittedNoise]:
     """Road user and path to the noise fitted to the user's runs on all other paths.
 
     Seeds share their images but for the sensor's noise, so other seeds of one path would be no test
@@ -67,7 +67,7 @@ def held_out_noises(training: Part) -> dict[tuple[str, str], FittedNoise]:
     return found
 
 
-def fitted_noises(training: Part) -> dict[str, FittedNoise]:
+def fitted_noises(training: StudySweep) -> dict[str, FittedNoise]:
     """Road user to the noise that is fitted to all of its runs."""
     runs = runs_of(training)
     return {
@@ -80,16 +80,16 @@ def fitted_noises(training: Part) -> dict[str, FittedNoise]:
 
 def report(data: StudyData) -> Findings:
     """The findings of a study whose points all have their `point_errors`."""
-    parts = {name: runs_of(data.parts[name]) for name in (SIMULATED, FABRICATED, FITTED)}
-    noises = fitted_noises(data.parts[TRAINING])
-    pools = _pools(parts)
+    sweeps = {name: runs_of(data.sweeps[name]) for name in (SIMULATED, FABRICATED, FITTED)}
+    noises = fitted_noises(data.sweeps[TRAINING])
+    pools = _pools(sweeps)
     lag = neighbour_columns([run for pool in pools.values() for run in pool[SIMULATED]])
-    points = compare(parts, point_measures(lag), by_tracker=False)
-    tracks = compare(parts, TRACKER_MEASURES, by_tracker=True)
-    cost = cost_of(data.parts[SIMULATED], data.parts[FABRICATED])
-    seeds, paths = (len(names(parts[SIMULATED], name)) for name in ("seed", "path"))
+    points = compare(sweeps, point_measures(lag), by_tracker=False)
+    tracks = compare(sweeps, TRACKER_MEASURES, by_tracker=True)
+    cost = cost_of(data.sweeps[SIMULATED], data.sweeps[FABRICATED])
+    seeds, paths = (len(names(sweeps[SIMULATED], name)) for name in ("seed", "path"))
     sections = (
-        Section("What was compared, and how", _method(data, parts, lag)),
+        Section("What was compared, and how", _method(data, sweeps, lag)),
         Section("The points", _points(points, pools, lag)),
         Section("The tracker", _tracker(tracks)),
         Section("The noise that was fitted", _fit(data, noises)),
@@ -106,23 +106,23 @@ def report(data: StudyData) -> Findings:
     )
 
 
-def _pools(parts: dict[str, Runs]) -> Pools:
+def _pools(sweeps: dict[str, Runs]) -> Pools:
     errors = Errors()
     pools: dict[str, dict[str, list]] = {}
-    for user in names(parts[SIMULATED], "road_user"):
+    for user in names(sweeps[SIMULATED], "road_user"):
         pools[user] = {}
-        for part, runs in parts.items():
+        for sweep, runs in sweeps.items():
             # Trackers share the scans: one is enough.
             own = [key for key in runs if key.road_user == user]
             own = [key for key in own if key.tracker == own[0].tracker]
-            pools[user][part] = [errors.of(part, runs[key]) for key in own]
+            pools[user][sweep] = [errors.of(sweep, runs[key]) for key in own]
     return pools
 
 
-def _method(data: StudyData, parts: dict[str, Runs], lag: float) -> tuple[Paragraph, ...]:
-    runs = parts[SIMULATED]
+def _method(data: StudyData, sweeps: dict[str, Runs], lag: float) -> tuple[Paragraph, ...]:
+    runs = sweeps[SIMULATED]
     seeds = sorted(names(runs, "seed"))
-    trained = sorted(names(runs_of(data.parts[TRAINING]), "seed"))
+    trained = sorted(names(runs_of(data.sweeps[TRAINING]), "seed"))
     common = sorted(set(seeds) & set(trained))
     apart = f"seeds {listed(common)} are in both" if common else "no seed is in both"
     folds = (
@@ -141,7 +141,7 @@ def _method(data: StudyData, parts: dict[str, Runs], lag: float) -> tuple[Paragr
         Paragraph(
             "Three kinds of scan of the same poses. Simulated: rendered stereo images, matching, "
             "free space, stixels, points. Fabricated: the camera's rays cut by the true contour, "
-            f"{listed(noises_of(data.parts[FABRICATED]))} along the ray. Fitted: fabricated with "
+            f"{listed(noises_of(data.sweeps[FABRICATED]))} along the ray. Fitted: fabricated with "
             "the noise whose parameters were estimated from simulated points."
         ),
         Paragraph(
@@ -184,10 +184,10 @@ def _method(data: StudyData, parts: dict[str, Runs], lag: float) -> tuple[Paragr
 
 def _points(points: Sequence[Comparison], pools: Pools, lag: float) -> tuple:
     counts = {
-        part: sum(len(run.scans) for pool in pools.values() for run in pool[part])
-        for part in (SIMULATED, FABRICATED, FITTED)
+        sweep: sum(len(run.scans) for pool in pools.values() for run in pool[sweep])
+        for sweep in (SIMULATED, FABRICATED, FITTED)
     }
-    shown = ", ".join(f"{part} {count}" for part, count in counts.items())
+    shown = ", ".join(f"{sweep} {count}" for sweep, count in counts.items())
     return (
         Paragraph(f"Points of the targets in all runs: {shown}."),
         error_histograms(pools),
@@ -219,7 +219,7 @@ def _tracker(tracks: Sequence[Comparison]) -> tuple:
 
 def _fit(data: StudyData, noises: dict[str, FittedNoise]) -> tuple:
     users = list(noises)
-    held_out = held_out_noises(data.parts[TRAINING])
+    held_out = held_out_noises(data.sweeps[TRAINING])
     keys = [key for key in asdict(noises[users[0]]) if key != "kind"]
     rows = [(key, *(getattr(noise, key) for noise in noises.values())) for key in keys]
     folds = [
@@ -269,7 +269,7 @@ def _fit(data: StudyData, noises: dict[str, FittedNoise]) -> tuple:
 
 
 def _what(data: StudyData, user: str) -> str:
-    runs = runs_of(data.parts[TRAINING])
+    runs = runs_of(data.sweeps[TRAINING])
     own = [key for key in runs if key.road_user == user]
     points = sum(len(runs[key].load("point_errors").scans) for key in own)
     paths = listed(list(dict.fromkeys(key.path for key in own)))

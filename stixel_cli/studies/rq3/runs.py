@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stixel_cli.studies.field_names import tracker_name
-from stixel_cli.studies.types import Part, StudyPoint
+from stixel_cli.studies.types import StudyPoint, StudySweep
 from stixel_cli.validation.point_errors import PointErrors
 
 SIMULATED, FABRICATED, FITTED = "simulated", "fabricated", "fitted"
@@ -40,9 +40,9 @@ class Measure:
 Runs = Mapping[Pairing, StudyPoint]
 
 
-def runs_of(part: Part) -> dict[Pairing, StudyPoint]:
-    """A part's runs by what they share with those of other parts."""
-    return {pairing(point): point for point in part.points}
+def runs_of(sweep: StudySweep) -> dict[Pairing, StudyPoint]:
+    """A sweep's runs by what they share with those of other sweeps."""
+    return {pairing(point): point for point in sweep.points}
 
 
 def pairing(point: StudyPoint) -> Pairing:
@@ -67,10 +67,10 @@ class Errors:
     def __init__(self) -> None:
         self._known: dict[tuple, PointErrors] = {}
 
-    def of(self, part: str, point: StudyPoint) -> PointErrors:
-        """Those of one run of a part."""
+    def of(self, sweep: str, point: StudyPoint) -> PointErrors:
+        """Those of one run of a sweep."""
         key = pairing(point)
-        name = (part, key.road_user, key.path, key.seed)
+        name = (sweep, key.road_user, key.path, key.seed)
         if name not in self._known:
             self._known[name] = point.load("point_errors")
         return self._known[name]
