@@ -36,7 +36,7 @@ def differences(there: Mapping[str, Any], wanted: Mapping[str, Any], folder: str
 
 def _settings(request: Mapping[str, Any]) -> dict[tuple[str, str], str]:
     """StudySweep ("" for the study's own) and key to the values as they are typed."""
-    found = {("", key): str(request[key]) for key in ("study", "report")}
+    found = {("", key): str(request[key]) for key in ("study", "template", "module")}
     for name, sweep in request["sweeps"].items():
         for text in sweep["fixed"]:
             key, _, value = text.partition("=")

@@ -1,22 +1,33 @@
-"""A study's file: YAML with title, question, the report's module, and sweeps."""
+"""A study's file: YAML with title, question, template and module of the report, and sweeps.
+
+`template` is a file next to the study's own, or one of the package's. `module` is a Python file
+next to the study's own (`report.py`), or the dotted name of an installed module. Only
+`stixel study` imports it.
+"""
 
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from importlib.util import find_spec
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import ModuleType
 from typing import Any
+
+import jinja2
 
 from stixel_cli.config import messages
 from stixel_cli.config.folders import shipped_folder
 from stixel_cli.errors import ConfigurationError
+from stixel_cli.files import read_text
+from stixel_cli.studies.template import findings_of, template_of
+from stixel_cli.studies.types import Findings, StudyData
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.file import ENTRIES as SWEEP_ENTRIES
 from stixel_cli.sweeps.file import design_of, is_study, read_mapping, refuse_unknown
 
 ALL = "all"
-ENTRIES = ("title", "question", "report", "sweeps")
+ENTRIES = ("title", "question", "template", "module", "sweeps")
 _SWEEP_ENTRIES = (*SWEEP_ENTRIES, "results", "derive")
 _SWEEP_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
@@ -58,12 +69,25 @@ class SweepEntry:
 
 @dataclass(frozen=True)
 class StudyFile:
-    """A study as its file has it; `module` is that of its report, `sweeps` in their order."""
+    """A study as its file has it.
+
+    Attributes:
+        path: of the file.
+        title, question: of the report.
+        template_name, module_name: as in the file.
+        template: of the report.
+        module: its function `report` gives the template's `Material` from `StudyData`; the
+            functions that `derive` names give further axes.
+        sweeps: in their order.
+    """
 
     path: Path
     title: str
     question: str
-    module: str
+    template_name: str
+    module_name: str
+    template: jinja2.Template
+    module: ModuleType
     sweeps: tuple[SweepEntry, ...]
 
     @property
@@ -77,10 +101,18 @@ class StudyFile:
         Raises:
             ConfigurationError: if it has none of that name.
         """
-        function = getattr(import_module(self.module), name, None)
+        function = getattr(self.module, name, None)
         if not callable(function):
-            raise ConfigurationError(f"{self.path}: {self.module} has no function {name}")
+            raise ConfigurationError(f"{self.path}: {self.module_name} has no function {name}")
         return function
+
+    def findings(self, data: StudyData) -> Findings:
+        """The report of the complete study.
+
+        Raises:
+            UserError: if the template uses a value that the module does not give.
+        """
+        return findings_of(self.template, self.function("report")(data), self.template_name)
 
 
 def shipped_studies() -> list[str]:
@@ -121,11 +153,17 @@ def read_study(path: Path) -> StudyFile:
         if "sweeps" not in content and not set(content) - set(SWEEP_ENTRIES):
             raise ConfigurationError(f"is a sweep, not a study: stixel sweep --from {path}")
         refuse_unknown(content, ENTRIES)
-        title, question, report = (_text(content, name) for name in ENTRIES[:3])
-        module = f"{__package__}.{report}.report"
-        if not _is_module(module):
-            raise ConfigurationError(f"report: there is no module {messages.printable(module)}")
-        study = StudyFile(path, title, question, module, tuple(_sweeps(content)))
+        title, question, template, module = (_text(content, name) for name in ENTRIES[:4])
+        study = StudyFile(
+            path,
+            title,
+            question,
+            template,
+            module,
+            template_of(read_text(_template_file(path.parent, template)), template),
+            _module(path.parent, module),
+            tuple(_sweeps(content)),
+        )
         if study.sweeps[0].derive is not None:
             raise ConfigurationError(f"sweeps: {study.sweeps[0].name}: derive: no earlier sweep")
         for sweep in study.sweeps:
@@ -140,19 +178,37 @@ def read_study(path: Path) -> StudyFile:
     return study
 
 
-def _is_module(name: str) -> bool:
-    if not all(part.isidentifier() for part in name.split(".")):
-        return False
+def _template_file(folder: Path, name: str) -> Path:
+    for place in (folder, Path(__file__).parent / "templates"):
+        if (place / name).is_file():
+            return place / name
+    raise ConfigurationError(f"template: no file {messages.printable(name)} in {folder}")
+
+
+def _module(folder: Path, name: str) -> ModuleType:
+    """The module of a study: a Python file in its folder, or an installed module."""
+    if not name.endswith(".py"):
+        try:
+            return import_module(name)
+        except (ImportError, ValueError, TypeError):
+            raise ConfigurationError(f"module: no module {messages.printable(name)}") from None
+    file = folder / name
+    if not file.is_file():
+        raise ConfigurationError(f"module: no file {messages.printable(name)} in {folder}")
+    spec = spec_from_file_location(f"stixel_study_{file.stem}", file)
+    module = module_from_spec(spec)
     try:
-        return find_spec(name) is not None
-    except ModuleNotFoundError:  # It has no parent, or one that is no package.
-        return False
+        spec.loader.exec_module(module)
+    except Exception as fault:
+        reason = messages.printable(f"{type(fault).__name__}: {fault}", 200)
+        raise ConfigurationError(f"module: {file}: cannot be imported: {reason}") from fault
+    return module
 
 
 def _text(content: Mapping[str, Any], name: str) -> str:
     value = content.get(name)
     if not isinstance(value, str) or not value.strip():
-        raise ConfigurationError(f"{name}: must be there, and be text")
+        raise ConfigurationError(f"{name}: is required and must be a string")
     return " ".join(value.split())
 
 

@@ -56,7 +56,8 @@ class StudyPlan:
         """What is asked for, in plain types: equal for two commands that mean the same results."""
         return {
             "study": self.study.name,
-            "report": self.study.module,
+            "template": self.study.template_name,
+            "module": self.study.module_name,
             "sweeps": {
                 one.sweep.name: {
                     "fixed": [t for t in one.design.fixed if not of_the_machine(t)],

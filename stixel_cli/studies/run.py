@@ -142,7 +142,7 @@ class _Run:
         findings = None
         if all(state.complete for state in states):
             with self._leased():
-                findings = self.plan.study.function("report")(self._data())
+                findings = self.plan.study.findings(self._data())
         origin = Origin(
             command=self.command,
             overrides=self.plan.overrides,

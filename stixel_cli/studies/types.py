@@ -1,7 +1,7 @@
 """What a study's report is made of (its data), and what it consists of (its findings)."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from stixel_cli.config.schema import Configuration
@@ -99,6 +99,19 @@ class Section:
 
 
 Block = Paragraph | Figure | Picture | Table | Section
+
+
+@dataclass(frozen=True)
+class Material:
+    """What a study's module gives to the template.
+
+    Attributes:
+        values: numbers, texts, tables and figures, by the names that the template uses.
+        files: more files for the study's folder, by path.
+    """
+
+    values: Mapping[str, Any]
+    files: Mapping[str, str | bytes] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

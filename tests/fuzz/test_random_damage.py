@@ -75,7 +75,8 @@ OF_A_STUDY = (
 STUDY = """\
 title: A small study
 question: Which?
-report: rq3
+template: rq3.md.j2
+module: stixel_cli.studies.rq3.report
 sweeps:
   first:
     fixed: {measurement: fabricated, path.duration: 0.3, executor: threads}

@@ -134,17 +134,23 @@ def test_another_configuration_is_refused_but_for_name_or_fresh(studies, toy):
         "[1",
         "[]",
         "sweeps: 3",
-        "{study: toy, report: r, sweeps: {first: {fixed: 3}}}",
+        "{study: toy, template: t, module: r, sweeps: {first: {fixed: 3}}}",
     ):
         (folder / "study.yaml").write_text(content)
         assert "study.yaml: not a valid study file" in studies.refused(file, *same)
 
 
 def test_what_differs_is_shown_however_long_the_values():
-    before = {"study": "a", "report": "b", "sweeps": {"first": study_sweep("seed", range(40))}}
+    before = {
+        "study": "a",
+        "template": "t",
+        "module": "b",
+        "sweeps": {"first": study_sweep("seed", range(40))},
+    }
     after = {
         "study": "a",
-        "report": "b",
+        "template": "t",
+        "module": "b",
         "sweeps": {"first": study_sweep("seed", (*range(39), 77))},
     }
     assert differences(before, before, "F") == []
@@ -261,9 +267,11 @@ def test_what_is_interrupted_is_gone_on_with(studies, toy, monkeypatch, own_cach
 @pytest.mark.parametrize(
     ("entries", "value", "told"),
     [
-        (("title",), None, "title: must be there"),
-        (("question",), 3, "question: must be there, and be text"),
-        (("report",), "none_such", "no module stixel_cli.studies.none_such"),
+        (("title",), None, "title: is required"),
+        (("question",), 3, "question: is required and must be a string"),
+        (("module",), "none_such", "module: no module none_such"),
+        (("module",), "none_such.py", "module: no file none_such.py in"),
+        (("template",), "../none.j2", "template: no file ../none.j2 in"),
         (("sweeps",), [], "sweeps: must be names"),
         (("tittle",), "x", "tittle: no such entry; did you mean title?"),
         (("sweeps", "first", "result"), [], "first: result: no such entry; did you mean results?"),
@@ -339,7 +347,7 @@ def test_a_study_whose_file_fails_fails_alone(studies, toy, monkeypatch, tmp_pat
     monkeypatch.setattr(study, "study_folder", lambda results, name: results / Path(name).stem)
     answer = studies.run("all", "road_user=car", "seed=0", code=2)
     assert [one["complete"] for one in answer["studies"]] == [False, True]
-    assert re.search("bad.yaml: question: must be there", studies.error)
+    assert re.search("bad.yaml: question: is required", studies.error)
 
 
 def test_which_studies_cannot_be_run_is_told_before_the_first_runs(studies, toy, monkeypatch):

@@ -17,29 +17,30 @@ from stixel_cli.studies.rq1.gallery import gallery_section
 from stixel_cli.studies.rq1.pool import EDGES, LEAST, Group, groups, pool, road_user
 from stixel_cli.studies.rq1.setup import setup_section
 from stixel_cli.studies.rq1.stixels import height_section, rigs_section, stixels_section
-from stixel_cli.studies.types import Findings, Paragraph, Section, StudyData
+from stixel_cli.studies.types import Material, Paragraph, Section, StudyData
 from stixel_cli.validation.stage_errors import BORDER, GROSS
 
 
-def report(data: StudyData) -> Findings:
+def report(data: StudyData) -> Material:
     """The report of the study, from all of its sweeps."""
     users = groups(data.sweeps["ranges"], road_user)
     every = pool("all", [point for group in users for point in group.points])
-    return Findings(
-        answer=tuple(answer(data, users, every)),
-        sections=(
-            _method(users),
-            disparity_section(data, users),
-            free_space_section(data, users),
-            height_section(users),
-            stixels_section(users),
-            rigs_section(data),
-            contrast_section(data),
-            setup_section(data),
-            gallery_section(data.sweeps["gallery"]),
-        ),
-        files={},
-        summary=(answer_table(every),),
+    return Material(
+        {
+            "answer": tuple(answer(data, users, every)),
+            "summary": answer_table(every),
+            "sections": (
+                _method(users),
+                disparity_section(data, users),
+                free_space_section(data, users),
+                height_section(users),
+                stixels_section(users),
+                rigs_section(data),
+                contrast_section(data),
+                setup_section(data),
+                gallery_section(data.sweeps["gallery"]),
+            ),
+        }
     )
 
 

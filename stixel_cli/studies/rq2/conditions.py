@@ -44,8 +44,8 @@ CONDITIONS = (
     Condition(
         "aspect",
         "aspect (°)",
-        "the aspect angle between the heading and the line to the sensor, which says what sides "
-        "are seen: 0° is the front alone, 90° a long side alone, 180° the rear alone",
+        "the aspect angle between the heading and the line to the sensor, which determines the "
+        "visible sides: at 0° only the front, at 90° only a long side, at 180° only the rear",
         lambda run: run.aspects,
         (15.0, 45.0, 75.0, 105.0, 135.0, 165.0),
         ("0–15", "15–45", "45–75", "75–105", "105–135", "135–165", "165–180"),
@@ -110,7 +110,7 @@ def _mean(parts: Sequence[np.ndarray]) -> float | None:
     return float(values.mean()) if len(values) else None
 
 
-def condition_table(name: str, condition: Condition, runs: Sequence[Run], of: str) -> Table:
+def condition_table(name: str, condition: Condition, runs: Sequence[Run]) -> Table:
     """The numbers of a condition, one row a bin, tracker and measurement."""
     found = condition_statistics(condition, runs)
     rows = []
@@ -122,8 +122,7 @@ def condition_table(name: str, condition: Condition, runs: Sequence[Run], of: st
         rows.append((*cells, one.errors["nees"].mean, one.errors["nis"].mean))
     return Table(
         name,
-        f"{of}, by {condition.what}. Of each seed that has such scans the mean over them; mean ± "
-        "standard deviation over these seeds.",
+        "",
         (
             condition.label,
             "tracker",

@@ -31,7 +31,7 @@ from stixel_cli.studies.rq3.runs import (
     point_measures,
     runs_of,
 )
-from stixel_cli.studies.types import Findings, Paragraph, Section, StudyData, StudySweep, Table
+from stixel_cli.studies.types import Material, Paragraph, Section, StudyData, StudySweep, Table
 
 TRAINING = "training"
 COMMAND = "stixel study rq3"
@@ -78,7 +78,7 @@ def fitted_noises(training: StudySweep) -> dict[str, FittedNoise]:
     }
 
 
-def report(data: StudyData) -> Findings:
+def report(data: StudyData) -> Material:
     """The findings of a study whose points all have their `point_errors`."""
     sweeps = {name: runs_of(data.sweeps[name]) for name in (SIMULATED, FABRICATED, FITTED)}
     noises = fitted_noises(data.sweeps[TRAINING])
@@ -95,14 +95,16 @@ def report(data: StudyData) -> Findings:
         Section("The noise that was fitted", _fit(data, noises)),
         cost_section(cost),
     )
-    return Findings(
-        tuple(answer(points, tracks, cost, seeds, paths)),
-        sections,
+    return Material(
+        {
+            "answer": answer(points, tracks, cost, seeds, paths),
+            "summary": answer_table(points, tracks),
+            "sections": sections,
+        },
         {
             f"noise/fitted_{user}.yaml": preset(noise, _what(data, user), COMMAND)
             for user, noise in noises.items()
         },
-        (answer_table(points, tracks),),
     )
 
 
