@@ -99,7 +99,7 @@ class StudyFile:
         """A function of the report's module.
 
         Raises:
-            ConfigurationError: if it has none of that name.
+            ConfigurationError: if the module has no function of that name.
         """
         function = getattr(self.module, name, None)
         if not callable(function):

@@ -58,7 +58,7 @@ def findings_of(template: jinja2.Template, material: Material, name: str) -> Fin
     """The report: the template filled with the material.
 
     Raises:
-        UserError: if the template `name` uses what the material lacks.
+        UserError: if the template `name` cannot be filled, as with a value that the material lacks.
     """
     shown: list[Block] = []
 
@@ -68,8 +68,8 @@ def findings_of(template: jinja2.Template, material: Material, name: str) -> Fin
 
     try:
         text = template.render(**material.values, show=show)
-    except jinja2.TemplateError as fault:
-        raise UserError(f"template: {name}: {fault}") from None
+    except (jinja2.TemplateError, ArithmeticError, AttributeError, LookupError, TypeError) as fault:
+        raise UserError(f"template: {name}: {type(fault).__name__}: {fault}") from fault
     before: list[Block] = []
     # Level, title and blocks of the sections that are open.
     opened: list[tuple[int, str, list[Block]]] = [(0, "", before)]

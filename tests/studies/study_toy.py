@@ -1,10 +1,13 @@
 """A small study made for the tests: its file, and its report."""
 
 import copy
+from importlib import resources
 
 import yaml
 
+from stixel_cli import studies
 from stixel_cli.report import style
+from stixel_cli.studies.template import findings_of, template_of
 from stixel_cli.studies.types import Figure, Material, Picture, Table
 
 FEW = {"measurement": "fabricated", "path.duration": 0.3, "executor": "threads"}
@@ -108,3 +111,11 @@ def report(data):
         "answer": Table("answer", "In short.", ("who", "seed"), (("car", 7),)),
     }
     return Material(values, {"extra/note.txt": "kept\n"})
+
+
+def answer_of(study, values):
+    """The paragraphs of a shipped study's answer: its template before the first heading."""
+    text = (resources.files(studies) / f"templates/{study}.md.j2").read_text("utf-8")
+    values = {"answer_table": Table("t", "", (), ()), **values}
+    template = template_of(text.partition("\n# ")[0], study)
+    return findings_of(template, Material(values), study).answer

@@ -3,15 +3,14 @@
 import csv
 import dataclasses
 import re
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
 from scipy.stats import ttest_1samp
+from study_toy import answer_of
 
-from stixel_cli import studies
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.scans import Scans
@@ -31,8 +30,7 @@ from stixel_cli.studies.rq2.runs import (
     within_bounds,
 )
 from stixel_cli.studies.tables import shown_table
-from stixel_cli.studies.template import findings_of, template_of
-from stixel_cli.studies.types import Material, StudyData
+from stixel_cli.studies.types import StudyData
 
 TINY = (
     "road_user=pedestrian",
@@ -45,10 +43,7 @@ TINY = (
 
 
 def answer(runs):
-    """The answer's paragraphs: the template before its first heading."""
-    text = (resources.files(studies) / "templates/rq2.md.j2").read_text("utf-8")
-    template = template_of(text.partition("\n# ")[0], "rq2")
-    return findings_of(template, Material(answer_values(runs)), "rq2").answer
+    return answer_of("rq2", answer_values(runs))
 
 
 class _Point:
@@ -179,7 +174,7 @@ def test_the_answer_is_made_of_what_is_there():
     runs += [run(seed, "stixels", "new_one", centre=0.4, kind="simulated") for seed in seeds]
     runs += [run(seed, "lidar_9", "new_one", centre=0.4) for seed in seeds]
     text = " ".join(answer(runs))
-    assert "The gp_ekf is worse on stixels than on the lidar_9 for the car (centre, o" in text
+    assert "the gp_ekf is worse on stixels than on the lidar_9 for the car (centre, o" in text
     beside_lidar, beside_baseline = answer_tables(runs)
     header, rows, _ = shown_table(beside_lidar)
     assert header[3:] == ["stixels", "lidar_9", "stixels − lidar_9 [95 %]"]

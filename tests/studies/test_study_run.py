@@ -385,3 +385,41 @@ def test_a_full_disk_leaves_no_empty_folder(studies, toy, monkeypatch):
     monkeypatch.setattr(Path, "write_bytes", full)
     assert "toy: cannot be written: No space left on device" in studies.refused(file)
     assert not studies.results.exists()
+
+
+def test_a_study_outside_the_package(studies, toy, tmp_path, monkeypatch, capsys):
+    file = toy()
+    answer = studies.run(file, "road_user=car", "seed=0")
+    assert answer["complete"]
+    # A result folder's commands never import the module that made its report.
+    (tmp_path / "toy.py").write_text("raise SystemExit('imported')\n", encoding="utf-8")
+    folder = Path(answer["folder"])
+    monkeypatch.chdir(folder)
+    for command in (
+        ["show", str(folder / "sweeps/first")],
+        ["ls", "--results", str(studies.results)],
+    ):
+        assert main(command) == 0
+        assert "imported" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "error"),
+    [
+        ("toy.py", "import no_such_module\n", "toy.py: cannot be imported: ModuleNotFoundError"),
+        ("toy.py", "def widths(data):\n    return []\n", "toy.py has no function report"),
+        ("toy.py", "def report(:\n", "cannot be imported: SyntaxError"),
+        ("toy.md.j2", "Text.\n\n{% for %}\n", "template: toy.md.j2: line 3"),
+    ],
+)
+def test_a_wrong_template_or_module_is_refused(studies, toy, tmp_path, name, content, error):
+    file = toy()
+    (tmp_path / name).write_text(content, encoding="utf-8")
+    assert error in studies.refused(file)
+
+
+def test_a_template_may_only_use_what_the_module_gives(studies, toy, tmp_path):
+    file = toy()
+    (tmp_path / "toy.md.j2").write_text("{{ no_such_value }}\n", encoding="utf-8")
+    assert studies.run(file, "road_user=car", "seed=0", code=2) is None
+    assert "template: toy.md.j2: UndefinedError: 'no_such_value' is undefined" in studies.error

@@ -40,7 +40,7 @@ class Comparison:
     closed: Closed
 
     def differs(self, sweep: str) -> bool:
-        """Whether the corrected test tells a sweep from the simulated measurements."""
+        """Whether the corrected test distinguishes a sweep from the simulated one."""
         return self.p[sweep] is not None and self.p[sweep] < SIGNIFICANT
 
 
@@ -151,7 +151,7 @@ def _corrected(found: Sequence[Comparison]) -> list[Comparison]:
     ]
 
 
-def difference_table(name: str, caption: str, found: Sequence[Comparison]) -> Table:
+def difference_table(name: str, found: Sequence[Comparison]) -> Table:
     """Means, paired differences with interval, corrected p and effect size, and the gap closed."""
     with_tracker = any(one.tracker for one in found)
     columns = ["road user", *(["tracker"] if with_tracker else []), "measure", "n"]
@@ -171,4 +171,4 @@ def difference_table(name: str, caption: str, found: Sequence[Comparison]) -> Ta
             cells += [apart.mean, apart.low, apart.high, one.p[sweep], apart.effect]
         cells += [one.closed.share, one.closed.low, one.closed.high]
         rows.append(tuple(cells))
-    return Table(name, caption, tuple(columns), tuple(rows))
+    return Table(name, "", tuple(columns), tuple(rows))
