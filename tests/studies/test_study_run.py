@@ -397,7 +397,7 @@ def test_a_study_outside_the_package(studies, toy, tmp_path, monkeypatch, capsys
     monkeypatch.chdir(folder)
     for command in (
         ["show", str(folder / "sweeps/first")],
-        ["ls", "--results", str(studies.results)],
+        ["ls", str(studies.results)],
     ):
         assert main(command) == 0
         assert "imported" not in capsys.readouterr().err
