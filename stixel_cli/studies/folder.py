@@ -69,7 +69,7 @@ class StudyFolder:
         return True
 
     def begin(self, plan: StudyPlan, command: str, fresh: bool) -> None:
-        """Make the folder, or see that the one that is there can be gone on with."""
+        """Make the folder, or check that the existing one can be resumed."""
         if self.check(plan, fresh):
             return
         content = {
@@ -98,7 +98,7 @@ class StudyFolder:
 
 
 def files_of(findings: Findings) -> dict[str, str | bytes]:
-    """The files beside the page by their path in the folder.
+    """The files next to the page, by their path in the folder.
 
     Raises:
         ValueError: if two have one name, or one leads out of the folder.

@@ -58,9 +58,9 @@ def run_study(
 
     Args:
         plan: of the study.
-        folder: the study's own; one that is there is gone on with if it is of the same plan.
+        folder: of the study; resumed if it exists and has the same plan.
         command: the command line that does this.
-        fresh: begin anew, and take away what the folder holds.
+        fresh: start over and remove the folder's content.
         workers: how many compute at a time; None for what the configuration says.
         visible: show progress on stderr.
         tell: called with notes on the overrides and the axes before anything runs, and before a

@@ -20,7 +20,7 @@ def gallery_section(sweep: StudySweep) -> Section:
             "Left camera without noise, disparity, occupancy grid from above, free space, free "
             "space with height, and stixels. Colours of disparity and stixels mean depth, from "
             f"yellow at {DEPTH_TICKS[0]:g} m to violet at {DEPTH_TICKS[-1]:g} m; the grid is dark "
-            "where an obstacle is likely; green is free, red stands."
+            "where an obstacle is likely; green is free, red is an obstacle."
         )
     ]
     for label, points in by_label(sweep.points, road_user).items():

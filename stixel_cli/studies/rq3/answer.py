@@ -185,6 +185,6 @@ def _closed(owner: str, found: Sequence[Comparison], tested: bool) -> dict[str, 
         "narrowed": sum(one.low > 0.0 for one in certain),
         "widened": sum(one.high < 0.0 for one in certain),
         "comparisons": len(found),
-        "clear": sum(_without_zero(one, FITTED) for one in found),
+        "apart": sum(_without_zero(one, FITTED) for one in found),
         "left": sum(one.differs(FITTED) for one in found),
     }

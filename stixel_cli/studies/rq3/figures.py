@@ -112,7 +112,7 @@ def edges(pools: Pools) -> Figure:
     return _panels(
         "edges",
         "Share of the silhouette's ends by which the points reach at least to that column; 0 is "
-        "the end itself, left of it (negative) lies what is beside the target: edge fattening.",
+        "the end itself, negative columns are outside the target: edge fattening.",
         pools,
         draw,
         "columns inside the silhouette's end (px)",
