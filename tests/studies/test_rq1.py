@@ -63,7 +63,7 @@ def test_a_tiny_study_gives_a_whole_report(studies, tiny):
     folder = studies.results / "rq1"
     assert answer["complete"], answer
     # Of 12 to 8 m there is nothing to say of 28 m, and it is said so.
-    assert "No stixel lies on a road user between 25 and 31 m" in answer["answer"][0]
+    assert "No stixel is on a road user between 25 and 31 m" in answer["answer"][0]
     assert not re.search(r"\bnan\b|\binf\b", " ".join(answer["answer"]))
     names = {path.stem for path in (folder / "figures").glob("*.svg")}
     assert names == {

@@ -48,7 +48,7 @@ def test_few_pairs_allow_no_test():
     for verdict in (
         "the test shows",
         "corrected test",
-        "in 0 of",
+        "distinguishes fabricated",
         "no difference",
     ):
         assert verdict not in text
