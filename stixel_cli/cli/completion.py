@@ -50,7 +50,7 @@ def complete_study(incomplete: str) -> list[str]:
     try:
         files = sorted(folder.glob("*.yaml"))
         # Plain sweeps are in the same folder.
-        names = [file.stem for file in files if "\nparts:" in read_text(file)]
+        names = [file.stem for file in files if "\nsweeps:" in read_text(file)]
     except (OSError, UserError):
         names = []
     studies = [name for name in (*names, "all") if name.startswith(incomplete)]

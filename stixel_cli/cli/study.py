@@ -144,7 +144,7 @@ class _Command:
         result = run_study(plan, folder, self.text, self.fresh, self.workers, True, tell)
         if not json:
             _print(plan, result)
-        missing = [state for state in result.parts if not state.complete]
+        missing = [state for state in result.sweeps if not state.complete]
         for state in missing:
             for fault in state.faults:
                 tell(f"sweep {state.name}: {fault}")
@@ -159,24 +159,24 @@ class _Command:
 
 
 def _planned(plan: "StudyPlan", json: bool) -> dict[str, Any]:
-    parts: dict[str, Any] = {}
+    sweeps: dict[str, Any] = {}
     if not json:
         for note in plan.notes:
             print(f"note: {note}")  # noqa: T201
-    for one in plan.parts:
-        name = one.part.name
+    for one in plan.sweeps:
+        name = one.sweep.name
         if not json:
             print(f"sweep {name}")  # noqa: T201
         if one.plan is None:
-            parts[name] = None
+            sweeps[name] = None
             if not json:
                 print("its axes depend on the results of the sweeps before\n")  # noqa: T201
             continue
-        parts[name] = plan_content(one.plan, one.design, one.notes)
+        sweeps[name] = plan_content(one.plan, one.design, one.notes)
         if not json:
             print_plan(one.plan, one.design, one.notes, json=False)
             print()  # noqa: T201
-    return {"study": plan.study.name, "notes": list(plan.notes), "parts": parts}
+    return {"study": plan.study.name, "notes": list(plan.notes), "sweeps": sweeps}
 
 
 def _answer(plan: "StudyPlan", result: "StudyResult") -> dict[str, Any]:
@@ -188,14 +188,14 @@ def _answer(plan: "StudyPlan", result: "StudyResult") -> dict[str, Any]:
         "answer": None if result.findings is None else list(result.findings.answer),
         "notes": list(plan.notes),
         "nodes": {"computed": result.computed, "cached": result.cached},
-        "parts": {
+        "sweeps": {
             state.name: {
                 "runs": state.runs,
                 "done": state.done,
                 "folder": str(state.folder),
                 "faults": list(state.faults),
             }
-            for state in result.parts
+            for state in result.sweeps
         },
     }
 
@@ -215,7 +215,7 @@ def _print(plan: "StudyPlan", result: "StudyResult") -> None:
             print()  # noqa: T201
             print_table(header, rows, [i for i, right in enumerate(numeric) if right])
             console.print(table.caption, markup=False)
-    done = sum(state.done for state in result.parts)
+    done = sum(state.done for state in result.sweeps)
     console.print(
         f"{done} runs done; nodes: {result.computed} computed, {result.cached} cached; "
         f"{result.seconds:.1f} s"

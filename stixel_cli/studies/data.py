@@ -1,4 +1,4 @@
-"""The data of a study's report, from the sweeps that are its parts."""
+"""The data of a study's report, from the sweeps that are its sweeps."""
 
 import math
 from collections import defaultdict
@@ -12,7 +12,7 @@ from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.results.reader import SERIES, read_series
-from stixel_cli.studies.types import Part, StudyRun
+from stixel_cli.studies.types import StudyRun, StudySweep
 from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.results import SweepResult
 
@@ -49,8 +49,8 @@ class NodeSeconds:
         return dict(total)
 
 
-def part_of(name: str, result: SweepResult, store: Store, seconds: NodeSeconds) -> Part:
-    """A part from a sweep that is complete.
+def study_sweep(name: str, result: SweepResult, store: Store, seconds: NodeSeconds) -> StudySweep:
+    """A sweep from a sweep that is complete.
 
     Raises:
         UserError: if a point's folder cannot be read.
@@ -72,7 +72,7 @@ def part_of(name: str, result: SweepResult, store: Store, seconds: NodeSeconds) 
             )
         )
     keys = tuple(result.runs[0].planned.run.settings)
-    return Part(name, keys, tuple(points))
+    return StudySweep(name, keys, tuple(points))
 
 
 def _scores(folder: Path, metrics: Mapping[str, float | int | None]) -> Scores:

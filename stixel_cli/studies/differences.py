@@ -22,30 +22,30 @@ def differences(there: Mapping[str, Any], wanted: Mapping[str, Any], folder: str
         before, after = _settings(there), _settings(wanted)
     except (AttributeError, KeyError, TypeError, ValueError):
         raise ValueError("not the request of a study") from None
-    parts = wanted["parts"]
+    sweeps = wanted["sweeps"]
     found = []
     for key in dict.fromkeys((*after, *before)):
         if before.get(key) == after.get(key):
             continue
-        (part, name), old, new = key, before.get(key, UNSET), after.get(key, UNSET)
-        where = f" of part {part}" if part and (len(parts) > 1 or part not in parts) else ""
+        (sweep, name), old, new = key, before.get(key, UNSET), after.get(key, UNSET)
+        where = f" of sweep {sweep}" if sweep and (len(sweeps) > 1 or sweep not in sweeps) else ""
         old, new = _shown(old, new), _shown(new, old)
         found.append(f"{name}{where}: {old} in {folder}, {new} here")
     return found
 
 
 def _settings(request: Mapping[str, Any]) -> dict[tuple[str, str], str]:
-    """Part ("" for the study's own) and key to the values as they are typed."""
-    found = {("", key): str(request[key]) for key in ("study", "report")}
-    for name, part in request["parts"].items():
-        for text in part["fixed"]:
+    """StudySweep ("" for the study's own) and key to the values as they are typed."""
+    found = {("", key): str(request[key]) for key in ("study", "template", "module")}
+    for name, sweep in request["sweeps"].items():
+        for text in sweep["fixed"]:
             key, _, value = text.partition("=")
             found[name, key] = value
-        for axis in part["axes"]:
+        for axis in sweep["axes"]:
             steps = [_step(step) for step in axis["steps"]]
             found[name, "+".join(axis["keys"])] = ",".join(steps)
         for key in ("leave_out", "results", "derive"):
-            found[name, key] = str(part[key])
+            found[name, key] = str(sweep[key])
     return found
 
 

@@ -2,7 +2,7 @@
 
 from stixel_cli.config.schema import Configuration
 
-STIXELS, LIDAR, FLOOR = "simulated", "lidar", "point"
+STIXELS, LIDAR, BASELINE = "simulated", "lidar", "point"
 """Kinds of measurement and of tracker that the questions name."""
 
 
@@ -16,4 +16,4 @@ def measurement_name(option: str, configuration: Configuration) -> str:
 
 def tracker_name(option: str, configuration: Configuration) -> str:
     """What the field calls a tracker; one without a name of its own is called as its option."""
-    return {"gp_ekf": "GP-EKF", FLOOR: "point tracker"}.get(configuration.tracker.kind, option)
+    return {"gp_ekf": "GP-EKF", BASELINE: "point tracker"}.get(configuration.tracker.kind, option)

@@ -1,36 +1,47 @@
-"""A study's file: YAML with title, question, the report's module, and parts, each a sweep."""
+"""A study's file: YAML with title, question, template and module of the report, and sweeps.
+
+`template` is a file next to the study's own, or one of the package's. `module` is a Python file
+next to the study's own (`report.py`), or the dotted name of an installed module. Only
+`stixel study` imports it.
+"""
 
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from importlib.util import find_spec
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import ModuleType
 from typing import Any
+
+import jinja2
 
 from stixel_cli.config import messages
 from stixel_cli.config.folders import shipped_folder
 from stixel_cli.errors import ConfigurationError
+from stixel_cli.files import read_text
+from stixel_cli.studies.template import findings_of, template_of
+from stixel_cli.studies.types import Findings, StudyData
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.file import ENTRIES as SWEEP_ENTRIES
 from stixel_cli.sweeps.file import design_of, is_study, read_mapping, refuse_unknown
 
 ALL = "all"
-ENTRIES = ("title", "question", "report", "parts")
-_PART_ENTRIES = (*SWEEP_ENTRIES, "results", "derive")
-_PART_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+ENTRIES = ("title", "question", "template", "module", "sweeps")
+_SWEEP_ENTRIES = (*SWEEP_ENTRIES, "results", "derive")
+_SWEEP_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
 @dataclass(frozen=True)
-class PartFile:
-    """One part as the file has it.
+class SweepEntry:
+    """One sweep as the file has it.
 
     Attributes:
-        name: of the part.
+        name: of the sweep.
         content: its entries as in a sweep's file.
         steps: whose results the report reads beside the scores.
         derive: name of the function in the report's module that gives further axes, from the data
-            of the parts before; None for none.
+            of the sweeps before; None for none.
     """
 
     name: str
@@ -42,7 +53,7 @@ class PartFile:
         """The design of its points, with the axes that were derived.
 
         Raises:
-            ConfigurationError: in one line that names the part and the entry.
+            ConfigurationError: in one line that names the sweep and the entry.
         """
         content = dict(self.content)
         for keys in derived or []:
@@ -53,18 +64,31 @@ class PartFile:
         try:
             return design_of(content, shuffled=False)
         except ConfigurationError as fault:
-            raise ConfigurationError(f"parts: {self.name}: {fault}") from None
+            raise ConfigurationError(f"sweeps: {self.name}: {fault}") from None
 
 
 @dataclass(frozen=True)
 class StudyFile:
-    """A study as its file has it; `module` is that of its report, `parts` in their order."""
+    """A study as its file has it.
+
+    Attributes:
+        path: of the file.
+        title, question: of the report.
+        template_name, module_name: as in the file.
+        template: of the report.
+        module: its function `report` gives the template's `Material` from `StudyData`; the
+            functions that `derive` names give further axes.
+        sweeps: in their order.
+    """
 
     path: Path
     title: str
     question: str
-    module: str
-    parts: tuple[PartFile, ...]
+    template_name: str
+    module_name: str
+    template: jinja2.Template
+    module: ModuleType
+    sweeps: tuple[SweepEntry, ...]
 
     @property
     def name(self) -> str:
@@ -75,12 +99,20 @@ class StudyFile:
         """A function of the report's module.
 
         Raises:
-            ConfigurationError: if it has none of that name.
+            ConfigurationError: if the module has no function of that name.
         """
-        function = getattr(import_module(self.module), name, None)
+        function = getattr(self.module, name, None)
         if not callable(function):
-            raise ConfigurationError(f"{self.path}: {self.module} has no function {name}")
+            raise ConfigurationError(f"{self.path}: {self.module_name} has no function {name}")
         return function
+
+    def findings(self, data: StudyData) -> Findings:
+        """The report of the complete study.
+
+        Raises:
+            UserError: if the template uses a value that the module does not give.
+        """
+        return findings_of(self.template, self.function("report")(data), self.template_name)
 
 
 def shipped_studies() -> list[str]:
@@ -111,27 +143,33 @@ def find_study(name: str) -> Path:
 
 
 def read_study(path: Path) -> StudyFile:
-    """The study that a file describes, its parts' designs looked at.
+    """The study that a file describes, its sweeps' designs looked at.
 
     Raises:
         ConfigurationError: in one line that names the file and the entry.
     """
     content = read_mapping(path, ENTRIES)
     try:
-        if "parts" not in content and not set(content) - set(SWEEP_ENTRIES):
+        if "sweeps" not in content and not set(content) - set(SWEEP_ENTRIES):
             raise ConfigurationError(f"is a sweep, not a study: stixel sweep --from {path}")
         refuse_unknown(content, ENTRIES)
-        title, question, report = (_text(content, name) for name in ENTRIES[:3])
-        module = f"{__package__}.{report}.report"
-        if not _is_module(module):
-            raise ConfigurationError(f"report: there is no module {messages.printable(module)}")
-        study = StudyFile(path, title, question, module, tuple(_parts(content)))
-        if study.parts[0].derive is not None:
-            raise ConfigurationError(f"parts: {study.parts[0].name}: derive: no part is before it")
-        for part in study.parts:
-            part.design()
-            if part.derive is not None:
-                study.function(part.derive)
+        title, question, template, module = (_text(content, name) for name in ENTRIES[:4])
+        study = StudyFile(
+            path,
+            title,
+            question,
+            template,
+            module,
+            template_of(read_text(_template_file(path.parent, template)), template),
+            _module(path.parent, module),
+            tuple(_sweeps(content)),
+        )
+        if study.sweeps[0].derive is not None:
+            raise ConfigurationError(f"sweeps: {study.sweeps[0].name}: derive: no earlier sweep")
+        for sweep in study.sweeps:
+            sweep.design()
+            if sweep.derive is not None:
+                study.function(sweep.derive)
         study.function("report")
     except ConfigurationError as fault:
         where = messages.printable(str(path), 200)
@@ -140,35 +178,53 @@ def read_study(path: Path) -> StudyFile:
     return study
 
 
-def _is_module(name: str) -> bool:
-    if not all(part.isidentifier() for part in name.split(".")):
-        return False
+def _template_file(folder: Path, name: str) -> Path:
+    for place in (folder, Path(__file__).parent / "templates"):
+        if (place / name).is_file():
+            return place / name
+    raise ConfigurationError(f"template: no file {messages.printable(name)} in {folder}")
+
+
+def _module(folder: Path, name: str) -> ModuleType:
+    """The module of a study: a Python file in its folder, or an installed module."""
+    if not name.endswith(".py"):
+        try:
+            return import_module(name)
+        except (ImportError, ValueError, TypeError):
+            raise ConfigurationError(f"module: no module {messages.printable(name)}") from None
+    file = folder / name
+    if not file.is_file():
+        raise ConfigurationError(f"module: no file {messages.printable(name)} in {folder}")
+    spec = spec_from_file_location(f"stixel_study_{file.stem}", file)
+    module = module_from_spec(spec)
     try:
-        return find_spec(name) is not None
-    except ModuleNotFoundError:  # It has no parent, or one that is no package.
-        return False
+        spec.loader.exec_module(module)
+    except Exception as fault:
+        reason = messages.printable(f"{type(fault).__name__}: {fault}", 200)
+        raise ConfigurationError(f"module: {file}: cannot be imported: {reason}") from fault
+    return module
 
 
 def _text(content: Mapping[str, Any], name: str) -> str:
     value = content.get(name)
     if not isinstance(value, str) or not value.strip():
-        raise ConfigurationError(f"{name}: must be there, and be text")
+        raise ConfigurationError(f"{name}: is required and must be a string")
     return " ".join(value.split())
 
 
-def _parts(content: Mapping[str, Any]) -> list[PartFile]:
-    parts = content.get("parts")
-    if not isinstance(parts, dict) or not parts:
-        raise ConfigurationError("parts: must be names, each with a sweep's entries")
+def _sweeps(content: Mapping[str, Any]) -> list[SweepEntry]:
+    sweeps = content.get("sweeps")
+    if not isinstance(sweeps, dict) or not sweeps:
+        raise ConfigurationError("sweeps: must be names, each with a sweep's entries")
     found = []
-    for name, entries in parts.items():
-        where = f"parts: {messages.printable(str(name))}"
-        if not isinstance(name, str) or not _PART_NAME.fullmatch(name):
+    for name, entries in sweeps.items():
+        where = f"sweeps: {messages.printable(str(name))}"
+        if not isinstance(name, str) or not _SWEEP_NAME.fullmatch(name):
             raise ConfigurationError(f"{where}: a name of letters, digits and _ is needed")
         if not isinstance(entries, dict):
             raise ConfigurationError(f"{where}: must have a sweep's entries, as KEY: VALUE")
         try:
-            refuse_unknown(entries, _PART_ENTRIES)
+            refuse_unknown(entries, _SWEEP_ENTRIES)
         except ConfigurationError as fault:
             raise ConfigurationError(f"{where}: {fault}") from None
         steps = entries.get("results") or []
@@ -178,5 +234,5 @@ def _parts(content: Mapping[str, Any]) -> list[PartFile]:
         if derive is not None and not isinstance(derive, str):
             raise ConfigurationError(f"{where}: derive: must be the name of a function")
         sweep = {key: value for key, value in entries.items() if key in SWEEP_ENTRIES}
-        found.append(PartFile(name, sweep, tuple(steps), derive))
+        found.append(SweepEntry(name, sweep, tuple(steps), derive))
     return found

@@ -1,7 +1,7 @@
-"""The folder of a study: what was asked for, the parts' sweeps, and the report with its files.
+"""The folder of a study: what was asked for, the sweeps' sweeps, and the report with its files.
 
 study.yaml         what was asked for
-parts/NAME/        the sweep of each part
+sweeps/NAME/        the sweep of each sweep
 report.html        the report
 tables/ figures/   its tables as CSV, Markdown and LaTeX and its figures as SVG, once all is there
 """
@@ -37,9 +37,9 @@ class StudyFolder:
     def __init__(self, path: Path):
         self.path = path
 
-    def part(self, name: str) -> Path:
-        """The folder of a part's sweep."""
-        return self.path / "parts" / name
+    def sweep(self, name: str) -> Path:
+        """The folder of a sweep's sweep."""
+        return self.path / "sweeps" / name
 
     def check(self, plan: StudyPlan, fresh: bool) -> bool:
         """Whether there is a folder of this plan to go on with; nothing is written.
@@ -69,7 +69,7 @@ class StudyFolder:
         return True
 
     def begin(self, plan: StudyPlan, command: str, fresh: bool) -> None:
-        """Make the folder, or see that the one that is there can be gone on with."""
+        """Make the folder, or check that the existing one can be resumed."""
         if self.check(plan, fresh):
             return
         content = {
@@ -98,7 +98,7 @@ class StudyFolder:
 
 
 def files_of(findings: Findings) -> dict[str, str | bytes]:
-    """The files beside the page by their path in the folder.
+    """The files next to the page, by their path in the folder.
 
     Raises:
         ValueError: if two have one name, or one leads out of the folder.

@@ -162,7 +162,7 @@ class Closed:
 
 
 def gap_closed(gap: np.ndarray, rest: np.ndarray, strata: Sequence[str], name: str) -> Closed:
-    """How much of the gap (n,) the rest (n,), of the same pairs, leaves not.
+    """Fraction of the gap (n,) that the correction closes; the rest (n,) is of the same pairs.
 
     1 - sum over the strata of |sum of the rest| / the same of the gap. The size is taken in each
     stratum (path), so that a rest that is too large on one path and too small on another does not

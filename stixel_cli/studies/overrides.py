@@ -1,4 +1,4 @@
-"""Overrides of a whole study: they take the place of what its parts have."""
+"""Overrides of a whole study: they take the place of what its sweeps have."""
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -20,21 +20,21 @@ def overridden(
     names: Sequence[str],
     derived: Collection[str] = (),
 ) -> tuple[list[Design], list[str]]:
-    """The designs of a study's parts with overrides, each in every part that can have it.
+    """The designs of a study's sweeps with overrides, each in every sweep that accepts it.
 
-    A key that a part fixes or sweeps takes the values that are given, and stays on its axis. Of
-    keys that go together only the steps with these values remain. A key that a part does not have
-    is fixed in it, or swept, if it fits the part's points; one value that fits only some steps of
-    an axis, as a noise fits fabricated measurements alone, goes with these steps. Options that are
-    fixed in the parts whose names are in `derived` stay, for further axes will be made for them. No
-    part is given what is fixed to tell it from the others.
+    A key that a sweep fixes or sweeps takes the given values and stays on its axis. Of zipped keys
+    only the steps with these values remain. A key that a sweep lacks is fixed in it, or swept, if
+    it fits the sweep's points. One value that fits only some steps of an axis (a noise fits only
+    fabricated measurements) is applied to these steps. Sweeps whose names are in `derived` keep
+    the options that they fix: their further axes depend on them. A key whose fixed values
+    distinguish the sweeps is refused.
 
     Returns:
-        the designs, and a line for each override that is left out of some parts or of some of their
-        points, with the parts' `names` and the reason of the first of them.
+        the designs, and a line for each override that is left out of some sweeps or points, with
+        the sweeps' `names` and the first reason.
 
     Raises:
-        ConfigurationError: for an override that cannot be meant, or that fits no part.
+        ConfigurationError: for an override that is not valid, or that fits no sweep.
     """
     parsed = parse_overrides(overrides)
     check_overrides(parsed)
@@ -67,16 +67,16 @@ def overridden(
                 _first_run(changed, composer)
                 designs[i] = changed
                 if without:
-                    notes.append(f"{given}: left out of part {names[i]} with {without}")
+                    notes.append(f"{given}: left out of sweep {names[i]} with {without}")
             except ConfigurationError as fault:
                 faults[names[i]] = fault
         if len(faults) == len(designs):
             # What is wrong where the key is helps more than where it is not.
             raise min(faults.values(), key=lambda fault: isinstance(fault, BelongsElsewhere))
         if faults:
-            parts = "parts" if len(faults) > 1 else "part"
+            sweeps = "sweeps" if len(faults) > 1 else "sweep"
             first = next(iter(faults.values()))
-            notes.append(f"{given}: left out of {parts} {listed(list(faults))}: {first}")
+            notes.append(f"{given}: left out of {sweeps} {listed(list(faults))}: {first}")
     return designs, notes
 
 
@@ -118,14 +118,19 @@ def _left_out(entries: Sequence[Any], axes: Sequence[Axis]) -> Iterator[Any]:
             yield entry
 
 
-def _refuse_what_tells_apart(key: str, parts: Mapping[str, Design]) -> None:
-    """Refuse a key that parts fix at different values: they would be named after what is not so."""
+def _refuse_what_tells_apart(key: str, sweeps: Mapping[str, Design]) -> None:
+    """Refuse a key that sweeps fix at different values: their names would then be wrong."""
     fixed = {
-        name: text for name, design in parts.items() for text in design.fixed if key_of(text) == key
+        name: text
+        for name, design in sweeps.items()
+        for text in design.fixed
+        if key_of(text) == key
     }
     if len(set(fixed.values())) > 1:
         told = ", ".join(f"{text} in {name}" for name, text in fixed.items())
-        raise ConfigurationError(f"{key}: it tells the study's parts apart ({told}): leave it out")
+        raise ConfigurationError(
+            f"{key}: its values distinguish the study's sweeps ({told}): leave it out"
+        )
 
 
 def _refuse_option(design: Design, key: str) -> None:

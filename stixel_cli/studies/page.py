@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from stixel_cli.report import style
 from stixel_cli.report.metrics import format_value
-from stixel_cli.studies.state import Origin, PartState
+from stixel_cli.studies.state import Origin, SweepState
 from stixel_cli.studies.tables import INTERVAL, shown_table
 from stixel_cli.studies.types import Block, Figure, Findings, Paragraph, Picture, Section, Table
 
@@ -41,7 +41,7 @@ _SIDE_BY_SIDE = 2
 def study_page(
     title: str,
     question: str,
-    states: Sequence[PartState],
+    states: Sequence[SweepState],
     findings: Findings | None,
     origin: Origin,
 ) -> str:
@@ -63,7 +63,7 @@ def study_page(
         sections=sections,
         states=states,
         origin=origin,
-        parts=_parts(origin),
+        sweeps=_sweeps(origin),
         stages=[(name, format_value(s)) for name, s in origin.stage_cpu_seconds.items()],
         all_seconds=format_value(sum(origin.stage_cpu_seconds.values())),
         provenance=_provenance(origin.provenance),
@@ -203,11 +203,11 @@ def svg_for_page(text: str, number: int) -> tuple[str, float]:
     return text, float(width[1]) if width else 504.0
 
 
-def _parts(origin: Origin) -> list[dict[str, Any]]:
-    parts = []
-    for name, part in origin.parts.items():
+def _sweeps(origin: Origin) -> list[dict[str, Any]]:
+    sweeps = []
+    for name, sweep in origin.sweeps.items():
         axes = []
-        for axis in part["axes"]:
+        for axis in sweep["axes"]:
             key = " + ".join(axis["keys"])
             count = len(axis["keys"])
             # What goes with one step alone is shown with its key.
@@ -216,20 +216,20 @@ def _parts(origin: Origin) -> list[dict[str, Any]]:
                 for step in axis["steps"]
             ]
             axes.append((key, ", ".join(values)))
-        parts.append(
+        sweeps.append(
             {
                 "name": name,
-                "fixed": " ".join(part["fixed"]),
+                "fixed": " ".join(sweep["fixed"]),
                 "axes": axes,
                 "left_out": [
                     " ".join(f"{key}={value}" for key, value in entry.items())
-                    for entry in part["leave_out"]
+                    for entry in sweep["leave_out"]
                 ],
-                "derive": part["derive"],
+                "derive": sweep["derive"],
                 "seeds": ", ".join(map(str, origin.seeds.get(name, ()))),
             }
         )
-    return parts
+    return sweeps
 
 
 def _provenance(content: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -1,4 +1,4 @@
-"""What a study would run: the design of every part, checked before anything is computed."""
+"""What a study would run: the design of every sweep, checked before anything is computed."""
 
 import re
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from stixel_cli.config import messages
 from stixel_cli.config.overrides import parse_overrides, single_overrides
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.experiment.stored_run import OF_THE_MACHINE
-from stixel_cli.studies.file import PartFile, StudyFile
+from stixel_cli.studies.file import StudyFile, SweepEntry
 from stixel_cli.studies.overrides import key_of, overridden
 from stixel_cli.sweeps.design import Design, check_size
 from stixel_cli.sweeps.graphs import SweepPlan
@@ -22,10 +22,10 @@ _LONGEST_NAME = 100
 
 
 @dataclass(frozen=True)
-class PlannedPart:
-    """A part with its design, and its plan; that is None where axes are derived later."""
+class PlannedSweep:
+    """A sweep with its design, and its plan; that is None where axes are derived later."""
 
-    part: PartFile
+    sweep: SweepEntry
     design: Design
     plan: SweepPlan | None
     notes: tuple[str, ...]
@@ -33,11 +33,11 @@ class PlannedPart:
 
 @dataclass(frozen=True)
 class StudyPlan:
-    """A study with its overrides; `notes` say which of them are left out of which parts."""
+    """A study with its overrides; `notes` say which of them are left out of which sweeps."""
 
     study: StudyFile
     overrides: tuple[str, ...]
-    parts: tuple[PlannedPart, ...]
+    sweeps: tuple[PlannedSweep, ...]
     notes: tuple[str, ...]
 
     @property
@@ -56,19 +56,20 @@ class StudyPlan:
         """What is asked for, in plain types: equal for two commands that mean the same results."""
         return {
             "study": self.study.name,
-            "report": self.study.module,
-            "parts": {
-                one.part.name: {
+            "template": self.study.template_name,
+            "module": self.study.module_name,
+            "sweeps": {
+                one.sweep.name: {
                     "fixed": [t for t in one.design.fixed if not of_the_machine(t)],
                     "axes": [
                         {"keys": list(axis.keys), "steps": [list(step) for step in axis.steps]}
                         for axis in one.design.axes
                     ],
                     "leave_out": [dict(entry) for entry in one.design.left_out],
-                    "results": list(one.part.steps),
-                    "derive": one.part.derive,
+                    "results": list(one.sweep.steps),
+                    "derive": one.sweep.derive,
                 }
-                for one in self.parts
+                for one in self.sweeps
             },
         }
 
@@ -92,48 +93,48 @@ def plan_study(study: StudyFile, overrides: Sequence[str]) -> StudyPlan:
         ConfigurationError: in one line, for whatever is wrong with any of its points.
     """
     designs, notes = overridden(
-        [part.design() for part in study.parts],
+        [sweep.design() for sweep in study.sweeps],
         # So that their order makes no other request.
         sorted(overrides),
-        [part.name for part in study.parts],
-        [part.name for part in study.parts if part.derive is not None],
+        [sweep.name for sweep in study.sweeps],
+        [sweep.name for sweep in study.sweeps if sweep.derive is not None],
     )
-    parts = []
-    for part, design in zip(study.parts, designs, strict=True):
-        if part.derive is None:
-            parts.append(PlannedPart(part, design, *_plan(part, design)))
+    sweeps = []
+    for sweep, design in zip(study.sweeps, designs, strict=True):
+        if sweep.derive is None:
+            sweeps.append(PlannedSweep(sweep, design, *_plan(sweep, design)))
         else:
-            parts.append(PlannedPart(part, design, None, ()))
-    return StudyPlan(study, tuple(overrides), tuple(parts), tuple(notes))
+            sweeps.append(PlannedSweep(sweep, design, None, ()))
+    return StudyPlan(study, tuple(overrides), tuple(sweeps), tuple(notes))
 
 
-def derived_design(plan: StudyPlan, one: PlannedPart, axes: list[dict[str, list]]) -> Design:
-    """The design of a part with the axes that were derived for it."""
-    with_axes = one.part.design(axes)
-    known = {key for axis in one.part.design().axes for key in axis.keys}
+def derived_design(plan: StudyPlan, one: PlannedSweep, axes: list[dict[str, list]]) -> Design:
+    """The design of a sweep with the axes that were derived for it."""
+    with_axes = one.sweep.design(axes)
+    known = {key for axis in one.sweep.design().axes for key in axis.keys}
     new = [axis for axis in with_axes.axes if known.isdisjoint(axis.keys)]
     derived = {key for axis in new for key in axis.keys}
     fixed = tuple(text for text in one.design.fixed if key_of(text) not in derived)
-    # An override of what is derived has been heard by the parts that it is derived from.
+    # An override of what is derived has been heard by the sweeps that it is derived from.
     own = [axis for axis in one.design.axes if derived.isdisjoint(axis.keys)]
-    # Before the part's own, of which the last is that of the seeds.
+    # Before the sweep's own, of which the last is that of the seeds.
     design = Design(fixed, (*new, *own), one.design.left_out)
-    _plan(one.part, design)
+    _plan(one.sweep, design)
     return design
 
 
-def _plan(part: PartFile, design: Design) -> tuple[SweepPlan, tuple[str, ...]]:
+def _plan(sweep: SweepEntry, design: Design) -> tuple[SweepPlan, tuple[str, ...]]:
     try:
         check_size(design, one_is_enough=True)
-        plan, notes = planned_sweep(design_runs(design), None, False, part.steps)
+        plan, notes = planned_sweep(design_runs(design), None, False, sweep.steps)
     except ConfigurationError as fault:
-        raise ConfigurationError(f"part {part.name}: {fault}") from None
-    for step in part.steps:
+        raise ConfigurationError(f"sweep {sweep.name}: {fault}") from None
+    for step in sweep.steps:
         if not any(step in point.graph.stages for point in plan.runs):
             known = sorted({name for point in plan.runs for name in point.graph.stages})
             hint = messages.suggestion(step, known) or f" (steps: {', '.join(known)})"
             raise ConfigurationError(
-                f"part {part.name}: results: no pipeline of its points has a step "
+                f"sweep {sweep.name}: results: no pipeline of its points has a step "
                 f"{messages.printable(step)}{hint}"
             )
     return plan, tuple(notes)

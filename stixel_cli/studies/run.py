@@ -1,4 +1,4 @@
-"""A study from its plan to its folder: the parts one after the other, then the report."""
+"""A study from its plan to its folder: the sweeps one after the other, then the report."""
 
 import shlex
 import shutil
@@ -15,12 +15,12 @@ from stixel_cli.engine.locks import lease
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
 from stixel_cli.results.provenance import provenance
-from stixel_cli.studies.data import NodeSeconds, part_of
+from stixel_cli.studies.data import NodeSeconds, study_sweep
 from stixel_cli.studies.folder import StudyFolder
 from stixel_cli.studies.page import study_page
-from stixel_cli.studies.plan import PlannedPart, StudyPlan, derived_design, of_the_machine
-from stixel_cli.studies.state import Origin, PartState
-from stixel_cli.studies.types import Findings, Part, StudyData
+from stixel_cli.studies.plan import PlannedSweep, StudyPlan, derived_design, of_the_machine
+from stixel_cli.studies.state import Origin, SweepState
+from stixel_cli.studies.types import Findings, StudyData, StudySweep
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.results import SKIPPED, SweepResult
@@ -34,11 +34,11 @@ _MOST_FAILURES = 5
 
 @dataclass(frozen=True)
 class StudyResult:
-    """What became of a study; `findings` is None unless every part is complete."""
+    """What became of a study; `findings` is None unless every sweep is complete."""
 
     folder: Path
     page: Path
-    parts: tuple[PartState, ...]
+    sweeps: tuple[SweepState, ...]
     findings: Findings | None
     computed: int
     cached: int
@@ -58,13 +58,13 @@ def run_study(
 
     Args:
         plan: of the study.
-        folder: the study's own; one that is there is gone on with if it is of the same plan.
+        folder: of the study; resumed if it exists and has the same plan.
         command: the command line that does this.
-        fresh: begin anew, and take away what the folder holds.
+        fresh: start over and remove the folder's content.
         workers: how many compute at a time; None for what the configuration says.
         visible: show progress on stderr.
         tell: called with notes on the overrides and the axes before anything runs, and before a
-            part with how many of its finished points are computed again, and why.
+            sweep with how many of its finished points are computed again, and why.
 
     Raises:
         UserError: in one line; before anything is written for what is wrong with the plan or the
@@ -75,22 +75,22 @@ def run_study(
     run.folder.begin(plan, command, fresh)
     for note in plan.notes:
         tell(note)
-    for one in plan.parts:
+    for one in plan.sweeps:
         for note in one.notes:
-            tell(f"{one.part.name}: {note}")
+            tell(f"{one.sweep.name}: {note}")
     try:
-        for one in plan.parts:
+        for one in plan.sweeps:
             run.compute(one)
     except SweepInterrupted:
         run.report()
         raise SweepInterrupted(
-            f"interrupted in part {one.part.name}; what was computed is kept{_GO_ON}{command}"
+            f"interrupted in sweep {one.sweep.name}; what was computed is kept{_GO_ON}{command}"
         ) from None
     except UserError as error:
         with suppress(UserError):
             run.report()
         reason = str(error).partition(_GO_ON)[0]
-        raise type(error)(f"part {one.part.name}: {reason}{_GO_ON}{command}") from error
+        raise type(error)(f"sweep {one.sweep.name}: {reason}{_GO_ON}{command}") from error
     return run.report()
 
 
@@ -113,36 +113,36 @@ class _Run:
         self.visible = visible
         self.tell = tell
         self.results: dict[str, SweepResult] = {}
-        self.parts: dict[str, Part] = {}
-        """Data of the parts that are complete."""
+        self.sweeps: dict[str, StudySweep] = {}
+        """Data of the sweeps that are complete."""
         self.started = time.perf_counter()
-        self.first = next(p.plan.runs[0].run.composition for p in plan.parts if p.plan)
+        self.first = next(p.plan.runs[0].run.composition for p in plan.sweeps if p.plan)
         self.store = open_store(self.first.configuration.cache)
         self.node_seconds = NodeSeconds(self.store)
 
-    def compute(self, one: PlannedPart) -> None:
-        """Compute what a part lacks; one whose axes follow from a part that failed is left."""
-        name = one.part.name
+    def compute(self, one: PlannedSweep) -> None:
+        """Compute what a sweep lacks; one whose axes follow from a sweep that failed is left."""
+        name = one.sweep.name
         design = one.design
-        if one.part.derive is not None:
-            before = self.plan.parts[: self.plan.parts.index(one)]
-            if any(other.part.name not in self.parts for other in before):
+        if one.sweep.derive is not None:
+            before = self.plan.sweeps[: self.plan.sweeps.index(one)]
+            if any(other.sweep.name not in self.sweeps for other in before):
                 return
             with self._leased():
-                axes = self.plan.study.function(one.part.derive)(self._data())
+                axes = self.plan.study.function(one.sweep.derive)(self._data())
             design = derived_design(self.plan, one, axes)
         result = self._sweep(name, one, design)
         self.results[name] = result
         if result.complete:
-            self.parts[name] = part_of(name, result, self.store, self.node_seconds)
+            self.sweeps[name] = study_sweep(name, result, self.store, self.node_seconds)
 
     def report(self) -> StudyResult:
         """Write the report as things stand: statistics only of what is complete."""
-        states = tuple(self._state(one) for one in self.plan.parts)
+        states = tuple(self._state(one) for one in self.plan.sweeps)
         findings = None
         if all(state.complete for state in states):
             with self._leased():
-                findings = self.plan.study.function("report")(self._data())
+                findings = self.plan.study.findings(self._data())
         origin = Origin(
             command=self.command,
             overrides=self.plan.overrides,
@@ -161,7 +161,7 @@ class _Run:
                 ]
             ),
             elapsed=time.perf_counter() - self.started,
-            parts=self.plan.request()["parts"],
+            sweeps=self.plan.request()["sweeps"],
             configuration=self.first.resolved,
         )
         study = self.plan.study
@@ -170,7 +170,7 @@ class _Run:
         return StudyResult(
             folder=self.folder.path,
             page=page,
-            parts=states,
+            sweeps=states,
             findings=findings,
             computed=sum(result.computed for result in self.results.values()),
             cached=sum(result.cached for result in self.results.values()),
@@ -179,7 +179,7 @@ class _Run:
 
     def _data(self) -> StudyData:
         study = self.plan.study
-        return StudyData(study.name, study.title, study.question, dict(self.parts))
+        return StudyData(study.name, study.title, study.question, dict(self.sweeps))
 
     def _leased(self):
         """Keep in the store all that the report may read."""
@@ -191,14 +191,14 @@ class _Run:
         }
         return lease(self.store.folder, sorted(keys))
 
-    def _sweep(self, name: str, one: PlannedPart, design: Design) -> SweepResult:
-        path = self.folder.part(name)
+    def _sweep(self, name: str, one: PlannedSweep, design: Design) -> SweepResult:
+        path = self.folder.sweep(name)
         label = f"{self.plan.study.name} {name}"
         if (path / "sweep.yaml").exists():
             request = SweepFolder(path).request()
             texts = [point.overrides for point in design_runs(design)]
             same = _results(request.runs) == _results(texts)
-            if same and request.nodes == one.part.steps:
+            if same and request.nodes == one.sweep.steps:
                 return resumed_sweep(
                     path,
                     self.workers,
@@ -212,19 +212,19 @@ class _Run:
         command = shlex.join(["stixel", "sweep", "--resume", str(path)])
         if self.workers is not None:
             design = replace(design, fixed=(*design.fixed, f"executor.workers={self.workers}"))
-        return designed_sweep(design, path, command, one.part.steps, self.visible, label)
+        return designed_sweep(design, path, command, one.sweep.steps, self.visible, label)
 
-    def _state(self, one: PlannedPart) -> PartState:
-        name = one.part.name
-        folder = self.folder.part(name)
+    def _state(self, one: PlannedSweep) -> SweepState:
+        name = one.sweep.name
+        folder = self.folder.sweep(name)
         count = len(one.plan.runs) if one.plan is not None else None
         result = self.results.get(name)
         if result is None:
             done = len(list(folder.glob("runs/[0-9]*")))
             why = "interrupted" if done else "not come to"
             if count is None and not done:
-                why = "its axes follow from the parts before"
-            return PartState(name, count, done, (why,), folder)
+                why = "its axes follow from the sweeps before"
+            return SweepState(name, count, done, (why,), folder)
         faults = []
         failed = [point for point in result.runs if point.failure is not None]
         for point in failed[:_MOST_FAILURES]:
@@ -234,7 +234,7 @@ class _Run:
         if len(failed) > _MOST_FAILURES:
             faults.append(f"and {len(failed) - _MOST_FAILURES} more, see runs.csv")
         done = result.count("done")
-        return PartState(name, len(result.runs), done, tuple(faults), folder)
+        return SweepState(name, len(result.runs), done, tuple(faults), folder)
 
 
 def _results(points: Sequence[Sequence[str]]) -> list[list[str]]:

@@ -7,11 +7,11 @@ from typing import Any
 
 
 @dataclass(frozen=True)
-class PartState:
-    """How far a part is.
+class SweepState:
+    """How far a sweep is.
 
     Attributes:
-        name: of the part.
+        name: of the sweep.
         runs: how many it has; None where that is not known yet.
         done: how many of them are there.
         faults: why the others are not, a line each.
@@ -37,14 +37,14 @@ class Origin:
     Attributes:
         command: that makes it.
         overrides: that were given.
-        notes: which of them are left out of which parts.
-        seeds: of each part's points.
+        notes: which of them are left out of which sweeps.
+        seeds: of each sweep's points.
         provenance: revision, versions and machine as a manifest has them.
         created: when, UTC.
         stage_cpu_seconds: that the results of each stage took when they were computed; NaN if those
             of one are not known.
         elapsed: s that the command took, with what it did not need to compute.
-        parts: what was asked for, by part.
+        sweeps: what was asked for, by sweep.
         configuration: of the first point, resolved.
     """
 
@@ -56,5 +56,5 @@ class Origin:
     created: str
     stage_cpu_seconds: Mapping[str, float]
     elapsed: float
-    parts: Mapping[str, Mapping[str, Any]]
+    sweeps: Mapping[str, Mapping[str, Any]]
     configuration: Mapping[str, Any]

@@ -6,7 +6,7 @@ that they bear, and columns of their own in the CSV.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from stixel_cli.studies.prose import decimals, number, with_interval
 from stixel_cli.studies.types import Figure, Findings, Section, Table
@@ -24,6 +24,11 @@ def with_ends(names: Sequence[str]) -> tuple[str, ...]:
 def over_seeds(values: Sequence[float | int | None]) -> Statistic:
     """n, mean, standard deviation and 95 % t-interval of values, those that are None left out."""
     return statistic({}, "", values)
+
+
+def with_none(values: Iterable[float]) -> list[float | None]:
+    """The values of a column of a frame, None where one is not finite."""
+    return [float(value) if math.isfinite(value) else None for value in values]
 
 
 def tables_of(findings: Findings) -> Iterator[Table]:

@@ -1,7 +1,7 @@
 """What a study's report is made of (its data), and what it consists of (its findings)."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from stixel_cli.config.schema import Configuration
@@ -10,11 +10,11 @@ from stixel_cli.evaluation.scores import Scores
 
 @dataclass(frozen=True)
 class StudyRun:
-    """One experiment of a part.
+    """One experiment of a sweep.
 
     Attributes:
-        index: its number in the part's sweep.
-        setting: keys that differ between the part's points, without the seed, to values as typed.
+        index: its number in the sweep's sweep.
+        setting: keys that differ between the sweep's points, without the seed, to values as typed.
         seed: of its random numbers.
         configuration: of the experiment.
         metrics: name to value, None where one has no value.
@@ -22,7 +22,7 @@ class StudyRun:
         cpu_seconds: stage to the CPU seconds that its nodes took when they were computed, summed;
             NaN if those of one are not known.
         load: gives a step's result by the step's name, or the list of its chunks' results where
-            it works in chunks; read when asked for, of the steps that the part names.
+            it works in chunks; read when asked for, of the steps that the sweep names.
     """
 
     index: int
@@ -36,7 +36,7 @@ class StudyRun:
 
 
 @dataclass(frozen=True)
-class Part:
+class StudySweep:
     """One sweep of a study; `keys` are those of its axes, the seed among them if it is swept."""
 
     name: str
@@ -46,12 +46,12 @@ class Part:
 
 @dataclass(frozen=True)
 class StudyData:
-    """All that a study's report is made from: its parts by name, in the order they ran."""
+    """All that a study's report is made from: its sweeps by name, in the order they ran."""
 
     name: str
     title: str
     question: str
-    parts: Mapping[str, Part]
+    sweeps: Mapping[str, StudySweep]
 
 
 @dataclass(frozen=True)
@@ -99,6 +99,19 @@ class Section:
 
 
 Block = Paragraph | Figure | Picture | Table | Section
+
+
+@dataclass(frozen=True)
+class Material:
+    """What a study's module gives to the template.
+
+    Attributes:
+        values: numbers, texts, tables and figures, by the names that the template uses.
+        files: more files for the study's folder, by path.
+    """
+
+    values: Mapping[str, Any]
+    files: Mapping[str, str | bytes] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ def find_file(name: str) -> Path:
 
 def is_study(path: Path) -> bool:
     """Whether a file describes a study of several sweeps; `pipelines/studies` has both kinds."""
-    return re.search("^parts:", read_text(path), re.M) is not None
+    return re.search("^sweeps:", read_text(path), re.M) is not None
 
 
 def read_design(path: Path, shuffled: bool) -> Design:
@@ -51,7 +51,7 @@ def read_design(path: Path, shuffled: bool) -> Design:
     """
     content = read_mapping(path, ENTRIES)
     try:
-        if "parts" in content:
+        if "sweeps" in content:
             raise ConfigurationError(f"is a study, not a sweep: stixel study {path.stem}")
         return replace(design_of(content, shuffled), file=str(path))
     except ConfigurationError as fault:

@@ -67,16 +67,17 @@ OF_A_STUDY = (
     "study --results . small.yaml",
     "study --json --results . small.yaml",
     "study --fresh --results . small.yaml",
-    "show small/parts/first",
-    "explain small/parts/first",
-    "sweep --resume small/parts/first",
+    "show small/sweeps/first",
+    "explain small/sweeps/first",
+    "sweep --resume small/sweeps/first",
     "ls --json small",
 )
 STUDY = """\
 title: A small study
 question: Which?
-report: rq3
-parts:
+template: rq3.md.j2
+module: stixel_cli.studies.rq3.report
+sweeps:
   first:
     fixed: {measurement: fabricated, path.duration: 0.3, executor: threads}
     axes: {tracker.sigma_f: [0.7, 0.8]}
@@ -87,7 +88,7 @@ parts:
     derive: fitted_noise
 """
 READ_MOST = ("config.yaml", "manifest.json", "metrics.json", "scores.npz", "lineage.json")
-READ_MOST_OF_A_STUDY = ("small.yaml", "small.yaml", "small/study.yaml", "small/parts/*/*.*")
+READ_MOST_OF_A_STUDY = ("small.yaml", "small.yaml", "small/study.yaml", "small/sweeps/*/*.*")
 READ_MOST_OF_A_SWEEP = ("sweep.yaml", "sweep.yaml", "runs.csv", "summary.md", "code/*.json")
 
 
@@ -106,7 +107,7 @@ def folders(tmp_path_factory, shared_cache):
         (place / "small.yaml").write_text(STUDY, encoding="utf-8")
         no_computing(patch)
         assert main(["study", str(place / "small.yaml"), "--results", str(place)]) == 2
-        assert (place / "small/parts/first/sweep.yaml").is_file()
+        assert (place / "small/sweeps/first/sweep.yaml").is_file()
     return place
 
 

@@ -1,11 +1,9 @@
 """Tiny studies by the real command line, and one with a report made for the tests."""
 
 import json
-import sys
 
 import pytest
-import yaml
-from study_toy import TOY, toy_module
+import study_toy
 
 from stixel_cli.cli.app import main
 
@@ -49,16 +47,12 @@ def studies(tmp_path, capsys):
 
 
 @pytest.fixture
-def toy(tmp_path, monkeypatch):
-    """Writes the file of a toy study, with changes to its entries; the data that its report saw."""
-    module = toy_module()
-    monkeypatch.setitem(sys.modules, module.__name__, module)
+def toy(tmp_path):
+    """Writes the file of a toy study, with changes to its entries; `seen`: the report's data."""
+    study_toy.SEEN.clear()
 
-    def write(content=TOY, name="toy"):
-        file = tmp_path / f"{name}.yaml"
-        text = content if isinstance(content, str) else yaml.safe_dump(content, sort_keys=False)
-        file.write_text(text, encoding="utf-8")
-        return file
+    def write(content=study_toy.TOY, name="toy"):
+        return study_toy.write(tmp_path, content, name)
 
-    write.seen = module.seen
+    write.seen = study_toy.SEEN
     return write

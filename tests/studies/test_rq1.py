@@ -1,4 +1,4 @@
-"""RQ1's report: on a tiny study by the real command line, and its parts by themselves."""
+"""RQ1's report: on a tiny study by the real command line, and its sweeps by themselves."""
 
 import csv
 import io
@@ -49,10 +49,10 @@ AXES = {
 def tiny(tmp_path):
     """The file of the shipped study with fewer values, frames and pixels."""
     content = yaml.safe_load(find_study("rq1").read_text(encoding="utf-8"))
-    for part in content["parts"].values():
-        part["fixed"] = part["fixed"] | FIXED
-        part["axes"] = {key: AXES[key] for key in part["axes"]}
-        part["seeds"] = [0]
+    for sweep in content["sweeps"].values():
+        sweep["fixed"] = sweep["fixed"] | FIXED
+        sweep["axes"] = {key: AXES[key] for key in sweep["axes"]}
+        sweep["seeds"] = [0]
     file = tmp_path / "rq1.yaml"
     file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
     return file
@@ -63,7 +63,7 @@ def test_a_tiny_study_gives_a_whole_report(studies, tiny):
     folder = studies.results / "rq1"
     assert answer["complete"], answer
     # Of 12 to 8 m there is nothing to say of 28 m, and it is said so.
-    assert "No stixel lies on a road user between 25 and 31 m" in answer["answer"][0]
+    assert "No stixel is on a road user between 25 and 31 m" in answer["answer"][0]
     assert not re.search(r"\bnan\b|\binf\b", " ".join(answer["answer"]))
     names = {path.stem for path in (folder / "figures").glob("*.svg")}
     assert names == {
@@ -98,22 +98,22 @@ def test_a_tiny_study_gives_a_whole_report(studies, tiny):
     assert [row["achieved RMS px"] for row in rigs] == ["", ""]
     with (folder / "tables/seconds.csv").open(encoding="utf-8") as file:
         seconds = list(csv.DictReader(file))
-    assert {row["part"] for row in seconds} == {"rigs", "matchers", "grids"}
+    assert {row["sweep"] for row in seconds} == {"rigs", "matchers", "grids"}
     assert all(float(row["match"]) > 0.0 for row in seconds)
 
 
 def test_the_shipped_study_changes_one_thing_at_a_time_round_the_default():
     study = read_study(find_study("rq1"))
-    parts = {part.name: part for part in study.parts}
-    assert list(parts) == ["ranges", "matchers", "grids", "rigs", "contrast", "gallery"]
-    approach = parts["ranges"].content["fixed"]
-    for part in study.parts:
-        fixed = dict(part.content["fixed"])
+    sweeps = {sweep.name: sweep for sweep in study.sweeps}
+    assert list(sweeps) == ["ranges", "matchers", "grids", "rigs", "contrast", "gallery"]
+    approach = sweeps["ranges"].content["fixed"]
+    for sweep in study.sweeps:
+        fixed = dict(sweep.content["fixed"])
         fixed.pop("pictures.frames", None)
-        assert fixed == approach, part.name
-        assert part.content["axes"]["road_user"] == ["car", "cyclist", "pedestrian"]
-        own = [key for key in part.content["axes"] if key != "road_user"]
-        assert len(own) + len(part.content.get("zipped") or []) <= 1, part.name
+        assert fixed == approach, sweep.name
+        assert sweep.content["axes"]["road_user"] == ["car", "cyclist", "pedestrian"]
+        own = [key for key in sweep.content["axes"] if key != "road_user"]
+        assert len(own) + len(sweep.content.get("zipped") or []) <= 1, sweep.name
     frames = round(approach["path.duration"] / approach["path.sample_time"])
     last = approach["path.start"][1] - (frames - 1) * approach["path.sample_time"] * 5.0
     assert approach["path.start"][1] > 50.0 and last <= 5.3

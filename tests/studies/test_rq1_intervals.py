@@ -83,6 +83,12 @@ def test_frames_of_which_there_is_nothing_do_not_count():
     assert alone.text("m") == "1.50\u202fm" and alone.cells == (1.5, None, None)
 
 
+def test_a_difference_without_values_has_no_interval():
+    (one, sums), (other, _) = group(np.zeros(20), 3), group(np.zeros(20), 3)
+    found = difference(one, other, lambda side: 0.0 * sums, ratio(1))
+    assert np.isnan([found.value, found.low, found.high]).all()
+
+
 def test_a_difference_is_paired_by_pose():
     values = np.random.default_rng(4).normal(0.0, 5.0, 20)
     (one, sums_one), (other, sums_other) = group(values + 0.1, 3), group(values, 2)

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 import shapely
 from scipy.stats import ttest_1samp
+from study_toy import answer_of
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.studies.rq2.answer import answer, answer_tables
+from stixel_cli.studies.rq2.answer import answer_tables, answer_values
 from stixel_cli.studies.rq2.conditions import CONDITIONS, condition_statistics
 from stixel_cli.studies.rq2.contrasts import family, least_effect, p_value
 from stixel_cli.studies.rq2.figures import by_condition
@@ -39,6 +40,10 @@ TINY = (
     "seed=range(0,2)",
     "executor=threads",
 )
+
+
+def answer(runs):
+    return answer_of("rq2", answer_values(runs))
 
 
 class _Point:
@@ -169,11 +174,8 @@ def test_the_answer_is_made_of_what_is_there():
     runs += [run(seed, "stixels", "new_one", centre=0.4, kind="simulated") for seed in seeds]
     runs += [run(seed, "lidar_9", "new_one", centre=0.4) for seed in seeds]
     text = " ".join(answer(runs))
-    told = (
-        "he gp_ekf does worse on stixels than on the lidar_9 for the car (centre, orientation and"
-    )
-    assert told in text
-    beside_lidar, beside_floor = answer_tables(runs)
+    assert "the gp_ekf is worse on stixels than on the lidar_9 for the car (centre, o" in text
+    beside_lidar, beside_baseline = answer_tables(runs)
     header, rows, _ = shown_table(beside_lidar)
     assert header[3:] == ["stixels", "lidar_9", "stixels − lidar_9 [95 %]"]
     assert rows[0] == [
@@ -181,29 +183,28 @@ def test_the_answer_is_made_of_what_is_there():
     ]  # fmt: skip
     # NEES, like every mean, of both measurements, and without a test.
     assert rows[4][2:] == ["mean NEES / 2", "1.00", "1.00", "–"]
-    # A tracker that came later is answered for, the floor is not.
-    assert "They show no difference of the new_one on stixels from the lidar_9." in text
+    # A tracker that came later is answered for, the baseline is not.
+    assert "show no difference between stixels and the lidar_9 for the new_one." in text
     # Effects with their intervals come first, then the tests.
-    first, *_, tests, limits = answer(runs)
+    first = answer(runs)[0]
     assert first.startswith(
         "Gp_ekf: mean difference, stixels minus lidar_9 [95 %]. Car: centre RMSE +0.310\u202fm "
         "[0.285, 0.335]"
     )
-    assert tests.startswith("Tests: 6 paired t-tests over n = 3 seeds, with Holm's correction.")
-    assert "no p below 0.250 at n = 3" in limits
-    assert "The point does" not in text
-    _, rows, _ = shown_table(beside_floor)
+    assert "no p below 0.250 at n = 3" in text
+    assert "The point is" not in text
+    _, rows, _ = shown_table(beside_baseline)
     assert rows[0][:6] == ["car", "gp_ekf", "point", "centre RMSE, m", "0.510", "1.50"]
     assert rows[0][6].startswith("−0.990 [")
     assert {row[1] for row in rows} == {"gp_ekf", "new_one"}
-    assert "6 paired t-tests" in text and "n = 3 seeds" in text
+    assert "6 paired t-tests over n = 3 seeds" in text
     no_stixels = [one for one in runs if one.kind == "lidar"]
-    assert "answers nothing" in answer(no_stixels)[0]
+    assert "has no answer" in answer(no_stixels)[0]
     assert answer_tables(no_stixels) == ()
-    assert "position NEES / 2 is 1.00 for the car" in text
+    assert "position NEES / 2 of the gp_ekf on stixels is 1.00 for the car" in text
 
 
-def test_a_tracker_below_the_floor_is_said_to_be():
+def test_a_tracker_below_the_baseline_is_reported():
     runs = []
     for user, shift in {"car": -0.5, "cyclist": 0.5, "pedestrian": 0.0}.items():
         for seed in range(3):
@@ -214,18 +215,18 @@ def test_a_tracker_below_the_floor_is_said_to_be():
             runs.append(run(seed, "lidar", centre=1.0, road_user=user))
     text = " ".join(answer(runs))
     assert "better for the car; worse for the cyclist; not clear for the pedestrian." in text
-    assert "the baseline [95 %, not corrected for the number of comparisons]: car +0.049 [" in text
+    assert "[95 %, not corrected for multiplicity]: car +0.049 [" in text
 
 
-def test_of_one_seed_it_says_first_that_no_test_can_tell():
+def test_one_seed_allows_no_test():
     runs = [run(0, "stixels", centre=0.5, kind="simulated"), run(0, "lidar", centre=0.2)]
     runs += [run(0, "stixels", "point", centre=0.6, kind="simulated")]
-    first, effects, *rest = answer(runs)
-    assert first.startswith("These runs cannot distinguish stixels from lidar by a test: there is")
+    effects, *rest = answer(runs)
+    assert rest[0].startswith("With one seed there is no test and no interval")
     assert "centre RMSE +0.300\u202fm, orientation" in effects
     text = " ".join(rest)
-    assert "Tests:" not in text and "no difference" not in text
-    assert "By these intervals: not known for the car." in text
+    assert "t-tests" not in text and "no difference" not in text
+    assert "the gp_ekf is not known for the car." in text
 
 
 def test_how_large_a_difference_must_be_for_a_test_to_show_it():
@@ -274,7 +275,7 @@ _TRACKERS = {"gp_ekf": "GP-EKF", "point": "point tracker"}
 @pytest.fixture
 def tiny(studies):
     answer = studies.run("rq2", *TINY)
-    assert answer["complete"] and answer["parts"]["tracking"]["runs"] == 2 * 2
+    assert answer["complete"] and answer["sweeps"]["tracking"]["runs"] == 2 * 2
     return Path(answer["folder"])
 
 
@@ -289,7 +290,7 @@ def test_a_tiny_study_from_the_command_line(tiny):
     # What was not run by this study is not in its report.
     for words in ("Published", "model.md", "lost"):
         assert words not in html
-    with (tiny / "parts/tracking/runs.csv").open(encoding="utf-8") as file:
+    with (tiny / "sweeps/tracking/runs.csv").open(encoding="utf-8") as file:
         runs = list(csv.DictReader(file))
     with (tiny / "tables/pedestrian_tracking.csv").open(encoding="utf-8") as file:
         rows = {row["tracker"]: row for row in csv.DictReader(file)}

@@ -31,7 +31,7 @@ def study(tmp_path):
     """A study's file like the shipped one, with scans of another noise for the simulated ones."""
     content = yaml.safe_load(find_study("rq3").read_text("utf-8"))
     for name in ("training", "simulated"):
-        content["parts"][name]["fixed"] = {
+        content["sweeps"][name]["fixed"] = {
             "measurement": "fabricated",
             "measurement/noise": "stereo",
             "measurement.noise.disparity_std": 0.3,
@@ -44,8 +44,8 @@ def study(tmp_path):
 def test_the_study_answers_and_makes_its_preset(studies, study):
     folder = Path(studies.run(study, *TINY)["folder"])
     page = (folder / "report.html").read_text("utf-8")
-    assert "These runs cannot distinguish fabricated from simulated measurements" in page
-    assert "(points and trackers): at n = 2 pairs the smallest p" in page
+    assert "These runs are too few for a significant test of the points and trackers." in page
+    assert "With n = 2 pairs, the smallest p" in page
     for words in ("Simulated / fabricated / fitted, means over n = 2", "rank-biserial", "Holm"):
         assert words in page
     assert "seeds 0 and 1 are in both" in page
@@ -54,7 +54,7 @@ def test_the_study_answers_and_makes_its_preset(studies, study):
     table = (folder / "tables" / "point_differences.csv").read_text("utf-8")
     assert table.count("\n") >= 12
 
-    fitted = folder / "parts" / "fitted" / "runs"
+    fitted = folder / "sweeps" / "fitted" / "runs"
     one = next(path for path in fitted.rglob("config.yaml"))
     noise = yaml.safe_load((folder / "noise" / "fitted_car.yaml").read_text("utf-8"))
     plain = yaml.safe_load(one.read_text("utf-8"))
@@ -75,7 +75,7 @@ def test_a_path_is_judged_with_a_noise_that_has_not_seen_it(studies, study):
     folder = Path(studies.run(study, *overrides)["folder"])
     runs = [
         yaml.safe_load(path.read_text("utf-8"))
-        for path in (folder / "parts" / "fitted" / "runs").rglob("config.yaml")
+        for path in (folder / "sweeps" / "fitted" / "runs").rglob("config.yaml")
     ]
     assert len(runs) == 2 * 2
     used = {run["path"]["kind"]: run["measurement"]["noise"]["disparity_std"] for run in runs}

@@ -1,4 +1,4 @@
-"""Overrides of a study whose parts have several trackers, measurements and paths."""
+"""Overrides of a study whose sweeps have several trackers, measurements and paths."""
 
 import pytest
 
@@ -33,8 +33,8 @@ def test_an_override_goes_with_the_points_that_have_its_key():
         assert list(point.settings) == ["measurement", "tracker", "seed"]
     assert alone == STEREO_ONLY
     assert [note.partition(": measurement/noise: there is")[0] for note in notes] == [
-        f"{text}: left out of part tracking with measurement=simulated and measurement=lidar",
-        f"{text}: left out of part stereo",
+        f"{text}: left out of sweep tracking with measurement=simulated and measurement=lidar",
+        f"{text}: left out of sweep stereo",
     ]
 
 
@@ -70,7 +70,7 @@ def test_what_tells_the_parts_apart_stays():
         overridden([rays, stereo], ["measurement=lidar"], ["rays", "stereo"])
     designs, notes = overridden([rays, stereo], ["path=circle"], ["rays", "stereo"])
     assert all("path=circle" in design.fixed for design in designs) and not notes
-    # A part whose axes are derived keeps its own, and so stands in nobody's way.
+    # A sweep whose axes are derived keeps its own, and so stands in nobody's way.
     fitted = Design(("measurement=fabricated", "measurement/noise=fitted_car"), ())
     plain = Design(("measurement=fabricated", "measurement/noise=stereo"), ())
     (changed, kept), _ = overridden(

@@ -1,11 +1,9 @@
 """The page of a study: one file, no name twice, its colours the page's, nothing hidden in it."""
 
 import re
-import sys
 
 import pytest
-import yaml
-from study_toy import TOY, toy_module
+import study_toy
 
 from stixel_cli.cli.app import main
 from stixel_cli.report import style
@@ -21,12 +19,9 @@ from stixel_cli.studies.types import Findings, Section, Table
 def page(tmp_path_factory, shared_cache):
     """The toy study's page, made by the command line."""
     folder = tmp_path_factory.mktemp("study")
-    file = folder / "toy.yaml"
-    file.write_text(yaml.safe_dump(TOY, sort_keys=False), encoding="utf-8")
-    module = toy_module()
+    file = study_toy.write(folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("STIXEL_CACHE", str(shared_cache))
-        patch.setitem(sys.modules, module.__name__, module)
         assert main(["study", str(file), "road_user=car", "--results", str(folder)]) == 0
     return folder / "toy-road_user=car/report.html"
 

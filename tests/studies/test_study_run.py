@@ -1,4 +1,4 @@
-"""Studies by the real command line: parts, derived axes, going on, refusing."""
+"""Studies by the real command line: sweeps, derived axes, going on, refusing."""
 
 import csv
 import re
@@ -26,13 +26,13 @@ def test_a_study_from_its_file_to_its_report(studies, toy):
     folder = studies.results / "toy"
     assert answer["complete"] and answer["answer"] == ["4 points <b>."]
     assert answer["report"] == str(folder / "report.html")
-    assert {name: part["done"] for name, part in answer["parts"].items()} == {
+    assert {name: sweep["done"] for name, sweep in answer["sweeps"].items()} == {
         "first": 4,
         "second": 2,
     }
     assert {path.name for path in folder.iterdir()} == {
         "study.yaml",
-        "parts",
+        "sweeps",
         "report.html",
         "tables",
         "figures",
@@ -40,7 +40,7 @@ def test_a_study_from_its_file_to_its_report(studies, toy):
     }
     assert (folder / "extra/note.txt").read_text() == "kept\n"
     (data,) = toy.seen
-    first, second = data.parts["first"], data.parts["second"]
+    first, second = data.sweeps["first"], data.sweeps["second"]
     assert (data.name, data.title) == ("toy", "A <toy> & its title")
     assert first.keys == ("road_user", "path", "seed")
     assert [(p.setting["road_user"], p.seed) for p in first.runs] == [
@@ -49,7 +49,7 @@ def test_a_study_from_its_file_to_its_report(studies, toy):
         ("pedestrian", 0),
         ("pedestrian", 1),
     ]
-    # The second part's axis follows from how many points the first has.
+    # The second sweep's axis follows from how many points the first has.
     assert [p.setting for p in second.runs] == [
         {"tracker.sigma_f": "0.1"},
         {"tracker.sigma_f": "4.1"},
@@ -68,7 +68,7 @@ def test_a_study_from_its_file_to_its_report(studies, toy):
 def test_the_tables_hold_what_was_computed(studies, toy, capsys):
     studies.run(toy())
     folder = studies.results / "toy"
-    with (folder / "parts/first/runs.csv").open(encoding="utf-8") as file:
+    with (folder / "sweeps/first/runs.csv").open(encoding="utf-8") as file:
         runs = list(csv.DictReader(file))
     assert (folder / "tables/answer.csv").read_text() == "who,seed\ncar,7\n"
     with (folder / "tables/numbers.csv").open(encoding="utf-8") as file:
@@ -81,8 +81,8 @@ def test_the_tables_hold_what_was_computed(studies, toy, capsys):
     assert r"50 \% of a\_b." in latex and shown.replace("±", r"$\pm$") in latex
     assert "| – | 1.50 |\n| x\\|y | – |" in (folder / "tables/gaps.md").read_text()
     assert (folder / "tables/gaps.csv").read_text() == "a,b\n,1.5\nx|y,\n"
-    # A part is a sweep as any other.
-    assert main(["sweep", "--resume", str(folder / "parts/first")]) == 0
+    # A sweep is a sweep as any other.
+    assert main(["sweep", "--resume", str(folder / "sweeps/first")]) == 0
     assert "4 of 4 runs done; nodes: 0 computed" in capsys.readouterr().out
 
 
@@ -98,7 +98,7 @@ def test_the_same_command_again_computes_nothing(studies, toy, own_cache):
     shutil.rmtree(own_cache)
     last = studies.run(file)
     assert last["complete"] and last["nodes"]["computed"] > 0
-    assert len(toy.seen[-1].parts["first"].runs[0].load("scans")) == 3
+    assert len(toy.seen[-1].sweeps["first"].runs[0].load("scans")) == 3
     assert before == {path: path.read_bytes() for path in (folder / "tables").iterdir()}
 
 
@@ -119,11 +119,11 @@ def test_another_configuration_is_refused_but_for_name_or_fresh(studies, toy):
     error = studies.refused(file, "road_user=car", "seed=1,2", *same)
     folder = studies.results / "same"
     # What differs comes first and whole.
-    assert error.startswith(f"stixel: seed of part first: 0 in {folder}, 1,2 here (and 1 more); ")
+    assert error.startswith(f"stixel: seed of sweep first: 0 in {folder}, 1,2 here (and 1 more); ")
     assert "--name" in error and "--fresh" in error
     assert studies.run(file, "road_user=car", "seed=1", "--name", "other")["complete"]
     fresh = studies.run(file, "road_user=car", "seed=1", "--fresh", *same)
-    assert fresh["complete"] and fresh["parts"]["first"]["done"] == 1
+    assert fresh["complete"] and fresh["sweeps"]["first"]["done"] == 1
     (studies.results / "mine").mkdir()
     (studies.results / "mine/text").write_text("mine\n")
     assert "is not a study folder" in studies.refused(file, "--name", "mine", "--fresh")
@@ -131,29 +131,44 @@ def test_another_configuration_is_refused_but_for_name_or_fresh(studies, toy):
     assert "at most 200 characters" in studies.refused(file, "--name", "a" * 201)
     for dry_run in ((), ("--dry-run",)):
         assert "--name: '' is not a valid folder name" in studies.refused(file, "--name=", *dry_run)
-    for content in ("[1", "[]", "parts: 3", "{study: toy, report: r, parts: {first: {fixed: 3}}}"):
+    for content in (
+        "[1",
+        "[]",
+        "sweeps: 3",
+        "{study: toy, template: t, module: r, sweeps: {first: {fixed: 3}}}",
+    ):
         (folder / "study.yaml").write_text(content)
         assert "study.yaml: not a valid study file" in studies.refused(file, *same)
 
 
 def test_what_differs_is_shown_however_long_the_values():
-    before = {"study": "a", "report": "b", "parts": {"first": part_of("seed", range(40))}}
-    after = {"study": "a", "report": "b", "parts": {"first": part_of("seed", (*range(39), 77))}}
+    before = {
+        "study": "a",
+        "template": "t",
+        "module": "b",
+        "sweeps": {"first": study_sweep("seed", range(40))},
+    }
+    after = {
+        "study": "a",
+        "template": "t",
+        "module": "b",
+        "sweeps": {"first": study_sweep("seed", (*range(39), 77))},
+    }
     assert differences(before, before, "F") == []
     (text,) = differences(before, after, "F")
     assert text.startswith("seed: …") and len(text) < 200
     there, here = text.split(" in F, ")
     assert there.endswith("38,39") and here.endswith("38,77 here")
     assert differences(before, {**after, "study": "c"}, "F")[0] == "study: a in F, c here"
-    after["parts"]["first"] |= {
+    after["sweeps"]["first"] |= {
         "fixed": ["path.duration=2"],
-        "axes": before["parts"]["first"]["axes"],
+        "axes": before["sweeps"]["first"]["axes"],
     }
     assert differences(before, after, "F") == ["path.duration: not set in F, 2 here"]
     assert differences(after, before, "F") == ["path.duration: 2 in F, not set here"]
 
 
-def part_of(key, values):
+def study_sweep(key, values):
     axis = {"keys": [key], "steps": [[f"{key}={value}"] for value in values]}
     return {"fixed": [], "axes": [axis], "leave_out": [], "results": [], "derive": None}
 
@@ -187,17 +202,17 @@ def test_a_folder_name_is_one_that_disks_take(toy, overrides, name):
 def test_what_fails_is_told_and_gone_on_with(studies, toy, tmp_path):
     mesh = tmp_path / "bad.obj"
     mesh.write_text("this is no mesh\n", encoding="utf-8")
-    file = toy(changed(("parts", "first", "axes"), {"road_user.mesh": [None, str(mesh)]}))
+    file = toy(changed(("sweeps", "first", "axes"), {"road_user.mesh": [None, str(mesh)]}))
     answer = studies.run(file, "seed=0", code=1)
     folder = studies.results / "toy-seed=0"
     assert not answer["complete"] and answer["answer"] is None
-    assert answer["parts"]["first"]["done"] == 2
-    # The second part's axes would follow from the first.
-    assert answer["parts"]["second"] == {
+    assert answer["sweeps"]["first"]["done"] == 2
+    # The second sweep's axes would follow from the first.
+    assert answer["sweeps"]["second"] == {
         "runs": None,
         "done": 0,
-        "folder": str(folder / "parts/second"),
-        "faults": ["its axes follow from the parts before"],
+        "folder": str(folder / "sweeps/second"),
+        "faults": ["its axes follow from the sweeps before"],
     }
     assert "no statistics yet: runs are missing: first 2 of 4, second 0 of ?" in studies.error
     command = f"stixel study {file} seed=0 --results {studies.results}"
@@ -207,7 +222,7 @@ def test_what_fails_is_told_and_gone_on_with(studies, toy, tmp_path):
     assert not (folder / "tables").exists() and not toy.seen
     mesh.write_text(_BOX, encoding="utf-8")
     answer = studies.run(file, "seed=0")
-    assert answer["complete"] and answer["parts"]["first"]["done"] == 4
+    assert answer["complete"] and answer["sweeps"]["first"]["done"] == 4
     assert "no statistics" not in (folder / "report.html").read_text()
 
 
@@ -243,7 +258,7 @@ def test_what_is_interrupted_is_gone_on_with(studies, toy, monkeypatch, own_cach
     with monkeypatch.context() as patched:
         patched.setattr(sweep_run, "execute", interrupted)
         assert studies.run(file, code=130) is None
-    assert "interrupted in part first" in studies.error
+    assert "interrupted in sweep first" in studies.error
     assert f"go on with: stixel study {file}" in studies.error
     assert "no statistics" in (studies.results / "toy/report.html").read_text()
     assert sweep_run.execute is execution.execute
@@ -253,18 +268,20 @@ def test_what_is_interrupted_is_gone_on_with(studies, toy, monkeypatch, own_cach
 @pytest.mark.parametrize(
     ("entries", "value", "told"),
     [
-        (("title",), None, "title: must be there"),
-        (("question",), 3, "question: must be there, and be text"),
-        (("report",), "none_such", "no module stixel_cli.studies.none_such"),
-        (("parts",), [], "parts: must be names"),
+        (("title",), None, "title: is required"),
+        (("question",), 3, "question: is required and must be a string"),
+        (("module",), "none_such", "module: no module none_such"),
+        (("module",), "none_such.py", "module: no file none_such.py in"),
+        (("template",), "../none.j2", "template: no file ../none.j2 in"),
+        (("sweeps",), [], "sweeps: must be names"),
         (("tittle",), "x", "tittle: no such entry; did you mean title?"),
-        (("parts", "first", "result"), [], "first: result: no such entry; did you mean results?"),
-        (("parts", "first", "results"), ["scns"], "has a step scns; did you mean scans?"),
-        (("parts", "second", "derive"), "width", "has no function width"),
-        (("parts", "first", "derive"), "widths", "derive: no part is before it"),
-        (("parts", "first", "fixed"), {"path.durations": 1}, "did you mean path.duration?"),
-        (("parts", "second", "seeds"), 0, "parts: second: seeds: must be"),
-        (("parts", "a b"), {}, "parts: a b: a name"),
+        (("sweeps", "first", "result"), [], "first: result: no such entry; did you mean results?"),
+        (("sweeps", "first", "results"), ["scns"], "has a step scns; did you mean scans?"),
+        (("sweeps", "second", "derive"), "width", "has no function width"),
+        (("sweeps", "first", "derive"), "widths", "derive: no earlier sweep"),
+        (("sweeps", "first", "fixed"), {"path.durations": 1}, "did you mean path.duration?"),
+        (("sweeps", "second", "seeds"), 0, "sweeps: second: seeds: must be"),
+        (("sweeps", "a b"), {}, "sweeps: a b: a name"),
     ],
 )
 def test_a_wrong_file_is_refused_in_one_line(studies, toy, entries, value, told):
@@ -284,9 +301,9 @@ def test_overrides_take_the_place_of_what_parts_have(studies, toy):
         file, "road_user=car", "path.duration=0.2", "seed=3,4,5", "tracker.basis_points=20,30",
         "--dry-run",
     )  # fmt: skip
-    assert plan["parts"]["second"] is None
-    assert plan["parts"]["first"]["runs"] == 1 * 2 * 3
-    assert plan["parts"]["first"]["axes"] == [
+    assert plan["sweeps"]["second"] is None
+    assert plan["sweeps"]["first"]["runs"] == 1 * 2 * 3
+    assert plan["sweeps"]["first"]["axes"] == [
         {"keys": ["road_user", "path"], "values": 1},
         {"keys": ["tracker.basis_points"], "values": 2},
         {"keys": ["seed"], "values": 3},
@@ -297,7 +314,7 @@ def test_overrides_take_the_place_of_what_parts_have(studies, toy):
 def test_an_override_that_is_left_out_of_a_part_is_told(studies, toy, capsys):
     file = toy()
     note = (
-        "path=s_curve: left out of part first: path: goes together with road_user here: give one "
+        "path=s_curve: left out of sweep first: path: goes together with road_user here: give one "
         "of turn, crossing"
     )
     assert studies.run(file, "road_user=car", "--dry-run")["notes"] == []
@@ -331,7 +348,7 @@ def test_a_study_whose_file_fails_fails_alone(studies, toy, monkeypatch, tmp_pat
     )
     answer = studies.run("all", "road_user=car", "seed=0", code=2)
     assert [one["complete"] for one in answer["studies"]] == [False, True]
-    assert re.search("bad.yaml: question: must be there", studies.error)
+    assert re.search("bad.yaml: question: is required", studies.error)
 
 
 def test_which_studies_cannot_be_run_is_told_before_the_first_runs(studies, toy, monkeypatch):
@@ -353,8 +370,8 @@ def test_what_was_asked_for_is_kept(studies, toy):
     answer = studies.run(toy(), "road_user=car", "seed=0")
     content = yaml.safe_load(Path(answer["folder"], "study.yaml").read_text())
     assert content["overrides"] == ["road_user=car", "seed=0"]
-    assert content["parts"]["first"]["results"] == ["scans", "track"]
-    assert content["parts"]["second"]["derive"] == "widths"
+    assert content["sweeps"]["first"]["results"] == ["scans", "track"]
+    assert content["sweeps"]["second"]["derive"] == "widths"
     assert {"git", "versions", "machine", "command", "created"} <= set(content)
 
 
@@ -369,3 +386,41 @@ def test_a_full_disk_leaves_no_empty_folder(studies, toy, monkeypatch):
     monkeypatch.setattr(Path, "write_bytes", full)
     assert "toy: cannot be written: No space left on device" in studies.refused(file)
     assert not studies.results.exists()
+
+
+def test_a_study_outside_the_package(studies, toy, tmp_path, monkeypatch, capsys):
+    file = toy()
+    answer = studies.run(file, "road_user=car", "seed=0")
+    assert answer["complete"]
+    # A result folder's commands never import the module that made its report.
+    (tmp_path / "toy.py").write_text("raise SystemExit('imported')\n", encoding="utf-8")
+    folder = Path(answer["folder"])
+    monkeypatch.chdir(folder)
+    for command in (
+        ["show", str(folder / "sweeps/first")],
+        ["ls", str(studies.results)],
+    ):
+        assert main(command) == 0
+        assert "imported" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "error"),
+    [
+        ("toy.py", "import no_such_module\n", "toy.py: cannot be imported: ModuleNotFoundError"),
+        ("toy.py", "def widths(data):\n    return []\n", "toy.py has no function report"),
+        ("toy.py", "def report(:\n", "cannot be imported: SyntaxError"),
+        ("toy.md.j2", "Text.\n\n{% for %}\n", "template: toy.md.j2: line 3"),
+    ],
+)
+def test_a_wrong_template_or_module_is_refused(studies, toy, tmp_path, name, content, error):
+    file = toy()
+    (tmp_path / name).write_text(content, encoding="utf-8")
+    assert error in studies.refused(file)
+
+
+def test_a_template_may_only_use_what_the_module_gives(studies, toy, tmp_path):
+    file = toy()
+    (tmp_path / "toy.md.j2").write_text("{{ no_such_value }}\n", encoding="utf-8")
+    assert studies.run(file, "road_user=car", "seed=0", code=2) is None
+    assert "template: toy.md.j2: UndefinedError: 'no_such_value' is undefined" in studies.error

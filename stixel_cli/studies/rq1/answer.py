@@ -66,15 +66,15 @@ def _verdict(every: Group) -> str:
     rms = estimate(every, near, by_pose.STIXEL_RMS)
     if not math.isfinite(rms.value):
         return (
-            f"No stixel lies on a road user between {ROUND[0]:g} and {ROUND[1]:g} m here, so the "
-            f"{SW_STD:g} m at {SW_DEPTH:g} m of The Stixel World cannot be held against it."
+            f"No stixel is on a road user between {ROUND[0]:g} and {ROUND[1]:g} m here, so the "
+            f"{SW_STD:g} m at {SW_DEPTH:g} m of The Stixel World cannot be compared."
         )
     beginning = (
         "In depth, yes"
         if rms.high <= SW_STD
         else "In depth, no"
         if rms.low > SW_STD
-        else "In depth it cannot be told"
+        else "In depth, not clear"
     )
     gross = stixel_summary(every.errors.stixels, *ROUND)["gross"]
     left_out = f" ({share(gross)} of them, off by more than {GROSS:g} px, left out)" * (gross > 0.0)
@@ -95,7 +95,7 @@ def _verdict(every: Group) -> str:
 
 def _rigs(data: StudyData) -> Iterator[str]:
     told = []
-    lines = groups(data.parts["rigs"], rig)
+    lines = groups(data.sweeps["rigs"], rig)
     for group in lines:
         rms = estimate(group, by_pose.stixel_sums(group, *ROUND), by_pose.STIXEL_RMS)
         needed = needed_disparity(group.rig, SW_STD, SW_DEPTH)
@@ -106,7 +106,7 @@ def _rigs(data: StudyData) -> Iterator[str]:
             )
     if told:
         yield (
-            "How far the depth is off depends on the rig. RMS at that range, "
+            "The depth error depends on the rig. RMS at that range, "
             f"{seeds(lines)}: {'; '.join(told)}."
         )
 
@@ -141,7 +141,7 @@ def _stages(every: Group) -> Iterator[tuple[str, str, str, Estimate]]:
 
 
 def _matchers(data: StudyData) -> Iterator[str]:
-    found = groups(data.parts["matchers"], matcher)
+    found = groups(data.sweeps["matchers"], matcher)
     if not found:
         return
     told = [
@@ -162,7 +162,7 @@ def _matchers(data: StudyData) -> Iterator[str]:
             if apart.high < 0.0
             else "SGM is the better"
         )
-        sentence += f" BM less SGM, of the same poses: {apart.text('px', sign=True)}, {verdict}."
+        sentence += f" BM minus SGM, at the same poses: {apart.text('px', sign=True)}, {verdict}."
     yield sentence
 
 
@@ -171,7 +171,7 @@ def _stixels(group: Group) -> np.ndarray:
 
 
 def _grids(data: StudyData) -> Iterator[str]:
-    found = groups(data.parts["grids"], grid)
+    found = groups(data.sweeps["grids"], grid)
     told, apart = [], []
     for group in found:
         sums = by_pose.column_sums(group, "path")
@@ -190,18 +190,18 @@ def _grids(data: StudyData) -> Iterator[str]:
     if told:
         sentence = f"Grids, after the path, the target's columns: {'; '.join(told)}."
         if apart:
-            sentence += f" RMS less that of {found[0].label}, of the same poses: {listed(apart)}."
+            sentence += f" RMS minus that of {found[0].label}, at the same poses: {listed(apart)}."
         yield sentence
 
 
 def _consistency(every: Group, users: Sequence[Group]) -> str:
     nees = estimate(every, _stixels(every), by_pose.NEES)
     if not math.isfinite(nees.value):
-        return "Of the stated σ nothing can be said: no stixel lies on a road user."
+        return "The stated σ cannot be assessed: no stixel is on a road user."
     verdict = (
         "too small"
         if nees.low > 1.0
-        else "on the safe side"
+        else "too large"
         if nees.high < 1.0
         else "not shown to be wrong"
     )
@@ -216,8 +216,8 @@ def _consistency(every: Group, users: Sequence[Group]) -> str:
     if len(by_range) > 1:
         (least, where_least), (most, where_most) = min(by_range), max(by_range)
         spread = (
-            f", from {text(least)} ({where_least}) to {text(most)} ({where_most}), so not "
-            "everywhere alike"
+            f", from {text(least)} ({where_least}) to {text(most)} ({where_most}), so it "
+            "depends on the range"
         )
     return (
         f"Over all ranges together, the stated σ of the depth is {verdict}: the mean square of "
@@ -226,7 +226,7 @@ def _consistency(every: Group, users: Sequence[Group]) -> str:
 
 
 def _contrast(data: StudyData) -> Iterator[str]:
-    found = groups(data.parts["contrast"], lambda point: f"{contrast(point):g}")
+    found = groups(data.sweeps["contrast"], lambda point: f"{contrast(point):g}")
     found = sorted(found, key=lambda group: float(group.label))
     if len(found) < 2:
         return
@@ -243,7 +243,7 @@ def _contrast(data: StudyData) -> Iterator[str]:
 
 
 def _setup(data: StudyData) -> str:
-    points = data.parts["ranges"].runs
+    points = data.sweeps["ranges"].runs
     lines = lines_of(data.name)
     cost = cpu_seconds_a_frame(points, "render")
     return (
@@ -265,7 +265,7 @@ def _limits(every: Group) -> str:
     return (
         f"Brackets are 95 % intervals of a bootstrap over {number(poses)} poses (a road user at a "
         f"range), road user by road user; {counted(seeds, 'seed')} a pose share its rendering "
-        "and are not counted as more. Scenes are rendered, with one shape a class, one street and "
-        "one light, and everybody comes straight on: an error that only real images have is not "
-        "in here, and neither is The Stixel World's own rig."
+        "and count as one. Scenes are rendered, with one shape for each class, one street and "
+        "one light, and every road user drives straight towards the camera. Errors that only real "
+        "images have, and the rig of The Stixel World, are not included."
     )

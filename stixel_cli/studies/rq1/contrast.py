@@ -9,14 +9,14 @@ from stixel_cli.studies.rq1 import figures
 from stixel_cli.studies.rq1 import intervals as by_pose
 from stixel_cli.studies.rq1.intervals import cover_sums, estimate, pixel_sums, stixel_sums
 from stixel_cli.studies.rq1.pool import EDGES, Group, by_label, contrast, counts, pool, road_user
-from stixel_cli.studies.types import Paragraph, Part, Section, StudyData, Table
+from stixel_cli.studies.types import Paragraph, Section, StudyData, StudySweep, Table
 
 INSIDE = 0
 
 
 def contrast_section(data: StudyData) -> Section:
     """What the texture of the paint does to disparities and stixels."""
-    lines = contrast_lines(data.parts["contrast"])
+    lines = contrast_lines(data.sweeps["contrast"])
 
     def of(sums: Callable[..., np.ndarray], statistic: by_pose.Statistic, *zone: int):
         return lambda group: estimate(group, sums(group, *zone, EDGES[0], EDGES[-1]), statistic)
@@ -73,12 +73,12 @@ def contrast_section(data: StudyData) -> Section:
     )
 
 
-def contrast_lines(part: Part) -> dict[str, list[tuple[float, Group]]]:
+def contrast_lines(sweep: StudySweep) -> dict[str, list[tuple[float, Group]]]:
     """For each road user the contrasts, ascending, with what they gave."""
     return {
         label: sorted(
             ((at, pool(label, same)) for at, same in by_label(points, contrast).items()),
             key=lambda pair: pair[0],
         )
-        for label, points in by_label(part.runs, road_user).items()
+        for label, points in by_label(sweep.runs, road_user).items()
     }

@@ -36,7 +36,7 @@ _OF_COVER = {"columns in no stixel %": by_pose.UNCOVERED}
 
 def disparity_section(data: StudyData, users: Sequence[Group]) -> Section:
     """Bias, RMS, gross share and density over range, pixel locking, SGM against BM."""
-    matchers = groups(data.parts["matchers"], matcher)
+    matchers = groups(data.sweeps["matchers"], matcher)
 
     def of(zone: int, value: by_pose.Statistic) -> figures.Values:
         return by_pose.over_range(

@@ -21,7 +21,7 @@ _COLUMNS = {
 
 def free_space_section(data: StudyData, users: Sequence[Group]) -> Section:
     """What the grid finds alone, what the path makes of it; the three grids."""
-    grids = groups(data.parts["grids"], grid)
+    grids = groups(data.sweeps["grids"], grid)
 
     def panels(kinds: dict[str, str]):
         return [

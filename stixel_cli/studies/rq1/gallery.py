@@ -6,24 +6,24 @@ from PIL import Image
 
 from stixel_cli.report.style import DEPTH_TICKS
 from stixel_cli.studies.rq1.pool import by_label, road_user, text
-from stixel_cli.studies.types import Paragraph, Part, Picture, Section
+from stixel_cli.studies.types import Paragraph, Picture, Section, StudySweep
 
 PANELS = ("left", "disparity", "occupancy", "free_space", "height", "stixels")
 WIDTH = 1080
 QUALITY = 72
 
 
-def gallery_section(part: Part) -> Section:
+def gallery_section(sweep: StudySweep) -> Section:
     """A picture for each road user and pictured frame, the stages side by side."""
     blocks: list[Paragraph | Picture] = [
         Paragraph(
             "Left camera without noise, disparity, occupancy grid from above, free space, free "
             "space with height, and stixels. Colours of disparity and stixels mean depth, from "
             f"yellow at {DEPTH_TICKS[0]:g} m to violet at {DEPTH_TICKS[-1]:g} m; the grid is dark "
-            "where an obstacle is likely; green is free, red stands."
+            "where an obstacle is likely; green is free, red is an obstacle."
         )
     ]
-    for label, points in by_label(part.runs, road_user).items():
+    for label, points in by_label(sweep.runs, road_user).items():
         point = points[0]
         frames = sorted(
             (frame, files)

@@ -66,11 +66,8 @@ def estimate(group: Group, sums: np.ndarray, of: Statistic) -> Estimate:
     if len(poses) - len(set(strata)) < 2:
         return Estimate(value, np.nan, np.nan)
     drawn = of(weights(strata, "poses") @ by_pose * len(poses))
-    drawn = drawn[np.isfinite(drawn)]
-    # Poses that all agree do not tell how much they scatter.
-    if len(drawn) == 0 or np.ptp(drawn) <= 1e-12 * max(1.0, abs(value)):
-        return Estimate(value, np.nan, np.nan)
-    return Estimate(value, *interval(drawn))
+    # Poses that all agree do not show how much they scatter.
+    return _estimate(value, drawn, 1e-12 * max(1.0, abs(value)))
 
 
 def cells(
@@ -100,8 +97,15 @@ def difference(
     value = float(apart(stacked.sum(axis=0)))
     if len(both) - len(set(strata)) < 2:
         return Estimate(value, np.nan, np.nan)
-    drawn = apart(weights(strata, "poses") @ stacked * len(both))
-    return Estimate(value, *interval(drawn[np.isfinite(drawn)]))
+    return _estimate(value, apart(weights(strata, "poses") @ stacked * len(both)), -1.0)
+
+
+def _estimate(value: float, drawn: np.ndarray, least: float) -> Estimate:
+    """The value with its interval; without one if no draw is finite or their range is `least`."""
+    drawn = drawn[np.isfinite(drawn)]
+    if len(drawn) == 0 or np.ptp(drawn) <= least:
+        return Estimate(value, np.nan, np.nan)
+    return Estimate(value, *interval(drawn))
 
 
 def _by_pose(group: Group, sums: np.ndarray) -> dict[tuple, np.ndarray]:

@@ -1,4 +1,4 @@
-"""The stage errors of a part's points, pooled by what differs between them."""
+"""The stage errors of a sweep's points, pooled by what differs between them."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -8,7 +8,7 @@ import numpy as np
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.studies.prose import counted, percent, quantity
-from stixel_cli.studies.types import Part, StudyRun
+from stixel_cli.studies.types import StudyRun, StudySweep
 from stixel_cli.validation.stage_errors import StageErrors
 from stixel_cli.validation.stage_summary import phase_bias, pooled, stixel_summary
 
@@ -60,9 +60,9 @@ class Group:
         return self.frames(EDGES[0], EDGES[-1])
 
 
-def groups(part: Part, name: Callable[[StudyRun], str]) -> list[Group]:
+def groups(sweep: StudySweep, name: Callable[[StudyRun], str]) -> list[Group]:
     """Groups of the points that `name` calls the same, in the order in which they come."""
-    return [pool(label, points) for label, points in by_label(part.runs, name).items()]
+    return [pool(label, points) for label, points in by_label(sweep.runs, name).items()]
 
 
 def by_label(

@@ -13,7 +13,7 @@ from stixel_cli.scene.mesh import Mesh
 from stixel_cli.scene.road_user import road_user_mesh
 from stixel_cli.scene.world import world_objects
 from stixel_cli.studies.rq1.pool import by_label, cell, grid, matcher, rig, road_user, text
-from stixel_cli.studies.types import Paragraph, Part, Section, StudyData, StudyRun, Table
+from stixel_cli.studies.types import Paragraph, Section, StudyData, StudyRun, StudySweep, Table
 
 SCENE = ("road_user", "path", "ego", "rig", "world", "renderer", "sensor")
 """The groups of the configuration that describe a scene and its cameras."""
@@ -38,7 +38,7 @@ def timed_building(meshes: Callable[[], Iterable[Mesh]]) -> Building:
 
 def setup_section(data: StudyData) -> Section:
     """The chapter; its building costs are measured while the report is made, on its machine."""
-    points = data.parts["ranges"].runs
+    points = data.sweeps["ranges"].runs
     first = points[0].configuration
     rows = []
     street = timed_building(lambda: [item.mesh for item in world_objects(first.world)])
@@ -70,7 +70,7 @@ def setup_section(data: StudyData) -> Section:
                 "CPU seconds a frame of the stages, as recorded when they were computed, each on "
                 "one thread; mean of the points. Rendering includes building the scene, once in "
                 "each worker.",
-                ("part", "setting", "render", "sensor noise", "match", "free space", "stixels"),
+                ("sweep", "setting", "render", "sensor noise", "match", "free space", "stixels"),
                 tuple(_seconds(data)),
             ),
         ),
@@ -98,8 +98,8 @@ def cpu_seconds_a_frame(points: Iterable[StudyRun], stage: str) -> float:
 def _seconds(data: StudyData):
     named = {"rigs": rig, "matchers": matcher, "grids": grid}
     for name, label in named.items():
-        part: Part | None = data.parts.get(name)
-        for setting, points in by_label(part.runs if part else (), label).items():
+        sweep: StudySweep | None = data.sweeps.get(name)
+        for setting, points in by_label(sweep.runs if sweep else (), label).items():
             stages = ("render", "add_sensor_noise", "match", "free_space", "stixels")
             yield (name, setting, *(cell(cpu_seconds_a_frame(points, stage)) for stage in stages))
 

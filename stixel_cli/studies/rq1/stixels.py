@@ -64,7 +64,7 @@ def height_section(users: Sequence[Group]) -> Section:
             figures.over_range(
                 "height",
                 "Rows and height of the stixels on the target against the target's topmost row in "
-                "their columns, and the row where its nearest surface stands; default rig. Bands: "
+                "their columns, and the base row of its nearest surface; default rig. Bands: "
                 f"95 % intervals; {counts(users)}.",
                 users,
                 panels,
@@ -182,7 +182,7 @@ def _stixel_counts(users: Sequence[Group]) -> str:
 
 def rigs_section(data: StudyData) -> Section:
     """Depth error over range of three rigs, and the precision that 0.1 m at 28 m takes."""
-    lines = groups(data.parts["rigs"], rig)
+    lines = groups(data.sweeps["rigs"], rig)
     return Section(
         "Three rigs, and the 0.1 m at 28 m of The Stixel World",
         (
@@ -190,7 +190,7 @@ def rigs_section(data: StudyData) -> Section:
                 "A depth's std is z² σ_d / (f B): what σ_d of a disparity means depends "
                 f"on the rig. Badino, Franke and Pfeiffer (2009, The Stixel World) state less than "
                 f"{SW_STD:g} m at {SW_DEPTH:g} m for theirs. With the rigs here that takes "
-                "σ_d = f B σ_z / z², which the table holds against what the stixels achieve."
+                "σ_d = f B σ_z / z², which the table compares with the stixels' errors."
             ),
             figures.precision(
                 "rigs",

@@ -1,17 +1,18 @@
-"""RQ2: the answer in sentences whose numbers are computed."""
+"""RQ2: the numbers of the answer."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from stixel_cli.evaluation.metric_table import METRICS, Metric
 from stixel_cli.results.text import listed
 from stixel_cli.studies.field_names import LIDAR, STIXELS
 from stixel_cli.studies.inference import least_p
-from stixel_cli.studies.prose import MINUS, capital, counted, number, with_interval
+from stixel_cli.studies.prose import MINUS
 from stixel_cli.studies.rq2.contrasts import (
     ERRORS,
     Contrast,
     family,
-    is_floor,
+    is_baseline,
     least_effect,
     of_kind,
     quantity,
@@ -21,38 +22,81 @@ from stixel_cli.studies.types import Table
 from stixel_cli.sweeps.statistics import Statistic
 
 _UNTESTED = ("low_overlap_share", "nees_position_mean", "nis_mean")
-"""Metrics in the table next to the errors, without a test."""
-_ONE_SEED = (
-    "These runs cannot distinguish stixels from lidar by a test: there is one seed, and a paired "
-    "test over seeds, or an interval, takes two or more."
-)
+"""Metrics that are listed without a test."""
 
 
-def answer(runs: Sequence[Run]) -> list[str]:
-    """The answer in sentences, their numbers computed."""
+def answer_values(runs: Sequence[Run]) -> dict[str, Any]:
+    """What the template's answer is filled with.
+
+    `contrasts`: a mapping for each tracker and lidar, with its `effects` by road user, and the road
+    users and metrics of each verdict. `baselines`: a mapping for each tracker and baseline, with
+    the `effects` on the IoU by road user, and the road users of each verdict.
+    """
     stixels, lidars = of_kind(runs, STIXELS), of_kind(runs, LIDAR)
-    if not stixels or not lidars:
-        there = listed(names(runs, "measurement"))
-        return [
-            f"This study holds {there}: without both stixels and a lidar it answers nothing of "
-            "the question itself. What it holds stands below."
-        ]
     tested = family(runs)
-    n = len(names(runs, "seed"))
-    sentences = [] if n > 1 else [_ONE_SEED]
-    verdicts = []
-    for tracker in dict.fromkeys(one.tracker for one in tested):
-        for lidar in lidars:
-            own = [one for one in tested if (one.tracker, one.other) == (tracker, lidar)]
-            sentences.append(_effects(own))
-            verdicts.append(_verdict(own))
-        sentences += [
-            _against_floor(runs, tracker, floor, stixels[0]) for floor in _floors(runs, tracker)
-        ]
-        sentences.append(_consistency(runs, tracker, stixels[0]))
-    if n > 1:
-        sentences.append(" ".join([_tests(n, len(tested)), *verdicts]))
-    return [*sentences, _limits(runs)]
+    trackers = list(dict.fromkeys(one.tracker for one in tested))
+    seeds = len(names(runs, "seed"))
+    users = names(runs, "road_user")
+    on_stixels = chosen(runs, measurement=stixels[0]) if stixels else []
+    return {
+        "answered": bool(tested),
+        "measurements": names(runs, "measurement"),
+        "paths": names(runs, "path"),
+        "seeds": names(runs, "seed"),
+        "contrasts": [
+            _contrast([one for one in tested if (one.tracker, one.other) == (tracker, lidar)])
+            for tracker in trackers
+            for lidar in lidars
+        ],
+        "baselines": [
+            _baseline(on_stixels, users, tracker, baseline)
+            for tracker in trackers
+            for baseline in _baselines(runs, tracker)
+        ],
+        "consistency": {
+            tracker: [
+                (user, _metric(on_stixels, user, tracker, stixels[0], "nees_position_mean"))
+                for user in users
+            ]
+            for tracker in trackers
+        },
+        "tests": len(tested),
+        "least_effect": least_effect(seeds, len(tested)) if tested and seeds > 1 else None,
+        "least_p": least_p(seeds),
+        "tables": {table.name: table for table in answer_tables(runs)},
+    }
+
+
+def _contrast(found: Sequence[Contrast]) -> dict[str, Any]:
+    """The differences of one tracker on stixels and on one lidar, and the verdicts."""
+    effects: dict[str, list[tuple[str, str, Statistic]]] = {}
+    for one in found:
+        metric = ERRORS[one.metric]
+        effect = (metric.short_label, metric.unit, one.difference)
+        effects.setdefault(one.road_user, []).append(effect)
+    return {
+        "tracker": found[0].tracker,
+        "stixels": found[0].one,
+        "lidar": found[0].other,
+        "effects": effects,
+        **{
+            verdict: _by_user([one for one in found if one.verdict == verdict])
+            for verdict in ("worse", "better", "leaning", "alike")
+        },
+    }
+
+
+def _baseline(
+    on_stixels: Sequence[Run], users: Sequence[str], tracker: str, baseline: str
+) -> dict[str, Any]:
+    """The IoU of a tracker minus the baseline's, and the road users by what its intervals show."""
+    effects = {
+        user: baseline_difference(on_stixels, user, tracker, baseline, "iou_mean") for user in users
+    }
+    verdicts: dict[str, list[str]] = {}
+    for user, iou in effects.items():
+        verdicts.setdefault(_of_interval(iou), []).append(f"the {user}")
+    return {"tracker": tracker, "baseline": baseline, "effects": effects, "verdicts": verdicts}
 
 
 def answer_tables(runs: Sequence[Run]) -> tuple[Table, ...]:
@@ -63,15 +107,17 @@ def answer_tables(runs: Sequence[Run]) -> tuple[Table, ...]:
         return ()
     trackers = list(dict.fromkeys(one.tracker for one in tested))
     tables = [_lidar_table(runs, tested, trackers, stixels[0], lidars)]
-    floors = [(tracker, floor) for tracker in trackers for floor in _floors(runs, tracker)]
-    if floors:
-        tables.append(_floor_table(chosen(runs, measurement=stixels[0]), floors))
+    baselines = [
+        (tracker, baseline) for tracker in trackers for baseline in _baselines(runs, tracker)
+    ]
+    if baselines:
+        tables.append(_baseline_table(chosen(runs, measurement=stixels[0]), baselines))
     return tuple(tables)
 
 
-def _floors(runs: Sequence[Run], tracker: str) -> list[str]:
+def _baselines(runs: Sequence[Run], tracker: str) -> list[str]:
     """The trackers that this one is to beat."""
-    return [one for one in names(runs, "tracker") if one != tracker and is_floor(runs, one)]
+    return [one for one in names(runs, "tracker") if one != tracker and is_baseline(runs, one)]
 
 
 def _lidar_table(
@@ -102,33 +148,27 @@ def _lidar_table(
                 rows.append(tuple(row))
     return Table(
         "answer_lidar",
-        "Stixels against lidar: means over paths and seeds, and the difference, paired, with its "
-        "95 % interval over the seeds. Of the errors a positive difference, of the IoU a negative "
-        "one, is worse for stixels. NEES / 2 and NIS / d.o.f. are 1 where the stated covariance "
-        "is right and more where the tracker is over-confident; a mean of them is moved most "
-        "by the runs that diverge. Share of low overlap: of scans with IoU < 0.2.",
+        "",
         tuple(columns),
         tuple(rows),
     )
 
 
-def _floor_table(on_stixels: Sequence[Run], pairs: Sequence[tuple[str, str]]) -> Table:
+def _baseline_table(on_stixels: Sequence[Run], pairs: Sequence[tuple[str, str]]) -> Table:
     rows = []
     for user in names(on_stixels, "road_user"):
-        for tracker, floor in pairs:
+        for tracker, baseline in pairs:
             for metric in ERRORS:
                 values = [
                     metric_over_seeds(chosen(on_stixels, road_user=user, tracker=one), metric).mean
-                    for one in (tracker, floor)
+                    for one in (tracker, baseline)
                 ]
-                apart = floor_difference(on_stixels, user, tracker, floor, metric)
-                row = (user, tracker, floor, _with_unit(ERRORS[metric]), *values)
+                apart = baseline_difference(on_stixels, user, tracker, baseline, metric)
+                row = (user, tracker, baseline, _with_unit(ERRORS[metric]), *values)
                 rows.append((*row, apart.mean, apart.low, apart.high))
     return Table(
-        "answer_floor",
-        "On stixels, a tracker and the baseline: means over paths and seeds, and the tracker minus "
-        "the baseline, paired, with its 95 % interval over the seeds; not "
-        "corrected for the number of comparisons.",
+        "answer_baseline",
+        "",
         (
             "road user",
             "tracker",
@@ -148,54 +188,6 @@ def _with_unit(metric: Metric) -> str:
     return f"{metric.short_label}, {metric.unit}" if metric.unit else metric.short_label
 
 
-def _effects(found: Sequence[Contrast]) -> str:
-    """Mean paired differences with their intervals, by road user."""
-    told = []
-    for user in dict.fromkeys(one.road_user for one in found):
-        own = [_effect(one) for one in found if one.road_user == user]
-        told.append(f"{user}: {', '.join(own)}")
-    one = found[0]
-    return (
-        f"{capital(one.tracker)}: mean difference, {one.one} minus {one.other} [95 %]. "
-        f"{capital('; '.join(told))}."
-    )
-
-
-def _effect(one: Contrast) -> str:
-    metric, apart = ERRORS[one.metric], one.difference
-    interval = with_interval(apart.mean, apart.low, apart.high, metric.unit, sign=True)
-    return f"{metric.short_label} {interval}"
-
-
-def _tests(seeds: int, tests: int) -> str:
-    """What is tested, and how large a difference must be for the test to show it."""
-    return (
-        f"Tests: {tests} paired t-tests over n = {seeds} seeds, with Holm's correction. For any of "
-        "them to be significant, a mean difference must exceed "
-        f"{number(least_effect(seeds, tests))} standard deviations of the seeds' differences."
-    )
-
-
-def _verdict(found: Sequence[Contrast]) -> str:
-    """For what the tests show that stixels are worse or better than a lidar, and for what not."""
-    tracker, lidar = found[0].tracker, found[0].other
-    told = {
-        verdict: _by_user([one for one in found if one.verdict == verdict])
-        for verdict in ("worse", "better", "leaning", "alike")
-    }
-    sentences = [
-        f"the {tracker} does {verdict} on stixels than on the {lidar} for {told[verdict]}"
-        for verdict in ("worse", "better")
-        if told[verdict]
-    ] or [f"they show no difference of the {tracker} on stixels from the {lidar}"]
-    text = capital(", and ".join(sentences)) + "."
-    if told["leaning"]:
-        text += f" For {told['leaning']} only the interval, which is not corrected, excludes 0."
-    if told["alike"]:
-        text += f" For {told['alike']} neither the test nor the interval shows a difference."
-    return text
-
-
 def _by_user(found: Sequence[Contrast]) -> str:
     """The road users with the metrics that were found of them."""
     parts = []
@@ -205,59 +197,21 @@ def _by_user(found: Sequence[Contrast]) -> str:
     return listed(parts)
 
 
-def _against_floor(runs: Sequence[Run], tracker: str, floor: str, stixels: str) -> str:
-    on_stixels = chosen(runs, measurement=stixels)
-    effects, verdicts = [], {}
-    for user in names(runs, "road_user"):
-        apart = floor_difference(on_stixels, user, tracker, floor, "iou_mean")
-        effects.append(f"{user} {with_interval(apart.mean, apart.low, apart.high, sign=True)}")
-        verdicts.setdefault(_beside_floor(apart), []).append(f"the {user}")
-    told = "; ".join(f"{how} for {listed(users)}" for how, users in verdicts.items())
-    return (
-        f"On stixels, mean IoU of the {tracker} minus that of the {floor}, the baseline [95 %, not "
-        f"corrected for the number of comparisons]: {', '.join(effects)}. By these intervals: "
-        f"{told}."
-    )
-
-
-def floor_difference(
-    runs: Sequence[Run], user: str, tracker: str, floor: str, metric: str
+def baseline_difference(
+    runs: Sequence[Run], user: str, tracker: str, baseline: str, metric: str
 ) -> Statistic:
-    """A metric of a tracker minus the floor's, paired by road user, path and seed."""
-    sides = [chosen(runs, road_user=user, tracker=one) for one in (tracker, floor)]
+    """A metric of a tracker minus the baseline's, paired by road user, path and seed."""
+    sides = [chosen(runs, road_user=user, tracker=one) for one in (tracker, baseline)]
     return paired_difference(*sides, metric)
 
 
-def _beside_floor(iou: Statistic) -> str:
+def _of_interval(iou: Statistic) -> str:
+    """What a tracker is by the interval of its IoU minus the baseline's."""
     if iou.low is None:
         return "not known"
     if iou.low <= 0.0 <= iou.high:
         return "not clear"
     return "better" if iou.low > 0.0 else "worse"
-
-
-def _consistency(runs: Sequence[Run], tracker: str, stixels: str) -> str:
-    told = [
-        f"{number(_metric(runs, user, tracker, stixels, 'nees_position_mean'))} for the {user}"
-        for user in names(runs, "road_user")
-    ]
-    return (
-        f"Consistency of the {tracker} on {stixels}: position NEES / 2 is {listed(told)}, where 1 "
-        "is consistent and more is over-confident."
-    )
-
-
-def _limits(runs: Sequence[Run]) -> str:
-    n = len(names(runs, "seed"))
-    return (
-        f"Brackets are 95 % intervals over n = {counted(n, 'seed')} (Student's t), each seed the "
-        f"mean over {counted(len(names(runs, 'path')), 'path')}, differences paired by path and "
-        "seed. Intervals and tests take these means as normal; an exact test without that "
-        f"assumption has no p below {number(least_p(n))} at n = {n}. The seeds renew the sensors' "
-        "noise and the tracker's initialisation, not motion, road user or street: the answer holds "
-        "for these rendered scenes, one shape a class, a target that is known to be there, and no "
-        "clutter but what the sensors make."
-    )
 
 
 def _metric(

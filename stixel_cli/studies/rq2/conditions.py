@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stixel_cli.studies.rq2.runs import Run
-from stixel_cli.studies.tables import over_seeds
+from stixel_cli.studies.tables import over_seeds, with_none
 from stixel_cli.studies.types import Table
 from stixel_cli.sweeps.statistics import Statistic
 
@@ -44,8 +44,8 @@ CONDITIONS = (
     Condition(
         "aspect",
         "aspect (°)",
-        "the aspect angle between the heading and the line to the sensor, which says what sides "
-        "are seen: 0° is the front alone, 90° a long side alone, 180° the rear alone",
+        "the aspect angle between the heading and the line to the sensor, which determines the "
+        "visible sides: at 0° only the front, at 90° only a long side, at 180° only the rear",
         lambda run: run.aspects,
         (15.0, 45.0, 75.0, 105.0, 135.0, 165.0),
         ("0–15", "15–45", "45–75", "75–105", "105–135", "135–165", "165–180"),
@@ -80,37 +80,33 @@ def condition_statistics(
     condition: Condition, runs: Sequence[Run]
 ) -> dict[tuple[str, str, int], Binned]:
     """Statistics by tracker, measurement and number of the bin; bins without scans left out."""
-    collected: dict[tuple[str, str, int], dict[int, dict[str, list[np.ndarray]]]] = {}
-    for run in runs:
-        bins = np.searchsorted(condition.edges, condition.value(run), side="right")
-        series = {**run.errors, "nees": run.nees, "nis": run.nis}
-        for b in np.unique(bins):
-            of_seed = collected.setdefault((run.tracker, run.measurement, int(b)), {})
-            errors = of_seed.setdefault(run.seed, {name: [] for name in series})
-            for name, values in series.items():
-                errors[name].append(values[bins == b])
-    found = {}
-    for key, by_seed in collected.items():
-        names = next(iter(by_seed.values()))
-        count = sum(len(part) for errors in by_seed.values() for part in errors["iou"])
-        found[key] = Binned(
-            count,
-            len(by_seed),
+    import pandas as pd
+
+    scans = pd.concat(
+        pd.DataFrame(
             {
-                name: over_seeds([_mean(errors[name]) for errors in by_seed.values()])
-                for name in names
-            },
+                "tracker": run.tracker,
+                "measurement": run.measurement,
+                "seed": run.seed,
+                "bin": np.searchsorted(condition.edges, condition.value(run), side="right"),
+                **run.errors,
+                "nees": run.nees,
+                "nis": run.nis,
+            }
         )
+        for run in runs
+    ).replace([np.inf, -np.inf], np.nan)
+    found = {}
+    for (tracker, measurement, b), own in scans.groupby(
+        ["tracker", "measurement", "bin"], sort=False
+    ):
+        means = own.drop(columns=["tracker", "measurement", "bin"]).groupby("seed").mean()
+        statistics = {name: over_seeds(with_none(means[name])) for name in means}
+        found[tracker, measurement, int(b)] = Binned(len(own), len(means), statistics)
     return found
 
 
-def _mean(parts: Sequence[np.ndarray]) -> float | None:
-    values = np.concatenate(parts)
-    values = values[np.isfinite(values)]
-    return float(values.mean()) if len(values) else None
-
-
-def condition_table(name: str, condition: Condition, runs: Sequence[Run], of: str) -> Table:
+def condition_table(name: str, condition: Condition, runs: Sequence[Run]) -> Table:
     """The numbers of a condition, one row a bin, tracker and measurement."""
     found = condition_statistics(condition, runs)
     rows = []
@@ -122,8 +118,7 @@ def condition_table(name: str, condition: Condition, runs: Sequence[Run], of: st
         rows.append((*cells, one.errors["nees"].mean, one.errors["nis"].mean))
     return Table(
         name,
-        f"{of}, by {condition.what}. Of each seed that has such scans the mean over them; mean ± "
-        "standard deviation over these seeds.",
+        "",
         (
             condition.label,
             "tracker",

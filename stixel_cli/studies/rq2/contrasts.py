@@ -1,4 +1,4 @@
-"""RQ2: stixels minus another measurement in pairs, and which differences stand up to a test."""
+"""RQ2: stixels minus another measurement in pairs, and which differences are significant."""
 
 import math
 from collections.abc import Sequence
@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from scipy.stats import t as student
 
 from stixel_cli.evaluation.metric_table import METRICS, Metric
-from stixel_cli.studies.field_names import FLOOR, LIDAR, STIXELS
+from stixel_cli.studies.field_names import BASELINE, LIDAR, STIXELS
 from stixel_cli.studies.inference import SIGNIFICANT, holm
 from stixel_cli.studies.prose import MINUS
 from stixel_cli.studies.rq2.runs import Run, chosen, metric_over_seeds, names, paired_difference
-from stixel_cli.studies.types import Paragraph, Section, Table
+from stixel_cli.studies.types import Table
 from stixel_cli.sweeps.statistics import Statistic
 
 ERRORS = {name: METRICS[name] for name in ("centre_rmse_m", "orientation_rmse_deg", "iou_mean")}
@@ -45,7 +45,7 @@ class Contrast:
 
     @property
     def verdict(self) -> str:
-        """What `one` is by p: "worse", "better", "leaning" (only the interval tells), "alike"."""
+        """What `one` is: "worse", "better", "leaning" (only the interval excludes 0) or "alike"."""
         low, high = self.difference.low, self.difference.high
         if low is None or low <= 0.0 <= high:
             return "alike"
@@ -74,7 +74,7 @@ def contrasts(runs: Sequence[Run], tracker: str, one: str, other: str) -> list[C
 def family(runs: Sequence[Run]) -> list[Contrast]:
     """The question's own: stixels against every lidar by every extended tracker, p by Holm."""
     stixels, lidars = of_kind(runs, STIXELS), of_kind(runs, LIDAR)
-    extended = [tracker for tracker in names(runs, "tracker") if not is_floor(runs, tracker)]
+    extended = [tracker for tracker in names(runs, "tracker") if not is_baseline(runs, tracker)]
     found = [
         contrast
         for tracker in extended or names(runs, "tracker")
@@ -115,14 +115,13 @@ def of_kind(runs: Sequence[Run], kind: str) -> list[str]:
     return names(chosen(runs, kind=kind), "measurement")
 
 
-def is_floor(runs: Sequence[Run], tracker: str) -> bool:
-    """Whether a tracker is the one that others are to beat."""
-    return all(run.tracker_kind == FLOOR for run in chosen(runs, tracker=tracker))
+def is_baseline(runs: Sequence[Run], tracker: str) -> bool:
+    """Whether a tracker is the baseline."""
+    return all(run.tracker_kind == BASELINE for run in chosen(runs, tracker=tracker))
 
 
-def contrasts_section(runs: Sequence[Run]) -> Section:
-    """All paired differences, the question's own with their tests."""
-    title = "Stixels against the others, paired"
+def contrasts_table(runs: Sequence[Run]) -> Table | None:
+    """All paired differences, the question's own with p; None without any."""
     stixels = of_kind(runs, STIXELS)
     others = [name for name in names(runs, "measurement") if name not in stixels]
     tested = {(c.road_user, c.tracker, c.one, c.other, c.metric): c.p for c in family(runs)}
@@ -132,38 +131,13 @@ def contrasts_section(runs: Sequence[Run]) -> Section:
             for other in others:
                 rows += _rows(contrasts(runs, tracker, one, other), tested)
     if not rows:
-        return Section(
-            title, (Paragraph("This study holds no stixels beside another measurement."),)
-        )
+        return None
     columns = ["road user", "tracker", "difference", "n"]
     for metric in ERRORS.values():
         name, unit = metric.short_label, metric.unit
         columns += [f"{name} ({unit})" if unit else name, f"low {name}", f"high {name}"]
         columns.append(f"p of {quantity(metric)} (Holm)")
-    return Section(
-        title,
-        (
-            Paragraph(
-                "Of each seed, the mean over the paths of the difference between two runs that see "
-                "the same motion; then the mean over the n seeds and its 95 % interval (Student's "
-                "t, n − 1 degrees of freedom). Of the errors a positive difference, of the IoU a "
-                "negative one, is worse for stixels."
-            ),
-            Paragraph(
-                f"Tested are the {len(tested)} differences of the question itself, stixels against "
-                "lidar by extended trackers: paired t-tests, two-sided, with Holm's correction "
-                "over all of them. The other rows are description: their intervals are not "
-                "corrected for their number, and about one in twenty leaves out 0 by chance."
-            ),
-            Table(
-                "paired_differences",
-                "Stixels minus another measurement, paired by road user, path and seed; mean and "
-                "95 % interval over the seeds.",
-                tuple(columns),
-                tuple(rows),
-            ),
-        ),
-    )
+    return Table("paired_differences", "", tuple(columns), tuple(rows))
 
 
 def _rows(found: Sequence[Contrast], tested: dict) -> list[tuple]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -13,9 +14,15 @@ from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.studies.field_names import measurement_name, tracker_name
-from stixel_cli.studies.tables import over_seeds
+from stixel_cli.studies.tables import over_seeds, with_none
 from stixel_cli.studies.types import StudyData, StudyRun
 from stixel_cli.sweeps.statistics import CONFIDENCE, Statistic
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_PAIR = ("road_user", "path", "seed")
+"""What the two runs of a pair have in common."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +67,7 @@ class Run:
 
 def runs_of(data: StudyData) -> list[Run]:
     """Every run of the study."""
-    points = [point for part in data.parts.values() for point in part.runs]
+    points = [point for sweep in data.sweeps.values() for point in sweep.runs]
     called = {
         "measurement": _called(points, "measurement", measurement_name),
         "tracker": _called(points, "tracker", tracker_name),
@@ -145,39 +152,32 @@ def chosen(runs: Iterable[Run], **attributes: str | int) -> list[Run]:
     ]
 
 
+def metric_frame(runs: Sequence[Run], name: str) -> "pd.DataFrame":
+    """A row for each run: its road user, path and seed, and a metric as `value` (or NaN)."""
+    import pandas as pd
+
+    rows = [(run.road_user, run.path, run.seed, run.point.metrics.get(name)) for run in runs]
+    return pd.DataFrame(rows, columns=[*_PAIR, "value"]).astype({"value": float})
+
+
 def metric_over_seeds(runs: Sequence[Run], name: str) -> Statistic:
-    """A metric over seeds: of each seed the mean over its runs; those without a value left out."""
-    return over_seeds(list(seed_means(runs, lambda run: run.point.metrics.get(name)).values()))
-
-
-def seed_means(
-    runs: Sequence[Run], value: Callable[[Run], float | int | None]
-) -> dict[int, float | None]:
-    """Of each seed the mean over its runs; None for one of which a run has no value."""
-    by_seed: dict[int, list[float | int | None]] = {}
-    for run in runs:
-        by_seed.setdefault(run.seed, []).append(value(run))
-    return {
-        seed: None if None in values else float(np.mean(values))
-        for seed, values in sorted(by_seed.items())
-    }
+    """A metric over seeds: each seed's mean over its runs; seeds with a missing value left out."""
+    by_seed = (
+        metric_frame(runs, name)
+        .groupby("seed")["value"]
+        .agg(lambda values: values.mean(skipna=False))
+    )
+    return over_seeds(with_none(by_seed))
 
 
 def paired_difference(one: Sequence[Run], other: Sequence[Run], name: str) -> Statistic:
     """A metric of `one` minus that of `other`: of each seed the mean over what both have.
 
-    Runs are pairs where road user, path and seed are the same: these see the same motion.
+    Runs are pairs where road user, path and seed are the same: these have the same motion.
     """
-    partners = {(run.road_user, run.path, run.seed): run for run in other}
-    differences: dict[int, list[float]] = {}
-    for run in one:
-        partner = partners.get((run.road_user, run.path, run.seed))
-        if partner is None:
-            continue
-        values = [of.point.metrics.get(name) for of in (run, partner)]
-        if None not in values:
-            differences.setdefault(run.seed, []).append(values[0] - values[1])
-    return over_seeds([float(np.mean(values)) for _, values in sorted(differences.items())])
+    pairs = metric_frame(one, name).merge(metric_frame(other, name), on=list(_PAIR)).dropna()
+    difference = (pairs["value_x"] - pairs["value_y"]).groupby(pairs["seed"]).mean()
+    return over_seeds(with_none(difference))
 
 
 def within_bounds(runs: Sequence[Run]) -> tuple[float | None, float | None]:

@@ -39,9 +39,9 @@ class Comparison:
     p: Mapping[str, float | None]
     closed: Closed
 
-    def differs(self, part: str) -> bool:
-        """Whether the corrected test tells a part from the simulated measurements."""
-        return self.p[part] is not None and self.p[part] < SIGNIFICANT
+    def differs(self, sweep: str) -> bool:
+        """Whether the corrected test distinguishes a sweep from the simulated one."""
+        return self.p[sweep] is not None and self.p[sweep] < SIGNIFICANT
 
 
 @dataclass(frozen=True)
@@ -75,14 +75,14 @@ def reach_of(found: Sequence[Comparison]) -> Reach:
 
 
 def compare(
-    parts: Mapping[str, Runs], measures: Mapping[str, Measure], by_tracker: bool
+    sweeps: Mapping[str, Runs], measures: Mapping[str, Measure], by_tracker: bool
 ) -> list[Comparison]:
     """A family of comparisons: every measure of every road user (and tracker), corrected together.
 
     A pair is left out of a measure that one of its three runs has no value of.
     """
     errors = Errors()
-    simulated = parts[SIMULATED]
+    simulated = sweeps[SIMULATED]
     trackers = names(simulated, "tracker")
     found = []
     for user in names(simulated, "road_user"):
@@ -92,15 +92,15 @@ def compare(
                 for key in simulated
                 if key.road_user == user
                 and key.tracker == tracker
-                and all(key in runs for runs in parts.values())
+                and all(key in runs for runs in sweeps.values())
             ]
             for name, measure in measures.items():
                 rows = [
                     [
-                        measure.of(parts[part][key], errors.of(part, parts[part][key]))
+                        measure.of(sweeps[sweep][key], errors.of(sweep, sweeps[sweep][key]))
                         for key in keys
                     ]
-                    for part in (SIMULATED, FABRICATED, FITTED)
+                    for sweep in (SIMULATED, FABRICATED, FITTED)
                 ]
                 found.append(
                     _compared(user, tracker if by_tracker else "", name, measure, keys, rows)
@@ -120,8 +120,8 @@ def _compared(user, tracker, name, measure, keys, rows) -> Comparison:
         tracker,
         measure,
         {
-            part: float(row.mean()) if len(row) else None
-            for part, row in zip((SIMULATED, FABRICATED, FITTED), values, strict=True)
+            sweep: float(row.mean()) if len(row) else None
+            for sweep, row in zip((SIMULATED, FABRICATED, FITTED), values, strict=True)
         },
         {FABRICATED: paired(gap, paths), FITTED: paired(rest, paths)},
         {},
@@ -131,9 +131,9 @@ def _compared(user, tracker, name, measure, keys, rows) -> Comparison:
 
 def _corrected(found: Sequence[Comparison]) -> list[Comparison]:
     raw = {
-        f"{i} {part}": one.p
+        f"{i} {sweep}": one.p
         for i, comparison in enumerate(found)
-        for part, one in comparison.apart.items()
+        for sweep, one in comparison.apart.items()
         if one.p is not None
     }
     corrected = holm(raw)
@@ -144,21 +144,21 @@ def _corrected(found: Sequence[Comparison]) -> list[Comparison]:
             one.measure,
             one.means,
             one.apart,
-            {part: corrected.get(f"{i} {part}") for part in one.apart},
+            {sweep: corrected.get(f"{i} {sweep}") for sweep in one.apart},
             one.closed,
         )
         for i, one in enumerate(found)
     ]
 
 
-def difference_table(name: str, caption: str, found: Sequence[Comparison]) -> Table:
+def difference_table(name: str, found: Sequence[Comparison]) -> Table:
     """Means, paired differences with interval, corrected p and effect size, and the gap closed."""
     with_tracker = any(one.tracker for one in found)
     columns = ["road user", *(["tracker"] if with_tracker else []), "measure", "n"]
     columns += [SIMULATED, FABRICATED, FITTED]
-    for part in (FABRICATED, FITTED):
-        columns += [f"{part} − simulated", f"low {part}", f"high {part}"]
-        columns += [f"{part}: p (Holm)", f"{part}: effect"]
+    for sweep in (FABRICATED, FITTED):
+        columns += [f"{sweep} − simulated", f"low {sweep}", f"high {sweep}"]
+        columns += [f"{sweep}: p (Holm)", f"{sweep}: effect"]
     columns += ["gap closed", "low closed", "high closed"]
     rows = []
     for one in found:
@@ -166,9 +166,9 @@ def difference_table(name: str, caption: str, found: Sequence[Comparison]) -> Ta
         cells: list[str | int | float | None] = [one.road_user]
         cells += [one.tracker] if with_tracker else []
         cells += [one.measure.label + unit, one.apart[FABRICATED].n, *one.means.values()]
-        for part in (FABRICATED, FITTED):
-            apart = one.apart[part]
-            cells += [apart.mean, apart.low, apart.high, one.p[part], apart.effect]
+        for sweep in (FABRICATED, FITTED):
+            apart = one.apart[sweep]
+            cells += [apart.mean, apart.low, apart.high, one.p[sweep], apart.effect]
         cells += [one.closed.share, one.closed.low, one.closed.high]
         rows.append(tuple(cells))
-    return Table(name, caption, tuple(columns), tuple(rows))
+    return Table(name, "", tuple(columns), tuple(rows))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stixel_cli.studies.rq3.runs import FABRICATED, SIMULATED, pairing
-from stixel_cli.studies.types import Paragraph, Part, Section, StudyRun, Table
+from stixel_cli.studies.types import StudyRun, StudySweep, Table
 
 SHARED = ("ego_motion", "scenario")
 """Steps that both kinds of scan begin with; not counted as the cost of either."""
@@ -15,7 +15,7 @@ STAGES = ("render", "add_sensor_noise", "match", "free_space", "stixels", "scans
 """Steps that lead from there to scans, in any pipeline of the study."""
 
 THESIS = 60.0
-"""Simulated scans took more than this many times as long, says the thesis."""
+"""The thesis states that simulated scans take more than this many times as long."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Cost:
         return self.simulated_total / self.fabricated_total
 
 
-def cost_of(simulated: Part, fabricated: Part) -> Cost:
+def cost_of(simulated: StudySweep, fabricated: StudySweep) -> Cost:
     """The computational cost of scans of both kinds."""
     ours, theirs = _totals(simulated.runs), _totals(fabricated.runs)
     ratios = [ours[key] / theirs[key] for key in ours if theirs.get(key)]
@@ -56,34 +56,12 @@ def cost_of(simulated: Part, fabricated: Part) -> Cost:
     )
 
 
-def cost_section(cost: Cost) -> Section:
-    """The chapter of the report."""
-    return Section(
-        "Computational cost of a scan",
-        (
-            Paragraph(
-                "CPU seconds as recorded when each stage ran, on one thread each, summed over all "
-                "stages that a scan needs and divided by the number of scans; medians over the "
-                "runs. Time for which a busy machine lets a process wait is not counted, nor is a "
-                "process that a stage starts (the Filament renderer). A worker's first result has "
-                "the import of its libraries in it. Results that runs share are "
-                f"counted in each run; {' and '.join(SHARED)}, with which both kinds begin, are "
-                "shown and not counted."
-            ),
-            Table(
-                "cost",
-                "CPU seconds a scan, medians over the runs.",
-                ("stage", SIMULATED, FABRICATED),
-                (
-                    *(
-                        (stage, cost.simulated.get(stage), cost.fabricated.get(stage))
-                        for stage in dict.fromkeys((*cost.simulated, *cost.fabricated))
-                    ),
-                    ("all that is not shared", cost.simulated_total, cost.fabricated_total),
-                ),
-            ),
-        ),
-    )
+def cost_table(cost: Cost) -> Table:
+    """CPU seconds by stage, and of all stages that are not shared."""
+    stages = dict.fromkeys((*cost.simulated, *cost.fabricated))
+    rows = [(stage, cost.simulated.get(stage), cost.fabricated.get(stage)) for stage in stages]
+    rows.append(("all that is not shared", cost.simulated_total, cost.fabricated_total))
+    return Table("cost", "", ("stage", SIMULATED, FABRICATED), tuple(rows))
 
 
 def _median_stages(points: Sequence[StudyRun]) -> dict[str, float]:

@@ -18,18 +18,18 @@ _LAGS = tuple(range(1, 25))
 _INSIDE = np.arange(-8.0, 25.0, 2.0)
 
 Pools = Mapping[str, Mapping[str, Sequence[PointErrors]]]
-"""Road user to part to the errors of its runs."""
+"""Road user to sweep to the errors of its runs."""
 
 
 def error_histograms(pools: Pools) -> Figure:
     """Density of the disparity's error, a panel a road user."""
     edges = np.linspace(-1.0, 1.0, 81)
 
-    def draw(axes, part: str, runs: Sequence[PointErrors]) -> None:
+    def draw(axes, sweep: str, runs: Sequence[PointErrors]) -> None:
         values = _all(runs, "disparities")
         if len(values):
             share = np.histogram(values, edges)[0] / (len(values) * (edges[1] - edges[0]))
-            axes.stairs(share, edges, color=COLOURS[part], linestyle=_LINES[part], label=part)
+            axes.stairs(share, edges, color=COLOURS[sweep], linestyle=_LINES[sweep], label=sweep)
 
     return _panels(
         "point_errors",
@@ -45,7 +45,7 @@ def error_histograms(pools: Pools) -> Figure:
 def range_law(pools: Pools) -> Figure:
     """Mean error along the ray and its standard deviation over the true range."""
 
-    def draw(axes, part: str, runs: Sequence[PointErrors]) -> None:
+    def draw(axes, sweep: str, runs: Sequence[PointErrors]) -> None:
         places, error = _all(runs, "true_ranges"), _all(runs, "along")
         bins = np.digitize(places, _RANGES)
         rows = [
@@ -55,9 +55,9 @@ def range_law(pools: Pools) -> Figure:
         ]
         if rows:
             where, mean, spread = np.array(rows).T
-            axes.plot(where, mean, _LINES[part], color=COLOURS[part], marker=".", label=part)
+            axes.plot(where, mean, _LINES[sweep], color=COLOURS[sweep], marker=".", label=sweep)
             axes.fill_between(
-                where, mean - spread, mean + spread, color=COLOURS[part], alpha=0.12, linewidth=0.0
+                where, mean - spread, mean + spread, color=COLOURS[sweep], alpha=0.12, linewidth=0.0
             )
 
     return _panels(
@@ -74,16 +74,16 @@ def range_law(pools: Pools) -> Figure:
 def neighbours(pools: Pools) -> Figure:
     """Correlation of the disparity's errors over the columns between two points."""
 
-    def draw(axes, part: str, runs: Sequence[PointErrors]) -> None:
+    def draw(axes, sweep: str, runs: Sequence[PointErrors]) -> None:
         values = [np.nan if c is None else c for c in correlogram(runs, _LAGS)]
         known = np.isfinite(values)
         axes.plot(
             np.array(_LAGS)[known],
             np.array(values)[known],
-            _LINES[part],
-            color=COLOURS[part],
+            _LINES[sweep],
+            color=COLOURS[sweep],
             marker=".",
-            label=part,
+            label=sweep,
         )
         axes.axhline(0.0, color=style.UNUSED, linewidth=0.6)
 
@@ -101,18 +101,18 @@ def neighbours(pools: Pools) -> Figure:
 def edges(pools: Pools) -> Figure:
     """Share of scans with points so far beyond, or within, the silhouette's ends."""
 
-    def draw(axes, part: str, runs: Sequence[PointErrors]) -> None:
+    def draw(axes, sweep: str, runs: Sequence[PointErrors]) -> None:
         reach = np.concatenate([_all(runs, "reach_left"), _all(runs, "reach_right")])
         reach = reach[np.isfinite(reach)]
         if len(reach):
             share = [np.mean(reach >= -inside) for inside in _INSIDE]
-            axes.plot(_INSIDE, share, _LINES[part], color=COLOURS[part], label=part)
+            axes.plot(_INSIDE, share, _LINES[sweep], color=COLOURS[sweep], label=sweep)
             axes.axvline(0.0, color=style.UNUSED, linewidth=0.6)
 
     return _panels(
         "edges",
         "Share of the silhouette's ends by which the points reach at least to that column; 0 is "
-        "the end itself, left of it (negative) lies what is beside the target: edge fattening.",
+        "the end itself, negative columns are outside the target: edge fattening.",
         pools,
         draw,
         "columns inside the silhouette's end (px)",
@@ -131,23 +131,23 @@ def tracker_differences(found: Sequence[Comparison]) -> Figure:
         for axes, label in zip(grid, measures, strict=True):
             for one in (c for c in found if c.measure.label == label):
                 place = rows.index((one.road_user, one.tracker))
-                for shift, part in ((-0.15, FABRICATED), (0.15, FITTED)):
-                    apart = one.apart[part]
+                for shift, sweep in ((-0.15, FABRICATED), (0.15, FITTED)):
+                    apart = one.apart[sweep]
                     if apart.mean is None:
                         continue
                     if apart.low is not None:
                         ends = [apart.low, apart.high]
-                        axes.plot(ends, [place + shift] * 2, color=COLOURS[part], linewidth=1.4)
-                    mark = "o" if part == FABRICATED else "s"
-                    axes.plot(apart.mean, place + shift, mark, color=COLOURS[part], markersize=4)
+                        axes.plot(ends, [place + shift] * 2, color=COLOURS[sweep], linewidth=1.4)
+                    mark = "o" if sweep == FABRICATED else "s"
+                    axes.plot(apart.mean, place + shift, mark, color=COLOURS[sweep], markersize=4)
             unit = next(c.measure.unit for c in found if c.measure.label == label)
             axes.axvline(0.0, color=style.UNUSED, linewidth=0.8)
             axes.set_yticks(range(len(rows)), [f"{user}, {tracker}" for user, tracker in rows])
             axes.set_ylim(len(rows) - 0.5, -0.5)
             axes.set_xlabel(f"{label} ({unit})" if unit else label, fontsize=8.0)
             axes.grid(True, axis="x")
-        for part, mark in ((FABRICATED, "o"), (FITTED, "s")):
-            grid[0].plot([], [], mark, color=COLOURS[part], label=f"{part} − simulated")
+        for sweep, mark in ((FABRICATED, "o"), (FITTED, "s")):
+            grid[0].plot([], [], mark, color=COLOURS[sweep], label=f"{sweep} − simulated")
         figure.legend(*grid[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
         return Figure(
             "tracker_differences",
@@ -163,9 +163,9 @@ def _panels(name: str, caption: str, pools: Pools, draw, x_label: str, y_label: 
         figure = style.new_figure(WIDTH, 0.5 + 1.55 * len(pools))
         figure.set_layout_engine("constrained")
         grid = figure.subplots(len(pools), 1, sharex=True, squeeze=False)[:, 0]
-        for axes, (user, parts) in zip(grid, pools.items(), strict=True):
-            for part, runs in parts.items():
-                draw(axes, part, runs)
+        for axes, (user, sweeps) in zip(grid, pools.items(), strict=True):
+            for sweep, runs in sweeps.items():
+                draw(axes, sweep, runs)
             axes.set_title(user)
             axes.set_ylabel(y_label, fontsize=8.0)
             axes.grid(True)

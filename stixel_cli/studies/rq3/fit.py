@@ -13,7 +13,7 @@ import numpy as np
 from stixel_cli.errors import UserError
 from stixel_cli.measurements.noise import ConstantNoise, FittedNoise, Noise, StereoNoise
 from stixel_cli.studies.prose import quantity
-from stixel_cli.studies.types import Part
+from stixel_cli.studies.types import StudySweep
 from stixel_cli.validation.point_errors import PointErrors
 
 _FEWEST = 10
@@ -45,7 +45,7 @@ def fit_noise(runs: Sequence[PointErrors]) -> FittedNoise:
         )
     width = max(1, round(float(np.median(spacings))))
 
-    # Divided by the range sensitivity, in px, errors are about as large at all ranges.
+    # Divided by the range sensitivity (m/px), i.e. in px, errors are about as large at all ranges.
     range_bias = float(np.average(along[core], weights=sensitivity[core] ** -2.0))
     rest = (along - range_bias) / sensitivity
     variance = float(np.mean(rest[core] ** 2))
@@ -158,9 +158,9 @@ def preset(noise: FittedNoise, what: str, command: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def noises_of(part: Part) -> list[str]:
-    """What noise the fabricated points of a part have along the ray, as prose has it."""
-    return list(dict.fromkeys(_told(p.configuration.measurement.noise) for p in part.runs))
+def noises_of(sweep: StudySweep) -> list[str]:
+    """What noise the fabricated points of a sweep have along the ray, as prose has it."""
+    return list(dict.fromkeys(_told(p.configuration.measurement.noise) for p in sweep.runs))
 
 
 def _told(noise: Noise) -> str:

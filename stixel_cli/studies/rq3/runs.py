@@ -7,7 +7,7 @@ import numpy as np
 
 from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.studies.field_names import tracker_name
-from stixel_cli.studies.types import Part, StudyRun
+from stixel_cli.studies.types import StudyRun, StudySweep
 from stixel_cli.validation.point_errors import PointErrors
 
 SIMULATED, FABRICATED, FITTED = "simulated", "fabricated", "fitted"
@@ -41,9 +41,9 @@ class Measure:
 Runs = Mapping[Pairing, StudyRun]
 
 
-def runs_of(part: Part) -> dict[Pairing, StudyRun]:
-    """A part's runs by what they share with those of other parts."""
-    return {pairing(point): point for point in part.runs}
+def runs_of(sweep: StudySweep) -> dict[Pairing, StudyRun]:
+    """A sweep's runs by what they share with those of other sweeps."""
+    return {pairing(point): point for point in sweep.runs}
 
 
 def pairing(point: StudyRun) -> Pairing:
@@ -68,10 +68,10 @@ class Errors:
     def __init__(self) -> None:
         self._known: dict[tuple, PointErrors] = {}
 
-    def of(self, part: str, point: StudyRun) -> PointErrors:
-        """Those of one run of a part."""
+    def of(self, sweep: str, point: StudyRun) -> PointErrors:
+        """Those of one run of a sweep."""
         key = pairing(point)
-        name = (part, key.road_user, key.path, key.seed)
+        name = (sweep, key.road_user, key.path, key.seed)
         if name not in self._known:
             self._known[name] = point.load("point_errors")
         return self._known[name]

@@ -1,4 +1,4 @@
-"""The price of a scan: simulated (rendered, matched, made stixels) beside fabricated.
+"""The computational cost of a scan: simulated (rendered, matched, made stixels) beside fabricated.
 
 The thesis gives "more than 60 times"; the ratio is in the benchmark's `extra_info`. Both are of the
 default experiment; the simulated one shares its still background among ten frames, as a run does.

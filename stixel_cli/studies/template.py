@@ -1,0 +1,113 @@
+"""A study's report from its Jinja template: Markdown with numbers, tables and figures filled in.
+
+A template is text in paragraphs, with `#` headings. What comes before the first heading is the
+answer. `{{ show(tables.NAME) }}` puts a table or a figure in its place;
+`{% call show(...) %}caption{% endcall %}` gives its caption as well. A section that the module made
+is shown in the same way.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import jinja2
+
+from stixel_cli.errors import ConfigurationError, UserError
+from stixel_cli.results.text import listed
+from stixel_cli.studies import prose
+from stixel_cli.studies.types import Block, Findings, Material, Paragraph, Section
+
+_MARK = "\x02"
+_HEADING = re.compile(r"(#{1,3}) (.+)")
+
+
+def _interval(statistic, unit: str = "", sign: bool = False) -> str:
+    """A statistic's mean with its interval."""
+    return prose.with_interval(statistic.mean, statistic.low, statistic.high, unit, sign)
+
+
+FILTERS: dict[str, Callable] = {
+    "number": prose.number,
+    "quantity": prose.quantity,
+    "percent": prose.percent,
+    "counted": prose.counted,
+    "interval": _interval,
+    "listed": listed,
+    "capital": prose.capital,
+}
+"""Functions of `prose` that a template can use, by name."""
+
+
+def template_of(text: str, name: str) -> jinja2.Template:
+    """The template with a text; `name` is its file.
+
+    Raises:
+        ConfigurationError: if its syntax is not valid.
+    """
+    environment = jinja2.Environment(
+        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, autoescape=False
+    )
+    environment.filters.update(FILTERS)
+    try:
+        return environment.from_string(text)
+    except jinja2.TemplateSyntaxError as fault:
+        raise ConfigurationError(f"template: {name}: line {fault.lineno}: {fault}") from None
+
+
+def findings_of(template: jinja2.Template, material: Material, name: str) -> Findings:
+    """The report: the template filled with the material.
+
+    Raises:
+        UserError: if the template `name` cannot be filled, as with a value that the material lacks.
+    """
+    shown: list[Block] = []
+
+    def show(block, caller: Callable[[], str] | None = None) -> str:
+        shown.append(block if caller is None else replace(block, caption=_line(caller())))
+        return f"\n\n{_MARK}{len(shown) - 1}\n\n"
+
+    try:
+        text = template.render(**material.values, show=show)
+    except (jinja2.TemplateError, ArithmeticError, AttributeError, LookupError, TypeError) as fault:
+        raise UserError(f"template: {name}: {type(fault).__name__}: {fault}") from fault
+    before: list[Block] = []
+    # Level, title and blocks of the sections that are open.
+    opened: list[tuple[int, str, list[Block]]] = [(0, "", before)]
+    sections: list[Section] = []
+
+    def close(level: int) -> None:
+        while opened[-1][0] >= level:
+            _, title, blocks = opened.pop()
+            section = Section(title, tuple(blocks))
+            if opened[-1][0] == 0:
+                sections.append(section)
+            else:
+                opened[-1][2].append(section)
+
+    for chunk in re.split(r"\n\s*\n", text):
+        chunk = _line(chunk)
+        heading = _HEADING.fullmatch(chunk)
+        if heading:
+            close(len(heading[1]))
+            opened.append((len(heading[1]), heading[2], []))
+        elif chunk.startswith(_MARK):
+            block = shown[int(chunk[1:])]
+            if isinstance(block, Section):
+                close(1)
+                sections.append(block)
+            else:
+                opened[-1][2].append(block)
+        elif chunk:
+            opened[-1][2].append(Paragraph(chunk))
+    close(1)
+    return Findings(
+        tuple(block.text for block in before if isinstance(block, Paragraph)),
+        tuple(sections),
+        material.files,
+        tuple(block for block in before if not isinstance(block, Paragraph)),
+    )
+
+
+def _line(text: str) -> str:
+    """Text on one line; spaces that must not break stay."""
+    return re.sub(r"[ \t\n]+", " ", text).strip(" ")
