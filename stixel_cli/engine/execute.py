@@ -13,9 +13,16 @@ from stixel_cli.engine.keys import digest
 from stixel_cli.engine.loaded_code import check_bytecode, may_run_here
 from stixel_cli.engine.locks import Lease
 from stixel_cli.engine.one_thread import one_thread
-from stixel_cli.engine.parameters import Executor, LocalExecutor
+from stixel_cli.engine.parameters import Executor, LocalExecutor, ThreadsExecutor
 from stixel_cli.engine.plan import Durations, check_writable, plan
-from stixel_cli.engine.pools import ExecutorName, SerialPool, executor_of, make_pool
+from stixel_cli.engine.pools import (
+    ExecutorName,
+    Pool,
+    ProcessPool,
+    SerialPool,
+    ThreadPool,
+    executor_of,
+)
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.scheduler import Run, Status
 from stixel_cli.engine.store import Store
@@ -187,6 +194,21 @@ def _modules(nodes: Sequence[Node]) -> dict[str, Path]:
     """Modules of the nodes' code: name -> file."""
     codes = {id(node.identity.code): node.identity.code for node in nodes}.values()
     return {name: path for code in codes for name, (path, _) in code.files.items()}
+
+
+def make_pool(executor: Executor) -> Pool:
+    """Make the pool of an executor.
+
+    Raises:
+        ExecutorError: its workers cannot be started or reached; one line.
+    """
+    if isinstance(executor, LocalExecutor):
+        return ProcessPool(executor.workers)
+    if isinstance(executor, ThreadsExecutor):
+        return ThreadPool(executor.workers)
+    from stixel_cli.engine.dask_pool import make_dask_pool
+
+    return make_dask_pool(executor)
 
 
 def _runs_here(executor: Executor | None, nodes: Sequence[Node], durations: Durations) -> bool:

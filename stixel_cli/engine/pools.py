@@ -164,21 +164,6 @@ def executor_of(executor: Executor | ExecutorName, workers: int) -> Executor | N
     return DaskExecutor("dask", workers, None, None) if executor == "dask" else None
 
 
-def make_pool(executor: Executor) -> Pool:
-    """Make the pool of an executor.
-
-    Raises:
-        ExecutorError: its workers cannot be started or reached; one line.
-    """
-    if isinstance(executor, LocalExecutor):
-        return ProcessPool(executor.workers)
-    if isinstance(executor, ThreadsExecutor):
-        return ThreadPool(executor.workers)
-    from stixel_cli.engine.dask_pool import make_dask_pool
-
-    return make_dask_pool(executor)
-
-
 def _settle(future: Future, function: Callable[..., Any], arguments: tuple) -> None:
     try:
         future.set_result(function(*arguments))
