@@ -14,8 +14,14 @@ IMPOSSIBLE = {
         ["path=waypoints", "path.points=[[0,1],[0,9]]"],
         "path.points: the path starts 1 m from the camera, it must be at least 1.9 m",
     ),
-    "one waypoint": (["path=waypoints", "path.points=[[0,9]]"], "path.points: two points"),
-    "no waypoint": (["path=waypoints", "path.points=[]"], "path.points: two points"),
+    "one waypoint": (
+        ["path=waypoints", "path.points=[[0,9]]"],
+        "path.points: must have at least two points",
+    ),
+    "no waypoint": (
+        ["path=waypoints", "path.points=[]"],
+        "path.points: must have at least two points",
+    ),
     "no scan": (["path.duration=0.05"], "path.sample_time: 0.1 s is longer than path.duration"),
     "late picture": (
         ["path.duration=5", "pictures.frames=[0,50]"],
