@@ -1,4 +1,4 @@
-"""The folder of a study: what was asked for, the sweeps' sweeps, and the report with its files.
+"""The folder of a study: what was asked for, the sweeps' folders, and the report with its files.
 
 study.yaml         what was asked for
 sweeps/NAME/        the sweep of each sweep
