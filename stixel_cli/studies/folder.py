@@ -38,7 +38,7 @@ class StudyFolder:
         self.path = path
 
     def sweep(self, name: str) -> Path:
-        """The folder of a sweep's sweep."""
+        """The folder of one of its sweeps."""
         return self.path / "sweeps" / name
 
     def check(self, plan: StudyPlan, fresh: bool) -> bool:
