@@ -1,1 +1,1 @@
-"""Studies: the research questions, each a few sweeps and a report over their points."""
+"""Studies: the research questions, each a few sweeps and a report over their runs."""

@@ -1,4 +1,4 @@
-"""The data of a study's report, from the sweeps that are its sweeps."""
+"""The data of a study's report, from the folders of its sweeps."""
 
 import math
 from collections import defaultdict
@@ -50,10 +50,10 @@ class NodeSeconds:
 
 
 def study_sweep(name: str, result: SweepResult, store: Store, seconds: NodeSeconds) -> StudySweep:
-    """A sweep from a sweep that is complete.
+    """The data of a complete sweep.
 
     Raises:
-        UserError: if a point's folder cannot be read.
+        UserError: if a run's folder cannot be read.
     """
     folder = SweepFolder(result.folder)
     points = []

@@ -50,7 +50,7 @@ class SweepEntry:
     derive: str | None
 
     def design(self, derived: list[dict[str, list]] | None = None) -> Design:
-        """The design of its points, with the axes that were derived.
+        """The design of its runs, with the axes that were derived.
 
         Raises:
             ConfigurationError: in one line that names the sweep and the entry.

@@ -1,4 +1,4 @@
-"""The folder of a study: what was asked for, the sweeps' sweeps, and the report with its files.
+"""The folder of a study: what was asked for, the sweeps' folders, and the report with its files.
 
 study.yaml         what was asked for
 sweeps/NAME/        the sweep of each sweep
@@ -38,7 +38,7 @@ class StudyFolder:
         self.path = path
 
     def sweep(self, name: str) -> Path:
-        """The folder of a sweep's sweep."""
+        """The folder of one of its sweeps."""
         return self.path / "sweeps" / name
 
     def check(self, plan: StudyPlan, fresh: bool) -> bool:

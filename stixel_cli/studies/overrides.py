@@ -24,13 +24,13 @@ def overridden(
 
     A key that a sweep fixes or sweeps takes the given values and stays on its axis. Of zipped keys
     only the steps with these values remain. A key that a sweep lacks is fixed in it, or swept, if
-    it fits the sweep's points. One value that fits only some steps of an axis (a noise fits only
+    it fits the sweep's runs. One value that fits only some steps of an axis (a noise fits only
     fabricated measurements) is applied to these steps. Sweeps whose names are in `derived` keep
     the options that they fix: their further axes depend on them. A key whose fixed values
     distinguish the sweeps is refused.
 
     Returns:
-        the designs, and a line for each override that is left out of some sweeps or points, with
+        the designs, and a line for each override that is left out of some sweeps or runs, with
         the sweeps' `names` and the first reason.
 
     Raises:

@@ -90,7 +90,7 @@ def plan_study(study: StudyFile, overrides: Sequence[str]) -> StudyPlan:
     """The plan of a study.
 
     Raises:
-        ConfigurationError: in one line, for whatever is wrong with any of its points.
+        ConfigurationError: in one line, for whatever is wrong with any of its runs.
     """
     designs, notes = overridden(
         [sweep.design() for sweep in study.sweeps],
@@ -134,7 +134,7 @@ def _plan(sweep: SweepEntry, design: Design) -> tuple[SweepPlan, tuple[str, ...]
             known = sorted({name for point in plan.runs for name in point.graph.stages})
             hint = messages.suggestion(step, known) or f" (steps: {', '.join(known)})"
             raise ConfigurationError(
-                f"sweep {sweep.name}: results: no pipeline of its points has a step "
+                f"sweep {sweep.name}: results: no pipeline of its runs has a step "
                 f"{messages.printable(step)}{hint}"
             )
     return plan, tuple(notes)

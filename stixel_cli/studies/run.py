@@ -64,7 +64,7 @@ def run_study(
         workers: how many compute at a time; None for what the configuration says.
         visible: show progress on stderr.
         tell: called with notes on the overrides and the axes before anything runs, and before a
-            sweep with how many of its finished points are computed again, and why.
+            sweep with how many of its finished runs are computed again, and why.
 
     Raises:
         UserError: in one line; before anything is written for what is wrong with the plan or the
@@ -237,6 +237,6 @@ class _Run:
         return SweepState(name, len(result.runs), done, tuple(faults), folder)
 
 
-def _results(points: Sequence[Sequence[str]]) -> list[list[str]]:
-    """Overrides of points without those on which no result depends."""
-    return [[text for text in overrides if not of_the_machine(text)] for overrides in points]
+def _results(runs: Sequence[Sequence[str]]) -> list[list[str]]:
+    """Overrides of runs without those on which no result depends."""
+    return [[text for text in overrides if not of_the_machine(text)] for overrides in runs]

@@ -26,7 +26,7 @@ class SweepState:
 
     @property
     def complete(self) -> bool:
-        """Whether every point is there."""
+        """Whether every run is there."""
         return self.done == self.runs
 
 
@@ -38,7 +38,7 @@ class Origin:
         command: that makes it.
         overrides: that were given.
         notes: which of them are left out of which sweeps.
-        seeds: of each sweep's points.
+        seeds: of each sweep's runs.
         provenance: revision, versions and machine as a manifest has them.
         created: when, UTC.
         stage_cpu_seconds: that the results of each stage took when they were computed; NaN if those

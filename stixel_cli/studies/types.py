@@ -13,8 +13,8 @@ class StudyRun:
     """One experiment of a sweep.
 
     Attributes:
-        index: its number in the sweep's sweep.
-        setting: keys that differ between the sweep's points, without the seed, to values as typed.
+        index: its number in the sweep.
+        setting: keys that differ between the sweep's runs, without the seed, to values as typed.
         seed: of its random numbers.
         configuration: of the experiment.
         metrics: name to value, None where one has no value.

@@ -81,7 +81,7 @@ def test_the_tables_hold_what_was_computed(studies, toy, capsys):
     assert r"50 \% of a\_b." in latex and shown.replace("±", r"$\pm$") in latex
     assert "| – | 1.50 |\n| x\\|y | – |" in (folder / "tables/gaps.md").read_text()
     assert (folder / "tables/gaps.csv").read_text() == "a,b\n,1.5\nx|y,\n"
-    # A sweep is a sweep as any other.
+    # A sweep of a study is a sweep like any other.
     assert main(["sweep", "--resume", str(folder / "sweeps/first")]) == 0
     assert "4 of 4 runs done; nodes: 0 computed" in capsys.readouterr().out
 

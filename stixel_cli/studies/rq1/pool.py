@@ -1,4 +1,4 @@
-"""The stage errors of a sweep's points, pooled by what differs between them."""
+"""The stage errors of a sweep's runs, pooled by what differs between them."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -30,11 +30,11 @@ LEAST = 5
 
 @dataclass(frozen=True)
 class Group:
-    """The points of one setting, pooled.
+    """The runs of one setting, pooled.
 
     Attributes:
         label: what the setting is called.
-        rig: of all its points.
+        rig: of all its runs.
         runs: in their order.
         errors: of all their frames.
         poses: (n,) of each frame, the number of its pose: a road user at a place, of any seed.
@@ -61,14 +61,14 @@ class Group:
 
 
 def groups(sweep: StudySweep, name: Callable[[StudyRun], str]) -> list[Group]:
-    """Groups of the points that `name` calls the same, in the order in which they come."""
+    """Groups of the runs that `name` calls the same, in the order in which they come."""
     return [pool(label, points) for label, points in by_label(sweep.runs, name).items()]
 
 
 def by_label(
     points: Iterable[StudyRun], name: Callable[[StudyRun], str]
 ) -> dict[str, list[StudyRun]]:
-    """The points by what `name` calls them."""
+    """The runs by what `name` calls them."""
     found: dict[str, list[StudyRun]] = {}
     for point in points:
         found.setdefault(name(point), []).append(point)
@@ -76,7 +76,7 @@ def by_label(
 
 
 def pool(label: str, points: Iterable[StudyRun]) -> Group:
-    """One group of all the points, at least one."""
+    """One group of all the runs, at least one."""
     points = tuple(points)
     records, poses = [], []
     numbers: dict[tuple[str, int], int] = {}
@@ -97,12 +97,12 @@ def pool(label: str, points: Iterable[StudyRun]) -> Group:
 
 
 def road_user(point: StudyRun) -> str:
-    """The class of the point's road user."""
+    """The class of the run's road user."""
     return point.configuration.road_user.kind
 
 
 def matcher(point: StudyRun) -> str:
-    """Name of the point's stereo matcher."""
+    """Name of the run's stereo matcher."""
     stereo = point.configuration.stereo
     name = stereo.kind.upper()
     if stereo.error_cancellation:
@@ -111,12 +111,12 @@ def matcher(point: StudyRun) -> str:
 
 
 def grid(point: StudyRun) -> str:
-    """Name of the point's occupancy grid."""
+    """Name of the run's occupancy grid."""
     return point.configuration.occupancy.kind.replace("_", "-")
 
 
 def rig(point: StudyRun) -> str:
-    """Name of the point's rig: the option's, or its size where the study has one rig alone."""
+    """Name of the run's rig: the option's, or its size where the study has one rig alone."""
     of = point.configuration.rig
     name = point.setting.get("rig", f"{of.width} × {of.height}")
     return {"kitti": "KITTI"}.get(name, name.replace("_", "-"))

@@ -68,7 +68,7 @@ def setup_section(data: StudyData) -> Section:
             Table(
                 "seconds",
                 "CPU seconds a frame of the stages, as recorded when they were computed, each on "
-                "one thread; mean of the points. Rendering includes building the scene, once in "
+                "one thread; mean of the runs. Rendering includes building the scene, once in "
                 "each worker.",
                 ("sweep", "setting", "render", "sensor noise", "match", "free space", "stixels"),
                 tuple(_seconds(data)),
@@ -89,7 +89,7 @@ def values_of(configuration: Configuration) -> int:
 
 
 def cpu_seconds_a_frame(points: Iterable[StudyRun], stage: str) -> float:
-    """Mean recorded CPU seconds of a stage for a frame; NaN where no point has any."""
+    """Mean recorded CPU seconds of a stage for a frame; NaN where no run has any."""
     shares = [p.cpu_seconds.get(stage, math.nan) / len(p.scores.times) for p in points]
     shares = [share for share in shares if math.isfinite(share)]
     return sum(shares) / len(shares) if shares else math.nan

@@ -1,6 +1,6 @@
 """RQ2: how does the tracker do on stixels against lidar?
 
-Everything follows from the study's points: the trackers, measurements, road users and paths that
+Everything follows from the study's runs: the trackers, measurements, road users and paths that
 they have. The question names kinds of measurement and tracker.
 """
 
@@ -38,7 +38,7 @@ _TITLES = {
 
 
 def report(data: StudyData) -> Material:
-    """What the template is filled with; every point has scenario, scans and track."""
+    """What the template is filled with; every run has scenario, scans and track."""
     runs = runs_of(data)
     measurements, users = names(runs, "measurement"), names(runs, "road_user")
     return Material(

@@ -78,7 +78,7 @@ def runs_of(data: StudyData) -> list[Run]:
 def _called(
     points: Sequence[StudyRun], group: str, name: Callable[[str, Configuration], str]
 ) -> dict[tuple, str]:
-    """What each option of a group, with what else of the point is swept, is called; all differ."""
+    """What each option of a group, with what else of the run is swept, is called; all differ."""
     found: dict[tuple, tuple[str, str]] = {}
     for point in points:
         key = _setting(point, group)

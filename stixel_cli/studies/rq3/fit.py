@@ -159,7 +159,7 @@ def preset(noise: FittedNoise, what: str, command: str) -> str:
 
 
 def noises_of(sweep: StudySweep) -> list[str]:
-    """What noise the fabricated points of a sweep have along the ray, as prose has it."""
+    """What noise the fabricated runs of a sweep have along the ray, as prose has it."""
     return list(dict.fromkeys(_told(p.configuration.measurement.noise) for p in sweep.runs))
 
 
