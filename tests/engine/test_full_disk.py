@@ -104,7 +104,7 @@ def test_kill_9_in_a_store(tmp_path):
     )
     assert process.stdout.readline() == "storing\n"
     process.send_signal(signal.SIGKILL)
-    process.communicate(timeout=10)
+    process.communicate(timeout=600)
     assert not store.has(key) and len(list((store.folder / "tmp").iterdir())) == 1
     # A lock that outlived its holder would be waited for without end.
     with store.lock(key):

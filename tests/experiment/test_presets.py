@@ -47,7 +47,7 @@ def check(answer: dict) -> None:
 @pytest.mark.parametrize(("group", "option"), PRESETS, ids=lambda value: value)
 def test_every_preset_runs(group, option, results, capsys):
     if (group, option) == ("renderer", "filament"):
-        reason = probe_filament(timeout=60)
+        reason = probe_filament(timeout=600)
         if reason is not None:
             pytest.skip(reason)
     few = FEW[:-1] if group != "rig" else ("path.duration=0.2",)

@@ -26,7 +26,7 @@ from stixel_cli.rendering.frames import SKY_ID, TARGET_ID
 from stixel_cli.rendering.raycast import StaticScene, Target, render_frame
 from stixel_cli.rendering.surfaces import linear_from_srgb
 
-FILAMENT = FilamentParameters("filament", LIGHT, start_timeout=60, frame_timeout=60, attempts=3)
+FILAMENT = FilamentParameters("filament", LIGHT, start_timeout=600, frame_timeout=600, attempts=3)
 HASTY = FilamentParameters("filament", LIGHT, start_timeout=0.1, frame_timeout=0.1, attempts=2)
 HANGS = (sys.executable, "-c", "import signal; signal.pause()")
 DIES = (sys.executable, "-c", "import os, sys; print('no driver', file=sys.stderr); os.abort()")

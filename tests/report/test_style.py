@@ -14,11 +14,11 @@ def test_two_threads_draw_one_after_the_other_and_leave_the_users_settings():
     def draw_first():
         with style.drawing({"font.size": 5.0}):
             inside.set()
-            waiting.wait(timeout=10)
+            waiting.wait(timeout=600)
             drawn.append(("first", matplotlib.rcParams["font.size"]))
 
     def draw_second():
-        inside.wait(timeout=10)
+        inside.wait(timeout=600)
         waiting.set()
         with style.drawing({"font.size": 6.0}):
             drawn.append(("second", matplotlib.rcParams["font.size"]))
