@@ -200,7 +200,7 @@ def test_the_printed_summary(sweeps, capsys):
     assert said.splitlines()[-1] == str(sweeps.results / "mine")
     assert "Mean over seeds" in said
     assert main(["sweep", *FEW, "tracker.sigma_q=1,2", "--results", str(sweeps.results)]) == 0
-    assert "One seed each: no interval; all metrics: summary.csv" in capsys.readouterr().out
+    assert "One seed per setting: no interval; all metrics: summary.csv" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("columns", ["40", "80"])
