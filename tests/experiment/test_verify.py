@@ -171,7 +171,7 @@ def test_a_folder_of_an_older_version(folder, capsys, tmp_path):
     assert main(["rerun", str(folder), *into(tmp_path), "--name", "again"]) == 0
     capsys.readouterr()
     assert main(["verify", str(folder), "--cached"]) == 0
-    assert "the folder does not say what its stages were made of" in capsys.readouterr().out
+    assert "the keys of the stages are unknown: lineage.json is missing" in capsys.readouterr().out
     del config["tracker"]["sigma_f"]
     (folder / "config.yaml").write_text(yaml.safe_dump(config))
     said = refused(capsys, "verify", str(folder))
