@@ -16,10 +16,10 @@ from pathlib import Path
 
 from filelock import Timeout
 
-from stixel_cli.engine.code import remove_sources
 from stixel_cli.engine.entries import EntryFolder, entry_folders, stage_and_label
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.locks import collector_lock, file_lock, leased_keys
+from stixel_cli.engine.source_files import remove_sources
 from stixel_cli.engine.store import Store
 
 EVICTED = "evicted.jsonl"

@@ -12,24 +12,19 @@ imports included, makes the stage stale.
   and files that it reads: see `Stage.modules` and `Stage.files`.
 """
 
-import ast
-import difflib
-import os
-import shutil
 import sys
-import time
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
 from importlib.machinery import EXTENSION_SUFFIXES
-from importlib.metadata import PackageNotFoundError, packages_distributions, version
 from importlib.util import find_spec
 from pathlib import Path
 
+from stixel_cli.engine.source_files import DIGITS, load_digests, parse
+from stixel_cli.engine.versions import providers, versions_of
+
 OWN_PACKAGE = __name__.partition(".")[0]
-_DIGITS = 32
 
 
 @dataclass(frozen=True)
@@ -74,9 +69,14 @@ def same_files(files: Mapping[str, tuple[Path, str]]) -> bool:
 
 
 class CodeIndex:
-    """Finds the code of stages. Each file is read once: make a new index to see later edits."""
+    """Finds the code of stages. Each file is read once: make a new index to see later edits.
 
-    def __init__(self):
+    The store at `store_folder`, if given, may know the digests of files already.
+    """
+
+    def __init__(self, store_folder: Path | None = None):
+        if store_folder is not None:
+            load_digests(store_folder)
         self._folders: dict[str, tuple[Path, ...]] = {}
         self._modules: dict[str, _Module | None] = {}
         self._codes: dict[tuple[str, ...], Code] = {}
@@ -119,7 +119,7 @@ class CodeIndex:
             digest=sha256(text.encode()).hexdigest(),
             modules=modules,
             files={name: (found[name].path, found[name].file_digest) for name in sorted(found)},
-            versions=_versions(outside),
+            versions=versions_of(outside),
         )
 
     def _reached(self, target: str, attribute: str | None) -> Iterator[str]:
@@ -163,7 +163,7 @@ class CodeIndex:
                 *((base.with_name(f"{base.name}{s}"), False) for s in EXTENSION_SUFFIXES),
             ):
                 if path.is_file():
-                    return _parse(name, path, is_package)
+                    return _module(name, path, is_package)
             if base.is_dir():
                 # A namespace package: it has submodules and no code of its own.
                 return _Module(name, base, True, "", "", True, ())
@@ -183,147 +183,31 @@ def _search_folders(top: str) -> tuple[Path, ...]:
     return (Path(spec.origin).parent,) if spec.origin and spec.has_location else ()
 
 
-_parsed: dict[Path, _Module] = {}
-"""Parsed modules of this process, valid while the file has the same content."""
-
-
-def _parse(name: str, path: Path, is_package: bool) -> _Module:
+def _module(name: str, path: Path, is_package: bool) -> _Module:
     try:
         content = path.read_bytes()
     except OSError as error:
         raise LookupError(f"{path}: cannot be read: {error.strerror}") from error
     file_digest = sha256(content).hexdigest()
-    known = _parsed.get(path)
-    if known is not None and (known.name, known.file_digest) == (name, file_digest):
-        return known
     if path.suffix != ".py":
-        return _Module(name, path, False, file_digest, file_digest[:_DIGITS], False, ())
-    try:
-        tree = ast.parse(content, filename=str(path))
-    except (SyntaxError, ValueError) as error:
-        line = f", line {error.lineno}" if isinstance(error, SyntaxError) else ""
-        raise LookupError(f"{path}{line}: not valid Python: {error.args[0]}") from error
-    package = name if is_package else name.rpartition(".")[0]
-    imports = dict.fromkeys(one for node in ast.walk(tree) for one in _imports(node, package))
-    text = _normalised(tree)
-    module = _Module(
-        name=name,
-        path=path,
-        is_package=is_package,
-        file_digest=file_digest,
-        code_digest=sha256(text.encode("utf-8", "surrogatepass")).hexdigest()[:_DIGITS],
-        is_empty=not tree.body,
-        imports=tuple(imports),
-    )
-    _parsed[path] = module
-    return module
+        return _Module(name, path, False, file_digest, file_digest[:DIGITS], False, ())
+    source = parse(path, content)
+    package = (name if is_package else name.rpartition(".")[0]).split(".")
+    imports = tuple((_absolute(level, of, package), what) for level, of, what in source.imports)
+    return _Module(name, path, is_package, file_digest, source.digest, source.is_empty, imports)
 
 
-def _imports(node: ast.AST, package: str) -> Iterator[tuple[str, str | None]]:
-    if isinstance(node, ast.Import):
-        for alias in node.names:
-            yield alias.name, None
-            if alias.asname is None and "." in alias.name:
-                # `import a.b` binds the package a.
-                yield alias.name.partition(".")[0], None
-    elif isinstance(node, ast.ImportFrom):
-        base = node.module or ""
-        if node.level:
-            parents = package.split(".")
-            parents = parents[: len(parents) - node.level + 1]
-            base = ".".join((*parents, base) if base else parents)
-        for alias in node.names:
-            yield base, alias.name
-
-
-def _normalised(tree: ast.Module) -> str:
-    """The tree as text, without layout, comments and docstrings. Changes `tree`."""
-    for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        if isinstance(body, list):
-            node.body = [one for one in body if not _is_bare_string(one)]
-    return ast.dump(tree, annotate_fields=False)
-
-
-def _is_bare_string(node: ast.AST) -> bool:
-    return (
-        isinstance(node, ast.Expr)
-        and isinstance(node.value, ast.Constant)
-        and isinstance(node.value.value, str)
-    )
-
-
-@cache
-def _distributions() -> Mapping[str, list[str]]:
-    return packages_distributions()
+def _absolute(level: int, module: str, package: list[str]) -> str:
+    """Full name of the module that an import statement in `package` names."""
+    if not level:
+        return module
+    parents = package[: len(package) - level + 1]
+    return ".".join((*parents, module) if module else parents)
 
 
 @cache
 def _is_loose(top: str) -> bool:
     """Whether a top-level module belongs to no distribution, such as a user's own file."""
-    if top in sys.stdlib_module_names or top in _distributions():
+    if top in sys.stdlib_module_names or top in providers():
         return False
     return bool(_search_folders(top))
-
-
-def _versions(tops: Iterable[str]) -> dict[str, str | None]:
-    names = {name for top in tops for name in _distributions().get(top, [top])}
-    return {name: installed_version(name) for name in sorted(names)}
-
-
-@cache
-def installed_version(name: str) -> str | None:
-    """Version of a distribution; None if it is not installed. Cached for the process."""
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return None
-
-
-SOURCES = "sources"
-"""Folder in the store with copies of source files, to show later what has changed."""
-
-UNUSED = 90 * 86400.0
-"""Seconds after the last use when a copy is removed."""
-
-
-def keep_sources(store_folder: Path, codes: Iterable[Code]) -> None:
-    """Copy the source of each module to the store, named by its digest, if possible."""
-    folder = store_folder / SOURCES
-    files = {code.modules[name]: path for code in codes for name, (path, _) in code.files.items()}
-    for digest, path in files.items():
-        kept = folder / f"{digest}.py"
-        with suppress(OSError):
-            if kept.exists():
-                os.utime(kept)
-            elif path.suffix == ".py":
-                folder.mkdir(parents=True, exist_ok=True)
-                partial = folder / f"{digest}-{os.getpid()}.part"
-                shutil.copyfile(path, partial)
-                partial.replace(kept)
-
-
-def source_difference(store_folder: Path, before: str, now: Path) -> tuple[str, ...]:
-    """Lines of the unified diff between the old source of a module and its file now.
-
-    `before` is the digest of the old module. Without a copy of the old source there are no lines.
-    """
-    try:
-        old = (store_folder / SOURCES / f"{before}.py").read_text("utf-8").splitlines()
-        new = now.read_text("utf-8").splitlines()
-    except (OSError, ValueError):
-        return ()
-    return tuple(difflib.unified_diff(old, new, "before", "now", lineterm="", n=1))
-
-
-def remove_sources(store_folder: Path, everything: bool) -> None:
-    """Remove all copies, or those that were not used for `UNUSED` seconds."""
-    folder = store_folder / SOURCES
-    if everything:
-        shutil.rmtree(folder, ignore_errors=True)
-        return
-    with suppress(OSError):
-        for path in folder.iterdir():
-            with suppress(OSError):
-                if time.time() - path.stat().st_mtime > UNUSED:
-                    path.unlink()

@@ -3,10 +3,8 @@
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
-from stixel_cli.engine.code import keep_sources
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.graph import Graph, Node
 from stixel_cli.engine.keys import digest
@@ -25,6 +23,7 @@ from stixel_cli.engine.pools import (
 )
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.scheduler import Run, Status
+from stixel_cli.engine.source_files import keep_sources, save_digests
 from stixel_cli.engine.store import Store
 from stixel_cli.engine.time_limit import can_interrupt
 
@@ -152,8 +151,13 @@ def execute(
         planned = plan(graph, targets, store)
         nodes = [graph.nodes[key] for key in planned.missing]
         check_writable(len(nodes), store)
-        keep_sources(store.folder, {node.stage.name: node.identity.code for node in nodes}.values())
-        check_bytecode(_modules(nodes))
+        codes = {id(node.identity.code): node.identity.code for node in nodes}.values()
+        files = [
+            (name, c.modules[name], file) for c in codes for name, (file, _) in c.files.items()
+        ]
+        keep_sources(store.folder, ((digest, file) for _, digest, file in files))
+        save_digests(store.folder)
+        check_bytecode({name: file for name, _, file in files})
         here = not nodes or _runs_here(chosen, nodes, durations)
         pool = SerialPool() if here else make_pool(chosen)
         progress.expect(durations.by_stage(nodes), 1 if here else chosen.workers)
@@ -188,12 +192,6 @@ def _records(run: Run) -> dict[str, NodeRecord]:
         )
         for node in nodes
     }
-
-
-def _modules(nodes: Sequence[Node]) -> dict[str, Path]:
-    """Modules of the nodes' code: name -> file."""
-    codes = {id(node.identity.code): node.identity.code for node in nodes}.values()
-    return {name: path for code in codes for name, (path, _) in code.files.items()}
 
 
 def make_pool(executor: Executor) -> Pool:

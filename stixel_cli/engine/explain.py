@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 from stixel_cli.engine.cleanup import evicted
-from stixel_cli.engine.code import Code, source_difference
+from stixel_cli.engine.code import Code
 from stixel_cli.engine.entries import stored_notes
 from stixel_cli.engine.graph import Graph, Node
 from stixel_cli.engine.plan import plan
+from stixel_cli.engine.source_files import source_difference
 from stixel_cli.engine.store import Store
 
 Kind = Literal[

@@ -4,6 +4,7 @@ import pickle
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
 
 from stixel_cli.engine.code import CodeIndex
 from stixel_cli.engine.keys import Identity, node_key, stage_identity
@@ -117,18 +118,21 @@ def merge(graphs: Iterable[Graph]) -> Graph:
 
 
 def build_graph(
-    stages: Sequence[Stage], frame_count: int, chunk_size: int, index: CodeIndex | None = None
+    stages: Sequence[Stage],
+    frame_count: int,
+    chunk_size: int,
+    store_folder: Path | None = None,
 ) -> Graph:
     """Build the graph of `stages` over the frames 0 … `frame_count` - 1, in chunks of `chunk_size`.
 
-    No stage is imported or computed. With a shared `index` several graphs read each file once; for
-    many graphs see `GraphBuilder`.
+    No stage is imported or computed. The store at `store_folder`, if given, may know the digests of
+    source files already. For many graphs see `GraphBuilder`.
 
     Raises:
         ValueError: the stages are not valid; one line.
         LookupError, TypeError, OSError: see `stage_identity`.
     """
-    return GraphBuilder(index).build(stages, frame_count, chunk_size)
+    return GraphBuilder(store_folder).build(stages, frame_count, chunk_size)
 
 
 class GraphBuilder:
@@ -137,8 +141,8 @@ class GraphBuilder:
     Code and external files are read once: make a new builder to see later edits.
     """
 
-    def __init__(self, index: CodeIndex | None = None):
-        self._index = CodeIndex() if index is None else index
+    def __init__(self, store_folder: Path | None = None):
+        self._index = CodeIndex(store_folder)
         self._identities: dict[bytes, Identity] = {}
         self._nodes: dict[tuple, dict[str, Node]] = {}
 

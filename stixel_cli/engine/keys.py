@@ -1,7 +1,6 @@
 """The key of a result: a digest of everything that determines the result."""
 
 import json
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from hashlib import file_digest, sha256
@@ -10,6 +9,7 @@ from typing import Any
 
 from stixel_cli.engine.code import Code, CodeIndex
 from stixel_cli.engine.stage import Stage
+from stixel_cli.engine.versions import python_version
 
 
 def canonical(value: Any) -> Any:
@@ -130,11 +130,6 @@ def node_key(
             "previous": previous,
         }
     )
-
-
-def python_version() -> str:
-    """Python version in keys, such as `3.11`."""
-    return f"{sys.version_info.major}.{sys.version_info.minor}"
 
 
 def _content_digest(path: Path) -> str:

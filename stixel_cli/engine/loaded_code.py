@@ -9,7 +9,6 @@ modification time of the source match, and some edits keep both (`cp -p`, `rsync
 import importlib.util
 import marshal
 import py_compile
-import socket
 import struct
 import sys
 import threading
@@ -21,9 +20,8 @@ from types import CodeType
 from typing import Any
 
 from stixel_cli import FIRST_IMPORT
-from stixel_cli.engine.code import Code, CodeIndex, installed_version, same_files
+from stixel_cli.engine.code import Code, CodeIndex, same_files
 from stixel_cli.engine.errors import CodeChanged
-from stixel_cli.engine.keys import python_version
 
 _started = FIRST_IMPORT
 _lock = threading.Lock()
@@ -72,23 +70,6 @@ def _changed(function: str) -> CodeChanged:
         f"the code of {function} was edited after this run was planned or after this process "
         "had imported it: run the command again to use the new code"
     )
-
-
-def check_versions(notes: Mapping[str, Any]) -> None:
-    """Raise CodeChanged unless Python and the packages have the planned versions.
-
-    Workers on another machine may have other versions.
-    """
-    here = {"python": python_version()} | {
-        name: installed_version(name) for name in notes["versions"]
-    }
-    planned = {"python": notes["python"], **notes["versions"]}
-    for name, version in planned.items():
-        if here[name] != version:
-            raise CodeChanged(
-                f"worker on {socket.gethostname()}: has {name} {here[name]}, but this run was "
-                f"planned with {version}"
-            )
 
 
 _BY_TIME, _BY_HASH = struct.pack("<I", 0), struct.pack("<I", 3)

@@ -11,10 +11,11 @@ from typing import Any, Literal
 from stixel_cli.engine.code import Code
 from stixel_cli.engine.errors import MissingEntry
 from stixel_cli.engine.graph import Node
-from stixel_cli.engine.loaded_code import check_versions, planned_function
+from stixel_cli.engine.loaded_code import planned_function
 from stixel_cli.engine.one_thread import one_thread
 from stixel_cli.engine.store import Store
 from stixel_cli.engine.time_limit import TimeLimit, limited
+from stixel_cli.engine.versions import check_versions
 
 
 @dataclass(frozen=True)

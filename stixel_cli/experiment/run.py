@@ -51,7 +51,9 @@ def plan_experiment(configuration: Configuration, store: Store) -> Plan:
 
 def experiment_graph(configuration: Configuration) -> Graph:
     """The graph of an experiment's nodes."""
-    return build_graph(pipeline_stages(configuration), scan_count(configuration), CHUNK_SIZE)
+    folder = open_store(configuration.cache).folder
+    stages = pipeline_stages(configuration)
+    return build_graph(stages, scan_count(configuration), CHUNK_SIZE, folder)
 
 
 def run_experiment(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from stixel_cli.engine.graph import Graph, GraphBuilder, merge
 from stixel_cli.engine.plan import Durations, plan
-from stixel_cli.engine.store import Store
+from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.experiment.stages import (
     CHUNK_SIZE,
@@ -113,7 +113,8 @@ def plan_runs(
     Raises:
         UserError: if the pipeline's file is wrong, or an input file cannot be read.
     """
-    builder = GraphBuilder()
+    cache = runs[0].composition.configuration.cache
+    builder = GraphBuilder(open_store(cache).folder)
     planned = []
     for run in runs:
         configuration = run.composition.configuration

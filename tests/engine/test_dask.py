@@ -149,7 +149,7 @@ def test_a_stage_that_always_kills_its_worker(cluster, project, notes):
 
 
 def test_a_worker_with_other_versions_is_refused(cluster, project, monkeypatch):
-    monkeypatch.setattr("stixel_cli.engine.code.installed_version", lambda name: "0.0")
+    monkeypatch.setattr("stixel_cli.engine.versions.installed_version", lambda name: "0.0")
     stage = Stage("hang", "dask_steps.steps:hang", "map", {}, {})
     with pytest.raises(CodeChanged, match=r"has numpy \S+, .* planned with 0\.0"):
         execute(build_graph([stage], 1, 1), ["hang"], project.store, executor=executor_at(cluster))

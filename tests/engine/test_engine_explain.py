@@ -139,7 +139,7 @@ def test_code_that_is_reached_anew(project, said):
 
 
 def test_a_version(project, said, monkeypatch):
-    monkeypatch.setattr("stixel_cli.engine.code.installed_version", lambda name: "0.0")
+    monkeypatch.setattr("stixel_cli.engine.versions.installed_version", lambda name: "0.0")
     answer = said(project.graph(), ["numbers"])
     assert answer["numbers"].startswith("numbers: numpy changed from ")
     assert answer["numbers"].endswith(" to 0.0")

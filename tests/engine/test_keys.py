@@ -127,7 +127,7 @@ def test_every_part_of_a_stage_counts(project, tmp_path):
 
 def test_the_version_of_a_package_counts(project, monkeypatch):
     before = project.graph()
-    monkeypatch.setattr("stixel_cli.engine.code.installed_version", lambda name: "0.0")
+    monkeypatch.setattr("stixel_cli.engine.versions.installed_version", lambda name: "0.0")
     after = project.graph()
     assert keys(before, "numbers") != keys(after, "numbers")
 

@@ -1,0 +1,85 @@
+"""Versions of Python and of the installed distributions that a stage's code imports."""
+
+import inspect
+import re
+import socket
+import sys
+from collections.abc import Iterable, Mapping
+from functools import cache
+from importlib.metadata import Distribution, PackageNotFoundError, distributions, version
+from typing import Any
+
+from stixel_cli.engine.errors import CodeChanged
+
+
+def python_version() -> str:
+    """Python version in keys, such as `3.11`."""
+    return f"{sys.version_info.major}.{sys.version_info.minor}"
+
+
+@cache
+def installed_version(name: str) -> str | None:
+    """Version of a distribution; None if it is not installed. Cached for the process."""
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None
+
+
+def versions_of(tops: Iterable[str]) -> dict[str, str | None]:
+    """Versions of the distributions that provide these top-level modules, by distribution.
+
+    A module that belongs to no distribution appears under its own name.
+    """
+    names = {name for top in tops for name in providers().get(top, [top])}
+    return {name: installed_version(name) for name in sorted(names)}
+
+
+@cache
+def providers() -> dict[str, list[str]]:
+    """Distributions by the top-level module that they provide. Cached for the process.
+
+    The same as `importlib.metadata.packages_distributions()`, which looks for every file of every
+    distribution on the disk and takes eight times as long.
+    """
+    found: dict[str, list[str]] = {}
+    for distribution in distributions():
+        notes = distribution.read_text("METADATA") or ""
+        named = re.search(r"^Name: *(\S+)", notes, re.MULTILINE)
+        name = named[1] if named else distribution.metadata["Name"]
+        for top in _top_levels(distribution):
+            found.setdefault(top, []).append(name)
+    return found
+
+
+def _top_levels(distribution: Distribution) -> set[str]:
+    declared = (distribution.read_text("top_level.txt") or "").split()
+    if declared:
+        return set(declared)
+    record = distribution.read_text("RECORD")
+    if record is None:
+        files = map(str, distribution.files or ())
+    else:
+        # One line per file: path, digest, size.
+        files = (line.partition(",")[0].strip('"') for line in record.splitlines())
+    # Of a file in a folder only the folder counts; most files share a few folders.
+    heads = {path[: path.find("/") + 1] or path for path in files}
+    names = {head[:-1] if head[-1:] == "/" else inspect.getmodulename(head) for head in heads}
+    return {name for name in names if name and "." not in name}
+
+
+def check_versions(notes: Mapping[str, Any]) -> None:
+    """Raise CodeChanged unless Python and the packages have the planned versions.
+
+    Workers on another machine may have other versions.
+    """
+    here = {"python": python_version()} | {
+        name: installed_version(name) for name in notes["versions"]
+    }
+    planned = {"python": notes["python"], **notes["versions"]}
+    for name, planned_version in planned.items():
+        if here[name] != planned_version:
+            raise CodeChanged(
+                f"worker on {socket.gethostname()}: has {name} {here[name]}, but this run was "
+                f"planned with {planned_version}"
+            )

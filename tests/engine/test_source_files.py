@@ -1,0 +1,120 @@
+"""Digests of source files are kept in the store, and no edit and no damage makes them wrong."""
+
+import json
+from hashlib import sha256
+from importlib.metadata import packages_distributions
+
+import pytest
+
+from stixel_cli.engine import source_files
+from stixel_cli.engine.code import CodeIndex
+from stixel_cli.engine.versions import providers
+
+
+@pytest.fixture
+def new_process(monkeypatch):
+    """Forget all digests, as a new process does; return the set of the contents parsed since."""
+
+    def new_process():
+        parsed = set()
+        monkeypatch.setattr(source_files, "_digests", {})
+        monkeypatch.setattr(source_files, "_unsaved", parsed)
+        return parsed
+
+    return new_process
+
+
+def digest(project):
+    return CodeIndex(project.store.folder).code([f"{project.name}.double"]).digest
+
+
+def digests_file(project):
+    (file,) = (project.store.folder / "sources").glob("digests-*.json")
+    return file
+
+
+@pytest.fixture
+def stored(project, new_process):
+    """The digest of the stage `double`, which the store knows now."""
+    new_process()
+    project.run(targets=["double"])
+    return digest(project)
+
+
+def test_a_new_process_parses_no_known_file(project, new_process, stored):
+    parsed = new_process()
+    assert digest(project) == stored
+    assert not parsed
+
+
+def test_an_edit_that_keeps_size_and_time_is_seen(project, new_process, stored):
+    parsed = new_process()
+    file = project.package / "helpers.py"
+    before = file.stat()
+    project.edit("helpers", "FACTOR = 3.0", "FACTOR = 4.0")
+    source_files.os.utime(file, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert digest(project) != stored
+    assert len(parsed) == 1
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda content: b"",
+        lambda content: content[:-20],
+        lambda content: content.replace(b"false", b"true", 1),
+        lambda content: b"[" * 100_000,
+        lambda content: b"\xff" * 100,
+    ],
+)
+def test_a_damaged_file_of_digests_is_replaced(project, new_process, stored, damage):
+    file = digests_file(project)
+    content = file.read_bytes()
+    file.write_bytes(damage(content))
+    parsed = new_process()
+    assert digest(project) == stored
+    assert parsed
+    project.run(targets=["double"])
+    new_process()
+    assert digest(project) == stored
+    assert not parsed
+
+
+def test_a_large_file_of_digests_is_not_read(project, new_process, stored, monkeypatch):
+    monkeypatch.setattr(source_files, "LARGEST_FILE", 10)
+    parsed = new_process()
+    assert digest(project) == stored
+    assert parsed
+
+
+def test_two_processes_keep_the_digests_of_both(project, new_process, stored):
+    new_process()
+    project.write("first", "value = 1")
+    CodeIndex().code([f"{project.name}.first"])
+    source_files.save_digests(project.store.folder)
+    parsed = new_process()
+    assert digest(project) == stored
+    CodeIndex(project.store.folder).code([f"{project.name}.first"])
+    assert not parsed
+
+
+def test_the_newest_digests_are_kept(project, new_process, stored, monkeypatch):
+    monkeypatch.setattr(source_files, "MOST_DIGESTS", 1)
+    new_process()
+    project.write("first", "value = 1")
+    CodeIndex().code([f"{project.name}.first"])
+    source_files.save_digests(project.store.folder)
+    content = digests_file(project).read_bytes().partition(b"\n")[2]
+    assert list(json.loads(content)) == [sha256(b"value = 1").hexdigest()]
+
+
+def test_digests_do_not_fail_on_a_store_that_cannot_be_written(project, new_process):
+    new_process()
+    project.store.folder.write_text("a file, not a folder")
+    digest(project)
+    source_files.save_digests(project.store.folder)
+
+
+def test_providers_are_those_of_the_library():
+    for top, names in packages_distributions().items():
+        assert set(names) <= set(providers()[top]), top
