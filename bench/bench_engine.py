@@ -17,8 +17,8 @@ from stixel_cli.engine.entries import entries
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.explain import explain
 from stixel_cli.engine.graph import GraphBuilder, build_graph, merge
+from stixel_cli.engine.keys import Stage
 from stixel_cli.engine.plan import plan
-from stixel_cli.engine.stage import Stage
 from stixel_cli.engine.store import Store
 
 NODES = 200

@@ -102,7 +102,7 @@ def _shortened(change: "Change") -> list[str]:
 
 def _asked(what: Sequence[str], file: str | None) -> _Asked:
     from stixel_cli.config.compose import Composer
-    from stixel_cli.experiment.stored_run import has_pictures, read_stored_run
+    from stixel_cli.experiment.run import has_pictures, read_stored_run
     from stixel_cli.results.reader import SWEEP_FILE
     from stixel_cli.sweeps.folder import SweepFolder
     from stixel_cli.sweeps.runs import compose_runs, design_runs, sweep_design

@@ -11,7 +11,7 @@ from stixel_cli.cli.options import Json
 from stixel_cli.cli.terminal import print_json, print_table
 
 if TYPE_CHECKING:
-    from stixel_cli.results.run_list import ListedRun
+    from stixel_cli.results.reader import ListedRun
 
 SHOWN = ("centre_rmse_m", "iou_mean")
 
@@ -30,7 +30,7 @@ def ls(
 ) -> int:
     """List runs and sweeps, oldest first."""
     from stixel_cli.evaluation.metric_table import metric
-    from stixel_cli.results.run_list import list_runs
+    from stixel_cli.results.reader import list_runs
 
     runs = list_runs(folder)
     if json:

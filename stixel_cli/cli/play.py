@@ -40,7 +40,7 @@ def play(
         raise UserError(f"--output: the folder {output.parent} does not exist")
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.experiment.playback import folders_page
-    from stixel_cli.experiment.stored_run import read_stored_run
+    from stixel_cli.experiment.run import read_stored_run
     from stixel_cli.report.compare import default_page, run_labels, write_page
 
     labels = run_labels(folders)

@@ -21,8 +21,7 @@ def rerun(
     Example: stixel rerun results/wide-prior
     """
     from stixel_cli.engine.progress import make_progress
-    from stixel_cli.experiment.run import record_run
-    from stixel_cli.experiment.stored_run import read_stored_run
+    from stixel_cli.experiment.run import read_stored_run, record_run
 
     stored = read_stored_run(folder, tuple(with_workers((), workers)))
     made = record_run(

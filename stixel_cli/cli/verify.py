@@ -41,7 +41,7 @@ def verify(
 
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.engine.store import Store, open_store
-    from stixel_cli.experiment.stored_run import read_stored_run
+    from stixel_cli.experiment.run import read_stored_run
     from stixel_cli.experiment.verify import verify_run
     from stixel_cli.results.provenance import provenance
 

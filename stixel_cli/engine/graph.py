@@ -7,8 +7,7 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 from stixel_cli.engine.code import CodeIndex
-from stixel_cli.engine.keys import Identity, node_key, stage_identity
-from stixel_cli.engine.stage import CHUNKED, Stage
+from stixel_cli.engine.keys import CHUNKED, Identity, Stage, node_key, stage_identity
 
 
 @dataclass(frozen=True)

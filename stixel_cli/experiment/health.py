@@ -23,7 +23,7 @@ RENDERER_TIMEOUT = 60.0
 LEAST_FREE = 10**9
 """Free bytes that the cache needs: a few experiments of a hundred frames."""
 
-RAYCAST_PROBE = (sys.executable, "-m", "stixel_cli.experiment.raycast_probe")
+RAYCAST_PROBE = (sys.executable, "-c", f"import {__name__} as health; health.render_one_picture()")
 
 
 @dataclass(frozen=True)
@@ -85,6 +85,20 @@ def probe_raycast(
         return None
     lines = [line.strip() for line in errors.splitlines() if line.strip()]
     return lines[-1] if lines else f"its process ended with exit code {child.returncode}"
+
+
+def render_one_picture() -> None:
+    """Render one frame of 64 × 64 pixels by ray casting. Run by a child process: it may crash."""
+    from stixel_cli.config.compose import compose
+    from stixel_cli.rendering.raycast import render
+    from stixel_cli.scene.build import build_scenario
+    from stixel_cli.scene.ego import ego_motion
+
+    small = ("rig.width=64", "rig.height=64", "stereo.disparities=16", "path.duration=0.2")
+    what = compose((*small, "pictures.frames=[0]", "renderer=raycast")).configuration
+    ego = ego_motion(what.ego, what.path.duration, what.path.sample_time)
+    scenario = build_scenario(ego, what.road_user, what.path)
+    render(scenario, what.road_user, what.world, what.rig, what.renderer, range(1))
 
 
 def _probe_filament() -> str | None:

@@ -27,7 +27,7 @@ def folders_page(
     from those of a folder, the page and the notes say so.
 
     Args:
-        stored: the runs, see `experiment.stored_run.read_stored_run`.
+        stored: the runs, see `experiment.run.read_stored_run`.
         labels: names of the folders, all different.
         progress: reports the progress of each run.
 

@@ -2,14 +2,15 @@
 
 import shlex
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.config.compose import Composition
+from stixel_cli import __version__
+from stixel_cli.config.compose import Composition, compose, from_resolved
 from stixel_cli.config.schema import Configuration
 from stixel_cli.engine.errors import CacheError, CodeChanged, ExecutorError, StageFailure
 from stixel_cli.engine.execute import execute
@@ -18,7 +19,7 @@ from stixel_cli.engine.locks import lease
 from stixel_cli.engine.plan import Plan, plan
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store, open_store
-from stixel_cli.errors import FolderTaken, UserError
+from stixel_cli.errors import ConfigurationError, FolderTaken, UserError
 from stixel_cli.experiment.stages import (
     CHUNK_SIZE,
     picture_stages,
@@ -27,12 +28,15 @@ from stixel_cli.experiment.stages import (
 )
 from stixel_cli.report.playback import playback_html
 from stixel_cli.results.folder import check_results, reserve_folder, stamp, write_folder
-from stixel_cli.results.lineage import lineage_of
+from stixel_cli.results.lineage import lineage_of, read_lineage
 from stixel_cli.results.provenance import provenance
-from stixel_cli.results.result import RunResult
+from stixel_cli.results.result import RunResult, read_run
 
 RESULTS = ("scenario", "scans", "track", "scores")
 """Stages that every pipeline has; their results are those of the experiment."""
+
+OF_THE_MACHINE = ("executor", "cache")
+"""Groups that name where to compute, not what: a rerun uses those of its own machine."""
 
 CAMERA = "camera_frames"
 """The stage that prepares the camera's images for the playback page."""
@@ -198,3 +202,45 @@ def targets(graph: Graph, pictures: bool = True, camera: bool | None = None) -> 
     if (pictures if camera is None else camera) and CAMERA in graph.stages:
         wanted.append(CAMERA)
     return wanted
+
+
+def read_stored_run(path: Path, overrides: tuple[str, ...] = ()) -> RunResult:
+    """Read the result folder `path`, with its validated experiment and its lineage.
+
+    The experiment has the executor and the cache of this machine. `overrides` may only change the
+    groups `OF_THE_MACHINE`.
+
+    Raises:
+        UserError: if it is not a result folder, or its configuration is not valid in this version.
+    """
+    run = read_run(path)
+    own = compose(overrides).resolved
+    resolved = {**run.settings, **{name: own[name] for name in OF_THE_MACHINE if name in own}}
+    try:
+        configuration = from_resolved(resolved)
+    except ConfigurationError as fault:
+        raise UserError(
+            f"{path / 'config.yaml'}: {fault}{_by_another_version(run.manifest)}"
+        ) from None
+    choices = run.manifest.get("choices")
+    given = run.manifest.get("overrides")
+    composition = Composition(
+        configuration,
+        {str(k): str(v) for k, v in choices.items()} if isinstance(choices, dict) else {},
+        tuple(str(text) for text in given) if isinstance(given, list) else (),
+        resolved,
+    )
+    return replace(run, settings=resolved, composition=composition, lineage=read_lineage(path))
+
+
+def has_pictures(run: RunResult) -> bool:
+    """Whether the folder of a run has pictures. Runs of a sweep have them only on request."""
+    return (run.folder / "figures").is_dir()
+
+
+def _by_another_version(manifest: Mapping[str, Any]) -> str:
+    versions = manifest.get("versions")
+    theirs = versions.get("stixel") if isinstance(versions, dict) else None
+    if theirs in (None, __version__):
+        return ""
+    return f" (the folder was made by stixel {theirs}, this is {__version__})"

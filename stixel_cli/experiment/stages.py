@@ -15,7 +15,7 @@ import yaml
 from stixel_cli.config.folders import shipped_folder
 from stixel_cli.config.schema import Configuration
 from stixel_cli.engine.graph import Graph
-from stixel_cli.engine.stage import Stage
+from stixel_cli.engine.keys import Stage
 from stixel_cli.errors import UserError
 from stixel_cli.scene.mesh_references import referred_files
 
@@ -30,7 +30,7 @@ class Definition:
     Attributes:
         functions: "module:function" to call, by the `kind` of the settings that `chosen_by` names;
             a stage with one implementation has the single key "".
-        pattern: how it runs over the frames, see `stixel_cli.engine.stage.Stage`.
+        pattern: how it runs over the frames, see `stixel_cli.engine.keys.Stage`.
         reads: argument name to the dotted path of its settings in the configuration.
         modules: code that no import statement leads to, see `Stage.modules`.
         chosen_by: dotted path of the settings whose `kind` selects the function; "" if there is no

@@ -9,29 +9,20 @@ import numpy as np
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store
-from stixel_cli.experiment.run import experiment_graph, one_line_errors, run_experiment
-from stixel_cli.experiment.stored_run import has_pictures
+from stixel_cli.experiment.run import (
+    experiment_graph,
+    has_pictures,
+    one_line_errors,
+    run_experiment,
+)
 from stixel_cli.files import read_arrays, read_bytes
-from stixel_cli.results.causes import first_changed_stage
-from stixel_cli.results.differences import first_difference
+from stixel_cli.results.differences import (
+    StageDifference,
+    first_changed_stage,
+    first_difference,
+)
 from stixel_cli.results.lineage import Lineage
-from stixel_cli.results.result import RunResult
-from stixel_cli.results.tables import scan_columns, score_columns, track_arrays
-
-
-@dataclass(frozen=True)
-class StageDifference:
-    """A stage that changed.
-
-    Attributes:
-        stage: its name.
-        what: how its key or its result differs.
-        causes: the known causes, one line each.
-    """
-
-    stage: str
-    what: str
-    causes: tuple[str, ...]
+from stixel_cli.results.result import RunResult, scan_columns, score_columns, track_arrays
 
 
 @dataclass(frozen=True)
@@ -102,7 +93,8 @@ def verify_run(
     )
     by_key = by_value = None
     if stored.lineage is not None:
-        by_key = _first_by_key(stored, new.lineage)
+        graph = experiment_graph(stored.composition.configuration)
+        by_key = first_changed_stage(stored.lineage, new.lineage, graph)
         by_value = _first_by_digest(stored.lineage, new.lineage, old_store, store)
     if by_value is None and files:
         by_value = _first_by_file(files, stored.lineage is not None)
@@ -134,15 +126,6 @@ def _compared_files(
         picture = stored.folder / "figures" / name
         if picture.exists():
             yield f"figures/{name}", "pictures", first_difference(read_bytes(picture), data)
-
-
-def _first_by_key(stored: RunResult, new: Lineage) -> StageDifference | None:
-    graph = experiment_graph(stored.composition.configuration)
-    found = first_changed_stage(stored.lineage, new, graph)
-    if found is None:
-        return None
-    what = "its keys differ" if found.known else "the folder's run did not have this stage"
-    return StageDifference(found.stage, what, found.causes)
 
 
 def _first_by_digest(

@@ -15,8 +15,7 @@ import yaml
 
 from stixel_cli.errors import FolderTaken, UserError
 from stixel_cli.results import lineage
-from stixel_cli.results.result import RunResult
-from stixel_cli.results.tables import track_arrays
+from stixel_cli.results.result import RunResult, track_arrays
 from stixel_cli.results.text import json_text
 
 PAGE = "index.html"

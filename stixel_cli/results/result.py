@@ -20,7 +20,6 @@ from stixel_cli.results.reader import (
     read_pictures,
     read_series,
 )
-from stixel_cli.results.tables import scan_columns, score_columns, track_columns
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track
 
@@ -30,7 +29,7 @@ class RunResult:
     """The result of one run, computed in this process or read from a result folder.
 
     A result that was computed has everything. A result that was read has what its reader names:
-    `read_run`, `read_scored_run` or `experiment.stored_run.read_stored_run`.
+    `read_run`, `read_scored_run` or `experiment.run.read_stored_run`.
 
     Attributes:
         settings: the configuration in plain types, as in `config.yaml`.
@@ -128,3 +127,50 @@ def read_scored_run(folder: Path) -> RunResult:
     missing = {name: np.full(times.shape, np.nan) for name in SERIES if name not in series}
     scores = Scores(times=times, **series, **missing, metrics=run.metrics)
     return replace(run, scores=scores, pictures=read_pictures(folder / "figures", "path.png"))
+
+
+def scan_columns(scans: Scans) -> dict[str, np.ndarray]:
+    """The scans as a table, one row per point: k, t (s), x, y (m), variances (m²)."""
+    k = np.repeat(np.arange(len(scans)), np.diff(scans.offsets))
+    return {
+        "k": k,
+        "t": scans.times[k],
+        "x": scans.points_world[:, 0],
+        "y": scans.points_world[:, 1],
+        "var_xx": scans.covariances_world[:, 0, 0],
+        "var_xy": scans.covariances_world[:, 0, 1],
+        "var_yy": scans.covariances_world[:, 1, 1],
+    }
+
+
+def track_columns(track: Track) -> dict[str, np.ndarray]:
+    """The track as a table, one row per scan: pose, rates, their stds, number of points used."""
+    names = ("x", "y", "heading", "x_rate", "y_rate", "heading_rate")
+    std = np.sqrt(np.diagonal(track.covariances, axis1=1, axis2=2)[:, :6])
+    return {
+        "k": np.arange(len(track.times)),
+        "t": track.times,
+        **{name: track.means[:, i] for i, name in enumerate(names)},
+        **{f"std_{name}": std[:, i] for i, name in enumerate(names)},
+        "points_used": np.diff(track.used_offsets),
+        "nis": track.nis,
+        "nis_degrees_of_freedom": track.nis_degrees_of_freedom,
+    }
+
+
+def score_columns(scores: Scores) -> dict[str, np.ndarray]:
+    """The errors as a table, one row per scan; units as in `Scores`."""
+    return {
+        "k": np.arange(len(scores.times)),
+        "t": scores.times,
+        "centre_error": scores.centre_error,
+        "orientation_error": scores.orientation_error,
+        "iou": scores.iou,
+        "nees_position": scores.nees_position,
+        "nis": scores.nis,
+    }
+
+
+def track_arrays(track: Track) -> dict[str, np.ndarray]:
+    """All arrays of the track by name; shapes as in `Track`."""
+    return {name: value for name, value in vars(track).items() if isinstance(value, np.ndarray)}

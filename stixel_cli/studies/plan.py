@@ -9,7 +9,7 @@ from typing import Any
 from stixel_cli.config import messages
 from stixel_cli.config.overrides import parse_overrides, single_overrides
 from stixel_cli.errors import ConfigurationError
-from stixel_cli.experiment.stored_run import OF_THE_MACHINE
+from stixel_cli.experiment.run import OF_THE_MACHINE
 from stixel_cli.studies.file import StudyFile, SweepEntry
 from stixel_cli.studies.overrides import key_of, overridden
 from stixel_cli.sweeps.design import Design, check_size

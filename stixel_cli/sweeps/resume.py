@@ -12,8 +12,8 @@ from stixel_cli.config import messages
 from stixel_cli.config.override_text import override_text
 from stixel_cli.config.overrides import check_overrides, parse_overrides
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.experiment.stored_run import OF_THE_MACHINE
-from stixel_cli.results.causes import first_changed_stage
+from stixel_cli.experiment.run import OF_THE_MACHINE
+from stixel_cli.results.differences import first_changed_stage
 from stixel_cli.results.lineage import lineage_of, read_lineage
 from stixel_cli.results.reader import flat_settings, read_config
 from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
@@ -138,7 +138,7 @@ def _reason(folder: SweepFolder, one: PlannedRun) -> str:
         causes = [_settings(folder, one) if c == _OTHER_SETTINGS else c for c in found.causes]
     except UserError:
         return _UNKNOWN
-    if not found.known:
+    if found.stage not in before.stages:
         return f"{found.stage} is new"
     more = f" and {len(causes) - 1} more" if len(causes) > 1 else ""
     return f"{found.stage}: {causes[0] if causes else 'its inputs changed'}{more}"

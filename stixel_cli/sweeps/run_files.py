@@ -13,7 +13,7 @@ from stixel_cli.engine.execute import Execution, NodeRecord
 from stixel_cli.engine.store import Store
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.results import lineage
-from stixel_cli.results.tables import score_columns
+from stixel_cli.results.result import score_columns
 from stixel_cli.results.text import json_text
 from stixel_cli.sweeps.folder import RUNS, SweepFolder, yaml_text
 from stixel_cli.sweeps.graphs import PlannedRun

@@ -12,8 +12,8 @@ import pytest
 from stixel_cli.engine import loaded_code
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.graph import build_graph
+from stixel_cli.engine.keys import Stage
 from stixel_cli.engine.progress import Progress
-from stixel_cli.engine.stage import Stage
 from stixel_cli.engine.store import VALUE, Store
 
 FRAMES, CHUNK = 10, 4

@@ -14,9 +14,9 @@ from stixel_cli.engine.dask_pool import Cluster
 from stixel_cli.engine.errors import CodeChanged, ExecutorError, StageFailure
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.graph import build_graph
+from stixel_cli.engine.keys import Stage
 from stixel_cli.engine.parameters import DaskExecutor
 from stixel_cli.engine.plan import probe
-from stixel_cli.engine.stage import Stage
 from stixel_cli.engine.store import Store
 
 distributed = pytest.importorskip("distributed", reason="Dask is not installed")
@@ -219,7 +219,7 @@ OWN = """
     from stixel_cli.engine.execute import execute
     from stixel_cli.engine.graph import build_graph
     from stixel_cli.engine.parameters import DaskExecutor
-    from stixel_cli.engine.stage import Stage
+    from stixel_cli.engine.keys import Stage
     from stixel_cli.engine.store import Store
     from stixel_cli.engine.progress import Progress
 

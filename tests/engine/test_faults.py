@@ -195,7 +195,7 @@ SCRIPT = """
     from stixel_cli.engine.execute import execute
     from stixel_cli.engine.graph import build_graph
     from stixel_cli.engine.progress import Progress
-    from stixel_cli.engine.stage import Stage
+    from stixel_cli.engine.keys import Stage
     from stixel_cli.engine.store import Store
 
     sys.path.insert(0, {folder!r})

@@ -9,7 +9,7 @@ import pytest
 
 from stixel_cli.config.compose import compose
 from stixel_cli.engine.code import CodeIndex
-from stixel_cli.engine.stage import GIVEN
+from stixel_cli.engine.keys import GIVEN
 from stixel_cli.experiment.stages import TABLE, draws, pictured_frames, pipeline_stages, scan_count
 from stixel_cli.results.pictures import Pictures
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
