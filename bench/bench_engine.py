@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import pytest
 
-from stixel_cli.engine import code
+from stixel_cli.engine import source_files
 from stixel_cli.engine.cleanup import keep_limit
 from stixel_cli.engine.code import CodeIndex
 from stixel_cli.engine.entries import entries
@@ -78,7 +78,7 @@ def test_overhead_of_a_node(benchmark, graph, tmp_path, executor, monkeypatch):
 
 @pytest.mark.benchmark(group="400 more nodes")
 @pytest.mark.parametrize("executor", ["serial", "threads", "local", "dask"])
-def test_overhead_beside_the_start(benchmark, tmp_path, executor, monkeypatch, graph):
+def test_overhead_without_the_start(benchmark, tmp_path, executor, monkeypatch, graph):
     """Time per node of 600 nodes minus 200 nodes, so without the start of the workers."""
     if executor == "dask":
         pytest.importorskip("distributed")
@@ -141,9 +141,8 @@ def test_plan_of_many_points(benchmark, points, tmp_path, how):
         return plan(graph, graph.stage_names, store, verify=False)
 
     def one_by_one():
-        index = CodeIndex()
         for stages in points[:50]:
-            graph = build_graph(stages, 60, 10, index)
+            graph = build_graph(stages, 60, 10)
             plan(graph, graph.stage_names, store, verify=False)
 
     if how == "merged":
@@ -218,7 +217,7 @@ def test_code(benchmark, when):
 
     def forget():
         if when == "first":
-            code._parsed.clear()
+            source_files._digests.clear()
 
     started = time.perf_counter()
     codes = code_of_all()

@@ -83,7 +83,7 @@ def explain(
         runs = sorted({index for one in group for index in needed_by.get(one.key, ())})
         where = f" ({shown_runs(runs, len(asked.runs))})" if asked.runs else ""
         sys.stdout.write(f"{labels}{where}: {text}\n")
-        for change in (*group[0].changes, *group[0].roots):
+        for change in group[0].changes:
             if change.difference and change.difference not in shown:
                 shown.add(change.difference)
                 sys.stdout.write("".join(f"    {line}\n" for line in _shortened(change)))
@@ -193,6 +193,6 @@ def _as_json(one: "Explanation", runs: Sequence[int] | None) -> dict:
                 "difference": list(c.difference),
                 "text": str(c),
             }
-            for c in (*one.changes, *one.roots)
+            for c in one.changes
         ],
     }

@@ -1,14 +1,15 @@
 """Explain why a node would be computed: what differs from the most similar result in the store."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from functools import cache, partial
 from typing import Any, Literal
 
 from stixel_cli.engine.cleanup import evicted
 from stixel_cli.engine.code import Code
 from stixel_cli.engine.entries import stored_notes
 from stixel_cli.engine.graph import Graph, Node
+from stixel_cli.engine.keys import differences, plain
 from stixel_cli.engine.plan import plan
 from stixel_cli.engine.source_files import source_difference
 from stixel_cli.engine.store import Store
@@ -73,19 +74,19 @@ class Explanation:
 
     Attributes:
         key, stage, label: of the node.
-        changes: the reasons in the node itself.
-        roots: changes in stages before it that need not be computed, since their results with the
-            new settings are stored.
+        changes: the reasons: changes in the node itself, then changes in stages before it that
+            need not be computed, since their results with the new settings are stored.
     """
 
     key: str
     stage: str
     label: str
     changes: tuple[Change, ...]
-    roots: tuple[Change, ...] = ()
 
-    def __str__(self) -> str:
-        return f"{self.label}: " + "; ".join(map(str, (*self.changes, *self.roots)))
+    @property
+    def text(self) -> str:
+        """The reasons in one line."""
+        return "; ".join(map(str, self.changes))
 
 
 def explain(graph: Graph, store: Store, targets: Sequence[str] | None = None) -> list[Explanation]:
@@ -99,17 +100,15 @@ def explain(graph: Graph, store: Store, targets: Sequence[str] | None = None) ->
     missing = plan(graph, wanted, store, verify=False).missing
     if not missing:
         return []
-    nodes = [graph.nodes[key] for key in missing]
-    memory = _Memory(store, {node.stage.name for node in graph.nodes.values()})
-    return [_explain(graph, node, memory) for node in nodes]
+    memory = _Memory(store, set(graph.stages))
+    return [_explain(graph, graph.nodes[key], memory) for key in missing]
 
 
 def by_stage(explanations: Iterable[Explanation]) -> list[tuple[list[Explanation], str]]:
     """Group the explanations of a stage that have the same text, with that text."""
     groups: dict[tuple[str, str], list[Explanation]] = {}
     for one in explanations:
-        text = "; ".join(map(str, (*one.changes, *one.roots)))
-        groups.setdefault((one.stage, text), []).append(one)
+        groups.setdefault((one.stage, one.text), []).append(one)
     return [(group, text) for (_, text), group in groups.items()]
 
 
@@ -123,38 +122,33 @@ class _Memory:
             self.by_key[notes["key"]] = notes
             self.by_stage.setdefault(notes["stage"], []).append(notes)
         self.evicted = evicted(store)
-        self.folder = store.folder
-        self.differences: dict[tuple[str, str], tuple[str, ...]] = {}
-
-    def source_difference(self, before: str, now: Path) -> tuple[str, ...]:
-        known = (before, str(now))
-        if known not in self.differences:
-            self.differences[known] = source_difference(self.folder, before, now)
-        return self.differences[known]
+        self.source_difference = cache(partial(source_difference, store.folder))
 
 
 def _explain(graph: Graph, node: Node, memory: _Memory) -> Explanation:
+    changes = dict.fromkeys(_changes(graph, node, memory))
+    return Explanation(node.key, node.stage.name, node.label, tuple(changes))
+
+
+def _changes(graph: Graph, node: Node, memory: _Memory) -> list[Change]:
     name = node.stage.name
     known = memory.by_stage.get(name, [])
     if node.key in memory.evicted:
         reason, _ = memory.evicted[node.key]
         kind = "damaged" if reason == "damaged" else "evicted"
-        change = Change(kind, name, WORDS.get(reason, reason))
-        return Explanation(node.key, name, node.label, (change,))
+        return [Change(kind, name, WORDS.get(reason, reason))]
     if not known:
-        return Explanation(node.key, name, node.label, (Change("new", name),))
+        return [Change("new", name)]
     nearest = min(known, key=lambda notes: _distance(node, notes))
     changes = _identity_changes(node, nearest, memory)
     roots = _roots(graph, node, nearest, memory, set())
     if nearest.get("frames") == _frames(node):
-        changes += _input_changes(graph, node, nearest) or ([] if changes else [NEEDED])
+        changes += _input_changes(graph, node, nearest)
+        changes = changes or [Change("needed", name)]
     elif not changes:
         # Other frames have other inputs: the frames are new.
         changes = _input_changes(graph, node, nearest) if roots else [Change("new", node.label)]
-    return Explanation(node.key, name, node.label, tuple(changes), tuple(dict.fromkeys(roots)))
-
-
-NEEDED = Change("needed", "")
+    return changes + roots
 
 
 def _frames(node: Node) -> list[int | None] | None:
@@ -167,9 +161,8 @@ def _distance(node: Node, notes: Mapping[str, Any]) -> tuple:
     differing = len(differences(notes.get("settings"), content["settings"]))
     differing += sum(notes.get(one) != content[one] for one in ("code", "python", "seed", "files"))
     differing += notes.get("versions") != content["versions"]
-    inputs = {name: list(keys) for name, keys in node.inputs.items()}
     stored = notes.get("inputs", {})
-    differing += sum(stored.get(name) != keys for name, keys in inputs.items())
+    differing += sum(stored.get(name) != list(keys) for name, keys in node.inputs.items())
     return (
         notes.get("function") != content["function"],
         notes.get("frames") != _frames(node),
@@ -200,20 +193,16 @@ def _identity_changes(node: Node, notes: Mapping[str, Any], memory: _Memory) -> 
         changes.append(Change("file", named))
     before, after = notes.get("versions", {}), content["versions"]
     # That only one of the two imports a distribution follows from their code.
-    pairs = {name: (before[name], after[name]) for name in sorted(before.keys() & after.keys())}
-    pairs = {"Python": (notes.get("python"), content["python"]), **pairs}
-    changes += [
-        Change("version", name, old or "not installed", new or "not installed")
+    pairs = {
+        "Python": (notes.get("python"), content["python"]),
+        **{name: (before[name], after[name]) for name in sorted(before.keys() & after.keys())},
+        "the cache's layout": (notes.get("layout"), content["layout"]),
+    }
+    return changes + [
+        Change("version", name, str(old or "not installed"), str(new or "not installed"))
         for name, (old, new) in pairs.items()
         if old != new
     ]
-    if notes.get("layout") != content["layout"]:
-        changes.append(
-            Change(
-                "version", "the cache's layout", str(notes.get("layout")), str(content["layout"])
-            )
-        )
-    return changes
 
 
 def _key(node: Node, path: str) -> str:
@@ -223,17 +212,11 @@ def _key(node: Node, path: str) -> str:
 
 
 def _code_changes(before: Mapping[str, str], code: Code, memory: _Memory) -> list[Change]:
-    changed = [name for name in code.modules if name in before]
-    changes = [
-        Change(
-            "code",
-            name,
-            "changed",
-            difference=memory.source_difference(before[name], code.files[name][0]),
-        )
-        for name in changed
-        if before[name] != code.modules[name]
-    ]
+    changes = []
+    for name, digest in code.modules.items():
+        if before.get(name, digest) != digest:
+            difference = memory.source_difference(before[name], code.files[name][0])
+            changes.append(Change("code", name, "changed", difference=difference))
     # Which modules are reached follows from the edits. It is a reason only without edits.
     return changes or [
         Change("code", name, "reached now" if name in code.modules else "no longer reached")
@@ -270,56 +253,3 @@ def _roots(
                 found += _identity_changes(provider, memory.by_key[old], memory)
                 found += _roots(graph, provider, memory.by_key[old], memory, seen)
     return found
-
-
-Difference = tuple[str, str, str]
-"""Dotted path of a setting, old value, new value; "" for a missing value."""
-
-
-def differences(before: Any, after: Mapping[str, Any]) -> list[Difference]:
-    """List the settings in which two canonical trees differ."""
-    before = before if isinstance(before, Mapping) else {}
-    return list(_of_fields(before, after, ""))
-
-
-def _of_fields(before: Mapping, after: Mapping, prefix: str) -> Iterator[Difference]:
-    for name in sorted({*before, *after}):
-        path = prefix + name
-        if name not in before:
-            yield path, "", plain(after[name])
-        elif name not in after:
-            yield path, plain(before[name]), ""
-        elif before[name] != after[name]:
-            (kind, old), (new_kind, new) = _content(before[name]), _content(after[name])
-            if kind and kind == new_kind:
-                yield from _of_fields(old, new, f"{path}.")
-            else:
-                yield path, plain(before[name]), plain(after[name])
-
-
-def _content(tree: Any) -> tuple[str, Mapping[str, Any]]:
-    """Type and fields of a dataclass or mapping in canonical form; otherwise "", {}."""
-    if isinstance(tree, dict) and len(tree) == 1:
-        ((kind, fields),) = tree.items()
-        if isinstance(fields, dict):
-            return kind, fields
-    return "", {}
-
-
-def plain(tree: Any) -> str:
-    """Format a canonical tree as in a configuration file."""
-    if tree is None:
-        return "null"
-    if isinstance(tree, bool):
-        return str(tree).lower()
-    if isinstance(tree, list):
-        return f"[{', '.join(map(plain, tree))}]"
-    if isinstance(tree, dict):
-        if set(tree) == {"float"}:
-            return str(tree["float"])
-        ((name, content),) = tree.items()
-        if isinstance(content, list):
-            return plain(content)
-        # A variant of a group by its kind, other values by their class.
-        return str(content.get("kind", name.rpartition(".")[2]))
-    return str(tree) or "''"

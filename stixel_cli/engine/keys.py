@@ -1,7 +1,7 @@
 """A stage, and the key of its results: a digest of everything that determines them."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from hashlib import file_digest, sha256
 from pathlib import Path
@@ -98,6 +98,59 @@ def canonical(value: Any) -> Any:
     if isinstance(value, Mapping) and all(isinstance(key, str) for key in value):
         return {"mapping": {key: canonical(value[key]) for key in sorted(value)}}
     raise TypeError(f"a setting of type {type(value).__name__} cannot be part of a key: {value!r}")
+
+
+Difference = tuple[str, str, str]
+"""Dotted path of a setting, old value, new value; "" for a missing value."""
+
+
+def differences(before: Any, after: Mapping[str, Any]) -> list[Difference]:
+    """List the settings in which two canonical trees differ."""
+    before = before if isinstance(before, Mapping) else {}
+    return list(_of_fields(before, after, ""))
+
+
+def _of_fields(before: Mapping, after: Mapping, prefix: str) -> Iterator[Difference]:
+    for name in sorted({*before, *after}):
+        path = prefix + name
+        if name not in before:
+            yield path, "", plain(after[name])
+        elif name not in after:
+            yield path, plain(before[name]), ""
+        elif before[name] != after[name]:
+            (kind, old), (new_kind, new) = _content(before[name]), _content(after[name])
+            if kind and kind == new_kind:
+                yield from _of_fields(old, new, f"{path}.")
+            else:
+                yield path, plain(before[name]), plain(after[name])
+
+
+def _content(tree: Any) -> tuple[str, Mapping[str, Any]]:
+    """Type and fields of a dataclass or mapping in canonical form; otherwise "", {}."""
+    if isinstance(tree, dict) and len(tree) == 1:
+        ((kind, fields),) = tree.items()
+        if isinstance(fields, dict):
+            return kind, fields
+    return "", {}
+
+
+def plain(tree: Any) -> str:
+    """Format a canonical tree as in a configuration file."""
+    if tree is None:
+        return "null"
+    if isinstance(tree, bool):
+        return str(tree).lower()
+    if isinstance(tree, list):
+        return f"[{', '.join(map(plain, tree))}]"
+    if isinstance(tree, dict):
+        if set(tree) == {"float"}:
+            return str(tree["float"])
+        ((name, content),) = tree.items()
+        if isinstance(content, list):
+            return plain(content)
+        # A variant of a group by its kind, other values by their class.
+        return str(content.get("kind", name.rpartition(".")[2]))
+    return str(tree) or "''"
 
 
 def type_name(value: Any) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Future
 from contextlib import contextmanager
 from queue import SimpleQueue
-from threading import Thread
+from threading import Thread, current_thread, main_thread
 from typing import Any, Literal
 
 from stixel_cli.engine.one_thread import ENVIRONMENT
@@ -169,6 +169,43 @@ def _settle(future: Future, function: Callable[..., Any], arguments: tuple) -> N
         future.set_result(function(*arguments))
     except Exception as error:
         future.set_exception(error)
+
+
+def no_interrupt() -> None:
+    """No interrupt is deferred."""
+
+
+@contextmanager
+def deferred_interrupts() -> Iterator[Callable[[], None]]:
+    """Defer Ctrl-C, and SIGTERM if handled as Ctrl-C, until the yielded function is called.
+
+    That function raises KeyboardInterrupt. Raised inside `wait`, it would leave the lock of a
+    future acquired, and the thread that manages the workers would wait for that lock forever.
+
+    Nothing changes outside the main thread, nor for a signal with another handler than Python's
+    `default_int_handler`.
+    """
+    pending: list[int] = []
+
+    def check() -> None:
+        if pending:
+            raise KeyboardInterrupt
+
+    here = current_thread() is main_thread()
+    ours = [
+        number
+        for number in (signal.SIGINT, signal.SIGTERM)
+        if here and signal.getsignal(number) is signal.default_int_handler
+    ]
+    for number in ours:
+        signal.signal(number, lambda number, _: pending.append(number))
+    try:
+        yield check
+    finally:
+        for number in ours:
+            signal.signal(number, signal.default_int_handler)
+    # A signal may have arrived after the last call.
+    check()
 
 
 @contextmanager

@@ -2,15 +2,14 @@
 
 import heapq
 import os
-import signal
 import socket
-import threading
 import time
 import traceback
-from collections import defaultdict, deque
-from collections.abc import Callable, Collection, Iterator
+from collections import Counter, deque
+from collections.abc import Collection, Iterable
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
+from dataclasses import dataclass, field
 from graphlib import TopologicalSorter
 from typing import Literal
 
@@ -24,7 +23,7 @@ from stixel_cli.engine.errors import (
 )
 from stixel_cli.engine.locks import Lease
 from stixel_cli.engine.plan import Plan, missing_nodes
-from stixel_cli.engine.pools import Pool, SerialPool
+from stixel_cli.engine.pools import Pool, SerialPool, deferred_interrupts, no_interrupt
 from stixel_cli.engine.progress import Progress, crash_note
 from stixel_cli.engine.store import Store
 from stixel_cli.engine.task import Outcome, run_task, task_of
@@ -47,51 +46,44 @@ FATAL = (CacheError, CodeChanged, ExecutorError)
 """Errors that the next node would meet as well."""
 
 
+@dataclass
 class Run:
     """The state of one execution.
 
     Attributes:
         planned, store, progress, keep_going: see `execute`.
-        lease: on the needed keys; already taken.
         pool: where tasks run.
         time_limit: of a node, in seconds; None for no limit.
+        lease: on the needed keys; already taken.
         seconds: by key, of the nodes that this execution computed.
         failures: by key, of the failed nodes, with `keep_going`.
     """
 
-    def __init__(
-        self,
-        planned: Plan,
-        store: Store,
-        pool: Pool,
-        progress: Progress,
-        time_limit: float | None,
-        keep_going: bool,
-        lease: Lease,
-    ):
-        self.graph = planned.graph
-        self.planned = planned
-        self.store = store
-        self.pool = pool
-        self.progress = progress
-        self.time_limit = time_limit
-        self.keep_going = keep_going
-        self._lease = lease
-        self.seconds: dict[str, float] = {}
-        self._written = 0
-        self.failures: dict[str, StageFailure] = {}
+    planned: Plan
+    store: Store
+    pool: Pool
+    progress: Progress
+    time_limit: float | None
+    keep_going: bool
+    lease: Lease
+    seconds: dict[str, float] = field(default_factory=dict)
+    failures: dict[str, StageFailure] = field(default_factory=dict)
+
+    def __post_init__(self):
+        self.graph = self.planned.graph
         self._name = f"{socket.gethostname()}-{os.getpid()}-{time.monotonic_ns():x}"
+        self._written = 0
         self._done: set[str] = set()
         self._skipped: set[str] = set()
-        self._tries: dict[str, int] = defaultdict(int)
-        self._deaths: dict[str, int] = defaultdict(int)
+        self._tries: Counter[str] = Counter()
+        self._deaths: Counter[str] = Counter()
         self._in_flight: dict[Future, str] = {}
         self._ready: list[tuple[int, int, str]] = []
         self._order: dict[str, int] = {}
         self._suspects: deque[str] = deque()
         """Nodes that were running when a worker crashed. Each is retried on its own."""
         self._fatal: BaseException | None = None
-        self._check_interrupt = _never
+        self._check_interrupt = no_interrupt
 
     def all(self) -> None:
         """Compute all missing nodes. Damaged inputs are recomputed in another round.
@@ -99,7 +91,7 @@ class Run:
         Ctrl-C takes effect between two waits for futures; a stage in this process ends at once.
         """
         here = isinstance(self.pool, SerialPool)
-        with nullcontext(_never) if here else deferred_interrupts() as check:
+        with nullcontext(no_interrupt) if here else deferred_interrupts() as check:
             self._check_interrupt = check
             self._all()
 
@@ -111,8 +103,7 @@ class Run:
             self._round(missing)
             if self._fatal is not None:
                 raise self._fatal
-            over = self._done | self._skipped | self.failures.keys()
-            undone = [key for key in missing if key not in over]
+            undone = self._undone(missing)
             missing = missing_nodes(self.graph, undone, self.store)
             again = set(missing).difference(undone)
             self._done -= again
@@ -122,15 +113,18 @@ class Run:
         """Keep the limit of the store, if it has one and results were written."""
         if self.store.max_size is not None and self._written:
             self._written = 0
-            self._lease.take(sorted(self._wanted()))
+            self.lease.take(sorted(self._wanted()))
             keep_limit(self.store)
 
     def _wanted(self) -> set[str]:
         """Keys that must stay in the store: the targets, and inputs that are still needed."""
-        over = self._done | self._skipped | self.failures.keys()
-        undone = self.planned.needed.intersection(self.planned.missing).difference(over)
+        undone = self._undone(self.planned.missing)
         sources = {source for key in undone for source in self.graph.nodes[key].sources}
         return sources.union(undone, self.planned.targets)
+
+    def _undone(self, keys: Iterable[str]) -> list[str]:
+        over = self._done | self._skipped | self.failures.keys()
+        return [key for key in keys if key not in over]
 
     def status(self, key: str) -> Status:
         """Status of a node that the targets need."""
@@ -236,17 +230,14 @@ class Run:
             return False
         if outcome.status == "missing":
             self._tries[key] += 1
-            labels = [(self.graph.nodes[k].label, reason) for k, reason in outcome.missing]
-            for label, reason in labels:
-                self.progress.note(
-                    f"cached result of {label} is unusable ({reason}); recomputing it"
-                )
-            if self._tries[key] >= TRIES:
-                label, reason = labels[0]
-                self._fatal = CacheError(
-                    f"the cached result of {label} in {self.store.folder} is unusable and cannot "
-                    f"be replaced: {reason}"
-                )
+            for source, reason in outcome.missing:
+                what = f"cached result of {self.graph.nodes[source].label}"
+                self.progress.note(f"{what} is unusable ({reason}); recomputing it")
+                if self._tries[key] >= TRIES and self._fatal is None:
+                    self._fatal = CacheError(
+                        f"the {what} in {self.store.folder} is unusable and cannot be replaced: "
+                        f"{reason}"
+                    )
             return False
         if outcome.status == "computed":
             self.seconds[key] = self.seconds.get(key, 0.0) + outcome.seconds
@@ -300,43 +291,6 @@ class Run:
         return found - {key} - self._done
 
 
-def _never() -> None:
-    """No interrupt is deferred."""
-
-
 def _error(future: Future) -> BaseException | None:
     """The exception of a finished future, or None."""
     return CancelledError() if future.cancelled() else future.exception()
-
-
-@contextmanager
-def deferred_interrupts() -> Iterator[Callable[[], None]]:
-    """Defer Ctrl-C, and SIGTERM if handled as Ctrl-C, until the yielded function is called.
-
-    That function raises KeyboardInterrupt. Raised inside `wait`, it would leave the lock of a
-    future acquired, and the thread that manages the workers would wait for that lock forever.
-
-    Nothing changes outside the main thread, nor for a signal with another handler than Python's
-    `default_int_handler`.
-    """
-    pending: list[int] = []
-
-    def check() -> None:
-        if pending:
-            raise KeyboardInterrupt
-
-    here = threading.current_thread() is threading.main_thread()
-    ours = [
-        number
-        for number in (signal.SIGINT, signal.SIGTERM)
-        if here and signal.getsignal(number) is signal.default_int_handler
-    ]
-    for number in ours:
-        signal.signal(number, lambda number, _: pending.append(number))
-    try:
-        yield check
-    finally:
-        for number in ours:
-            signal.signal(number, signal.default_int_handler)
-    # A signal may have arrived after the last call.
-    check()

@@ -19,7 +19,9 @@ def said(project):
     project.run()
 
     def said(graph, targets=None):
-        return {one.label: str(one) for one in explain(graph, project.store, targets)}
+        return {
+            one.label: f"{one.label}: {one.text}" for one in explain(graph, project.store, targets)
+        }
 
     return said
 
@@ -30,7 +32,7 @@ def test_nothing_to_explain(project, said):
 
 def test_an_empty_cache(project):
     explanations = explain(project.graph(), project.store, ["double"])
-    assert [str(one) for one in explanations] == [
+    assert [f"{one.label}: {one.text}" for one in explanations] == [
         "numbers: new: no result of numbers is stored",
         "double[0:4]: new: no result of double is stored",
         "double[4:8]: new: no result of double is stored",
@@ -103,7 +105,9 @@ def test_the_nearest_has_the_same_function(project):
     project.run(build_graph([numbers, twin], FRAMES, CHUNK), ["double"])
     project.run(build_graph([numbers, project.stages(factor=9.0)[1]], 4, CHUNK), ["double"])
     graph = build_graph([numbers, stage], FRAMES, CHUNK)
-    found = {one.label: str(one) for one in explain(graph, project.store, ["double"])}
+    found = {
+        one.label: f"{one.label}: {one.text}" for one in explain(graph, project.store, ["double"])
+    }
     # Other frames of the same function are nearer than the same frames of another.
     assert "its function" not in found["double[4:8]"]
 
@@ -152,7 +156,7 @@ def test_a_file(project, tmp_path):
     project.run(build_graph([stage], FRAMES, CHUNK), ["numbers"])
     mesh.write_text("b")
     (one,) = explain(build_graph([stage], FRAMES, CHUNK), project.store)
-    assert str(one) == f"numbers: the content of {mesh} changed"
+    assert one.text == f"the content of {mesh} changed"
 
 
 def test_the_nearest_is_what_it_is_compared_with(project, said):
