@@ -159,7 +159,7 @@ class Project:
         }
 
     def forget(self) -> None:
-        """Let this process import the package anew, as a new process would."""
+        """Forget the imported package, so that it is imported again as in a new process."""
         for name in list(sys.modules):
             if name.partition(".")[0] == self.name:
                 del sys.modules[name]
@@ -212,7 +212,7 @@ class Project:
         return build_graph(self.stages(**changes), FRAMES, CHUNK)
 
     def run(self, graph=None, targets=("gather", "show"), executor="serial", **options):
-        """Execute, in this process unless told otherwise, with the code as it is on the disk."""
+        """Execute, by default in this process, with the code as it is on the disk."""
         self.forget()
         graph = self.graph() if graph is None else graph
         return execute(graph, targets, self.store, executor=executor, **options)

@@ -72,7 +72,7 @@ def test_a_dry_run_removes_nothing(store):
     assert evicted(store) == {}
 
 
-def test_what_is_in_use_stays(store):
+def test_entries_in_use_stay(store):
     with lease(store.folder, KEYS[:2]):
         collection = collect(store, max_size=0)
         assert left(store) == KEYS[:2] and collection.in_use == 2

@@ -91,14 +91,14 @@ ALIASES = {
 
 
 @pytest.mark.parametrize("case", ALIASES)
-def test_what_an_import_binds_counts(project, code, case):
+def test_the_bindings_of_an_import_count(project, code, case):
     before, after = ALIASES[case]
     first = code("first", first=before).digest
     assert code("first", first=after).digest != first
 
 
 @pytest.mark.parametrize("case", ALIASES)
-def test_what_a_helper_re_exports_counts(project, code, case):
+def test_the_re_exports_of_a_helper_count(project, code, case):
     before, after = ALIASES[case]
     text = "from .middle import f\ndef first(x): return f(x)"
     first = code("first", first=text, middle=before).digest
@@ -183,7 +183,7 @@ def test_a_loose_module_on_the_path_counts_whole(project, code, tmp_path):
     assert code("first").digest != before.digest
 
 
-def test_distributions_by_their_names_and_what_is_not_installed(project, code):
+def test_installed_and_missing_distributions(project, code):
     text = "import cv2\nimport os.path\ntry:\n    import no_such_module\nexcept ImportError: pass"
     assert code("first", first=text).versions.keys() == {"opencv-python-headless", "no_such_module"}
     assert code("first").versions["no_such_module"] is None

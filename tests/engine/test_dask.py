@@ -90,7 +90,7 @@ def executor_at(cluster, time_limit=30.0):
     return DaskExecutor("dask", 2, time_limit, cluster.scheduler_address)
 
 
-def alone(name):
+def single(name):
     return build_graph([Stage(name, f"dask_steps.steps:{name}", "map", {}, {})], 4, 1)
 
 
@@ -126,7 +126,7 @@ def test_a_worker_is_killed_in_the_midst_and_the_bytes_are_those_of_local(
 
 
 def test_a_stage_over_its_time_limit(cluster, project, notes):
-    graph = alone("hang")
+    graph = single("hang")
     execution = execute(
         graph,
         ["hang"],
@@ -144,7 +144,7 @@ def test_a_stage_over_its_time_limit(cluster, project, notes):
 def test_a_stage_that_always_kills_its_worker(cluster, project, notes):
     with pytest.raises(StageFailure, match=r"kill\[2:3\]: WorkerDied: .*twice"):
         execute(
-            alone("kill"), ["kill"], project.store, executor=executor_at(cluster), progress=notes
+            single("kill"), ["kill"], project.store, executor=executor_at(cluster), progress=notes
         )
 
 
@@ -272,7 +272,7 @@ def test_ctrl_c_ends_a_cluster_of_its_own(tmp_path):
 
 
 def runs(pid):
-    """Whether a process is there, and not dead with its parent yet to look at it."""
+    """Whether a process exists and is not a zombie."""
     try:
         os.kill(pid, 0)
         return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
@@ -292,12 +292,12 @@ def test_ctrl_c_while_a_cluster_of_its_own_starts(project, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         execute(project.graph(), ["numbers"], project.store, executor="dask")
     (cluster,) = made
-    # It was importing Dask, and would have told its address in a second.
+    # It was importing Dask, and had not sent its address yet.
     assert cluster._process.returncode == -signal.SIGKILL
     assert not os.path.exists(cluster._folder)
 
 
-def test_a_cluster_ends_with_who_started_it():
+def test_a_cluster_ends_with_the_process_that_started_it():
     script = """
         import os, signal
         from stixel_cli.engine.dask_pool import Cluster
@@ -344,7 +344,7 @@ def test_a_scheduler_without_workers(scheduler, project, notes, monkeypatch):
     ]
 
 
-def test_what_is_probed(scheduler, tmp_path, monkeypatch):
+def test_the_probe(scheduler, tmp_path, monkeypatch):
     monkeypatch.setattr("stixel_cli.engine.dask_pool.PATIENCE", 0.5)
     store, nobody = Store(tmp_path / "cache"), DaskExecutor("dask", 2, None, "tcp://127.0.0.1:9")
     probe(3, store, DaskExecutor("dask", 2, None, scheduler))

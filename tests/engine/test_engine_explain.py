@@ -14,20 +14,20 @@ FRAMES, CHUNK = 10, 4
 
 
 @pytest.fixture
-def said(project):
-    """What is said of each node that would run, after a first run."""
+def reasons(project):
+    """The reasons of each node that would run, after a first run."""
     project.run()
 
-    def said(graph, targets=None):
+    def reasons(graph, targets=None):
         return {
             one.label: f"{one.label}: {one.text}" for one in explain(graph, project.store, targets)
         }
 
-    return said
+    return reasons
 
 
-def test_nothing_to_explain(project, said):
-    assert said(project.graph()) == {}
+def test_nothing_to_explain(project, reasons):
+    assert reasons(project.graph()) == {}
 
 
 def test_an_empty_cache(project):
@@ -40,15 +40,15 @@ def test_an_empty_cache(project):
     ]
 
 
-def test_a_setting_and_what_depends_on_it(project, said):
-    answer = said(project.graph(factor=2.5))
+def test_a_setting_and_its_dependents(project, reasons):
+    answer = reasons(project.graph(factor=2.5))
     assert answer["double[4:8]"] == "double[4:8]: gain.factor changed from 2.0 to 2.5"
     assert answer["running[0:4]"] == "running[0:4]: input changed: double"
     assert answer["show[9]"] == "show[9]: input changed: double; input changed: grid"
     assert "numbers" not in answer
 
 
-def test_a_setting_by_the_name_that_the_user_gave_it(project, said):
+def test_a_setting_has_the_name_of_its_key(project, reasons):
     stages = project.stages(factor=2.5)
     named = [
         replace(stages[1], keys={"gain": "world.gain"}) if one is stages[1] else one
@@ -56,22 +56,22 @@ def test_a_setting_by_the_name_that_the_user_gave_it(project, said):
     ]
     graph = build_graph(named, FRAMES, CHUNK)
     assert graph.nodes.keys() == project.graph(factor=2.5).nodes.keys(), "no part of the key"
-    assert said(graph, ["double"])["double[4:8]"] == (
+    assert reasons(graph, ["double"])["double[4:8]"] == (
         "double[4:8]: world.gain.factor changed from 2.0 to 2.5"
     )
 
 
-def test_a_setting_that_only_one_of_the_two_has(project, said):
+def test_a_setting_that_only_one_of_the_two_has(project, reasons):
     project.edit("numbers", "def numbers(count)", "def numbers(count, start=0.0)")
     project.forget()
     (stage, *_) = project.stages()
     with_start = replace(stage, settings={"count": FRAMES, "start": 1.0})
     graph = build_graph([with_start], FRAMES, CHUNK)
-    assert said(graph)["numbers"].startswith("numbers: start is read now; code: ")
+    assert reasons(graph)["numbers"].startswith("numbers: start is read now; code: ")
     project.run(graph, ["numbers"])
     forget_numbers_without_start(project)
     graph = build_graph([replace(stage, settings={"count": 7})], FRAMES, CHUNK)
-    assert said(graph)["numbers"] == (
+    assert reasons(graph)["numbers"] == (
         "numbers: count changed from 10 to 7; start is no longer read"
     )
 
@@ -83,7 +83,7 @@ def forget_numbers_without_start(project):
             shutil.rmtree(path)
 
 
-def test_another_function(project, said):
+def test_another_function(project, reasons):
     project.write("other", "def other(rig):\n    return rig")
     project.forget()
     name = project.name
@@ -91,7 +91,7 @@ def test_another_function(project, said):
     other = replace(stage, function=project.function("other"), settings={"rig": 3})
     graph = build_graph([other], FRAMES, CHUNK)
     # What the other function reads is no change of its own.
-    assert said(graph)["numbers"] == (
+    assert reasons(graph)["numbers"] == (
         f"numbers: its function changed from {name}.numbers:numbers to {name}.other:other"
     )
 
@@ -112,16 +112,16 @@ def test_the_nearest_has_the_same_function(project):
     assert "its function" not in found["double[4:8]"]
 
 
-def test_the_seed(project, said):
-    assert said(project.graph(seed=7)) == {"gather": "gather: seed changed from 1 to 7"}
+def test_the_seed(project, reasons):
+    assert reasons(project.graph(seed=7)) == {"gather": "gather: seed changed from 1 to 7"}
 
 
-def test_the_code(project, said):
+def test_the_code(project, reasons):
     project.edit("helpers", "FACTOR * values", "values * FACTOR")
     project.edit("helpers", "FACTOR = 3.0", "FACTOR = 3.5")
     project.forget()
     name = project.name
-    assert said(project.graph(), ["double"])["double[0:4]"] == (
+    assert reasons(project.graph(), ["double"])["double[0:4]"] == (
         f"double[0:4]: code: {name}.helpers changed"
     )
     (change,) = explain(project.graph(), project.store, ["double"])[0].changes
@@ -133,18 +133,18 @@ def test_the_code(project, said):
     ]
 
 
-def test_code_that_is_reached_anew(project, said):
+def test_code_that_is_newly_reached(project, reasons):
     project.write("more", "OFFSET = 1.0")
     project.edit("helpers", "UNUSED = 1.0", "from .more import OFFSET as UNUSED")
     project.forget()
     # What is reached because of the change is not a second reason.
-    answer = said(project.graph())["double[0:4]"]
+    answer = reasons(project.graph())["double[0:4]"]
     assert answer == f"double[0:4]: code: {project.name}.helpers changed"
 
 
-def test_a_version(project, said, monkeypatch):
+def test_a_version(project, reasons, monkeypatch):
     monkeypatch.setattr("stixel_cli.engine.versions.installed_version", lambda name: "0.0")
-    answer = said(project.graph(), ["numbers"])
+    answer = reasons(project.graph(), ["numbers"])
     assert answer["numbers"].startswith("numbers: numpy changed from ")
     assert answer["numbers"].endswith(" to 0.0")
 
@@ -159,53 +159,55 @@ def test_a_file(project, tmp_path):
     assert one.text == f"the content of {mesh} changed"
 
 
-def test_the_nearest_is_what_it_is_compared_with(project, said):
+def test_the_most_similar_result_is_compared(project, reasons):
     project.run(project.graph(factor=9.0, offset=1.0))
-    answer = said(project.graph(factor=9.0, offset=2.0))
+    answer = reasons(project.graph(factor=9.0, offset=2.0))
     assert answer["double[0:4]"] == "double[0:4]: gain.offset changed from 1.0 to 2.0"
 
 
-def test_an_input_that_is_stored_already_is_followed_to_what_changed(project, said):
+def test_a_stored_input_is_followed_to_its_change(project, reasons):
     other = project.graph(factor=4.0)
     project.run(other, ["double"])
-    answer = said(project.graph(factor=4.0))
+    answer = reasons(project.graph(factor=4.0))
     assert answer["running[0:4]"] == (
         "running[0:4]: input changed: double; gain.factor changed from 2.0 to 4.0"
     )
 
 
-def test_what_was_removed(project, said):
+def test_a_removed_result(project, reasons):
     graph = project.graph()
     collect(project.store, max_size=0)
-    assert said(graph, ["numbers"]) == {"numbers": "numbers: removed from the cache to save space"}
+    assert reasons(graph, ["numbers"]) == {
+        "numbers": "numbers: removed from the cache to save space"
+    }
     project.run(graph)
     clear(project.store)
-    assert said(graph, ["numbers"]) == {
+    assert reasons(graph, ["numbers"]) == {
         "numbers": "numbers: removed from the cache when it was cleared"
     }
 
 
-def test_what_was_damaged(project, said):
+def test_a_damaged_result(project, reasons):
     graph = project.graph()
     path = project.store.entry(graph.of_stage("gather")[0].key) / VALUE
     path.write_bytes(path.read_bytes()[:-1])
     assert not project.store.verify(path.parent.name)
-    told = {"gather": "gather: its stored result was damaged and set aside"}
-    assert said(graph) == told
+    expected = {"gather": "gather: its stored result was damaged and set aside"}
+    assert reasons(graph) == expected
     collect(project.store, max_size=10**9)
     assert not list((project.store.folder / "quarantine").iterdir())
-    assert said(graph) == told
+    assert reasons(graph) == expected
     project.run(graph)
     collect(project.store, max_size=10**9, older_than=-1)
-    assert said(graph, ["gather"])["gather"] == "gather: removed from the cache by age"
+    assert reasons(graph, ["gather"])["gather"] == "gather: removed from the cache by age"
 
 
-def test_other_frames(project, said):
-    answer = said(project.graph(frames=(2, 5)))
+def test_other_frames(project, reasons):
+    answer = reasons(project.graph(frames=(2, 5)))
     assert answer["grid[5]"] == "grid[5]: new: no result of grid[5] is stored"
 
 
-def test_nodes_of_a_stage_that_say_the_same(project, said):
+def test_nodes_of_a_stage_with_equal_reasons_are_one_group(project, reasons):
     groups = by_stage(explain(project.graph(factor=2.5), project.store, ["double", "running"]))
     assert [(len(group), text) for group, text in groups] == [
         (3, "gain.factor changed from 2.0 to 2.5"),

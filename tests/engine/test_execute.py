@@ -44,7 +44,7 @@ def test_a_second_run_computes_nothing(project):
         assert (record["status"], record["seconds"], record["nodes_computed"]) == ("cached", 0.0, 0)
 
 
-def test_only_what_the_targets_need(project):
+def test_only_nodes_that_the_targets_need_run(project):
     graph = project.graph()
     execution = project.run(graph, targets=[graph.of_stage("grid")[1].key])
     assert project.calls() == ["double 8", "grid 9", "numbers"]
@@ -53,7 +53,7 @@ def test_only_what_the_targets_need(project):
     assert project.calls() == ["double 0", "grid 2"]
 
 
-def test_what_lies_before_a_cached_result_is_not_needed(project):
+def test_inputs_of_a_cached_result_are_not_needed(project):
     graph = project.graph()
     project.run(graph)
     for node in graph.of_stage("double") + graph.of_stage("numbers"):
@@ -93,7 +93,7 @@ def test_records_by_stage(project):
         ("show", "return doubled.first, grid", "return doubled.first, -grid", {*PICKS[2:]}),
     ],
 )
-def test_an_edit_reruns_the_stage_and_what_depends_on_it(project, module, old, new, rerun):
+def test_an_edit_reruns_the_stage_and_its_dependents(project, module, old, new, rerun):
     project.run()
     project.calls()
     project.edit(module, old, new)
@@ -104,7 +104,7 @@ def test_an_edit_reruns_the_stage_and_what_depends_on_it(project, module, old, n
     assert project.calls() == [], "the code is as it was, and its results are still there"
 
 
-def test_a_setting_reruns_the_stage_and_what_depends_on_it(project):
+def test_a_setting_reruns_the_stage_and_its_dependents(project):
     project.run()
     project.calls()
     project.run(project.graph(seed=2))

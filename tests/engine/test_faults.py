@@ -40,7 +40,7 @@ def test_a_stage_that_raises(project):
 
 
 @pytest.mark.parametrize("executor", ["local", "serial"])
-def test_what_python_prints_has_the_frames_of_the_stage_once(project, executor):
+def test_a_printed_traceback_has_the_frames_of_the_stage_once(project, executor):
     project.edit("helpers", "    return FACTOR * values", "    return values.alphaa")
     with pytest.raises(StageFailure) as caught:
         project.run(executor=executor, targets=["double"])

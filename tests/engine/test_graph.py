@@ -19,7 +19,7 @@ def test_labels_and_frames(project):
     assert graph.stage_names.index("double") < graph.stage_names.index("running")
 
 
-def test_who_takes_what(project):
+def test_inputs_of_each_node(project):
     graph = project.graph()
     double, running = graph.of_stage("double"), graph.of_stage("running")
     assert [node.previous for node in running] == [None, running[0].key, running[1].key]

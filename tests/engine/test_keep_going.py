@@ -1,4 +1,4 @@
-"""A node that fails alone: the rest goes on, what depends on it is skipped."""
+"""A failing node does not stop the others; nodes that depend on it are skipped."""
 
 import pytest
 
@@ -36,7 +36,7 @@ def test_a_failed_node_fails_alone(project, notes, executor):
     assert (notes.failures, notes.skipped, notes.all_done, notes.all_total) == (1, 2, 9, 9)
 
 
-def test_what_is_missing_or_failed_is_run_the_next_time(project, notes):
+def test_missing_and_failed_nodes_run_the_next_time(project, notes):
     project.add_line("gather", "raise ValueError('once')")
     project.run(keep_going=True, progress=notes)
     project.calls()
@@ -78,7 +78,7 @@ def test_a_killer_of_workers_fails_alone(project, notes):
     )
 
 
-def test_what_would_befall_the_next_node_as_well_ends_all(project):
+def test_an_error_that_every_node_would_meet_ends_the_run(project):
     project.add_line("gather", "raise CacheError('cannot write')")
     project.edit(
         "gather",

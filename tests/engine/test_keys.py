@@ -50,7 +50,7 @@ def test_digests_agree_exactly_when_values_do(one, other):
     assert same == (spelled(one) == spelled(other))
 
 
-def test_floats_types_and_containers_are_told_apart():
+def test_floats_types_and_containers_differ():
     values = [0.0, -0.0, 0, False, None, "0", (), [], {}, (0.0,), [0.0], One(0.0), Other(0.0)]
     values += [0.1 + 0.2, 0.3, {"a": 0.0}, {"b": 0.0}, "0.0", float("inf")]
     assert len({digest(canonical(value)) for value in values}) == len(values)
@@ -61,7 +61,7 @@ def test_numpy_scalars_that_are_floats_count_as_floats():
 
 
 @pytest.mark.parametrize("value", [{1, 2}, np.zeros(2), object(), {1: 2}, One, (np.int64(1),)])
-def test_refuses_what_it_cannot_spell(value):
+def test_a_value_without_canonical_form_is_an_error(value):
     with pytest.raises(TypeError, match="cannot be part of a key"):
         canonical(value)
 
@@ -80,14 +80,14 @@ def test_the_same_in_every_graph(project):
     assert len(set(first)) == len(first)
 
 
-def test_a_setting_changes_the_stage_and_what_depends_on_it(project):
+def test_a_setting_changes_the_stage_and_its_dependents(project):
     before, after = project.graph(), project.graph(factor=2.5)
     assert keys(before, "numbers") == keys(after, "numbers")
     for name in ALL[1:]:
         assert not set(keys(before, name)) & set(keys(after, name))
 
 
-def test_the_seed_changes_only_who_draws(project):
+def test_the_seed_changes_only_stages_that_draw_random_numbers(project):
     before, after = project.graph(), project.graph(seed=2)
     others = [name for name in ALL if name != "gather"]
     assert keys(before, *others) == keys(after, *others)
@@ -132,7 +132,7 @@ def test_the_version_of_a_package_counts(project, monkeypatch):
     assert keys(before, "numbers") != keys(after, "numbers")
 
 
-def test_an_edit_changes_the_stage_and_what_depends_on_it(project):
+def test_an_edit_changes_the_stage_and_its_dependents(project):
     before = project.graph()
     project.edit("helpers", "FACTOR = 3.0", "FACTOR = 4.0")
     project.forget()

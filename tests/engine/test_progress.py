@@ -67,7 +67,7 @@ def test_the_time_left(project, clock, capsys):
     assert lines.text_left == ""
 
 
-def test_an_execution_tells_what_nodes_took_before(project):
+def test_progress_gets_the_durations_of_earlier_runs(project):
     class Kept(Progress):
         def begin(self, nodes, cached):
             super().begin(nodes, cached)
@@ -82,7 +82,7 @@ def test_an_execution_tells_what_nodes_took_before(project):
 
 
 @pytest.mark.parametrize("make", [Lines, Bar])
-def test_what_is_short_is_not_shown(project, clock, capsys, make):
+def test_a_short_execution_shows_nothing(project, clock, capsys, make):
     feed(make(), project, clock, 0.01)
     captured = capsys.readouterr()
     assert (captured.out, captured.err) == ("", "stixel: recomputed\n")

@@ -23,7 +23,7 @@ def store(tmp_path):
     return Store(tmp_path / "cache")
 
 
-def test_gives_back_what_was_stored(store):
+def test_load_returns_the_stored_value(store):
     value = (np.arange(12.0).reshape(3, 4).T, b"bytes", {"a": [1, None]}, np.zeros((0, 2), "f4"))
     assert not store.has(KEY)
     size = store.save(KEY, value, stage="any", seconds=0.5)
@@ -162,7 +162,7 @@ def test_a_folder_that_a_collector_removes_on_the_way(store, monkeypatch):
     assert store.load(KEY) == 1
 
 
-def test_what_cannot_be_stored_leaves_nothing(store):
+def test_a_failed_save_leaves_nothing(store):
     with pytest.raises(Exception, match="pickle"):
         store.save(KEY, lambda: 1)
     assert not store.has(KEY)

@@ -1,4 +1,4 @@
-"""A stage over its time limit is killed and has failed; what ran beside it has not."""
+"""A stage that exceeds its time limit is ended and fails; other running nodes do not fail."""
 
 import pytest
 
@@ -27,7 +27,7 @@ def test_it_is_killed_and_named_and_not_tried_again(project, notes):
     assert notes.notes == []
 
 
-def test_what_ran_beside_it_is_handed_out_again(project, notes):
+def test_other_running_nodes_are_submitted_again(project, notes):
     hang(project, "gather")
     graph = project.graph()
     execution = project.run(graph, executor=LOCAL, keep_going=True, progress=notes)
@@ -38,7 +38,7 @@ def test_what_ran_beside_it_is_handed_out_again(project, notes):
     assert list((project.store.folder / "tmp").glob("limit-*")) != [], "the mark, for a look"
 
 
-def test_what_stays_below_it_leaves_no_mark(project):
+def test_a_node_below_its_limit_leaves_no_mark(project):
     project.run(executor=LOCAL)
     assert list((project.store.folder / "tmp").iterdir()) == []
 
