@@ -10,9 +10,8 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from stixel_cli.measurements.gates import check_gates
 from stixel_cli.measurements.scanner import LidarReturns, Scanner
-from stixel_cli.measurements.scans import Scans, points_along
+from stixel_cli.measurements.scans import Scans, check_gates, points_along
 from stixel_cli.parameters import parameters
 from stixel_cli.randomness import generator
 from stixel_cli.scene.scenario import EgoMotion

@@ -13,10 +13,10 @@ from stixel_cli.rendering import tracing
 from stixel_cli.rendering.camera_rays import Camera
 from stixel_cli.rendering.edges import edge_pixels, unclear_pixels
 from stixel_cli.rendering.frames import SKY_ID
-from stixel_cli.rendering.light import Light
 from stixel_cli.rendering.raycast_parameters import RaycastParameters
 from stixel_cli.rendering.surfaces import srgb_from_linear
 from stixel_cli.rendering.tracing import Body, Centres, Hits
+from stixel_cli.scene.world_parameters import Light
 
 THIN_SAMPLES = 2
 """Rays a pixel along each axis that look for thin parts of the target between pixel centres."""

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.special import gammaincinv
 
-from stixel_cli.evaluation.scores import LOW_OVERLAP, Scores
+from stixel_cli.evaluation.metric_table import LOW_OVERLAP, Scores
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.report import style

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from projection import project, unproject
 
 from stixel_cli.geometry.rig import Rig
 
@@ -21,7 +22,7 @@ def test_the_field_of_view_ends_at_the_borders_of_the_outermost_pixels():
     rig = replace(RIG, principal_u=200.0)
     right, left = rig.field_of_view
     points = [[-np.tan(left), 0.0, 1.0], [-np.tan(right), 0.0, 1.0]]
-    np.testing.assert_allclose(rig.project(points)[:, 0], [-0.5, 639.5])
+    np.testing.assert_allclose(project(rig, points)[:, 0], [-0.5, 639.5])
 
 
 @pytest.mark.parametrize("changes", [{"focal_length": 500.0}, {"horizontal_fov": None}])
@@ -40,12 +41,12 @@ def test_the_principal_point():
 @given(st.floats(-20, 20), st.floats(-5, 5), st.floats(0.5, 80))
 def test_projection_there_and_back(x, y, z):
     point = np.array([[x, y, z]])
-    u, v, disparity = RIG.project(point)[0]
+    u, v, disparity = project(RIG, point)[0]
     assert disparity == pytest.approx(RIG.focal * RIG.baseline / z)
     assert u == pytest.approx(RIG.u0 + RIG.focal * x / z)
     assert v == pytest.approx(RIG.v0 + RIG.focal * y / z)
-    np.testing.assert_allclose(RIG.unproject(np.array([[u, v, disparity]])), point, atol=1e-9)
-    right = RIG.project(point - [RIG.baseline, 0.0, 0.0])[0]
+    np.testing.assert_allclose(unproject(RIG, np.array([[u, v, disparity]])), point, atol=1e-9)
+    right = project(RIG, point - [RIG.baseline, 0.0, 0.0])[0]
     assert u - right[0] == pytest.approx(disparity)
 
 

@@ -6,6 +6,7 @@ import pytest
 from box_scene import LIGHT, RAYCAST, RIG, objects, quad, road, scenario, speckle, target_mesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from projection import unproject
 
 from stixel_cli.rendering import raycast
 from stixel_cli.rendering.camera_rays import NEAR, rig_cameras
@@ -82,7 +83,7 @@ def test_depth_is_that_of_the_planes_and_ids_are_those_of_the_objects(static, ta
     # Camera points to the world: the road at z = 0, the wall's face at y = 20.
     v, u = np.mgrid[:96, :128]
     disparity = RIG.disparity_from_depth(np.where(np.isinf(depth), 1.0, depth))
-    camera = RIG.unproject(np.stack([u, v, disparity], axis=-1).reshape(-1, 3))
+    camera = unproject(RIG, np.stack([u, v, disparity], axis=-1).reshape(-1, 3))
     transform = RIG.world_from_camera(POSE)
     world = (camera @ transform[:3, :3].T + transform[:3, 3]).reshape(96, 128, 3)
     assert np.abs(world[ids == ROAD_ID][:, 2]).max() < 1e-9

@@ -10,10 +10,15 @@ from result_folders import CONFIG, make_folder
 
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.metric_table import metric
-from stixel_cli.report.compare import default_page, page_html, run_labels, write_page
-from stixel_cli.report.compare_figure import line_style, run_colour
-from stixel_cli.report.metrics import best, format_value
-from stixel_cli.report.table import scores_table
+from stixel_cli.report.compare import (
+    default_page,
+    line_style,
+    page_html,
+    run_colour,
+    run_labels,
+    write_page,
+)
+from stixel_cli.report.metrics import best, format_value, scores_table
 from stixel_cli.results.result import read_scored_run
 
 

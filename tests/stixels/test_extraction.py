@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from projection import project
 
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stixels.extraction import (
@@ -58,7 +59,7 @@ def test_boxes_become_stixels(pipeline, rig, render, as_disparities, pitch):
         ends = np.array(
             [[at, rig.camera_height - tall, distance], [at, rig.camera_height, distance]]
         )
-        top, base = rig.project(ends @ rig.level_from_camera)[:, 1]
+        top, base = project(rig, ends @ rig.level_from_camera)[:, 1]
         assert np.all(np.abs(stixels.top[inside] - top) <= 1)
         assert np.all(np.abs(stixels.base[inside] - base) <= 1)
         np.testing.assert_allclose(stixels.height[inside], tall, atol=0.06)
@@ -266,7 +267,7 @@ def test_the_foot_that_is_blended_with_the_road_does_not_count(rig, pitch):
     obstacle = (rig.focal * rig.baseline / depth).astype(np.float32)
     base = np.rint(base_rows(obstacle, line, rig)).astype(np.int32)
     at_height = np.stack([0 * depth, np.full(3, rig.camera_height - 0.25), depth], axis=1)
-    _, rows, _ = rig.project(at_height @ rig.level_from_camera).T
+    _, rows, _ = project(rig, at_height @ rig.level_from_camera).T
     found = foot_rows(np.append(obstacle, np.nan), np.append(base, -1), rig, 0.25)
     assert np.all(np.abs(found[:3] - rows) <= 1.5)
     assert found[3] == -1

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from projection import project, unproject
 
 from stixel_cli.geometry.pose import ego_from_world, world_from_ego
 from stixel_cli.geometry.rig import Rig
@@ -55,7 +56,7 @@ def test_road_boxes_and_wall(find, rig, render, as_disparities, occupancies, kin
         edges = rig.u0 + rig.focal * (at + np.array([-0.5, 0.5]) * width) / distance
         inside = (u > edges[0] + 2) & (u < edges[1] - 2)
         np.testing.assert_allclose(depth[inside], distance, rtol=0.02)
-        foot = rig.project(np.array([[at, rig.camera_height, distance]]) @ rig.level_from_camera)[
+        foot = project(rig, np.array([[at, rig.camera_height, distance]]) @ rig.level_from_camera)[
             0, 1
         ]
         assert np.all(np.abs(found.base_row[0][inside] - foot) <= 2)
@@ -199,13 +200,13 @@ def test_one_column_s_obstacle_is_expected_in_the_column_of_its_foot(column):
     obstacle = np.full(rig.width, np.nan, dtype=np.float32)
     obstacle[column] = rig.focal * rig.baseline / 9.0
     base = obstacle_base(obstacle, line, rig)
-    ray = rig.level_from_camera @ rig.unproject(np.array([[column, base[column], 1.0]]))[0]
+    ray = rig.level_from_camera @ unproject(rig, np.array([[column, base[column], 1.0]]))[0]
     place = ray[[0, 2]] * 9.0 / ray[2]
     x, y = ego_from_world(world_from_ego(place[None], before), now)[0]
     foot = np.array([[x, rig.camera_height, y]]) @ rig.level_from_camera
     expected = expected_depth(obstacle, base, line, rig, before, now)
     at = np.flatnonzero(np.isfinite(expected))
-    assert len(at) == 2 and np.all(np.abs(at - rig.project(foot)[0, 0]) < 1.1)
+    assert len(at) == 2 and np.all(np.abs(at - project(rig, foot)[0, 0]) < 1.1)
     np.testing.assert_allclose(expected[at], y, rtol=1e-5)
 
 

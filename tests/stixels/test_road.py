@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from projection import project, unproject
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.stixels.free_space_parameters import RigRoad
@@ -22,7 +23,7 @@ PITCHED = Rig(320, 160, None, 300.0, 150.0, 70.0, 0.5, 1.4, 3.0)
 
 def pixels_of_level(rig, points_level):
     """(u, v, d) of points (n, 3) in the level frame."""
-    return rig.project(np.asarray(points_level) @ rig.level_from_camera)
+    return project(rig, np.asarray(points_level) @ rig.level_from_camera)
 
 
 @settings(derandomize=True, deadline=None, max_examples=30)
@@ -54,7 +55,7 @@ def test_obstacle_limits_are_heights_of_unprojected_pixels(rig, least, greatest)
     lowest, highest = obstacle_limits(line, rig, road, 64)
     v, raw = np.mgrid[: rig.height, 1 : 64 * 16]
     measured = np.stack([np.full(v.size, rig.u0), v.ravel(), raw.ravel() / 16.0], axis=1)
-    level = rig.unproject(measured) @ rig.level_from_camera.T
+    level = unproject(rig, measured) @ rig.level_from_camera.T
     above = (rig.camera_height - level[:, 1]).reshape(v.shape)
     margin = raw / 16.0 - (line[0] * v + line[1])
     expected = (above > least) & (above < greatest) & (margin > 1.0)

@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 from tracking_cases import CAR, START, poses_of_turn, scans_of, seen_car
 
-from stixel_cli.geometry.angles import wrap_angle
-from stixel_cli.geometry.pose import rotation
+from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.tracking.point import (
     GREATEST_VARIANCE,
     MOVING,

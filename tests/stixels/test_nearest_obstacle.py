@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stixel_cli.stixels.path import add_temporal, cell_costs, cheapest_path, refine
+from stixel_cli.stixels.nearest_obstacle import add_temporal, cell_costs, cheapest_path, refine
 
 ONE = np.float32(1.0)
 
