@@ -5,7 +5,6 @@ import os
 import re
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ import numpy as np
 from markupsafe import Markup
 
 from stixel_cli.errors import UserError
-from stixel_cli.evaluation.metric_table import LOW_OVERLAP, metric
+from stixel_cli.evaluation.metric_table import LOW_OVERLAP, SERIES, metric
 from stixel_cli.report import style
 from stixel_cli.report.metrics import NO_VALUE, best, format_value
 from stixel_cli.results.reader import flat_settings
@@ -170,28 +169,6 @@ LINE_STYLES = ("-", "--", "-.", ":")
 _INK, _GRID = "#010203", "#020304"
 
 
-@dataclass(frozen=True)
-class Curve:
-    """One error over time: its series, title, unit, and how its axis is drawn."""
-
-    series: str
-    title: str
-    unit: str
-    factor: float = 1.0
-    logarithmic: bool = False
-    limits: tuple[float | None, float | None] = (None, None)
-    line: float | None = None
-
-
-CURVES = (
-    Curve("centre_error", "Centre error", "m", limits=(0.0, None)),
-    Curve("orientation_error", "Orientation error", "degrees", float(np.degrees(1.0)), line=0.0),
-    Curve("iou", "Intersection over union", "IoU", limits=(0.0, 1.0), line=LOW_OVERLAP),
-    Curve("nees_position", "Position NEES / 2 (consistent: 1)", "ratio", 1.0, True, line=1.0),
-    Curve("nis", "NIS / degrees of freedom (consistent: 1)", "ratio", 1.0, True, line=1.0),
-)
-
-
 def run_colour(i: int) -> str:
     """Colour of the i-th run."""
     return style.RUNS[i % len(style.RUNS)]
@@ -209,39 +186,44 @@ def error_curves(runs: Sequence[RunResult]) -> list[tuple[str, str]]:
     """
     drawn = []
     with style.drawing({"text.color": _INK, "axes.edgecolor": _INK, "axes.labelcolor": _INK}):
-        for curve in CURVES:
-            if any(np.isfinite(getattr(run.scores, curve.series)).any() for run in runs):
-                drawn.append((curve.title, _for_page(_curve_svg(curve, runs), len(drawn))))
+        for name, series in SERIES.items():
+            if any(np.isfinite(getattr(run.scores, name)).any() for run in runs):
+                title = series.label + (" (consistent: 1)" if series.ratio else "")
+                svg = _curve_svg(name, title, runs)
+                drawn.append((title, _for_page(svg, len(drawn))))
     return drawn
 
 
-def _curve_svg(curve: Curve, runs: Sequence[RunResult]) -> str:
+def _curve_svg(name: str, title: str, runs: Sequence[RunResult]) -> str:
+    series = SERIES[name]
     figure = style.new_figure(5.0, 2.7)
     figure.patch.set_visible(False)
     axes = figure.add_axes((0.115, 0.165, 0.87, 0.72))
     axes.patch.set_visible(False)
     axes.tick_params(colors=_INK)
     axes.grid(True, color=_GRID)
-    if curve.logarithmic:
+    if series.ratio:
         axes.set_yscale("log")
         axes.yaxis.set_major_formatter("{x:g}")
         axes.minorticks_off()
-    if curve.line is not None:
-        axes.axhline(curve.line, color=_INK, linewidth=0.7, linestyle=(0, (4, 3)))
+    line = LOW_OVERLAP if name == "iou" else series.consistent
+    if line is not None:
+        axes.axhline(line, color=_INK, linewidth=0.7, linestyle=(0, (4, 3)))
     for i, run in enumerate(runs):
-        values = curve.factor * getattr(run.scores, curve.series)
-        if curve.logarithmic:
+        values = series.factor * getattr(run.scores, name)
+        if series.ratio:
             values = np.where(values > 0.0, values, np.nan)
         axes.plot(
             run.scores.times, values, color=run_colour(i), linestyle=line_style(i), linewidth=1.6
         )
-    axes.set_ylim(*curve.limits)
-    if curve.logarithmic:
+    if series.ratio:
         low, high = axes.get_ylim()
         axes.set_ylim(min(low, 0.08), max(high, 12.5))
+    else:
+        axes.set_ylim(*series.bounds)
     axes.margins(x=0.01)
-    axes.set_title(curve.title)
-    axes.set(xlabel="t (s)", ylabel=curve.unit)
+    axes.set_title(title)
+    axes.set(xlabel="t (s)", ylabel=series.unit or series.short_label)
     return style.svg(figure).decode()
 
 

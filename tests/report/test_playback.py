@@ -75,7 +75,7 @@ def test_what_is_not_finite_is_null_and_astray_is_left_out():
     (played,) = data_of(playback_html([replace(run, track=track, scores=scores)], "a"))["runs"]
     assert played["contours"][3] is played["contours"][4] is played["poses"][3] is None
     assert played["contours"][5] is not None
-    assert set(played["errors"]["centre"]) == {None}
+    assert set(played["errors"]["centre_error"]) == {None}
 
 
 def test_names_cannot_break_out_of_the_page():

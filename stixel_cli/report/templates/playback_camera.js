@@ -60,7 +60,7 @@ find("source").addEventListener("change", (event) => {
   source = Number(event.target.value);
   drawMap();
   drawCamera();
-  const points = charts.find((chart) => chart.key === "points");
+  const points = charts.find((chart) => chart.name === "points");
   drawChart(points);
   drawCursor(points);
 });

@@ -53,7 +53,7 @@ function describe() {
     [(picture) => { svg("path", { d: "M16 0 22 12H10Z" }, picture).style.fill = "var(--ego)"; }, "ego car's sensor"],
     [area("var(--field-of-view)", 0.35), "field of view"],
     [area("var(--consistent)", 1), "NEES, NIS: 95 % interval of a consistent filter"],
-    [lineSwatch("var(--unused)", "4 3", 1.5), `low overlap: IoU < ${LOW_OVERLAP}`],
+    [lineSwatch("var(--unused)", "4 3", 1.5), `low overlap: IoU < ${data.lowOverlap}`],
     [lineSwatch("var(--unused)", "", 3), runs.length === 1 ? "points in the scan" : "points in the scan of the chosen run"]);
   for (const [draw, text] of entries) {
     const item = html("li", {}, find("legend"));

@@ -10,7 +10,6 @@ const DEPTH_COLOURS = ["fde725", "d8e219", "addc30", "84d44b", "5ec962", "3fbc73
   "440154"].map((hex) => [0, 2, 4].map((i) => parseInt(hex.slice(i, i + 2), 16)));
 const RUN_COLOURS = 4;
 const DASHES = ["", "8 4", "2 3", "9 3 2 3"];
-const LOW_OVERLAP = 0.2;
 
 const find = (id) => document.getElementById(id);
 const colourOf = (run) => runs.length === 1 ? "var(--estimate)" : `var(--run-${run % RUN_COLOURS})`;
