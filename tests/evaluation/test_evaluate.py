@@ -67,7 +67,7 @@ def track_with(shifts):
 SHIFTS = np.array([[0, 0, 0], [1, 0, 0], [0, 0, 0.1], [0, 0, -0.1], [8, 6, 0]], float)
 
 
-def test_the_summary_is_that_of_pencil_and_paper():
+def test_summary_matches_a_calculation_by_hand():
     scores = evaluate(track_with(SHIFTS), SCENARIO, SCANS)
     np.testing.assert_allclose(scores.centre_error, [0, 1, 0, 0, 10], atol=1e-12)
     np.testing.assert_allclose(scores.orientation_error, [0, 0, 0.1, -0.1, 0], atol=1e-12)
@@ -105,7 +105,7 @@ def test_the_summary_is_that_of_pencil_and_paper():
     assert metrics == pytest.approx(expected, abs=1e-12)
 
 
-def test_overlap_is_low_below_a_fifth():
+def test_low_overlap_share_counts_iou_below_a_fifth():
     """Squares of side 2, one shifted along the other's side by s: (2 - s) / (2 + s)."""
     still = dataclasses.replace(SCENARIO, target_poses_world=POSES * [1, 1, 0])
     shifts = np.zeros((COUNT, 3))
@@ -122,7 +122,7 @@ def test_metrics_are_plain_numbers():
     assert json.loads(json.dumps(metrics)) == metrics
 
 
-def test_what_cannot_be_had_is_none_and_not_zero():
+def test_metric_without_value_is_none():
     track = track_with(SHIFTS)
     track = dataclasses.replace(
         track,
@@ -140,7 +140,7 @@ def test_what_cannot_be_had_is_none_and_not_zero():
     assert scores.metrics["points_used_mean"] == 0.0
 
 
-def test_a_track_that_is_not_finite_has_low_overlap_and_hides_in_no_mean():
+def test_non_finite_track_has_low_overlap_and_no_mean_errors():
     track = track_with(SHIFTS)
     track.contours_world[3] = np.nan
     track.means[3] = np.nan
@@ -150,7 +150,7 @@ def test_a_track_that_is_not_finite_has_low_overlap_and_hides_in_no_mean():
     assert scores.metrics["centre_final_m"] == pytest.approx(10.0)
 
 
-def test_scans_of_another_time_are_refused():
+def test_evaluate_rejects_scans_of_other_times():
     with pytest.raises(ValueError, match="times of the scans"):
         evaluate(track_with(SHIFTS), SCENARIO, dataclasses.replace(SCANS, times=TIMES + 1.0))
     with pytest.raises(ValueError, match="times of the track"):
@@ -162,7 +162,7 @@ def test_scans_of_another_time_are_refused():
         evaluate(track_with(SHIFTS), SCENARIO, few)
 
 
-def test_a_single_scan_is_scored():
+def test_single_scan_is_scored():
     short = Scenario(TIMES[:1], np.zeros((1, 3)), POSES[:1], np.zeros((1, 3)), OUTLINE, True)
     whole = track_with(SHIFTS)
     track = Track(
@@ -188,7 +188,7 @@ SQUARE = np.array([[0, 0], [2, 0], [2, 2], [0, 2]], float)
         ([1e6, 0.0, 0.0], [1e6, -0.25, 0.0], 0.25),
     ],
 )
-def test_centre(true, estimated, error):
+def test_centre_error_is_the_distance(true, estimated, error):
     found = centre_errors(np.array([estimated]), np.array([true]))
     np.testing.assert_allclose(found, [error], rtol=0, atol=1e-12)
 
@@ -204,7 +204,7 @@ def test_centre(true, estimated, error):
         (2.0 * np.pi, 0.0, 0.0),
     ],
 )
-def test_orientation(true, estimated, error):
+def test_orientation_error_is_wrapped(true, estimated, error):
     found = orientation_errors(np.array([estimated]), np.array([true]))
     np.testing.assert_allclose(found, [error], rtol=0, atol=1e-12)
 
@@ -227,25 +227,25 @@ def test_orientation(true, estimated, error):
         (np.array([[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]], float), SQUARE, 0.75),
     ],
 )
-def test_intersection_over_union(true, estimated, score):
+def test_iou_of_known_polygons(true, estimated, score):
     found = intersections_over_unions(estimated[None], true[None])
     np.testing.assert_allclose(found, [score], rtol=0, atol=1e-12)
 
 
-def test_the_overlap_knows_no_unit_of_length():
+def test_iou_does_not_depend_on_the_scale():
     """A pedestrian's area is well below 1 m²."""
     for scale in (0.01, 0.3, 50.0):
         found = intersections_over_unions(scale * SQUARE[None] + scale, scale * SQUARE[None])
         np.testing.assert_allclose(found, [1.0 / 7.0], rtol=0, atol=1e-12)
 
 
-def test_of_many_scans_those_that_cross_themselves_are_repaired():
+def test_iou_repairs_self_intersecting_polygons():
     estimated = np.array([SQUARE, SQUARE[[0, 1, 3, 2]], SQUARE * np.nan, np.add(SQUARE, [1, 0])])
     found = intersections_over_unions(estimated, np.array([SQUARE] * 4))
     np.testing.assert_allclose(found, [1.0, 0.5, 0.0, 1.0 / 3.0], rtol=0, atol=1e-12)
 
 
-def test_normalised_error():
+def test_normalised_error_of_known_values():
     errors = np.array([[1.0, 0.0], [2.0, 1.0], [1.0, 1.0]])
     covariances = np.array([np.diag([0.5, 9.0]), [[2.0, 1.0], [1.0, 2.0]], np.diag([1.0, 0.0])])
     found = normalised_errors(errors, covariances)
@@ -254,7 +254,7 @@ def test_normalised_error():
 
 @settings(derandomize=True, deadline=None, max_examples=30)
 @given(seed=st.integers(0, 2**31), angle=st.floats(-4, 4), shift=st.floats(-100, 100))
-def test_a_rigid_motion_of_both_changes_no_overlap(seed, angle, shift):
+def test_iou_is_invariant_to_rigid_motions(seed, angle, shift):
     random = np.random.default_rng(seed)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     first, second = random.uniform(-1, 1, (2, 1, 7, 2))

@@ -16,7 +16,7 @@ from stixel_cli.scene.shapes import box, part
 
 
 @pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
-def test_a_scenario_holds_the_whole_truth(kind):
+def test_scenario_contains_the_ground_truth(kind):
     path = scene_presets.path("s_curve", kind)
     motion = ego_motion(scene_presets.ego("turning"), path.duration, path.sample_time)
     scenario = build_scenario(motion, scene_presets.road_user(kind), path)
@@ -29,7 +29,7 @@ def test_a_scenario_holds_the_whole_truth(kind):
     assert scenario.star_convex == is_star_convex(scenario.contour_target)
 
 
-def test_the_same_scenario_again():
+def test_scenario_is_repeatable():
     path, road_user = scene_presets.path("turn", "car"), scene_presets.road_user("car")
     motion = ego_motion(scene_presets.ego("parked"), path.duration, path.sample_time)
     first, again = (build_scenario(motion, road_user, path) for _ in range(2))
@@ -37,7 +37,7 @@ def test_the_same_scenario_again():
     assert first.target_poses_world.tobytes() == again.target_poses_world.tobytes()
 
 
-def test_an_impossible_path_is_refused():
+def test_scenario_rejects_an_impossible_path():
     path = replace(scene_presets.path("turn", "car"), start=(0.0, -3.0))
     motion = ego_motion(scene_presets.ego("parked"), 1.0, 0.1)
     with pytest.raises(ValueError, match=r"path\.start"):
@@ -85,7 +85,7 @@ def rasterised(mesh, step):
         ("pedestrian", 0.0015, 0.08, 0.16),
     ],
 )
-def test_the_contour_is_the_silhouette_from_above(meshes, kind, step, least_area, most_area):
+def test_contour_equals_the_silhouette_from_above(meshes, kind, step, least_area, most_area):
     contour = ground_contour(meshes[kind])
     xs, ys, truth = rasterised(meshes[kind], step)
     found = shapely.contains_xy(shapely.Polygon(contour), *np.meshgrid(xs, ys, indexing="ij"))
@@ -94,7 +94,7 @@ def test_the_contour_is_the_silhouette_from_above(meshes, kind, step, least_area
 
 
 @pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
-def test_the_contour_is_one_simple_polygon_of_few_points(meshes, kind):
+def test_contour_is_one_simple_polygon_with_few_points(meshes, kind):
     contour = ground_contour(meshes[kind])
     polygon = shapely.Polygon(contour)
     assert polygon.is_valid and polygon.exterior.is_ccw
@@ -108,12 +108,12 @@ def test_the_contour_is_one_simple_polygon_of_few_points(meshes, kind):
 
 
 @pytest.mark.parametrize(("kind", "share"), [("car", 0.98), ("cyclist", 0.8), ("pedestrian", 0.8)])
-def test_concave_places_stay_concave(meshes, kind, share):
+def test_contour_keeps_concave_parts(meshes, kind, share):
     polygon = shapely.Polygon(ground_contour(meshes[kind]))
     assert polygon.area < share * polygon.convex_hull.area
 
 
-def test_the_mirrors_stand_out(meshes):
+def test_contour_includes_the_mirrors(meshes):
     """The car is widest at its mirrors alone: half a metre behind them it is narrower."""
     polygon = shapely.Polygon(ground_contour(meshes["car"]))
     left = polygon.bounds[3]
@@ -121,7 +121,7 @@ def test_the_mirrors_stand_out(meshes):
     assert outermost.bounds[2] - outermost.bounds[0] < 0.2
 
 
-def test_holes_are_filled_and_parts_that_do_not_touch_are_joined():
+def test_contour_fills_holes_and_joins_separate_parts():
     frame = [((-1, -1, 0), (1, -0.8, 1)), ((-1, 0.8, 0), (1, 1, 1)),
              ((-1, -1, 0), (-0.8, 1, 1)), ((0.8, -1, 0), (1, 1, 1))]  # fmt: skip
     assert shapely.Polygon(ground_contour(boxes(*frame))).area == pytest.approx(4.0)
@@ -131,7 +131,7 @@ def test_holes_are_filled_and_parts_that_do_not_touch_are_joined():
     assert polygon.area == pytest.approx(2.0, abs=0.03)
 
 
-def test_a_mesh_without_ground_projection_is_refused():
+def test_contour_rejects_a_mesh_without_ground_projection():
     upright = np.array([[0.0, 0, 0], [1, 0, 0], [1, 0, 1]])
     wall = Part(upright, np.array([[0, 1, 2]], np.int32), np.zeros((1, 3, 2)), GREY, "wall")
     with pytest.raises(ValueError, match="no area"):
@@ -159,7 +159,7 @@ def test_star_convexity_agrees_with_lines_of_sight(radii):
 
 
 @pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
-def test_what_is_said_of_star_convexity_is_true(meshes, kind):
+def test_star_convexity_of_road_users_agrees_with_visibility(meshes, kind):
     contour = ground_contour(meshes[kind])
     shape = shapely.Polygon(contour).buffer(1e-9)
     middles = 0.5 * (contour + np.roll(contour, -1, axis=0))

@@ -34,7 +34,7 @@ def wedge(header="", uvs="", corner="{0}"):
     return WEDGE.format(header=header, uvs=uvs, **texts)
 
 
-def test_the_users_mesh_is_put_on_the_ground_and_keeps_its_size(tmp_path):
+def test_user_mesh_is_placed_on_the_ground_and_keeps_its_size(tmp_path):
     path = tmp_path / "wedge.obj"
     path.write_text(wedge())
     mesh = road_user_mesh(RoadUser("car", 4.5, 1.8, 1.5, 0.6, str(path)))
@@ -43,7 +43,7 @@ def test_the_users_mesh_is_put_on_the_ground_and_keeps_its_size(tmp_path):
     assert {tuple(point) for point in np.round(contour, 3)} == {(-1, -0.5), (1, -0.5), (-1, 0.5)}
 
 
-def test_a_texture_is_kept_the_right_way_up(tmp_path):
+def test_user_mesh_keeps_its_texture_upright(tmp_path):
     import cv2
 
     image = np.zeros((6, 6, 3), np.uint8)
@@ -62,7 +62,7 @@ def test_a_texture_is_kept_the_right_way_up(tmp_path):
     assert (part.texture[below, 0] == [0, 0, 255]).all()
 
 
-def test_vertex_colours_are_kept(tmp_path):
+def test_user_mesh_keeps_vertex_colours(tmp_path):
     path = tmp_path / "wedge.ply"
     path.write_text(
         "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
@@ -102,7 +102,7 @@ def box(name, change=lambda vertex: vertex, last=(1, 7, 3), count=8):
 
 
 @pytest.mark.parametrize("name", [OBJ, OFF, PLY])
-def test_a_mesh_far_from_the_origin(tmp_path, name):
+def test_user_mesh_far_from_the_origin_is_centred(tmp_path, name):
     path = tmp_path / name
     path.write_text(box(name, lambda v: (v[0] + 1e6, *v[1:])))
     np.testing.assert_allclose(bounding_box(load_mesh(str(path), 0.5)), [[-2, -1, 0], [2, 1, 1.5]])
@@ -146,7 +146,7 @@ DAMAGED += [
         *DAMAGED,
     ],
 )
-def test_what_cannot_be_a_road_user_is_refused_in_one_line(tmp_path, name, text, message):
+def test_invalid_user_mesh_gives_a_one_line_error(tmp_path, name, text, message):
     path = tmp_path / name
     if text is not None:
         path.write_text(text)
@@ -173,7 +173,7 @@ def names(folder: Path, mesh: str) -> set[str]:
     return {str(path.relative_to(folder)) for path in referred_files(folder / mesh)}
 
 
-def test_what_is_referred_to_and_there(folder):
+def test_referred_files_lists_existing_references(folder):
     assert names(folder, "car.obj") == {"car.mtl", "maps/body.png", "a b.png"}
     tree = {
         "buffers": [{"uri": "data.bin"}, {"uri": "data:text/plain,a"}],
@@ -188,7 +188,7 @@ def test_what_is_referred_to_and_there(folder):
 @pytest.mark.parametrize(
     "mesh", ["none.obj", "car.stl", "bad.gltf", "deep.gltf", "maps", "fifo.obj", "zero.mtl"]
 )
-def test_nothing_is_referred_to(folder, mesh):
+def test_referred_files_is_empty_without_references(folder, mesh):
     (folder / "car.stl").write_bytes(b"solid car.mtl")
     (folder / "bad.gltf").write_text("[")
     (folder / "deep.gltf").write_text("[" * 100_000)
@@ -197,7 +197,7 @@ def test_nothing_is_referred_to(folder, mesh):
     assert names(folder, mesh) == set()
 
 
-def test_a_changed_texture_changes_the_keys_of_what_reads_the_mesh(folder):
+def test_changed_texture_changes_the_keys_of_stages_that_read_the_mesh(folder):
     def keys():
         overrides = [f"road_user.mesh={folder / 'car.obj'}"]
         configuration = compose(overrides).configuration
