@@ -81,8 +81,8 @@ def orientation_errors(estimated: np.ndarray, true: np.ndarray) -> np.ndarray:
 def intersections_over_unions(estimated_world: np.ndarray, true_world: np.ndarray) -> np.ndarray:
     """IoU (K,) of the areas inside the polygons (K, M, 2) and (K, N, 2) m.
 
-    A polygon that crosses itself is repaired by shapely's `make_valid`: its area is what an odd
-    number of turns encloses. An estimate that is not finite overlaps nothing: 0.
+    A polygon that crosses itself is repaired by shapely's `make_valid`: its area consists of the
+    points that it encloses an odd number of times. The IoU of a non-finite estimate is 0.
     """
     finite = np.isfinite(estimated_world).all(axis=(1, 2))
     overlap = np.zeros(len(estimated_world))

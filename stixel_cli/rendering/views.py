@@ -33,7 +33,7 @@ class StaticView:
     """The road, the background and the sky from one camera.
 
     Attributes:
-        hits: what each pixel's centre meets, in row-major order.
+        hits: the surface that each pixel's centre ray hits, in row-major order.
         lit: (n,) bool, whether it sees the sun.
         plain: (n, 3) float32, linear light by one ray a pixel.
         light: (n, 3) float32, linear light with more rays where `plain` has edges.
@@ -186,7 +186,7 @@ def _centres_with_target(
     over[near] = nearer
     hits.depth[over], hits.body[over] = found[nearer], 1
     hits.triangle[over] = triangle[nearer]
-    # Its shadow on what was in the sun.
+    # Its shadow on sunlit pixels.
     asked = np.flatnonzero(lit & ~over)
     shadowed = asked[~tracing.sunlit(bodies, camera, u[asked], v[asked], hits.at(asked), sun, (1,))]
     lit[shadowed] = False

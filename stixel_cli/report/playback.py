@@ -44,7 +44,7 @@ FACTS = ("road_user", "path", "ego", "measurement", "tracker")
 SCRIPTS = ("paths", "map", "camera", "charts", "legend", "time")
 """The files `templates/playback_*.js`, in the order of the page's one function."""
 
-_FARTHEST = 1e7  # m; the page leaves out what is farther away
+_FARTHEST = 1e7  # m; the page omits farther points
 
 
 def playback_html(
@@ -61,7 +61,7 @@ def playback_html(
         runs: their `label` is their name in the legend.
         title: of the page.
         notes: lines below the title.
-        folders: what to name as each run's folder; empty to name none.
+        folders: name of each run's folder; empty to show no folders.
     """
     folder = resources.files(__package__).joinpath("templates")
     parts = {
@@ -143,7 +143,7 @@ def consistent_bounds(degrees_of_freedom: np.ndarray) -> np.ndarray:
 
 
 def _facts(run: RunResult) -> list[tuple[str, str]]:
-    """(name, value) pairs that describe what was run."""
+    """(name, value) pairs that describe the run."""
     facts = [(group, run.choice(group)) for group in FACTS]
     mesh = run.settings["road_user"].get("mesh")
     if mesh is not None:

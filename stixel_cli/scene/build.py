@@ -42,11 +42,11 @@ GRID = 1e-6
 def ground_contour(mesh: Mesh) -> np.ndarray:
     """Outline (M, 2) m of the ground projection of `mesh`, in its own frame.
 
-    One simple polygon, counter-clockwise, the first vertex not repeated. Holes are filled, for the
-    outline is what a sensor on the ground can see. Where parts do not touch in the projection they
-    are joined by closing it (out, then in again) with the smallest radius 1, 2, 4 … mm that does:
-    this fills gaps narrower than twice that radius, and changes nothing elsewhere but in notches
-    of that width. It is simplified by `SIMPLIFIED_BY` at most.
+    One simple polygon, counter-clockwise, the first vertex not repeated. Holes are filled, because
+    a sensor on the ground can only see the outline. Parts that do not touch in the projection are
+    joined by a morphological closing with the smallest sufficient radius of 1, 2, 4 … mm. This
+    fills gaps and notches narrower than twice that radius, and changes nothing else. The outline is
+    then simplified by `SIMPLIFIED_BY` at most.
 
     Raises:
         ValueError: if the projection has no area.

@@ -16,7 +16,7 @@ class BmParameters(MatchingParameters):
     """Block matching, Konolige 1997, as OpenCV's StereoBM.
 
     Attributes:
-        pre_filter: what is matched: "normalized_response" or "x_sobel".
+        pre_filter: image that is matched: "normalized_response" or "x_sobel".
         pre_filter_size: window of the normalised response, px, odd.
         texture_threshold: blocks whose summed filter response is below it are invalid.
     """

@@ -36,8 +36,8 @@ class SgmParameters(MatchingParameters):
 def match(pairs: StereoPairs, stereo: SgmParameters, rig: Rig, frames: range) -> Disparities:
     """Disparities of the left views of `frames`, 1/16 px, by semi-global matching on one thread.
 
-    The left border keeps its disparities as far as the right image reaches: what is so near in
-    column u that its disparity exceeds u is not in the right image, and invalid.
+    The left border keeps its disparities as far as the right image reaches: a point in column u
+    with a disparity above u is outside the right image, so it is invalid.
     """
     import cv2
 

@@ -148,9 +148,10 @@ OccupancyParameters = PolarOccupancy | ColumnDisparityOccupancy | CartesianOccup
 
 @parameters
 class FreeSpaceParameters:
-    """The cheapest path through the occupancy grid; costs are in units of the least obstacle's.
+    """The cheapest path through the occupancy grid.
 
-    A cell costs 1 / D, D being its occupancy over what the least obstacle would give there.
+    A cell costs 1 / D, where D is its occupancy divided by that of the smallest obstacle there. So
+    the smallest obstacle costs 1.
 
     Attributes:
         obstacle_height: vertical extent of the least obstacle, m.

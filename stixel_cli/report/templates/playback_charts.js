@@ -1,8 +1,8 @@
-// Errors over time, with a cursor that can be dragged.
+// Charts of the errors over time, with a draggable cursor.
 const DURATION = Math.max(times[LAST] - times[0], 1e-9);
 const counts = (run) => data.scans[run.scan].points.map((flat) => flat.length / 2);
 const finite = (values) => values.filter((value) => value !== null && Number.isFinite(value));
-// Labels, units and bounds are those of evaluation/metric_table.py.
+// Labels, units and bounds come from evaluation/metric_table.py.
 const CHARTS = [
   ...data.series.map((series) => ({ ...series, digits: series.ratio || series.unit === "°" ? 2 : 3 })),
   { name: "points", short_label: "Points used", digits: 0, unit: "", bounds: [0, null] },
@@ -17,7 +17,7 @@ find("errors").classList.toggle("many", runs.length > 1);
 const charts = CHARTS.map((chart) => {
   const card = html("div", { className: "chart" }, find("errors"));
   const head = html("h2", {}, card);
-  html("span", { className: "what", textContent: chart.short_label }, head);
+  html("span", { className: "name", textContent: chart.short_label }, head);
   const values = runs.map((_, r) => {
     const value = html("span", { className: "value" }, head);
     value.style.color = `color-mix(in srgb, ${colourOf(r)} 60%, var(--ink))`;  // legible as text
@@ -75,7 +75,7 @@ function drawChart(chart) {
   if (bounds) for (const run of runs.slice(0, chart.name === "nees_position" ? 1 : undefined)) {
     svg("path", { class: "consistent", d: bandOverTime(chart, bounds(run)) }, plot);
   }
-  const rise = Math.max(niceStep((high - low) / 3.2), chart.digits ? 0 : 1);  // a count has no half
+  const rise = Math.max(niceStep((high - low) / 3.2), chart.digits ? 0 : 1);  // counts have whole ticks
   const ticks = chart.ratio ? [0.001, 0.01, 0.1, 1, 10, 100, 1000, 1e4].filter((v) => v >= low && v <= high)
     : linearTicks(low, high, rise);
   for (const tick of ticks) {
