@@ -6,12 +6,12 @@ silhouette is the contour's interval of columns, cut at the image's borders.
 
 A point is the *target's* if its column is in the silhouette widened by `SIDE_MARGIN` px, and its
 distance from the first crossing of its ray with the contour is at most `GROSS` px, or at most
-`DISPARITY_REACH` px and `RANGE_REACH` m. A point next to the silhouette is compared with the nearest
-ray that meets the contour. Other points in the silhouette's columns are clutter; the rest belong to
-the rest of the scene. Errors are measured minus true.
+`DISPARITY_REACH` px and `RANGE_REACH` m. A point next to the silhouette is compared with the
+nearest ray that meets the contour. Other points in the silhouette's columns are clutter; points
+elsewhere belong to other objects. Errors are measured minus true.
 
-At long range one pixel is more than `RANGE_REACH` metres (7 m at 34 m with the default rig): a limit
-in metres only would cut off the errors to be measured.
+At long range one pixel is more than `RANGE_REACH` metres (7 m at 34 m with the default rig): a
+limit only in metres would cut off the errors to be measured.
 """
 
 from dataclasses import dataclass
