@@ -48,7 +48,8 @@ class Rig:
         """
         if (self.horizontal_fov is None) == (self.focal_length is None):
             raise ValueError(
-                "give exactly one of rig.horizontal_fov and rig.focal_length, the other is null"
+                "rig.focal_length: set either rig.focal_length or rig.horizontal_fov, "
+                "and set the other to null"
             )
         if self.focal_length is not None:
             return self.focal_length

@@ -52,8 +52,7 @@ class FabricatedParameters:
         """Raise ValueError if there are more rays than the image of `rig` has columns."""
         if self.rays is not None and self.rays > rig.width:
             raise ValueError(
-                f"measurement.rays: {self.rays} rays are more than the {rig.width} columns of the "
-                "image (rig.width)"
+                f"measurement.rays: must be ≤ rig.width ({rig.width} columns), got {self.rays}"
             )
 
 

@@ -82,11 +82,11 @@ def check_gates(height_min: float, height_max: float, range_min: float, range_ma
     """Raise ValueError unless both gates of the group `measurement` are open; all in m."""
     if height_max <= height_min:
         raise ValueError(
-            f"measurement.height_max: {height_max} m is not above measurement.height_min, "
-            f"{height_min} m"
+            f"measurement.height_max: must be > measurement.height_min ({height_min} m), "
+            f"got {height_max} m"
         )
     if range_max <= range_min:
         raise ValueError(
-            f"measurement.range_max: {range_max} m is not above measurement.range_min, "
-            f"{range_min} m"
+            f"measurement.range_max: must be > measurement.range_min ({range_min} m), "
+            f"got {range_max} m"
         )

@@ -34,7 +34,7 @@ def run_labels(folders: Sequence[Path]) -> list[str]:
         labels = ["/".join(path.parts[-parts:]) for path in paths]
         if len(set(labels)) == len(labels):
             return labels
-    raise UserError("a folder is given twice; give each folder once")
+    raise UserError("two arguments name the same folder; give each folder once")
 
 
 def default_page(folders: Sequence[Path], what: str = "report") -> Path:
@@ -87,7 +87,7 @@ def write_page(page: Path, html: str) -> None:
             file.flush()
             os.fsync(file.fileno())
     except FileExistsError:
-        raise UserError(f"{page}: exists, and is not written over; name another file") from None
+        raise UserError(f"{page}: already exists; choose another file") from None
     except OSError as error:
         raise UserError(f"{page}: cannot be written: {error.strerror}") from error
 

@@ -76,7 +76,7 @@ def load_mesh(path: str, contrast: float) -> Mesh:
     if not ((sides >= LEAST_SIDE) & (sides <= GREATEST_SIDE)).all():
         raise ValueError(
             f"road_user.mesh: the mesh in {path!r} is {sides[0]:.3g} × {sides[1]:.3g} × "
-            f"{sides[2]:.3g} m large, each must be {LEAST_SIDE:g} to {GREATEST_SIDE:g} m "
+            f"{sides[2]:.3g} m large; each side must be {LEAST_SIDE:g} to {GREATEST_SIDE:g} m "
             "(is the file in metres?)"
         )
     a, b = np.diff(corners(mesh)[:, :, :2], axis=1).transpose(1, 2, 0)
@@ -94,7 +94,7 @@ def _check_counts(path: str) -> None:
         ValueError: if it cannot, or is no regular file.
     """
     if not os.path.exists(path):
-        raise ValueError(f"road_user.mesh: there is no file {path!r}")
+        raise ValueError(f"road_user.mesh: file not found: {path!r}")
     try:
         with opened(Path(path)) as stream:
             head, size = stream.read(2**16), os.fstat(stream.fileno()).st_size

@@ -30,7 +30,7 @@ class SgmParameters(MatchingParameters):
         """Raise ValueError if the parameters contradict each other."""
         super().check()
         if self.p2 <= self.p1:
-            raise ValueError(f"stereo.p2: {self.p2} must be above stereo.p1, which is {self.p1}")
+            raise ValueError(f"stereo.p2: must be > stereo.p1 ({self.p1}), got {self.p2}")
 
 
 def match(pairs: StereoPairs, stereo: SgmParameters, rig: Rig, frames: range) -> Disparities:

@@ -309,10 +309,13 @@ def test_lidar_scan_can_be_empty_and_requires_a_pose():
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("measurement.scanner.elevation_highest=-2", "is below measurement.scanner.elevation_low"),
-        ("measurement.scanner.elevation_highest=-1.2", "4 layers at one elevation"),
-        ("measurement.height_max=0.2", "measurement.height_max: 0.2 m is not above"),
-        ("measurement.range_min=90", "measurement.range_max: 80.0 m is not above"),
+        (
+            "measurement.scanner.elevation_highest=-2",
+            "must be ≥ measurement.scanner.elevation_lowest",
+        ),
+        ("measurement.scanner.elevation_highest=-1.2", "4 layers need different"),
+        ("measurement.height_max=0.2", "measurement.height_max: must be > measurement.height_min"),
+        ("measurement.range_min=90", "measurement.range_max: must be > measurement.range_min"),
     ],
 )
 def test_impossible_scanner_gives_a_one_line_error(override, message):

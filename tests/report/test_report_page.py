@@ -118,7 +118,7 @@ def test_page_accepts_runs_without_series_or_picture(tmp_path):
 def test_labels_distinguish_folders_of_one_name(tmp_path):
     folders = [tmp_path / "x" / "run", tmp_path / "y" / "run"]
     assert run_labels(folders) == ["x/run", "y/run"]
-    with pytest.raises(UserError, match="given twice"):
+    with pytest.raises(UserError, match="same folder"):
         run_labels([folders[0], folders[0]])
 
 
@@ -127,7 +127,7 @@ def test_default_page_is_an_unused_file(folders):
     assert page == folders[0].parent / "report-first-second.html"
     write_page(page, "x")
     assert default_page(folders).name == "report-first-second-2.html"
-    with pytest.raises(UserError, match="not written over"):
+    with pytest.raises(UserError, match="already exists"):
         write_page(page, "y")
     assert page.read_text() == "x"
     many = [folders[0].parent / f"{'long' * 12}-{i}" for i in range(6)]

@@ -112,7 +112,7 @@ DAMAGED = [
     (name, box(name, **change), message)
     for name in (OBJ, OFF, PLY)
     for change, message in (
-        ({"change": lambda v: (*v[:2], 0)}, r"is 4 × 2 × 0 m large, each must be 0.1 to 30 m"),
+        ({"change": lambda v: (*v[:2], 0)}, r"is 4 × 2 × 0 m large; each side must be 0.1 to 30 m"),
         ({"change": lambda v: (v[0], 0, v[2])}, r"is 4 × 0 × 1.5 m large"),
         ({"change": lambda v: (v[0], v[0], v[2])}, r"no area seen from above \(z must be up\)"),
         ({"change": lambda v: (*v[:2], v[2] * 1e6)}, r"is 4 × 2 × 1.5e\+06 m large"),
@@ -136,7 +136,7 @@ DAMAGED += [
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
-        ("absent.obj", None, "there is no file"),
+        ("absent.obj", None, "file not found"),
         ("text.ply", "this is no mesh\n", "no triangles"),
         ("strange.xyz", "1 2 3\n", "no triangles"),
         ("empty.obj", "", "no triangles"),

@@ -134,7 +134,11 @@ def test_depart_is_a_straight_line():
 
 @settings(derandomize=True, deadline=None, max_examples=15)
 @given(
-    st.floats(-180, 180), st.floats(-90, 90), st.floats(2, 100), st.floats(0.5, 30), st.floats(0, 9)
+    st.floats(-180, 180),
+    st.floats(-90, 90),
+    st.floats(2, 100),
+    st.floats(0.5, 30),
+    st.floats(0.01, 9),
 )
 def test_s_curve_positions_integrate_its_heading(heading, swing, wavelength, speed, time):
     path = SCurve(

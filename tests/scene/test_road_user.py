@@ -92,5 +92,5 @@ def test_mesh_is_repeatable():
 
 def test_missing_mesh_file_is_rejected_before_the_run():
     road_user = RoadUser("car", 4.5, 1.8, 1.5, 0.6, "nowhere/mesh.ply")
-    with pytest.raises(ValueError, match=r"road_user\.mesh: there is no file"):
+    with pytest.raises(ValueError, match=r"road_user\.mesh: file not found"):
         road_user.check()

@@ -126,11 +126,11 @@ def test_disparity_count_includes_one_value_beyond_the_nearest_point(greatest, m
 def test_matching_rejects_inconsistent_parameters():
     SGM.check()
     BM.check()
-    with pytest.raises(ValueError, match=r"stereo\.block_size: 4 is even"):
+    with pytest.raises(ValueError, match=r"stereo\.block_size: must be odd"):
         replace(SGM, block_size=4).check()
-    with pytest.raises(ValueError, match=r"stereo\.p2: 100 must be above"):
+    with pytest.raises(ValueError, match=r"stereo\.p2: must be > stereo\.p1 .*got 100"):
         replace(SGM, p2=100).check()
-    with pytest.raises(ValueError, match=r"stereo\.pre_filter_size: 8 is even"):
+    with pytest.raises(ValueError, match=r"stereo\.pre_filter_size: must be odd"):
         replace(BM, pre_filter_size=8).check()
 
 

@@ -45,7 +45,7 @@ def test_ellipse_prior_is_an_ellipse():
 
 def test_prior_rejects_a_corner_radius_that_is_too_large():
     CAR.check()
-    with pytest.raises(ValueError, match=r"prior\.corner_radius: 0\.9"):
+    with pytest.raises(ValueError, match=r"prior\.corner_radius: must be ≤ .*got 0\.9"):
         dataclasses.replace(CAR, corner_radius=0.9).check()
 
 
