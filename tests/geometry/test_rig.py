@@ -27,7 +27,7 @@ def test_field_of_view_includes_the_outermost_pixels():
 
 @pytest.mark.parametrize("changes", [{"focal_length": 500.0}, {"horizontal_fov": None}])
 def test_rig_requires_exactly_one_of_field_of_view_and_focal_length(changes):
-    with pytest.raises(ValueError, match="rig.focal_length: set either"):
+    with pytest.raises(ValueError, match=r"rig\.focal_length: set either"):
         _ = replace(RIG, **changes).focal
 
 
