@@ -34,6 +34,8 @@ COUNT_INTERVAL = 2.0
 LONG_PATIENCE = 600.0
 """Seconds to wait for a worker if a scheduler has none."""
 
+WORKER_RESTART = "1h"
+"""Time that a crashed worker has to restart, in Dask's notation."""
 
 UNREACHABLE = (OSError, ValueError, RuntimeError, TypeError)
 """Errors of a client if the scheduler does not answer or the address is not valid."""
@@ -86,8 +88,12 @@ def serve(workers: int, folder: str) -> None:
     answer = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     try:
+        import dask
         from distributed import LocalCluster
 
+        # By default Dask gives up a worker that takes more than 15 s to restart after a crash.
+        # On a loaded machine no worker would be left, and the run would wait forever.
+        dask.config.set({"distributed.deploy.lost-worker-timeout": WORKER_RESTART})
         cluster = LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
