@@ -5,13 +5,14 @@ import json
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config import messages
-from stixel_cli.config.choose import choose, choose_together
+from stixel_cli.config.choose import choose
 from stixel_cli.config.folders import conf_state, configuration_folder, group_options
-from stixel_cli.config.interpolation import NotPlain, with_values
+from stixel_cli.config.interpolation import NotPlain, interpolated, with_values
 from stixel_cli.config.keys import chosen_kinds, known_keys
 from stixel_cli.config.overrides import check_one_run, check_overrides, parse_overrides
 from stixel_cli.config.schema import Configuration, adapter
@@ -20,7 +21,6 @@ from stixel_cli.files import read_yaml_text
 
 if TYPE_CHECKING:
     from hydra.core.override_parser.types import Override
-    from omegaconf import DictConfig
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,8 @@ def compose(overrides: Sequence[str] = (), working_directory: str = "") -> Compo
     Raises:
         ConfigurationError: in one line, for any fault of the overrides.
     """
-    return Composer(working_directory).compose(overrides)
+    composition = Composer(working_directory).compose(overrides)
+    return replace(composition, resolved=copy.deepcopy(composition.resolved))
 
 
 class Composer:
@@ -75,7 +76,8 @@ class Composer:
 
     Hydra composes each choice of options once; values are then set in plain dicts. The files of
     `conf/` are taken as they were when the composer was made. Equal groups of different
-    configurations are one object, so that derived values can be cached by identity.
+    configurations are one object, so that derived values can be cached by identity; do not change
+    `resolved`, which they share too.
     `working_directory` is as in `compose`.
     """
 
@@ -114,7 +116,7 @@ class Composer:
     def _shared(self, configuration: Configuration, resolved: dict[str, Any]) -> Configuration:
         parts = {
             # Keyed by the text, because 0.0 and -0.0 are equal and give different cache keys.
-            name: self._parts.setdefault((name, json.dumps(value)), getattr(configuration, name))
+            name: self._parts.setdefault((name, repr(value)), getattr(configuration, name))
             for name, value in resolved.items()
         }
         return Configuration(**parts)
@@ -163,14 +165,8 @@ def _validate(plain: dict[str, Any], typed: Iterable[str]) -> Configuration:
     return configuration
 
 
-def _resolved(
-    parsed: "Sequence[Override]", state: tuple[Any, ...]
-) -> tuple[dict[str, Any], dict[str, str]]:
+def _resolved(parsed: "Sequence[Override]", state: str) -> tuple[dict[str, Any], dict[str, str]]:
     """The resolved configuration in plain types and the option of each group."""
-    from hydra.errors import HydraException
-    from omegaconf.errors import OmegaConfBaseException
-    from yaml import YAMLError
-
     chosen = tuple(
         (one.key_or_group, str(one.input_line))
         for one in parsed
@@ -180,28 +176,48 @@ def _resolved(
     try:
         plain, choices = choose(chosen, state)
         try:
-            tree = with_values(plain, {one.key_or_group: one.value() for one in values})
+            new = {one.key_or_group: one.value() for one in values}
+            tree = with_values(plain, new, _interpolated(chosen, state))
         except NotPlain:
-            base, _, choices = choose_together(tuple(text for _, text in chosen), state)
-            tree = _by_omegaconf(base, values)
-    except OmegaConfBaseException as fault:
-        raise ConfigurationError(_unresolved(fault)) from None
-    except HydraException as fault:
-        raise ConfigurationError(_not_composed(fault)) from None
-    except (YAMLError, UnicodeDecodeError, RecursionError) as fault:
-        # Hydra does not name the file in some of these.
-        for path in sorted(configuration_folder().rglob("*.yaml")):
-            read_yaml_text(path)
-        raise ConfigurationError(messages.printable(" ".join(str(fault).split()), 300)) from None
+            tree = _by_omegaconf(plain, values)
+    except ConfigurationError:
+        raise
+    except Exception as fault:
+        raise _explained(fault) from None
     return tree, dict(choices)
 
 
-def _by_omegaconf(base: "DictConfig", values: "Sequence[Override]") -> dict[str, Any]:
-    """`base` with the values set, resolved; it takes 8 ms, `with_values` a thirtieth of that."""
+@lru_cache(maxsize=1024)
+def _interpolated(chosen: tuple[tuple[str, str], ...], state: str) -> frozenset[str]:
+    return interpolated(choose(chosen, state)[0])
+
+
+def _explained(fault: Exception) -> Exception:
+    """The error in one line if the files of `conf/` or the overrides are wrong; else itself."""
+    # Hydra takes 0.2 s to import; a configuration without overrides may not need it.
+    from hydra.errors import HydraException
+    from omegaconf.errors import OmegaConfBaseException
+    from yaml import YAMLError
+
+    if isinstance(fault, OmegaConfBaseException):
+        return ConfigurationError(_unresolved(fault))
+    if isinstance(fault, HydraException):
+        return ConfigurationError(_not_composed(fault))
+    if isinstance(fault, YAMLError | UnicodeDecodeError | RecursionError):
+        # Hydra does not name the file in some of these.
+        for path in sorted(configuration_folder().rglob("*.yaml")):
+            read_yaml_text(path)
+        return ConfigurationError(messages.printable(" ".join(str(fault).split()), 300))
+    return fault
+
+
+def _by_omegaconf(plain: dict[str, Any], values: "Sequence[Override]") -> dict[str, Any]:
+    """`plain` with the values set, resolved; it takes 8 ms, `with_values` a thirtieth of that."""
     from omegaconf import OmegaConf
     from omegaconf.errors import ConfigAttributeError, ConfigKeyError
 
-    composed = copy.deepcopy(base)
+    composed = OmegaConf.create(plain)
+    OmegaConf.set_struct(composed, True)
     for override in values:
         name = override.key_or_group
         try:

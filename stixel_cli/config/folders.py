@@ -6,6 +6,7 @@ Nothing here reads YAML: the command line's completion and the messages need nam
 import os
 import re
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 
 from stixel_cli.errors import ConfigurationError
@@ -39,11 +40,14 @@ def configuration_folder() -> Path:
     return shipped_folder("conf")
 
 
-def conf_state() -> tuple[tuple[str, int, int], ...]:
-    """Name, time and size of every file of `conf/`: equal as long as nobody has edited one."""
+def conf_state() -> str:
+    """A digest of the names and contents of all files of `conf/`."""
     folder = configuration_folder()
-    stats = [(path, path.stat()) for path in sorted(folder.rglob("*.yaml"))]
-    return tuple((str(path), stat.st_mtime_ns, stat.st_size) for path, stat in stats)
+    digest = sha256()
+    for path in sorted(folder.rglob("*.yaml")):
+        content = path.read_bytes()
+        digest.update(f"{path.relative_to(folder)}\n{len(content)}\n".encode() + content)
+    return digest.hexdigest()
 
 
 @cache
