@@ -88,7 +88,7 @@ def sweep(
     Raises:
         UserError: for whatever the user can put right, before anything is computed.
     """
-    from stixel_cli.config.override_text import override_text
+    from stixel_cli.config.messages import override_text
     from stixel_cli.sweeps.whole import new_sweep
 
     texts = [overrides] if isinstance(overrides, str) else list(overrides)

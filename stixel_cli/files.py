@@ -5,21 +5,21 @@ device would block, or never end) of a limited size; what it holds must be neste
 depth, with finite numbers and valid text. Nothing is unpickled. Each fault is one line.
 """
 
-import json
 import os
 import re
 import stat
 import sys
 import warnings
-import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from stixel_cli.errors import UserError
+from stixel_cli.errors import UserError, printable_path
 
 if TYPE_CHECKING:
+    import zipfile
+
     import numpy as np
 
 GREATEST_TEXT = 64 * 2**20
@@ -92,7 +92,7 @@ def opened(file: Path, greatest: int = GREATEST_ARRAYS) -> Iterator[BinaryIO]:
                 raise UserError(f"{file}: too large: {status.st_size} bytes, at most {greatest}")
             yield stream
     except FileNotFoundError:
-        raise UserError(f"{file.parent}: {file.name} is missing") from None
+        raise UserError(f"{printable_path(file.parent)}: {file.name} is missing") from None
     except OSError as error:
         raise UserError(f"{file}: cannot be read: {error.strerror or error}") from error
 
@@ -126,6 +126,8 @@ def read_json(file: Path) -> dict[str, Any]:
     Raises:
         UserError: if it is missing, is no JSON object, or a value is not what `check_plain` takes.
     """
+    import json
+
     text = read_text(file)
     try:
         content = json.loads(text, object_pairs_hook=_unique)
@@ -250,6 +252,8 @@ def read_arrays(file: Path) -> "dict[str, np.ndarray]":
         UserError: if it is missing, damaged or encrypted, if an array is not of booleans or
             numbers, or if all together are larger than `GREATEST_ARRAYS`.
     """
+    import zipfile
+
     with opened(file) as stream:
         try:
             # A damaged header may warn as well; that would be a second line.
@@ -267,7 +271,9 @@ def read_arrays(file: Path) -> "dict[str, np.ndarray]":
             raise UserError(f"{file}: not a file of numeric arrays") from None
 
 
-def _check_members(members: list[zipfile.ZipInfo], file: Path) -> None:
+def _check_members(members: "list[zipfile.ZipInfo]", file: Path) -> None:
+    import zipfile
+
     if sum(member.file_size for member in members) > GREATEST_ARRAYS:
         raise UserError(f"{file}: too large: its arrays have more than {GREATEST_ARRAYS} bytes")
     if len({member.filename for member in members}) < len(members):
@@ -280,7 +286,7 @@ def _check_members(members: list[zipfile.ZipInfo], file: Path) -> None:
             raise UserError(f"{file}: {name} is compressed by a method other than deflate")
 
 
-def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> "np.ndarray":
+def _read_array(archive: "zipfile.ZipFile", member: "zipfile.ZipInfo") -> "np.ndarray":
     """One array, its declared size compared with that of its bytes before memory is taken."""
     import numpy as np
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from stixel_cli.config.folders import group_options
-from stixel_cli.errors import UserError
+from stixel_cli.errors import UserError, printable_path
 
 CRASHED = 1
 LONGEST_USAGE = 300
@@ -49,7 +49,7 @@ def guarded(command: Callable[[], int]) -> int:
         return Interrupted.exit_code
     except Exception as error:
         if isinstance(error, OSError) and error.errno in _OF_THE_USER and error.filename:
-            tell(f"{error.filename}: {error.strerror}")
+            tell(f"{printable_path(error.filename)}: {error.strerror}")
             return UserError.exit_code
         if isinstance(error, OSError) and error.errno in _OF_STDOUT and error.filename is None:
             _leave_stdout(error)

@@ -21,6 +21,8 @@ FOLDER = "configurations"
 
 MOST_STORED = 500
 
+_to_store: dict[Path, tuple[dict[str, Any], dict[str, str]]] = {}
+
 # Hydra's composition goes through a singleton of the process.
 _HYDRA = threading.Lock()
 
@@ -107,8 +109,19 @@ def choose_together(chosen: tuple[str, ...], state: str) -> tuple[dict[str, Any]
     stored = _read(file)
     if stored is None:
         stored = _by_hydra(chosen)
-        _write(file, stored)
+        _to_store[file] = stored
     return stored
+
+
+def store_compositions() -> None:
+    """Store the new compositions; called for valid configurations, so wrong input writes nothing.
+
+    Nothing happens if the folder cannot be written.
+    """
+    for file in list(_to_store):
+        composition = _to_store.pop(file, None)  # another thread may have stored it
+        if composition is not None:
+            _write(file, composition)
 
 
 def _by_hydra(chosen: tuple[str, ...]) -> tuple[dict[str, Any], dict[str, str]]:
@@ -142,7 +155,6 @@ def _read(file: Path) -> tuple[dict[str, Any], dict[str, str]] | None:
 
 
 def _write(file: Path, composition: tuple[dict[str, Any], dict[str, str]]) -> None:
-    """Store a composition; nothing happens if the folder cannot be written."""
     text = json.dumps(composition)
     if tuple(json.loads(text)) != composition:
         return  # a key of the user's own file that JSON turns into text, such as a number

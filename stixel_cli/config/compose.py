@@ -10,7 +10,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config import messages
-from stixel_cli.config.choose import choose
+from stixel_cli.config.choose import choose, store_compositions
 from stixel_cli.config.folders import conf_state, configuration_folder, group_options
 from stixel_cli.config.interpolation import NotPlain, interpolated, with_values
 from stixel_cli.config.keys import chosen_kinds, known_keys
@@ -111,6 +111,7 @@ class Composer:
         resolved, choices = _resolved(parsed, self._state)
         name_files_in_full(resolved, self._working_directory)
         configuration = _validate(resolved, [override.key_or_group for override in parsed])
+        store_compositions()
         return Composition(self._shared(configuration, resolved), choices, texts, resolved)
 
     def _shared(self, configuration: Configuration, resolved: dict[str, Any]) -> Configuration:

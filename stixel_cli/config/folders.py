@@ -5,11 +5,15 @@ Nothing here reads YAML: the command line's completion and the messages need nam
 
 import os
 import re
+from collections.abc import Sequence
 from functools import cache
-from hashlib import sha256
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from stixel_cli.errors import ConfigurationError
+from stixel_cli.errors import BelongsElsewhere, ConfigurationError
+
+if TYPE_CHECKING:
+    from hydra.core.override_parser.types import Override
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _LINE = re.compile(r"^( *)([A-Za-z_]\w*):(.*)$", re.MULTILINE)
@@ -42,6 +46,8 @@ def configuration_folder() -> Path:
 
 def conf_state() -> str:
     """A digest of the names and contents of all files of `conf/`."""
+    from hashlib import sha256
+
     folder = configuration_folder()
     digest = sha256()
     for path in sorted(folder.rglob("*.yaml")):
@@ -132,3 +138,49 @@ def option_values(group: str, option: str) -> dict[str, str]:
         outer.append((len(indent), key))
     values.pop("defaults", None)
     return values
+
+
+def group_by_dots(name: str, value: Any) -> str:
+    """A group within another is chosen with a slash: `measurement/noise=constant`."""
+    group = name.replace(".", "/")
+    options = group_options()[group]
+    meant = value if value in options else "|".join(options)
+    return f"{name}: is a group: write {group}={meant}"
+
+
+def refuse_without_outer(parsed: "Sequence[Override]") -> None:
+    """Refuse a group within another whose chosen option has no such group.
+
+    `parsed` are all overrides of one run, of one value each.
+
+    Raises:
+        BelongsElsewhere: in one line that says which option has it.
+    """
+    chosen = {one.key_or_group: one for one in parsed}
+    for group in chosen:
+        outer = group.rpartition("/")[0]
+        if group not in group_options() or not outer:
+            continue
+        option = str(chosen[outer].value()) if outer in chosen else default_option(outer)
+        owners = outer_options(group)
+        if option not in owners:
+            raise BelongsElsewhere(
+                f"{group}: there is no such group with {outer}={option}; it belongs to "
+                f"{outer}={'|'.join(owners)}"
+            )
+
+
+def refuse_group_as_key(name: str, value: Any) -> None:
+    """Refuse a group that is typed with dots, and a `kind`, which follows from the option.
+
+    Raises:
+        ConfigurationError: in one line that says how it is written.
+    """
+    if name.replace(".", "/") in group_options():
+        raise ConfigurationError(group_by_dots(name, value))
+    group = innermost_group(name)
+    if group and name == group.replace("/", ".") + ".kind":
+        options = ", ".join(group_options()[group])
+        raise ConfigurationError(
+            f"{name}: follows from the option of {group}: write {group}=… (options: {options})"
+        )

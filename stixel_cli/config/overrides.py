@@ -10,7 +10,7 @@ from decimal import Decimal
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any
 
-from stixel_cli.config import inner_groups, messages
+from stixel_cli.config import folders, messages
 from stixel_cli.config.folders import group_options
 from stixel_cli.config.keys import known_keys
 from stixel_cli.errors import ConfigurationError
@@ -94,7 +94,7 @@ def _refuse_malformed(text: str) -> None:
     if bare in known_keys():
         raise ConfigurationError(f"{bare}: a value is missing: write {bare}=VALUE")
     if bare.replace(".", "/") in group_options():
-        raise ConfigurationError(inner_groups.group_by_dots(bare, None))
+        raise ConfigurationError(folders.group_by_dots(bare, None))
     if groups and bare != "default":
         raise ConfigurationError(f"{bare}: is an option: write {groups[0]}={bare}")
     hint = messages.suggestion(bare, [*group_options(), *known_keys()], form="{}=…")
@@ -160,7 +160,7 @@ def _check_name(override: "Override") -> None:
         raise ConfigurationError(
             f"{name}: there is no such key; did you mean {name.replace('/', '.')}?"
         )
-    inner_groups.refuse_group_as_key(name, None if override.is_delete() else override.value())
+    folders.refuse_group_as_key(name, None if override.is_delete() else override.value())
     raise ConfigurationError(messages.unknown_key(name))
 
 
@@ -215,7 +215,7 @@ def check_one_run(parsed: "Sequence[Override]") -> None:
                 f"{name}: {value} stands for several values: one run needs one{hint}; "
                 "`stixel sweep` takes several"
             )
-    inner_groups.refuse_without_outer(parsed)
+    folders.refuse_without_outer(parsed)
 
 
 def single_overrides(override: "Override", shuffled: bool) -> list[str]:
