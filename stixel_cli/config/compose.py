@@ -1,4 +1,4 @@
-"""From overrides to a validated configuration, by Hydra and the rooms' schemas."""
+"""From overrides to a validated configuration, by Hydra and the schema."""
 
 import copy
 import json
@@ -31,8 +31,8 @@ class Composition:
         configuration: validated.
         choices: the option of each group.
         overrides: as they were typed.
-        resolved: the configuration in plain types with every interpolation resolved; what
-            `config.yaml` of a result folder holds, and `from_resolved` takes.
+        resolved: the configuration in plain types with every interpolation resolved: the content of
+            `config.yaml` in a result folder, and the argument of `from_resolved`.
     """
 
     configuration: Configuration
@@ -41,10 +41,10 @@ class Composition:
     resolved: dict[str, Any]
 
     def value(self, name: str) -> Any:
-        """The option chosen of a group, or the value of a key, of its own type.
+        """The chosen option of a group, or the value of a key in its own type.
 
         Raises:
-            KeyError: there is neither.
+            KeyError: no such group or key.
         """
         if name in self.choices:
             return self.choices[name]
@@ -124,26 +124,26 @@ class Composer:
 
 
 def name_files_in_full(resolved: dict[str, Any], working_directory: str = "") -> None:
-    """Make the names of the user's files absolute, so that they hold in any working directory.
+    """Make the names of the user's files absolute.
 
-    `working_directory` is the one in which they are meant; "" for the process's own.
+    They refer to `working_directory`; "" for the working directory of the process.
     """
     for group, key in (("road_user", "mesh"), ("cache", "folder")):
         name = resolved[group][key]
-        # An empty name is no folder: the checks will say so.
+        # The checks refuse an empty name.
         if isinstance(name, str) and name:
             name = os.path.join(working_directory, os.path.expanduser(name))
             resolved[group] = resolved[group] | {key: os.path.abspath(name)}
 
 
 def from_resolved(resolved: Mapping[str, Any]) -> Configuration:
-    """The configuration that `resolved`, the content of a stored `config.yaml`, stands for.
+    """Validate `resolved`, the content of a stored `config.yaml`.
 
     Raises:
         ConfigurationError: in one line, if it does not fit the schema or cannot be run.
     """
     if not isinstance(resolved, Mapping):
-        raise ConfigurationError(f"{messages.show(resolved)}: is no configuration")
+        raise ConfigurationError(f"{messages.show(resolved)}: is not a configuration")
     return _validate(dict(resolved), ())
 
 
@@ -153,14 +153,14 @@ def _validate(plain: dict[str, Any], typed: Iterable[str]) -> Configuration:
     from stixel_cli.config.checks import check
 
     try:
-        # JSON is the strict mode that fits YAML: lists stand for tuples, and nothing else bends.
+        # Strict JSON validation fits YAML: it accepts lists for tuples and converts nothing else.
         configuration = adapter().validate_json(json.dumps(plain))
     except ValidationError as error:
         faults = error.errors(include_url=False)
         raise ConfigurationError(messages.describe_faults(faults, plain, typed)) from None
     except (TypeError, ValueError) as fault:
         raise ConfigurationError(
-            f"the configuration holds more than plain values: {fault}"
+            f"the configuration has values that are not plain: {fault}"
         ) from None
     check(configuration)
     return configuration
@@ -230,10 +230,10 @@ def _by_omegaconf(plain: dict[str, Any], values: "Sequence[Override]") -> dict[s
 
 
 def _not_composed(fault: Any) -> str:
-    """One line for what Hydra cannot put together.
+    """One line for options that Hydra cannot compose.
 
-    An option that was typed has been checked before: one that is missing here follows another
-    group's, as `pace` and `prior` follow `road_user`.
+    Typed options have been checked before: a missing option follows another group, as `pace` and
+    `prior` follow `road_user`.
     """
     group, _, option = (getattr(fault, "missing_cfg_file", None) or "").rpartition("/")
     if group not in group_options():
@@ -245,16 +245,16 @@ def _not_composed(fault: Any) -> str:
 
 
 def _unresolved(fault: Any) -> str:
-    """One line for a value that stands for another which cannot be had."""
+    """Message for an interpolation that cannot be resolved."""
     from omegaconf.errors import InterpolationKeyError, MissingMandatoryValue
 
     name = fault.full_key or "the configuration"
     if isinstance(fault, MissingMandatoryValue):
-        return f"{name}: ??? stands for a missing value: give one"
+        return f"{name}: ??? is a missing value: give one"
     reason = _first_line(fault.msg or fault)
     if isinstance(fault, InterpolationKeyError) and (wanted := re.search("key '(.*)'", reason)):
         hint = messages.suggestion(wanted[1], known_keys(), form="${{{}}}")
-        return f"{name}: there is no key {wanted[1]} to take the value of{hint}"
+        return f"{name}: refers to {wanted[1]}, but there is no such key{hint}"
     return f"{name}: {reason}"
 
 

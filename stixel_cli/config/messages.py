@@ -87,11 +87,11 @@ def suggestion(word: str, candidates: Iterable[str], form: str = "{}") -> str:
 
 
 def unknown_key(name: str, kinds: Mapping[str, str] | None = None) -> str:
-    """That there is no such key, and which is the nearest.
+    """Message: no such key, with the nearest ones.
 
     Args:
-        name: what was typed, with dots.
-        kinds: the variant that is chosen of each group, where that is known.
+        name: as typed, with dots.
+        kinds: the chosen variant of each group, if known.
     """
     kinds = kinds or {}
     variants = keys.known_keys().get(name)
@@ -102,7 +102,7 @@ def unknown_key(name: str, kinds: Mapping[str, str] | None = None) -> str:
     within = group.replace("/", ".") + "."
     inner = [key for key in keys.known_keys() if key.startswith(name + ".")]
     if inner and name not in group_options():
-        return f"{name}: holds several keys: give one of them, as {inner[0]}=VALUE"
+        return f"{name}: is a group of keys: give one of them, such as {inner[0]}=VALUE"
     candidates = [
         key
         for key, variants in keys.known_keys().items()
@@ -122,7 +122,7 @@ def _belongs(variant: keys.Key, kinds: Mapping[str, str]) -> bool:
 
 
 def _owners(variants: Sequence[keys.Key], kinds: Mapping[str, str]) -> str:
-    """To which options a key belongs, and which of another kind is chosen."""
+    """The options that a key belongs to, and the chosen option of another kind."""
     apart = [
         [(group, kind) for group, kind in variant.owners if kinds.get(group) != kind]
         for variant in variants
@@ -148,14 +148,14 @@ def owners_of(name: str) -> str:
 
 
 def unknown_option(group: str, option: str) -> str:
-    """That a group has no such option, which is the nearest, and all there are."""
+    """Message: the group has no such option, with the nearest one and all options."""
     options = group_options()[group]
     hint = suggestion(option, options, form=group + "={}")
     return f"{group}: there is no option {show(option)}{hint} (options: {', '.join(options)})"
 
 
 def show(value: Any) -> str:
-    """A value as one would type it, on one line and not too long."""
+    """A value as one would type it, on one line, shortened if necessary."""
     if isinstance(value, str):
         return f"'{printable(value)}'"
     return printable(json.dumps(value, ensure_ascii=False, default=str))
@@ -179,7 +179,7 @@ def _what(value: Any) -> str:
 
 
 def describe_fault(fault: dict[str, Any], plain: dict[str, Any]) -> str:
-    """One of pydantic's errors in one line.
+    """Describe one of pydantic's errors in one line.
 
     Args:
         fault: an item of `ValidationError.errors()`.
@@ -196,12 +196,12 @@ def describe_fault(fault: dict[str, Any], plain: dict[str, Any]) -> str:
         options = ", ".join(group_options()[innermost_group(name)])
         return f"{name}: its kind is unknown (options: {options})"
     if kind == "json_invalid":
-        return "the configuration holds text that is not UTF-8"
+        return "the configuration has text that is not UTF-8"
     if annotation is None:
         return f"{name}: {show(value)}: {fault['msg']}"
     right = keys.describe(annotation)
     if kind in _OUT_OF_RANGE:
-        # One bound alone leaves the user to find the other.
+        # Both bounds, so that the user need not find the other one.
         range_ = right.removeprefix("a whole number ").removeprefix("a number ")
         return f"{name}: {show(value)} is out of range: must be {range_}"
     if kind == "finite_number":
@@ -217,12 +217,12 @@ def describe_fault(fault: dict[str, Any], plain: dict[str, Any]) -> str:
 def describe_faults(
     faults: Sequence[dict[str, Any]], plain: dict[str, Any], typed: Iterable[str]
 ) -> str:
-    """The fault to mend first, and how many more there are.
+    """Describe the fault to correct first, and count the others.
 
     Args:
         faults: pydantic's errors, at least one.
         plain: the configuration that was validated.
-        typed: the keys that the user gave: a fault in one of them goes first.
+        typed: the keys that the user gave; their faults come first.
     """
     given = tuple(typed)
 

@@ -117,7 +117,7 @@ def test_stored_configuration_comes_back(default):
         (lambda plain: plain.update(rig=None), "rig: null is null"),
         (lambda plain: plain["rig"].update(baseline=-1), "must be ≥ 0.001 and ≤ 5"),
         (lambda plain: plain["road_user"].update(mesh="\udcff"), "not UTF-8"),
-        (lambda plain: plain["road_user"].update(mesh=object), "plain values"),
+        (lambda plain: plain["road_user"].update(mesh=object), "not plain"),
     ],
 )
 def test_stored_configuration_that_is_wrong(default, change, message):
@@ -130,7 +130,7 @@ def test_stored_configuration_that_is_wrong(default, change, message):
 
 
 def test_no_configuration_at_all():
-    with pytest.raises(ConfigurationError, match="no configuration"):
+    with pytest.raises(ConfigurationError, match="not a configuration"):
         from_resolved([1, 2])
 
 
