@@ -21,3 +21,18 @@ class BelongsElsewhere(ConfigurationError):
 
 class FolderTaken(UserError):
     """Another process has already created the folder."""
+
+
+def printable(text: str, longest: int = 60) -> str:
+    """The text on one line, cut to `longest` characters; invisible characters are escaped."""
+    if len(text) > longest:
+        text = text[: longest - 1] + "…"
+    return "".join(
+        character if character.isprintable() else character.encode("unicode_escape").decode()
+        for character in text
+    )
+
+
+def printable_path(path: object) -> str:
+    """A path or file name for a message, on one line and not too long."""
+    return printable(str(path), 200)

@@ -1,15 +1,27 @@
-"""The options of all groups, composed by Hydra and cached in memory."""
+"""The options of all groups, composed by Hydra; its results are cached in memory and on disk."""
 
+import json
+import os
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
 
 from stixel_cli.config.folders import configuration_folder, group_options
+from stixel_cli.engine.parameters import default_cache_folder
+from stixel_cli.errors import UserError
+from stixel_cli.files import read_text
 
-if TYPE_CHECKING:
-    from omegaconf import DictConfig
+FOLDER = "configurations"
+"""In the cache folder; the files of `conf/` change rarely, so it has few files."""
+
+MOST_STORED = 500
+
+_to_store: dict[Path, tuple[dict[str, Any], dict[str, str]]] = {}
 
 # Hydra's composition goes through a singleton of the process.
 _HYDRA = threading.Lock()
@@ -17,7 +29,7 @@ _HYDRA = threading.Lock()
 
 @lru_cache(maxsize=1024)
 def choose(
-    chosen: tuple[tuple[str, str], ...], state: tuple[Any, ...]
+    chosen: tuple[tuple[str, str], ...], state: str
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """The configuration of the chosen options, before values are set.
 
@@ -36,31 +48,30 @@ def choose(
     Raises:
         HydraException: if Hydra cannot compose the options.
     """
-    from hydra.errors import HydraException
-
     families: dict[str, list[str]] = {}
     for group, text in chosen:
         families.setdefault(group.partition("/")[0], []).append(text)
     found = None
     if len(families) > 1:
+        from hydra.errors import HydraException
+
         # A group that follows another may need one of the other choices.
         with suppress(HydraException):
             found = _choose_apart(families, state)
     if found is None:
-        _, plain, choices = choose_together(tuple(text for _, text in chosen), state)
-        return plain, choices
+        return choose_together(tuple(text for _, text in chosen), state)
     return found
 
 
 def _choose_apart(
-    families: Mapping[str, list[str]], state: tuple[Any, ...]
+    families: Mapping[str, list[str]], state: str
 ) -> tuple[dict[str, Any], dict[str, str]] | None:
     """As `choose`, from one composition per top-level group; None if groups affect each other."""
-    _, base, base_choices = choose_together((), state)
+    base, base_choices = choose_together((), state)
     changed: dict[str, Any] = {}
     choices = dict(base_choices)
     for family, texts in families.items():
-        _, plain, its_choices = choose_together(tuple(texts), state)
+        plain, its_choices = choose_together(tuple(texts), state)
         # Some groups follow another by default, as `pace` follows `road_user`.
         following = {
             group.partition("/")[0]
@@ -83,17 +94,37 @@ def _choose_apart(
 
 
 @lru_cache(maxsize=1024)
-def choose_together(
-    chosen: tuple[str, ...], state: tuple[Any, ...]
-) -> "tuple[DictConfig, dict[str, Any], dict[str, str]]":
+def choose_together(chosen: tuple[str, ...], state: str) -> tuple[dict[str, Any], dict[str, str]]:
     """The configuration that Hydra composes of the chosen options, before values are set.
 
-    Hydra takes about 0.05 s, so the result is cached while the files of `conf/` keep their `state`.
+    Hydra takes about 0.1 s, so the result is stored in the cache folder, under a digest of the
+    options, of the files of `conf/` (`state`) and of Hydra's version.
 
     Returns:
-        The configuration, the same in plain types with interpolations as text, and the option of
-        each group.
+        The configuration in plain types with interpolations as text, and the option of each group.
     """
+    versions = [version(name) for name in ("hydra-core", "omegaconf")]
+    key = sha256(json.dumps([chosen, state, versions]).encode()).hexdigest()
+    file = default_cache_folder() / FOLDER / f"{key}.json"
+    stored = _read(file)
+    if stored is None:
+        stored = _by_hydra(chosen)
+        _to_store[file] = stored
+    return stored
+
+
+def store_compositions() -> None:
+    """Store the new compositions; called for valid configurations, so wrong input writes nothing.
+
+    Nothing happens if the folder cannot be written.
+    """
+    for file in list(_to_store):
+        composition = _to_store.pop(file, None)  # another thread may have stored it
+        if composition is not None:
+            _write(file, composition)
+
+
+def _by_hydra(chosen: tuple[str, ...]) -> tuple[dict[str, Any], dict[str, str]]:
     import hydra
     from omegaconf import OmegaConf, open_dict
 
@@ -108,7 +139,33 @@ def choose_together(
     with open_dict(composed):
         del composed["hydra"]
     choices = {group: options[group] for group in group_options() if group in options}
-    return composed, OmegaConf.to_container(composed, resolve=False), choices
+    return OmegaConf.to_container(composed, resolve=False), choices
+
+
+def _read(file: Path) -> tuple[dict[str, Any], dict[str, str]] | None:
+    """A stored composition; None if it is missing or damaged."""
+    try:
+        digest, _, text = read_text(file).partition("\n")
+    except (UserError, OSError):
+        return None
+    if sha256(text.encode()).hexdigest() != digest:
+        return None
+    plain, choices = json.loads(text)
+    return plain, choices
+
+
+def _write(file: Path, composition: tuple[dict[str, Any], dict[str, str]]) -> None:
+    text = json.dumps(composition)
+    if tuple(json.loads(text)) != composition:
+        return  # a key of the user's own file that JSON turns into text, such as a number
+    partial = file.with_name(f"{file.stem}-{os.getpid()}-{threading.get_ident()}.partial")
+    with suppress(OSError):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        partial.write_text(f"{sha256(text.encode()).hexdigest()}\n{text}", encoding="utf-8")
+        partial.replace(file)
+        others = sorted(file.parent.iterdir(), key=lambda other: other.stat().st_mtime)
+        for other in others[:-MOST_STORED]:
+            other.unlink()
 
 
 @contextmanager
