@@ -101,7 +101,7 @@ def files_of(findings: Findings) -> dict[str, str | bytes]:
     """The files next to the page, by their path in the folder.
 
     Raises:
-        ValueError: if two have one name, or one leads out of the folder.
+        UserError: if two files have one name, or a name is not a path inside the folder.
     """
     named: list[tuple[str, str | bytes]] = []
     for table in tables_of(findings):
@@ -113,9 +113,9 @@ def files_of(findings: Findings) -> dict[str, str | bytes]:
     files = dict(named)
     if len(files) < len(named):
         names = [name for name, _ in named]
-        raise ValueError(f"two files are called {next(n for n in names if names.count(n) > 1)}")
+        raise UserError(f"report: two files have the name {next(n for n in names if names.count(n) > 1)}")
     for name in files:
         path = PurePosixPath(name)
         if path.is_absolute() or ".." in path.parts or name in (FILE, PAGE):
-            raise ValueError(f"{name!r} is no name for a file of a study")
+            raise UserError(f"report: {name!r} is not a valid file name in a study's folder")
     return files

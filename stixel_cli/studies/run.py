@@ -26,7 +26,7 @@ from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.results import SKIPPED, SweepResult
 from stixel_cli.sweeps.run import SweepInterrupted
 from stixel_cli.sweeps.runs import design_runs
-from stixel_cli.sweeps.whole import designed_sweep, resumed_sweep
+from stixel_cli.sweeps.whole import check_computable, designed_sweep, resumed_sweep
 
 _GO_ON = "; go on with: "
 _MOST_FAILURES = 5
@@ -67,11 +67,14 @@ def run_study(
             sweep with how many of its finished runs are computed again, and why.
 
     Raises:
-        UserError: in one line; before anything is written for what is wrong with the plan or the
-            folder. What was computed stays.
+        UserError: in one line; before notes and files if the cache, the scheduler or the folder
+            is unusable. Computed results stay.
         SweepInterrupted: by Ctrl-C, the report being written.
     """
     run = _Run(plan, StudyFolder(folder), command, workers, visible, tell)
+    for one in plan.sweeps:
+        if one.plan is not None:
+            check_computable(one.plan)
     run.folder.begin(plan, command, fresh)
     for note in plan.notes:
         tell(note)
@@ -129,7 +132,7 @@ class _Run:
             if any(other.sweep.name not in self.sweeps for other in before):
                 return
             with self._leased():
-                axes = self.plan.study.function(one.sweep.derive)(self._data())
+                axes = self.plan.study.derived_axes(one.sweep.derive, self._data())
             design = derived_design(self.plan, one, axes)
         result = self._sweep(name, one, design)
         self.results[name] = result

@@ -89,6 +89,13 @@ class Table:
     columns: tuple[str, ...]
     rows: tuple[tuple[str | int | float | None, ...], ...]
 
+    def __post_init__(self):
+        for row in self.rows:
+            if len(row) != len(self.columns):
+                raise ValueError(
+                    f"table {self.name}: a row has {len(row)} cells, not {len(self.columns)}"
+                )
+
 
 @dataclass(frozen=True)
 class Section:

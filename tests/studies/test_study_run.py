@@ -407,9 +407,9 @@ def test_a_study_outside_the_package(studies, toy, tmp_path, monkeypatch, capsys
 @pytest.mark.parametrize(
     ("name", "content", "error"),
     [
-        ("toy.py", "import no_such_module\n", "toy.py: cannot be imported: ModuleNotFoundError"),
+        ("toy.py", "import no_such_module\n", "toy.py: line 1: ModuleNotFoundError"),
         ("toy.py", "def widths(data):\n    return []\n", "toy.py has no function report"),
-        ("toy.py", "def report(:\n", "cannot be imported: SyntaxError"),
+        ("toy.py", "def report(:\n", "toy.py: line 1: SyntaxError"),
         ("toy.md.j2", "Text.\n\n{% for %}\n", "template: toy.md.j2: line 3"),
     ],
 )
