@@ -21,8 +21,9 @@ from stixel_cli.config import messages
 from stixel_cli.config.folders import shipped_folder
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.files import read_text
+from stixel_cli.studies.data import StudyData
 from stixel_cli.studies.template import findings_of, template_of
-from stixel_cli.studies.types import Findings, Material, StudyData
+from stixel_cli.studies.types import Findings, Material
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.file import ENTRIES as SWEEP_ENTRIES
 from stixel_cli.sweeps.file import design_of, is_study, read_mapping, refuse_unknown

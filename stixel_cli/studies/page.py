@@ -12,9 +12,18 @@ from markupsafe import Markup
 
 from stixel_cli.report import style
 from stixel_cli.report.metrics import format_value
-from stixel_cli.studies.state import Origin, SweepState
 from stixel_cli.studies.tables import INTERVAL, shown_table
-from stixel_cli.studies.types import Block, Figure, Findings, Paragraph, Picture, Section, Table
+from stixel_cli.studies.types import (
+    Block,
+    Figure,
+    Findings,
+    Origin,
+    Paragraph,
+    Picture,
+    Section,
+    SweepState,
+    Table,
+)
 
 _COLOURS = {
     "#000000": "currentColor",

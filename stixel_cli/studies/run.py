@@ -15,12 +15,11 @@ from stixel_cli.engine.locks import lease
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
 from stixel_cli.results.provenance import provenance
-from stixel_cli.studies.data import NodeSeconds, study_sweep
+from stixel_cli.studies.data import NodeSeconds, StudyData, StudySweep, study_sweep
 from stixel_cli.studies.folder import StudyFolder
 from stixel_cli.studies.page import study_page
 from stixel_cli.studies.plan import PlannedSweep, StudyPlan, derived_design, of_the_machine
-from stixel_cli.studies.state import Origin, SweepState
-from stixel_cli.studies.types import Findings, StudyData, StudySweep
+from stixel_cli.studies.types import Findings, Origin, SweepState
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.results import SKIPPED, SweepResult

@@ -14,7 +14,7 @@ import jinja2
 
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.results.text import listed
-from stixel_cli.studies import prose
+from stixel_cli.studies import tables
 from stixel_cli.studies.types import Block, Findings, Material, Paragraph, Section
 
 _MARK = "\x02"
@@ -23,19 +23,19 @@ _HEADING = re.compile(r"(#{1,3}) (.+)")
 
 def _interval(statistic, unit: str = "", sign: bool = False) -> str:
     """A statistic's mean with its interval."""
-    return prose.with_interval(statistic.mean, statistic.low, statistic.high, unit, sign)
+    return tables.with_interval(statistic.mean, statistic.low, statistic.high, unit, sign)
 
 
 FILTERS: dict[str, Callable] = {
-    "number": prose.number,
-    "quantity": prose.quantity,
-    "percent": prose.percent,
-    "counted": prose.counted,
+    "number": tables.number,
+    "quantity": tables.quantity,
+    "percent": tables.percent,
+    "counted": tables.counted,
     "interval": _interval,
     "listed": listed,
-    "capital": prose.capital,
+    "capital": tables.capital,
 }
-"""Functions of `prose` that a template can use, by name."""
+"""Functions of `tables` that a template can use, by name."""
 
 
 def template_of(text: str, name: str) -> jinja2.Template:

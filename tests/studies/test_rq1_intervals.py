@@ -212,7 +212,7 @@ def test_the_first_of_a_groups_lines_has_its_interval_as_a_band():
         return Estimate(0.5, 0.3, 0.8) if low < 20.0 else NONE
 
     one, two = (
-        figures.over_range("a", "A.", [made], [("Title", "m", drawn)]).svg.decode()
+        figures.over_range("a", [made], [("Title", "m", drawn)]).svg.decode()
         for drawn in ({"": values}, {"full": values, "dashed": values})
     )
     assert one.count('id="FillBetweenPolyCollection') == 1
@@ -224,8 +224,8 @@ def test_a_caption_says_what_a_line_counts():
     points = tuple(SimpleNamespace(seed=seed) for seed in (0, 1, 2))
     few = replace(made, runs=points[:1], poses=np.zeros(8, int))
     made = replace(made, runs=points)
-    assert counts([made, made]) == "8 poses a line, 3 seeds a pose"
-    assert counts([made, few]) == "1 to 8 poses a line, 1 to 3 seeds a pose"
+    assert counts([made, made]) == "8 poses per line, 3 seeds per pose"
+    assert counts([made, few]) == "1 to 8 poses per line, 1 to 3 seeds per pose"
 
 
 def test_shares_are_told_as_per_cent():

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from study_toy import answer_of
 
+from stixel_cli.config.compose import compose
+from stixel_cli.studies.data import StudyRun
 from stixel_cli.studies.inference import gap_closed, paired
 from stixel_cli.studies.rq3.answer import answer_values
 from stixel_cli.studies.rq3.compare import Comparison, _corrected, reach_of
-from stixel_cli.studies.rq3.cost import cost_of
-from stixel_cli.studies.rq3.runs import FABRICATED, FITTED, SIMULATED, Measure
+from stixel_cli.studies.rq3.runs import FABRICATED, FITTED, SIMULATED, Measure, cost_of
 
 COST = cost_of(SimpleNamespace(runs=()), SimpleNamespace(runs=()))
 
@@ -83,19 +84,13 @@ def test_what_a_family_of_tests_can_show(pairs, enough):
 
 def test_the_cost_is_cpu_time_and_not_known_without_all_of_it():
     def sweep(**seconds):
-        configuration = SimpleNamespace(
-            road_user=SimpleNamespace(kind="car"),
-            path=SimpleNamespace(kind="turn"),
-            tracker=SimpleNamespace(kind="gp_ekf"),
-        )
         scores = SimpleNamespace(times=np.zeros(10))
-        point = SimpleNamespace(
-            setting={}, seed=0, configuration=configuration, scores=scores, cpu_seconds=seconds
-        )
-        return SimpleNamespace(runs=[point])
+        configuration = compose().configuration
+        run = StudyRun(0, {}, 0, configuration, {}, scores, seconds, None)
+        return SimpleNamespace(runs=[run])
 
     cost = cost_of(sweep(scenario=9.0, render=2.0, scans=0.5), sweep(scenario=9.0, scans=0.01))
-    assert cost.simulated_total == pytest.approx(0.25)
-    assert cost.ratio == pytest.approx(250.0)
+    assert cost["simulated_total"] == pytest.approx(0.25)
+    assert cost["ratio"] == pytest.approx(250.0)
     # A stage of an entry that has no CPU seconds is not left out of the sum.
-    assert cost_of(sweep(render=np.nan, scans=0.5), sweep(scans=0.01)).ratio is None
+    assert cost_of(sweep(render=np.nan, scans=0.5), sweep(scans=0.01))["ratio"] is None

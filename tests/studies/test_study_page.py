@@ -6,12 +6,25 @@ import pytest
 import study_toy
 
 from stixel_cli.cli.app import main
+from stixel_cli.errors import UserError
 from stixel_cli.report import style
 from stixel_cli.results.text import listed
 from stixel_cli.studies.folder import files_of
 from stixel_cli.studies.page import _Numbered, svg_for_page
-from stixel_cli.studies.prose import counted, decimals, number, percent, quantity
-from stixel_cli.studies.tables import over_seeds, shown_table, table_csv, table_latex, with_ends
+from stixel_cli.studies.tables import (
+    counted,
+    decimals,
+    interval_columns,
+    number,
+    over_seeds,
+    percent,
+    quantity,
+    shown_table,
+    std_columns,
+    table_csv,
+    table_latex,
+    with_ends,
+)
 from stixel_cli.studies.types import Findings, Section, Table
 
 
@@ -102,7 +115,7 @@ def test_a_spread_is_shown_beside_its_value():
     table = Table(
         "t",
         "",
-        ("who", "m", "± m", "n"),
+        ("who", *std_columns("m", "m"), "n"),
         (("a", 0.123456, 0.04, 3), ("b", None, None, 2), ("c", -139.13, 0.0, 2)),
     )
     header, rows, numeric = shown_table(table)
@@ -116,7 +129,7 @@ def test_a_spread_is_shown_beside_its_value():
 
 
 def test_an_interval_is_shown_to_the_digits_that_it_bears():
-    columns = ("who", "m", "low m", "high m", "p")
+    columns = ("who", *interval_columns("m", "m"), "p")
     rows = (("a", -5.77012, -26.196, 14.656, 1e-6), ("b", 0.1, 0.071, 0.129, 0.04))
     table = Table("t", "", columns, (*rows, ("c", 0.1, None, None, None)))
     header, shown, numeric = shown_table(table)
@@ -150,10 +163,10 @@ def test_numbers_in_prose():
 
 def test_files_of_one_name_or_outside_are_refused():
     table = Table("t", "", ("a",), ((1,),))
-    with pytest.raises(ValueError, match=r"two files are called tables/t\.csv"):
+    with pytest.raises(UserError, match=r"two files have the name tables/t\.csv"):
         files_of(Findings((), (Section("s", (table, table)),), {}))
     for name in ("../x", "/x", "report.html"):
-        with pytest.raises(ValueError, match="no name for a file"):
+        with pytest.raises(UserError, match="is not a valid file name"):
             files_of(Findings((), (), {name: ""}))
 
 

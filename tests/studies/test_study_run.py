@@ -14,8 +14,8 @@ from stixel_cli.cli.app import main
 from stixel_cli.engine import execute as execution
 from stixel_cli.engine import keys
 from stixel_cli.studies import run as study_run
-from stixel_cli.studies.differences import differences
 from stixel_cli.studies.file import read_study
+from stixel_cli.studies.folder import differences
 from stixel_cli.studies.plan import StudyPlan
 from stixel_cli.sweeps import run as sweep_run
 
@@ -24,7 +24,7 @@ def test_a_study_from_its_file_to_its_report(studies, toy):
     file = toy()
     answer = studies.run(file)
     folder = studies.results / "toy"
-    assert answer["complete"] and answer["answer"] == ["4 points <b>."]
+    assert answer["complete"] and answer["answer"] == ["4 runs <b>."]
     assert answer["report"] == str(folder / "report.html")
     assert {name: sweep["done"] for name, sweep in answer["sweeps"].items()} == {
         "first": 4,

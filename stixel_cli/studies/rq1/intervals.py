@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from stixel_cli.studies.inference import interval, weights
-from stixel_cli.studies.prose import quantity, with_interval
 from stixel_cli.studies.rq1.pool import EDGES, LEAST, Group
+from stixel_cli.studies.tables import quantity, with_interval
 from stixel_cli.validation.stage_errors import GROSS
 from stixel_cli.validation.stage_summary import column_kinds, in_range
 
