@@ -37,14 +37,14 @@ _SWEEP_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 @dataclass(frozen=True)
 class SweepEntry:
-    """One sweep as the file has it.
+    """A sweep of the file.
 
     Attributes:
         name: of the sweep.
-        content: its entries as in a sweep's file.
-        steps: whose results the report reads beside the scores.
-        derive: name of the function in the report's module that gives further axes, from the data
-            of the sweeps before; None for none.
+        content: entries as in a sweep's file.
+        steps: stages whose results the report reads in addition to the scores.
+        derive: name of the module's function that returns further axes, from the data of the
+            earlier sweeps; or None.
     """
 
     name: str
@@ -53,7 +53,7 @@ class SweepEntry:
     derive: str | None
 
     def design(self, derived: list[dict[str, list]] | None = None) -> Design:
-        """The design of its runs, with the axes that were derived.
+        """The design of the runs, with the derived axes.
 
         Raises:
             ConfigurationError: in one line that names the sweep and the entry.
@@ -72,16 +72,16 @@ class SweepEntry:
 
 @dataclass(frozen=True)
 class StudyFile:
-    """A study as its file has it.
+    """The content of a study's file.
 
     Attributes:
         path: of the file.
         title, question: of the report.
         template_name, module_name: as in the file.
         template: of the report.
-        module: its function `report` gives the template's `Material` from `StudyData`; the
-            functions that `derive` names give further axes.
-        sweeps: in their order.
+        module: its function `report` returns a `Material` from `StudyData`; its functions that
+            `derive` names return further axes.
+        sweeps: in the order of the file.
     """
 
     path: Path
@@ -95,7 +95,7 @@ class StudyFile:
 
     @property
     def name(self) -> str:
-        """Of the study, which its folder bears too."""
+        """Name of the study, and the begin of its folder's name."""
         return self.path.stem
 
     def function(self, name: str) -> Callable:
@@ -116,7 +116,7 @@ class StudyFile:
         """The report of the complete study.
 
         Raises:
-            UserError: if the template uses a value that the module does not give.
+            UserError: if the module fails, or lacks a value of the template.
         """
         material = self.call("report", data)
         if not isinstance(material, Material):
@@ -158,16 +158,16 @@ class StudyFile:
 
 
 def shipped_studies() -> list[str]:
-    """Names of the studies that are shipped; plain sweeps are in the same folder."""
+    """Names of the shipped studies; plain sweeps are in the same folder."""
     files = sorted((shipped_folder("pipelines") / "studies").glob("*.yaml"))
     return [file.stem for file in files if is_study(file)]
 
 
 def find_study(name: str) -> Path:
-    """The file of a study: a path to a YAML file, or the name of one that is shipped.
+    """The file of a study: a path to a YAML file, or the name of a shipped study.
 
     Raises:
-        ConfigurationError: if there is neither, or the name is a plain sweep's.
+        ConfigurationError: if there is no such study, or it is a plain sweep.
     """
     path = Path(name)
     if path.suffix == ".yaml" and path.exists():
@@ -185,7 +185,7 @@ def find_study(name: str) -> Path:
 
 
 def read_study(path: Path) -> StudyFile:
-    """The study that a file describes, its sweeps' designs looked at.
+    """The study of a file, with valid designs of its sweeps.
 
     Raises:
         ConfigurationError: in one line that names the file and the entry.

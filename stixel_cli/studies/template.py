@@ -1,9 +1,8 @@
 """A study's report from its Jinja template: Markdown with numbers, tables and figures filled in.
 
-A template is text in paragraphs, with `#` headings. What comes before the first heading is the
-answer. `{{ show(tables.NAME) }}` puts a table or a figure in its place;
-`{% call show(...) %}caption{% endcall %}` gives its caption as well. A section that the module made
-is shown in the same way.
+A template has paragraphs and `#` headings. The text before the first heading is the answer.
+`{{ show(tables.NAME) }}` shows a table or a figure; `{% call show(...) %}caption{% endcall %}` also
+sets its caption.
 """
 
 import re
@@ -71,7 +70,7 @@ def findings_of(template: jinja2.Template, material: Material, name: str) -> Fin
     except (jinja2.TemplateError, ArithmeticError, AttributeError, LookupError, TypeError) as fault:
         raise UserError(f"template: {name}: {type(fault).__name__}: {fault}") from fault
     before: list[Block] = []
-    # Level, title and blocks of the sections that are open.
+    # Level, title and blocks of the open sections.
     opened: list[tuple[int, str, list[Block]]] = [(0, "", before)]
     sections: list[Section] = []
 
@@ -91,12 +90,7 @@ def findings_of(template: jinja2.Template, material: Material, name: str) -> Fin
             close(len(heading[1]))
             opened.append((len(heading[1]), heading[2], []))
         elif chunk.startswith(_MARK):
-            block = shown[int(chunk[1:])]
-            if isinstance(block, Section):
-                close(1)
-                sections.append(block)
-            else:
-                opened[-1][2].append(block)
+            opened[-1][2].append(shown[int(chunk[1:])])
         elif chunk:
             opened[-1][2].append(Paragraph(chunk))
     close(1)
@@ -109,5 +103,5 @@ def findings_of(template: jinja2.Template, material: Material, name: str) -> Fin
 
 
 def _line(text: str) -> str:
-    """Text on one line; spaces that must not break stay."""
+    """Text on one line; non-breaking spaces are kept."""
     return re.sub(r"[ \t\n]+", " ", text).strip(" ")

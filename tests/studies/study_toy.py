@@ -108,9 +108,7 @@ def report(data):
         "one": Figure("one", "", svg),
         "two": Figure("two", "Second.", svg),
         "dot": Picture("dot", "A picture.", b"\x89PNG", "image/png"),
-        "numbers": Table(
-            "numbers", "50 % of a_b.", ("who", "seed", *std_columns("IoU", "IoU")), rows
-        ),
+        "numbers": Table("numbers", "50 % of a_b.", columns, rows),
         "gaps": Table("gaps", "No value.", ("a", "b"), ((None, 1.5), ("x|y", None))),
         "answer": Table("answer", "In short.", ("who", "seed"), (("car", 7),)),
     }

@@ -56,7 +56,7 @@ def tiny(tmp_path):
     return file
 
 
-def test_a_tiny_study_gives_a_whole_report(studies, tiny):
+def test_a_tiny_study_gives_a_complete_report(studies, tiny):
     answer = studies.run(tiny)
     folder = studies.results / "rq1"
     assert answer["complete"], answer
@@ -99,7 +99,7 @@ def test_a_tiny_study_gives_a_whole_report(studies, tiny):
     assert all(float(row["match"]) > 0.0 for row in seconds)
 
 
-def test_the_shipped_study_changes_one_thing_at_a_time_round_the_default():
+def test_each_sweep_of_the_shipped_study_changes_one_setting():
     study = read_study(find_study("rq1"))
     sweeps = {sweep.name: sweep for sweep in study.sweeps}
     assert list(sweeps) == ["ranges", "matchers", "grids", "rigs", "contrast", "gallery"]
@@ -116,7 +116,7 @@ def test_the_shipped_study_changes_one_thing_at_a_time_round_the_default():
     assert approach["path.start"][1] > 50.0 and last <= 5.3
 
 
-def test_the_precision_that_a_depth_takes_follows_from_the_rig():
+def test_the_required_disparity_precision_depends_on_the_rig():
     rig = Rig(640, 480, 60.0, None, None, None, 0.3, 1.2, 0.0)
     needed = needed_disparity(rig, 0.1, 28.0)
     assert needed == pytest.approx(0.0212, abs=1e-4)
@@ -141,7 +141,7 @@ def test_runs_have_the_names_of_matcher_and_road_user():
     assert {k: len(v) for k, v in by_label(runs, road_user).items()} == {"car": 2, "cyclist": 1}
 
 
-def test_seconds_are_a_frames_and_a_scene_counts_its_values():
+def test_cpu_seconds_per_frame_and_values_of_a_scene():
     runs = [
         SimpleNamespace(cpu_seconds={"match": 2.0}, scores=SimpleNamespace(times=np.zeros(4))),
         SimpleNamespace(cpu_seconds={"match": 6.0}, scores=SimpleNamespace(times=np.zeros(4))),

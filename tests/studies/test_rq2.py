@@ -100,14 +100,14 @@ def test_differences_are_paired_by_seed():
     assert paired_difference(one, without, "centre_rmse_m").n == 0
 
 
-def test_of_several_paths_a_seed_counts_once():
+def test_a_seed_with_several_paths_counts_once():
     one = [run(0, centre=2.0), run(0, path="crossing", centre=4.0)]
     other = [run(0, "lidar", centre=1.0), run(0, "lidar", path="crossing", centre=1.0)]
     found = paired_difference(pd.DataFrame(one), pd.DataFrame(other), "centre_rmse_m")
     assert (found.n, found.mean) == (1, 2.0)
 
 
-def test_bounds_hold_of_a_consistent_filter_and_not_of_another():
+def test_only_a_consistent_filter_is_within_the_bounds():
     draw = np.random.default_rng(3)
     count, degrees = 2000, 10
 
@@ -127,7 +127,7 @@ def test_bounds_hold_of_a_consistent_filter_and_not_of_another():
     assert within_bounds(scans_of(nis=np.nan, nis_degrees=0))[1] is None
 
 
-def test_scans_are_sorted_by_their_conditions():
+def test_scans_are_sorted_into_bins():
     by_name = {condition.name: condition for condition in CONDITIONS}
     scans = pd.concat([scans_of(seed) for seed in (0, 1)])
     expected = {
@@ -145,7 +145,7 @@ def test_scans_are_sorted_by_their_conditions():
     assert one.errors["centre"].n == 2 and one.errors["centre"].mean == 1.0
 
 
-def test_a_condition_that_few_seeds_have_says_so():
+def test_a_caption_has_the_number_of_seeds_of_a_condition():
     near = {"range": 5.0}
     for changes, told in (
         ([{}, {}, {}], "n = 3 seeds"),
@@ -168,7 +168,7 @@ def test_distances_from_the_contour():
     assert shapely.Polygon(contour).area == 8.0
 
 
-def test_the_answer_is_made_of_what_is_there():
+def test_the_answer_has_every_tracker_and_measurement():
     seeds = range(3)
     runs = [run(seed, "stixels", centre=0.5 + 0.01 * seed) for seed in seeds]
     runs += [run(seed, "lidar_9", centre=0.2) for seed in seeds]
@@ -234,7 +234,7 @@ def test_one_seed_allows_no_test():
     assert "the gp_ekf is not known for the car." in text
 
 
-def test_how_large_a_difference_must_be_for_a_test_to_show_it():
+def test_the_least_significant_difference():
     for seeds, tests in ((2, 6), (5, 18)):
         edge = least_effect(seeds, tests)
         values = np.linspace(-1.0, 1.0, seeds)
@@ -244,7 +244,7 @@ def test_how_large_a_difference_must_be_for_a_test_to_show_it():
             assert (tests * p < 0.05) == shown
 
 
-def test_only_what_stands_up_to_all_tests_is_worse():
+def test_only_a_significant_difference_is_called_worse():
     seeds = range(5)
     # Far apart, by a little, and not at all: 0.03 is told by its interval alone.
     shifts = {"car": 0.5, "cyclist": 0.03, "pedestrian": 0.0}
@@ -267,7 +267,7 @@ def test_only_what_stands_up_to_all_tests_is_worse():
     assert family(pd.DataFrame(lidar)) == []
 
 
-def test_measurements_and_trackers_are_called_as_the_field_calls_them():
+def test_measurements_and_trackers_have_the_names_of_the_field():
     configuration = compose(["measurement=lidar_64", "tracker=point"]).configuration
     assert measurement_name("lidar_64", configuration) == "64-layer lidar"
     assert tracker_name("point", configuration) == "point tracker"

@@ -61,7 +61,7 @@ def test_few_pairs_allow_no_test():
     assert "points' 24 gaps whose interval excludes 0" in text
 
 
-def test_of_enough_pairs_effects_come_first_and_then_the_tests():
+def test_effects_come_before_tests():
     first, _, tests, *rest = said(15)
     assert first.startswith(
         "Points: mean difference, fabricated minus simulated [95 %]. Car: bias along "
@@ -76,13 +76,13 @@ def test_of_enough_pairs_effects_come_first_and_then_the_tests():
 
 
 @pytest.mark.parametrize(("pairs", "enough"), [(1, False), (10, False), (11, True)])
-def test_what_a_family_of_tests_can_show(pairs, enough):
+def test_the_reach_of_a_family_of_tests(pairs, enough):
     reach = reach_of(family(pairs, [f"measure {i}" for i in range(12)]))
     assert (reach.pairs, reach.tests, reach.enough) == (pairs, 48, enough)
     assert reach.needed == 11
 
 
-def test_the_cost_is_cpu_time_and_not_known_without_all_of_it():
+def test_the_cost_is_unknown_unless_all_cpu_times_are_recorded():
     def sweep(**seconds):
         scores = SimpleNamespace(times=np.zeros(10))
         configuration = compose().configuration

@@ -1,6 +1,7 @@
 """Wrong input of a study: one line on stderr, exit code 2, and no new folder."""
 
 import pytest
+from study_toy import changed
 
 REPORT = """from stixel_cli.studies.types import Material, Section, Table
 from study_toy import report as toy_report, widths
@@ -81,3 +82,68 @@ def test_a_long_path_is_shortened_in_a_message(studies, toy, tmp_path):
     file = file.rename(folder / file.name)
     error = studies.refused(file)
     assert "template: no file toy.md.j2 in" in error and len(error) < 700
+
+
+@pytest.mark.parametrize(
+    ("entries", "value", "error"),
+    [
+        (("title",), None, "title: is required"),
+        (("question",), 3, "question: is required and must be a string"),
+        (("module",), "none_such", "module: no module none_such"),
+        (("module",), "none_such.py", "module: no file none_such.py in"),
+        (("template",), "../none.j2", "template: no file ../none.j2 in"),
+        (("sweeps",), [], "sweeps: must be names"),
+        (("tittle",), "x", "tittle: no such entry; did you mean title?"),
+        (("sweeps", "first", "result"), [], "first: result: no such entry; did you mean results?"),
+        (("sweeps", "first", "results"), ["scns"], "has a step scns; did you mean scans?"),
+        (("sweeps", "second", "derive"), "width", "has no function width"),
+        (("sweeps", "first", "derive"), "widths", "derive: no earlier sweep"),
+        (("sweeps", "first", "fixed"), {"path.durations": 1}, "did you mean path.duration?"),
+        (("sweeps", "second", "seeds"), 0, "sweeps: second: seeds: must be"),
+        (("sweeps", "a b"), {}, "sweeps: a b: a name"),
+    ],
+)
+def test_a_wrong_file_is_refused_in_one_line(studies, toy, entries, value, error):
+    file = toy(changed(entries, value))
+    assert error in studies.refused(file)
+
+
+def test_invalid_yaml_and_a_plain_sweep_are_refused(studies, toy):
+    assert "toy.yaml: line 2" in studies.refused(toy("title: [\n"))
+    assert "is a sweep, not a study" in studies.refused(toy("axes:\n  seed: [0, 1]\n"))
+
+
+def test_an_override_that_no_sweep_accepts_is_refused(studies, toy):
+    file = toy()
+    assert "there is no such key" in studies.refused(file, "tracker.sigma=1")
+    assert "must be > 0" in studies.refused(file, "path.duration=-1")
+
+
+def test_a_wrong_study_name_is_refused(studies, toy):
+    assert "rq2" in studies.refused() and "all" in studies.error
+    assert "name a study first" in studies.refused("road_user=car")
+    assert "did you mean" in studies.refused("rq22")
+    assert "stixel sweep --from prior_width" in studies.refused("prior_width")
+    assert "leave it out with all" in studies.refused("all", "--name", "x")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "error"),
+    [
+        ("toy.py", "import no_such_module\n", "toy.py: line 1: ModuleNotFoundError"),
+        ("toy.py", "def widths(data):\n    return []\n", "toy.py has no function report"),
+        ("toy.py", "def report(:\n", "toy.py: line 1: SyntaxError"),
+        ("toy.md.j2", "Text.\n\n{% for %}\n", "template: toy.md.j2: line 3"),
+    ],
+)
+def test_a_wrong_template_or_module_is_refused(studies, toy, tmp_path, name, content, error):
+    file = toy()
+    (tmp_path / name).write_text(content, encoding="utf-8")
+    assert error in studies.refused(file)
+
+
+def test_a_template_with_an_unknown_value_is_refused(studies, toy, tmp_path):
+    file = toy()
+    (tmp_path / "toy.md.j2").write_text("{{ no_such_value }}\n", encoding="utf-8")
+    assert studies.run(file, "road_user=car", "seed=0", code=2) is None
+    assert "template: toy.md.j2: UndefinedError: 'no_such_value' is undefined" in studies.error
