@@ -99,14 +99,10 @@ def with_unit(metric: Metric, form: str = "{} ({})") -> str:
     return form.format(metric.short_label, metric.unit) if metric.unit else metric.short_label
 
 
-def over_seeds(values: Sequence[float | int | None]) -> Statistic:
-    """n, mean, standard deviation and 95 % interval (Student's t) of the values except None."""
-    return statistic({}, "", values)
-
-
-def with_none(values: Iterable[float]) -> list[float | None]:
-    """The values of a frame's column, with None for values that are not finite."""
-    return [float(value) if math.isfinite(value) else None for value in values]
+def over_seeds(values: Iterable[float | int | None]) -> Statistic:
+    """n, mean, standard deviation and 95 % interval (Student's t) of the finite values."""
+    known = [float(value) for value in values if value is not None and math.isfinite(value)]
+    return statistic({}, "", known)
 
 
 def tables_of(findings: Findings) -> Iterator[Table]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from stixel_cli.evaluation.metric_table import Metric
 from stixel_cli.studies.rq2.runs import SCAN_ERRORS, quantity
-from stixel_cli.studies.tables import over_seeds, std_columns, with_none
+from stixel_cli.studies.tables import over_seeds, std_columns
 from stixel_cli.studies.types import Table
 from stixel_cli.sweeps.statistics import Statistic
 
@@ -97,7 +97,7 @@ def condition_statistics(
         ["tracker", "measurement", "bin"], sort=False
     ):
         means = own.groupby("seed")[errors].mean()
-        statistics = {name: over_seeds(with_none(means[name])) for name in means}
+        statistics = {name: over_seeds(means[name]) for name in means}
         found[tracker, measurement, int(b)] = Binned(len(own), len(means), statistics)
     return found
 

@@ -45,12 +45,7 @@ def example_scans(name: str, runs: "pd.DataFrame") -> Figure:
                 axes.set_title(f"{measurement},\n{path}", fontsize=8.0)
                 if len(found):
                     _scan(axes, found.sort_values("seed")["run"].iloc[0])
-        return Figure(
-            name,
-            "The scan in the middle of each run of the first seed: the true contour, the scan's "
-            "points, and, dashed, the line to the sensor. World's ground plane, m.",
-            style.svg(figure),
-        )
+        return Figure(name, "", style.svg(figure))
 
 
 def _scan(axes, run: StudyRun) -> None:
@@ -88,16 +83,11 @@ def over_time(name: str, scans: "pd.DataFrame", measurements: Sequence[str]) -> 
             grid[0, j].set_title(tracker)
             grid[-1, j].set_xlabel("t (s)")
         count = len(names(scans, "seed"))
-        user, path = scans["road_user"].iloc[0], scans["path"].iloc[0]
         low, high = (float(bound) / (2 * count) for bound in chi_square_bounds(2 * count))
         _finish(figure, grid, list(_LABELS.values()), "both")
         for axes in grid[-2]:
             axes.axhspan(low, high, color=style.CONSISTENT, zorder=0)
-        return Figure(
-            name,
-            f"{capital(user)}, path {path}: errors and consistency over time, n = {count} seeds.",
-            style.svg(figure),
-        )
+        return Figure(name, "", style.svg(figure))
 
 
 def _band(axes, error: str, scans: "pd.DataFrame", shade: str, label: str) -> None:
@@ -120,7 +110,6 @@ def _band(axes, error: str, scans: "pd.DataFrame", shade: str, label: str) -> No
 def boxes(name: str, runs: "pd.DataFrame", measurements: Sequence[str]) -> Figure:
     """Box plots of the runs' metrics: one group per tracker, one box per measurement."""
     trackers, there = names(runs, "tracker"), names(runs, "measurement")
-    groups = len(trackers) * len(there)
     with style.drawing():
         figure = _figure(WIDTH, 0.5 + 1.3 * len(SCAN_ERRORS))
         grid = figure.subplots(len(SCAN_ERRORS), 1, sharex=True, squeeze=False)
@@ -147,15 +136,7 @@ def boxes(name: str, runs: "pd.DataFrame", measurements: Sequence[str]) -> Figur
             else:
                 axes.set_ylim(*metric.bounds)
         _legend(figure, grid)
-        return Figure(
-            name,
-            f"{capital(names(runs, 'road_user')[0])}: every run's summary, all paths and seeds "
-            f"together, {len(runs) // groups} runs a box: median, quartiles, whiskers to the last "
-            "value within 1.5 times the box's height, and dots for values beyond. A box shows the "
-            "spread of the runs of all paths, not the interval of a mean. NEES and NIS are means "
-            "over a run's scans; 1, dashed, is consistent.",
-            style.svg(figure),
-        )
+        return Figure(name, "", style.svg(figure))
 
 
 def _box(axes, values: Sequence[float], place: float, width: float, shade: str) -> None:

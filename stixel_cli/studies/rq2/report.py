@@ -104,10 +104,11 @@ def _chapter(
         "ranking": _ranking(runs),
         "tracking": _tracking_table(user, runs, scans),
         "boxes": boxes(f"{user}_boxes", runs, measurements),
-        "over_time": [
-            over_time(f"{user}_{path}_over_time", chosen(scans, path=path), measurements)
+        "over_time": {
+            path: over_time(f"{user}_{path}_over_time", chosen(scans, path=path), measurements)
             for path in names(runs, "path")
-        ],
+        },
+        "runs_a_box": len(runs) // len(runs[["tracker", "measurement"]].drop_duplicates()),
         "conditions": conditions,
     }
 

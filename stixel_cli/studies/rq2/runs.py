@@ -15,7 +15,7 @@ from stixel_cli.geometry.angles import wrap_angle
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.studies.tables import over_seeds, with_none
+from stixel_cli.studies.tables import over_seeds
 from stixel_cli.sweeps.statistics import CONFIDENCE, Statistic
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def _scan_frames(runs: "pd.DataFrame") -> "Iterator[pd.DataFrame]":
 def metric_over_seeds(runs: "pd.DataFrame", name: str) -> Statistic:
     """A metric over seeds: each seed's mean over its runs; seeds with a missing value left out."""
     by_seed = runs.groupby("seed")[name].agg(lambda values: values.mean(skipna=False))
-    return over_seeds(with_none(by_seed))
+    return over_seeds(by_seed)
 
 
 def paired_difference(one: "pd.DataFrame", other: "pd.DataFrame", name: str) -> Statistic:
@@ -95,7 +95,7 @@ def paired_difference(one: "pd.DataFrame", other: "pd.DataFrame", name: str) -> 
     """
     pairs = one[[*_PAIR, name]].merge(other[[*_PAIR, name]], on=_PAIR).dropna()
     difference = (pairs[f"{name}_x"] - pairs[f"{name}_y"]).groupby(pairs["seed"]).mean()
-    return over_seeds(with_none(difference))
+    return over_seeds(difference)
 
 
 def within_bounds(scans: "pd.DataFrame") -> tuple[float | None, float | None]:

@@ -10,6 +10,8 @@ from stixel_cli.studies.inference import DRAWS
 from stixel_cli.studies.rq3.answer import answer_table, answer_values
 from stixel_cli.studies.rq3.compare import compare, difference_table
 from stixel_cli.studies.rq3.figures import (
+    LEAST_POINTS,
+    RANGE_CLASS,
     Pools,
     edges,
     error_histograms,
@@ -95,6 +97,8 @@ def report(data: StudyData) -> Material:
             "noises": noises_of(data.sweeps[FABRICATED]),
             "lag": f"{lag:.2g}",
             "draws": DRAWS,
+            "range_class": f"{RANGE_CLASS:g}",
+            "least_points": LEAST_POINTS,
             "target_points": {
                 name: sum(len(run.scans) for pool in pools.values() for run in pool[name])
                 for name in sweeps
