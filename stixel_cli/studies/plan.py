@@ -82,7 +82,7 @@ def _values_text(text: str) -> str:
 
 
 def of_the_machine(text: str) -> bool:
-    """Whether an override only says where to compute, so no result depends on it."""
+    """Whether an override only sets the machine's options, so no result depends on it."""
     return key_of(text).partition(".")[0] in OF_THE_MACHINE
 
 

@@ -6,15 +6,26 @@ sets its caption.
 """
 
 import re
+import traceback
 from collections.abc import Callable
 from dataclasses import replace
 
 import jinja2
 
+from stixel_cli.config.messages import printable
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.results.text import listed
 from stixel_cli.studies import tables
-from stixel_cli.studies.types import Block, Findings, Material, Paragraph, Section
+from stixel_cli.studies.types import (
+    Block,
+    Figure,
+    Findings,
+    Material,
+    Paragraph,
+    Picture,
+    Section,
+    Table,
+)
 
 _MARK = "\x02"
 _HEADING = re.compile(r"(#{1,3}) (.+)")
@@ -62,13 +73,21 @@ def findings_of(template: jinja2.Template, material: Material, name: str) -> Fin
     shown: list[Block] = []
 
     def show(block, caller: Callable[[], str] | None = None) -> str:
+        if not isinstance(block, Figure | Picture | Table):
+            raise TypeError("show takes a table, a figure or a picture")
         shown.append(block if caller is None else replace(block, caption=_line(caller())))
         return f"\n\n{_MARK}{len(shown) - 1}\n\n"
 
     try:
         text = template.render(**material.values, show=show)
-    except (jinja2.TemplateError, ArithmeticError, AttributeError, LookupError, TypeError) as fault:
-        raise UserError(f"template: {name}: {type(fault).__name__}: {fault}") from fault
+    except (
+        jinja2.TemplateError, ArithmeticError, AttributeError, LookupError, TypeError, ValueError
+    ) as fault:  # fmt: skip
+        frames = traceback.extract_tb(fault.__traceback__)
+        line = [frame.lineno for frame in frames if frame.filename == "<template>"][-1:]
+        where = f"{name}: line {line[0]}" if line else name
+        reason = printable(f"{type(fault).__name__}: {fault}", 200)
+        raise UserError(f"template: {where}: {reason}") from fault
     before: list[Block] = []
     # Level, title and blocks of the open sections.
     opened: list[tuple[int, str, list[Block]]] = [(0, "", before)]

@@ -142,8 +142,16 @@ def test_a_wrong_template_or_module_is_refused(studies, toy, tmp_path, name, con
     assert error in studies.refused(file)
 
 
-def test_a_template_with_an_unknown_value_is_refused(studies, toy, tmp_path):
+@pytest.mark.parametrize(
+    ("text", "error"),
+    [
+        ("One.\n{{ no_such_value }}", "line 2: UndefinedError: 'no_such_value' is undefined"),
+        ("{{ show(3) }}", "line 1: TypeError: show takes a table, a figure or a picture"),
+        ("{{ '%d' | format('x') }}", "line 1: TypeError"),
+    ],
+)
+def test_a_template_that_cannot_be_filled_is_refused(studies, toy, tmp_path, text, error):
     file = toy()
-    (tmp_path / "toy.md.j2").write_text("{{ no_such_value }}\n", encoding="utf-8")
-    assert studies.run(file, "road_user=car", "seed=0", code=2) is None
-    assert "template: toy.md.j2: UndefinedError: 'no_such_value' is undefined" in studies.error
+    (tmp_path / "toy.md.j2").write_text(f"{text}\n", encoding="utf-8")
+    assert studies.run(file, *TINY, code=2) is None
+    assert f"template: toy.md.j2: {error}" in studies.error and studies.error.count("\n") == 1

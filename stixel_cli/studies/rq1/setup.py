@@ -39,7 +39,7 @@ def timed_building(meshes: Callable[[], Iterable[Mesh]]) -> Building:
 
 
 def setup_values(data: StudyData) -> dict[str, Any]:
-    """What the template says about setting up a scene.
+    """The template's values on setting up a scene.
 
     The time to build the meshes is measured here, on this machine.
     """

@@ -104,7 +104,7 @@ def p_value(difference: Statistic) -> float | None:
 def least_effect(seeds: int, tests: int) -> float:
     """Mean difference above which one of so many tests can be significant after `holm`.
 
-    In standard deviations of the differences of the seeds, of which there are two or more.
+    In standard deviations of the differences over two or more seeds.
     """
     return float(student.isf(0.5 * SIGNIFICANT / tests, seeds - 1)) / math.sqrt(seeds)
 

@@ -1,8 +1,8 @@
 """RQ3: the parameters of the fitted noise, by moments of the errors of simulated points.
 
-Each estimator is the plain one for what `FittedNoise` says: means for bias and variance, the mean
-product of neighbouring residuals for the correlation, mean and variance of how far the points reach
-beyond the silhouette's ends, counts of what is missed between.
+Each parameter of `FittedNoise` has a simple estimator: means for bias and variance, the mean
+product of neighbouring residuals for the correlation, mean and variance of the points' reach beyond
+the silhouette's ends, counts for missed points.
 """
 
 from collections.abc import Sequence
