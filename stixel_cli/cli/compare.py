@@ -13,7 +13,7 @@ def compare(folders: Folders, json: Json = False) -> int:
     Example: stixel compare results/simulated results/fabricated
     """
     if len(folders) < 2:
-        raise UserError("stixel compare compares runs: name two or more result folders")
+        raise UserError(f"compare needs two or more result folders, got {len(folders)}")
     from stixel_cli.report.compare import differing_settings, metric_rows, run_labels
     from stixel_cli.results.result import read_scored_run
 

@@ -56,7 +56,7 @@ def explain(
 
     For each missing node, the reason is one of: new, setting, function, version, evicted, input.
     The nodes of a sweep (several values, a file, or a sweep's folder) are listed once, with the
-    runs that need them. Pictures count where `stixel plan` counts them.
+    runs that need them. Pictures are included as in `stixel plan`.
 
     \b
     Examples:

@@ -88,7 +88,7 @@ FromFile = Annotated[
     typer.Option(
         "--from",
         metavar="FILE",
-        help="A YAML file, or the name of one in pipelines/studies: axes, seeds, excluded runs.",
+        help="YAML file with axes, seeds and excluded runs, or the name of one in pipelines/studies.",
     ),
 ]
 Shuffle = Annotated[
@@ -97,7 +97,7 @@ Shuffle = Annotated[
 ]
 Pictures = Annotated[bool, typer.Option("--pictures", help="Draw the pictures of every run.")]
 Fresh = Annotated[
-    bool, typer.Option("--fresh", help="Start over: delete what the study's folder has.")
+    bool, typer.Option("--fresh", help="Start over: delete the content of the study's folder.")
 ]
 
 

@@ -29,8 +29,8 @@ def plan(
     The table has one line per stage: all nodes, cached nodes, missing nodes and an estimate of the
     time. A node is one cached step of the computation, usually a few frames of one stage.
 
-    Without several values of a key, this is the plan of `stixel run`, with its pictures. Otherwise
-    it is the plan of `stixel sweep`, which draws pictures only with --pictures.
+    If every key has one value, this is the plan of `stixel run`, with its pictures. Otherwise it
+    is the plan of `stixel sweep`, which draws pictures only with --pictures.
 
     \b
     Examples:

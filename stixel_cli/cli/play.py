@@ -26,7 +26,7 @@ def play(
     output: Output = None,
     workers: Workers = None,
 ) -> int:
-    """Write a page that plays one or more runs of one scene back.
+    """Write a page that plays back one or more runs of one scene.
 
     Missing results are computed. The page of one run is already in its folder, as index.html.
 

@@ -51,20 +51,20 @@ def _check_rig(configuration: Configuration) -> None:
         ("principal_v", rig.principal_v, rig.height),
     ):
         if value is not None and not 0 <= value <= size - 1:
-            raise ValueError(f"rig.{name}: {value:g} is outside the image: must be 0 to {size - 1}")
+            raise ValueError(f"rig.{name}: must be 0 to {size - 1}, inside the image, got {value:g}")
 
 
 def _check_times(configuration: Configuration) -> None:
     path = configuration.path
     if path.sample_time > path.duration:
         raise ValueError(
-            f"path.sample_time: {path.sample_time:g} s is longer than path.duration, "
-            f"{path.duration:g} s"
+            f"path.sample_time: must be <= path.duration ({path.duration:g} s), "
+            f"got {path.sample_time:g} s"
         )
     scans = round(path.duration / path.sample_time)
     late = [k for k in configuration.pictures.frames or () if k >= scans]
     if late:
-        raise ValueError(f"pictures.frames: {late[0]} is past the last frame, {scans - 1}")
+        raise ValueError(f"pictures.frames: must be <= {scans - 1}, the last frame, got {late[0]}")
 
 
 def _check_start(configuration: Configuration) -> None:
@@ -77,8 +77,8 @@ def _check_start(configuration: Configuration) -> None:
     distance = math.hypot(*start)
     if distance - extent < _NEAREST_START:
         raise ValueError(
-            f"{key}: the path starts {distance:.2g} m from the camera, it must be at least "
-            f"{_NEAREST_START + extent:.2g} m"
+            f"{key}: must be at least {_NEAREST_START + extent:.2g} m from the camera, "
+            f"got {distance:.2g} m"
         )
 
 
@@ -86,17 +86,17 @@ def _check_stereo(configuration: Configuration) -> None:
     stereo, rig = configuration.stereo, configuration.rig
     if stereo.disparities is not None and stereo.disparities >= rig.width:
         raise ValueError(
-            f"stereo.disparities: {stereo.disparities} must be below rig.width, {rig.width}"
+            f"stereo.disparities: must be < rig.width ({rig.width}), got {stereo.disparities}"
         )
     # In Python floats, because NumPy's warn on overflow.
     greatest = float(rig.focal) * float(rig.baseline) / float(stereo.nearest)
     if stereo.disparities is None and greatest >= rig.width:
         raise ValueError(
-            f"stereo.nearest: at {stereo.nearest:g} m the disparity is {greatest:.0f} px, more "
-            f"than rig.width, {rig.width}"
+            f"stereo.nearest: at {stereo.nearest:g} m the disparity is {greatest:.0f} px; it must "
+            f"be < rig.width ({rig.width})"
         )
     if stereo.block_size >= min(rig.width, rig.height):
         raise ValueError(
-            f"stereo.block_size: {stereo.block_size} must be below the image's size, "
-            f"{rig.width} × {rig.height}"
+            f"stereo.block_size: must be smaller than the image, {rig.width} × {rig.height}, "
+            f"got {stereo.block_size}"
         )

@@ -239,7 +239,7 @@ def _not_composed(fault: Any) -> str:
     if group not in group_options():
         return _first_line(fault)
     return (
-        f"{group}: there is no option {option!r}, which follows from what is chosen; add "
+        f"{group}: unknown option {option!r}, which follows from what is chosen; add "
         f"conf/{group}/{option}.yaml, or choose {group}={'|'.join(group_options()[group])}"
     )
 
@@ -254,7 +254,7 @@ def _unresolved(fault: Any) -> str:
     reason = _first_line(fault.msg or fault)
     if isinstance(fault, InterpolationKeyError) and (wanted := re.search("key '(.*)'", reason)):
         hint = messages.suggestion(wanted[1], known_keys(), form="${{{}}}")
-        return f"{name}: refers to {wanted[1]}, but there is no such key{hint}"
+        return f"{name}: refers to {wanted[1]}, an unknown key{hint}"
     return f"{name}: {reason}"
 
 

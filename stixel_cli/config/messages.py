@@ -87,7 +87,7 @@ def suggestion(word: str, candidates: Iterable[str], form: str = "{}") -> str:
 
 
 def unknown_key(name: str, kinds: Mapping[str, str] | None = None) -> str:
-    """Message: no such key, with the nearest ones.
+    """Message: unknown key, with the nearest ones.
 
     Args:
         name: as typed, with dots.
@@ -97,7 +97,7 @@ def unknown_key(name: str, kinds: Mapping[str, str] | None = None) -> str:
     variants = keys.known_keys().get(name)
     name = printable(name)
     if variants:
-        return f"{name}: there is no such key{_owners(variants, kinds)}"
+        return f"{name}: unknown key{_owners(variants, kinds)}"
     group = innermost_group(name) or name.partition(".")[0]
     within = group.replace("/", ".") + "."
     inner = [key for key in keys.known_keys() if key.startswith(name + ".")]
@@ -114,7 +114,7 @@ def unknown_key(name: str, kinds: Mapping[str, str] | None = None) -> str:
         hint = f"; {group} has {', '.join(its)}"
     elif not hint:
         hint = "; `stixel run --help` lists the groups, `stixel run --dry-run` every key"
-    return f"{name}: there is no such key{hint}"
+    return f"{name}: unknown key{hint}"
 
 
 def _belongs(variant: keys.Key, kinds: Mapping[str, str]) -> bool:
@@ -151,7 +151,7 @@ def unknown_option(group: str, option: str) -> str:
     """Message: the group has no such option, with the nearest one and all options."""
     options = group_options()[group]
     hint = suggestion(option, options, form=group + "={}")
-    return f"{group}: there is no option {show(option)}{hint} (options: {', '.join(options)})"
+    return f"{group}: unknown option {show(option)}{hint} (options: {', '.join(options)})"
 
 
 def show(value: Any) -> str:

@@ -107,7 +107,7 @@ def _unreadable(text: str) -> str:
     if name not in known_keys() and name not in group_options():
         hint = messages.suggestion(name, [*group_options(), *known_keys()])
         if hint:
-            return f"{messages.printable(name)}: there is no such key{hint}"
+            return f"{messages.printable(name)}: unknown key{hint}"
     for opening, closing in ("[]", "{}", "()"):
         if value.count(opening) != value.count(closing):
             return f"{shown}: {opening} and {closing} do not match"
@@ -158,7 +158,7 @@ def _check_name(override: "Override") -> None:
         return
     if "/" in name and name.replace("/", ".") in known_keys():
         raise ConfigurationError(
-            f"{name}: there is no such key; did you mean {name.replace('/', '.')}?"
+            f"{name}: unknown key; did you mean {name.replace('/', '.')}?"
         )
     folders.refuse_group_as_key(name, None if override.is_delete() else override.value())
     raise ConfigurationError(messages.unknown_key(name))

@@ -34,8 +34,12 @@ COUNT_INTERVAL = 2.0
 LONG_PATIENCE = 600.0
 """Seconds to wait for a worker if a scheduler has none."""
 
-WORKER_RESTART = "1h"
-"""Time that a crashed worker has to restart, in Dask's notation."""
+PATIENT = {"DASK_DISTRIBUTED__DEPLOY__LOST_WORKER_TIMEOUT": "1h"}
+"""Setting of Dask: time that a crashed worker has to restart.
+
+After 15 s, the default, Dask gives the worker up. On a loaded machine no worker would be left, and
+the run would wait forever.
+"""
 
 UNREACHABLE = (OSError, ValueError, RuntimeError, TypeError)
 """Errors of a client if the scheduler does not answer or the address is not valid."""
@@ -55,7 +59,7 @@ class Cluster:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,
-            env={**os.environ, **ENVIRONMENT},
+            env={**os.environ, **ENVIRONMENT, **PATIENT},
         )
 
     def address(self) -> str:
@@ -88,12 +92,8 @@ def serve(workers: int, folder: str) -> None:
     answer = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     try:
-        import dask
         from distributed import LocalCluster
 
-        # By default Dask gives up a worker that takes more than 15 s to restart after a crash.
-        # On a loaded machine no worker would be left, and the run would wait forever.
-        dask.config.set({"distributed.deploy.lost-worker-timeout": WORKER_RESTART})
         cluster = LocalCluster(
             n_workers=workers,
             threads_per_worker=1,

@@ -67,4 +67,4 @@ class PicturesParameters:
         """
         frames = self.frames or ()
         if any(later <= earlier for earlier, later in pairwise(frames)):
-            raise ValueError(f"pictures.frames: {list(frames)} is not increasing")
+            raise ValueError(f"pictures.frames: must be increasing, got {list(frames)}")

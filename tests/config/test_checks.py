@@ -22,21 +22,21 @@ IMPOSSIBLE = {
         ["path=waypoints", "path.points=[]"],
         "path.points: must have at least two points",
     ),
-    "no scan": (["path.duration=0.05"], "path.sample_time: 0.1 s is longer than path.duration"),
+    "no scan": (["path.duration=0.05"], "path.sample_time: must be <= path.duration (0.05 s), got 0.1 s"),
     "late picture": (
         ["path.duration=5", "pictures.frames=[0,50]"],
-        "pictures.frames: 50 is past the last frame, 49",
+        "pictures.frames: must be <= 49, the last frame, got 50",
     ),
     "pictures out of order": (["pictures.frames=[3,1]"], "pictures.frames: [3, 1]"),
     "two focal lengths": (["rig.focal_length=700"], "rig.focal_length: set either"),
     "no focal length": (["rig.horizontal_fov=null"], "rig.focal_length: set either"),
     "principal point outside": (
         ["rig.principal_v=480"],
-        "rig.principal_v: 480 is outside the image: must be 0 to 479",
+        "rig.principal_v: must be 0 to 479, inside the image, got 480",
     ),
     "more disparities than columns": (
         ["rig.width=100", "stereo.disparities=112"],
-        "stereo.disparities: 112 must be below rig.width, 100",
+        "stereo.disparities: must be < rig.width (100), got 112",
     ),
     "disparity larger than the image": (
         ["stereo.nearest=0.1"],

@@ -208,7 +208,7 @@ def test_an_option_that_follows_and_is_not_there_says_where_it_belongs(tmp_path,
     group = str(error.value).partition(":")[0]
     assert group in {"pace", "prior"}
     assert str(error.value) == (
-        f"{group}: there is no option 'cargo', which follows from what is chosen; "
+        f"{group}: unknown option 'cargo', which follows from what is chosen; "
         f"add conf/{group}/cargo.yaml, or choose {group}=car|cyclist|pedestrian"
     )
     chosen = compose(["road_user=cargo", "pace=cyclist", "prior=cyclist"])

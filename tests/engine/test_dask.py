@@ -10,7 +10,7 @@ from textwrap import dedent
 
 import pytest
 
-from stixel_cli.engine.dask_pool import WORKER_RESTART, Cluster
+from stixel_cli.engine.dask_pool import PATIENT, Cluster
 from stixel_cli.engine.errors import CodeChanged, ExecutorError, StageFailure
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.graph import build_graph
@@ -64,9 +64,9 @@ def cluster(tmp_path_factory):
     (package / "steps.py").write_text(dedent(SLOW))
     path = os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")])
     sys.path.insert(0, str(folder))
-    restart = {"distributed.deploy.lost-worker-timeout": WORKER_RESTART}
+    (restart,) = PATIENT.values()
     with (
-        dask.config.set(restart),
+        dask.config.set({"distributed.deploy.lost-worker-timeout": restart}),
         distributed.LocalCluster(
             n_workers=2,
             threads_per_worker=1,
@@ -326,7 +326,7 @@ def test_a_crashed_worker_of_an_own_cluster_may_restart_slowly(project, tmp_path
 def test_a_cluster_ends_with_the_process_that_started_it():
     script = """
         import os, signal
-        from stixel_cli.engine.dask_pool import WORKER_RESTART, Cluster
+        from stixel_cli.engine.dask_pool import PATIENT, Cluster
         if __name__ == "__main__":
             cluster = Cluster(1)
             print(cluster._process.pid, cluster.address(), flush=True)

@@ -219,7 +219,7 @@ def _strange_key(folder):
         (_pickled_track, "track.npz: not a file of numeric arrays"),
         (_lost_metrics, "metrics.json is missing"),
         (_strange_key, "lineage.json: not a valid lineage of a run"),
-        (_replace("lineage.json", "[]"), "lineage.json: must hold names and values"),
+        (_replace("lineage.json", "[]"), "lineage.json: must map names to values"),
         (_replace("manifest.json", "{"), "manifest.json: not valid JSON"),
         (_replace("metrics.json", '{"iou_mean": "high"}'), "iou_mean must be a number"),
         (_replace("track.npz", "PK"), "track.npz: not a file of numeric arrays"),

@@ -140,7 +140,7 @@ def test_default_page_is_an_unused_file(folders):
         ("manifest.json", None, "not the result folder"),
         ("manifest.json", "{", "not valid JSON"),
         ("manifest.json", "[" * 100_000, "not valid JSON"),
-        ("manifest.json", "[1]", "must hold names"),
+        ("manifest.json", "[1]", "must map names"),
         ("config.yaml", None, "config.yaml is missing"),
         ("config.yaml", "a: [", "not valid YAML"),
         ("config.yaml", "!!python/object/apply:os.getcwd []", "not valid YAML"),

@@ -115,7 +115,7 @@ def test_invalid_yaml_and_a_plain_sweep_are_refused(studies, toy):
 
 def test_an_override_that_no_sweep_accepts_is_refused(studies, toy):
     file = toy()
-    assert "there is no such key" in studies.refused(file, "tracker.sigma=1")
+    assert "unknown key" in studies.refused(file, "tracker.sigma=1")
     assert "must be > 0" in studies.refused(file, "path.duration=-1")
 
 

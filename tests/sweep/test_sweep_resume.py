@@ -79,7 +79,7 @@ def test_another_executor_and_another_cache(sweeps, folder, tmp_path):
         (["executor.workers=1,2"], "executor.workers=1,2: --resume: one value is needed"),
         (["executor=loacl"], "did you mean executor=local?"),
         (["executor.workers=1", "--workers", "2"], "executor.workers: is given twice"),
-        (["executor.address=tcp://a:1"], "executor.address: there is no such key"),
+        (["executor.address=tcp://a:1"], "executor.address: unknown key"),
         (["--from", "prior_width"], "leave out --from"),
         (["--dry-run"], "leave out --dry-run"),
     ],

@@ -151,16 +151,16 @@ def _stages(every: Group) -> Iterator[tuple[str, str, str, Estimate]]:
     yield "disparity", "bias", "px", estimate(every, pixels, by_pose.pixel_bias)
     yield "disparity", "RMS", "px", estimate(every, pixels, by_pose.PIXEL_RMS)
     yield "disparity", "gross errors", "%", estimate(every, pixels, by_pose.PIXEL_GROSS)
-    yield "disparity", "pixels that have one", "%", estimate(every, pixels, by_pose.PIXEL_DENSITY)
-    for stage, step in (("occupancy grid, by itself", "grid"), ("free space", "path")):
+    yield "disparity", "pixels with a disparity", "%", estimate(every, pixels, by_pose.PIXEL_DENSITY)
+    for stage, step in (("occupancy grid, without the path", "grid"), ("free space", "path")):
         columns = by_pose.column_sums(every, step)
         missed = estimate(every, columns, by_pose.COLUMN_MISSED)
         yield stage, "target's columns missed", "%", missed
     cover = by_pose.cover_sums(every)
     uncovered = estimate(every, cover, by_pose.UNCOVERED)
-    yield "stixels", "target's columns in none", "%", uncovered
+    yield "stixels", "target's columns without a stixel", "%", uncovered
     overhang = estimate(every, cover, by_pose.OVERHANG)
-    yield "stixels", "columns beside the target, a frame", "", overhang
+    yield "stixels", "columns next to the target, per frame", "", overhang
     gross = by_pose.gross_sums(every, EDGES[0], EDGES[-1])
     yield "stixels", "gross errors", "%", estimate(every, gross, by_pose.STIXEL_GROSS)
     stixels = _stixels(every)

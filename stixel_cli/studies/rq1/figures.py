@@ -230,7 +230,7 @@ _COVERAGE = (
     ("Stixels on the target", "a frame", by_pose.STIXELS_A_FRAME),
     ("Columns in no stixel", "share", by_pose.UNCOVERED),
     ("Columns in a stixel elsewhere", "share", by_pose.ELSEWHERE),
-    ("Columns beside it that get its disparity", "a frame", by_pose.OVERHANG),
+    ("Columns next to it that get its disparity", "per frame", by_pose.OVERHANG),
 )
 
 

@@ -204,7 +204,7 @@ def point_measures(lag: float) -> dict[str, Measure]:
             lambda _, e: _mean(np.concatenate([e.reach_left, e.reach_right])),
         ),
         "beside": Measure(
-            "share of points beside the silhouette", "", lambda _, e: _mean(1.0 * (e.inside < 0.0))
+            "share of points outside the silhouette", "", lambda _, e: _mean(1.0 * (e.inside < 0.0))
         ),
         "missed": Measure(
             "share of the target's columns without a point", "", lambda _, e: _mean(1.0 - e.covered)
