@@ -157,9 +157,7 @@ def _check_name(override: "Override") -> None:
     if name in group_options() or name in known_keys():
         return
     if "/" in name and name.replace("/", ".") in known_keys():
-        raise ConfigurationError(
-            f"{name}: unknown key; did you mean {name.replace('/', '.')}?"
-        )
+        raise ConfigurationError(f"{name}: unknown key; did you mean {name.replace('/', '.')}?")
     folders.refuse_group_as_key(name, None if override.is_delete() else override.value())
     raise ConfigurationError(messages.unknown_key(name))
 

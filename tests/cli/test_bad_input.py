@@ -139,7 +139,10 @@ def test_one_line_says_it(text, capsys):
         (["rig=kitti", "rig=default"], "rig: is given twice"),
         (["+seed=1", "seed=2"], "+seed=1: seed already exists"),
         (["seed", "=", "3"], "seed: a value is missing"),
-        (["rig=kitti", "rig.horizontal_fov=60"], "set either rig.focal_length or rig.horizontal_fov"),
+        (
+            ["rig=kitti", "rig.horizontal_fov=60"],
+            "set either rig.focal_length or rig.horizontal_fov",
+        ),
         (["rig.height=3", "rig.baseline=-1"], "(and 1 more fault)"),
         (["pace.speed=-3", "path=approach"], "pace.speed: -3 is out of range"),
     ],

@@ -132,7 +132,7 @@ def test_results_that_come_out_differently_are_said(results, tmp_path, capsys):
     ("folders", "said"),
     [
         (("one", "faster"), "path.speed is 3 in one and 7.5 in faster"),
-        (("one", "one"), "a folder is given twice"),
+        (("one", "one"), "two arguments name the same folder"),
         (("none",), "no such folder"),
         (("sweep",), "a sweep's folder; give the folder of one of its runs"),
     ],

@@ -22,7 +22,10 @@ IMPOSSIBLE = {
         ["path=waypoints", "path.points=[]"],
         "path.points: must have at least two points",
     ),
-    "no scan": (["path.duration=0.05"], "path.sample_time: must be <= path.duration (0.05 s), got 0.1 s"),
+    "no scan": (
+        ["path.duration=0.05"],
+        "path.sample_time: must be <= path.duration (0.05 s), got 0.1 s",
+    ),
     "late picture": (
         ["path.duration=5", "pictures.frames=[0,50]"],
         "pictures.frames: must be <= 49, the last frame, got 50",

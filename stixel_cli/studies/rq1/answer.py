@@ -151,7 +151,12 @@ def _stages(every: Group) -> Iterator[tuple[str, str, str, Estimate]]:
     yield "disparity", "bias", "px", estimate(every, pixels, by_pose.pixel_bias)
     yield "disparity", "RMS", "px", estimate(every, pixels, by_pose.PIXEL_RMS)
     yield "disparity", "gross errors", "%", estimate(every, pixels, by_pose.PIXEL_GROSS)
-    yield "disparity", "pixels with a disparity", "%", estimate(every, pixels, by_pose.PIXEL_DENSITY)
+    yield (
+        "disparity",
+        "pixels with a disparity",
+        "%",
+        estimate(every, pixels, by_pose.PIXEL_DENSITY),
+    )
     for stage, step in (("occupancy grid, without the path", "grid"), ("free space", "path")):
         columns = by_pose.column_sums(every, step)
         missed = estimate(every, columns, by_pose.COLUMN_MISSED)
