@@ -88,7 +88,7 @@ FromFile = Annotated[
     typer.Option(
         "--from",
         metavar="FILE",
-        help="YAML file with axes, seeds and excluded runs, or the name of one in pipelines/studies.",
+        help="YAML file of axes, seeds and excluded runs, or the name of one in pipelines/studies.",
     ),
 ]
 Shuffle = Annotated[

@@ -51,9 +51,7 @@ def _check_rig(configuration: Configuration) -> None:
         ("principal_v", rig.principal_v, rig.height),
     ):
         if value is not None and not 0 <= value <= size - 1:
-            raise ValueError(
-                f"rig.{name}: must be 0 to {size - 1}, inside the image, got {value:g}"
-            )
+            raise ValueError(f"rig.{name}: must be 0 to {size - 1} (the image), got {value:g}")
 
 
 def _check_times(configuration: Configuration) -> None:

@@ -39,7 +39,7 @@ SENTENCES = {
     "measurement.noise.kind=stereo": "follows from the option of measurement/noise: write",
     "measurement/noise=constant": "measurement/noise: there is no such group with "
     "measurement=simulated; it belongs to measurement=fabricated",
-    "measurement.noise.range_std=1": "measurement.noise.range_std: there is no such "
+    "measurement.noise.range_std=1": "measurement.noise.range_std: unknown "
     "key with measurement=simulated; it belongs to measurement=fabricated measurement/noise=const",
     "measurement.disparity_std=1": "did you mean measurement.noise.disparity_std?",
     "measurement/noise.range_std=1": "did you mean measurement.noise.range_std?",

@@ -9,10 +9,13 @@ IMPOSSIBLE = {
         "measurement.rays: must be ≤ rig.width",
     ),
     "behind the camera": (["path.start=[1,-3]"], "path.start: the path starts behind the camera"),
-    "in the camera": (["path.start=[0.5,1]"], "path.start: the path starts 1.1 m from the camera"),
+    "in the camera": (
+        ["path.start=[0.5,1]"],
+        "path.start: must be at least 1.9 m from the camera, got 1.1 m",
+    ),
     "waypoint in the camera": (
         ["path=waypoints", "path.points=[[0,1],[0,9]]"],
-        "path.points: the path starts 1 m from the camera, it must be at least 1.9 m",
+        "path.points: must be at least 1.9 m from the camera, got 1 m",
     ),
     "one waypoint": (
         ["path=waypoints", "path.points=[[0,9]]"],
@@ -30,12 +33,12 @@ IMPOSSIBLE = {
         ["path.duration=5", "pictures.frames=[0,50]"],
         "pictures.frames: must be <= 49, the last frame, got 50",
     ),
-    "pictures out of order": (["pictures.frames=[3,1]"], "pictures.frames: [3, 1]"),
+    "pictures out of order": (["pictures.frames=[3,1]"], "pictures.frames: must be increasing"),
     "two focal lengths": (["rig.focal_length=700"], "rig.focal_length: set either"),
     "no focal length": (["rig.horizontal_fov=null"], "rig.focal_length: set either"),
     "principal point outside": (
         ["rig.principal_v=480"],
-        "rig.principal_v: must be 0 to 479, inside the image, got 480",
+        "rig.principal_v: must be 0 to 479 (the image), got 480",
     ),
     "more disparities than columns": (
         ["rig.width=100", "stereo.disparities=112"],
@@ -43,11 +46,11 @@ IMPOSSIBLE = {
     ),
     "disparity larger than the image": (
         ["stereo.nearest=0.1"],
-        "stereo.nearest: at 0.1 m the disparity is 1663 px, more than rig.width, 640",
+        "stereo.nearest: at 0.1 m the disparity is 1663 px; it must be < rig.width (640)",
     ),
     "block larger than the image": (
         ["stereo=bm", "rig.height=64", "rig.width=128", "stereo.block_size=65"],
-        "stereo.block_size: 65 must be below the image's size, 128 × 64",
+        "stereo.block_size: must be smaller than the image, 128 × 64, got 65",
     ),
     "even block": (["stereo.block_size=4"], "stereo.block_size: must be odd"),
     "penalties": (["stereo.p1=900", "stereo.p2=800"], "stereo.p2: must be > stereo.p1"),
