@@ -116,7 +116,7 @@ def choose_together(chosen: tuple[str, ...], state: str) -> tuple[dict[str, Any]
 def store_compositions() -> None:
     """Store the new compositions; called for valid configurations, so wrong input writes nothing.
 
-    Nothing happens if the folder cannot be written.
+    Nothing happens if there is no cache folder, or if it cannot be written.
     """
     for file in list(_to_store):
         composition = _to_store.pop(file, None)  # another thread may have stored it
@@ -160,7 +160,8 @@ def _write(file: Path, composition: tuple[dict[str, Any], dict[str, str]]) -> No
         return  # a key of the user's own file that JSON turns into text, such as a number
     partial = file.with_name(f"{file.stem}-{os.getpid()}-{threading.get_ident()}.partial")
     with suppress(OSError):
-        file.parent.mkdir(parents=True, exist_ok=True)
+        # Without parents: a command that needs no cache, such as `verify`, creates none.
+        file.parent.mkdir(exist_ok=True)
         partial.write_text(f"{sha256(text.encode()).hexdigest()}\n{text}", encoding="utf-8")
         partial.replace(file)
         others = sorted(file.parent.iterdir(), key=lambda other: other.stat().st_mtime)

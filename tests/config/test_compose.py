@@ -334,6 +334,14 @@ def test_a_cache_that_cannot_be_written_is_no_fault(tmp_path, monkeypatch, defau
     assert compose() == default
 
 
+def test_composing_creates_no_cache(tmp_path, monkeypatch, default):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "missing"))
+    choose.choose_together.cache_clear()
+    choose.choose.cache_clear()
+    assert compose() == default
+    assert not (tmp_path / "missing").exists()
+
+
 def test_few_compositions_stay_stored(tmp_path, monkeypatch):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
     monkeypatch.setattr(choose, "MOST_STORED", 2)
