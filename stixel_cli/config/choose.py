@@ -6,7 +6,15 @@ from contextlib import contextmanager, suppress
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from stixel_cli.config.folders import configuration_folder, group_options
+from stixel_cli.config.folders import (
+    EXPERIMENT,
+    configuration_folder,
+    default_option,
+    group_options,
+)
+from stixel_cli.config.keys import chosen_kinds, known_keys
+from stixel_cli.errors import ConfigurationError
+from stixel_cli.files import read_yaml
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig
@@ -42,7 +50,7 @@ def choose(
     for group, text in chosen:
         families.setdefault(group.partition("/")[0], []).append(text)
     found = None
-    if len(families) > 1:
+    if len(families) > 1 and EXPERIMENT not in families:
         # A group that follows another may need one of the other choices.
         with suppress(HydraException):
             found = _choose_apart(families, state)
@@ -105,10 +113,49 @@ def choose_together(
     ):
         composed = hydra.compose("config", overrides=list(chosen), return_hydra_config=True)
         options = dict(composed.hydra.runtime.choices)
+    choices = {group: options[group] for group in group_options() if group in options}
     with open_dict(composed):
         del composed["hydra"]
-    choices = {group: options[group] for group in group_options() if group in options}
+        composed.pop("sources", None)
+        inner = composed.pop("inner_options", {})
+        if not isinstance(inner, Mapping):
+            raise ConfigurationError(
+                f"{EXPERIMENT}={choices[EXPERIMENT]}: inner_options must be GROUP: OPTION pairs"
+            )
+        typed = {text.partition("=")[0] for text in chosen}
+        missing = [
+            f"{group}={option}"
+            for group, option in inner.items()
+            if group in choices and group not in typed
+        ]
+        if missing:
+            return choose_together((*chosen, *missing), state)
+        if choices[EXPERIMENT] != default_option(EXPERIMENT):
+            _drop_values_of_other_options(composed)
     return composed, OmegaConf.to_container(composed, resolve=False), choices
+
+
+def experiment_sources(option: str) -> dict[str, str]:
+    """The sources that an experiment's file states: key or group to text, in the file's order."""
+    content = read_yaml(configuration_folder() / EXPERIMENT / f"{option}.yaml")
+    return dict((content or {}).get("sources", {}))
+
+
+def _drop_values_of_other_options(composed: "DictConfig") -> None:
+    """Remove the values of an experiment whose keys the chosen options do not have."""
+    kinds = chosen_kinds(composed)
+    for name, variants in known_keys().items():
+        if not any(all(kinds.get(g) == kind for g, kind in one.owners) for one in variants):
+            _remove(composed, name.split("."))
+
+
+def _remove(section: Any, parts: list[str]) -> None:
+    """Remove a key, and the sections that are empty without it."""
+    if isinstance(section, Mapping) and parts[0] in section:
+        if parts[1:]:
+            _remove(section[parts[0]], parts[1:])
+        if not parts[1:] or section[parts[0]] == {}:
+            section.pop(parts[0])
 
 
 @contextmanager

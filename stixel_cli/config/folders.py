@@ -10,6 +10,9 @@ from pathlib import Path
 
 from stixel_cli.errors import ConfigurationError
 
+EXPERIMENT = "experiment"
+"""The group whose options set options and values of other groups; it has no keys of its own."""
+
 _PACKAGE = Path(__file__).resolve().parents[1]
 _LINE = re.compile(r"^( *)([A-Za-z_]\w*):(.*)$", re.MULTILINE)
 _DEFAULTS = re.compile(r"^defaults:.*\n((?: *-.*\n)+)", re.MULTILINE)
