@@ -16,7 +16,7 @@ from stixel_cli.results.causes import first_changed_stage
 from stixel_cli.results.differences import first_difference
 from stixel_cli.results.lineage import Lineage
 from stixel_cli.results.result import RunResult
-from stixel_cli.results.tables import scan_columns, score_columns, track_arrays
+from stixel_cli.results.tables import pose_columns, scan_columns, score_columns, track_arrays
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def verify_run(
         StageFailure: if a stage fails.
     """
     # Before the run, which may take long.
-    names = ("scans.npz", "track.npz", "scores.npz")
+    names = ("ego.npz", "scans.npz", "track.npz", "scores.npz")
     paths = {name: stored.folder / name for name in names}
     arrays = {name: read_arrays(path) for name, path in paths.items() if path.exists()}
     with one_line_errors():
@@ -123,6 +123,11 @@ def _compared_files(
 ) -> Iterator[tuple[str, str, str | None]]:
     """(file, stage, difference or None) of every file with results that the folder has."""
     for file, stage, columns in (
+        (
+            "ego.npz",
+            "scenario",
+            pose_columns(new.scenario.times, new.scenario.ego_poses_world),
+        ),
         ("scans.npz", "scans", scan_columns(new.scans)),
         ("track.npz", "track", track_arrays(new.track)),
         ("scores.npz", "scores", score_columns(new.scores)),

@@ -49,6 +49,12 @@ def score_columns(scores: Scores) -> dict[str, np.ndarray]:
     }
 
 
+def pose_columns(times: np.ndarray, poses_world: np.ndarray) -> dict[str, np.ndarray]:
+    """Poses (K, 3) in the world at `times` (K,) s as a table: k, t (s), x, y (m), heading (rad)."""
+    x, y, heading = poses_world.T
+    return {"k": np.arange(len(times)), "t": times, "x": x, "y": y, "heading": heading}
+
+
 def track_arrays(track: Track) -> dict[str, np.ndarray]:
     """All arrays of the track by name; shapes as in `Track`."""
     return {name: value for name, value in vars(track).items() if isinstance(value, np.ndarray)}
