@@ -30,9 +30,8 @@ from stixel_cli.stixels.free_space_parameters import (
     RoadParameters,
 )
 from stixel_cli.stixels.height import top_rows
-from stixel_cli.stixels.nearest_obstacle import nearest_obstacle
+from stixel_cli.stixels.nearest_obstacle import cell_costs, cheapest_path, nearest_obstacle
 from stixel_cli.stixels.occupancy import column_histograms, fill, layout
-from stixel_cli.stixels.path import cell_costs, cheapest_path
 from stixel_cli.stixels.road import find_road, obstacle_limits, road_line
 
 ROOT = Path(__file__).parents[1]

@@ -1,10 +1,10 @@
-"""Errors that are the user's to mend: told in one line, with no traceback."""
+"""Errors that the user can fix: one line, without a traceback."""
 
 
 class UserError(Exception):
-    """Something the user can put right; its text is one line that says what and how.
+    """An error that the user can fix; its text is one line: what is wrong, where, what to do.
 
-    The command line prints the text alone and exits with `exit_code`.
+    The command line prints only the text and exits with `exit_code`.
     """
 
     exit_code = 2
@@ -12,12 +12,12 @@ class UserError(Exception):
 
 
 class ConfigurationError(UserError):
-    """A configuration that cannot be run: the text names the key, the fault and what is right."""
+    """An invalid configuration: the text names the key, the fault and the valid values."""
 
 
 class BelongsElsewhere(ConfigurationError):
-    """A key or group that is there only with other options than those that are chosen."""
+    """A key or group that exists only with other options than the chosen ones."""
 
 
 class FolderTaken(UserError):
-    """Another process has made a folder that was to be made."""
+    """Another process has already created the folder."""

@@ -5,7 +5,7 @@ same bytes. Here nothing is cached and nothing is drawn.
 """
 
 from stixel_cli.evaluation.evaluate import evaluate
-from stixel_cli.evaluation.scores import Scores
+from stixel_cli.evaluation.metric_table import Scores
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.measurements.simulated import gather_scans
 from stixel_cli.rendering.raycast import render

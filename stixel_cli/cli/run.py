@@ -109,7 +109,7 @@ def print_run(made: "RunResult", json: bool) -> None:
 def _print_scores(made: "RunResult") -> None:
     from rich.console import Console
 
-    from stixel_cli.report.table import scores_table
+    from stixel_cli.report.metrics import scores_table
 
     console = Console(highlight=False, soft_wrap=True)
     console.print(scores_table(made.metrics))

@@ -1,7 +1,7 @@
-"""The table of metrics: each scalar that sums up a track over its scans, and how to show it.
+"""The scores of a track, and how to show them: errors over time and scalar metrics.
 
-To add one, write its row here, with the function that sums up the errors of a run. Tables, figures
-and pages read the rest from the row.
+Each error over time and each metric has one row here. Tables, figures and pages read labels, units
+and bounds from the row. The row of a metric also has the function that sums up the errors of a run.
 """
 
 from collections.abc import Callable
@@ -10,7 +10,68 @@ from typing import Literal
 
 import numpy as np
 
-from stixel_cli.evaluation.scores import LOW_OVERLAP
+LOW_OVERLAP = 0.2
+"""A scan has low overlap if its IoU is below this."""
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Errors over time and their summary.
+
+    Attributes:
+        times: (K,) s.
+        centre_error: (K,) m.
+        orientation_error: (K,) rad in (-pi, pi], estimated minus true; NaN if missing.
+        iou: (K,) intersection over union of the estimated and the true contour, 0 … 1.
+        nees_position: (K,) position NEES divided by 2: 1 is consistent.
+        nis: (K,) NIS divided by its degrees of freedom: 1 is consistent; NaN for an empty scan.
+        metrics: name to value; None if the metric has no value.
+    """
+
+    times: np.ndarray
+    centre_error: np.ndarray
+    orientation_error: np.ndarray
+    iou: np.ndarray
+    nees_position: np.ndarray
+    nis: np.ndarray
+    metrics: dict[str, float | int | None]
+
+
+@dataclass(frozen=True)
+class Series:
+    """An error over time.
+
+    Attributes:
+        label: full name.
+        short_label: name where space is short.
+        unit: of the values shown; "" without one.
+        factor: from the unit of the field of `Scores` to `unit`.
+        bounds: least and greatest possible value; None where there is no bound.
+        consistent: the value of a perfect or consistent filter, to mark; None to mark no value.
+        ratio: whether the axis is logarithmic.
+    """
+
+    label: str
+    short_label: str
+    unit: str
+    bounds: tuple[float | None, float | None]
+    consistent: float | None = None
+    factor: float = 1.0
+    ratio: bool = False
+
+
+SERIES = {
+    "centre_error": Series("Centre error", "Centre error", "m", (0.0, None)),
+    "orientation_error": Series(
+        "Orientation error", "Orientation error", "°", (None, None), 0.0, float(np.degrees(1.0))
+    ),
+    "iou": Series("Intersection over union", "IoU", "", (0.0, 1.0)),
+    "nees_position": Series(
+        "Position NEES / 2", "Position NEES / 2", "", (0.0, None), 1.0, ratio=True
+    ),
+    "nis": Series("NIS / degrees of freedom", "NIS / d.o.f.", "", (0.0, None), 1.0, ratio=True),
+}
+"""Field of `Scores` to row, in the order in which figures show them."""
 
 Better = Literal["less", "more", "one"]
 

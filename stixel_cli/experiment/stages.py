@@ -17,7 +17,7 @@ from stixel_cli.config.schema import Configuration
 from stixel_cli.engine.graph import Graph
 from stixel_cli.engine.stage import Stage
 from stixel_cli.errors import UserError
-from stixel_cli.scene.mesh_references import referred_files
+from stixel_cli.scene.mesh_file import referred_files
 
 CHUNK_SIZE = 10
 """Frames per chunk: few enough to keep two workers busy, enough to share a background."""

@@ -1,1 +1,1 @@
-"""Frames, poses and the stereo rig: what every domain room measures with."""
+"""Frames, poses, angles and the stereo rig."""

@@ -1,4 +1,4 @@
-"""Poses on the ground plane, and points moved between the frames that they define.
+"""Poses and angles on the ground plane, and points moved between the frames that poses define.
 
 A pose is (x, y, heading): metres, metres, radians counter-clockwise from the world's +x axis.
 The target's x axis points along its heading. The ego car's *y* axis points along its heading (its
@@ -6,6 +6,7 @@ frame is x right, y forward), so its pose at k = 0 is (0, 0, pi/2).
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 STRAIGHT_AHEAD = 0.5 * np.pi
 
@@ -42,3 +43,8 @@ def rotate_covariances(covariances: np.ndarray, angle: float) -> np.ndarray:
     """Covariances (n, 2, 2) in m² of vectors that are turned counter-clockwise by `angle` rad."""
     turn = rotation(angle)
     return turn @ np.asarray(covariances) @ turn.T
+
+
+def wrap_angle(angle: ArrayLike) -> np.ndarray:
+    """`angle`, any shape, rad, wrapped to the half-open interval (-pi, pi]."""
+    return -np.remainder(-np.asarray(angle, dtype=np.float64) + np.pi, 2.0 * np.pi) + np.pi

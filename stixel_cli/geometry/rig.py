@@ -48,7 +48,8 @@ class Rig:
         """
         if (self.horizontal_fov is None) == (self.focal_length is None):
             raise ValueError(
-                "give exactly one of rig.horizontal_fov and rig.focal_length, the other is null"
+                "rig.focal_length: set either rig.focal_length or rig.horizontal_fov, "
+                "and set the other to null"
             )
         if self.focal_length is not None:
             return self.focal_length
@@ -88,21 +89,6 @@ class Rig:
     def depth_from_disparity(self, disparity: float | np.ndarray) -> float | np.ndarray:
         """Depth f_u B / d in m along the optical axis of disparities d in px, any shape; (5)."""
         return self.focal * self.baseline / disparity
-
-    def project(self, points_camera: np.ndarray) -> np.ndarray:
-        """Pixel and disparity (n, 3) = (u, v, d) in px of camera points (n, 3) in m, thesis (3)."""
-        x, y, z = np.moveaxis(np.asarray(points_camera, dtype=np.float64), -1, 0)
-        u = self.focal * x / z + self.u0
-        v = self.focal * y / z + self.v0
-        return np.stack([u, v, self.disparity_from_depth(z)], axis=-1)
-
-    def unproject(self, measurements: np.ndarray) -> np.ndarray:
-        """Camera points (n, 3) in m of measurements (n, 3) = (u, v, d) in px, thesis (5)."""
-        u, v, disparity = np.moveaxis(np.asarray(measurements, dtype=np.float64), -1, 0)
-        z = self.depth_from_disparity(disparity)
-        x = (u - self.u0) * z / self.focal
-        y = (v - self.v0) * z / self.focal
-        return np.stack([x, y, z], axis=-1)
 
     def world_from_camera(self, ego_pose_world: np.ndarray) -> np.ndarray:
         """Rigid transform (4, 4) from the left camera to the 3-D world (x, y ground, z up, in m).

@@ -29,12 +29,12 @@ class _ByKind:
 
 @parameters
 class FabricatedParameters:
-    """Scans straight from the true contour, thesis (16)-(17).
+    """Scans computed from the true contour, without images, thesis (16)-(17).
 
     Attributes:
         rays: number of rays n_a over the field of view; null is the image's width.
         spacing: rays even in the `angle`, or even in its `tangent` as a pinhole's columns are.
-        noise: what is between the crossings and the points, a group of its own.
+        noise: the noise model of the points, the inner group `measurement/noise`.
         clutter_rate: mean number of clutter points a scan, uniform over field of view and range.
         missed_probability: probability that a ray which hits gives no point.
         range_max: farthest range that is measured, m.
@@ -52,8 +52,7 @@ class FabricatedParameters:
         """Raise ValueError if there are more rays than the image of `rig` has columns."""
         if self.rays is not None and self.rays > rig.width:
             raise ValueError(
-                f"measurement.rays: {self.rays} rays are more than the {rig.width} columns of the "
-                "image (rig.width)"
+                f"measurement.rays: must be ≤ rig.width ({rig.width} columns), got {self.rays}"
             )
 
 

@@ -10,9 +10,8 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from stixel_cli.measurements.gates import check_gates
 from stixel_cli.measurements.scanner import LidarReturns, Scanner
-from stixel_cli.measurements.scans import Scans, points_along
+from stixel_cli.measurements.scans import Scans, check_gates, points_along
 from stixel_cli.parameters import parameters
 from stixel_cli.randomness import generator
 from stixel_cli.scene.scenario import EgoMotion
@@ -46,13 +45,15 @@ class LidarParameters:
         scanner = self.scanner
         if scanner.elevation_highest < scanner.elevation_lowest:
             raise ValueError(
-                f"measurement.scanner.elevation_highest: {scanner.elevation_highest} degrees is "
-                f"below measurement.scanner.elevation_lowest, {scanner.elevation_lowest} degrees"
+                f"measurement.scanner.elevation_highest: must be ≥ "
+                f"measurement.scanner.elevation_lowest ({scanner.elevation_lowest} degrees), "
+                f"got {scanner.elevation_highest}"
             )
         if scanner.layers > 1 and scanner.elevation_highest == scanner.elevation_lowest:
             raise ValueError(
-                f"measurement.scanner.layers: {scanner.layers} layers at one elevation, "
-                f"{scanner.elevation_lowest} degrees (measurement.scanner.elevation_highest)"
+                f"measurement.scanner.layers: {scanner.layers} layers need different "
+                "measurement.scanner.elevation_lowest and measurement.scanner.elevation_highest, "
+                f"got {scanner.elevation_lowest} degrees for both"
             )
         check_gates(self.height_min, self.height_max, self.range_min, self.range_max)
 

@@ -1,4 +1,4 @@
-"""The lidar's scanner, and what it returns before any noise."""
+"""The lidar's scanner and its noise-free returns."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -11,7 +11,7 @@ from stixel_cli.parameters import parameters
 
 @parameters
 class Scanner:
-    """Where a lidar's beams go: all that its noise-free returns depend on.
+    """Directions and mounting of a lidar's beams: its noise-free returns depend only on these.
 
     Attributes:
         layers: number of layers, even in elevation from the lowest to the highest; a single one

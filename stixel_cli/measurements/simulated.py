@@ -7,8 +7,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotate_covariances, world_from_ego
-from stixel_cli.measurements.gates import check_gates
-from stixel_cli.measurements.scans import Scans
+from stixel_cli.measurements.scans import Scans, check_gates
 from stixel_cli.parameters import parameters
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stixels.types import Stixels

@@ -53,7 +53,7 @@ def render(
 
     Args:
         scenario: poses of the ego car and the target.
-        road_user: what the target is.
+        road_user: the target.
         world: road and background.
         rig: the cameras.
         renderer: light, timeouts and attempts.

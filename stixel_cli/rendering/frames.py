@@ -22,7 +22,7 @@ class RenderedFrames:
         left, right: RGB images, (H, W, 3) uint8.
         depth_high, depth_low: the upper and lower 16 bits of the left view's depth along the
             optical axis in multiples of `DEPTH_STEP`; 0 without a surface (sky).
-        ids: what each pixel of the left view shows, (H, W) uint8: `SKY_ID`, `ROAD_ID`,
+        ids: the object that each pixel of the left view shows, (H, W) uint8: `SKY_ID`, `ROAD_ID`,
             `TARGET_ID`, or `BACKGROUND_ID` + the object's number.
     """
 

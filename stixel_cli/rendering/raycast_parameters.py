@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le
 
 from stixel_cli.parameters import parameters
-from stixel_cli.rendering.light import Light
+from stixel_cli.scene.world_parameters import Light
 
 
 @parameters

@@ -13,10 +13,10 @@ from stixel_cli.rendering import tracing
 from stixel_cli.rendering.camera_rays import Camera
 from stixel_cli.rendering.edges import edge_pixels, unclear_pixels
 from stixel_cli.rendering.frames import SKY_ID
-from stixel_cli.rendering.light import Light
 from stixel_cli.rendering.raycast_parameters import RaycastParameters
 from stixel_cli.rendering.surfaces import srgb_from_linear
 from stixel_cli.rendering.tracing import Body, Centres, Hits
+from stixel_cli.scene.world_parameters import Light
 
 THIN_SAMPLES = 2
 """Rays a pixel along each axis that look for thin parts of the target between pixel centres."""
@@ -33,7 +33,7 @@ class StaticView:
     """The road, the background and the sky from one camera.
 
     Attributes:
-        hits: what each pixel's centre meets, in row-major order.
+        hits: the surface that each pixel's centre ray hits, in row-major order.
         lit: (n,) bool, whether it sees the sun.
         plain: (n, 3) float32, linear light by one ray a pixel.
         light: (n, 3) float32, linear light with more rays where `plain` has edges.
@@ -186,7 +186,7 @@ def _centres_with_target(
     over[near] = nearer
     hits.depth[over], hits.body[over] = found[nearer], 1
     hits.triangle[over] = triangle[nearer]
-    # Its shadow on what was in the sun.
+    # Its shadow on sunlit pixels.
     asked = np.flatnonzero(lit & ~over)
     shadowed = asked[~tracing.sunlit(bodies, camera, u[asked], v[asked], hits.at(asked), sun, (1,))]
     lit[shadowed] = False

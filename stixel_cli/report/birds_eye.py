@@ -6,8 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
-from stixel_cli.geometry.angles import wrap_angle
-from stixel_cli.geometry.pose import world_from_target
+from stixel_cli.geometry.pose import world_from_target, wrap_angle
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.report import ground, style

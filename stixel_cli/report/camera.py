@@ -1,4 +1,4 @@
-"""Pictures of what the camera sees at one time, and of what is found in it."""
+"""Pictures of one frame: the camera image and the results of the stages."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -59,7 +59,7 @@ def camera_pictures(
     rig: Rig,
     frame: int,
 ) -> Pictures:
-    """Pictures of frame `frame`, which the chunks given must hold; at the image's own resolution.
+    """Pictures of frame `frame`, at the resolution of the image; the chunks must contain the frame.
 
     Gives `k0033/left.png` (as rendered), `disparity.png`, `occupancy.png`, `free_space.png`,
     `height.png` and `stixels.png` (over the camera's noisy image), and `camera.png`, all of them

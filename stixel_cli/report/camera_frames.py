@@ -16,7 +16,7 @@ def camera_frames(pairs: StereoPairs, stixels: Stixels, frames: range) -> Camera
     """The left images of `frames` as JPEG, at most `WIDEST` px wide, and their stixels.
 
     Args:
-        pairs, stixels: both hold all of `frames`.
+        pairs, stixels: both contain all of `frames`.
         frames: indices k.
 
     Raises:

@@ -1,7 +1,8 @@
-"""Compare several runs on one self-contained page."""
+"""Compare several runs on one self-contained page: settings, metrics, error curves, pictures."""
 
 import base64
 import os
+import re
 import shlex
 from collections.abc import Sequence
 from importlib import resources
@@ -9,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+import numpy as np
 from markupsafe import Markup
 
 from stixel_cli.errors import UserError
-from stixel_cli.evaluation.metric_table import metric
+from stixel_cli.evaluation.metric_table import LOW_OVERLAP, SERIES, metric
 from stixel_cli.report import style
-from stixel_cli.report.compare_figure import error_curves, line_style
 from stixel_cli.report.metrics import NO_VALUE, best, format_value
 from stixel_cli.results.reader import flat_settings
 from stixel_cli.results.result import RunResult
@@ -33,7 +34,7 @@ def run_labels(folders: Sequence[Path]) -> list[str]:
         labels = ["/".join(path.parts[-parts:]) for path in paths]
         if len(set(labels)) == len(labels):
             return labels
-    raise UserError("a folder is given twice; give each folder once")
+    raise UserError("two arguments name the same folder; give each folder once")
 
 
 def default_page(folders: Sequence[Path], what: str = "report") -> Path:
@@ -86,7 +87,7 @@ def write_page(page: Path, html: str) -> None:
             file.flush()
             os.fsync(file.fileno())
     except FileExistsError:
-        raise UserError(f"{page}: exists, and is not written over; name another file") from None
+        raise UserError(f"{page}: already exists; choose another file") from None
     except OSError as error:
         raise UserError(f"{page}: cannot be written: {error.strerror}") from error
 
@@ -160,3 +161,83 @@ def _text(value: Any) -> str:
 
 def _data_uri(png: bytes | None) -> str | None:
     return None if png is None else "data:image/png;base64," + base64.b64encode(png).decode()
+
+
+LINE_STYLES = ("-", "--", "-.", ":")
+
+# Placeholders for colours of the page, which is light or dark.
+_INK, _GRID = "#010203", "#020304"
+
+
+def run_colour(i: int) -> str:
+    """Colour of the i-th run."""
+    return style.RUNS[i % len(style.RUNS)]
+
+
+def line_style(i: int) -> str:
+    """Line style of the i-th run: style and colour are unique among the first 32 runs."""
+    return LINE_STYLES[(i + i // len(style.RUNS)) % len(LINE_STYLES)]
+
+
+def error_curves(runs: Sequence[RunResult]) -> list[tuple[str, str]]:
+    """(title, SVG element) of each error that a run has; the i-th run has colour `var(--run-i)`.
+
+    On the HTML page, text and axes use `currentColor`, the grid uses `var(--grid)`.
+    """
+    drawn = []
+    with style.drawing({"text.color": _INK, "axes.edgecolor": _INK, "axes.labelcolor": _INK}):
+        for name, series in SERIES.items():
+            if any(np.isfinite(getattr(run.scores, name)).any() for run in runs):
+                title = series.label + (" (consistent: 1)" if series.ratio else "")
+                svg = _curve_svg(name, title, runs)
+                drawn.append((title, _for_page(svg, len(drawn))))
+    return drawn
+
+
+def _curve_svg(name: str, title: str, runs: Sequence[RunResult]) -> str:
+    series = SERIES[name]
+    figure = style.new_figure(5.0, 2.7)
+    figure.patch.set_visible(False)
+    axes = figure.add_axes((0.115, 0.165, 0.87, 0.72))
+    axes.patch.set_visible(False)
+    axes.tick_params(colors=_INK)
+    axes.grid(True, color=_GRID)
+    if series.ratio:
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.minorticks_off()
+    line = LOW_OVERLAP if name == "iou" else series.consistent
+    if line is not None:
+        axes.axhline(line, color=_INK, linewidth=0.7, linestyle=(0, (4, 3)))
+    for i, run in enumerate(runs):
+        values = series.factor * getattr(run.scores, name)
+        if series.ratio:
+            values = np.where(values > 0.0, values, np.nan)
+        axes.plot(
+            run.scores.times, values, color=run_colour(i), linestyle=line_style(i), linewidth=1.6
+        )
+    if series.ratio:
+        low, high = axes.get_ylim()
+        axes.set_ylim(min(low, 0.08), max(high, 12.5))
+    else:
+        axes.set_ylim(*series.bounds)
+    axes.margins(x=0.01)
+    axes.set_title(title)
+    axes.set(xlabel="t (s)", ylabel=series.unit or series.short_label)
+    return style.svg(figure).decode()
+
+
+def _for_page(text: str, number: int) -> str:
+    """An SVG file as an element of a page, with unique ids and the colours of the page."""
+    text = text[text.index("<svg") :]
+    text = re.sub(r'\sxmlns(:xlink)?="[^"]*"', "", text)
+    text = re.sub(r'(<svg\b[^>]*?)\swidth="[^"]*"\sheight="[^"]*"', r"\1", text, count=1)
+    text = text.replace("xlink:href=", "href=")
+    # Matplotlib derives ids from content, so two figures of a page may share them.
+    text = re.sub(r'\bid="', f'id="c{number}-', text)
+    text = re.sub(r'(url\(|href=")#', rf"\1#c{number}-", text)
+    colours = {_INK: "currentColor", _GRID: "var(--grid)"}
+    colours |= {colour: f"var(--run-{i})" for i, colour in enumerate(style.RUNS)}
+    for colour, name in colours.items():
+        text = text.replace(colour, name)
+    return text

@@ -1,6 +1,10 @@
-"""Metrics as text, and which of several values are the best."""
+"""Metrics as text and as a table on the terminal, and which of several values are the best."""
 
 import math
+from collections.abc import Mapping
+
+from rich import box
+from rich.table import Table
 
 from stixel_cli.evaluation.metric_table import Better, metric
 
@@ -34,3 +38,15 @@ def _rank(value: float, direction: Better) -> float:
     if direction == "one":
         return abs(math.log(value)) if value > 0.0 else math.inf
     return value if direction == "less" else -value
+
+
+def scores_table(metrics: Mapping[str, float | int | None]) -> Table:
+    """A table of metrics, in their order: name, value, unit; a dash where there is no value."""
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
+    table.add_column("score")
+    table.add_column("value", justify="right")
+    table.add_column("unit")
+    for name, value in metrics.items():
+        shown = metric(name)
+        table.add_row(shown.label, format_value(value), shown.unit)
+    return table

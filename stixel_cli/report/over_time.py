@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.special import gammaincinv
 
-from stixel_cli.evaluation.scores import LOW_OVERLAP, Scores
+from stixel_cli.evaluation.metric_table import LOW_OVERLAP, SERIES, Scores, metric
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.report import style
@@ -48,10 +48,8 @@ def errors_figure(scans: Scans, track: Track, scores: Scores) -> Figure:
     )
     used = np.diff(track.used_offsets)
     _draw_errors(grid[:, 0], scores)
-    _draw_consistency(grid[0, 1], scores.times, scores.nees_position, np.full(len(used), 2))
-    grid[0, 1].set_title("Position NEES / 2  (consistent: 1; grey: 95 % interval)")
-    _draw_consistency(grid[1, 1], scores.times, scores.nis, track.nis_degrees_of_freedom)
-    grid[1, 1].set_title("NIS / degrees of freedom")
+    _draw_consistency(grid[0, 1], scores, "nees_position", np.full(len(used), 2))
+    _draw_consistency(grid[1, 1], scores, "nis", track.nis_degrees_of_freedom)
     _draw_counts(grid[2, 1], scores.times, np.diff(scans.offsets), used)
     for axes in grid.flat:
         axes.grid(True)
@@ -69,41 +67,39 @@ def chi_square_bounds(degrees_of_freedom: np.ndarray) -> np.ndarray:
 
 
 def _draw_errors(column, scores: Scores) -> None:
-    centre, orientation, overlap = column
-    degrees = np.degrees(scores.orientation_error)
-    centre.plot(scores.times, scores.centre_error, color=style.ESTIMATE)
-    centre.set_ylim(bottom=0.0)
-    centre.set_title(f"Centre error{_summary('RMSE', scores, 'centre_rmse_m', ' m')}")
-    centre.set_ylabel("m")
-    orientation.axhline(0.0, color=style.TRUTH, linewidth=0.7)
-    orientation.plot(scores.times, degrees, color=style.ESTIMATE)
-    orientation.set_title(
-        f"Orientation error{_summary('RMSE', scores, 'orientation_rmse_deg', '°')}"
-    )
-    orientation.set_ylabel("degrees")
-    overlap.plot(scores.times, scores.iou, color=style.ESTIMATE)
-    overlap.axhline(LOW_OVERLAP, color=style.UNUSED, linewidth=0.9, linestyle="--")
-    overlap.set_ylim(0.0, 1.0)
-    overlap.set_title(
-        f"Intersection over union{_summary('mean', scores, 'iou_mean', '')}"
-        f"  (dashed: low overlap, < {LOW_OVERLAP})"
-    )
-    overlap.set_ylabel("IoU")
+    names = ("centre_error", "orientation_error", "iou")
+    summaries = (("RMSE", "centre_rmse_m"), ("RMSE", "orientation_rmse_deg"), ("mean", "iou_mean"))
+    for axes, name, (average, total) in zip(column, names, summaries, strict=True):
+        series, value = SERIES[name], scores.metrics.get(total)
+        title = series.label
+        if value is not None:
+            title += f", {average} {value:.2f} {metric(total).unit}".rstrip().replace(" °", "°")
+        if name == "iou":
+            axes.axhline(LOW_OVERLAP, color=style.UNUSED, linewidth=0.9, linestyle="--")
+            title += f"  (dashed: low overlap, < {LOW_OVERLAP})"
+        if series.consistent is not None:
+            axes.axhline(series.consistent, color=style.TRUTH, linewidth=0.7)
+        axes.plot(scores.times, series.factor * getattr(scores, name), color=style.ESTIMATE)
+        axes.set_ylim(*series.bounds)
+        axes.set_title(title)
+        axes.set_ylabel(series.unit or series.short_label)
 
 
-def _draw_consistency(axes: Axes, times, ratio, degrees_of_freedom) -> None:
+def _draw_consistency(axes: Axes, scores: Scores, name: str, degrees_of_freedom) -> None:
     """A statistic divided by its degrees of freedom, on a logarithmic axis."""
+    series, ratio = SERIES[name], getattr(scores, name)
     low, high = chi_square_bounds(np.asarray(degrees_of_freedom))
-    ratio = np.where(np.asarray(ratio) > 0.0, ratio, np.nan)
+    ratio = np.where(ratio > 0.0, ratio, np.nan)
     axes.set_yscale("log")
     # A decade to each side at least, so that a small scatter does not look like a great one.
     finite = np.concatenate([[0.1, 10.0], ratio[np.isfinite(ratio)]])
     axes.set_ylim(0.8 * finite.min(), 1.25 * finite.max())
     axes.yaxis.set_major_formatter("{x:g}")
     axes.minorticks_off()
-    axes.fill_between(times, low, high, color=style.CONSISTENT, linewidth=0)
-    axes.axhline(1.0, color=style.TRUTH, linewidth=0.7)
-    axes.plot(times, ratio, color=style.ESTIMATE)
+    axes.fill_between(scores.times, low, high, color=style.CONSISTENT, linewidth=0)
+    axes.axhline(series.consistent, color=style.TRUTH, linewidth=0.7)
+    axes.plot(scores.times, ratio, color=style.ESTIMATE)
+    axes.set_title(f"{series.label}  (consistent: 1; grey: 95 % interval)")
     axes.set_ylabel("ratio")
 
 
@@ -116,8 +112,3 @@ def _draw_counts(axes: Axes, times, candidates, used) -> None:
     axes.set_title("Points per scan")
     axes.set_ylabel("points")
     axes.legend(loc="upper right", ncols=2)
-
-
-def _summary(name: str, scores: Scores, metric: str, unit: str) -> str:
-    value = scores.metrics.get(metric)
-    return "" if value is None else f", {name} {value:.2f}{unit}"

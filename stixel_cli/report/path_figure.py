@@ -78,7 +78,7 @@ def spaced_frames(positions_world: np.ndarray, size: float) -> tuple[int, ...]:
         if travelled[k] - travelled[chosen[-1]] >= spacing:
             chosen.append(k)
     last = len(travelled) - 1
-    # The last is shown always; what would be drawn over it makes room.
+    # The last one is always shown; those that would overlap it are dropped.
     kept = [k for k in chosen if travelled[last] - travelled[k] >= 0.8 * spacing]
     return (*kept, last) if last > 0 else (0,)
 

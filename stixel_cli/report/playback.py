@@ -9,13 +9,14 @@ import html
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from stixel_cli.evaluation.metric_table import metric
+from stixel_cli.evaluation.metric_table import LOW_OVERLAP, SERIES, metric
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.report.metrics import format_value
 from stixel_cli.results.pictures import CameraFrames
@@ -43,7 +44,7 @@ FACTS = ("road_user", "path", "ego", "measurement", "tracker")
 SCRIPTS = ("paths", "map", "camera", "charts", "legend", "time")
 """The files `templates/playback_*.js`, in the order of the page's one function."""
 
-_FARTHEST = 1e7  # m; the page leaves out what is farther away
+_FARTHEST = 1e7  # m; the page omits farther points
 
 
 def playback_html(
@@ -60,7 +61,7 @@ def playback_html(
         runs: their `label` is their name in the legend.
         title: of the page.
         notes: lines below the title.
-        folders: what to name as each run's folder; empty to name none.
+        folders: name of each run's folder; empty to show no folders.
     """
     folder = resources.files(__package__).joinpath("templates")
     parts = {
@@ -119,6 +120,8 @@ def playback_data(
         "ego": _poses(scenario.ego_poses_world),
         "target": _poses(scenario.target_poses_world),
         "contour": _millimetres(scenario.contour_target.ravel()),
+        "lowOverlap": LOW_OVERLAP,
+        "series": [asdict(series) | {"name": name} for name, series in SERIES.items()],
         "neesBounds": _numbers(consistent_bounds(np.array([2])).ravel(), 4),
         "runs": played,
         "scans": [_scan(one) for one in scans],
@@ -140,7 +143,7 @@ def consistent_bounds(degrees_of_freedom: np.ndarray) -> np.ndarray:
 
 
 def _facts(run: RunResult) -> list[tuple[str, str]]:
-    """(name, value) pairs that describe what was run."""
+    """(name, value) pairs that describe the run."""
     facts = [(group, run.choice(group)) for group in FACTS]
     mesh = run.settings["road_user"].get("mesh")
     if mesh is not None:
@@ -176,11 +179,8 @@ def _run(run: RunResult, facts: Sequence[tuple[str, str]]) -> dict[str, Any]:
         "std": [_millimetres(row) for row in track.contour_std],
         "used": [rows.tolist() for rows in used],
         "errors": {
-            "centre": _numbers(scores.centre_error, 4),
-            "orientation": _numbers(np.degrees(scores.orientation_error), 3),
-            "iou": _numbers(scores.iou, 4),
-            "nees": _numbers(scores.nees_position, 4),
-            "nis": _numbers(scores.nis, 4),
+            name: _numbers(series.factor * getattr(scores, name), 4)
+            for name, series in SERIES.items()
         },
         "nisBounds": [_numbers(low, 3), _numbers(high, 3)],
     }

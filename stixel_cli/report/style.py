@@ -61,8 +61,8 @@ _SETTINGS = {
     "savefig.dpi": DPI,
     "svg.hashsalt": "stixel",
 }
-# These belong to the process, not to a picture; to set them makes Matplotlib look for a display.
-_LEFT_ALONE = ("backend", "backend_fallback", "interactive", "toolbar", "timezone", "webagg")
+# These belong to the process, not to a picture. Setting them makes Matplotlib look for a display.
+_PROCESS_SETTINGS = ("backend", "backend_fallback", "interactive", "toolbar", "timezone", "webagg")
 # Matplotlib's settings are the process's, not the thread's: with `executor=threads` two stages that
 # draw at once would draw with each other's.
 _one_at_a_time = RLock()
@@ -73,12 +73,12 @@ def drawing(settings: dict | None = None) -> Iterator[None]:
     """Context in which figures are made and written: our settings over Matplotlib's defaults.
 
     The user's own matplotlibrc is ignored, because it would change the bytes. `settings`
-    are more of Matplotlib's, which go before ours. One thread is in it at a time.
+    are further Matplotlib settings, which override these. One thread draws at a time.
     """
     defaults = {
         name: value
         for name, value in matplotlib.rcParamsDefault.items()
-        if not name.startswith(_LEFT_ALONE)
+        if not name.startswith(_PROCESS_SETTINGS)
     }
     with _one_at_a_time, matplotlib.rc_context(defaults | _SETTINGS | (settings or {})):
         yield
@@ -90,7 +90,7 @@ def new_figure(width: float, height: float, **options) -> Figure:
 
 
 def png(figure: Figure) -> bytes:
-    """The figure as a PNG that bears no date and no version, so that its bytes repeat."""
+    """The figure as a PNG without date and version, so that its bytes repeat."""
     from PIL import Image
 
     canvas = FigureCanvasAgg(figure)
@@ -102,7 +102,7 @@ def png(figure: Figure) -> bytes:
 
 
 def svg(figure: Figure) -> bytes:
-    """The figure as an SVG that bears no date and no version, so that its bytes repeat."""
+    """The figure as an SVG without date and version, so that its bytes repeat."""
     buffer = io.BytesIO()
     FigureCanvasSVG(figure).print_svg(
         buffer, metadata={"Date": None, "Creator": None, "Format": None, "Type": None}
@@ -118,6 +118,6 @@ def depth_colours(depth: ArrayLike) -> np.ndarray:
     return matplotlib.colormaps["viridis"](1.0 - np.clip(share, 0.0, 1.0))[..., :3]
 
 
-def title(what: str, k: int, time: float) -> str:
+def title(name: str, k: int, time: float) -> str:
     """Title of a picture of frame k at `time` s."""
-    return f"{what},  k = {k},  t = {time:.2f} s"
+    return f"{name},  k = {k},  t = {time:.2f} s"

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from stixel_cli.evaluation.scores import Scores
+from stixel_cli.evaluation.metric_table import Scores
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.results.ego_frame import scans_in_ego_frame, track_in_ego_frame
 from stixel_cli.results.lineage import Lineage

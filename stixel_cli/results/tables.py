@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from stixel_cli.evaluation.scores import Scores
+from stixel_cli.evaluation.metric_table import Scores
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.track import Track
 

@@ -1,1 +1,1 @@
-"""The 3-D scene: road users, paths, the ego car, ground truth, and the renderers."""
+"""The 3-D scene: road users, paths, the ego car, the world and the ground truth."""

@@ -1,13 +1,21 @@
-"""A road user from the user's own mesh file."""
+"""A road user from the user's own mesh file, and the files that a mesh file refers to.
+
+References (materials, textures, buffers) are read from the text of Wavefront's .obj and .mtl, of
+.gltf, and of the head of .ply. The other formats contain what they need, or refer to it in ways
+that this module does not read.
+"""
 
 import os
 import re
+from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 
 from stixel_cli.errors import UserError
-from stixel_cli.files import opened
+from stixel_cli.files import opened, read_json
 from stixel_cli.scene.mesh import Mesh, Part, bounding_box, corners, grounded
 from stixel_cli.scene.open3d_import import import_open3d
 from stixel_cli.scene.shapes import cube_uvs
@@ -68,7 +76,7 @@ def load_mesh(path: str, contrast: float) -> Mesh:
     if not ((sides >= LEAST_SIDE) & (sides <= GREATEST_SIDE)).all():
         raise ValueError(
             f"road_user.mesh: the mesh in {path!r} is {sides[0]:.3g} × {sides[1]:.3g} × "
-            f"{sides[2]:.3g} m large, each must be {LEAST_SIDE:g} to {GREATEST_SIDE:g} m "
+            f"{sides[2]:.3g} m large; each side must be {LEAST_SIDE:g} to {GREATEST_SIDE:g} m "
             "(is the file in metres?)"
         )
     a, b = np.diff(corners(mesh)[:, :, :2], axis=1).transpose(1, 2, 0)
@@ -86,7 +94,7 @@ def _check_counts(path: str) -> None:
         ValueError: if it cannot, or is no regular file.
     """
     if not os.path.exists(path):
-        raise ValueError(f"road_user.mesh: there is no file {path!r}")
+        raise ValueError(f"road_user.mesh: file not found: {path!r}")
     try:
         with opened(Path(path)) as stream:
             head, size = stream.read(2**16), os.fstat(stream.fileno()).st_size
@@ -162,3 +170,75 @@ def _power_of_two(image: np.ndarray) -> np.ndarray:
     sides = [min(2048, 1 << max(0, int(side - 1).bit_length())) for side in image.shape[:2]]
     image = np.ascontiguousarray(image[..., :3], dtype=np.uint8)
     return cv2.resize(image, (sides[1], sides[0]), interpolation=cv2.INTER_AREA)
+
+
+MAPS = (b"map_", b"bump", b"disp", b"decal", b"refl", b"norm")
+"""How the lines of an .mtl begin that name an image, as their last word."""
+
+
+def referred_files(path: Path) -> tuple[Path, ...]:
+    """Existing files that the mesh file `path` refers to, directly or through a material."""
+    found: dict[Path, None] = {}
+    pending = [path]
+    while pending:
+        one = pending.pop(0)
+        try:
+            stat = one.stat()
+            names = _names(one, stat.st_mtime_ns, stat.st_size)
+        except (OSError, UserError):
+            # The reader of the mesh reports files that cannot be read.
+            continue
+        for other in (one.parent / name for name in names):
+            if other not in found and other != path and other.is_file():
+                found[other] = None
+                pending.append(other)
+    return tuple(found)
+
+
+@lru_cache(maxsize=64)
+def _names(path: Path, *state: int) -> tuple[str, ...]:
+    """The names in a file, read once for all runs of a sweep while its `state` is the same."""
+    reader = {".obj": _of_obj, ".mtl": _of_mtl, ".gltf": _of_gltf, ".ply": _of_ply}.get(
+        path.suffix.lower()
+    )
+    return () if reader is None else tuple(name for name in reader(path) if "\0" not in name)
+
+
+def _of_obj(path: Path) -> Iterator[str]:
+    with opened(path) as file:
+        for line in file:
+            if line.lstrip().startswith(b"mtllib"):
+                # Several names, or one with blanks in it.
+                rest = _text(line.split(maxsplit=1)[1:])
+                yield from dict.fromkeys((rest, *rest.split()))
+
+
+def _of_mtl(path: Path) -> Iterator[str]:
+    with opened(path) as file:
+        for line in file:
+            if line.lstrip().lower().startswith(MAPS):
+                rest = _text(line.split(maxsplit=1)[1:])
+                yield from dict.fromkeys((rest, *rest.split()[-1:]))
+
+
+def _of_gltf(path: Path) -> Iterator[str]:
+    try:
+        tree = read_json(path)
+        entries = [*tree.get("buffers", ()), *tree.get("images", ())]
+        names = [entry["uri"] for entry in entries if "uri" in entry]
+        yield from (unquote(name) for name in names if not name.startswith("data:"))
+    except (TypeError, AttributeError):
+        return
+
+
+def _of_ply(path: Path) -> Iterator[str]:
+    with opened(path) as file:
+        for line in file:
+            if line.startswith(b"end_header"):
+                return
+            if line.startswith(b"comment TextureFile"):
+                yield _text(line.split(maxsplit=2)[2:])
+
+
+def _text(words: list[bytes]) -> str:
+    return b" ".join(words).decode("utf-8", "replace").strip().replace("\\", "/")

@@ -49,8 +49,8 @@ class _Driven:
         """Raise ValueError if the values contradict each other."""
         if self.duration / self.sample_time > MOST_SCANS:
             raise ValueError(
-                f"path.duration: {self.duration:g} s at path.sample_time {self.sample_time:g} s "
-                f"are more than {MOST_SCANS} scans"
+                f"path.duration: {self.duration:g} s with path.sample_time={self.sample_time:g} s "
+                f"gives more than {MOST_SCANS} scans"
             )
 
 
@@ -92,8 +92,8 @@ class Approach(_FromStart):
         along_x, along_y = _direction(self.heading)
         if self.start[0] * along_x + self.start[1] * along_y >= 0.0:
             raise ValueError(
-                f"path.heading: {self.heading:g} degrees from path.start comes no nearer to the "
-                "camera; an approach must (-90 is straight towards it)"
+                f"path.heading: {self.heading:g} degrees from path.start does not approach "
+                "the camera; path=approach must (-90 is straight towards it)"
             )
 
 
@@ -109,8 +109,8 @@ class Depart(_FromStart):
         along_x, along_y = _direction(self.heading)
         if self.start[0] * along_x + self.start[1] * along_y <= 0.0:
             raise ValueError(
-                f"path.heading: {self.heading:g} degrees from path.start comes nearer to the "
-                "camera; a departure must not (90 is straight away from it)"
+                f"path.heading: {self.heading:g} degrees from path.start approaches "
+                "the camera; path=depart must not (90 is straight away from it)"
             )
 
 
@@ -126,7 +126,7 @@ class Crossing(_FromStart):
         if _direction(self.heading)[0] <= 0.0:
             raise ValueError(
                 f"path.heading: {self.heading:g} degrees does not go from left to right; "
-                "a crossing must (0 is straight across)"
+                "path=crossing must (0 is straight across)"
             )
 
 
@@ -199,9 +199,9 @@ class Circle(_FromStart):
         super().check()
         if self.radius is None and not LEAST_RADIUS <= self.closing_radius <= GREATEST_RADIUS:
             raise ValueError(
-                f"path.duration: {self.duration:g} s at path.speed {self.speed:g} m/s closes a "
-                f"circle of radius {self.closing_radius:.2g} m: must be {LEAST_RADIUS:g} to "
-                f"{GREATEST_RADIUS:g} m; or give path.radius"
+                f"path.duration: {self.duration:g} s with path.speed={self.speed:g} m/s closes a "
+                f"circle of radius {self.closing_radius:.2g} m; it must be {LEAST_RADIUS:g} to "
+                f"{GREATEST_RADIUS:g} m, or set path.radius"
             )
 
 

@@ -31,4 +31,4 @@ class RoadUser:
     def check(self) -> None:
         """Raise ValueError if the user's mesh is not a file; its content is checked on reading."""
         if self.mesh is not None and not os.path.isfile(self.mesh):
-            raise ValueError(f"road_user.mesh: there is no file {self.mesh!r}")
+            raise ValueError(f"road_user.mesh: file not found: {self.mesh!r}")

@@ -16,7 +16,7 @@ def part(name: str, surfaces: list[Surface], texture: np.ndarray, tile: float) -
 
     Args:
         name: the part's name.
-        surfaces: what it consists of.
+        surfaces: its surfaces, as (vertices, triangles).
         texture: (h, w, 3) uint8 RGB.
         tile: length that one repetition of the texture covers, m.
     """

@@ -16,7 +16,7 @@ class BmParameters(MatchingParameters):
     """Block matching, Konolige 1997, as OpenCV's StereoBM.
 
     Attributes:
-        pre_filter: what is matched: "normalized_response" or "x_sobel".
+        pre_filter: image that is matched: "normalized_response" or "x_sobel".
         pre_filter_size: window of the normalised response, px, odd.
         texture_threshold: blocks whose summed filter response is below it are invalid.
     """
@@ -44,7 +44,7 @@ def match(pairs: StereoPairs, stereo: BmParameters, rig: Rig, frames: range) -> 
     import cv2
 
     if stereo.block_size > min(rig.width, rig.height):
-        raise ValueError(f"stereo.block_size: {stereo.block_size} px, larger than the image")
+        raise ValueError(f"stereo.block_size: {stereo.block_size} px is larger than the image")
     filters = {
         "normalized_response": cv2.StereoBM_PREFILTER_NORMALIZED_RESPONSE,
         "x_sobel": cv2.StereoBM_PREFILTER_XSOBEL,

@@ -57,7 +57,7 @@ BLOCK = 16
 def check_odd(name: str, value: int) -> None:
     """Raise ValueError where the key `name` of the group has an even value."""
     if value % 2 == 0:
-        raise ValueError(f"stereo.{name}: {value} is even, it must be odd")
+        raise ValueError(f"stereo.{name}: must be odd, got {value}")
 
 
 def disparity_count(stereo: MatchingParameters, rig: Rig) -> int:

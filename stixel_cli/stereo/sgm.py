@@ -30,14 +30,14 @@ class SgmParameters(MatchingParameters):
         """Raise ValueError if the parameters contradict each other."""
         super().check()
         if self.p2 <= self.p1:
-            raise ValueError(f"stereo.p2: {self.p2} must be above stereo.p1, which is {self.p1}")
+            raise ValueError(f"stereo.p2: must be > stereo.p1 ({self.p1}), got {self.p2}")
 
 
 def match(pairs: StereoPairs, stereo: SgmParameters, rig: Rig, frames: range) -> Disparities:
     """Disparities of the left views of `frames`, 1/16 px, by semi-global matching on one thread.
 
-    The left border keeps its disparities as far as the right image reaches: what is so near in
-    column u that its disparity exceeds u is not in the right image, and invalid.
+    The left border keeps its disparities as far as the right image reaches: a point in column u
+    with a disparity above u is outside the right image, so it is invalid.
     """
     import cv2
 

@@ -42,8 +42,8 @@ class _Road:
         """Raise ValueError if the parameters contradict each other."""
         if self.least_height >= self.greatest_height:
             raise ValueError(
-                f"road.least_height: {self.least_height} must be below road.greatest_height, "
-                f"which is {self.greatest_height}"
+                f"road.least_height: must be < road.greatest_height "
+                f"({self.greatest_height}), got {self.least_height}"
             )
 
 
@@ -96,8 +96,8 @@ class _Occupancy:
         """Raise ValueError if the parameters contradict each other."""
         if self.nearest >= self.farthest:
             raise ValueError(
-                f"occupancy.nearest: {self.nearest} must be below occupancy.farthest, "
-                f"which is {self.farthest}"
+                f"occupancy.nearest: must be < occupancy.farthest ({self.farthest}), "
+                f"got {self.nearest}"
             )
 
 
@@ -148,9 +148,10 @@ OccupancyParameters = PolarOccupancy | ColumnDisparityOccupancy | CartesianOccup
 
 @parameters
 class FreeSpaceParameters:
-    """The cheapest path through the occupancy grid; costs are in units of the least obstacle's.
+    """The cheapest path through the occupancy grid.
 
-    A cell costs 1 / D, D being its occupancy over what the least obstacle would give there.
+    A cell costs 1 / D, where D is its occupancy divided by that of the smallest obstacle there. So
+    the smallest obstacle costs 1.
 
     Attributes:
         obstacle_height: vertical extent of the least obstacle, m.
@@ -176,6 +177,6 @@ class FreeSpaceParameters:
         """Raise ValueError if the parameters contradict each other."""
         if self.free_cost >= self.cost_bound:
             raise ValueError(
-                f"free_space.free_cost: {self.free_cost} must be below free_space.cost_bound, "
-                f"which is {self.cost_bound}"
+                f"free_space.free_cost: must be < free_space.cost_bound "
+                f"({self.cost_bound}), got {self.free_cost}"
             )

@@ -1,6 +1,12 @@
-"""The nearest obstacle of every column of one frame: occupancy grid, then dynamic programming."""
+"""The nearest obstacle of every column of one frame: occupancy grid, then dynamic programming.
+
+Free space is the cheapest path through the grid: thesis (9)-(11). The path has one row for each
+column; the row after the last means "no obstacle". Grids are stored column by column, nearest row
+first. The depths of the rows need not be even.
+"""
 
 import numpy as np
+from numba import njit
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.stixels.free_space_parameters import (
@@ -10,7 +16,6 @@ from stixel_cli.stixels.free_space_parameters import (
     RoadParameters,
 )
 from stixel_cli.stixels.occupancy import BINS_PER_PIXEL, Layout, accumulate, to_polar
-from stixel_cli.stixels.path import add_temporal, cell_costs, cheapest_path, refine
 
 
 def nearest_obstacle(
@@ -63,3 +68,110 @@ def nearest_obstacle(
         np.float32(free_space.spatial_limit),
     )
     return refine(path, histogram, grid.disparities, grid.reaches, BINS_PER_PIXEL)
+
+
+@njit(cache=True, nogil=True)
+def cell_costs(occupancy, inverse_requirement, bound, free_cost):
+    """Costs (W, R + 1) float32 of the cells: 1 / D, at most `bound`; the last row: `free_cost`.
+
+    D is the occupancy (W, R) times `inverse_requirement` (R,), 1 for the least obstacle. The
+    background is subtracted: behind the first maximum of at least 1, and the slope behind it that
+    belongs to it, every cell is empty.
+    """
+    width, rows = occupancy.shape
+    costs = np.full((width, rows + 1), bound, dtype=np.float32)
+    least = np.float32(1.0) / np.float32(bound)
+    for u in range(width):
+        found = False
+        before = np.float32(0.0)
+        for j in range(rows):
+            value = occupancy[u, j] * inverse_requirement[j]
+            if found and value > before:
+                break
+            # The maximum is known when the next value is lower.
+            if before >= 1 and value < before:
+                found = True
+            before = value
+            if value > least:
+                costs[u, j] = np.float32(1.0) / value
+        costs[u, rows] = free_cost
+    return costs
+
+
+@njit(cache=True, nogil=True)
+def add_temporal(costs, depths, expected, cost, limit):
+    """Add `cost` min(|z_j - z'_u|, `limit`) to costs (W, R + 1); z' (W,) is NaN where unknown."""
+    width, rows = costs.shape
+    for u in range(width):
+        z = expected[u]
+        if not np.isnan(z):
+            for j in range(rows):
+                costs[u, j] += cost * min(abs(depths[j] - z), limit)
+
+
+@njit(cache=True, nogil=True)
+def cheapest_path(costs, depths, cost, limit):
+    """Rows (W,) int32 of least sum of costs[u, j_u] + `cost` min(|z_j - z_l|, `limit`).
+
+    `depths` (R + 1,) ascending. Exact in O(W R): the truncated linear cost of the step is a
+    distance transform (Felzenszwalb, Huttenlocher 2012), which is valid for uneven depths as well.
+    """
+    width, rows = costs.shape
+    total = np.empty((width, rows), dtype=np.float32)
+    slope = np.empty(rows, dtype=np.float32)
+    for j in range(rows):
+        slope[j] = cost * depths[j]
+    total[0] = costs[0]
+    below = np.empty(rows, dtype=np.float32)
+    above = np.empty(rows, dtype=np.float32)
+    for u in range(1, width):
+        last, now, of_column = total[u - 1], total[u], costs[u]
+        best = last[0]
+        from_below = from_above = np.float32(np.inf)
+        # Both sweeps at once: two chains of minima keep the processor busier than one.
+        for j in range(rows):
+            k = rows - 1 - j
+            from_below = min(from_below, last[j] - slope[j])
+            from_above = min(from_above, last[k] + slope[k])
+            below[j] = from_below
+            above[k] = from_above
+            best = min(best, last[j])
+        cap = best + cost * limit
+        for j in range(rows):
+            step = min(min(below[j] + slope[j], above[j] - slope[j]), cap)
+            # Less the best so far: the sum stays small and keeps its digits.
+            now[j] = of_column[j] + (step - best)
+    path = np.empty(width, dtype=np.int32)
+    path[width - 1] = np.argmin(total[width - 1])
+    scratch = np.empty(rows, dtype=np.float32)
+    for u in range(width - 2, -1, -1):
+        z = depths[path[u + 1]]
+        for j in range(rows):
+            scratch[j] = total[u, j] + cost * min(abs(depths[j] - z), limit)
+        path[u] = np.argmin(scratch)
+    return path
+
+
+@njit(cache=True, nogil=True)
+def refine(path, histogram, disparities, reach, bins_per_pixel):
+    """Disparity (W,) float32 of the obstacles in px, finer than the rows; NaN without an obstacle.
+
+    Mean of the column's histogram (W, bins) within `reach` (R,) px of the row's disparity, or that
+    disparity itself where no vote is so near. `path` (W,) with R for "no obstacle".
+    """
+    width, bins = histogram.shape
+    refined = np.empty(width, dtype=np.float32)
+    for u in range(width):
+        j = path[u]
+        if j == len(disparities):
+            refined[u] = np.nan
+            continue
+        centre = disparities[j]
+        low = max(int(np.ceil((centre - reach[j]) * bins_per_pixel)), 1)
+        high = min(int(np.floor((centre + reach[j]) * bins_per_pixel)), bins - 1)
+        votes = moment = 0.0
+        for b in range(low, high + 1):
+            votes += histogram[u, b]
+            moment += histogram[u, b] * b
+        refined[u] = moment / (votes * bins_per_pixel) if votes > 0 else centre
+    return refined

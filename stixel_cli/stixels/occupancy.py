@@ -144,7 +144,7 @@ def accumulate(
 def to_polar(cartesian: np.ndarray, grid: Layout, rig: Rig) -> np.ndarray:
     """A Cartesian grid (C, R) resampled to the image's columns (W, R) float32, linearly.
 
-    Columns are 1 px apart, so what they all add to a cell is on the scale of a polar grid.
+    Columns are 1 px apart, so the sum over the columns has the scale of a polar grid.
     """
     u = np.arange(rig.width, dtype=np.float64) - rig.u0
     step = float(grid.laterals[1] - grid.laterals[0])

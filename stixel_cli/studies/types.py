@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from stixel_cli.config.schema import Configuration
-from stixel_cli.evaluation.scores import Scores
+from stixel_cli.evaluation.metric_table import Scores
 
 
 @dataclass(frozen=True)

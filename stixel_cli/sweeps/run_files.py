@@ -11,7 +11,7 @@ import numpy as np
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.execute import Execution, NodeRecord
 from stixel_cli.engine.store import Store
-from stixel_cli.evaluation.scores import Scores
+from stixel_cli.evaluation.metric_table import Scores
 from stixel_cli.results import lineage
 from stixel_cli.results.tables import score_columns
 from stixel_cli.results.text import json_text

@@ -18,7 +18,7 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
-from stixel_cli.geometry.angles import wrap_angle
+from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.association import associate
@@ -35,7 +35,7 @@ class PointParameters:
         sigma_q: process noise of the position, a white acceleration's root density, m/s^1.5.
         measurement_std: standard deviation of a point along each axis, m.
         centroid_offset: standard deviation, along each axis, of the distance from the centre to the
-            centroid of what is seen, in radii of the circle.
+            centroid of the visible side, in radii of the circle.
         gate_probability: chi-square probability of the association's gate; null takes every point.
         least_speed: below this speed, m/s, the heading is kept as it was.
         contour_points: number M of points of the circle that is reported.
@@ -64,7 +64,7 @@ def class_circle(prior: PriorShape) -> tuple[float, float]:
     """Radius and its std, both in m, of the circle with the area of the prior's shape.
 
     The std is that of the class's radius round the circle, over all directions: the shape's
-    own, and what the prior's kernel adds to it.
+    own, and the part that the prior's kernel adds.
     """
     radii = prior_radii(prior, 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS)
     radius = np.sqrt(np.mean(radii**2))

@@ -34,8 +34,8 @@ class PriorShape:
         """Raise ValueError if the rounded corners do not fit."""
         if self.shape == "rectangle" and 2.0 * self.corner_radius > min(self.length, self.width):
             raise ValueError(
-                f"prior.corner_radius: {self.corner_radius} m is more than half of the shorter "
-                f"side, {min(self.length, self.width)} m"
+                f"prior.corner_radius: must be ≤ half of the shorter side "
+                f"({0.5 * min(self.length, self.width):g} m), got {self.corner_radius} m"
             )
 
 

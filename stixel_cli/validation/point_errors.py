@@ -1,16 +1,17 @@
 """Errors of a scan's points against the true contour, one by one.
 
-Conventions: everything is seen from the sensor. A *column* is a real number, px: the place in the
-row of the left image, from its principal point to the right, -f tan(bearing). The silhouette is the
-contour's interval of columns, cut at the image's borders. A point is the *target's* if its column
-is in the silhouette widened by `BESIDE` px, and it is no farther than `GROSS` px, or than
-`DISPARITY_REACH` px and `RANGE_REACH` m, from where the ray meets the contour first; a point next
-to the silhouette is compared with the nearest ray that meets it. Points of the silhouette's columns
-that are not the target's are clutter. Others belong to the rest of the scene. Errors are measured
-minus true.
+Conventions: directions and distances are relative to the sensor. A *column* is a real number, px:
+the place in the row of the left image, from its principal point to the right, -f tan(bearing). The
+silhouette is the contour's interval of columns, cut at the image's borders.
 
-Far away a pixel is worth more metres than `RANGE_REACH` (7 m at 34 m with the default rig): metres
-by itself would cut off the errors in question.
+A point is the *target's* if its column is in the silhouette widened by `SIDE_MARGIN` px, and its
+distance from the first crossing of its ray with the contour is at most `GROSS` px, or at most
+`DISPARITY_REACH` px and `RANGE_REACH` m. A point next to the silhouette is compared with the
+nearest ray that meets the contour. Other points in the silhouette's columns are clutter; points
+elsewhere belong to other objects. Errors are measured minus true.
+
+At long range one pixel is more than `RANGE_REACH` metres (7 m at 34 m with the default rig): a
+limit only in metres would cut off the errors to be measured.
 """
 
 from dataclasses import dataclass
@@ -23,7 +24,7 @@ from stixel_cli.measurements.noise import range_sensitivity
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
 
-BESIDE = 10.0
+SIDE_MARGIN = 10.0
 GROSS = 1.0
 DISPARITY_REACH = 3.0
 RANGE_REACH = 2.0
@@ -141,7 +142,7 @@ def _of_scan(contour, points, rig):
     column = -rig.focal * points[:, 1] / points[:, 0]
     order = np.argsort(column, kind="stable")
     points, column = points[order], column[order]
-    near = (column > low - BESIDE) & (column < high + BESIDE)
+    near = (column > low - SIDE_MARGIN) & (column < high + SIDE_MARGIN)
     points, column = points[near], column[near]
 
     met = np.clip(column, seeing[0], seeing[-1])

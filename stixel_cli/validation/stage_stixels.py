@@ -33,8 +33,8 @@ class StixelErrors:
         columns, covered, matched: (n,) int64, columns whose nearest obstacle is the target; those
             of them in a stixel; those in a stixel whose disparity is not off by a gross error.
         overhang: (n, 2) int64, columns next to the target, on its left and right, that a stixel
-            with the target's disparity covers although nothing of the target is seen there and what
-            is there is elsewhere.
+            with the target's disparity covers although they show no part of the target and have
+            another depth.
         hanging: (n,) int64, stixels that cover such a column.
     """
 
@@ -98,7 +98,7 @@ def stixel_errors(
         if 2 * truth.of_target[stixels.left[s] : stixels.right[s]].sum()
         >= stixels.right[s] - stixels.left[s]
     ]
-    beside = overhang(found, true, truth.of_target, on_target.any(axis=0), gross)
+    sides = overhang(found, true, truth.of_target, on_target.any(axis=0), gross)
     with np.errstate(invalid="ignore"):
         matched = truth.of_target & (np.abs(found - true) <= gross)
     return StixelErrors(
@@ -107,8 +107,8 @@ def stixel_errors(
         columns=np.array([truth.of_target.sum()]),
         covered=np.array([np.sum(truth.of_target & np.isfinite(found))]),
         matched=np.array([matched.sum()]),
-        overhang=np.array([[len(side) for side in beside]]),
-        hanging=np.array([len({int(owner[u]) for side in beside for u in side})]),
+        overhang=np.array([[len(side) for side in sides]]),
+        hanging=np.array([len({int(owner[u]) for side in sides for u in side})]),
     )
 
 

@@ -6,7 +6,7 @@ from stixel_cli.errors import ConfigurationError
 IMPOSSIBLE = {
     "fewer columns than rays": (
         ["measurement=fabricated", "measurement.rays=641"],
-        "measurement.rays: 641 rays are more than the 640 columns",
+        "measurement.rays: must be ≤ rig.width",
     ),
     "behind the camera": (["path.start=[1,-3]"], "path.start: the path starts behind the camera"),
     "in the camera": (["path.start=[0.5,1]"], "path.start: the path starts 1.1 m from the camera"),
@@ -28,8 +28,8 @@ IMPOSSIBLE = {
         "pictures.frames: 50 is past the last frame, 49",
     ),
     "pictures out of order": (["pictures.frames=[3,1]"], "pictures.frames: [3, 1]"),
-    "two focal lengths": (["rig.focal_length=700"], "rig.horizontal_fov and rig.focal_length"),
-    "no focal length": (["rig.horizontal_fov=null"], "rig.horizontal_fov and rig.focal_length"),
+    "two focal lengths": (["rig.focal_length=700"], "rig.focal_length: set either"),
+    "no focal length": (["rig.horizontal_fov=null"], "rig.focal_length: set either"),
     "principal point outside": (
         ["rig.principal_v=480"],
         "rig.principal_v: 480 is outside the image: must be 0 to 479",
@@ -46,16 +46,16 @@ IMPOSSIBLE = {
         ["stereo=bm", "rig.height=64", "rig.width=128", "stereo.block_size=65"],
         "stereo.block_size: 65 must be below the image's size, 128 × 64",
     ),
-    "even block": (["stereo.block_size=4"], "stereo.block_size: 4 is even"),
-    "penalties": (["stereo.p1=900", "stereo.p2=800"], "stereo.p2: 800 must be above stereo.p1"),
+    "even block": (["stereo.block_size=4"], "stereo.block_size: must be odd"),
+    "penalties": (["stereo.p1=900", "stereo.p2=800"], "stereo.p2: must be > stereo.p1"),
     "no such mesh": (["road_user.mesh=/no/such/file.obj"], "road_user.mesh: "),
     "mesh is a folder": (["road_user.mesh=/"], "road_user.mesh: "),
     "mesh is empty": (["road_user.mesh="], "road_user.mesh: "),
     "gates are shut": (
         ["measurement.height_min=5", "measurement.height_max=2.5"],
-        "measurement.height_max: 2.5 m",
+        "measurement.height_max: must be > measurement.height_min",
     ),
-    "prior's corners": (["prior.corner_radius=2"], "prior.corner_radius: 2"),
+    "prior's corners": (["prior.corner_radius=2"], "prior.corner_radius: must be ≤"),
 }
 
 

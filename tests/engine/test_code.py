@@ -190,8 +190,8 @@ def test_distributions_by_their_names_and_what_is_not_installed(project, code):
 
 
 def test_the_package_of_the_engine_is_first_party(project, code):
-    found = code("first", first="from stixel_cli.geometry.angles import wrap_angle")
-    assert names(project, found) == {"first", "stixel_cli.geometry.angles"}
+    found = code("first", first="from stixel_cli.geometry.pose import wrap_angle")
+    assert names(project, found) == {"first", "stixel_cli.geometry.pose"}
 
 
 def test_no_such_module(code, project):

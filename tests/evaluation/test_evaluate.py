@@ -3,8 +3,16 @@ import json
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from stixel_cli.evaluation.evaluate import evaluate
+from stixel_cli.evaluation.evaluate import (
+    centre_errors,
+    evaluate,
+    intersections_over_unions,
+    normalised_errors,
+    orientation_errors,
+)
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
@@ -59,7 +67,7 @@ def track_with(shifts):
 SHIFTS = np.array([[0, 0, 0], [1, 0, 0], [0, 0, 0.1], [0, 0, -0.1], [8, 6, 0]], float)
 
 
-def test_the_summary_is_that_of_pencil_and_paper():
+def test_summary_matches_a_calculation_by_hand():
     scores = evaluate(track_with(SHIFTS), SCENARIO, SCANS)
     np.testing.assert_allclose(scores.centre_error, [0, 1, 0, 0, 10], atol=1e-12)
     np.testing.assert_allclose(scores.orientation_error, [0, 0, 0.1, -0.1, 0], atol=1e-12)
@@ -97,7 +105,7 @@ def test_the_summary_is_that_of_pencil_and_paper():
     assert metrics == pytest.approx(expected, abs=1e-12)
 
 
-def test_overlap_is_low_below_a_fifth():
+def test_low_overlap_share_counts_iou_below_a_fifth():
     """Squares of side 2, one shifted along the other's side by s: (2 - s) / (2 + s)."""
     still = dataclasses.replace(SCENARIO, target_poses_world=POSES * [1, 1, 0])
     shifts = np.zeros((COUNT, 3))
@@ -114,7 +122,7 @@ def test_metrics_are_plain_numbers():
     assert json.loads(json.dumps(metrics)) == metrics
 
 
-def test_what_cannot_be_had_is_none_and_not_zero():
+def test_metric_without_value_is_none():
     track = track_with(SHIFTS)
     track = dataclasses.replace(
         track,
@@ -132,7 +140,7 @@ def test_what_cannot_be_had_is_none_and_not_zero():
     assert scores.metrics["points_used_mean"] == 0.0
 
 
-def test_a_track_that_is_not_finite_has_low_overlap_and_hides_in_no_mean():
+def test_non_finite_track_has_low_overlap_and_no_mean_errors():
     track = track_with(SHIFTS)
     track.contours_world[3] = np.nan
     track.means[3] = np.nan
@@ -142,7 +150,7 @@ def test_a_track_that_is_not_finite_has_low_overlap_and_hides_in_no_mean():
     assert scores.metrics["centre_final_m"] == pytest.approx(10.0)
 
 
-def test_scans_of_another_time_are_refused():
+def test_evaluate_rejects_scans_of_other_times():
     with pytest.raises(ValueError, match="times of the scans"):
         evaluate(track_with(SHIFTS), SCENARIO, dataclasses.replace(SCANS, times=TIMES + 1.0))
     with pytest.raises(ValueError, match="times of the track"):
@@ -154,7 +162,7 @@ def test_scans_of_another_time_are_refused():
         evaluate(track_with(SHIFTS), SCENARIO, few)
 
 
-def test_a_single_scan_is_scored():
+def test_single_scan_is_scored():
     short = Scenario(TIMES[:1], np.zeros((1, 3)), POSES[:1], np.zeros((1, 3)), OUTLINE, True)
     whole = track_with(SHIFTS)
     track = Track(
@@ -167,3 +175,91 @@ def test_a_single_scan_is_scored():
     scans = dataclasses.replace(SCANS, times=TIMES[:1], offsets=SCANS.offsets[:2])
     metrics = evaluate(track, short, scans).metrics
     assert metrics["iou_mean"] == metrics["iou_second_half"] == metrics["iou_final"] == 1.0
+
+
+SQUARE = np.array([[0, 0], [2, 0], [2, 2], [0, 2]], float)
+
+
+@pytest.mark.parametrize(
+    ("true", "estimated", "error"),
+    [
+        ([0.0, 0.0, 1.0], [3.0, 4.0, 1.0], 5.0),
+        ([-1.5, 2.0, 0.0], [-1.5, 2.0, 9.0], 0.0),
+        ([1e6, 0.0, 0.0], [1e6, -0.25, 0.0], 0.25),
+    ],
+)
+def test_centre_error_is_the_distance(true, estimated, error):
+    found = centre_errors(np.array([estimated]), np.array([true]))
+    np.testing.assert_allclose(found, [error], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("true", "estimated", "error"),
+    [
+        (0.1, 0.3, 0.2),
+        (np.pi - 0.1, -np.pi + 0.2, 0.3),
+        (-np.pi + 0.1, np.pi - 0.2, -0.3),
+        (0.0, 7.0 * np.pi, np.pi),
+        (0.0, -np.pi, np.pi),
+        (2.0 * np.pi, 0.0, 0.0),
+    ],
+)
+def test_orientation_error_is_wrapped(true, estimated, error):
+    found = orientation_errors(np.array([estimated]), np.array([true]))
+    np.testing.assert_allclose(found, [error], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("true", "estimated", "score"),
+    [
+        (SQUARE, SQUARE, 1.0),
+        (SQUARE, SQUARE[::-1], 1.0),
+        (SQUARE, np.add(SQUARE, [1, 0]), 1.0 / 3.0),
+        (SQUARE, np.add(SQUARE, [1, 1]), 1.0 / 7.0),
+        (SQUARE, SQUARE * 0.5, 0.25),
+        (SQUARE, np.add(SQUARE, [5, 0]), 0.0),
+        (SQUARE, np.add(SQUARE, [2, 0]), 0.0),
+        (SQUARE, SQUARE * 0.0, 0.0),
+        (SQUARE, SQUARE * np.nan, 0.0),
+        # A bow tie is two triangles of area 1.
+        (SQUARE, SQUARE[[0, 1, 3, 2]], 0.5),
+        # An L of area 3.
+        (np.array([[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]], float), SQUARE, 0.75),
+    ],
+)
+def test_iou_of_known_polygons(true, estimated, score):
+    found = intersections_over_unions(estimated[None], true[None])
+    np.testing.assert_allclose(found, [score], rtol=0, atol=1e-12)
+
+
+def test_iou_does_not_depend_on_the_scale():
+    """A pedestrian's area is well below 1 m²."""
+    for scale in (0.01, 0.3, 50.0):
+        found = intersections_over_unions(scale * SQUARE[None] + scale, scale * SQUARE[None])
+        np.testing.assert_allclose(found, [1.0 / 7.0], rtol=0, atol=1e-12)
+
+
+def test_iou_repairs_self_intersecting_polygons():
+    estimated = np.array([SQUARE, SQUARE[[0, 1, 3, 2]], SQUARE * np.nan, np.add(SQUARE, [1, 0])])
+    found = intersections_over_unions(estimated, np.array([SQUARE] * 4))
+    np.testing.assert_allclose(found, [1.0, 0.5, 0.0, 1.0 / 3.0], rtol=0, atol=1e-12)
+
+
+def test_normalised_error_of_known_values():
+    errors = np.array([[1.0, 0.0], [2.0, 1.0], [1.0, 1.0]])
+    covariances = np.array([np.diag([0.5, 9.0]), [[2.0, 1.0], [1.0, 2.0]], np.diag([1.0, 0.0])])
+    found = normalised_errors(errors, covariances)
+    np.testing.assert_allclose(found, [1.0, 1.0, np.nan], rtol=0, atol=1e-12)
+
+
+@settings(derandomize=True, deadline=None, max_examples=30)
+@given(seed=st.integers(0, 2**31), angle=st.floats(-4, 4), shift=st.floats(-100, 100))
+def test_iou_is_invariant_to_rigid_motions(seed, angle, shift):
+    random = np.random.default_rng(seed)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    first, second = random.uniform(-1, 1, (2, 1, 7, 2))
+    plain = intersections_over_unions(first, second)
+    moved = intersections_over_unions(first @ turn.T + shift, second @ turn.T + shift)
+    np.testing.assert_allclose(moved, plain, atol=1e-9)
+    np.testing.assert_allclose(intersections_over_unions(second, first), plain, atol=1e-12)
+    assert 0.0 <= plain[0] <= 1.0

@@ -23,6 +23,6 @@ def test_labels_differ():
         assert len({getattr(row, field) for row in METRICS.values()}) == len(METRICS)
 
 
-def test_unknown_metric_has_a_name_in_words():
+def test_unknown_metric_has_a_label_from_its_name():
     row = metric("new_thing_m")
     assert (row.label, row.unit, row.better, row.bounds) == ("new thing", "m", None, (None, None))

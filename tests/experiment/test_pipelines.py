@@ -85,7 +85,6 @@ READER = "stixel_cli.files"
 DECLARED = {
     # The user's mesh and what it refers to: the stage's files, see `Definition.files`.
     "stixel_cli.scene.mesh_file": "files",
-    "stixel_cli.scene.mesh_references": "files",
     # The child process runs filament_process, which the module imports; the files are its answers.
     "stixel_cli.rendering.filament": "stixel_cli.rendering.filament_process",
     "stixel_cli.rendering.filament_process": "stixel_cli.rendering.filament_process",

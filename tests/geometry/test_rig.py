@@ -4,33 +4,34 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from projection import project, unproject
 
 from stixel_cli.geometry.rig import Rig
 
 RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.2, 1.0)
 
 
-def test_focal_length_and_field_of_view_are_two_words_for_one():
+def test_field_of_view_and_focal_length_give_the_same_rig():
     assert RIG.focal == pytest.approx(320.0 / np.tan(np.radians(30.0)))
     assert RIG.field_of_view == pytest.approx(np.radians([-30.0, 30.0]))
     same = replace(RIG, horizontal_fov=None, focal_length=RIG.focal)
     assert same.field_of_view == pytest.approx(RIG.field_of_view)
 
 
-def test_the_field_of_view_ends_at_the_borders_of_the_outermost_pixels():
+def test_field_of_view_includes_the_outermost_pixels():
     rig = replace(RIG, principal_u=200.0)
     right, left = rig.field_of_view
     points = [[-np.tan(left), 0.0, 1.0], [-np.tan(right), 0.0, 1.0]]
-    np.testing.assert_allclose(rig.project(points)[:, 0], [-0.5, 639.5])
+    np.testing.assert_allclose(project(rig, points)[:, 0], [-0.5, 639.5])
 
 
 @pytest.mark.parametrize("changes", [{"focal_length": 500.0}, {"horizontal_fov": None}])
-def test_exactly_one_of_them_is_given(changes):
-    with pytest.raises(ValueError, match="exactly one of"):
+def test_rig_requires_exactly_one_of_field_of_view_and_focal_length(changes):
+    with pytest.raises(ValueError, match=r"rig\.focal_length: set either"):
         _ = replace(RIG, **changes).focal
 
 
-def test_the_principal_point():
+def test_principal_point_defaults_to_the_image_centre():
     assert (RIG.u0, RIG.v0) == (319.5, 239.5)
     given_point = replace(RIG, principal_u=300.0, principal_v=0.0)
     assert (given_point.u0, given_point.v0) == (300.0, 0.0)
@@ -38,22 +39,22 @@ def test_the_principal_point():
 
 @settings(derandomize=True, deadline=None, max_examples=40)
 @given(st.floats(-20, 20), st.floats(-5, 5), st.floats(0.5, 80))
-def test_projection_there_and_back(x, y, z):
+def test_unproject_inverts_project(x, y, z):
     point = np.array([[x, y, z]])
-    u, v, disparity = RIG.project(point)[0]
+    u, v, disparity = project(RIG, point)[0]
     assert disparity == pytest.approx(RIG.focal * RIG.baseline / z)
     assert u == pytest.approx(RIG.u0 + RIG.focal * x / z)
     assert v == pytest.approx(RIG.v0 + RIG.focal * y / z)
-    np.testing.assert_allclose(RIG.unproject(np.array([[u, v, disparity]])), point, atol=1e-9)
-    right = RIG.project(point - [RIG.baseline, 0.0, 0.0])[0]
+    np.testing.assert_allclose(unproject(RIG, np.array([[u, v, disparity]])), point, atol=1e-9)
+    right = project(RIG, point - [RIG.baseline, 0.0, 0.0])[0]
     assert u - right[0] == pytest.approx(disparity)
 
 
-def test_disparity_and_depth():
+def test_depth_from_disparity_inverts_disparity_from_depth():
     assert RIG.depth_from_disparity(RIG.disparity_from_depth(17.0)) == pytest.approx(17.0)
 
 
-def test_nose_down_looks_at_the_road():
+def test_positive_pitch_points_the_camera_at_the_road():
     """The optical axis of a camera pitched down by 1 degree meets the road at h / tan(1 deg)."""
     transform = RIG.world_from_camera(np.array([0.0, 0.0, np.pi / 2]))
     reach = RIG.camera_height / np.sin(np.radians(1.0))
@@ -64,7 +65,7 @@ def test_nose_down_looks_at_the_road():
 
 @settings(derandomize=True, deadline=None, max_examples=20)
 @given(st.floats(-50, 50), st.floats(-50, 50), st.floats(-7, 7), st.floats(-30, 30))
-def test_world_from_camera_is_rigid_and_stands_at_the_ego_pose(x, y, heading, pitch):
+def test_world_from_camera_is_rigid_and_located_at_the_ego_pose(x, y, heading, pitch):
     transform = replace(RIG, pitch=pitch).world_from_camera(np.array([x, y, heading]))
     turn = transform[:3, :3]
     np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)

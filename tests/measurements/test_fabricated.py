@@ -51,7 +51,7 @@ def distance_to_outline(points, polygon):
 
 
 @pytest.mark.parametrize("spacing", ["angle", "tangent"])
-def test_without_noise_the_points_are_on_the_contour_and_on_the_rays(spacing):
+def test_points_without_noise_are_on_contour_and_rays(spacing):
     truth = scenario()
     scans = fabricate_scans(truth, RIG, dataclasses.replace(EXACT, spacing=spacing), seed=1)
     assert len(scans.points_world) > 500
@@ -67,7 +67,7 @@ def test_without_noise_the_points_are_on_the_contour_and_on_the_rays(spacing):
         np.testing.assert_allclose(position, np.rint(position), atol=1e-6)
 
 
-def test_a_point_of_several_columns_lies_anywhere_in_them():
+def test_point_of_several_columns_is_inside_them():
     truth = scenario(count=3)
     spread = {}
     for width in (1, 5):
@@ -84,7 +84,7 @@ def test_a_point_of_several_columns_lies_anywhere_in_them():
     assert len(spread[5]) > 50
 
 
-def test_noise_is_along_the_ray_and_as_its_covariance_says():
+def test_noise_along_the_ray_matches_its_covariance():
     truth = scenario(count=200)
     stereo = dataclasses.replace(EXACT, noise=StereoNoise("stereo", 0.3))
     exact = fabricate_scans(truth, RIG, EXACT, seed=5)
@@ -119,7 +119,7 @@ def test_noise_is_along_the_ray_and_as_its_covariance_says():
     assert abs(errors.std() - 1.0) < 0.03
 
 
-def test_options_leave_the_other_draws_alone():
+def test_options_do_not_change_the_other_random_numbers():
     truth = scenario()
     plain = dataclasses.replace(EXACT, noise=ConstantNoise("constant", 0.1))
     reference = fabricate_scans(truth, RIG, plain, seed=3)
@@ -141,7 +141,7 @@ def test_options_leave_the_other_draws_alone():
     assert 0.65 < share < 0.75
 
 
-def test_draws_depend_on_the_seed_and_the_scan_alone():
+def test_random_numbers_depend_only_on_seed_and_scan():
     truth = scenario()
     noisy = dataclasses.replace(EXACT, noise=ConstantNoise("constant", 0.1))
     first = fabricate_scans(truth, RIG, noisy, seed=3)
@@ -153,7 +153,7 @@ def test_draws_depend_on_the_seed_and_the_scan_alone():
     np.testing.assert_array_equal(shorter.points_world, first.points_world[: shorter.offsets[-1]])
 
 
-def test_a_scan_may_be_empty():
+def test_scan_can_be_empty():
     scans = fabricate_scans(scenario(distance=-30.0), RIG, EXACT, seed=0)
     assert len(scans) == 20
     assert scans.points_world.shape == (0, 2)
@@ -162,8 +162,8 @@ def test_a_scan_may_be_empty():
     assert np.all(np.diff(far.offsets) == 0)
 
 
-def test_more_rays_than_columns_are_refused():
-    with pytest.raises(ValueError, match=r"measurement\.rays: 641 .* 640 columns"):
+def test_more_rays_than_columns_are_rejected():
+    with pytest.raises(ValueError, match=r"measurement\.rays: must be ≤ rig\.width .*got 641"):
         fabricate_scans(scenario(), RIG, dataclasses.replace(EXACT, rays=641), seed=0)
 
 
@@ -192,7 +192,7 @@ BEFORE = {
 
 
 @pytest.mark.parametrize("kind", BEFORE)
-def test_points_are_those_from_before_the_noise_was_a_group(kind):
+def test_points_match_stored_values(kind):
     noise, some, points, covariances = BEFORE[kind]
     options = {"spacing": "tangent", "clutter_rate": 2.0, "missed_probability": 0.1}
     scans = fabricate_scans(

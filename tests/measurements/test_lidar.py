@@ -99,7 +99,7 @@ def analytic(truth, k):
 
 
 @pytest.mark.parametrize("ego", ["parked", "straight", "turning"])
-def test_ranges_are_those_of_rays_against_boxes_and_a_plane(ego):
+def test_lidar_ranges_match_boxes_and_a_plane(ego):
     truth = scenario(ego=ego)
     returns = cast_beams(STATIC, BOX, truth, SCANNER, FIELD)
     assert returns.ranges.shape == (6, 8, 61)
@@ -114,7 +114,7 @@ def test_ranges_are_those_of_rays_against_boxes_and_a_plane(ego):
 
 
 @pytest.mark.parametrize("ego", ["parked", "turning"])
-def test_a_scan_is_the_same_in_a_long_run_and_alone(ego):
+def test_lidar_scan_does_not_depend_on_the_length_of_the_run(ego):
     truth = scenario(ego=ego)
     whole = cast_beams(STATIC, BOX, truth, SCANNER, FIELD)
     for k in (0, 3, 5):
@@ -131,7 +131,7 @@ def test_a_scan_is_the_same_in_a_long_run_and_alone(ego):
 
 
 @pytest.mark.parametrize("road_user", ["car", "cyclist", "pedestrian"])
-def test_in_the_street_the_returns_of_a_road_user_lie_on_its_mesh(road_user):
+def test_lidar_returns_of_a_road_user_are_on_its_mesh(road_user):
     parameters = compose([f"road_user={road_user}"]).configuration.road_user
     truth = scenario(count=3)
     scanner = dataclasses.replace(SCANNER, layers=24, azimuth_step=0.3)
@@ -165,7 +165,7 @@ def test_in_the_street_the_returns_of_a_road_user_lie_on_its_mesh(road_user):
         assert surface.compute_distance(asked, nthreads=1).numpy().max() < 1e-4
 
 
-def test_beams_lie_inside_the_field_of_view_even_about_its_middle():
+def test_beams_are_inside_the_field_of_view_and_symmetric():
     scanner = dataclasses.replace(SCANNER, azimuth_step=0.7)
     azimuths = np.degrees(beam_azimuths(scanner, FIELD))
     np.testing.assert_allclose(np.diff(azimuths), 0.7)
@@ -178,7 +178,7 @@ def test_beams_lie_inside_the_field_of_view_even_about_its_middle():
     assert len(np.unique(np.round(np.degrees(around) % 360.0, 6))) == 1440
 
 
-def test_layers_are_even_from_the_lowest_to_the_highest():
+def test_layers_are_evenly_spaced():
     np.testing.assert_allclose(np.degrees(beam_elevations(SCANNER)), np.arange(-12.0, 3.0, 2.0))
     single = dataclasses.replace(SCANNER, layers=1)
     np.testing.assert_allclose(np.degrees(beam_elevations(single)), [-5.0])
@@ -196,7 +196,7 @@ def made(ranges, elevations, azimuths=(0.0,)):
     return returns, EgoMotion(0.1 * np.arange(len(ranges)), poses)
 
 
-def test_the_points_of_a_car_that_drives_and_turns_are_in_the_world():
+def test_lidar_points_are_in_the_world_frame_of_a_moving_ego_car():
     truth = scenario()
     ego = EgoMotion(truth.times, truth.ego_poses_world)
     returns = cast_beams(STATIC, BOX, truth, SCANNER, FIELD)
@@ -219,7 +219,7 @@ def test_the_points_of_a_car_that_drives_and_turns_are_in_the_world():
         np.testing.assert_allclose(kept, 0.0, atol=1e-9)
 
 
-def test_gates_look_at_the_measured_points_height_and_distance():
+def test_gates_use_measured_height_and_distance():
     # Straight down the beams: 1.5 m + r sin(elevation) above the road.
     elevations = [-30.0, 0.0, 30.0]
     returns, ego = made(
@@ -237,7 +237,7 @@ def test_gates_look_at_the_measured_points_height_and_distance():
     np.testing.assert_allclose(scans.points_world, expected, atol=1e-5)
 
 
-def test_nearest_is_one_return_an_azimuth_and_all_are_all():
+def test_returns_nearest_keeps_one_per_azimuth_and_all_keeps_every_return():
     # A bonnet at 10 m, a windscreen at 11 m, and the ground in front of both at 4 m.
     returns, ego = made(
         [[[np.sqrt(4.0**2 + 1.5**2), 12.0], [10.0, np.inf], [11.0, 9.0]]],
@@ -254,7 +254,7 @@ def test_nearest_is_one_return_an_azimuth_and_all_are_all():
     assert {tuple(p) for p in nearest.points_world} < {tuple(p) for p in every.points_world}
 
 
-def test_noise_is_along_the_beam_and_the_covariance_says_so():
+def test_lidar_noise_along_the_beam_matches_its_covariance():
     elevations, azimuths = np.linspace(-2.0, 2.0, 5), np.linspace(-30.0, 30.0, 61)
     returns, ego = made(np.full((40, 5, 61), 20.0), elevations, azimuths)
     noisy = dataclasses.replace(EXACT, range_std=0.1, returns="all")
@@ -281,7 +281,7 @@ def test_noise_is_along_the_beam_and_the_covariance_says_so():
     )
 
 
-def test_draws_depend_on_the_seed_and_the_scan_alone_and_misses_leave_the_rest():
+def test_lidar_random_numbers_depend_only_on_seed_and_scan():
     returns, ego = made(np.full((20, 3, 30), 15.0), [-1.0, 0.0, 1.0], np.arange(30.0))
     noisy = dataclasses.replace(EXACT, range_std=0.1, returns="all")
     first, again = (lidar_scans(returns, ego, noisy, seed=3) for _ in range(2))
@@ -296,7 +296,7 @@ def test_draws_depend_on_the_seed_and_the_scan_alone_and_misses_leave_the_rest()
     assert 0.65 < len(missed.points_world) / len(first.points_world) < 0.75
 
 
-def test_a_scan_may_be_empty_and_must_have_a_pose():
+def test_lidar_scan_can_be_empty_and_requires_a_pose():
     returns, ego = made(np.full((3, 2, 4), np.inf), [-1.0, 0.0], np.arange(4.0))
     scans = lidar_scans(returns, ego, EXACT, seed=0)
     assert len(scans) == 3
@@ -309,13 +309,16 @@ def test_a_scan_may_be_empty_and_must_have_a_pose():
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("measurement.scanner.elevation_highest=-2", "is below measurement.scanner.elevation_low"),
-        ("measurement.scanner.elevation_highest=-1.2", "4 layers at one elevation"),
-        ("measurement.height_max=0.2", "measurement.height_max: 0.2 m is not above"),
-        ("measurement.range_min=90", "measurement.range_max: 80.0 m is not above"),
+        (
+            "measurement.scanner.elevation_highest=-2",
+            "must be ≥ measurement.scanner.elevation_lowest",
+        ),
+        ("measurement.scanner.elevation_highest=-1.2", "4 layers need different"),
+        ("measurement.height_max=0.2", "measurement.height_max: must be > measurement.height_min"),
+        ("measurement.range_min=90", "measurement.range_max: must be > measurement.range_min"),
     ],
 )
-def test_a_scanner_that_cannot_be_is_refused_in_one_line(override, message):
+def test_impossible_scanner_gives_a_one_line_error(override, message):
     with pytest.raises(ConfigurationError, match=message) as caught:
         compose(["measurement=lidar", override])
     assert "\n" not in str(caught.value)

@@ -30,7 +30,7 @@ def measured(hit=HIT, ranges=RANGES, seed=0, **changes):
     return measure(noise, hit, ranges, RAYS, RIG, generator(seed, "test"))
 
 
-def test_without_noise_every_block_gives_the_range_of_its_middle_ray():
+def test_block_without_noise_has_the_range_of_its_middle_ray():
     ray, true, found = measured()
     # Blocks are of the image, not of the target: their middles are rays 1, 4, 7, …
     np.testing.assert_array_equal(ray, np.arange(502, 3500, 3))
@@ -38,18 +38,18 @@ def test_without_noise_every_block_gives_the_range_of_its_middle_ray():
     np.testing.assert_array_equal(found, true)
 
 
-def test_the_bias_is_of_the_range():
+def test_bias_shifts_the_range():
     _, true, found = measured(range_bias=0.05)
     np.testing.assert_allclose(found - true, 0.05)
 
 
-def test_a_pixel_of_disparity_is_worth_what_the_rig_says_to_first_order():
+def test_range_sensitivity_matches_the_rig_to_first_order():
     depth = 12.0
     step = RIG.disparity_from_depth(depth) - RIG.disparity_from_depth(depth + 1e-4)
     np.testing.assert_allclose(SENSITIVITY * np.cos(RAYS.angles[HIT]), 1e-4 / step, rtol=1e-4)
 
 
-def test_std_and_correlation():
+def test_noise_has_the_given_std_and_correlation():
     changes = {"disparity_std": 0.1, "correlation_columns": 6.0}
     rows = []
     for seed in range(8):
@@ -61,7 +61,7 @@ def test_std_and_correlation():
     assert abs(np.mean(even[:, 4:] * even[:, :-4]) - np.exp(-2.0)) < 0.06
 
 
-def test_the_kinds_agree_on_their_std():
+def test_kinds_of_noise_agree_on_their_std():
     angles = RAYS.angles[HIT]
     stereo = range_std(StereoNoise("stereo", 0.2), RANGES, angles, RIG)
     fitted = dataclasses.replace(NONE, disparity_std=0.2)
@@ -70,7 +70,7 @@ def test_the_kinds_agree_on_their_std():
     np.testing.assert_array_equal(constant, 0.3)
 
 
-def test_ends_reach_beyond_the_silhouette_or_fall_short():
+def test_ends_extend_or_shorten_the_silhouette():
     # What 9 columns are at the ends, which are about 13 m away, of rays 0.3 mrad apart.
     metres = 9.0 * RANGES[0] * RAYS.steps[HIT[0]]
     ray, true, _ = measured(edge_metres=metres)
@@ -82,14 +82,14 @@ def test_ends_reach_beyond_the_silhouette_or_fall_short():
     assert len(measured(hit=HIT[:12], ranges=RANGES[:12], edge_metres=-metres)[0]) == 0
 
 
-def test_an_end_at_the_image_s_border_does_not_move():
+def test_end_at_the_image_border_does_not_move():
     hit = np.arange(4000)
     ranges = 12.0 / np.cos(RAYS.angles)
     ray, _, _ = measured(hit, ranges, edge_metres=-0.1)
     assert (ray[0], ray[-1]) == (1, 3997)
 
 
-def test_missed_points_come_in_runs():
+def test_missed_points_are_correlated():
     random = [measured(seed=seed, missed_share=0.2, missed_columns=12.0)[0] for seed in range(8)]
     gaps = np.concatenate([np.diff(ray) // 3 - 1 for ray in random])
     share = 1.0 - np.mean([len(ray) / 1000 for ray in random])
@@ -111,7 +111,7 @@ def test_outermost_points_have_mixed_depths():
 
 
 @pytest.mark.parametrize("count", [0, 1])
-def test_few_rays(count):
+def test_noise_accepts_few_rays(count):
     ray, true, found = measured(
         HIT[2 : 2 + count],
         RANGES[2 : 2 + count],

@@ -43,7 +43,7 @@ def concave_star(seed, centre, size):
     middle=st.floats(-0.5, 0.5),
     half=st.floats(0.1, 1.0),
 )
-def test_crossings_are_those_of_a_brute_force(seed, distance, bearing, even_tangent, middle, half):
+def test_crossings_match_a_brute_force_search(seed, distance, bearing, even_tangent, middle, half):
     # Near ones enclose the sensor, or reach round it past the seam behind.
     centre = distance * np.array([np.cos(bearing), np.sin(bearing)])
     contour = concave_star(seed, centre, 4.0)
@@ -55,7 +55,7 @@ def test_crossings_are_those_of_a_brute_force(seed, distance, bearing, even_tang
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
-def test_a_concave_contour_hides_itself():
+def test_concave_contour_occludes_itself():
     # A U that opens to the left: its upper arm hides nothing of the lower one.
     contour = np.array(
         [[4, -2], [10, -2], [10, 2], [4, 2], [4, 1], [9, 1], [9, -1], [4, -1]], float
@@ -70,7 +70,7 @@ def test_a_concave_contour_hides_itself():
 
 
 @pytest.mark.parametrize("even_tangent", [False, True])
-def test_the_field_of_view_is_spanned_evenly(even_tangent):
+def test_rays_span_the_field_of_view_evenly(even_tangent):
     rays = spread_rays(11, (-0.6, 0.9), even_tangent)
     values = np.tan(rays.angles) if even_tangent else rays.angles
     np.testing.assert_allclose(np.diff(values), np.diff(values)[0])
@@ -80,7 +80,7 @@ def test_the_field_of_view_is_spanned_evenly(even_tangent):
     np.testing.assert_allclose(rays.steps[1:-1], np.gradient(rays.angles)[1:-1], rtol=0.02)
 
 
-def test_what_lies_beside_or_behind_gives_nothing():
+def test_contour_outside_the_field_of_view_has_no_crossing():
     rays = spread_rays(64, (-0.5, 0.5), True)
     square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
     for centre in ([-10, 0], [0, 10], [0, -10], [0, 0]):

@@ -39,7 +39,7 @@ def ego(poses):
     return EgoMotion(0.1 * np.arange(len(poses)), np.array(poses, float))
 
 
-def test_points_and_covariances_are_in_the_world():
+def test_points_and_covariances_are_in_the_world_frame():
     poses = [[0, 0, np.pi / 2], [3, 4, np.pi / 2 + 0.4], [0, 0, 0.0]]
     chunks = [
         stixels(0, [1, 2], [[1, 10], [2, 20], [0, 5]], [1, 1, 1]),
@@ -55,7 +55,7 @@ def test_points_and_covariances_are_in_the_world():
     np.testing.assert_allclose(scans.covariances_world[3], np.diag([0.25, 0.01]), atol=1e-12)
 
 
-def test_gates_of_height_and_range_are_inclusive_and_look_at_nothing_else():
+def test_gates_use_only_height_and_range_and_are_inclusive():
     points = [[0, 10]] * 4 + [[0, 0.9], [0, 1], [0, 40], [30, 30]]
     heights = [0.29, 0.3, 2.5, 2.51, 1, 1, 1, 1]
     scans = gather_scans([stixels(0, [8, 0], points, heights)], ego([[0, 0, np.pi / 2]] * 2), GATES)
@@ -63,7 +63,7 @@ def test_gates_of_height_and_range_are_inclusive_and_look_at_nothing_else():
     assert scans.offsets.tolist() == [0, 4, 4]
 
 
-def test_a_stixel_without_a_finite_place_is_no_candidate():
+def test_stixel_without_finite_position_is_dropped():
     covariances = np.tile(np.eye(2), (3, 1, 1))
     covariances[1, 0, 0] = np.inf
     chunk = stixels(0, [3], [[0, 10], [0, 11], [np.nan, 12]], [1, 1, 1], covariances)
@@ -72,13 +72,13 @@ def test_a_stixel_without_a_finite_place_is_no_candidate():
 
 
 @pytest.mark.parametrize("firsts", [(0,), (0, 2), (0, 1, 2)])
-def test_frames_must_be_those_of_the_ego_motion(firsts):
+def test_frames_must_match_the_ego_motion(firsts):
     chunks = [stixels(first, [1], [[0, 10]], [1]) for first in firsts]
     with pytest.raises(ValueError, match="frame"):
         gather_scans(chunks, ego([[0, 0, np.pi / 2]] * 2), GATES)
 
 
-def test_shut_gates_are_refused():
+def test_empty_gates_are_rejected():
     GATES.check()
     with pytest.raises(ValueError, match=r"measurement\.height_max"):
         dataclasses.replace(GATES, height_max=0.2).check()

@@ -91,13 +91,13 @@ def test_filament_gives_the_same_bytes_in_another_process_and_chunk(runs):
         assert np.array_equal(one, other)
 
 
-def test_a_child_that_hangs_is_given_up_in_one_line():
+def test_hanging_child_gives_a_one_line_error():
     with pytest.raises(RendererUnavailable, match=r"did not start within 0\.1 s \(2 attempts\)"):
         next(rendered(describe(range(1)), HASTY, HANGS))
     assert probe_filament(0.1, HANGS) == "filament did not start within 0.1 s"
 
 
-def test_a_child_that_dies_tells_its_signal_and_last_words():
+def test_crashed_child_reports_its_signal_and_last_output():
     patient = FilamentParameters("filament", LIGHT, 60.0, 60.0, 2)
     with pytest.raises(RendererUnavailable) as caught:
         next(rendered(describe(range(1)), patient, DIES))
@@ -109,18 +109,18 @@ def test_a_child_that_dies_tells_its_signal_and_last_words():
     assert probe_filament(60.0, DIES).endswith("signal 6: no driver")
 
 
-def test_a_child_that_knows_what_is_missing_says_it():
+def test_child_reports_a_missing_requirement():
     assert probe_filament(60.0, SAYS_WHY) == "filament cannot start: no EGL: not here"
 
 
-def test_a_child_that_dies_half_way_is_started_anew_and_goes_on():
+def test_child_that_crashes_half_way_is_restarted_and_continues():
     patient = FilamentParameters("filament", LIGHT, 60.0, 60.0, 5)
     command = (sys.executable, "-c", STAND_IN)
     frames = list(rendered(describe(range(3)), patient, command))
     assert [int(frame[0][0]) for frame in frames] == [0, 1, 2]
 
 
-def test_the_child_is_stopped_when_nobody_wants_more_frames(monkeypatch):
+def test_child_stops_when_no_more_frames_are_requested(monkeypatch):
     children = []
     start = subprocess.Popen
 
@@ -137,7 +137,7 @@ def test_the_child_is_stopped_when_nobody_wants_more_frames(monkeypatch):
     assert [child.returncode for child in children] == [-9]
 
 
-def test_ids_survive_the_way_through_colours():
+def test_ids_survive_the_encoding_as_colours():
     ids = np.arange(256)
     colours = np.array([identity_colour(int(identity))[:3] for identity in ids])
     # What the driver stores: linear light in eight bits, give or take one.
@@ -149,7 +149,7 @@ def test_ids_survive_the_way_through_colours():
     assert np.allclose(encoded(np.array([0.0, 1.0])), [0.0, 1.0])
 
 
-def test_without_egl_the_child_says_so_and_ends(monkeypatch, capsys):
+def test_child_without_egl_reports_it_and_ends(monkeypatch, capsys):
     def missing(name):
         raise OSError(f"{name}: cannot open shared object file")
 

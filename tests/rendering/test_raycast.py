@@ -6,6 +6,7 @@ import pytest
 from box_scene import LIGHT, RAYCAST, RIG, objects, quad, road, scenario, speckle, target_mesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from projection import unproject
 
 from stixel_cli.rendering import raycast
 from stixel_cli.rendering.camera_rays import NEAR, rig_cameras
@@ -41,7 +42,7 @@ def same(one, other) -> bool:
 
 
 @pytest.mark.parametrize("moving", [False, True])
-def test_a_frame_has_the_same_bytes_alone_in_a_chunk_and_rendered_whole(target, moving):
+def test_frame_bytes_do_not_depend_on_chunk_or_partial_rendering(target, moving):
     motion = scenario(4, moving)
     chunk = StaticScene(objects(), RIG, RAYCAST)
     frames = [render_frame(chunk, target, motion, k) for k in range(4)]
@@ -55,7 +56,7 @@ def test_a_frame_has_the_same_bytes_alone_in_a_chunk_and_rendered_whole(target, 
         assert same(frames[k], whole[k])
 
 
-def test_render_gives_the_same_frames_in_any_chunks(monkeypatch):
+def test_render_does_not_depend_on_the_chunks(monkeypatch):
     world = tuple(
         WorldObject(str(i), "road" if i == ROAD_ID else "background", mesh) for i, mesh in objects()
     )
@@ -74,7 +75,7 @@ def test_render_gives_the_same_frames_in_any_chunks(monkeypatch):
     raycast._static_scene.cache_clear()
 
 
-def test_depth_is_that_of_the_planes_and_ids_are_those_of_the_objects(static, target):
+def test_depth_and_ids_match_the_planes_and_objects(static, target):
     left, right, depth, ids = render_frame(static, target, scenario(), 0)
     assert left.shape == right.shape == (96, 128, 3)
     assert {SKY_ID, ROAD_ID, TARGET_ID, 3, 4, 5} == set(np.unique(ids))
@@ -82,7 +83,7 @@ def test_depth_is_that_of_the_planes_and_ids_are_those_of_the_objects(static, ta
     # Camera points to the world: the road at z = 0, the wall's face at y = 20.
     v, u = np.mgrid[:96, :128]
     disparity = RIG.disparity_from_depth(np.where(np.isinf(depth), 1.0, depth))
-    camera = RIG.unproject(np.stack([u, v, disparity], axis=-1).reshape(-1, 3))
+    camera = unproject(RIG, np.stack([u, v, disparity], axis=-1).reshape(-1, 3))
     transform = RIG.world_from_camera(POSE)
     world = (camera @ transform[:3, :3].T + transform[:3, 3]).reshape(96, 128, 3)
     assert np.abs(world[ids == ROAD_ID][:, 2]).max() < 1e-9
@@ -99,7 +100,7 @@ def test_depth_is_that_of_the_planes_and_ids_are_those_of_the_objects(static, ta
     assert on_body.sum() > 300
 
 
-def test_the_right_view_is_the_left_one_shifted_by_the_true_disparity(static, target):
+def test_right_view_is_the_left_view_shifted_by_the_true_disparity(static, target):
     left, right, depth, ids = render_frame(static, target, scenario(), 0)
     v, u = np.mgrid[:96, :128]
     near = (ids == TARGET_ID) | (ids == ROAD_ID)
@@ -114,7 +115,7 @@ def test_the_right_view_is_the_left_one_shifted_by_the_true_disparity(static, ta
     assert np.median(error) < 4.0
 
 
-def test_what_lies_in_the_targets_shadow_is_darker_and_the_rest_is_untouched(static, target):
+def test_target_shadow_darkens_only_shadowed_pixels(static, target):
     camera = rig_cameras(RIG, POSE)[0]
     lit = static.views(POSE)[0][1]
     picture, _, _, ids = render_frame(static, target, scenario(), 0)
@@ -134,13 +135,13 @@ def test_what_lies_in_the_targets_shadow_is_darker_and_the_rest_is_untouched(sta
     assert np.array_equal(picture[untouched], empty[untouched])
 
 
-def test_a_plane_in_the_sun_has_no_shadows_of_its_own():
+def test_sunlit_plane_does_not_shadow_itself():
     static = StaticScene([(ROAD_ID, road(speckle(1)))], RIG, RAYCAST)
     view = static.views(POSE)[0][1]
     assert np.array_equal(view.lit, view.ids == ROAD_ID)
 
 
-def test_edges_are_blended_and_thin_parts_are_found_between_pixel_centres(target):
+def test_edges_are_blended_and_thin_parts_between_pixel_centres_are_found(target):
     static = StaticScene([(ROAD_ID, road(speckle(1)))], RIG, RAYCAST)
     plain = StaticScene([(ROAD_ID, road(speckle(1)))], RIG, replace(RAYCAST, samples=1))
     far = scenario()
@@ -156,7 +157,7 @@ def test_edges_are_blended_and_thin_parts_are_found_between_pixel_centres(target
     assert (smooth != coarse).any(axis=2).mean() < 0.1
 
 
-def test_a_distant_chequered_road_is_grey_and_not_moire():
+def test_distant_chequered_road_is_grey_without_moire():
     cells = np.indices((64, 64)).sum(axis=0) % 2
     texture = np.repeat((cells * 255).astype(np.uint8)[:, :, None], 3, axis=2)
     static = StaticScene([(ROAD_ID, road(texture, 120.0))], RIG, RAYCAST)
@@ -166,7 +167,7 @@ def test_a_distant_chequered_road_is_grey_and_not_moire():
     assert light.std() < 0.05 * light.mean()
 
 
-def test_a_texture_seen_straight_on_is_averaged_over_the_pixels_area():
+def test_texture_is_averaged_over_the_pixel_area():
     """Brute force: many unfiltered samples in each pixel have the filter's mean and its values."""
     texture = speckle(9, 64)
     static = StaticScene(
@@ -193,7 +194,7 @@ def test_a_texture_seen_straight_on_is_averaged_over_the_pixels_area():
     assert abs(seen.mean() / mean[:, 0].mean() - 1.0) < 0.03
 
 
-def test_shading_an_empty_list_is_no_special_case(static):
+def test_shading_accepts_an_empty_list(static):
     surfaces = static.body.surfaces
     none, ids = np.empty(0), np.empty(0, dtype=np.int32)
     one, light = np.ones(3), np.empty((0, 3), dtype=np.float32)
@@ -208,7 +209,7 @@ def test_shading_an_empty_list_is_no_special_case(static):
 
 @settings(derandomize=True, deadline=None, max_examples=60)
 @given(st.integers(0, 10_000))
-def test_the_rectangle_of_a_hull_holds_every_pixel_that_shows_it(seed):
+def test_hull_rectangle_contains_every_pixel_of_the_hull(seed):
     random = np.random.default_rng(seed)
     camera = rig_cameras(RIG, POSE)[0]
     centre = random.uniform([-8, -6, 0], [8, 14, 2])
@@ -228,11 +229,11 @@ def test_samples_are_spread_over_the_pixel(samples):
     assert np.allclose(np.sort(right), expected) and np.allclose(np.sort(down), expected)
 
 
-def test_srgb_survives_the_way_to_light_and_back():
+def test_srgb_conversion_is_invertible():
     values = np.arange(256, dtype=np.uint8)
     assert np.array_equal(srgb_from_linear(linear_from_srgb(values)), values)
 
 
-def test_a_texture_whose_side_is_no_power_of_two_is_refused():
+def test_texture_side_must_be_a_power_of_two():
     with pytest.raises(ValueError, match="powers of two"):
         build_textures([np.zeros((64, 48, 3), dtype=np.uint8)])

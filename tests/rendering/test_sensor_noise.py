@@ -17,7 +17,7 @@ def flat(count: int, value: int, first: int = 0, shape=(120, 160)) -> RenderedFr
     return RenderedFrames.from_frames(first, ((picture, picture, depth, ids),) * count)
 
 
-def test_images_do_not_depend_on_the_chunks():
+def test_sensor_images_do_not_depend_on_the_chunks():
     rendered = flat(4, 128, first=10)
     together = add_sensor_noise(rendered, SENSOR, range(10, 14), seed=3)
     assert together.first == 10 and len(together) == 4
@@ -29,7 +29,7 @@ def test_images_do_not_depend_on_the_chunks():
         assert part.right.encoded == together.right.encoded[at]
 
 
-def test_every_frame_camera_and_seed_has_noise_of_its_own():
+def test_noise_differs_between_frames_cameras_and_seeds():
     rendered = flat(2, 128)
     pairs = add_sensor_noise(rendered, SENSOR, range(2), seed=3)
     other = add_sensor_noise(rendered, SENSOR, range(2), seed=4)
@@ -39,14 +39,14 @@ def test_every_frame_camera_and_seed_has_noise_of_its_own():
 
 
 @pytest.mark.parametrize("value", [20, 128, 220])
-def test_the_noise_is_as_strong_as_the_parameters_say(value):
+def test_noise_has_the_standard_deviation_of_the_parameters(value):
     image = add_sensor_noise(flat(1, value), SENSOR, range(1), seed=0).left[0].astype(float)
     expected = np.sqrt(1.2**2 + 1.8**2 * value / 255 + 1 / 12)
     assert abs(image.std() / expected - 1) < 0.03
     assert abs(image.mean() - value) < 0.06
 
 
-def test_without_noise_the_image_is_the_luma_and_the_gain_is_the_right_cameras():
+def test_image_without_noise_is_the_luma_with_gain_on_the_right():
     picture = np.random.default_rng(0).integers(0, 256, (40, 50, 3)).astype(np.uint8)
     depth, ids = np.ones((40, 50)), np.zeros((40, 50), dtype=np.uint8)
     rendered = RenderedFrames.from_frames(0, [(picture, picture, depth, ids)])
@@ -57,15 +57,15 @@ def test_without_noise_the_image_is_the_luma_and_the_gain_is_the_right_cameras()
     assert np.allclose(grey_levels(picture), exact, atol=1e-4)
 
 
-def test_noise_in_the_dark_is_the_read_noise():
+def test_dark_image_has_only_read_noise():
     assert noise_std(np.array([-3.0, 0.0]), SENSOR) == pytest.approx(1.2)
 
 
-def test_what_the_cameras_give_holds_no_truth():
+def test_stereo_pairs_contain_no_truth():
     assert [field.name for field in fields(StereoPairs)] == ["first", "left", "right"]
 
 
-def test_frames_are_compressed_one_after_the_other(monkeypatch):
+def test_frames_are_compressed_one_at_a_time(monkeypatch):
     """No frame is asked for before the one before it is stored: memory does not pile up."""
     picture = np.zeros((8, 8, 3), dtype=np.uint8)
     events = []

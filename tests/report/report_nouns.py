@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from stixel_cli.evaluation.scores import Scores
-from stixel_cli.geometry.angles import wrap_angle
-from stixel_cli.geometry.pose import world_from_target
+from stixel_cli.evaluation.metric_table import Scores
+from stixel_cli.geometry.pose import world_from_target, wrap_angle
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.rendering.frames import RenderedFrames, StereoPairs

@@ -69,7 +69,7 @@ def check_pngs(files, least_height=250):
 
 
 @pytest.mark.parametrize("kind", ["polar", "column_disparity", "cartesian"])
-def test_camera_pictures(kind):
+def test_camera_pictures_have_all_panels(kind):
     pictures = camera_pictures(**make_camera_inputs(make_rig(), kind))
     assert set(pictures.files) == {f"k0005/{name}.png" for name in CAMERA}
     check_pngs(pictures.files)
@@ -86,7 +86,7 @@ def test_camera_pictures_keep_the_pixels_of_the_image():
     assert np.mean(np.any(inner != image[4:-4, 4:-4], axis=2)) < 0.02
 
 
-def test_camera_pictures_without_anything_found():
+def test_camera_pictures_accept_empty_results():
     inputs = make_camera_inputs(make_rig(), "polar")
     free, stixels = inputs["free_space"], inputs["stixels"]
     nothing = {
@@ -104,13 +104,13 @@ def test_camera_pictures_without_anything_found():
     check_pngs(camera_pictures(**inputs).files)
 
 
-def test_birds_eye(run):
+def test_birds_eye_picture_is_drawn(run):
     pictures = track_pictures(**run, frame=4)
     assert set(pictures.files) == {"k0004/birds_eye.png"}
     check_pngs(pictures.files)
 
 
-def test_birds_eye_of_an_empty_scan_and_of_a_track_that_is_not_finite(run):
+def test_birds_eye_accepts_an_empty_scan_and_a_non_finite_track(run):
     assert len(run["scans"].points_world[run["scans"].rows(5)]) == 0
     check_pngs(track_pictures(**run, frame=5).files)
     not_finite = replace(
@@ -121,7 +121,7 @@ def test_birds_eye_of_an_empty_scan_and_of_a_track_that_is_not_finite(run):
     check_pngs(track_pictures(**run | {"track": not_finite}, frame=4).files)
 
 
-def test_run_pictures(run):
+def test_run_pictures_are_png_and_svg(run):
     scores = make_scores(run["scenario"], run["track"])
     files = run_pictures(**run, scores=scores).files
     assert set(files) == {"path.png", "path.svg", "errors.png", "errors.svg"}
@@ -132,7 +132,7 @@ def test_run_pictures(run):
         assert b"matplotlib.org" not in files[name]
 
 
-def test_run_pictures_of_one_scan_and_of_a_target_that_stands(run):
+def test_run_pictures_accept_one_scan_and_a_stopped_target(run):
     rng = np.random.default_rng(5)
     for count in (1, 4):
         scenario = make_scenario(count)
@@ -145,7 +145,7 @@ def test_run_pictures_of_one_scan_and_of_a_target_that_stands(run):
         check_pngs(run_pictures(scans, track, scenario, scores, run["rig"]).files)
 
 
-def test_bytes_repeat(run, monkeypatch, tmp_path):
+def test_pictures_have_repeatable_bytes(run, monkeypatch, tmp_path):
     scores = make_scores(run["scenario"], run["track"])
     camera = make_camera_inputs(make_rig())
 
@@ -174,7 +174,7 @@ def test_spaced_frames_keep_their_distance():
     assert spaced_frames(np.zeros((1, 2)), size=1.0) == (0,)
 
 
-def test_chi_square_bounds():
+def test_chi_square_bounds_of_known_degrees():
     low, high = chi_square_bounds(np.array([2, 80, 0]))
     # With two degrees of freedom the distribution is exponential.
     assert np.isclose(low[0], -np.log(0.975))

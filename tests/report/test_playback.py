@@ -27,7 +27,7 @@ def template(name):
     return resources.files("stixel_cli.report").joinpath(f"templates/{name}").read_text("utf-8")
 
 
-def test_the_page_holds_the_run_to_the_millimetre():
+def test_page_contains_the_run_to_the_millimetre():
     run = make_run()
     data = data_of(playback_html([run], "a run"))
     (played,) = data["runs"]
@@ -47,7 +47,7 @@ def test_the_page_holds_the_run_to_the_millimetre():
     assert data["times"] == pytest.approx(run.scenario.times)
 
 
-def test_an_ellipse_is_that_of_its_covariance():
+def test_ellipse_matches_its_covariance():
     run = make_run()
     data = playback_data([run], "a run")
     rows = run.scans.rows(2)
@@ -66,7 +66,7 @@ def test_an_ellipse_is_that_of_its_covariance():
         assert np.allclose(again, covariance, atol=3e-4)
 
 
-def test_what_is_not_finite_is_null_and_astray_is_left_out():
+def test_non_finite_values_are_null_and_diverged_estimates_are_omitted():
     run = make_run()
     contours, means = run.track.contours_world.copy(), run.track.means.copy()
     contours[3, 7, 0], contours[4], means[3, 1] = np.nan, 1e300, np.inf
@@ -75,10 +75,10 @@ def test_what_is_not_finite_is_null_and_astray_is_left_out():
     (played,) = data_of(playback_html([replace(run, track=track, scores=scores)], "a"))["runs"]
     assert played["contours"][3] is played["contours"][4] is played["poses"][3] is None
     assert played["contours"][5] is not None
-    assert set(played["errors"]["centre"]) == {None}
+    assert set(played["errors"]["centre_error"]) == {None}
 
 
-def test_names_cannot_break_out_of_the_page():
+def test_names_are_escaped_in_the_page():
     name = "</script><script>alert('⟦data⟧')</script>\u2028&amp;<!--"
     page = playback_html([replace(make_run(), label=name)], name, [name])
     parser = HTMLParser()
@@ -91,14 +91,14 @@ def test_names_cannot_break_out_of_the_page():
     assert json_in_html("<\u2028>&") == '"\\u003c\\u2028\\u003e\\u0026"'
 
 
-def test_the_page_repeats_to_the_byte_and_asks_for_nothing():
+def test_page_is_repeatable_and_makes_no_request():
     page = playback_html([make_run()], "a run")
     assert page == playback_html([make_run()], "a run")
     assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)", page)
     assert "⟦" not in page
 
 
-def test_runs_share_what_they_have_in_common():
+def test_runs_share_equal_scans_and_images():
     one, other = make_run("gp_ekf"), make_run("point", seed=1, corners=24)
     data = playback_data([one, other, make_run("blind", with_camera=False)], "three")
     assert [run["scan"] for run in data["runs"]] == [0, 0, 0]
@@ -109,7 +109,7 @@ def test_runs_share_what_they_have_in_common():
     assert [run["scan"] for run in data["runs"]] == [0, 1]
 
 
-def test_a_long_run_shows_every_nth_image(monkeypatch):
+def test_long_run_shows_every_nth_image(monkeypatch):
     run = make_run()
     camera = playback_data([run], "a")["cameras"][0]
     assert (camera["every"], camera["frames"]) == (1, list(range(SCANS)))
@@ -126,7 +126,7 @@ def test_a_long_run_shows_every_nth_image(monkeypatch):
     assert data["scans"][0]["ellipses"] is None
 
 
-def test_camera_frames_are_small_images_with_their_stixels():
+def test_camera_frames_contain_small_images_and_stixels():
     rig = make_rig(640, 480)
     _, pairs, _, _, stixels = make_camera_nouns(rig, np.random.default_rng(0), first=4, count=3)
     frames = camera_frames(pairs, stixels, range(5, 7))
@@ -142,7 +142,7 @@ def test_camera_frames_are_small_images_with_their_stixels():
     assert frames.offsets.tolist() == [0, len(frames.left) // 2, len(frames.left)]
 
 
-def test_bounds_are_near_those_of_chi_square():
+def test_consistent_bounds_approximate_chi_square():
     n = np.array([2, 4, 20, 180])
     exact, near = chi_square_bounds(n), consistent_bounds(n)
     assert np.allclose(near[:, 0], exact[:, 0])
@@ -151,7 +151,7 @@ def test_bounds_are_near_those_of_chi_square():
     assert np.isnan(consistent_bounds(np.array([0]))).all()
 
 
-def test_the_colours_are_those_of_the_figures():
+def test_page_uses_the_colours_of_the_figures():
     light = template("playback.css").partition("@media")[0]
     colours = dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6})", light))
     for name in ("truth", "estimate", "used", "unused", "ego", "consistent"):

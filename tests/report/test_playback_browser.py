@@ -70,7 +70,7 @@ def to(page, k):
     assert frame(page) == k
 
 
-def test_it_plays_to_the_end_and_pauses(one):
+def test_page_plays_to_the_end_and_pauses(one):
     page = one.page
     assert page.locator("#now").inner_text() == "k = 0, t = 0.00 s"
     page.get_by_role("button", name="Play", exact=True).click()
@@ -85,7 +85,7 @@ def test_it_plays_to_the_end_and_pauses(one):
     assert page.get_by_role("button", name="One scan forward").is_disabled()
 
 
-def test_it_steps_by_buttons_and_keys(one):
+def test_page_steps_by_buttons_and_keys(one):
     page = one.page
     page.get_by_role("button", name="One scan forward").click()
     assert frame(page) == 1
@@ -107,7 +107,7 @@ def test_it_steps_by_buttons_and_keys(one):
 
 
 @pytest.mark.parametrize("k", [3, 5])
-def test_it_draws_what_is_stored(one, k):
+def test_page_draws_the_stored_data(one, k):
     page, run = one.page, make_run()
     to(page, k)
     assert np.allclose(drawn(page, "estimate-0"), run.track.contours_world[k], atol=0.6e-3)
@@ -130,7 +130,7 @@ def test_it_draws_what_is_stored(one, k):
     assert error == f"{run.scores.centre_error[k]:.3f} m"
 
 
-def test_the_camera_shows_the_frames_image_and_stixels(one):
+def test_camera_shows_image_and_stixels_of_the_frame(one):
     page, run = one.page, make_run()
     to(page, 11)
     expect(page.locator("#image")).to_have_js_property("naturalWidth", 160)
@@ -143,7 +143,7 @@ def test_the_camera_shows_the_frames_image_and_stixels(one):
     assert not shown.first.is_visible()
 
 
-def test_the_cursor_of_the_errors_can_be_dragged(one):
+def test_cursor_of_the_error_charts_can_be_dragged(one):
     page = one.page
     box = page.locator(".plot").first.bounding_box()
     middle = box["y"] + box["height"] / 2
@@ -156,7 +156,7 @@ def test_the_cursor_of_the_errors_can_be_dragged(one):
     assert frame(page) == LAST
 
 
-def test_the_map_zooms_moves_and_shows_the_whole_scene(one):
+def test_map_zooms_moves_and_shows_the_whole_scene(one):
     page = one.page
 
     def width():
@@ -183,7 +183,7 @@ def test_the_map_zooms_moves_and_shows_the_whole_scene(one):
     assert width() < 0.6 * before
 
 
-def test_two_runs_lie_over_each_other(open_page, pages):
+def test_page_overlays_two_runs(open_page, pages):
     opened = open_page(pages / "two.html")
     page = opened.page
     to(page, 7)
@@ -201,7 +201,7 @@ def test_two_runs_lie_over_each_other(open_page, pages):
     page.close()
 
 
-def test_an_estimate_outside_the_picture_is_pointed_at(open_page, tmp_path):
+def test_map_points_to_an_estimate_outside_it(open_page, tmp_path):
     run = make_run("away")
     away = np.array([30.0, -40.0])
     means = run.track.means.copy()
@@ -226,7 +226,7 @@ def test_an_estimate_outside_the_picture_is_pointed_at(open_page, tmp_path):
     page.close()
 
 
-def test_nothing_moves_by_itself_for_who_wants_little_motion(open_page, pages):
+def test_page_respects_reduced_motion(open_page, pages):
     opened = open_page(pages / "one.html", still=True)
     page = opened.page
     assert page.evaluate("matchMedia('(prefers-reduced-motion: reduce)').matches")
@@ -246,7 +246,7 @@ def test_nothing_moves_by_itself_for_who_wants_little_motion(open_page, pages):
     page.close()
 
 
-def test_points_image_and_their_count_are_those_of_the_run_chosen(open_page, pages):
+def test_chosen_run_selects_points_image_and_count(open_page, pages):
     opened = open_page(pages / "unlike.html")
     page = opened.page
     counts = page.locator(".chart").last.locator(".curve").first
@@ -280,7 +280,7 @@ def test_space_plays_after_a_click_on_a_button(one):
     assert page.get_by_role("button", name="Play", exact=True).is_visible()
 
 
-def test_a_finger_hits_what_can_be_pressed(open_page, pages):
+def test_touch_targets_are_large_enough(open_page, pages):
     """44 px a side, on a phone; and no more is needed to the right for it."""
     opened = open_page(pages / "two.html", 390, 844, touch=True)
     small = opened.page.evaluate(
@@ -293,7 +293,7 @@ def test_a_finger_hits_what_can_be_pressed(open_page, pages):
     opened.page.close()
 
 
-def test_the_plots_stand_level_and_bands_have_no_gaps(one):
+def test_charts_are_aligned_and_bands_have_no_gaps(one):
     page = one.page
     for width in (1206, 1280, 1400):
         page.set_viewport_size({"width": width, "height": 900})
@@ -306,7 +306,7 @@ def test_the_plots_stand_level_and_bands_have_no_gaps(one):
     assert (steps[1:, 0] <= steps[:-1, 1]).all()
 
 
-def test_a_run_without_images_says_so(open_page, pages):
+def test_page_reports_a_run_without_images(open_page, pages):
     opened = open_page(pages / "blind.html")
     said = opened.page.locator("#no-camera")
     assert said.inner_text() == 'No camera image: the measurement "fabricated" uses no camera.'
@@ -324,7 +324,7 @@ def test_a_run_without_images_says_so(open_page, pages):
         ("two", (1440, 900), False),
     ],
 )
-def test_it_fits_a_phone_and_a_desktop(open_page, pages, name, size, dark):
+def test_page_fits_a_phone_and_a_desktop(open_page, pages, name, size, dark):
     opened = open_page(pages / f"{name}.html", *size, dark=dark)
     page = opened.page
     assert opened.overflow() == 0
@@ -343,7 +343,7 @@ def test_it_fits_a_phone_and_a_desktop(open_page, pages, name, size, dark):
 
 
 @pytest.mark.parametrize("dark", [False, True])
-def test_the_values_of_every_run_are_legible(open_page, tmp_path, dark):
+def test_values_of_every_run_are_legible(open_page, tmp_path, dark):
     """WCAG 2.2's contrast of text, 4.5, of the colours as they come out on the screen."""
     page_file = tmp_path / "four.html"
     runs = [make_run(name, seed, with_camera=False) for seed, name in enumerate("abcd")]

@@ -10,10 +10,15 @@ from result_folders import CONFIG, make_folder
 
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.metric_table import metric
-from stixel_cli.report.compare import default_page, page_html, run_labels, write_page
-from stixel_cli.report.compare_figure import line_style, run_colour
-from stixel_cli.report.metrics import best, format_value
-from stixel_cli.report.table import scores_table
+from stixel_cli.report.compare import (
+    default_page,
+    line_style,
+    page_html,
+    run_colour,
+    run_labels,
+    write_page,
+)
+from stixel_cli.report.metrics import best, format_value, scores_table
 from stixel_cli.results.result import read_scored_run
 
 
@@ -31,7 +36,7 @@ def make_page(folders):
     return page_html([read_scored_run(folder) for folder in folders], ["stixel", "report", "a b"])
 
 
-def test_page_shows_what_differs(folders):
+def test_page_shows_differing_settings(folders):
     page = make_page(folders)
     differing = page[page.index("Settings that differ") : page.index("<details>")]
     assert re.findall(r'class="key">([^<]+)<', differing) == [
@@ -47,7 +52,7 @@ def test_page_shows_what_differs(folders):
     assert "stixel report &#39;a b&#39;" in page
 
 
-def test_settings_that_mean_the_same_do_not_differ(tmp_path):
+def test_equivalent_settings_do_not_differ(tmp_path):
     folders = [
         make_folder(tmp_path / name, 1, CONFIG | {"path": {"duration": duration}})
         for name, duration in (("a", 3), ("b", 3.0))
@@ -55,7 +60,7 @@ def test_settings_that_mean_the_same_do_not_differ(tmp_path):
     assert "All settings are the same." in make_page(folders)
 
 
-def test_page_shows_the_options_that_settings_do_not_name(folders):
+def test_page_shows_options_of_groups_without_kind(folders):
     for folder, rig in zip(folders, ("default", "kitti"), strict=True):
         file = folder / "manifest.json"
         choices = {"rig": rig, "measurement": "any"}
@@ -65,12 +70,12 @@ def test_page_shows_the_options_that_settings_do_not_name(folders):
     assert 'class="key">measurement</th>' not in page
 
 
-def test_runs_look_different():
+def test_runs_have_different_line_styles():
     looks = {(run_colour(i), line_style(i)) for i in range(32)}
     assert len(looks) == 32
 
 
-def test_page_needs_nothing_but_itself(folders):
+def test_page_is_self_contained(folders):
     page = make_page(folders)
     assert "http:" not in page
     assert "https:" not in page
@@ -83,7 +88,7 @@ def test_page_needs_nothing_but_itself(folders):
         assert used in names
 
 
-def test_page_repeats(folders):
+def test_page_has_repeatable_bytes(folders):
     assert make_page(folders) == make_page(folders)
 
 
@@ -100,7 +105,7 @@ def test_page_escapes_text(tmp_path):
     assert "a&amp;b &lt;i&gt;" in page
 
 
-def test_page_without_series_or_picture(tmp_path):
+def test_page_accepts_runs_without_series_or_picture(tmp_path):
     empty = dict.fromkeys(("centre_error", "orientation_error", "nees_position"))
     lost = {"iou": np.full(40, np.nan), "nis": np.full(40, np.nan)}
     folders = [make_folder(tmp_path / name, 1, series=empty | lost) for name in ("a", "b")]
@@ -110,19 +115,19 @@ def test_page_without_series_or_picture(tmp_path):
     assert "This run has no picture of its path" in page
 
 
-def test_labels_of_folders_with_one_name(tmp_path):
+def test_labels_distinguish_folders_of_one_name(tmp_path):
     folders = [tmp_path / "x" / "run", tmp_path / "y" / "run"]
     assert run_labels(folders) == ["x/run", "y/run"]
-    with pytest.raises(UserError, match="given twice"):
+    with pytest.raises(UserError, match="same folder"):
         run_labels([folders[0], folders[0]])
 
 
-def test_default_page_is_free(folders):
+def test_default_page_is_an_unused_file(folders):
     page = default_page(folders)
     assert page == folders[0].parent / "report-first-second.html"
     write_page(page, "x")
     assert default_page(folders).name == "report-first-second-2.html"
-    with pytest.raises(UserError, match="not written over"):
+    with pytest.raises(UserError, match="already exists"):
         write_page(page, "y")
     assert page.read_text() == "x"
     many = [folders[0].parent / f"{'long' * 12}-{i}" for i in range(6)]
@@ -149,7 +154,7 @@ def test_default_page_is_free(folders):
         ("figures/path.png", b"GIF89a", "not a PNG image"),
     ],
 )
-def test_bad_folders_are_one_line_errors(folders, file, content, told):
+def test_bad_folders_give_one_line_errors(folders, file, content, told):
     path = folders[0] / file
     if content is None:
         path.unlink()
@@ -166,13 +171,13 @@ def test_arrays_are_not_unpickled(folders):
         read_scored_run(folders[0])
 
 
-def test_arrays_of_wrong_shape(folders):
+def test_arrays_of_wrong_shape_are_rejected(folders):
     np.savez(folders[0] / "scores.npz", t=np.arange(3.0), iou=np.arange(4.0))
     with pytest.raises(UserError, match="iou has shape"):
         read_scored_run(folders[0])
 
 
-def test_no_folder(tmp_path):
+def test_missing_folder_is_rejected(tmp_path):
     with pytest.raises(UserError, match="no such folder"):
         read_scored_run(tmp_path / "nothing")
     (tmp_path / "file").write_text("")
@@ -180,7 +185,7 @@ def test_no_folder(tmp_path):
         read_scored_run(tmp_path / "file")
 
 
-def test_best():
+def test_best_follows_the_direction_of_the_metric():
     assert best("centre_rmse_m", [0.2, 0.1, None]) == [False, True, False]
     assert best("iou_mean", [0.2, 0.9, 0.9]) == [False, True, True]
     assert best("nis_mean", [0.5, 1.5, 30.0]) == [False, True, False]
@@ -190,7 +195,7 @@ def test_best():
     assert best("iou_mean", [None, 0.5]) == [False, False]
 
 
-def test_format_value():
+def test_format_value_keeps_significant_digits():
     assert format_value(None) == "–"
     assert format_value(float("nan")) == "–"
     assert format_value(100) == "100"
@@ -202,7 +207,7 @@ def test_format_value():
     assert metric("new_thing_m").unit == "m"
 
 
-def test_scores_table():
+def test_scores_table_has_name_value_and_unit():
     table = scores_table({"centre_rmse_m": 0.1234, "nis_mean": None})
     assert [column.header for column in table.columns] == ["score", "value", "unit"]
     assert list(table.columns[1].cells) == ["0.123", "–"]

@@ -7,7 +7,7 @@ import matplotlib
 from stixel_cli.report import style
 
 
-def test_two_threads_draw_one_after_the_other_and_leave_the_users_settings():
+def test_threads_draw_one_at_a_time_and_keep_the_user_settings():
     """As the stages of pictures do with `executor=threads`."""
     drawn, inside, waiting = [], Event(), Event()
 

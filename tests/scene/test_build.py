@@ -3,14 +3,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scene_presets
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.ndimage import binary_fill_holes
 
-from stixel_cli.scene.build import build_scenario
-from stixel_cli.scene.contour import is_star_convex
+from stixel_cli.scene.build import build_scenario, ground_contour, is_star_convex
 from stixel_cli.scene.ego import ego_motion
+from stixel_cli.scene.mesh import Mesh, Part, corners
+from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.shapes import box, part
 
 
 @pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
-def test_a_scenario_holds_the_whole_truth(kind):
+def test_scenario_contains_the_ground_truth(kind):
     path = scene_presets.path("s_curve", kind)
     motion = ego_motion(scene_presets.ego("turning"), path.duration, path.sample_time)
     scenario = build_scenario(motion, scene_presets.road_user(kind), path)
@@ -23,7 +29,7 @@ def test_a_scenario_holds_the_whole_truth(kind):
     assert scenario.star_convex == is_star_convex(scenario.contour_target)
 
 
-def test_the_same_scenario_again():
+def test_scenario_is_repeatable():
     path, road_user = scene_presets.path("turn", "car"), scene_presets.road_user("car")
     motion = ego_motion(scene_presets.ego("parked"), path.duration, path.sample_time)
     first, again = (build_scenario(motion, road_user, path) for _ in range(2))
@@ -31,8 +37,131 @@ def test_the_same_scenario_again():
     assert first.target_poses_world.tobytes() == again.target_poses_world.tobytes()
 
 
-def test_an_impossible_path_is_refused():
+def test_scenario_rejects_an_impossible_path():
     path = replace(scene_presets.path("turn", "car"), start=(0.0, -3.0))
     motion = ego_motion(scene_presets.ego("parked"), 1.0, 0.1)
     with pytest.raises(ValueError, match=r"path\.start"):
         build_scenario(motion, scene_presets.road_user("car"), path)
+
+
+GREY = np.full((1, 1, 3), 128, np.uint8)
+
+
+@pytest.fixture(scope="module")
+def meshes():
+    return {
+        kind: road_user_mesh(scene_presets.road_user(kind)) for kind in scene_presets.ROAD_USERS
+    }
+
+
+def boxes(*corner_pairs):
+    return Mesh((part("boxes", [box(low, high) for low, high in corner_pairs], GREY, 1.0),))
+
+
+def rasterised(mesh, step):
+    """Brute force: which points of a grid lie in any projected triangle, holes filled."""
+    flat = corners(mesh)[:, :, :2]
+    low, high = flat.min(axis=(0, 1)) - 2 * step, flat.max(axis=(0, 1)) + 2 * step
+    xs, ys = (np.arange(low[i], high[i], step) for i in (0, 1))
+    inside = np.zeros((len(xs), len(ys)), dtype=bool)
+    for triangle in flat:
+        first = np.searchsorted(xs, triangle[:, 0].min()), np.searchsorted(ys, triangle[:, 1].min())
+        last = np.searchsorted(xs, triangle[:, 0].max()), np.searchsorted(ys, triangle[:, 1].max())
+        x, y = xs[first[0] : last[0], None], ys[None, first[1] : last[1]]
+        signs = [
+            (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])
+            for a, b in zip(triangle, np.roll(triangle, -1, axis=0), strict=True)
+        ]
+        within = np.all([s >= 0 for s in signs], axis=0) | np.all([s <= 0 for s in signs], axis=0)
+        inside[first[0] : last[0], first[1] : last[1]] |= within
+    return xs, ys, binary_fill_holes(inside)
+
+
+@pytest.mark.parametrize(
+    ("kind", "step", "least_area", "most_area"),
+    [
+        ("car", 0.008, 0.85 * 4.5 * 1.8, 0.95 * 4.5 * 1.8),
+        ("cyclist", 0.0025, 0.3, 0.6),
+        ("pedestrian", 0.0015, 0.08, 0.16),
+    ],
+)
+def test_contour_equals_the_silhouette_from_above(meshes, kind, step, least_area, most_area):
+    contour = ground_contour(meshes[kind])
+    xs, ys, truth = rasterised(meshes[kind], step)
+    found = shapely.contains_xy(shapely.Polygon(contour), *np.meshgrid(xs, ys, indexing="ij"))
+    assert (truth & found).sum() > 0.99 * (truth | found).sum()
+    assert least_area < shapely.Polygon(contour).area < most_area
+
+
+@pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
+def test_contour_is_one_simple_polygon_with_few_points(meshes, kind):
+    contour = ground_contour(meshes[kind])
+    polygon = shapely.Polygon(contour)
+    assert polygon.is_valid and polygon.exterior.is_ccw
+    assert 20 < len(contour) < 400
+    assert not np.array_equal(contour[0], contour[-1])
+    np.testing.assert_allclose(
+        np.abs([contour.min(axis=0), contour.max(axis=0)]),
+        np.tile(np.abs(corners(meshes[kind])[:, :, :2]).max(axis=(0, 1)), (2, 1)),
+        atol=1.1e-3,
+    )
+
+
+@pytest.mark.parametrize(("kind", "share"), [("car", 0.98), ("cyclist", 0.8), ("pedestrian", 0.8)])
+def test_contour_keeps_concave_parts(meshes, kind, share):
+    polygon = shapely.Polygon(ground_contour(meshes[kind]))
+    assert polygon.area < share * polygon.convex_hull.area
+
+
+def test_contour_includes_the_mirrors(meshes):
+    """The car is widest at its mirrors alone: half a metre behind them it is narrower."""
+    polygon = shapely.Polygon(ground_contour(meshes["car"]))
+    left = polygon.bounds[3]
+    outermost = shapely.box(-9, left - 0.03, 9, 9).intersection(polygon)
+    assert outermost.bounds[2] - outermost.bounds[0] < 0.2
+
+
+def test_contour_fills_holes_and_joins_separate_parts():
+    frame = [((-1, -1, 0), (1, -0.8, 1)), ((-1, 0.8, 0), (1, 1, 1)),
+             ((-1, -1, 0), (-0.8, 1, 1)), ((0.8, -1, 0), (1, 1, 1))]  # fmt: skip
+    assert shapely.Polygon(ground_contour(boxes(*frame))).area == pytest.approx(4.0)
+    apart = boxes(((-1, -0.5, 0), (-0.01, 0.5, 1)), ((0.01, -0.5, 0), (1, 0.5, 1)))
+    polygon = shapely.Polygon(ground_contour(apart))
+    assert polygon.is_valid
+    assert polygon.area == pytest.approx(2.0, abs=0.03)
+
+
+def test_contour_rejects_a_mesh_without_ground_projection():
+    upright = np.array([[0.0, 0, 0], [1, 0, 0], [1, 0, 1]])
+    wall = Part(upright, np.array([[0, 1, 2]], np.int32), np.zeros((1, 3, 2)), GREY, "wall")
+    with pytest.raises(ValueError, match="no area"):
+        ground_contour(Mesh((wall,)))
+
+
+def test_star_convexity_of_known_shapes():
+    square = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
+    assert is_star_convex(square)
+    assert not is_star_convex(square + 5.0)
+    dented = np.array([[-1.0, -1], [1, -1], [1, 1], [0, 0.2], [-1, 1]])
+    assert is_star_convex(dented)
+    hooked = np.array([[-1.0, -1], [1, -1], [1, 1], [0.6, 1], [0.9, 0.5], [-1, 0.5]])
+    assert not is_star_convex(hooked)
+
+
+@settings(derandomize=True, deadline=None, max_examples=30)
+@given(st.lists(st.floats(0.3, 2.0), min_size=5, max_size=12))
+def test_star_convexity_agrees_with_lines_of_sight(radii):
+    angles = 2.0 * np.pi * np.arange(len(radii)) / len(radii)
+    polygon = np.array(radii)[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+    assert is_star_convex(polygon)
+    shape = shapely.Polygon(polygon).buffer(1e-9)
+    assert all(shape.covers(shapely.LineString([(0, 0), point])) for point in polygon)
+
+
+@pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
+def test_star_convexity_of_road_users_agrees_with_visibility(meshes, kind):
+    contour = ground_contour(meshes[kind])
+    shape = shapely.Polygon(contour).buffer(1e-9)
+    middles = 0.5 * (contour + np.roll(contour, -1, axis=0))
+    seen = all(shape.covers(shapely.LineString([(0, 0), point])) for point in [*contour, *middles])
+    assert is_star_convex(contour) == seen

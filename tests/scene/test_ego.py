@@ -13,20 +13,20 @@ from stixel_cli.scene.scenario import Scenario
 
 
 @pytest.mark.parametrize("name", scene_presets.EGOS)
-def test_the_world_is_the_ego_cars_frame_at_the_start(name):
+def test_world_frame_equals_the_first_ego_frame(name):
     motion = ego_motion(scene_presets.ego(name), 10.0, 0.1)
     assert motion.times.shape == (100,) and motion.poses_world.shape == (100, 3)
     np.testing.assert_array_equal(motion.poses_world[0], [0.0, 0.0, np.pi / 2])
     np.testing.assert_allclose(motion.times, 0.1 * np.arange(100))
 
 
-def test_parked_and_straight():
+def test_parked_ego_stays_and_straight_ego_moves_forward():
     assert (ego_motion(Parked("parked"), 2.0, 0.5).poses_world == [0.0, 0.0, np.pi / 2]).all()
     poses = ego_motion(Straight("straight", 3.0), 2.0, 0.5).poses_world
     np.testing.assert_allclose(poses, [[0, 1.5 * k, np.pi / 2] for k in range(4)], atol=1e-12)
 
 
-def test_a_quarter_turn_to_the_left():
+def test_turning_ego_completes_a_quarter_turn():
     """At 90 degrees/s the radius is v / ω; a left turn leads to −x."""
     radius = 2.0 / (np.pi / 2)
     poses = ego_poses(Turning("turning", 2.0, 90.0), np.array([0.0, 1.0, 2.0]))
@@ -36,7 +36,7 @@ def test_a_quarter_turn_to_the_left():
 
 @settings(derandomize=True, deadline=None, max_examples=20)
 @given(st.floats(0, 30), st.floats(-90, 90), st.floats(0.1, 20))
-def test_it_drives_where_it_looks(speed, yaw_rate, time):
+def test_ego_moves_along_its_heading(speed, yaw_rate, time):
     ego, step = Turning("turning", speed, yaw_rate), 1e-5
     before, here, after = ego_poses(ego, np.array([time - step, time, time + step]))
     rates = (after - before) / (2 * step)
@@ -48,7 +48,7 @@ def test_it_drives_where_it_looks(speed, yaw_rate, time):
     ("duration", "sample_time", "count"),
     [(10.0, 0.1, 100), (0.3, 0.1, 3), (0.04, 0.1, 1), (1.0, 10.0, 1), (1.26, 0.1, 13)],
 )
-def test_the_number_of_scans(duration, sample_time, count):
+def test_number_of_scans_is_duration_over_sample_time(duration, sample_time, count):
     motion = ego_motion(Parked("parked"), duration, sample_time)
     assert len(motion.times) == len(motion.poses_world) == count
 
@@ -76,7 +76,7 @@ def test_no_scan_of_the_studies_is_empty(name, kind, path):
 @pytest.mark.parametrize("name", ["straight", "turning"])
 @pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
 @pytest.mark.parametrize("path_name", scene_presets.PATHS)
-def test_a_driving_ego_car_keeps_the_target_in_view(name, kind, path_name):
+def test_moving_ego_keeps_the_target_in_view(name, kind, path_name):
     path = scene_presets.path(path_name, kind)
     motion = ego_motion(scene_presets.ego(name), path.duration, path.sample_time)
     targets, _ = path_poses(path, motion.times)

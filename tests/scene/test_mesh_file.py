@@ -1,9 +1,16 @@
+import json
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from stixel_cli.scene.contour import ground_contour
+from stixel_cli.config.compose import compose
+from stixel_cli.engine.graph import build_graph
+from stixel_cli.experiment.stages import pipeline_stages, scan_count
+from stixel_cli.scene.build import ground_contour
 from stixel_cli.scene.mesh import bounding_box
-from stixel_cli.scene.mesh_file import load_mesh
+from stixel_cli.scene.mesh_file import load_mesh, referred_files
 from stixel_cli.scene.road_user import road_user_mesh
 from stixel_cli.scene.road_user_parameters import RoadUser
 
@@ -27,7 +34,7 @@ def wedge(header="", uvs="", corner="{0}"):
     return WEDGE.format(header=header, uvs=uvs, **texts)
 
 
-def test_the_users_mesh_is_put_on_the_ground_and_keeps_its_size(tmp_path):
+def test_user_mesh_is_placed_on_the_ground_and_keeps_its_size(tmp_path):
     path = tmp_path / "wedge.obj"
     path.write_text(wedge())
     mesh = road_user_mesh(RoadUser("car", 4.5, 1.8, 1.5, 0.6, str(path)))
@@ -36,7 +43,7 @@ def test_the_users_mesh_is_put_on_the_ground_and_keeps_its_size(tmp_path):
     assert {tuple(point) for point in np.round(contour, 3)} == {(-1, -0.5), (1, -0.5), (-1, 0.5)}
 
 
-def test_a_texture_is_kept_the_right_way_up(tmp_path):
+def test_user_mesh_keeps_its_texture_upright(tmp_path):
     import cv2
 
     image = np.zeros((6, 6, 3), np.uint8)
@@ -55,7 +62,7 @@ def test_a_texture_is_kept_the_right_way_up(tmp_path):
     assert (part.texture[below, 0] == [0, 0, 255]).all()
 
 
-def test_vertex_colours_are_kept(tmp_path):
+def test_user_mesh_keeps_vertex_colours(tmp_path):
     path = tmp_path / "wedge.ply"
     path.write_text(
         "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
@@ -95,7 +102,7 @@ def box(name, change=lambda vertex: vertex, last=(1, 7, 3), count=8):
 
 
 @pytest.mark.parametrize("name", [OBJ, OFF, PLY])
-def test_a_mesh_far_from_the_origin(tmp_path, name):
+def test_user_mesh_far_from_the_origin_is_centred(tmp_path, name):
     path = tmp_path / name
     path.write_text(box(name, lambda v: (v[0] + 1e6, *v[1:])))
     np.testing.assert_allclose(bounding_box(load_mesh(str(path), 0.5)), [[-2, -1, 0], [2, 1, 1.5]])
@@ -105,7 +112,7 @@ DAMAGED = [
     (name, box(name, **change), message)
     for name in (OBJ, OFF, PLY)
     for change, message in (
-        ({"change": lambda v: (*v[:2], 0)}, r"is 4 × 2 × 0 m large, each must be 0.1 to 30 m"),
+        ({"change": lambda v: (*v[:2], 0)}, r"is 4 × 2 × 0 m large; each side must be 0.1 to 30 m"),
         ({"change": lambda v: (v[0], 0, v[2])}, r"is 4 × 0 × 1.5 m large"),
         ({"change": lambda v: (v[0], v[0], v[2])}, r"no area seen from above \(z must be up\)"),
         ({"change": lambda v: (*v[:2], v[2] * 1e6)}, r"is 4 × 2 × 1.5e\+06 m large"),
@@ -129,7 +136,7 @@ DAMAGED += [
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
-        ("absent.obj", None, "there is no file"),
+        ("absent.obj", None, "file not found"),
         ("text.ply", "this is no mesh\n", "no triangles"),
         ("strange.xyz", "1 2 3\n", "no triangles"),
         ("empty.obj", "", "no triangles"),
@@ -139,7 +146,7 @@ DAMAGED += [
         *DAMAGED,
     ],
 )
-def test_what_cannot_be_a_road_user_is_refused_in_one_line(tmp_path, name, text, message):
+def test_invalid_user_mesh_gives_a_one_line_error(tmp_path, name, text, message):
     path = tmp_path / name
     if text is not None:
         path.write_text(text)
@@ -148,3 +155,59 @@ def test_what_cannot_be_a_road_user_is_refused_in_one_line(tmp_path, name, text,
     assert str(caught.value).startswith("road_user.mesh: ")
     assert name in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "maps").mkdir()
+    for name in ("maps/body.png", "a b.png", "data.bin", "beside.png"):
+        (tmp_path / name).write_bytes(b"1")
+    (tmp_path / "car.mtl").write_text(
+        "newmtl a\nmap_Kd -clamp on maps\\body.png\nmap_Bump a b.png\nKd 1 1 1\nmap_Ka none.png\n"
+    )
+    (tmp_path / "car.obj").write_text("# a car\nmtllib none.mtl car.mtl\nv 0 0 0\n")
+    return tmp_path
+
+
+def names(folder: Path, mesh: str) -> set[str]:
+    return {str(path.relative_to(folder)) for path in referred_files(folder / mesh)}
+
+
+def test_referred_files_lists_existing_references(folder):
+    assert names(folder, "car.obj") == {"car.mtl", "maps/body.png", "a b.png"}
+    tree = {
+        "buffers": [{"uri": "data.bin"}, {"uri": "data:text/plain,a"}],
+        "images": [{"uri": "a%20b.png"}, {"bufferView": 1}],
+    }
+    (folder / "car.gltf").write_text(json.dumps(tree))
+    assert names(folder, "car.gltf") == {"data.bin", "a b.png"}
+    (folder / "car.ply").write_bytes(b"ply\ncomment TextureFile a b.png\nend_header\n\xff\x00")
+    assert names(folder, "car.ply") == {"a b.png"}
+
+
+@pytest.mark.parametrize(
+    "mesh", ["none.obj", "car.stl", "bad.gltf", "deep.gltf", "maps", "fifo.obj", "zero.mtl"]
+)
+def test_referred_files_is_empty_without_references(folder, mesh):
+    (folder / "car.stl").write_bytes(b"solid car.mtl")
+    (folder / "bad.gltf").write_text("[")
+    (folder / "deep.gltf").write_text("[" * 100_000)
+    (folder / "zero.mtl").symlink_to("/dev/zero")
+    os.mkfifo(folder / "fifo.obj")
+    assert names(folder, mesh) == set()
+
+
+def test_changed_texture_changes_the_keys_of_stages_that_read_the_mesh(folder):
+    def keys():
+        overrides = [f"road_user.mesh={folder / 'car.obj'}"]
+        configuration = compose(overrides).configuration
+        count = scan_count(configuration)
+        return build_graph(pipeline_stages(configuration), count, count).stages
+
+    before = keys()
+    (folder / "beside.png").write_bytes(b"2")
+    assert keys() == before
+    (folder / "maps/body.png").write_bytes(b"2")
+    after = keys()
+    assert after["render"] != before["render"] and after["scenario"] != before["scenario"]
+    assert after["ego_motion"] == before["ego_motion"]

@@ -15,7 +15,7 @@ def parameters(kind="car", **changes):
 
 @pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
 @pytest.mark.parametrize("size", [None, (3.3, 1.1, 2.0)])
-def test_the_bounding_box_is_the_size(kind, size):
+def test_bounding_box_has_the_given_size(kind, size):
     road_user = parameters(kind)
     if size is not None:
         road_user = replace(road_user, length=size[0], width=size[1], height=size[2])
@@ -26,7 +26,7 @@ def test_the_bounding_box_is_the_size(kind, size):
 
 
 @pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
-def test_parts_are_as_renderers_want_them(kind):
+def test_road_user_parts_meet_the_requirements_of_the_renderers(kind):
     mesh = road_user_mesh(parameters(kind))
     assert len({part.name for part in mesh.parts}) == len(mesh.parts) >= 5
     assert len(corners(mesh)) < 8000
@@ -64,7 +64,7 @@ def _pieces(triangles):
 
 
 @pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
-def test_contrast_is_that_of_paint_and_cloth(kind):
+def test_contrast_changes_paint_and_cloth(kind):
     def std(contrast):
         part = road_user_mesh(parameters(kind, contrast=contrast)).parts[0]
         return part.texture.astype(float).std(axis=(0, 1)).max()
@@ -74,7 +74,7 @@ def test_contrast_is_that_of_paint_and_cloth(kind):
     assert 5.0 < middling < strong
 
 
-def test_paint_keeps_detail_from_near_and_from_far():
+def test_paint_has_detail_at_short_and_long_range():
     """Averaged over squares of 2 mm … 14 cm the paint still varies: stereo matches on it."""
     texture = road_user_mesh(parameters("car")).parts[0].texture.mean(axis=2)
     for square in (1, 4, 16, 64):
@@ -83,14 +83,14 @@ def test_paint_keeps_detail_from_near_and_from_far():
         assert averaged.std() > 3.0
 
 
-def test_the_same_mesh_again():
+def test_mesh_is_repeatable():
     first, again = (road_user_mesh(parameters("cyclist")) for _ in range(2))
     for one, other in zip(first.parts, again.parts, strict=True):
         assert one.vertices.tobytes() == other.vertices.tobytes()
         assert one.texture.tobytes() == other.texture.tobytes()
 
 
-def test_a_missing_file_is_refused_at_once():
+def test_missing_mesh_file_is_rejected_before_the_run():
     road_user = RoadUser("car", 4.5, 1.8, 1.5, 0.6, "nowhere/mesh.ply")
-    with pytest.raises(ValueError, match=r"road_user\.mesh: there is no file"):
+    with pytest.raises(ValueError, match=r"road_user\.mesh: file not found"):
         road_user.check()

@@ -28,14 +28,14 @@ def obstacles(objects):
     return shapely.union_all([*hulls, *(shapely.box(*rectangle) for rectangle in PAVEMENTS)])
 
 
-def test_one_road_comes_first_and_ids_have_room(objects):
+def test_world_has_one_road_first_and_a_limited_size(objects):
     assert [item.kind for item in objects].count("road") == 1
     assert objects[0].kind == "road"
     assert 30 < len(objects) < 200
     assert sum(len(corners(item.mesh)) for item in objects) < 40_000
 
 
-def test_the_ground_is_large_flat_and_textured(objects):
+def test_ground_is_large_flat_and_textured(objects):
     low, high = bounding_box(objects[0].mesh)
     assert (low[:2] <= -150).all() and (high[:2] >= 150).all()
     assert low[2] == 0.0 and high[2] == KERB
@@ -48,7 +48,7 @@ def test_the_ground_is_large_flat_and_textured(objects):
         assert (normals[:, 2] > 0.0).all() and (normals[:, :2] == 0.0).all()
 
 
-def test_background_stands_on_the_ground_in_every_direction(objects):
+def test_background_surrounds_the_ego_car_on_the_ground(objects):
     boxes = [bounding_box(item.mesh) for item in objects if item.kind == "background"]
     assert all(abs(low[2]) < 0.2 for low, _ in boxes)
     tall = shapely.union_all(
@@ -59,7 +59,7 @@ def test_background_stands_on_the_ground_in_every_direction(objects):
         assert ray.intersects(tall)
 
 
-def test_things_taller_than_four_metres_stand_behind_the_target(objects):
+def test_objects_above_four_metres_are_behind_the_target(objects):
     """In the default rig's view, past the default path, nearer than 50 m."""
     tall = [
         item.name
@@ -74,7 +74,7 @@ def test_things_taller_than_four_metres_stand_behind_the_target(objects):
 
 @pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
 @pytest.mark.parametrize("name", scene_presets.PATHS)
-def test_nothing_stands_on_a_preset_path(obstacles, kind, name):
+def test_preset_paths_are_free_of_objects(obstacles, kind, name):
     path, road_user = scene_presets.path(name, kind), scene_presets.road_user(kind)
     motion = ego_motion(scene_presets.ego("parked"), path.duration, path.sample_time)
     half = 0.5 * np.array([road_user.length, road_user.width])
@@ -85,12 +85,12 @@ def test_nothing_stands_on_a_preset_path(obstacles, kind, name):
 
 
 @pytest.mark.parametrize("name", scene_presets.EGOS)
-def test_nothing_stands_on_the_ego_cars_way(obstacles, name):
+def test_ego_paths_are_free_of_objects(obstacles, name):
     for pose in ego_motion(scene_presets.ego(name), 10.0, 0.5).poses_world:
         assert shapely.Point(pose[:2]).distance(obstacles) > 1.5
 
 
-def test_parts_are_as_renderers_want_them(objects):
+def test_world_parts_meet_the_requirements_of_the_renderers(objects):
     for item in objects:
         for part in item.mesh.parts:
             assert part.triangles.dtype == np.int32 and np.isfinite(part.vertices).all()
@@ -99,7 +99,7 @@ def test_parts_are_as_renderers_want_them(objects):
             assert all(side & (side - 1) == 0 for side in part.texture.shape[:2])
 
 
-def test_the_same_world_again_and_another_seed(objects):
+def test_world_is_repeatable_and_depends_on_its_seed(objects):
     def bytes_of(items):
         parts = [part for item in items for part in item.mesh.parts]
         return [(part.vertices.tobytes(), part.texture.tobytes()) for part in parts]
@@ -108,6 +108,6 @@ def test_the_same_world_again_and_another_seed(objects):
     assert bytes_of(world_objects(World("street", 2, 1.0))) != bytes_of(objects)
 
 
-def test_without_contrast_the_asphalt_is_plain():
+def test_asphalt_without_contrast_has_one_colour():
     ground = world_objects(World("street", 1, 0.0))[0].mesh
     assert ground.parts[0].texture.std(axis=(0, 1)).max() == 0.0

@@ -95,7 +95,7 @@ def test_minimum_disparity_shifts_the_range(pairs, stereo, match):
 
 
 @pytest.mark.parametrize("stereo, match", [(SGM, sgm.match), (BM, bm.match)])
-def test_repeats_to_the_byte_and_gives_the_threads_back(pairs, stereo, match):
+def test_matching_is_repeatable_and_restores_the_threads(pairs, stereo, match):
     threads = cv2.getNumThreads()
     first, second = (match(pairs, stereo, RIG, FRAMES) for _ in range(2))
     assert first.stored.encoded == second.stored.encoded
@@ -116,30 +116,30 @@ def test_disparity_count_follows_the_rig(stereo):
     ("greatest", "minimum", "count"),
     [(100.0, 0, 112), (110.9, 0, 112), (111.1, 0, 128), (100.0, 30, 80), (100.0, 99, 16)],
 )
-def test_disparities_reach_one_beyond_the_nearest_point_s(greatest, minimum, count):
+def test_disparity_count_includes_one_value_beyond_the_nearest_point(greatest, minimum, count):
     """The sub-pixel parabola at `greatest` px needs the one behind it."""
     nearest = RIG.focal * RIG.baseline / greatest
     derived = replace(SGM, disparities=None, nearest=nearest, minimum_disparity=minimum)
     assert disparity_count(derived, RIG) == count
 
 
-def test_parameters_that_do_not_fit_are_refused():
+def test_matching_rejects_inconsistent_parameters():
     SGM.check()
     BM.check()
-    with pytest.raises(ValueError, match=r"stereo\.block_size: 4 is even"):
+    with pytest.raises(ValueError, match=r"stereo\.block_size: must be odd"):
         replace(SGM, block_size=4).check()
-    with pytest.raises(ValueError, match=r"stereo\.p2: 100 must be above"):
+    with pytest.raises(ValueError, match=r"stereo\.p2: must be > stereo\.p1 .*got 100"):
         replace(SGM, p2=100).check()
-    with pytest.raises(ValueError, match=r"stereo\.pre_filter_size: 8 is even"):
+    with pytest.raises(ValueError, match=r"stereo\.pre_filter_size: must be odd"):
         replace(BM, pre_filter_size=8).check()
 
 
-def test_block_larger_than_the_image_is_refused(pairs):
+def test_matching_rejects_a_block_larger_than_the_image(pairs):
     with pytest.raises(ValueError, match=r"stereo\.block_size: 101"):
         bm.match(pairs, replace(BM, block_size=101), RIG, FRAMES)
 
 
-def test_half_a_pixel_of_a_smooth_image():
+def test_half_pixel_shift_of_a_smooth_image_is_accurate():
     u = np.arange(60)
     wave = 128 + 100 * np.sin(2 * np.pi * (u[None] + np.arange(5)[:, None]) / 12)
     moved = half_pixel_right(np.rint(wave).astype(np.uint8))
@@ -147,7 +147,7 @@ def test_half_a_pixel_of_a_smooth_image():
     assert np.abs(moved.astype(float) - expected)[:, 3:-3].max() < 2
 
 
-def test_cancelled_errors_are_the_mean_of_both():
+def test_error_cancellation_averages_both_matches():
     raw = np.array([[160, 160, 160, 160, -1, 160, 163]], dtype=np.int16)
     moved = np.array([[156, 153, 155, 120, 152, -1, 154]], dtype=np.int16)
     # 162, 160.5 and 161.5 to the even neighbour, three that stay, 162.5.
@@ -157,7 +157,7 @@ def test_cancelled_errors_are_the_mean_of_both():
     assert cancel_errors(raw, moved).tolist() == [[168, 160]]
 
 
-def test_error_cancellation_takes_the_pull_to_whole_pixels_away():
+def test_error_cancellation_removes_the_bias_towards_whole_pixels():
     """A plane at a quarter and at three quarters of a pixel, drawn from a fine texture."""
     noise = np.random.default_rng(4).integers(0, 256, (96, 4 * 200)).astype(np.float32)
     fine = cv2.GaussianBlur(noise, (0, 0), 5.0)

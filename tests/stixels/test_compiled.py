@@ -12,7 +12,7 @@ KERNELS = [path for path in sorted(FOLDER.rglob("*.py")) if "@njit" in path.read
 
 
 @pytest.mark.parametrize("path", KERNELS, ids=lambda path: path.stem)
-def test_compiled_functions_use_nothing_of_other_modules(path):
+def test_compiled_functions_use_no_other_module(path):
     """Numba would not see an edit there: it looks at the file of the function that is called."""
     tree = ast.parse(path.read_text("utf-8"))
     imported = {

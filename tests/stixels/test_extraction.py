@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from projection import project
 
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stixels.extraction import (
@@ -45,7 +46,7 @@ def columns_of(rig, box):
 
 
 @pytest.mark.parametrize("pitch", [0.0, 3.0])
-def test_boxes_become_stixels(pipeline, rig, render, as_disparities, pitch):
+def test_boxes_give_stixels(pipeline, rig, render, as_disparities, pitch):
     rig = replace(rig, pitch=pitch)
     stixels = pipeline(as_disparities(render(rig, boxes=BOXES, wall=30.0)), rig)
     for box in BOXES:
@@ -58,7 +59,7 @@ def test_boxes_become_stixels(pipeline, rig, render, as_disparities, pitch):
         ends = np.array(
             [[at, rig.camera_height - tall, distance], [at, rig.camera_height, distance]]
         )
-        top, base = rig.project(ends @ rig.level_from_camera)[:, 1]
+        top, base = project(rig, ends @ rig.level_from_camera)[:, 1]
         assert np.all(np.abs(stixels.top[inside] - top) <= 1)
         assert np.all(np.abs(stixels.base[inside] - base) <= 1)
         np.testing.assert_allclose(stixels.height[inside], tall, atol=0.06)
@@ -81,7 +82,7 @@ def test_free_columns_have_no_stixel(pipeline, rig, render, as_disparities):
     assert len(stixels.depth) == pytest.approx(2.0 * rig.focal / 10.0 / 5, abs=2)
 
 
-def test_covariances_are_those_of_the_disparity_and_the_width(
+def test_covariances_follow_from_disparity_variance_and_width(
     pipeline, rig, render, as_disparities
 ):
     stixels = pipeline(as_disparities(render(rig, boxes=BOXES, wall=30.0)), rig)
@@ -99,7 +100,7 @@ def test_covariances_are_those_of_the_disparity_and_the_width(
 
 
 @pytest.mark.parametrize("pitch", [0.0, 3.0])
-def test_points_lie_in_the_middle_of_their_columns(pipeline, rig, render, as_disparities, pitch):
+def test_points_are_in_the_middle_of_their_columns(pipeline, rig, render, as_disparities, pitch):
     rig = replace(rig, pitch=pitch, principal_u=140.25)
     stixels = pipeline(as_disparities(render(rig, boxes=BOXES, wall=30.0)), rig)
     points = stixels.points_ego
@@ -112,7 +113,7 @@ def test_points_lie_in_the_middle_of_their_columns(pipeline, rig, render, as_dis
     np.testing.assert_allclose(columns, middles, atol=1e-6 if pitch == 0.0 else 0.3)
 
 
-def test_pixels_that_agree_by_chance_alone_make_the_variance_less(
+def test_correlated_pixels_limit_the_reduction_of_the_variance(
     pipeline, rig, render, as_disparities, extraction
 ):
     """Of n pixels, each as good as its neighbours over `correlated_pixels`, n / that many count."""
@@ -132,7 +133,7 @@ def test_pixels_that_agree_by_chance_alone_make_the_variance_less(
     np.testing.assert_allclose(pixels, 5.0 * rows, rtol=0.05)
 
 
-def test_frames_are_those_of_their_numbers(pipeline, rig, render, as_disparities):
+def test_stixels_belong_to_their_frame_number(pipeline, rig, render, as_disparities):
     images = [render(rig, boxes=[(x, 12.0, 2.0, 1.5)]) for x in (-1.0, 1.0)]
     first = pipeline(as_disparities(*images), rig)
     later = pipeline(as_disparities(*images, first=3), rig)
@@ -142,7 +143,7 @@ def test_frames_are_those_of_their_numbers(pipeline, rig, render, as_disparities
     assert np.mean(first.points_ego[first.rows(0), 0]) == pytest.approx(-1.0, abs=0.1)
 
 
-def test_no_stixels_are_arrays_of_the_right_shape(pipeline, rig, as_disparities):
+def test_empty_result_has_arrays_of_the_right_shape(pipeline, rig, as_disparities):
     nothing = np.full((rig.height, rig.width), -1, dtype=np.int16)
     for disparities in (as_disparities(), as_disparities(nothing, nothing)):
         stixels = pipeline(disparities, rig)
@@ -154,7 +155,7 @@ def test_no_stixels_are_arrays_of_the_right_shape(pipeline, rig, as_disparities)
 
 
 @pytest.mark.parametrize("fraction", [0.0, 0.1, 0.25, 0.4, 0.5, 0.8])
-def test_peak_of_a_single_value_is_that_value(fraction):
+def test_histogram_peak_of_one_value_is_that_value(fraction):
     """Votes shared by two bins stand for a value between them."""
     kernel = smoothing_kernel(0.35)
     histogram = np.zeros(20, dtype=np.int32)
@@ -162,7 +163,7 @@ def test_peak_of_a_single_value_is_that_value(fraction):
     assert histogram_peak(histogram, kernel) == pytest.approx(7 + fraction, abs=0.05)
 
 
-def test_peak_is_the_parabola_through_the_smoothed_maximum():
+def test_histogram_peak_is_the_parabola_through_the_smoothed_maximum():
     rng = np.random.default_rng(3)
     kernel = smoothing_kernel(0.2)
     for _ in range(20):
@@ -185,7 +186,7 @@ GROUPING = {
 }
 
 
-def test_a_group_follows_its_median_column():
+def test_group_follows_its_median_column():
     """Two columns of a near box, three of what stands behind: the far ones make the stixel."""
     columns = np.full((5, 40), -1, dtype=np.int16)
     columns[:2, 10:35], columns[2:, 8:30] = 16 * 20, 16 * 10 + 4
@@ -239,7 +240,7 @@ def brute_groups(columns, obstacle, window, tops, foot, base, grouping):
 
 @settings(derandomize=True, deadline=None, max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 6), st.integers(1, 23))
-def test_groups_are_those_of_a_brute_force(seed, stixel_width, width):
+def test_groups_match_a_brute_force_search(seed, stixel_width, width):
     rng = np.random.default_rng(seed)
     columns = rng.integers(16 * 8, 16 * 14, (width, 40)).astype(np.int16)
     columns[rng.random(columns.shape) < 0.2] = -1
@@ -258,7 +259,7 @@ def test_groups_are_those_of_a_brute_force(seed, stixel_width, width):
 
 
 @pytest.mark.parametrize("pitch", [0.0, 3.0])
-def test_the_foot_that_is_blended_with_the_road_does_not_count(rig, pitch):
+def test_foot_blended_with_the_road_is_ignored(rig, pitch):
     """Rows of an upright obstacle that `foot_rows` leaves out are those below the height."""
     rig = replace(rig, pitch=pitch)
     line = road_line(rig.pitch_radians, rig.camera_height, rig)
@@ -266,14 +267,14 @@ def test_the_foot_that_is_blended_with_the_road_does_not_count(rig, pitch):
     obstacle = (rig.focal * rig.baseline / depth).astype(np.float32)
     base = np.rint(base_rows(obstacle, line, rig)).astype(np.int32)
     at_height = np.stack([0 * depth, np.full(3, rig.camera_height - 0.25), depth], axis=1)
-    _, rows, _ = rig.project(at_height @ rig.level_from_camera).T
+    _, rows, _ = project(rig, at_height @ rig.level_from_camera).T
     found = foot_rows(np.append(obstacle, np.nan), np.append(base, -1), rig, 0.25)
     assert np.all(np.abs(found[:3] - rows) <= 1.5)
     assert found[3] == -1
     assert np.array_equal(foot_rows(obstacle, base, rig, 0.0), base)
 
 
-def test_a_blended_foot_does_not_move_the_stixel(pipeline, rig, render, as_disparities):
+def test_blended_foot_does_not_move_the_stixel(pipeline, rig, render, as_disparities):
     box = (0.0, 15.0, 2.0, 1.5)
     raw = render(rig, boxes=[box])
     left, right = np.rint(columns_of(rig, box)).astype(int)

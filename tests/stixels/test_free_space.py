@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from projection import project, unproject
 
 from stixel_cli.geometry.pose import ego_from_world, world_from_ego
 from stixel_cli.geometry.rig import Rig
@@ -45,7 +46,9 @@ def find(road, occupancies, free_space):
 
 @pytest.mark.parametrize("kind", ["polar", "column_disparity", "cartesian"])
 @pytest.mark.parametrize("pitch", [0.0, 3.0])
-def test_road_boxes_and_wall(find, rig, render, as_disparities, occupancies, kind, pitch):
+def test_free_space_finds_boxes_and_wall(
+    find, rig, render, as_disparities, occupancies, kind, pitch
+):
     rig = replace(rig, pitch=pitch)
     raw = render(rig, boxes=BOXES, wall=30.0)
     found = find(as_disparities(raw), rig, occupancy=occupancies[kind])
@@ -55,7 +58,7 @@ def test_road_boxes_and_wall(find, rig, render, as_disparities, occupancies, kin
         edges = rig.u0 + rig.focal * (at + np.array([-0.5, 0.5]) * width) / distance
         inside = (u > edges[0] + 2) & (u < edges[1] - 2)
         np.testing.assert_allclose(depth[inside], distance, rtol=0.02)
-        foot = rig.project(np.array([[at, rig.camera_height, distance]]) @ rig.level_from_camera)[
+        foot = project(rig, np.array([[at, rig.camera_height, distance]]) @ rig.level_from_camera)[
             0, 1
         ]
         assert np.all(np.abs(found.base_row[0][inside] - foot) <= 2)
@@ -66,7 +69,7 @@ def test_road_boxes_and_wall(find, rig, render, as_disparities, occupancies, kin
     np.testing.assert_allclose(depth[lone], 30.0, rtol=0.02)
 
 
-def test_where_nothing_stands_the_column_is_free(find, rig, render, as_disparities):
+def test_column_without_obstacle_is_free(find, rig, render, as_disparities):
     found = find(as_disparities(render(rig), render(rig, boxes=[(0.0, 10.0, 2.0, 1.5)])), rig)
     assert np.all(np.isnan(found.disparity[0]))
     assert np.all(found.base_row[0] == -1)
@@ -75,7 +78,7 @@ def test_where_nothing_stands_the_column_is_free(find, rig, render, as_dispariti
     assert np.count_nonzero(box) == pytest.approx(2.0 * rig.focal / 10.0, abs=2)
 
 
-def test_what_hangs_over_the_road_is_no_obstacle(find, rig, render, as_disparities):
+def test_overhanging_object_is_not_an_obstacle(find, rig, render, as_disparities):
     bridge = render(rig, wall=20.0)
     row = rig.v0 - (3.0 - rig.camera_height) * rig.focal / 20.0
     bridge[int(row) - 1 :] = render(rig)[int(row) - 1 :]
@@ -83,7 +86,7 @@ def test_what_hangs_over_the_road_is_no_obstacle(find, rig, render, as_dispariti
 
 
 @pytest.mark.parametrize(("depth", "tall", "stands"), [(5.0, 0.4, False), (5.0, 0.7, True)])
-def test_the_least_obstacle_has_a_height_and_not_just_pixels(
+def test_smallest_obstacle_depends_on_height_and_pixels(
     find, rig, render, as_disparities, depth, tall, stands
 ):
     """Of 0.4 m at 5 m nine rows stand above `road.least_height`: pixels enough, not 0.3 m."""
@@ -91,12 +94,12 @@ def test_the_least_obstacle_has_a_height_and_not_just_pixels(
     assert np.isfinite(found.disparity[0, int(rig.u0)]) == stands
 
 
-def test_disparity_of_noise_alone_is_free(find, rig, as_disparities):
+def test_column_with_only_noise_is_free(find, rig, as_disparities):
     invalid = np.full((rig.height, rig.width), -1, dtype=np.int16)
     assert np.all(np.isnan(find(as_disparities(invalid), rig).disparity))
 
 
-def test_mirrored_image_mirrors_the_free_space(find, rig, render, as_disparities):
+def test_mirrored_image_gives_mirrored_free_space(find, rig, render, as_disparities):
     raw = render(rig, boxes=BOXES, wall=30.0)
     one = find(as_disparities(raw), rig)
     other = find(as_disparities(np.ascontiguousarray(raw[:, ::-1])), rig)
@@ -104,7 +107,7 @@ def test_mirrored_image_mirrors_the_free_space(find, rig, render, as_disparities
     assert np.mean(different) < 0.02
 
 
-def test_a_chunk_goes_on_where_the_last_one_ended(find, rig, render, as_disparities, free_space):
+def test_chunks_give_the_same_free_space_as_one_pass(find, rig, render, as_disparities, free_space):
     rng = np.random.default_rng(0)
     strong = replace(free_space, temporal_cost=1.0)
     ego = driving(6, speed=0.5, turn=0.02)
@@ -124,7 +127,9 @@ def test_a_chunk_goes_on_where_the_last_one_ended(find, rig, render, as_disparit
     assert not np.array_equal(alone.disparity[0], second.disparity[0], equal_nan=True)
 
 
-def test_temporal_term_holds_what_is_not_seen(find, rig, render, as_disparities, free_space):
+def test_temporal_term_keeps_an_obstacle_without_measurement(
+    find, rig, render, as_disparities, free_space
+):
     """In the second frame the middle of the box has no disparities, nor has what is behind it."""
     raw = render(rig, boxes=[(0.0, 12.0, 3.0, 1.5)])
     holed = raw.copy()
@@ -137,7 +142,7 @@ def test_temporal_term_holds_what_is_not_seen(find, rig, render, as_disparities,
 
 
 @pytest.mark.parametrize("step", [(0.0, -0.5), (0.0, 0.5), (0.5, 0.0)])
-def test_temporal_term_does_not_drag_a_moving_target(
+def test_temporal_term_does_not_delay_a_moving_target(
     find, rig, render, as_disparities, free_space, step
 ):
     """It expects a world that stands still; a box at 5 m/s at 10 Hz is measured where it is."""
@@ -154,14 +159,14 @@ def test_temporal_term_does_not_drag_a_moving_target(
         np.testing.assert_allclose(depth, distance, rtol=0.03)
 
 
-def test_no_frames_give_an_empty_result(find, rig, as_disparities):
+def test_free_space_of_no_frames_is_empty(find, rig, as_disparities):
     empty = find(as_disparities(), rig)
     assert empty.disparity.shape == empty.base_row.shape == (0, rig.width)
     assert empty.road.shape == (0, 2)
 
 
 @pytest.mark.parametrize("pitch", [0.0, 2.0])
-def test_expected_depth_is_the_wall_seen_from_the_next_pose(pitch):
+def test_expected_depth_equals_the_wall_seen_from_the_next_pose(pitch):
     rig = Rig(320, 160, None, 300.0, None, None, 0.5, 1.4, pitch)
     line = road_line(rig.pitch_radians, rig.camera_height, rig)
     before, now = np.array([1.0, 2.0, 1.5]), np.array([1.3, 3.5, 1.55])
@@ -179,7 +184,7 @@ def test_expected_depth_is_the_wall_seen_from_the_next_pose(pitch):
     np.testing.assert_allclose(expected[seen], on_wall, atol=0.06)
 
 
-def test_what_stands_still_is_expected_where_it_was_up_to_the_image_s_borders(rig):
+def test_expected_depth_of_a_static_scene_is_unchanged_up_to_the_borders(rig):
     line = road_line(0.0, rig.camera_height, rig)
     depth = np.linspace(5.0, 40.0, rig.width)
     obstacle = (rig.focal * rig.baseline / depth).astype(np.float32)
@@ -190,7 +195,7 @@ def test_what_stands_still_is_expected_where_it_was_up_to_the_image_s_borders(ri
 
 
 @pytest.mark.parametrize("column", [60, 110, 220])
-def test_one_column_s_obstacle_is_expected_in_the_column_of_its_foot(column):
+def test_obstacle_is_expected_in_the_column_of_its_foot(column):
     """Pitched by 8 degrees, a row says by how much depth along the road is not that of the image:
     5 px here."""
     rig = Rig(320, 160, None, 300.0, 150.0, None, 0.5, 1.4, 8.0)
@@ -199,17 +204,17 @@ def test_one_column_s_obstacle_is_expected_in_the_column_of_its_foot(column):
     obstacle = np.full(rig.width, np.nan, dtype=np.float32)
     obstacle[column] = rig.focal * rig.baseline / 9.0
     base = obstacle_base(obstacle, line, rig)
-    ray = rig.level_from_camera @ rig.unproject(np.array([[column, base[column], 1.0]]))[0]
+    ray = rig.level_from_camera @ unproject(rig, np.array([[column, base[column], 1.0]]))[0]
     place = ray[[0, 2]] * 9.0 / ray[2]
     x, y = ego_from_world(world_from_ego(place[None], before), now)[0]
     foot = np.array([[x, rig.camera_height, y]]) @ rig.level_from_camera
     expected = expected_depth(obstacle, base, line, rig, before, now)
     at = np.flatnonzero(np.isfinite(expected))
-    assert len(at) == 2 and np.all(np.abs(at - rig.project(foot)[0, 0]) < 1.1)
+    assert len(at) == 2 and np.all(np.abs(at - project(rig, foot)[0, 0]) < 1.1)
     np.testing.assert_allclose(expected[at], y, rtol=1e-5)
 
 
-def test_estimated_road_makes_up_for_a_wrong_rig(find, rig, estimated_road, render, as_disparities):
+def test_estimated_road_compensates_a_wrong_rig(find, rig, estimated_road, render, as_disparities):
     true = replace(rig, pitch=1.0)
     raw = render(true, boxes=[(0.0, 12.0, 2.0, 1.5)])
     found = find(as_disparities(raw), rig, road=estimated_road)
@@ -218,7 +223,7 @@ def test_estimated_road_makes_up_for_a_wrong_rig(find, rig, estimated_road, rend
     np.testing.assert_allclose(rig.focal * rig.baseline / found.disparity[0][box], 12.0, rtol=0.02)
 
 
-def test_costs_that_do_not_fit_are_refused(free_space):
+def test_free_space_rejects_inconsistent_costs(free_space):
     free_space.check()
-    with pytest.raises(ValueError, match=r"free_space\.free_cost: 2\.0 must be below"):
+    with pytest.raises(ValueError, match=r"free_space\.free_cost: must be < .*got 2\.0"):
         replace(free_space, free_cost=2.0).check()

@@ -24,12 +24,12 @@ def powers(exponents):
     return values
 
 
-def test_power_of_two():
+def test_powers_approximate_exp2():
     y = np.linspace(-16, 1, 5000, dtype=np.float32)
     np.testing.assert_allclose(powers(y), np.exp2(y), atol=3e-6)
 
 
-def test_windows_end_behind_the_obstacle(rig):
+def test_depth_windows_end_behind_the_obstacle(rig):
     obstacle = np.array([20.0, np.nan, 5.0], dtype=np.float32)
     focal_baseline = rig.focal * rig.baseline
     depth = focal_baseline / obstacle
@@ -38,7 +38,7 @@ def test_windows_end_behind_the_obstacle(rig):
     )
 
 
-def test_costs_follow_from_the_membership():
+def test_height_costs_follow_from_the_membership():
     """C(u, v) = Σ_{i < v} M - Σ_{v <= i <= base} M, in plain sums."""
     rng = np.random.default_rng(0)
     columns = rng.integers(-1, 320, (6, 25)).astype(np.int16)
@@ -67,7 +67,9 @@ def test_costs_follow_from_the_membership():
         (8.0, 3.0, 50),
     ],
 )
-def test_neighbours_are_tied_by_how_near_their_depths_are(rig, height, beyond, smoothness, top):
+def test_smoothness_depends_on_the_depth_difference_of_neighbours(
+    rig, height, beyond, smoothness, top
+):
     """Ten more rows of one column gain 20 and cost 10 C_s (1 - |z_u - z_v| / 5 m) on each side."""
     depth = np.full(rig.width, 10.0 + beyond)
     depth[100] = 10.0
@@ -110,7 +112,7 @@ def least_cost(cost, base, tied):
 
 @settings(derandomize=True, deadline=None, max_examples=60)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 25), st.integers(1, 30))
-def test_tops_are_the_cheapest(seed, width, rows):
+def test_tops_have_the_least_cost(seed, width, rows):
     rng = np.random.default_rng(seed)
     cost = rng.normal(0, 5, (width, rows)).astype(np.float32)
     base = rng.integers(-1, rows, width).astype(np.int32)
@@ -123,7 +125,7 @@ def test_tops_are_the_cheapest(seed, width, rows):
     assert total_cost(tops, cost, tied) == pytest.approx(least_cost(cost, base, tied), abs=1e-3)
 
 
-def test_tops_of_the_mirrored_image_are_mirrored():
+def test_mirrored_image_gives_mirrored_tops():
     rng = np.random.default_rng(9)
     cost = rng.normal(0, 5, (30, 20)).astype(np.float32)
     base = rng.integers(5, 20, 30).astype(np.int32)

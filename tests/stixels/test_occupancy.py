@@ -64,14 +64,14 @@ def test_occupancy_is_the_sum_of_the_likelihoods(rig, occupancies, kind):
         np.testing.assert_allclose(got[:, j], expected.sum(axis=1).mean(axis=1), atol=1e-3)
 
 
-def test_small_cells_have_the_likelihood_itself():
+def test_small_cells_have_the_likelihood_at_their_centre():
     centres = np.array([3.0, 7.25, 12.0])
     got = cell_likelihoods(16, centres - 1e-3, centres + 1e-3, np.full(3, 0.6))
     bins = np.arange(2 * 16 + 1)[:, None] / 2
     np.testing.assert_allclose(got, normal(bins - centres, 0.6), atol=4e-4)
 
 
-def test_relief_widens_the_near_cells_alone(rig, occupancies):
+def test_relief_widens_only_near_cells(rig, occupancies):
     flat = layout(replace(occupancies["polar"], relief=0.0), rig, 64)
     rough = layout(replace(occupancies["polar"], relief=0.3), rig, 64)
     assert rough.peaks[0] < 0.6 * flat.peaks[0]
@@ -80,7 +80,7 @@ def test_relief_widens_the_near_cells_alone(rig, occupancies):
     assert np.all(rough.likelihoods.max(axis=0) <= rough.peaks * (1 + 1e-5))
 
 
-def test_lateral_spread_is_the_sum_over_the_columns():
+def test_lateral_spread_sums_over_the_columns():
     rng = np.random.default_rng(5)
     polar = rng.random((40, 3)).astype(np.float32)
     starts, widths = np.array([-5.0, 3.2, 10.1]), np.array([7.0, 4.3, 0.6])
@@ -94,7 +94,7 @@ def test_lateral_spread_is_the_sum_over_the_columns():
             assert got[i, j] == pytest.approx(density @ polar[:, j], abs=1e-3)
 
 
-def test_cartesian_grid_comes_back_to_the_columns(rig, road, occupancies, render):
+def test_cartesian_grid_is_resampled_to_the_columns(rig, road, occupancies, render):
     columns = np.ascontiguousarray(render(rig, boxes=[(-1.0, 12.0, 3.0, 1.5)], wall=30.0).T)
     line = road_line(0.0, rig.camera_height, rig)
     grids = {k: layout(o, rig, 64) for k, o in occupancies.items()}
@@ -109,7 +109,7 @@ def test_cartesian_grid_comes_back_to_the_columns(rig, road, occupancies, render
 
 
 @pytest.mark.parametrize("kind", ["polar", "column_disparity", "cartesian"])
-def test_picture_shows_the_box_where_it_stands(
+def test_displayed_grid_shows_the_box_at_its_place(
     rig, road, occupancies, render, as_disparities, kind
 ):
     empty, box = render(rig), render(rig, boxes=[(1.0, 12.0, 2.0, 1.5)])
@@ -133,8 +133,8 @@ def test_picture_shows_the_box_where_it_stands(
     assert picture_grid(*arguments, frame=4).values.max() == 0.0
 
 
-def test_range_that_does_not_fit_is_refused(occupancies):
+def test_occupancy_rejects_an_inconsistent_range(occupancies):
     for occupancy in occupancies.values():
         occupancy.check()
-        with pytest.raises(ValueError, match=r"occupancy\.nearest: 60\.0 must be below"):
+        with pytest.raises(ValueError, match=r"occupancy\.nearest: must be < .*got 60\.0"):
             replace(occupancy, nearest=60.0).check()

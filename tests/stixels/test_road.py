@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from projection import project, unproject
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.stixels.free_space_parameters import RigRoad
@@ -22,18 +23,18 @@ PITCHED = Rig(320, 160, None, 300.0, 150.0, 70.0, 0.5, 1.4, 3.0)
 
 def pixels_of_level(rig, points_level):
     """(u, v, d) of points (n, 3) in the level frame."""
-    return rig.project(np.asarray(points_level) @ rig.level_from_camera)
+    return project(rig, np.asarray(points_level) @ rig.level_from_camera)
 
 
 @settings(derandomize=True, deadline=None, max_examples=30)
 @given(st.floats(-0.2, 0.2), st.floats(0.5, 4.0))
-def test_line_and_pose_are_inverse(pitch, height):
+def test_road_line_and_camera_pose_are_inverse(pitch, height):
     assert pitch_and_height(road_line(pitch, height, PITCHED), PITCHED) == pytest.approx(
         (pitch, height), abs=1e-9
     )
 
 
-def test_line_levels_and_base_agree_with_the_projection():
+def test_road_line_pitch_factors_and_base_rows_agree_with_the_projection():
     rig = PITCHED
     line = road_line(rig.pitch_radians, rig.camera_height, rig)
     depth = np.array([6.0, 9.0, 20.0, 70.0])
@@ -48,13 +49,13 @@ def test_line_levels_and_base_agree_with_the_projection():
 
 @pytest.mark.parametrize("least, greatest", [(0.25, 3.0), (0.25, 1.0), (1.6, 2.0)])
 @pytest.mark.parametrize("rig", [PITCHED, replace(PITCHED, pitch=0.0)])
-def test_obstacle_limits_are_heights_of_unprojected_pixels(rig, least, greatest):
+def test_obstacle_limits_match_heights_of_unprojected_pixels(rig, least, greatest):
     road = RigRoad(kind="rig", least_height=least, greatest_height=greatest, disparity_margin=1.0)
     line = road_line(rig.pitch_radians, rig.camera_height, rig)
     lowest, highest = obstacle_limits(line, rig, road, 64)
     v, raw = np.mgrid[: rig.height, 1 : 64 * 16]
     measured = np.stack([np.full(v.size, rig.u0), v.ravel(), raw.ravel() / 16.0], axis=1)
-    level = rig.unproject(measured) @ rig.level_from_camera.T
+    level = unproject(rig, measured) @ rig.level_from_camera.T
     above = (rig.camera_height - level[:, 1]).reshape(v.shape)
     margin = raw / 16.0 - (line[0] * v + line[1])
     expected = (above > least) & (above < greatest) & (margin > 1.0)
@@ -80,7 +81,7 @@ def test_v_disparity_counts_every_pixel():
 
 
 @pytest.mark.parametrize("pitch, height", [(0.0, 1.4), (1.3, 1.35), (-0.8, 1.5)])
-def test_estimate_finds_the_plane_under_noise_and_obstacles(
+def test_road_estimate_finds_the_plane_under_noise_and_obstacles(
     rig, estimated_road, render, pitch, height
 ):
     true = replace(rig, pitch=pitch, camera_height=height)
@@ -95,15 +96,15 @@ def test_estimate_finds_the_plane_under_noise_and_obstacles(
     assert found_height == pytest.approx(height, rel=0.02)
 
 
-def test_without_a_vote_or_an_estimate_the_rig_stands(rig, road, estimated_road):
+def test_road_of_the_rig_is_used_without_votes_or_estimate(rig, road, estimated_road):
     nothing = np.full((rig.width, rig.height), -1, dtype=np.int16)
     expected = road_line(0.0, 1.4, rig)
     assert np.array_equal(find_road(nothing, 64, rig, estimated_road), expected)
     assert np.array_equal(find_road(nothing, 64, rig, road), expected)
 
 
-def test_heights_that_do_not_fit_are_refused(road, estimated_road):
+def test_road_rejects_inconsistent_heights(road, estimated_road):
     road.check()
     for parameters in (road, estimated_road):
-        with pytest.raises(ValueError, match=r"road\.least_height: 3\.5 must be below"):
+        with pytest.raises(ValueError, match=r"road\.least_height: must be < .*got 3\.5"):
             replace(parameters, least_height=3.5).check()

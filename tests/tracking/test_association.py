@@ -13,7 +13,7 @@ from stixel_cli.tracking.prior import PriorShape, prior_radii
 ANGLES = 2.0 * np.pi * np.arange(2000) / 2000
 
 
-def test_moments_of_an_ellipse_and_of_a_rectangle():
+def test_moments_of_ellipse_and_rectangle_are_exact():
     radii = 2.0 * 0.5 / np.hypot(0.5 * np.cos(ANGLES), 2.0 * np.sin(ANGLES))
     centroid, moments = contour_moments(ANGLES, radii)
     np.testing.assert_allclose(centroid, 0.0, atol=1e-12)
@@ -23,7 +23,7 @@ def test_moments_of_an_ellipse_and_of_a_rectangle():
     np.testing.assert_allclose(moments, np.diag([4.5**2 / 12, 1.8**2 / 12]), rtol=1e-3, atol=1e-9)
 
 
-def test_moments_know_a_centre_that_is_not_in_the_middle():
+def test_moments_use_the_centroid_of_an_asymmetric_contour():
     # A circle of radius 2 seen from a point 1 m from its centre.
     radii = np.cos(ANGLES) + np.sqrt(4.0 - np.sin(ANGLES) ** 2)
     centroid, moments = contour_moments(ANGLES, radii)
@@ -31,7 +31,7 @@ def test_moments_know_a_centre_that_is_not_in_the_middle():
     np.testing.assert_allclose(moments, np.eye(2), atol=1e-9)
 
 
-def test_a_contour_without_area_has_no_moments():
+def test_contour_without_area_has_no_moments():
     centroid, moments = contour_moments(ANGLES, -np.ones(2000))
     assert not centroid.any()
     assert not moments.any()
@@ -39,7 +39,7 @@ def test_a_contour_without_area_has_no_moments():
 
 @settings(derandomize=True, deadline=None, max_examples=40)
 @given(seed=st.integers(0, 2**31), probability=st.floats(0.01, 0.999), each=st.booleans())
-def test_the_gate_is_that_of_the_normal_density(seed, probability, each):
+def test_gate_matches_the_normal_density(seed, probability, each):
     random = np.random.default_rng(seed)
     points = 3.0 * random.standard_normal((30, 2))
     roots = random.standard_normal((30 if each else 1, 2, 2))
@@ -53,14 +53,14 @@ def test_the_gate_is_that_of_the_normal_density(seed, probability, each):
     assert found.tolist() == expected
 
 
-def test_no_gate_takes_all_and_an_empty_scan_gives_none():
+def test_no_gate_accepts_all_points_and_an_empty_scan_gives_no_point():
     assert associate(np.ones((3, 2)), np.zeros(2), 1e-9 * np.eye(2), None).tolist() == [0, 1, 2]
     assert associate(np.zeros((0, 2)), np.zeros(2), np.eye(2), 0.99).tolist() == []
 
 
 @pytest.mark.parametrize("size", [(4.5, 1.8), (1.8, 0.6), (0.6, 0.35), (12.0, 2.5)])
 @pytest.mark.parametrize("shape", ["rectangle", "ellipse"])
-def test_a_contour_lies_inside_its_own_gate(size, shape):
+def test_contour_is_inside_its_own_gate(size, shape):
     prior = PriorShape(*size, shape, 0.0, 1.0, 1.0, 0.1)
     radii = prior_radii(prior, ANGLES)
     centroid, moments = contour_moments(ANGLES, radii)
@@ -68,7 +68,7 @@ def test_a_contour_lies_inside_its_own_gate(size, shape):
     assert len(associate(outline, centroid, moments, 0.99)) == len(outline)
 
 
-def test_a_converged_target_keeps_its_points_and_leaves_a_wall_three_metres_behind(tracker):
+def test_gate_accepts_target_points_and_rejects_a_wall_behind(tracker):
     scans = seen_car(40, 60)
     behind = np.stack([np.linspace(-4.5, 4.5, 30), np.full(30, 0.9 + 3.0)], axis=-1)
     with_wall = [
@@ -82,7 +82,7 @@ def test_a_converged_target_keeps_its_points_and_leaves_a_wall_three_metres_behi
         assert used.max() < 60
 
 
-def test_the_gate_turns_with_the_target(tracker):
+def test_gate_rotates_with_the_target(tracker):
     """3 m from the centre is inside before the car (2.1 m to its front), outside beside it."""
     initial, prior, parameters = tracker
     centre = initial.mean[:2]

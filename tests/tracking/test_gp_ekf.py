@@ -54,7 +54,7 @@ def measurement(points, mean, process):
 
 @settings(derandomize=True, deadline=None, max_examples=40)
 @given(seed=SEEDS, mean_radius=st.sampled_from([0.0, 1.4]))
-def test_the_jacobian_is_that_of_finite_differences(seed, mean_radius):
+def test_jacobian_matches_finite_differences(seed, mean_radius):
     process = dataclasses.replace(PROCESS, mean_radius=mean_radius)
     mean, points = some_state(np.random.default_rng(seed))
     predicted, matrix, _ = dense_model(points, mean, process)
@@ -69,7 +69,7 @@ def test_the_jacobian_is_that_of_finite_differences(seed, mean_radius):
 
 @settings(derandomize=True, deadline=None, max_examples=40)
 @given(seed=SEEDS, each=st.booleans(), rank=st.integers(3, 22))
-def test_the_update_is_the_textbooks(seed, each, rank):
+def test_update_matches_the_textbook(seed, each, rank):
     """Also with a covariance that is singular: it is never inverted."""
     random = np.random.default_rng(seed)
     mean, points = some_state(random)
@@ -102,7 +102,7 @@ def test_semi_definite_covariances_are_factored(seed, rank):
 
 @settings(derandomize=True, deadline=None, max_examples=15)
 @given(seed=SEEDS)
-def test_the_order_of_the_points_does_not_matter(seed):
+def test_order_of_the_points_does_not_change_the_update(seed):
     random = np.random.default_rng(seed)
     mean, points = some_state(random)
     root = 0.3 * random.standard_normal((len(mean), len(mean)))
@@ -120,7 +120,7 @@ def test_the_order_of_the_points_does_not_matter(seed):
     shift=st.tuples(st.floats(-50, 50), st.floats(-50, 50)),
     covariance=st.sampled_from(["isotropic", "points"]),
 )
-def test_a_world_that_is_turned_and_moved_turns_and_moves_the_track(angle, shift, covariance):
+def test_track_is_invariant_to_rigid_motions_of_the_world(angle, shift, covariance):
     parameters = dataclasses.replace(TRACKER, measurement_covariance=covariance)
     turn, points = rotation(angle), seen_car(6, 25)
     noises = np.tile(np.diag([0.02, 0.005]), (150, 1, 1))
@@ -146,7 +146,7 @@ def test_a_world_that_is_turned_and_moved_turns_and_moves_the_track(angle, shift
     np.testing.assert_allclose(moved.nis, plain.nis, rtol=1e-5)
 
 
-def test_an_empty_scan_is_a_prediction_and_only_grows_the_covariance(tracker):
+def test_empty_scan_predicts_and_grows_the_covariance(tracker):
     points = seen_car(8, 40)
     found = track(scans_of([*points, *[np.zeros((0, 2))] * 5]), *tracker)
     assert np.isnan(found.nis[8:]).all()
@@ -162,7 +162,7 @@ def test_an_empty_scan_is_a_prediction_and_only_grows_the_covariance(tracker):
         assert np.diag(radii).min() > -1e-12
 
 
-def test_it_stays_finite_and_semi_definite_over_a_thousand_scans(tracker):
+def test_filter_stays_finite_and_semi_definite_over_a_thousand_scans(tracker):
     points = [p if k % 7 else np.zeros((0, 2)) for k, p in enumerate(seen_car(1000, 8))]
     points[500:700] = [np.zeros((0, 2))] * 200
     found = track(scans_of(points), *tracker)
@@ -173,7 +173,7 @@ def test_it_stays_finite_and_semi_definite_over_a_thousand_scans(tracker):
 
 
 @pytest.mark.parametrize("distance", [0.0, 1e-12, 1e-5, 2e-3, 1e-2])
-def test_a_point_on_the_predicted_centre_does_no_harm(tracker, distance):
+def test_point_on_the_predicted_centre_is_handled(tracker, distance):
     initial, prior, parameters = tracker
     points = seen_car(3, 20)
     centre = initial.mean[:2] + 0.1 * initial.mean[3:5]
@@ -184,7 +184,7 @@ def test_a_point_on_the_predicted_centre_does_no_harm(tracker, distance):
     assert (20 in found.used_points) == (distance >= 1e-3)
 
 
-def test_a_whole_contour_is_found(tracker):
+def test_filter_converges_to_a_fully_visible_contour(tracker):
     found = track(scans_of(seen_car(60, 80)), *tracker)
     truth = poses_of_turn(60)
     assert np.linalg.norm(found.means[20:, :2] - truth[20:, :2], axis=1).max() < 1.0
@@ -193,7 +193,7 @@ def test_a_whole_contour_is_found(tracker):
     assert nearest.max() < 0.3
 
 
-def test_the_nis_has_one_degree_of_freedom_a_point():
+def test_nis_has_one_degree_of_freedom_per_point():
     """A circle, all of it seen and known: radial innovations of 0.1 m are what the model says."""
     random = np.random.default_rng(4)
     parameters = dataclasses.replace(TRACKER, sigma_q=0.01, sigma_q_psi=0.01, gate_probability=None)
@@ -208,7 +208,7 @@ def test_the_nis_has_one_degree_of_freedom_a_point():
     assert np.mean(found.nis / found.nis_degrees_of_freedom) == pytest.approx(1.0, abs=0.06)
 
 
-def test_the_contour_and_its_std_are_those_of_the_regression(tracker):
+def test_contour_and_std_match_the_regression(tracker):
     found = track(scans_of(seen_car(4, 30)), *tracker)
     angles = 2.0 * np.pi * np.arange(60) / 60
     parameters = tracker[2]
@@ -242,13 +242,13 @@ def test_the_mean_radius_of_an_ellipse_is_between_its_half_axes():
     assert 0.3 < mean_radius(PriorShape(1.8, 0.6, "ellipse", 0.0, 1, 1, 1)) < 0.9
 
 
-def test_a_radius_below_zero_is_drawn_as_zero():
+def test_negative_radius_is_reported_as_zero():
     mean = np.concatenate([[1.0, 2.0, 0.3, 0, 0, 0], -np.ones(16)])
     contours, _, _ = contours_of(mean[None], np.eye(22)[None], PROCESS, 12)
     np.testing.assert_allclose(contours[0], np.tile([1.0, 2.0], (12, 1)))
 
 
-def test_points_bear_their_own_covariance_or_one_for_all(tracker):
+def test_measurement_covariance_is_isotropic_or_per_point(tracker):
     initial, prior, parameters = tracker
     scans = scans_of(seen_car(5, 20), covariances=np.tile(0.04 * np.eye(2), (100, 1, 1)))
     own = dataclasses.replace(parameters, measurement_covariance="points")
@@ -259,7 +259,7 @@ def test_points_bear_their_own_covariance_or_one_for_all(tracker):
     assert not np.allclose(first.means, other.means)
 
 
-def test_the_same_scans_give_the_same_bytes(tracker):
+def test_same_scans_give_the_same_bytes(tracker):
     scans = scans_of(seen_car(10, 30))
     first, second = track(scans, *tracker), track(scans, *tracker)
     for field in dataclasses.fields(first):
@@ -267,7 +267,7 @@ def test_the_same_scans_give_the_same_bytes(tracker):
         assert one.tobytes() == other.tobytes()
 
 
-def test_no_scan_at_all_gives_an_empty_track(tracker):
+def test_no_scans_give_an_empty_track(tracker):
     found = track(scans_of([]), *tracker)
     assert found.means.shape == (0, gp_ekf.SEEN * 2 + TRACKER.basis_points)
     assert found.used_offsets.tolist() == [0]

@@ -14,7 +14,7 @@ ANGLES = st.lists(st.floats(-10.0, 10.0), min_size=1, max_size=8).map(np.array)
 
 @settings(derandomize=True, deadline=None, max_examples=30)
 @given(angles=ANGLES, turns=st.integers(-3, 3))
-def test_the_kernel_is_periodic_symmetric_and_has_its_variance_on_the_diagonal(angles, turns):
+def test_kernel_is_periodic_and_symmetric_with_the_variance_on_the_diagonal(angles, turns):
     covariance = kernel(angles, angles, LENGTH, SIGMA, 0.8)
     np.testing.assert_allclose(covariance, covariance.T)
     np.testing.assert_allclose(np.diag(covariance), SIGMA**2 + 0.8**2)
@@ -29,7 +29,7 @@ def kernel_derivative(angles, other_angles, length_scale, sigma_f):
     return -np.sin(difference) / length_scale**2 * exponential
 
 
-def test_the_derivative_is_that_of_finite_differences():
+def test_kernel_derivative_matches_finite_differences():
     u, v, step = np.linspace(-4, 4, 23), np.linspace(0, 6, 17), 1e-6
     difference = kernel(u + step, v, 0.4, 1.3, 0.7) - kernel(u - step, v, 0.4, 1.3, 0.7)
     derivative = kernel_derivative(u, v, 0.4, 1.3)
@@ -38,7 +38,7 @@ def test_the_derivative_is_that_of_finite_differences():
 
 @pytest.mark.parametrize("basis_points", [4, 20, 50])
 @pytest.mark.parametrize("sigma_r", [0.0, 0.8])
-def test_regression_is_the_textbooks(basis_points, sigma_r):
+def test_regression_matches_the_textbook(basis_points, sigma_r):
     process = contour_process(basis_points, LENGTH, SIGMA, sigma_r, 1e-6)
     basis, angles = process.basis_angles, np.linspace(-7.0, 7.0, 61)
     matrix, variance = process.at(angles)
@@ -51,7 +51,7 @@ def test_regression_is_the_textbooks(basis_points, sigma_r):
     assert np.all(variance >= 0.0)
 
 
-def test_the_slope_is_the_derivative_of_the_regression():
+def test_slope_is_the_derivative_of_the_regression():
     process = contour_process(30, LENGTH, SIGMA, 0.8, 1e-6)
     radii = 2.0 + 0.3 * np.cos(2.0 * process.basis_angles) + 0.1 * np.sin(process.basis_angles)
     angles, step = np.linspace(-3.0, 3.0, 40), 1e-4
@@ -63,7 +63,7 @@ def test_the_slope_is_the_derivative_of_the_regression():
     np.testing.assert_allclose(slope, derivative @ process.inverse @ radii, atol=1e-9)
 
 
-def test_the_basis_points_are_interpolated():
+def test_regression_interpolates_the_basis_points():
     process = contour_process(30, LENGTH, SIGMA, 0.8, 1e-9)
     matrix, variance = process.at(process.basis_angles)
     np.testing.assert_allclose(matrix, np.eye(30), atol=1e-5)

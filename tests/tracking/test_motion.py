@@ -8,13 +8,13 @@ from stixel_cli.tracking.kernel import contour_process
 from stixel_cli.tracking.motion import intervals, predict, process_noise, transition
 
 
-def test_the_first_interval_counts_twice():
+def test_first_interval_is_used_twice():
     np.testing.assert_allclose(intervals(np.array([0.0, 0.1, 0.3])), [0.1, 0.1, 0.2])
     assert intervals(np.array([2.0])).tolist() == [0.0]
     assert intervals(np.array([])).tolist() == []
 
 
-def test_transition_and_noise_are_the_kronecker_products():
+def test_transition_and_noise_equal_the_kronecker_products():
     shift = np.array([[1.0, 0.2], [0.0, 1.0]])
     np.testing.assert_allclose(transition(0.2), np.kron(shift, np.eye(3)))
     moments = np.array([[0.2**3 / 3, 0.2**2 / 2], [0.2**2 / 2, 0.2]])
@@ -24,7 +24,7 @@ def test_transition_and_noise_are_the_kronecker_products():
 
 @settings(derandomize=True, deadline=None, max_examples=20)
 @given(seed=st.integers(0, 2**31), alpha=st.sampled_from([0.0, 1e-4, 2.0]))
-def test_prediction_is_the_dense_one(seed, alpha):
+def test_prediction_matches_the_dense_formula(seed, alpha):
     random = np.random.default_rng(seed)
     process = contour_process(8, 0.5, 1.0, 0.5, 1e-6)
     mean = random.standard_normal(14)
@@ -39,7 +39,7 @@ def test_prediction_is_the_dense_one(seed, alpha):
     np.testing.assert_allclose(covariance, expected, atol=1e-10)
 
 
-def test_radii_that_are_not_seen_keep_the_priors_covariance():
+def test_unmeasured_radii_keep_the_prior_covariance():
     process = contour_process(8, 0.5, 1.0, 0.5, 1e-6)
     mean, covariance = np.ones(14), np.eye(14)
     covariance[6:, 6:] = process.covariance

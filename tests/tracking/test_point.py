@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 from tracking_cases import CAR, START, poses_of_turn, scans_of, seen_car
 
-from stixel_cli.geometry.angles import wrap_angle
-from stixel_cli.geometry.pose import rotation
+from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.tracking.point import (
     GREATEST_VARIANCE,
     MOVING,
@@ -62,7 +61,7 @@ def textbook(scans, initial, radius, tracker):
         yield mean, covariance, nis
 
 
-def test_it_is_the_textbooks_kalman_filter_on_the_centroid():
+def test_baseline_matches_the_textbook_kalman_filter_on_the_centroid():
     points = seen_car(30, 40)
     points[3] = points[17] = np.zeros((0, 2))
     scans = scans_of(points, times=np.cumsum(np.linspace(0.05, 0.2, 30)))
@@ -78,7 +77,7 @@ def test_it_is_the_textbooks_kalman_filter_on_the_centroid():
     np.testing.assert_array_equal(result.nis_degrees_of_freedom, np.where(used > 0, 2, 0))
 
 
-def test_symmetric_scans_of_a_straight_motion_give_the_centre():
+def test_symmetric_scans_of_straight_motion_give_the_true_centre():
     truth = START.mean[:2] + 0.1 * np.arange(1, 21)[:, None] * START.mean[3:5]
     angles = 2.0 * np.pi * np.arange(12) / 12
     ring = 1.2 * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
@@ -89,7 +88,7 @@ def test_symmetric_scans_of_a_straight_motion_give_the_centre():
     np.testing.assert_allclose(result.nis, 0.0, atol=1e-20)
 
 
-def test_empty_scans_are_predictions():
+def test_baseline_predicts_at_empty_scans():
     result = track(scans_of([np.zeros((0, 2))] * 5), START, CAR, TRACKER)
     mean, covariance = START.mean[MOVING], START.covariance[np.ix_(MOVING, MOVING)]
     for k in range(5):
@@ -101,7 +100,7 @@ def test_empty_scans_are_predictions():
     assert len(result.used_points) == 0
 
 
-def test_scans_of_clutter_alone_are_predictions():
+def test_baseline_predicts_at_scans_with_only_clutter():
     far = np.array([[60.0, 60.0], [-40.0, 2.0]])
     gated = dataclasses.replace(TRACKER, gate_probability=0.99)
     clutter = track(scans_of([far, np.zeros((0, 2)), far[:1]]), START, CAR, gated)
@@ -113,7 +112,7 @@ def test_scans_of_clutter_alone_are_predictions():
 
 
 @pytest.mark.parametrize("shape", ["rectangle", "ellipse"])
-def test_the_contour_is_a_circle_of_the_shapes_area_about_the_centre(shape):
+def test_baseline_contour_is_a_circle_with_the_area_of_the_prior(shape):
     prior = dataclasses.replace(CAR, shape=shape)
     result = track(scans_of(seen_car(4, 20)), START, prior, TRACKER)
     if shape == "ellipse":
@@ -139,7 +138,7 @@ def test_the_contour_is_a_circle_of_the_shapes_area_about_the_centre(shape):
     np.testing.assert_allclose(std**2 - certain**2, prior.sigma_f**2 + prior.sigma_r**2)
 
 
-def test_the_gate_leaves_out_what_is_not_the_target():
+def test_baseline_gate_rejects_clutter():
     car = seen_car(10, 30)
     clutter = np.array([[30.0, 30.0], [-5.0, 2.0]])
     gated = dataclasses.replace(TRACKER, gate_probability=0.99)
@@ -159,7 +158,7 @@ def test_the_gate_leaves_out_what_is_not_the_target():
 
 @settings(derandomize=True, deadline=None, max_examples=25)
 @given(seed=SEEDS, angle=st.floats(-3.0, 3.0), x=st.floats(-50, 50), y=st.floats(-50, 50))
-def test_a_turned_and_shifted_world_gives_the_turned_and_shifted_track(seed, angle, x, y):
+def test_baseline_track_is_invariant_to_rigid_motions_of_the_world(seed, angle, x, y):
     points = seen_car(12, 15, seed=seed)
     gated = dataclasses.replace(TRACKER, gate_probability=0.99)
     plain = track(scans_of(points), START, CAR, gated)
@@ -185,7 +184,7 @@ def test_a_turned_and_shifted_world_gives_the_turned_and_shifted_track(seed, ang
 
 @settings(derandomize=True, deadline=None, max_examples=25)
 @given(seed=SEEDS)
-def test_the_headings_variance_is_that_of_its_linearisation(seed):
+def test_heading_variance_matches_its_linearisation(seed):
     random = np.random.default_rng(seed)
     root = 0.05 * random.standard_normal((4, 4))
     mean = np.concatenate([random.uniform(-9, 9, 2), random.uniform(1, 6, 2)])
@@ -199,7 +198,7 @@ def test_the_headings_variance_is_that_of_its_linearisation(seed):
     assert np.linalg.eigvalsh(spread).min() > -1e-12
 
 
-def test_a_target_that_stands_keeps_its_heading_and_no_variance_is_without_bound():
+def test_stopped_target_keeps_its_heading_with_bounded_variance():
     states, spread = six_states(np.array([1.0, 2.0, 0.1, 0.2]), np.eye(4), (4.0, 0.2), 0.1, TRACKER)
     assert states.tolist() == [1.0, 2.0, 4.0, 0.1, 0.2, 0.0]
     assert spread[2].tolist() == [0.0, 0.0, 0.2, 0.0, 0.0, 0.0]
@@ -213,14 +212,14 @@ def test_a_target_that_stands_keeps_its_heading_and_no_variance_is_without_bound
     np.testing.assert_allclose(fast[5, 5], TRACKER.sigma_q**2 / (0.1 * 20.0**2))
 
 
-def test_before_it_moves_the_heading_is_the_starts():
+def test_heading_is_the_initial_one_before_the_target_moves():
     stands = InitialState(START.mean * [1, 1, 1, 0, 0, 0], START.covariance)
     result = track(scans_of([np.zeros((0, 2))] * 3), stands, CAR, TRACKER)
     np.testing.assert_array_equal(result.means[:, 2], START.mean[2])
     np.testing.assert_array_equal(result.covariances[:, 2, 2], START.covariance[2, 2])
 
 
-def test_a_single_scan_and_a_full_turn_of_the_heading():
+def test_heading_covers_a_full_turn_and_a_single_scan_is_tracked():
     single = track(scans_of(seen_car(1, 20)), START, CAR, TRACKER)
     assert np.isfinite(single.means).all()
     assert np.isfinite(single.covariances).all()
@@ -234,7 +233,7 @@ def test_a_single_scan_and_a_full_turn_of_the_heading():
     assert result.means[-1, 2] > 5.0
 
 
-def test_it_follows_a_car():
+def test_baseline_tracks_a_car():
     tracker = dataclasses.replace(TRACKER, gate_probability=0.99)
     result = track(scans_of(seen_car(40, 30)), START, CAR, tracker)
     errors = np.linalg.norm(result.means[:, :2] - poses_of_turn(40)[:, :2], axis=1)

@@ -17,7 +17,7 @@ def points(prior):
     return radii[:, None] * np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=-1)
 
 
-def test_a_rectangle_has_its_size_and_rounded_corners():
+def test_rectangle_prior_has_its_size_and_rounded_corners():
     outline = points(CAR)
     assert np.abs(outline).max(axis=0) == pytest.approx([2.1, 0.85])
     # The signed distance to a rounded rectangle is zero all round.
@@ -26,26 +26,26 @@ def test_a_rectangle_has_its_size_and_rounded_corners():
     np.testing.assert_allclose(distance, 0.0, atol=1e-12)
 
 
-def test_sharp_corners_are_corners():
+def test_rectangle_prior_without_radius_has_sharp_corners():
     sharp = dataclasses.replace(CAR, corner_radius=0.0)
     corner = prior_radii(sharp, np.array([np.arctan2(0.85, 2.1)]))
     assert corner == pytest.approx(np.hypot(2.1, 0.85))
 
 
-def test_round_rectangles_are_circles():
+def test_fully_rounded_square_prior_is_a_circle():
     circle = PriorShape(1.0, 1.0, "rectangle", 0.5, 0.1, 0.1, 0.1)
     np.testing.assert_allclose(prior_radii(circle, ANGLES), 0.5)
 
 
-def test_an_ellipse_is_one():
+def test_ellipse_prior_is_an_ellipse():
     ellipse = PriorShape(1.8, 0.6, "ellipse", 0.0, 0.1, 0.1, 0.1)
     x, y = points(ellipse).T
     np.testing.assert_allclose((x / 0.9) ** 2 + (y / 0.3) ** 2, 1.0)
 
 
-def test_corners_that_do_not_fit_are_refused():
+def test_prior_rejects_a_corner_radius_that_is_too_large():
     CAR.check()
-    with pytest.raises(ValueError, match=r"prior\.corner_radius: 0\.9"):
+    with pytest.raises(ValueError, match=r"prior\.corner_radius: must be ≤ .*got 0\.9"):
         dataclasses.replace(CAR, corner_radius=0.9).check()
 
 
@@ -60,7 +60,7 @@ def scenario():
 NOISE = StartParameters("truth", position=0.3, heading=0.1, velocity=0.5, heading_rate=0.05)
 
 
-def test_predicted_to_the_first_scan_a_start_without_noise_is_the_truth():
+def test_start_without_noise_predicts_the_truth_at_the_first_scan():
     quiet = StartParameters(
         "truth", position=1e-12, heading=1e-12, velocity=1e-12, heading_rate=1e-12
     )
@@ -69,7 +69,7 @@ def test_predicted_to_the_first_scan_a_start_without_noise_is_the_truth():
     np.testing.assert_allclose(first, [4.0, 9.0, 0.3, 3.0, -1.0, 0.4], atol=1e-9)
 
 
-def test_the_noise_is_as_its_covariance_says_and_the_seeds_alone():
+def test_start_noise_matches_its_covariance_and_depends_only_on_the_seed():
     exact = transition(-0.2) @ np.array([4.0, 9.0, 0.3, 3.0, -1.0, 0.4])
     starts = [noisy_start(scenario(), NOISE, seed) for seed in range(800)]
     normal = np.array([s.mean - exact for s in starts]) / [0.3, 0.3, 0.1, 0.5, 0.5, 0.05]

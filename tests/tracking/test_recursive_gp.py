@@ -35,7 +35,7 @@ def learn(process, batches):
     return mean, covariance
 
 
-def test_at_the_basis_points_the_recursion_is_exact():
+def test_recursion_is_exact_at_the_basis_points():
     """Thesis, below (49): exact where the inputs are a subset of the basis points."""
     process = contour_process(32, np.pi / 8, 1.0, 0.5, 1e-9)
     random = np.random.default_rng(1)
@@ -50,7 +50,7 @@ def test_at_the_basis_points_the_recursion_is_exact():
     np.testing.assert_allclose(np.sqrt(np.diag(covariance)), std, atol=1e-5)
 
 
-def test_elsewhere_it_agrees_to_a_fraction_of_the_noise_and_finds_the_contour():
+def test_recursion_approximates_the_regression_between_the_basis_points():
     process = contour_process(50, np.pi / 8, 1.0, 0.5, 1e-6)
     random = np.random.default_rng(2)
     batches = []
@@ -67,7 +67,7 @@ def test_elsewhere_it_agrees_to_a_fraction_of_the_noise_and_finds_the_contour():
     assert np.sqrt(np.mean((found - contour(at)) ** 2)) < 0.5 * NOISE
 
 
-def test_what_was_not_seen_keeps_the_priors_std():
+def test_unmeasured_angles_keep_the_prior_std():
     process = contour_process(50, np.pi / 8, 1.0, 0.5, 1e-6)
     angles = np.linspace(-1.0, 1.0, 40)
     mean, covariance = learn(process, [(angles, contour(angles))])
@@ -77,7 +77,7 @@ def test_what_was_not_seen_keeps_the_priors_std():
     assert 1.0 < std[1] < np.hypot(1.0, 0.5)
 
 
-def test_the_order_of_the_batches_does_not_matter():
+def test_order_of_the_batches_does_not_change_the_result():
     process = contour_process(30, np.pi / 8, 1.0, 0.5, 1e-6)
     random = np.random.default_rng(3)
     batches = []
@@ -89,7 +89,7 @@ def test_the_order_of_the_batches_does_not_matter():
     assert forward[1] == pytest.approx(backward[1], abs=1e-8)
 
 
-def test_the_example_draws_its_picture(tmp_path, monkeypatch):
+def test_example_writes_its_picture(tmp_path, monkeypatch):
     picture = tmp_path / "regression.png"
     monkeypatch.setattr("sys.argv", ["recursive_gp.py", str(picture)])
     runpy.run_path(str(EXAMPLE), run_name="__main__")

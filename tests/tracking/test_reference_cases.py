@@ -32,7 +32,7 @@ def points_of(case):
     return np.split(case["meas"], np.cumsum(case["meas_count"])[:-1])
 
 
-def test_basis_and_motion_are_those_of_the_reference(case):
+def test_basis_and_motion_match_the_reference(case):
     process = process_of(case)
     interval, alpha = float(case["T"]), float(case["alpha"])
     np.testing.assert_allclose(process.basis_angles, case["uf"], atol=1e-12)
@@ -45,7 +45,7 @@ def test_basis_and_motion_are_those_of_the_reference(case):
     np.testing.assert_allclose(predicted, expected, atol=1e-12)
 
 
-def test_every_posterior_is_that_of_the_reference(case):
+def test_every_posterior_matches_the_reference(case):
     process = process_of(case)
     noise = process_noise(float(case["T"]), float(case["sigma_q"]), float(case["sigma_q_psi"]))
     measurement = float(case["sigma_meas"]) ** 2 * np.eye(2)
@@ -65,7 +65,7 @@ def test_every_posterior_is_that_of_the_reference(case):
     np.testing.assert_allclose(covariance, case["expected_P_final"], rtol=0, atol=1e-5)
 
 
-def test_the_measurement_model_of_the_second_scan_is_that_of_the_reference(case):
+def test_measurement_model_of_the_second_scan_matches_the_reference(case):
     process, points = process_of(case), points_of(case)[1]
     mean = case["expected_x_predicted"][1]
     model = gp_ekf.linearise(points, mean, process)
@@ -89,7 +89,7 @@ def test_the_measurement_model_of_the_second_scan_is_that_of_the_reference(case)
     np.testing.assert_allclose(blocks, np.einsum("iaib->iab", expected), rtol=0, atol=1e-5)
 
 
-def test_a_whole_track_is_that_of_the_reference(case):
+def test_whole_track_matches_the_reference(case):
     """Through `track` itself: the reference starts from radii of zero, so from a point."""
     tracker = GpEkfParameters(
         kind="gp_ekf",

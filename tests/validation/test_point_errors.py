@@ -69,7 +69,7 @@ def test_perfect_points_have_no_errors():
     assert np.all(np.abs(reach) <= 0.51)
 
 
-def test_an_off_centre_principal_point_moves_the_borders_of_the_image():
+def test_off_centre_principal_point_moves_the_image_borders():
     # The target, in the middle before, is cut by the image's left border.
     rig = dataclasses.replace(RIG, principal_u=20.0)
     points = fabricate_scans(TRUTH, rig, EXACT, seed=0)
@@ -82,13 +82,13 @@ def test_an_off_centre_principal_point_moves_the_borders_of_the_image():
     assert np.isfinite(errors.reach_right).all()
 
 
-def test_a_bias_along_the_ray_is_found():
+def test_bias_along_the_ray_is_measured():
     errors = point_errors(with_points(farther(0.2)), TRUTH, RIG)
     np.testing.assert_allclose(errors.along, 0.2, atol=1e-9)
     np.testing.assert_allclose(-errors.disparities * errors.range_sensitivities, 0.2, rtol=0.03)
 
 
-def test_points_beside_the_silhouette_are_fattening():
+def test_points_outside_the_silhouette_count_as_fattening():
     offset, _, k = seen(PERFECT.points_world)
     last = np.flatnonzero(np.diff(k, append=-1))  # leftmost of each scan: angles ascend
     points = PERFECT.points_world.copy()
@@ -105,7 +105,7 @@ def test_points_beside_the_silhouette_are_fattening():
     assert abs(np.mean(errors.reach_right)) < 0.5
 
 
-def test_missed_points_leave_columns_uncovered_and_gross_ones_are_clutter():
+def test_missed_points_leave_uncovered_columns_and_gross_errors_are_clutter():
     _, _, k = seen(PERFECT.points_world)
     index = np.arange(len(k)) - PERFECT.offsets[k]
     keep = (index < 40) | (index >= 60)
@@ -119,7 +119,7 @@ def test_missed_points_leave_columns_uncovered_and_gross_ones_are_clutter():
 
 
 @pytest.mark.parametrize("width", [1, 2, 3])
-def test_one_missed_block_of_columns_is_seen_whatever_its_width(width):
+def test_missed_block_is_found_at_any_width(width):
     _, _, k = seen(PERFECT.points_world)
     index = np.arange(len(k)) - PERFECT.offsets[k]
     every = index % width == 0
@@ -131,7 +131,7 @@ def test_one_missed_block_of_columns_is_seen_whatever_its_width(width):
     assert abs(lost / np.count_nonzero(block) - 1.0) < 0.1
 
 
-def test_far_points_are_not_cut_off_by_their_own_spread():
+def test_far_points_with_large_spread_are_kept():
     # At 34 m a pixel of disparity is worth 7 m: 2 m alone would cut the noise at 0.3 px.
     truth = scenario(depth=34.0)
     for std in (0.1, 0.2):
@@ -141,7 +141,7 @@ def test_far_points_are_not_cut_off_by_their_own_spread():
         assert abs((errors.along / errors.range_sensitivities).std() / std - 1.0) < 0.1
 
 
-def test_what_is_behind_and_beside_the_target_is_no_clutter():
+def test_background_points_are_not_clutter():
     _, _, k = seen(PERFECT.points_world)
     index = np.arange(len(k)) - PERFECT.offsets[k]
     last = np.flatnonzero(np.diff(k, append=-1))
@@ -156,7 +156,7 @@ def test_what_is_behind_and_beside_the_target_is_no_clutter():
     assert len(errors.scans) == len(last)
 
 
-def test_an_end_outside_the_image_is_not_known():
+def test_end_outside_the_image_is_unknown():
     truth = dataclasses.replace(TRUTH, target_poses_world=TRUTH.target_poses_world - [5.5, 0, 0])
     errors = point_errors(fabricate_scans(truth, RIG, EXACT, seed=0), truth, RIG)
     assert 2 <= np.isnan(errors.reach_left).sum() <= 9
@@ -165,14 +165,14 @@ def test_an_end_outside_the_image_is_not_known():
     assert errors.covered.all()
 
 
-def test_ranges_are_to_the_first_edge_that_faces_the_sensor():
+def test_ranges_end_at_the_first_edge_that_faces_the_sensor():
     contour = np.array([[10.0, -3.0], [13.0, -3.0], [13.0, 3.0], [10.0, 3.0]])
     ranges = ranges_along(contour, np.array([0.0, 0.2, -0.2, 1.0]))
     np.testing.assert_allclose(ranges[:3], 10.0 / np.cos([0.0, 0.2, 0.2]))
     assert ranges[3] == np.inf
 
 
-def test_crossings_are_those_of_the_rays():
+def test_crossings_match_the_rays():
     random = np.random.default_rng(4)
     angles = np.sort(random.uniform(0.0, 2.0 * np.pi, 30))
     contour = np.stack([12.0 + 3.0 * np.cos(angles), 3.0 * np.sin(angles)], axis=-1)
@@ -183,7 +183,7 @@ def test_crossings_are_those_of_the_rays():
     np.testing.assert_allclose(found[hit], ranges)
 
 
-def test_what_is_not_seen_has_no_errors():
+def test_scan_without_visible_target_has_no_errors():
     for depth in (-20.0, 1.0):
         truth = scenario(count=3, depth=depth)
         none = Scans(
@@ -197,6 +197,6 @@ def test_what_is_not_seen_has_no_errors():
         assert not errors.covered.any()
 
 
-def test_other_times_are_refused():
+def test_point_errors_reject_other_times():
     with pytest.raises(ValueError, match="times"):
         point_errors(PERFECT, scenario(count=9), RIG)

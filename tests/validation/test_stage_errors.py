@@ -44,7 +44,7 @@ from stixel_cli.validation.stage_truth import frame_truth, nearest_rows
 
 
 @pytest.mark.parametrize("pitch", [0.0, 2.0])
-def test_the_truth_is_the_scenes_whatever_the_pitch(pitch):
+def test_stage_truth_matches_the_scene_at_any_pitch(pitch):
     rig = make_rig(pitch)
     truth = truth_of(rig)
     assert np.array_equal(np.flatnonzero(truth.of_target), np.arange(40, 58))
@@ -62,7 +62,7 @@ def test_the_truth_is_the_scenes_whatever_the_pitch(pitch):
         assert np.all(np.abs(truth.nearest_lateral[40:58] / slope - level) > 1e-4)
 
 
-def test_no_obstacle_is_too_low_too_small_beyond_the_grid_or_road():
+def test_true_obstacles_exclude_low_small_and_far_objects_and_the_road():
     rig = make_rig()
     assert not truth_of(rig, height=0.2).of_target.any()
     assert np.isnan(truth_of(rig, wall=60.0).nearest_depth[:40]).all()
@@ -84,7 +84,7 @@ def test_no_obstacle_is_too_low_too_small_beyond_the_grid_or_road():
     assert found.of_target[50] and found.nearest_depth[50] == 8.5
 
 
-def test_the_nearest_rows_are_those_of_a_plain_search():
+def test_nearest_rows_match_a_plain_search():
     rng = np.random.default_rng(3)
     depth = np.where(rng.random((14, 30)) < 0.4, np.inf, rng.uniform(2.0, 30.0, (14, 30)))
     depth[:, 7] = np.inf
@@ -101,7 +101,7 @@ def test_the_nearest_rows_are_those_of_a_plain_search():
     assert not nearest_rows(np.full((4, 3), np.inf), 40.0, 3.0)[1].any()
 
 
-def test_zones_are_told_apart_by_the_distance_to_another_object():
+def test_zones_depend_on_the_distance_to_another_object():
     ids = np.full((20, 20), ROAD_ID, np.uint8)
     ids[4:16, 2:10], ids[4:16, 10:18], ids[:4] = TARGET_ID, BACKGROUND_ID, SKY_ID
     zone = zones(ids)
@@ -144,7 +144,7 @@ def test_perfect_inputs_give_no_errors():
     assert cover["overhang"] == cover["hanging"] == 0.0
 
 
-def test_a_frame_is_that_of_its_number_in_every_chunk():
+def test_stage_errors_use_the_frame_number_in_every_chunk():
     rig, _, alone = perfect_errors(5, first=6)
     depth, ids = scene(rig, rig.depth_from_disparity(DISPARITY))
     truth = truth_of(rig)
@@ -184,7 +184,7 @@ def test_a_frame_is_that_of_its_number_in_every_chunk():
 
 
 @pytest.mark.parametrize("shift", [-8, 5])
-def test_an_offset_of_the_disparities_comes_back(shift):
+def test_disparity_offset_is_measured_as_bias(shift):
     rig, _, errors = perfect_errors(shift)
     of = disparity_summary(errors.disparity, np.array([True]), 0)
     assert of["bias"] == pytest.approx(shift / 16, abs=1e-3)
@@ -199,7 +199,7 @@ def test_an_offset_of_the_disparities_comes_back(shift):
     assert target["bias_m"] == pytest.approx(metres, abs=1e-3)
 
 
-def test_gross_errors_are_counted_and_left_out_of_bias_and_rms():
+def test_gross_errors_are_counted_and_excluded_from_bias_and_rms():
     rig = make_rig()
     truth = truth_of(rig)
     found = truth.disparity.copy()
@@ -215,7 +215,7 @@ def test_gross_errors_are_counted_and_left_out_of_bias_and_rms():
     assert record.phase_total[0].sum() == pytest.approx(0.25)
 
 
-def test_the_sums_are_those_of_a_plain_loop_over_the_pixels():
+def test_sums_match_a_plain_loop_over_the_pixels():
     rng = np.random.default_rng(5)
     rig = make_rig()
     truth = truth_of(rig)
@@ -239,7 +239,7 @@ def test_the_sums_are_those_of_a_plain_loop_over_the_pixels():
     assert record.phase_total == pytest.approx(total)
 
 
-def test_stixels_with_injected_errors_give_them_back():
+def test_injected_stixel_errors_are_measured():
     rig = make_rig()
     truth = truth_of(rig)
     good = perfect_stixels(rig, truth)
@@ -273,7 +273,7 @@ def test_stixels_with_injected_errors_give_them_back():
     assert errors.matched[0] == 0 and errors.covered[0] > 0
 
 
-def test_a_stixel_is_on_the_target_with_half_of_its_columns_and_its_area_has_a_median():
+def test_stixel_with_half_its_columns_on_the_target_belongs_to_it():
     rig = make_rig()
     truth = truth_of(rig)
     good = perfect_stixels(rig, truth)
@@ -298,7 +298,7 @@ def test_a_stixel_is_on_the_target_with_half_of_its_columns_and_its_area_has_a_m
     assert stepped.area_depth == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_stixel_that_hangs_over_the_edge_is_seen_on_its_side():
+def test_stixel_overhang_is_measured_on_its_side():
     rig = make_rig()
     truth = truth_of(rig)
     good = perfect_stixels(rig, truth)
@@ -309,7 +309,7 @@ def test_a_stixel_that_hangs_over_the_edge_is_seen_on_its_side():
     assert errors.overhang.tolist() == [[4, 1]] and errors.hanging[0] == 2
 
 
-def test_an_overhang_ends_where_the_disparity_is_the_columns_own():
+def test_overhang_ends_at_columns_with_their_own_disparity():
     true = np.array([9.5, np.nan, 2.0, 10.0, 10.0, 2.0])
     found = np.array([10.0, 10.0, 10.0, 10.0, 10.0, 2.0])
     of_target = np.array([False, False, False, True, True, False])
@@ -321,7 +321,7 @@ def test_an_overhang_ends_where_the_disparity_is_the_columns_own():
     assert overhang(found, true, of_target, shown, 1.0) == ([1], [])
 
 
-def test_a_wheel_too_slight_for_an_obstacle_is_no_overhang():
+def test_wheel_below_the_obstacle_threshold_is_not_overhang():
     rig = make_rig()
     depth, ids = scene(rig, rig.depth_from_disparity(DISPARITY))
     # Four columns on the left in which two rows show the target.
@@ -335,7 +335,7 @@ def test_a_wheel_too_slight_for_an_obstacle_is_no_overhang():
     assert errors.overhang.tolist() == [[2, 0]] and errors.hanging[0] == 1
 
 
-def test_the_grids_own_choice_has_no_ties():
+def test_choice_of_the_grid_ignores_smoothness_and_time():
     rig = make_rig()
     line = road_line(0.0, rig.camera_height, rig)
     raw = np.full((rig.height, rig.width), -1, np.int16)
@@ -349,7 +349,7 @@ def test_the_grids_own_choice_has_no_ties():
     assert np.delete(alone, 50) == pytest.approx(8.0, abs=0.3)
 
 
-def test_columns_below_the_threshold_and_false_positives():
+def test_columns_below_the_threshold_and_false_positives_are_counted():
     rig = make_rig()
     depth = rig.depth_from_disparity(DISPARITY)
     # 0.35 m high: within the height gate it is less than the least obstacle of 0.3 m.
@@ -373,7 +373,7 @@ def test_columns_below_the_threshold_and_false_positives():
     assert not has_surface(found, truth, rig, low).any()
 
 
-def test_columns_missed_below_the_threshold_and_false_positive():
+def test_columns_are_classified_as_missed_below_threshold_or_false_positive():
     nan = np.nan
     true = np.array([10.0, 10.0, 10.0, 10.0, nan, nan, 10.0, 10.0, 10.0])
     found = np.array([10.5, nan, 8.0, 12.0, nan, 5.0, 9.5, 7.0, 8.5])
@@ -386,7 +386,7 @@ def test_columns_missed_below_the_threshold_and_false_positive():
     assert all(np.isnan(value) for name, value in empty.items() if name != "columns")
 
 
-def test_pooling_adds_frames_and_a_frame_twice_changes_no_mean():
+def test_pooling_adds_frames_and_duplicates_do_not_change_means():
     _, _, errors = perfect_errors(5)
     twice = pooled([errors, errors])
     assert len(twice.target_depth) == 2 and len(twice.stixels.offsets) == 3
@@ -406,7 +406,7 @@ def test_pooling_adds_frames_and_a_frame_twice_changes_no_mean():
         pooled([errors, narrow])
 
 
-def test_the_median_is_read_evenly_inside_a_bin():
+def test_median_is_interpolated_within_a_bin():
     histogram = np.zeros(128, int)
     assert np.isnan(histogram_median(histogram))
     histogram[64] = 10

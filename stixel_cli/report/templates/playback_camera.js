@@ -1,4 +1,4 @@
-// The camera's image, with the stixels over it.
+// The camera image with the stixels.
 function depthColour(depth) {
   const low = Math.log(DEPTH_TICKS[0]), high = Math.log(DEPTH_TICKS[DEPTH_TICKS.length - 1]);
   const share = Math.min(1, Math.max(0, (Math.log(Math.max(depth, 1e-3)) - low) / (high - low)));
@@ -15,7 +15,7 @@ function drawCamera() {
   find("stixels-choice").hidden = shots === null;
   find("stixels").style.display = shots && find("stixels-shown").checked ? "" : "none";
   if (shots === null) {
-    const measurement = (run.facts.find(([what]) => what === "measurement") || ["", "of this run"])[1];
+    const measurement = (run.facts.find(([name]) => name === "measurement") || ["", "of this run"])[1];
     find("no-camera").textContent = `No camera image: the measurement "${measurement}" uses no camera.`;
     find("camera-caption").textContent = "";
     imageShown = null;
@@ -60,7 +60,7 @@ find("source").addEventListener("change", (event) => {
   source = Number(event.target.value);
   drawMap();
   drawCamera();
-  const points = charts.find((chart) => chart.key === "points");
+  const points = charts.find((chart) => chart.name === "points");
   drawChart(points);
   drawCursor(points);
 });

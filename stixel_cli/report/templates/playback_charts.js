@@ -1,30 +1,29 @@
-// Errors over time, with a cursor that can be dragged.
+// Charts of the errors over time, with a draggable cursor.
 const DURATION = Math.max(times[LAST] - times[0], 1e-9);
 const counts = (run) => data.scans[run.scan].points.map((flat) => flat.length / 2);
 const finite = (values) => values.filter((value) => value !== null && Number.isFinite(value));
+// Labels, units and bounds come from evaluation/metric_table.py.
 const CHARTS = [
-  { key: "centre", title: "Centre error", digits: 3, unit: " m", low: 0 },
-  { key: "orientation", title: "Orientation error", digits: 2, unit: "°", rule: 0 },
-  { key: "iou", title: "IoU", digits: 3, unit: "", low: 0, high: 1, dash: LOW_OVERLAP },
-  { key: "nees", title: "Position NEES / 2", digits: 2, unit: "", log: true, rule: 1,
-    bounds: () => times.map(() => data.neesBounds) },
-  { key: "nis", title: "NIS / d.o.f.", digits: 2, unit: "", log: true, rule: 1,
-    bounds: (run) => run.nisBounds[0].map((low, k) => [low, run.nisBounds[1][k]]) },
-  { key: "points", title: "Points used", digits: 0, unit: "", low: 0 },
+  ...data.series.map((series) => ({ ...series, digits: series.ratio || series.unit === "°" ? 2 : 3 })),
+  { name: "points", short_label: "Points used", digits: 0, unit: "", bounds: [0, null] },
 ];
+const BOUNDS = {
+  nees_position: () => times.map(() => data.neesBounds),
+  nis: (run) => run.nisBounds[0].map((low, k) => [low, run.nisBounds[1][k]]),
+};
 for (const run of runs) run.errors.points = run.used.map((used) => used.length);
 
 find("errors").classList.toggle("many", runs.length > 1);
 const charts = CHARTS.map((chart) => {
   const card = html("div", { className: "chart" }, find("errors"));
   const head = html("h2", {}, card);
-  html("span", { className: "what", textContent: chart.title }, head);
+  html("span", { className: "name", textContent: chart.short_label }, head);
   const values = runs.map((_, r) => {
     const value = html("span", { className: "value" }, head);
     value.style.color = `color-mix(in srgb, ${colourOf(r)} 60%, var(--ink))`;  // legible as text
     return value;
   });
-  const plot = svg("svg", { class: "plot", role: "img", "aria-label": `${chart.title} over time` }, card);
+  const plot = svg("svg", { class: "plot", role: "img", "aria-label": `${chart.short_label} over time` }, card);
   const made = { ...chart, values, plot };
   const seek = (event) => {
     const share = (event.offsetX - made.left) / (made.right - made.left);
@@ -50,15 +49,15 @@ function nearest(time) {
 }
 
 function verticalRange(chart) {
-  const series = runs.map((run) => run.errors[chart.key]);
+  const series = runs.map((run) => run.errors[chart.name]);
   const all = finite(series.flat());
-  if (chart.key === "points") all.push(...runs.flatMap(counts));
-  if (chart.log) {
+  if (chart.name === "points") all.push(...runs.flatMap(counts));
+  if (chart.ratio) {
     const positive = all.filter((value) => value > 0);
     return [Math.max(1e-3, 0.8 * Math.min(0.1, ...positive)), Math.min(1e4, 1.25 * Math.max(10, ...positive))];
   }
   const least = Math.min(0, ...all), most = Math.max(0, ...all), room = 0.08 * (most - least) || 1;
-  return [chart.low ?? least - room, chart.high ?? most + room];
+  return [chart.bounds[0] ?? least - room, chart.bounds[1] ?? most + room];
 }
 
 function drawChart(chart) {
@@ -66,22 +65,23 @@ function drawChart(chart) {
   if (!width) return;
   Object.assign(chart, { left: 36, right: width - 8, top: 6, bottom: height - 17 });
   const [low, high] = verticalRange(chart);
-  const scaled = chart.log ? Math.log10 : (value) => value;
+  const scaled = chart.ratio ? Math.log10 : (value) => value;
   const span = scaled(high) - scaled(low);
   const limited = (value) => Math.min(high, Math.max(low, value));
   chart.x = (time) => chart.left + (time - times[0]) / DURATION * (chart.right - chart.left);
   chart.y = (value) => chart.bottom - (scaled(limited(value)) - scaled(low)) / span * (chart.bottom - chart.top);
   plot.replaceChildren();
-  if (chart.bounds) for (const run of runs.slice(0, chart.key === "nees" ? 1 : undefined)) {
-    svg("path", { class: "consistent", d: bandOverTime(chart, chart.bounds(run)) }, plot);
+  const bounds = BOUNDS[chart.name];
+  if (bounds) for (const run of runs.slice(0, chart.name === "nees_position" ? 1 : undefined)) {
+    svg("path", { class: "consistent", d: bandOverTime(chart, bounds(run)) }, plot);
   }
-  const rise = Math.max(niceStep((high - low) / 3.2), chart.digits ? 0 : 1);  // a count has no half
-  const ticks = chart.log ? [0.001, 0.01, 0.1, 1, 10, 100, 1000, 1e4].filter((v) => v >= low && v <= high)
+  const rise = Math.max(niceStep((high - low) / 3.2), chart.digits ? 0 : 1);  // counts have whole ticks
+  const ticks = chart.ratio ? [0.001, 0.01, 0.1, 1, 10, 100, 1000, 1e4].filter((v) => v >= low && v <= high)
     : linearTicks(low, high, rise);
   for (const tick of ticks) {
     const y = chart.y(tick);
     svg("line", { class: "rule", x1: chart.left, x2: chart.right, y1: y, y2: y }, plot);
-    const text = chart.log ? String(tick) : tickText(tick, rise);
+    const text = chart.ratio ? String(tick) : tickText(tick, rise);
     svg("text", { x: chart.left - 5, y: y + 3.5, "text-anchor": "end" }, plot).textContent = text;
   }
   const step = niceStep(DURATION / Math.max(1, (chart.right - chart.left) / 60));
@@ -89,18 +89,19 @@ function drawChart(chart) {
     svg("text", { x: chart.x(tick), y: height - 4, "text-anchor": "middle" }, plot).textContent =
       tickText(tick, step) + (tick + step > times[LAST] ? " s" : "");
   }
-  for (const [kind, value] of [["base", chart.rule], ["dash", chart.dash]]) {
-    if (value === undefined) continue;
+  const dash = chart.name === "iou" ? data.lowOverlap : null;
+  for (const [kind, value] of [["base", chart.consistent ?? null], ["dash", dash]]) {
+    if (value === null) continue;
     svg("line", { class: kind, x1: chart.left, x2: chart.right, y1: chart.y(value), y2: chart.y(value) }, plot);
   }
-  if (chart.key === "points") {
+  if (chart.name === "points") {
     const curve = svg("path", { class: "curve", d: curveOf(chart, counts(runs[source])) }, plot);
     curve.style.stroke = "var(--unused)";
     curve.style.strokeWidth = 3;
   }
   runs.forEach((run, r) => {
-    const curve = svg("path", { class: "curve", d: curveOf(chart, run.errors[chart.key]) }, plot);
-    curve.style.stroke = runs.length === 1 && chart.key === "points" ? "var(--used)" : colourOf(r);
+    const curve = svg("path", { class: "curve", d: curveOf(chart, run.errors[chart.name]) }, plot);
+    curve.style.stroke = runs.length === 1 && chart.name === "points" ? "var(--used)" : colourOf(r);
     curve.style.strokeDasharray = dashOf(r);
   });
   chart.cursor = svg("line", { class: "cursor", y1: chart.top - 4, y2: chart.bottom }, plot);
@@ -121,7 +122,7 @@ function linearTicks(low, high, step) {
 function curveOf(chart, values) {
   let text = "", open = false;
   values.forEach((value, k) => {
-    const there = value !== null && !(chart.log && value <= 0);
+    const there = value !== null && !(chart.ratio && value <= 0);
     if (there) text += `${open ? "L" : "M"}${chart.x(times[k]).toFixed(1)} ${chart.y(value).toFixed(1)}`;
     if (there && !open) text += "h.01";
     open = there;
@@ -143,11 +144,11 @@ function bandOverTime(chart, bounds) {
 
 function drawCursor(chart) {
   runs.forEach((run, r) => {
-    const value = run.errors[chart.key][frame];
-    const total = chart.key === "points" ? ` of ${counts(run)[frame]}` : "";
-    const small = chart.log && Math.abs(value) < 1 && value;
+    const value = run.errors[chart.name][frame];
+    const total = chart.name === "points" ? ` of ${counts(run)[frame]}` : "";
+    const small = chart.ratio && Math.abs(value) < 1 && value;
     chart.values[r].textContent =
-      (small ? shownSmall(value) : shown(value, chart.digits, chart.unit)) + total;
+      (small ? shownSmall(value) : shown(value, chart.digits, chart.unit === "m" ? " m" : chart.unit)) + total;
   });
   if (!chart.cursor) return;
   const x = chart.x(times[frame]);
@@ -155,7 +156,7 @@ function drawCursor(chart) {
   chart.cursor.setAttribute("x2", x);
   chart.grip.setAttribute("d", `M${x - 4.5} ${chart.top - 6}h9l-4.5 6z`);
   runs.forEach((run, r) => {
-    const value = run.errors[chart.key][frame], mark = chart.marks[r];
+    const value = run.errors[chart.name][frame], mark = chart.marks[r];
     mark.style.display = value === null || value === undefined ? "none" : "";
     mark.setAttribute("cx", x);
     if (value !== null) mark.setAttribute("cy", chart.y(value));

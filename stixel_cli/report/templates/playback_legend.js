@@ -13,10 +13,10 @@ function lineSwatch(colour, dash = "", width = 2.5) {
 
 function describe() {
   for (const note of data.notes) html("p", { className: "note", textContent: note }, find("notes"));
-  const inAll = ([what, value]) => runs.every((run) => run.facts.some((f) => f[0] === what && f[1] === value));
+  const inAll = ([name, value]) => runs.every((run) => run.facts.some((f) => f[0] === name && f[1] === value));
   const facts = (line, pairs) => {
-    for (const [what, value] of pairs) {
-      html("strong", { textContent: value }, html("span", { textContent: `${what} ` }, line));
+    for (const [name, value] of pairs) {
+      html("strong", { textContent: value }, html("span", { textContent: `${name} ` }, line));
     }
   };
   if (runs.length > 1) facts(html("div", { className: "run" }, find("runs")), runs[0].facts.filter(inAll));
@@ -27,8 +27,8 @@ function describe() {
       swatch(name, lineSwatch(colourOf(r), dashOf(r)));
       name.append(run.label);
     }
-    const said = ([what, value]) => inAll([what, value]) || what === "folder" && value === run.label;
-    facts(line, runs.length === 1 ? run.facts : run.facts.filter((fact) => !said(fact)));
+    const shownAbove = ([name, value]) => inAll([name, value]) || name === "folder" && value === run.label;
+    facts(line, runs.length === 1 ? run.facts : run.facts.filter((fact) => !shownAbove(fact)));
     facts(line, runs.length === 1 ? run.summary : run.summary.slice(0, 3));
     html("option", { value: r, textContent: run.label }, find("source"));
   });
@@ -53,7 +53,7 @@ function describe() {
     [(picture) => { svg("path", { d: "M16 0 22 12H10Z" }, picture).style.fill = "var(--ego)"; }, "ego car's sensor"],
     [area("var(--field-of-view)", 0.35), "field of view"],
     [area("var(--consistent)", 1), "NEES, NIS: 95 % interval of a consistent filter"],
-    [lineSwatch("var(--unused)", "4 3", 1.5), `low overlap: IoU < ${LOW_OVERLAP}`],
+    [lineSwatch("var(--unused)", "4 3", 1.5), `low overlap: IoU < ${data.lowOverlap}`],
     [lineSwatch("var(--unused)", "", 3), runs.length === 1 ? "points in the scan" : "points in the scan of the chosen run"]);
   for (const [draw, text] of entries) {
     const item = html("li", {}, find("legend"));

@@ -16,11 +16,11 @@ const box = (() => {
 })();
 
 const estimates = runs.map((run, r) => {
-  const colour = colourOf(r), id = (what) => `${what}-${r}`;
-  const path = (parent, what, kind, stroke = true) => {
-    const element = svg("path", { id: id(what), class: kind }, find(parent));
+  const colour = colourOf(r), id = (name) => `${name}-${r}`;
+  const path = (parent, name, kind, stroke = true) => {
+    const element = svg("path", { id: id(name), class: kind }, find(parent));
     element.style[stroke ? "stroke" : "fill"] = colour;
-    if (what === "estimate") element.style.strokeDasharray = dashOf(r);
+    if (name === "estimate") element.style.strokeDasharray = dashOf(r);
     return element;
   };
   return {
@@ -83,7 +83,7 @@ function drawMap() {
   drawOutside(x, y, scale);
 }
 
-// At the edge, where an estimate is that is not in the picture, and how far it is from the target.
+// For each estimate outside the map: a mark at the edge, and its distance from the target.
 function drawOutside(x, y, scale) {
   const target = data.target[frame], halfX = view.width / 2, halfY = view.height / 2;
   runs.forEach((run, r) => {
@@ -92,7 +92,7 @@ function drawOutside(x, y, scale) {
     const shown = Math.abs(dx) > halfX || Math.abs(dy) > halfY;
     outside.style.display = far.style.display = shown ? "" : "none";
     if (!shown) return;
-    // Clear of the buttons to the right and of the axes' numbers.
+    // Keep clear of the buttons on the right and of the tick labels.
     const share = Math.min((halfX - 56) / Math.abs(dx), (halfY - 30) / Math.abs(dy));
     const atX = halfX + share * dx, atY = halfY + share * dy;
     const turn = Math.atan2(dy, dx) * 180 / Math.PI;
@@ -100,7 +100,7 @@ function drawOutside(x, y, scale) {
     outside.style.fill = far.style.fill = colourOf(r);
     far.textContent = target
       ? `${(Math.hypot(pose[0] - target[0], pose[1] - target[1]) / 1e3).toFixed(1)} m off` : "";
-    // Of several in one direction each has a line of its own.
+    // Several marks in one direction are stacked.
     const attributes = { x: atX, y: atY + (dy > 0 ? -12 - 14 * r : 20 + 14 * r), "text-anchor": "middle" };
     for (const [key, value] of Object.entries(attributes)) far.setAttribute(key, value);
   });
@@ -167,7 +167,7 @@ function drawScan(scan, used, k) {
     (scan.ellipses ? "" : "; the run has too many points to show their σ");
 }
 
-// Zoom by a factor about a place of the picture, px, which stays where it is.
+// Zoom by a factor about a fixed point of the map, px.
 function zoomAbout(factor, px, py) {
   const before = camera(), zoom = Math.min(60, Math.max(0.02, view.zoom * factor));
   const dx = px - view.width / 2, dy = view.height / 2 - py;

@@ -1,16 +1,15 @@
-// What the page holds, and paths on the ground in metres.
-// The files playback_*.js are put into one function, in the order that report/playback.py names.
+// The data of the page, and SVG paths on the ground in metres.
+// report/playback.py joins the files playback_*.js into one function, in the order of SCRIPTS.
 const data = JSON.parse(document.getElementById("data").textContent);
 const { times, runs } = data;
 const LAST = times.length - 1;
 const DEPTH_TICKS = [2, 5, 10, 20, 50, 100];
-// Viridis turned round in 16 even steps of log(depth), as report/style.py colours depth.
+// Reversed viridis in 16 even steps of log(depth), as in report/style.py.
 const DEPTH_COLOURS = ["fde725", "d8e219", "addc30", "84d44b", "5ec962", "3fbc73", "28ae80",
   "1fa088", "21918c", "26828e", "2c728e", "33638d", "3b528b", "424086", "472d7b", "48186a",
   "440154"].map((hex) => [0, 2, 4].map((i) => parseInt(hex.slice(i, i + 2), 16)));
 const RUN_COLOURS = 4;
 const DASHES = ["", "8 4", "2 3", "9 3 2 3"];
-const LOW_OVERLAP = 0.2;
 
 const find = (id) => document.getElementById(id);
 const colourOf = (run) => runs.length === 1 ? "var(--estimate)" : `var(--run-${run % RUN_COLOURS})`;
@@ -45,7 +44,7 @@ function shown(value, digits, unit) {
   return text + unit;
 }
 
-// Two digits that count, for what is far below 1: the NIS of many points would be 0.00.
+// Two significant digits for values far below 1: the NIS of many points would show as 0.00.
 function shownSmall(value) {
   return value < 1e-4 ? value.toExponential(0) : value.toPrecision(2);
 }
@@ -76,7 +75,7 @@ function placed(contour, pose) {
   return flat;
 }
 
-// The ring of two standard deviations of the radius; a radius is not negative.
+// The band of ± 2 standard deviations of the radius; the inner radius is at least 0.
 function band(contour, std, pose) {
   if (!contour || !std || !pose) return "";
   const outer = [], inner = [];

@@ -77,7 +77,7 @@ document.addEventListener("keydown", (event) => {
   actions[key]();
 });
 
-// A button that was clicked does not keep the keys: space plays. One reached by keys keeps them.
+// Remove the focus from a clicked button, so that Space plays. A button reached by keyboard keeps it.
 document.addEventListener("click", (event) => {
   const control = event.target.closest("button, [type=checkbox]");
   if (event.detail && control) control.blur();

@@ -8,7 +8,7 @@ import numpy as np
 from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.report import style
-from stixel_cli.report.compare_figure import LINE_STYLES
+from stixel_cli.report.compare import LINE_STYLES
 from stixel_cli.studies.prose import capital
 from stixel_cli.studies.rq2.conditions import Condition, condition_statistics
 from stixel_cli.studies.rq2.runs import Run, chi_square_bounds, chosen, names

@@ -9,8 +9,7 @@ import shapely
 from scipy.stats import chi2
 
 from stixel_cli.config.schema import Configuration
-from stixel_cli.geometry.angles import wrap_angle
-from stixel_cli.geometry.pose import world_from_target
+from stixel_cli.geometry.pose import world_from_target, wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.studies.field_names import measurement_name, tracker_name

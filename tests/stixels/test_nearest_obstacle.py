@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stixel_cli.stixels.path import add_temporal, cell_costs, cheapest_path, refine
+from stixel_cli.stixels.nearest_obstacle import add_temporal, cell_costs, cheapest_path, refine
 
 ONE = np.float32(1.0)
 
@@ -33,7 +33,7 @@ def least_cost(costs, depths, cost, limit):
     st.sampled_from([0.0, 0.05, 0.3, 5.0]),
     st.sampled_from([0.5, 3.0, 100.0]),
 )
-def test_path_is_the_cheapest(seed, width, rows, cost, limit):
+def test_path_has_the_least_cost(seed, width, rows, cost, limit):
     rng = np.random.default_rng(seed)
     costs = rng.random((width, rows)).astype(np.float32)
     depths = np.sort(rng.uniform(3.0, 30.0, rows)).astype(np.float32)
@@ -43,7 +43,7 @@ def test_path_is_the_cheapest(seed, width, rows, cost, limit):
     )
 
 
-def test_path_is_the_cheapest_of_all_there_are():
+def test_path_is_the_cheapest_of_all_paths():
     rng = np.random.default_rng(2)
     for _ in range(10):
         costs = rng.random((5, 4)).astype(np.float32)
@@ -56,7 +56,7 @@ def test_path_is_the_cheapest_of_all_there_are():
         assert tuple(path) == min(cost_of, key=cost_of.get)
 
 
-def test_path_of_the_mirrored_grid_is_mirrored():
+def test_mirrored_grid_gives_a_mirrored_path():
     rng = np.random.default_rng(4)
     costs = rng.random((40, 20)).astype(np.float32)
     depths = np.linspace(3, 20, 20, dtype=np.float32)
@@ -84,7 +84,7 @@ def brute_costs(column, inverse_requirement, bound, free_cost):
 
 @settings(derandomize=True, deadline=None, max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 25))
-def test_costs_and_the_subtracted_background(seed, rows):
+def test_cell_costs_subtract_the_background(seed, rows):
     rng = np.random.default_rng(seed)
     occupancy = (rng.random((6, rows)) ** 3 * rng.integers(0, 2, (6, rows)) * 40).astype(np.float32)
     inverse = rng.uniform(0.05, 0.2, rows).astype(np.float32)
@@ -93,7 +93,7 @@ def test_costs_and_the_subtracted_background(seed, rows):
     np.testing.assert_allclose(costs, expected, rtol=1e-6)
 
 
-def test_the_nearest_obstacle_beats_the_most_voted():
+def test_nearest_obstacle_wins_over_the_cell_with_most_votes():
     occupancy = np.zeros((3, 30), dtype=np.float32)
     occupancy[:, 8:11] = [2.0, 3.0, 1.0]
     occupancy[:, 20:23] = [20.0, 90.0, 20.0]
@@ -114,7 +114,7 @@ def test_temporal_cost_is_the_truncated_distance():
     np.testing.assert_allclose(added, costs + 0.3 * away, rtol=1e-6)
 
 
-def test_refine_takes_the_mean_of_what_is_near():
+def test_refine_averages_the_disparities_near_the_path():
     histogram = np.zeros((4, 41), dtype=np.uint16)
     histogram[0, [19, 20, 21]] = [1, 5, 4]
     histogram[0, 30] = 100
