@@ -7,8 +7,7 @@ import numpy as np
 
 from stixel_cli.errors import UserError
 from stixel_cli.files import read_arrays
-from stixel_cli.geometry.angles import wrap_angle
-from stixel_cli.geometry.pose import STRAIGHT_AHEAD
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD, wrap_angle
 from stixel_cli.results.reader import check_folder
 from stixel_cli.results.tables import pose_columns
 

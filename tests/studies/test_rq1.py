@@ -120,7 +120,7 @@ def test_the_shipped_study_changes_one_thing_at_a_time_round_the_default():
 
 
 def test_the_precision_that_a_depth_takes_follows_from_the_rig():
-    rig = Rig(640, 480, 60.0, None, None, None, 0.3, 1.2, 0.0)
+    rig = Rig(640, 480, 60.0, None, None, None, 0.3, 1.2, 0.0, None)
     needed = needed_disparity(rig, 0.1, 28.0)
     assert needed == pytest.approx(0.0212, abs=1e-4)
     disparity = rig.disparity_from_depth(28.0)
