@@ -1,7 +1,8 @@
-"""The computational cost of a scan: simulated (rendered, matched, made stixels) beside fabricated.
+"""The computational cost of a simulated scan (rendering to stixels) and of a fabricated scan.
 
-The thesis gives "more than 60 times"; the ratio is in the benchmark's `extra_info`. Both are of the
-default experiment; the simulated one shares its still background among ten frames, as a run does.
+The thesis states a ratio of more than 60. The measured ratio is in the benchmark's `extra_info`.
+Both scans are of the default configuration. Ten frames of the simulated scan share the static
+background, as in a run.
 """
 
 import time

@@ -6,6 +6,7 @@ next to the study's own (`report.py`), or the dotted name of an installed module
 """
 
 import re
+import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
@@ -18,10 +19,11 @@ import jinja2
 
 from stixel_cli.config import messages
 from stixel_cli.config.folders import shipped_folder
-from stixel_cli.errors import ConfigurationError
+from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.files import read_text
+from stixel_cli.studies.data import StudyData
 from stixel_cli.studies.template import findings_of, template_of
-from stixel_cli.studies.types import Findings, StudyData
+from stixel_cli.studies.types import Findings, Material
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.file import ENTRIES as SWEEP_ENTRIES
 from stixel_cli.sweeps.file import design_of, is_study, read_mapping, refuse_unknown
@@ -29,19 +31,20 @@ from stixel_cli.sweeps.file import design_of, is_study, read_mapping, refuse_unk
 ALL = "all"
 ENTRIES = ("title", "question", "template", "module", "sweeps")
 _SWEEP_ENTRIES = (*SWEEP_ENTRIES, "results", "derive")
+_LONGEST_PATH = 200
 _SWEEP_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
 @dataclass(frozen=True)
 class SweepEntry:
-    """One sweep as the file has it.
+    """A sweep of the file.
 
     Attributes:
         name: of the sweep.
-        content: its entries as in a sweep's file.
-        steps: whose results the report reads beside the scores.
-        derive: name of the function in the report's module that gives further axes, from the data
-            of the sweeps before; None for none.
+        content: entries as in a sweep's file.
+        steps: stages whose results the report reads in addition to the scores.
+        derive: name of the module's function that returns further axes, from the data of the
+            earlier sweeps; or None.
     """
 
     name: str
@@ -50,7 +53,7 @@ class SweepEntry:
     derive: str | None
 
     def design(self, derived: list[dict[str, list]] | None = None) -> Design:
-        """The design of its runs, with the axes that were derived.
+        """The design of the runs, with the derived axes.
 
         Raises:
             ConfigurationError: in one line that names the sweep and the entry.
@@ -69,16 +72,16 @@ class SweepEntry:
 
 @dataclass(frozen=True)
 class StudyFile:
-    """A study as its file has it.
+    """The content of a study's file.
 
     Attributes:
         path: of the file.
         title, question: of the report.
         template_name, module_name: as in the file.
         template: of the report.
-        module: its function `report` gives the template's `Material` from `StudyData`; the
-            functions that `derive` names give further axes.
-        sweeps: in their order.
+        module: its function `report` returns a `Material` from `StudyData`; its functions that
+            `derive` names return further axes.
+        sweeps: in the order of the file.
     """
 
     path: Path
@@ -92,7 +95,7 @@ class StudyFile:
 
     @property
     def name(self) -> str:
-        """Of the study, which its folder bears too."""
+        """Name of the study, and the begin of its folder's name."""
         return self.path.stem
 
     def function(self, name: str) -> Callable:
@@ -103,29 +106,68 @@ class StudyFile:
         """
         function = getattr(self.module, name, None)
         if not callable(function):
-            raise ConfigurationError(f"{self.path}: {self.module_name} has no function {name}")
+            raise ConfigurationError(
+                f"{_shown(self.path)}: {messages.printable(self.module_name)} has no function "
+                f"{messages.printable(name)}"
+            )
         return function
 
     def findings(self, data: StudyData) -> Findings:
         """The report of the complete study.
 
         Raises:
-            UserError: if the template uses a value that the module does not give.
+            UserError: if the module fails, or lacks a value of the template.
         """
-        return findings_of(self.template, self.function("report")(data), self.template_name)
+        material = self.call("report", data)
+        if not isinstance(material, Material):
+            raise UserError(f"{self.module_name}: report must return a Material")
+        return findings_of(self.template, material, self.template_name)
+
+    def derived_axes(self, name: str, data: StudyData) -> list[dict[str, list]]:
+        """Axes from a function that `derive` names.
+
+        Raises:
+            UserError: if the function fails or returns another type.
+        """
+        axes = self.call(name, data)
+        if not isinstance(axes, list) or not all(
+            isinstance(axis, dict) and all(isinstance(values, list) for values in axis.values())
+            for axis in axes
+        ):
+            raise UserError(
+                f"{self.module_name}: {name} must return a list of mappings from key to values"
+            )
+        return axes
+
+    def call(self, name: str, data: StudyData) -> Any:
+        """What a function of the report's module returns.
+
+        Raises:
+            UserError: if the function of a study outside the package fails; the line names the
+                module's file and line.
+        """
+        function = self.function(name)
+        try:
+            return function(data)
+        except UserError:
+            raise
+        except Exception as fault:
+            if self.module.__name__.startswith("stixel_cli."):
+                raise
+            raise UserError(f"{name}: {_place_and_reason(fault, self.module)}") from fault
 
 
 def shipped_studies() -> list[str]:
-    """Names of the studies that are shipped; plain sweeps are in the same folder."""
+    """Names of the shipped studies; plain sweeps are in the same folder."""
     files = sorted((shipped_folder("pipelines") / "studies").glob("*.yaml"))
     return [file.stem for file in files if is_study(file)]
 
 
 def find_study(name: str) -> Path:
-    """The file of a study: a path to a YAML file, or the name of one that is shipped.
+    """The file of a study: a path to a YAML file, or the name of a shipped study.
 
     Raises:
-        ConfigurationError: if there is neither, or the name is a plain sweep's.
+        ConfigurationError: if there is no such study, or it is a plain sweep.
     """
     path = Path(name)
     if path.suffix == ".yaml" and path.exists():
@@ -143,7 +185,7 @@ def find_study(name: str) -> Path:
 
 
 def read_study(path: Path) -> StudyFile:
-    """The study that a file describes, its sweeps' designs looked at.
+    """The study of a file, with valid designs of its sweeps.
 
     Raises:
         ConfigurationError: in one line that names the file and the entry.
@@ -151,7 +193,7 @@ def read_study(path: Path) -> StudyFile:
     content = read_mapping(path, ENTRIES)
     try:
         if "sweeps" not in content and not set(content) - set(SWEEP_ENTRIES):
-            raise ConfigurationError(f"is a sweep, not a study: stixel sweep --from {path}")
+            raise ConfigurationError(f"is a sweep, not a study: stixel sweep --from {_shown(path)}")
         refuse_unknown(content, ENTRIES)
         title, question, template, module = (_text(content, name) for name in ENTRIES[:4])
         study = StudyFile(
@@ -172,7 +214,7 @@ def read_study(path: Path) -> StudyFile:
                 study.function(sweep.derive)
         study.function("report")
     except ConfigurationError as fault:
-        where = messages.printable(str(path), 200)
+        where = _shown(path)
         text = str(fault)
         raise ConfigurationError(text if where in text else f"{where}: {text}") from None
     return study
@@ -182,7 +224,7 @@ def _template_file(folder: Path, name: str) -> Path:
     for place in (folder, Path(__file__).parent / "templates"):
         if (place / name).is_file():
             return place / name
-    raise ConfigurationError(f"template: no file {messages.printable(name)} in {folder}")
+    raise ConfigurationError(f"template: no file {messages.printable(name)} in {_shown(folder)}")
 
 
 def _module(folder: Path, name: str) -> ModuleType:
@@ -194,15 +236,31 @@ def _module(folder: Path, name: str) -> ModuleType:
             raise ConfigurationError(f"module: no module {messages.printable(name)}") from None
     file = folder / name
     if not file.is_file():
-        raise ConfigurationError(f"module: no file {messages.printable(name)} in {folder}")
+        raise ConfigurationError(f"module: no file {messages.printable(name)} in {_shown(folder)}")
     spec = spec_from_file_location(f"stixel_study_{file.stem}", file)
     module = module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
     except Exception as fault:
-        reason = messages.printable(f"{type(fault).__name__}: {fault}", 200)
-        raise ConfigurationError(f"module: {file}: cannot be imported: {reason}") from fault
+        reason = _place_and_reason(fault, module)
+        raise ConfigurationError(f"module: cannot be imported: {reason}") from fault
     return module
+
+
+def _shown(path: Path) -> str:
+    return messages.printable(str(path), _LONGEST_PATH)
+
+
+def _place_and_reason(fault: Exception, module: ModuleType) -> str:
+    """Last line of the module's file that led to the fault, and the fault, in one line."""
+    file, line = module.__file__, None
+    for frame in traceback.extract_tb(fault.__traceback__):
+        if frame.filename == file:
+            line = frame.lineno
+    if isinstance(fault, SyntaxError) and fault.filename == file:
+        line = fault.lineno
+    place = messages.printable(file, _LONGEST_PATH) + (f": line {line}" if line else "")
+    return f"{place}: {messages.printable(f'{type(fault).__name__}: {fault}', 200)}"
 
 
 def _text(content: Mapping[str, Any], name: str) -> str:

@@ -1,14 +1,16 @@
-"""The folder of a study: what was asked for, the sweeps' folders, and the report with its files.
+"""The folder of a study.
 
-study.yaml         what was asked for
-sweeps/NAME/        the sweep of each sweep
+study.yaml         the request: sweeps, overrides, provenance
+sweeps/NAME/       a sweep
 report.html        the report
-tables/ figures/   its tables as CSV, Markdown and LaTeX and its figures as SVG, once all is there
+tables/ figures/   tables as CSV, Markdown and LaTeX, figures as SVG, once all runs are complete
 """
 
 import shutil
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 import yaml
 
@@ -16,36 +18,38 @@ from stixel_cli.errors import UserError
 from stixel_cli.files import read_yaml, write_whole, written
 from stixel_cli.results.folder import check_plain_name
 from stixel_cli.results.provenance import provenance
-from stixel_cli.studies.differences import differences
 from stixel_cli.studies.plan import StudyPlan
 from stixel_cli.studies.tables import figures_of, table_csv, table_latex, table_markdown, tables_of
 from stixel_cli.studies.types import Findings
 from stixel_cli.sweeps.folder import yaml_text
 
 FILE, PAGE = "study.yaml", "report.html"
+UNSET = "not set"
+_LONGEST = 60
+"""Characters of a value that are shown."""
 
 
 def study_folder(results: Path, name: str) -> Path:
-    """The folder `name` in `results`; UserError if that is no plain name."""
+    """The folder `name` in `results`; UserError unless `name` is a plain name."""
     check_plain_name(name)
     return results / name
 
 
 class StudyFolder:
-    """Reads and writes the folder at `path`; every failure of the disk is a UserError."""
+    """Reads and writes the folder at `path`; a failing disk raises UserError."""
 
     def __init__(self, path: Path):
         self.path = path
 
     def sweep(self, name: str) -> Path:
-        """The folder of one of its sweeps."""
+        """The folder of a sweep."""
         return self.path / "sweeps" / name
 
     def check(self, plan: StudyPlan, fresh: bool) -> bool:
-        """Whether there is a folder of this plan to go on with; nothing is written.
+        """Whether the folder exists and can be resumed by this plan; writes nothing.
 
         Raises:
-            UserError: if the folder is of something else, unless it is a study's and `fresh`.
+            UserError: if the folder has another request, unless `fresh`, or is not a study's.
         """
         if not self.path.exists():
             return False
@@ -55,7 +59,7 @@ class StudyFolder:
             raise UserError(f"{self.path}: exists and is not a study folder; choose another --name")
         if fresh:
             return False
-        # As it would be read back.
+        # In the types that YAML returns.
         wanted = yaml.safe_load(yaml_text(plan.request()))
         try:
             found = differences(read_yaml(self.path / FILE), wanted, str(self.path))
@@ -87,7 +91,7 @@ class StudyFolder:
             write_whole(self.path / FILE, yaml_text(content))
 
     def write(self, html: str, findings: Findings | None) -> Path:
-        """Write the report, and its tables and figures if there are any; the page's path."""
+        """Write the report with its tables and figures; return the page's path."""
         with written(self.path):
             for name in ("tables", "figures"):
                 shutil.rmtree(self.path / name, ignore_errors=True)
@@ -97,11 +101,68 @@ class StudyFolder:
         return self.path / PAGE
 
 
-def files_of(findings: Findings) -> dict[str, str | bytes]:
-    """The files next to the page, by their path in the folder.
+def differences(there: Mapping[str, Any], wanted: Mapping[str, Any], folder: str) -> list[str]:
+    """Differences between two requests of a study, as `KEY: VALUE in FOLDER, VALUE here`.
+
+    Args:
+        there: request of the existing `folder`, see `StudyPlan.request`.
+        wanted: request of the command.
 
     Raises:
-        ValueError: if two have one name, or one leads out of the folder.
+        ValueError: if `there` is not a request.
+    """
+    try:
+        before, after = _settings(there), _settings(wanted)
+    except (AttributeError, KeyError, TypeError, ValueError):
+        raise ValueError("not the request of a study") from None
+    sweeps = wanted["sweeps"]
+    found = []
+    for key in dict.fromkeys((*after, *before)):
+        if before.get(key) == after.get(key):
+            continue
+        (sweep, name), old, new = key, before.get(key, UNSET), after.get(key, UNSET)
+        where = f" of sweep {sweep}" if sweep and (len(sweeps) > 1 or sweep not in sweeps) else ""
+        old, new = _shown(old, new), _shown(new, old)
+        found.append(f"{name}{where}: {old} in {folder}, {new} here")
+    return found
+
+
+def _settings(request: Mapping[str, Any]) -> dict[tuple[str, str], str]:
+    """Sweep ("" for keys of the study) and key to the values as typed."""
+    found = {("", key): str(request[key]) for key in ("study", "template", "module")}
+    for name, sweep in request["sweeps"].items():
+        for text in sweep["fixed"]:
+            key, _, value = text.partition("=")
+            found[name, key] = value
+        for axis in sweep["axes"]:
+            steps = [_step(step) for step in axis["steps"]]
+            found[name, "+".join(axis["keys"])] = ",".join(steps)
+        for key in ("leave_out", "results", "derive"):
+            found[name, key] = str(sweep[key])
+    return found
+
+
+def _step(texts: list[str]) -> str:
+    values = [text.partition("=")[2] for text in texts]
+    return values[0] if len(values) == 1 else f"({' '.join(values)})"
+
+
+def _shown(value: str, other: str) -> str:
+    """The value; of a long one, the part where it begins to differ from the other."""
+    if len(value) <= _LONGEST:
+        return value
+    pairs = enumerate(zip(value, other, strict=False))
+    alike = next((i for i, (one, two) in pairs if one != two), len(other))
+    start = max(0, alike - _LONGEST // 2)
+    text = value[start : start + _LONGEST]
+    return f"{'…' * (start > 0)}{text}{'…' * (start + _LONGEST < len(value))}"
+
+
+def files_of(findings: Findings) -> dict[str, str | bytes]:
+    """Path in the folder to content of the files next to the page.
+
+    Raises:
+        UserError: if two files have one name, or a name is not a path inside the folder.
     """
     named: list[tuple[str, str | bytes]] = []
     for table in tables_of(findings):
@@ -113,9 +174,10 @@ def files_of(findings: Findings) -> dict[str, str | bytes]:
     files = dict(named)
     if len(files) < len(named):
         names = [name for name, _ in named]
-        raise ValueError(f"two files are called {next(n for n in names if names.count(n) > 1)}")
+        twice = next(name for name in names if names.count(name) > 1)
+        raise UserError(f"report: two files have the name {twice}")
     for name in files:
         path = PurePosixPath(name)
         if path.is_absolute() or ".." in path.parts or name in (FILE, PAGE):
-            raise ValueError(f"{name!r} is no name for a file of a study")
+            raise UserError(f"report: {name!r} is not a valid file name in a study's folder")
     return files

@@ -1,8 +1,8 @@
 """Statistics of paired runs, and of several tests together.
 
-The unit is a pair of runs: the same road user, path and seed, so the same motion and the same noisy
-start. Scans of one run follow each other and are no units of their own. The paths are a given set,
-not a sample of all paths: intervals are of the seeds' variance within each path.
+The unit is a pair of runs with the same road user, path and seed, so with the same motion and
+initialisation. Successive scans of a run are not independent units. The paths are a given set, not
+a sample of all paths: intervals describe the seeds' variance within each path.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,7 +14,7 @@ from stixel_cli.randomness import generator
 
 DRAWS = 4000
 LEAST_DRAWN = 3
-"""Pairs of a path from which a bootstrap draws: one of two drawn says nothing of both."""
+"""Least number of pairs of a path for a bootstrap."""
 LEVEL = 0.95
 SIGNIFICANT = 0.05
 
@@ -26,7 +26,7 @@ class Paired:
     Attributes:
         n: number of pairs.
         mean: of the differences; None without a pair.
-        low, high: 95 % interval of the mean, see `mean_interval`; None where it has none.
+        low, high: 95 % interval of the mean, or None; see `mean_interval`.
         p: of Wilcoxon's signed rank test, two-sided; None below two pairs.
         effect: matched-pairs rank-biserial correlation, -1 to 1: (R+ - R-) / (R+ + R-), R the sum
             of the ranks of |difference|; None where all are 0.
@@ -41,7 +41,7 @@ class Paired:
 
 
 def paired(differences: np.ndarray, strata: Sequence[str]) -> Paired:
-    """Statistics of the differences (n,), which belong to `strata` (paths)."""
+    """Statistics of the differences (n,) of pairs in `strata` (paths)."""
     n = len(differences)
     if n == 0:
         return Paired(0, None, None, None, None, None)
@@ -54,14 +54,14 @@ def paired(differences: np.ndarray, strata: Sequence[str]) -> Paired:
 
 
 def mean_interval(values: np.ndarray, strata: Sequence[str]) -> tuple[float, float] | None:
-    """95 % interval of the mean of values (n,), of which `strata` (paths) are given, not sampled.
+    """95 % interval of the mean of values (n,) in fixed `strata` (paths).
 
     Student's t. A stratum of m values with variance s² adds (m / n)² s² / m to the mean's variance;
-    degrees of freedom by Satterthwaite (1946). A bootstrap would be too short for few seeds: of two
-    seeds of one path, its interval goes from one to the other, and covers the mean in half of all
-    cases.
+    degrees of freedom by Satterthwaite (1946). With few seeds, a bootstrap's interval is too
+    short: with two seeds of one path it extends from one value to the other, and covers the mean in
+    half of all cases.
 
-    None without a value, and where a stratum has only one: its variance is unknown.
+    None if there is no value, or a stratum has only one: its variance is unknown.
     """
     from scipy.stats import t as student
 
@@ -84,10 +84,10 @@ def mean_interval(values: np.ndarray, strata: Sequence[str]) -> tuple[float, flo
 def weights(strata: Sequence[str], name: str) -> np.ndarray:
     """Weights (DRAWS, n) of the bootstrap's means of n pairs: each row sums to 1.
 
-    Of the m pairs of a stratum m - 1 are drawn with replacement, and weighted as if they were m
-    (Rao & Wu 1988, *Resampling inference with complex survey data*): to draw m would make the
-    mean's variance (m - 1) / m of what it is, with 5 seeds a path intervals a tenth too short. The
-    only pair of a stratum stays.
+    From the m pairs of a stratum, m - 1 are drawn with replacement and weighted up to m (Rao & Wu
+    1988, *Resampling inference with complex survey data*). With m draws, the mean's variance would
+    be (m - 1) / m of the true one: with 5 seeds per path, intervals would be a tenth too short. The
+    only pair of a stratum is always drawn.
     """
     random = generator(0, f"bootstrap {name}")
     columns = np.array(strata)
@@ -110,7 +110,7 @@ def interval(values: np.ndarray) -> tuple[float, float]:
 
 
 def wilcoxon(differences: np.ndarray) -> float:
-    """p of Wilcoxon's (1945) signed rank test, two-sided, pairs without a difference left out."""
+    """p of Wilcoxon's (1945) signed rank test, two-sided, without pairs of equal values."""
     from scipy.stats import wilcoxon as signed_rank
 
     differences = differences[differences != 0.0]
@@ -118,12 +118,12 @@ def wilcoxon(differences: np.ndarray) -> float:
 
 
 def least_p(pairs: int) -> float:
-    """Smallest p that the exact test `wilcoxon` can give for so many pairs: all of one sign."""
+    """Smallest p of the exact test `wilcoxon` for a number of pairs: all of one sign."""
     return min(1.0, 2.0 / 2.0**pairs)
 
 
 def pairs_needed(tests: int) -> int:
-    """How many pairs it takes for one of so many tests to be significant after `holm`."""
+    """Number of pairs with which one of `tests` tests can be significant after `holm`."""
     pairs = 1
     while tests * least_p(pairs) >= SIGNIFICANT:
         pairs += 1
@@ -142,7 +142,7 @@ def rank_biserial(differences: np.ndarray) -> float | None:
 
 
 def holm(p_values: Mapping[str, float]) -> dict[str, float]:
-    """Holm's (1979) step-down correction: the chance of one false alarm in all is kept."""
+    """Holm's (1979) step-down correction, which controls the family-wise error rate."""
     corrected: dict[str, float] = {}
     least = 0.0
     ordered = sorted(p_values.items(), key=lambda item: item[1])
@@ -154,7 +154,7 @@ def holm(p_values: Mapping[str, float]) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Closed:
-    """Share of a gap that is closed, and its 95 % interval; see `gap_closed`."""
+    """Fraction of a gap that is closed, and its 95 % interval; see `gap_closed`."""
 
     share: float | None
     low: float | None
@@ -162,14 +162,13 @@ class Closed:
 
 
 def gap_closed(gap: np.ndarray, rest: np.ndarray, strata: Sequence[str], name: str) -> Closed:
-    """Fraction of the gap (n,) that the correction closes; the rest (n,) is of the same pairs.
+    """Fraction of the gap (n,) that the correction closes; `rest` (n,) is the remaining gap.
 
-    1 - sum over the strata of |sum of the rest| / the same of the gap. The size is taken in each
-    stratum (path), so that a rest that is too large on one path and too small on another does not
-    pass for none. 1: nothing of it is left; 0: all of it; below 0: it became wider. None where the
-    95 % interval of the mean gap holds 0, or there is none: what may not be there cannot be closed.
-    Its own interval is a bootstrap's, and None where a stratum has fewer than `LEAST_DRAWN` pairs;
-    `name` names the random numbers.
+    1 - sum over the strata of |sum of the rest| / the same of the gap. The sum is over
+    strata (paths), because errors of opposite sign on two paths would cancel in the overall mean.
+    1: closed; 0: unchanged; below 0: wider. None if the mean gap has no 95 % interval or the
+    interval contains 0. The fraction's own interval is a bootstrap's, and None if a stratum has
+    fewer than `LEAST_DRAWN` pairs; `name` is the label of the random numbers.
     """
     ends = mean_interval(gap, strata)
     if ends is None or ends[0] <= 0.0 <= ends[1]:

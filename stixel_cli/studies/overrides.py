@@ -1,4 +1,4 @@
-"""Overrides of a whole study: they take the place of what its sweeps have."""
+"""Overrides of a whole study: they replace the values of its sweeps."""
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -38,7 +38,7 @@ def overridden(
     """
     parsed = parse_overrides(overrides)
     check_overrides(parsed)
-    # Groups first, and those inside others after them: what a key means follows from the options.
+    # Groups first, then nested groups: the meaning of a key depends on the options.
     parsed = sorted(
         parsed,
         key=lambda one: (one.key_or_group not in group_options(), one.key_or_group.count("/")),
@@ -48,7 +48,7 @@ def overridden(
     for override in parsed:
         texts = single_overrides(override, shuffled=False)
         check_each(texts)
-        _refuse_what_tells_apart(
+        _refuse_distinguishing(
             override.key_or_group,
             {n: design for n, design in zip(names, designs, strict=True) if n not in derived},
         )
@@ -71,7 +71,7 @@ def overridden(
             except ConfigurationError as fault:
                 faults[names[i]] = fault
         if len(faults) == len(designs):
-            # What is wrong where the key is helps more than where it is not.
+            # The fault of a sweep with the key helps more than that of a sweep without it.
             raise min(faults.values(), key=lambda fault: isinstance(fault, BelongsElsewhere))
         if faults:
             sweeps = "sweeps" if len(faults) > 1 else "sweep"
@@ -87,7 +87,7 @@ def _changed(design: Design, key: str, texts: Sequence[str], several: bool) -> D
         axes = tuple(_axis(axis, key, texts) if key in axis.keys else axis for axis in axes)
     elif several:
         new = Axis((key,), tuple((text,) for text in texts))
-        # Seeds run fastest.
+        # The axis of the seeds stays last.
         last = tuple(axis for axis in axes if axis.keys == (SEED,))
         axes = (*(axis for axis in axes if axis not in last), new, *last)
     else:
@@ -111,15 +111,15 @@ def _axis(axis: Axis, key: str, texts: Sequence[str]) -> Axis:
 
 
 def _left_out(entries: Sequence[Any], axes: Sequence[Axis]) -> Iterator[Any]:
-    """The entries that still mean a point."""
+    """The entries that still match a run."""
     swept = [(key_of(t), _value(t)) for axis in axes for step in axis.steps for t in step]
     for entry in entries:
         if all(any(k == key and same(v, value) for k, v in swept) for key, value in entry.items()):
             yield entry
 
 
-def _refuse_what_tells_apart(key: str, sweeps: Mapping[str, Design]) -> None:
-    """Refuse a key that sweeps fix at different values: their names would then be wrong."""
+def _refuse_distinguishing(key: str, sweeps: Mapping[str, Design]) -> None:
+    """Refuse a key that distinguishes the sweeps: their names would then be wrong."""
     fixed = {
         name: text
         for name, design in sweeps.items()
@@ -127,14 +127,14 @@ def _refuse_what_tells_apart(key: str, sweeps: Mapping[str, Design]) -> None:
         if key_of(text) == key
     }
     if len(set(fixed.values())) > 1:
-        told = ", ".join(f"{text} in {name}" for name, text in fixed.items())
+        values = ", ".join(f"{text} in {name}" for name, text in fixed.items())
         raise ConfigurationError(
-            f"{key}: its values distinguish the study's sweeps ({told}): leave it out"
+            f"{key}: its values distinguish the study's sweeps ({values}): leave it out"
         )
 
 
 def _refuse_option(design: Design, key: str) -> None:
-    """Refuse another option of a group that a design with axes yet to be derived fixes."""
+    """Refuse an override of a group that a design fixes and its derived axes depend on."""
     own = next((text for text in design.fixed if key_of(text) == key), None)
     if own is not None and key in group_options():
         raise ConfigurationError(f"{key}: its axes are made for {own}")
@@ -147,25 +147,25 @@ def _first_run(design: Design, composer: Composer) -> None:
 
 
 def _where_it_fits(design: Design, text: str, composer: Composer) -> tuple[Design, str]:
-    """The design, an override moved from what is fixed to the steps of an axis that have its key.
+    """The design, with a fixed override moved to the steps of an axis that accept it.
 
     Returns:
-        the design, and what is left out and why; "" if nothing is.
+        the design, and the steps that are left out with the reason; "" without any.
 
     Raises:
-        ConfigurationError: for whatever else is wrong with the step's first point.
+        ConfigurationError: if the step's first run is not valid for another reason.
     """
     group = re.split("[./]", key_of(text))[0]
     every = list(design.combinations(composer))
     for i, axis in enumerate(design.axes):
-        # What a key means is said by its group's option, or by that of a group within.
+        # The option of a key's group, or of a nested group, determines its meaning.
         if not any(key in group_options() and key.split("/")[0] == group for key in axis.keys):
             continue
         faults: dict[tuple[str, ...], BelongsElsewhere] = {}
         for step in axis.steps:
-            point = next((texts for texts in every if set(step) <= set(texts)), None)
+            run = next((texts for texts in every if set(step) <= set(texts)), None)
             try:
-                composer.compose((*design.fixed, *(point or step)))
+                composer.compose((*design.fixed, *(run or step)))
             except BelongsElsewhere as fault:
                 faults[step] = fault
         if 0 < len(faults) < len(axis.steps):

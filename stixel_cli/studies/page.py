@@ -1,4 +1,4 @@
-"""A study's report as one page that needs nothing but itself."""
+"""A study's report as one self-contained page."""
 
 import base64
 import re
@@ -12,9 +12,18 @@ from markupsafe import Markup
 
 from stixel_cli.report import style
 from stixel_cli.report.metrics import format_value
-from stixel_cli.studies.state import Origin, SweepState
 from stixel_cli.studies.tables import INTERVAL, shown_table
-from stixel_cli.studies.types import Block, Figure, Findings, Paragraph, Picture, Section, Table
+from stixel_cli.studies.types import (
+    Block,
+    Figure,
+    Findings,
+    Origin,
+    Paragraph,
+    Picture,
+    Section,
+    SweepState,
+    Table,
+)
 
 _COLOURS = {
     "#000000": "currentColor",
@@ -25,17 +34,17 @@ _COLOURS = {
     **{colour: f"var(--run-{i})" for i, colour in enumerate(style.RUNS)},
 }
 _PIXELS_A_POINT = 1.75
-"""How large a figure is shown at most: its text is then as large as the page's."""
+"""Largest scale of a figure, px per point: its text is then as large as the page's."""
 _NARROW = 700
-"""Figures of at most this width, px, stand side by side where there is room."""
+"""Figures up to this width, px, are placed side by side if the screen is wide enough."""
 _WIDEST = 125
-"""A table of more characters side by side is printed on a page across."""
+"""A table with more characters in a row is printed in landscape format."""
 _LONG = 27
-"""A table of more rows is printed small, unless it is across."""
+"""A table with more rows is printed in a small font, unless in landscape format."""
 _SHORT = 30
-"""Columns of at most so many characters are not broken into lines."""
+"""Columns of up to this many characters have no line breaks."""
 _SIDE_BY_SIDE = 2
-"""Of a table with more columns of intervals, these stand below their values."""
+"""With more columns of intervals, the intervals are below their values."""
 
 
 def study_page(
@@ -45,7 +54,7 @@ def study_page(
     findings: Findings | None,
     origin: Origin,
 ) -> str:
-    """The page of a study; without findings, it says what is missing and how to go on."""
+    """The page of a study; without findings, it lists the missing runs and how to resume."""
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
     )
@@ -75,7 +84,7 @@ def study_page(
 
 
 class _Numbered:
-    """Sections as the template has them, numbered through."""
+    """Numbers sections, figures and tables."""
 
     def __init__(self):
         self.figures = self.tables = 0
@@ -90,7 +99,7 @@ class _Numbered:
         return {"number": number, "title": section.title, "blocks": blocks}
 
     def blocks(self, content: Sequence[Block], number: str) -> list[dict[str, Any]]:
-        """What a section of this number, or the answer, consists of."""
+        """The blocks of a section with this number, or of the answer."""
         blocks, inner = [], 0
         for block in content:
             match block:
@@ -128,7 +137,7 @@ class _Numbered:
 
 
 def _characters(header: Sequence[str], rows: Sequence[Sequence[str]]) -> int:
-    """Characters side by side: of each column the longest cell, or word of its header, and one."""
+    """Characters in a row: for each column its longest cell or header word, plus one."""
     columns = zip(header, *rows, strict=True)
     return sum(
         1 + max(*map(len, name.split()), *(min(_width(cell), _SHORT) for cell in cells), 0)
@@ -137,7 +146,7 @@ def _characters(header: Sequence[str], rows: Sequence[Sequence[str]]) -> int:
 
 
 def _classes(rows: Sequence[Sequence[str]], numeric: Sequence[bool]) -> list[str]:
-    """How each column's cells are set: numbers to the right, and nothing short broken."""
+    """CSS class of each column: numbers are aligned right, short texts have no line breaks."""
     columns = zip(*rows, strict=True)
     short = [max(map(_width, column)) <= _SHORT for column in columns] or [True] * len(numeric)
     return [
@@ -147,7 +156,7 @@ def _classes(rows: Sequence[Sequence[str]], numeric: Sequence[bool]) -> list[str
 
 
 def _stacked(cell: str) -> str:
-    """The cell with its interval on a line of its own."""
+    """The cell with its interval on a second line."""
     return cell.replace(" [", "\n[") if cell.endswith("]") else cell
 
 
@@ -156,7 +165,7 @@ def _width(cell: str) -> int:
 
 
 def _side_by_side(blocks: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The blocks, narrow figures that follow each other put together."""
+    """The blocks, with successive narrow figures in one block."""
     found: list[dict[str, Any]] = []
     for block in blocks:
         if block["kind"] != "figure" or block["width"] > _NARROW:
@@ -180,19 +189,19 @@ def _figure(block: Figure | Picture, number: int) -> dict[str, Any]:
 def svg_for_page(text: str, number: int) -> tuple[str, float]:
     """An SVG file as an element of a page, and its width in points.
 
-    Its names become its own, its black the page's ink, its colours of runs the page's, and what
-    points at other places is taken out.
+    Its ids become unique, black and the colours of runs become those of the page, and references
+    to other documents are removed.
     """
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.S)
-    # It would hold for the whole page, which has it once.
+    # A style element would apply to the whole page.
     text = re.sub(r"<style[^>]*>.*?</style>", "", text, flags=re.S)
     text = re.sub(r'\sxmlns(:\w+)?="[^"]*"', "", text)
     width = re.search(r'<svg\b[^>]*?\swidth="([\d.]+)(?:pt)?"', text)
     text = re.sub(r'(<svg\b[^>]*?)\swidth="[^"]*"', r"\1", text, count=1)
     text = re.sub(r'(<svg\b[^>]*?)\sheight="[^"]*"', r"\1", text, count=1)
     text = text.replace("<svg", '<svg fill="currentColor"', 1).replace("xlink:href=", "href=")
-    # Matplotlib names parts by their content, alike in all figures of a page.
+    # Matplotlib's ids depend on the content, so figures of a page can share them.
     text = re.sub(r'\bid="', f'id="f{number}-', text)
     text = re.sub(r'(url\(|href=")#', rf"\1#f{number}-", text)
     for colour, name in _COLOURS.items():
@@ -210,7 +219,7 @@ def _sweeps(origin: Origin) -> list[dict[str, Any]]:
         for axis in sweep["axes"]:
             key = " + ".join(axis["keys"])
             count = len(axis["keys"])
-            # What goes with one step alone is shown with its key.
+            # Overrides of a single step are shown with their keys.
             values = [
                 " ".join([*(text.partition("=")[2] for text in step[:count]), *step[count:]])
                 for step in axis["steps"]

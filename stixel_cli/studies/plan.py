@@ -1,4 +1,4 @@
-"""What a study would run: the design of every sweep, checked before anything is computed."""
+"""The plan of a study: the design of every sweep, checked before any computation."""
 
 import re
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ _LONGEST_NAME = 100
 
 @dataclass(frozen=True)
 class PlannedSweep:
-    """A sweep with its design, and its plan; that is None where axes are derived later."""
+    """A sweep with its design and plan; the plan is None if its axes are derived later."""
 
     sweep: SweepEntry
     design: Design
@@ -33,7 +33,7 @@ class PlannedSweep:
 
 @dataclass(frozen=True)
 class StudyPlan:
-    """A study with its overrides; `notes` say which of them are left out of which sweeps."""
+    """A study with its overrides; `notes` list those that are left out of some sweeps."""
 
     study: StudyFile
     overrides: tuple[str, ...]
@@ -42,18 +42,18 @@ class StudyPlan:
 
     @property
     def folder_name(self) -> str:
-        """Of its folder, unless one is given: the study's name, then its overrides.
+        """Default name of the folder: the study's name and its overrides.
 
-        So a command finds its own folder again, and no two commands of different results share one.
+        A command finds its folder again, and commands with different results have different ones.
         """
         texts = sorted(_values_text(text) for text in self.overrides if not of_the_machine(text))
         name = "-".join((self.study.name, *texts))
         plain = _NOT_PLAIN.sub("-", name)[:_LONGEST_NAME]
-        # A name that lost characters could be that of other overrides too.
+        # Other overrides could give the same shortened name.
         return name if plain == name else f"{plain}-{sha256(name.encode()).hexdigest()[:8]}"
 
     def request(self) -> dict[str, Any]:
-        """What is asked for, in plain types: equal for two commands that mean the same results."""
+        """The request in plain types; it is equal for commands with the same results."""
         return {
             "study": self.study.name,
             "template": self.study.template_name,
@@ -75,14 +75,14 @@ class StudyPlan:
 
 
 def _values_text(text: str) -> str:
-    """An override with its values written out: `seed=range(0,2)` means what `seed=0,1` means."""
+    """An override with its values written out: `seed=range(0,2)` becomes `seed=0,1`."""
     (parsed,) = parse_overrides([text])
     values = [one.partition("=")[2] for one in single_overrides(parsed, shuffled=False)]
     return f"{parsed.key_or_group}={','.join(values)}"
 
 
 def of_the_machine(text: str) -> bool:
-    """Whether an override says where to compute, on which no result depends."""
+    """Whether an override only sets the machine's options, so no result depends on it."""
     return key_of(text).partition(".")[0] in OF_THE_MACHINE
 
 
@@ -90,11 +90,11 @@ def plan_study(study: StudyFile, overrides: Sequence[str]) -> StudyPlan:
     """The plan of a study.
 
     Raises:
-        ConfigurationError: in one line, for whatever is wrong with any of its runs.
+        ConfigurationError: in one line, if a run is not valid.
     """
     designs, notes = overridden(
         [sweep.design() for sweep in study.sweeps],
-        # So that their order makes no other request.
+        # The request does not depend on their order.
         sorted(overrides),
         [sweep.name for sweep in study.sweeps],
         [sweep.name for sweep in study.sweeps if sweep.derive is not None],
@@ -109,15 +109,15 @@ def plan_study(study: StudyFile, overrides: Sequence[str]) -> StudyPlan:
 
 
 def derived_design(plan: StudyPlan, one: PlannedSweep, axes: list[dict[str, list]]) -> Design:
-    """The design of a sweep with the axes that were derived for it."""
+    """The design of a sweep with its derived axes."""
     with_axes = one.sweep.design(axes)
     known = {key for axis in one.sweep.design().axes for key in axis.keys}
     new = [axis for axis in with_axes.axes if known.isdisjoint(axis.keys)]
     derived = {key for axis in new for key in axis.keys}
     fixed = tuple(text for text in one.design.fixed if key_of(text) not in derived)
-    # An override of what is derived has been heard by the sweeps that it is derived from.
+    # An override of a derived key already applies to the earlier sweeps.
     own = [axis for axis in one.design.axes if derived.isdisjoint(axis.keys)]
-    # Before the sweep's own, of which the last is that of the seeds.
+    # Before the sweep's own axes, the last of which is the seeds'.
     design = Design(fixed, (*new, *own), one.design.left_out)
     _plan(one.sweep, design)
     return design
@@ -130,8 +130,8 @@ def _plan(sweep: SweepEntry, design: Design) -> tuple[SweepPlan, tuple[str, ...]
     except ConfigurationError as fault:
         raise ConfigurationError(f"sweep {sweep.name}: {fault}") from None
     for step in sweep.steps:
-        if not any(step in point.graph.stages for point in plan.runs):
-            known = sorted({name for point in plan.runs for name in point.graph.stages})
+        if not any(step in run.graph.stages for run in plan.runs):
+            known = sorted({name for run in plan.runs for name in run.graph.stages})
             hint = messages.suggestion(step, known) or f" (steps: {', '.join(known)})"
             raise ConfigurationError(
                 f"sweep {sweep.name}: results: no pipeline of its runs has a step "

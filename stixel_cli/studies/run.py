@@ -1,4 +1,4 @@
-"""A study from its plan to its folder: the sweeps one after the other, then the report."""
+"""Run a study: the sweeps one after the other, then the report."""
 
 import shlex
 import shutil
@@ -15,26 +15,25 @@ from stixel_cli.engine.locks import lease
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
 from stixel_cli.results.provenance import provenance
-from stixel_cli.studies.data import NodeSeconds, study_sweep
+from stixel_cli.studies.data import NodeSeconds, StudyData, StudySweep, study_sweep
 from stixel_cli.studies.folder import StudyFolder
 from stixel_cli.studies.page import study_page
 from stixel_cli.studies.plan import PlannedSweep, StudyPlan, derived_design, of_the_machine
-from stixel_cli.studies.state import Origin, SweepState
-from stixel_cli.studies.types import Findings, StudyData, StudySweep
+from stixel_cli.studies.types import Findings, Origin, SweepState
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.results import SKIPPED, SweepResult
 from stixel_cli.sweeps.run import SweepInterrupted
 from stixel_cli.sweeps.runs import design_runs
-from stixel_cli.sweeps.whole import designed_sweep, resumed_sweep
+from stixel_cli.sweeps.whole import check_computable, designed_sweep, resumed_sweep
 
-_GO_ON = "; go on with: "
+_RESUME = "; resume with: "
 _MOST_FAILURES = 5
 
 
 @dataclass(frozen=True)
 class StudyResult:
-    """What became of a study; `findings` is None unless every sweep is complete."""
+    """Result of a study; `findings` is None unless every sweep is complete."""
 
     folder: Path
     page: Path
@@ -54,24 +53,27 @@ def run_study(
     visible: bool = False,
     tell: Callable[[str], Any] = lambda note: None,
 ) -> StudyResult:
-    """Run what a study's folder lacks, and write its report.
+    """Run the missing runs of a study, and write its report.
 
     Args:
         plan: of the study.
         folder: of the study; resumed if it exists and has the same plan.
         command: the command line that does this.
         fresh: start over and remove the folder's content.
-        workers: how many compute at a time; None for what the configuration says.
+        workers: number of workers; None for that of the configuration.
         visible: show progress on stderr.
-        tell: called with notes on the overrides and the axes before anything runs, and before a
-            sweep with how many of its finished runs are computed again, and why.
+        tell: called with notes on overrides and axes before the first run, and before a sweep
+            with the number of finished runs that are out of date, and the reason.
 
     Raises:
-        UserError: in one line; before anything is written for what is wrong with the plan or the
-            folder. What was computed stays.
-        SweepInterrupted: by Ctrl-C, the report being written.
+        UserError: in one line; before notes and files if the cache, the scheduler or the folder
+            is unusable. Computed results stay.
+        SweepInterrupted: by Ctrl-C, after the report is written.
     """
     run = _Run(plan, StudyFolder(folder), command, workers, visible, tell)
+    for one in plan.sweeps:
+        if one.plan is not None:
+            check_computable(one.plan)
     run.folder.begin(plan, command, fresh)
     for note in plan.notes:
         tell(note)
@@ -84,13 +86,13 @@ def run_study(
     except SweepInterrupted:
         run.report()
         raise SweepInterrupted(
-            f"interrupted in sweep {one.sweep.name}; what was computed is kept{_GO_ON}{command}"
+            f"interrupted in sweep {one.sweep.name}; what was computed is kept{_RESUME}{command}"
         ) from None
     except UserError as error:
         with suppress(UserError):
             run.report()
-        reason = str(error).partition(_GO_ON)[0]
-        raise type(error)(f"sweep {one.sweep.name}: {reason}{_GO_ON}{command}") from error
+        reason = str(error).partition(_RESUME)[0]
+        raise type(error)(f"sweep {one.sweep.name}: {reason}{_RESUME}{command}") from error
     return run.report()
 
 
@@ -121,7 +123,7 @@ class _Run:
         self.node_seconds = NodeSeconds(self.store)
 
     def compute(self, one: PlannedSweep) -> None:
-        """Compute what a sweep lacks; one whose axes follow from a sweep that failed is left."""
+        """Compute a sweep's missing runs, unless its axes depend on an incomplete sweep."""
         name = one.sweep.name
         design = one.design
         if one.sweep.derive is not None:
@@ -129,7 +131,7 @@ class _Run:
             if any(other.sweep.name not in self.sweeps for other in before):
                 return
             with self._leased():
-                axes = self.plan.study.function(one.sweep.derive)(self._data())
+                axes = self.plan.study.derived_axes(one.sweep.derive, self._data())
             design = derived_design(self.plan, one, axes)
         result = self._sweep(name, one, design)
         self.results[name] = result
@@ -137,7 +139,7 @@ class _Run:
             self.sweeps[name] = study_sweep(name, result, self.store, self.node_seconds)
 
     def report(self) -> StudyResult:
-        """Write the report as things stand: statistics only of what is complete."""
+        """Write the report; it has statistics only if all sweeps are complete."""
         states = tuple(self._state(one) for one in self.plan.sweeps)
         findings = None
         if all(state.complete for state in states):
@@ -148,16 +150,16 @@ class _Run:
             overrides=self.plan.overrides,
             notes=self.plan.notes,
             seeds={
-                name: sorted({point.planned.run.seed for point in result.runs})
+                name: sorted({run.planned.run.seed for run in result.runs})
                 for name, result in self.results.items()
             },
             provenance=provenance(),
             created=datetime.now(UTC).isoformat(timespec="seconds"),
             stage_cpu_seconds=self.node_seconds.by_stage(
                 [
-                    (point.planned.graph, point.planned.targets)
+                    (run.planned.graph, run.planned.targets)
                     for result in self.results.values()
-                    for point in result.runs
+                    for run in result.runs
                 ]
             ),
             elapsed=time.perf_counter() - self.started,
@@ -182,12 +184,12 @@ class _Run:
         return StudyData(study.name, study.title, study.question, dict(self.sweeps))
 
     def _leased(self):
-        """Keep in the store all that the report may read."""
+        """A lease on all results that the report can read."""
         keys = {
             target
             for result in self.results.values()
-            for point in result.runs
-            for target in point.planned.targets
+            for run in result.runs
+            for target in run.planned.targets
         }
         return lease(self.store.folder, sorted(keys))
 
@@ -196,7 +198,7 @@ class _Run:
         label = f"{self.plan.study.name} {name}"
         if (path / "sweep.yaml").exists():
             request = SweepFolder(path).request()
-            texts = [point.overrides for point in design_runs(design)]
+            texts = [run.overrides for run in design_runs(design)]
             same = _results(request.runs) == _results(texts)
             if same and request.nodes == one.sweep.steps:
                 return resumed_sweep(
@@ -206,7 +208,7 @@ class _Run:
                     label,
                     note=lambda text: self.tell(f"{name}: {text}"),
                 )
-        # What is there was begun in a moment, or was derived from other results.
+        # The folder is unfinished, or its axes were derived from other results.
         if path.exists():
             shutil.rmtree(path)
         command = shlex.join(["stixel", "sweep", "--resume", str(path)])
@@ -221,16 +223,16 @@ class _Run:
         result = self.results.get(name)
         if result is None:
             done = len(list(folder.glob("runs/[0-9]*")))
-            why = "interrupted" if done else "not come to"
+            why = "interrupted" if done else "not started"
             if count is None and not done:
-                why = "its axes follow from the sweeps before"
+                why = "its axes depend on the sweeps before"
             return SweepState(name, count, done, (why,), folder)
         faults = []
-        failed = [point for point in result.runs if point.failure is not None]
-        for point in failed[:_MOST_FAILURES]:
-            reason = messages.printable(" ".join(str(point.failure).split()), 300)
-            also = " (as another)" if point.status == SKIPPED else ""
-            faults.append(f"{point.planned.run.label}: {reason}{also}")
+        failed = [run for run in result.runs if run.failure is not None]
+        for run in failed[:_MOST_FAILURES]:
+            reason = messages.printable(" ".join(str(run.failure).split()), 300)
+            also = " (as another)" if run.status == SKIPPED else ""
+            faults.append(f"{run.planned.run.label}: {reason}{also}")
         if len(failed) > _MOST_FAILURES:
             faults.append(f"and {len(failed) - _MOST_FAILURES} more, see runs.csv")
         done = result.count("done")
@@ -238,5 +240,5 @@ class _Run:
 
 
 def _results(runs: Sequence[Sequence[str]]) -> list[list[str]]:
-    """Overrides of runs without those on which no result depends."""
+    """Overrides of runs, without those of the machine."""
     return [[text for text in overrides if not of_the_machine(text)] for overrides in runs]

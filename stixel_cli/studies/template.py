@@ -1,21 +1,31 @@
 """A study's report from its Jinja template: Markdown with numbers, tables and figures filled in.
 
-A template is text in paragraphs, with `#` headings. What comes before the first heading is the
-answer. `{{ show(tables.NAME) }}` puts a table or a figure in its place;
-`{% call show(...) %}caption{% endcall %}` gives its caption as well. A section that the module made
-is shown in the same way.
+A template has paragraphs and `#` headings. The text before the first heading is the answer.
+`{{ show(tables.NAME) }}` shows a table or a figure; `{% call show(...) %}caption{% endcall %}` also
+sets its caption.
 """
 
 import re
+import traceback
 from collections.abc import Callable
 from dataclasses import replace
 
 import jinja2
 
+from stixel_cli.config.messages import printable
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.results.text import listed
-from stixel_cli.studies import prose
-from stixel_cli.studies.types import Block, Findings, Material, Paragraph, Section
+from stixel_cli.studies import tables
+from stixel_cli.studies.types import (
+    Block,
+    Figure,
+    Findings,
+    Material,
+    Paragraph,
+    Picture,
+    Section,
+    Table,
+)
 
 _MARK = "\x02"
 _HEADING = re.compile(r"(#{1,3}) (.+)")
@@ -23,19 +33,19 @@ _HEADING = re.compile(r"(#{1,3}) (.+)")
 
 def _interval(statistic, unit: str = "", sign: bool = False) -> str:
     """A statistic's mean with its interval."""
-    return prose.with_interval(statistic.mean, statistic.low, statistic.high, unit, sign)
+    return tables.with_interval(statistic.mean, statistic.low, statistic.high, unit, sign)
 
 
 FILTERS: dict[str, Callable] = {
-    "number": prose.number,
-    "quantity": prose.quantity,
-    "percent": prose.percent,
-    "counted": prose.counted,
+    "number": tables.number,
+    "quantity": tables.quantity,
+    "percent": tables.percent,
+    "counted": tables.counted,
     "interval": _interval,
     "listed": listed,
-    "capital": prose.capital,
+    "capital": tables.capital,
 }
-"""Functions of `prose` that a template can use, by name."""
+"""Functions of `tables` that a template can use, by name."""
 
 
 def template_of(text: str, name: str) -> jinja2.Template:
@@ -63,15 +73,23 @@ def findings_of(template: jinja2.Template, material: Material, name: str) -> Fin
     shown: list[Block] = []
 
     def show(block, caller: Callable[[], str] | None = None) -> str:
+        if not isinstance(block, Figure | Picture | Table):
+            raise TypeError("show takes a table, a figure or a picture")
         shown.append(block if caller is None else replace(block, caption=_line(caller())))
         return f"\n\n{_MARK}{len(shown) - 1}\n\n"
 
     try:
         text = template.render(**material.values, show=show)
-    except (jinja2.TemplateError, ArithmeticError, AttributeError, LookupError, TypeError) as fault:
-        raise UserError(f"template: {name}: {type(fault).__name__}: {fault}") from fault
+    except (
+        jinja2.TemplateError, ArithmeticError, AttributeError, LookupError, TypeError, ValueError
+    ) as fault:  # fmt: skip
+        frames = traceback.extract_tb(fault.__traceback__)
+        line = [frame.lineno for frame in frames if frame.filename == "<template>"][-1:]
+        where = f"{name}: line {line[0]}" if line else name
+        reason = printable(f"{type(fault).__name__}: {fault}", 200)
+        raise UserError(f"template: {where}: {reason}") from fault
     before: list[Block] = []
-    # Level, title and blocks of the sections that are open.
+    # Level, title and blocks of the open sections.
     opened: list[tuple[int, str, list[Block]]] = [(0, "", before)]
     sections: list[Section] = []
 
@@ -91,12 +109,7 @@ def findings_of(template: jinja2.Template, material: Material, name: str) -> Fin
             close(len(heading[1]))
             opened.append((len(heading[1]), heading[2], []))
         elif chunk.startswith(_MARK):
-            block = shown[int(chunk[1:])]
-            if isinstance(block, Section):
-                close(1)
-                sections.append(block)
-            else:
-                opened[-1][2].append(block)
+            opened[-1][2].append(shown[int(chunk[1:])])
         elif chunk:
             opened[-1][2].append(Paragraph(chunk))
     close(1)
@@ -109,5 +122,5 @@ def findings_of(template: jinja2.Template, material: Material, name: str) -> Fin
 
 
 def _line(text: str) -> str:
-    """Text on one line; spaces that must not break stay."""
+    """Text on one line; non-breaking spaces are kept."""
     return re.sub(r"[ \t\n]+", " ", text).strip(" ")

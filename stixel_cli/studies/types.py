@@ -1,57 +1,9 @@
-"""What a study's report is made of (its data), and what it consists of (its findings)."""
+"""The blocks of a study's report, what its module returns, and its progress and provenance."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
-
-from stixel_cli.config.schema import Configuration
-from stixel_cli.evaluation.metric_table import Scores
-
-
-@dataclass(frozen=True)
-class StudyRun:
-    """One experiment of a sweep.
-
-    Attributes:
-        index: its number in the sweep.
-        setting: keys that differ between the sweep's runs, without the seed, to values as typed.
-        seed: of its random numbers.
-        configuration: of the experiment.
-        metrics: name to value, None where one has no value.
-        scores: errors over time.
-        cpu_seconds: stage to the CPU seconds that its nodes took when they were computed, summed;
-            NaN if those of one are not known.
-        load: gives a step's result by the step's name, or the list of its chunks' results where
-            it works in chunks; read when asked for, of the steps that the sweep names.
-    """
-
-    index: int
-    setting: Mapping[str, str]
-    seed: int
-    configuration: Configuration
-    metrics: Mapping[str, float | int | None]
-    scores: Scores
-    cpu_seconds: Mapping[str, float]
-    load: Callable[[str], Any]
-
-
-@dataclass(frozen=True)
-class StudySweep:
-    """One sweep of a study; `keys` are those of its axes, the seed among them if it is swept."""
-
-    name: str
-    keys: tuple[str, ...]
-    runs: tuple[StudyRun, ...]
-
-
-@dataclass(frozen=True)
-class StudyData:
-    """All that a study's report is made from: its sweeps by name, in the order they ran."""
-
-    name: str
-    title: str
-    question: str
-    sweeps: Mapping[str, StudySweep]
+from pathlib import Path
+from typing import Any, Literal
 
 
 @dataclass(frozen=True)
@@ -81,18 +33,37 @@ class Picture:
 
 
 @dataclass(frozen=True)
+class Column:
+    """Standard deviation ("std") or end of the interval ("low", "high") of the column before."""
+
+    name: str
+    kind: Literal["std", "low", "high"]
+
+
+@dataclass(frozen=True)
 class Table:
-    """Rows of text and numbers; None where there is no value."""
+    """Rows of text and numbers, with None for missing values.
+
+    A column is a name, or a `Column` that belongs to the value to its left; `tables` has functions
+    for both.
+    """
 
     name: str
     caption: str
-    columns: tuple[str, ...]
+    columns: tuple[str | Column, ...]
     rows: tuple[tuple[str | int | float | None, ...], ...]
+
+    def __post_init__(self):
+        for row in self.rows:
+            if len(row) != len(self.columns):
+                raise ValueError(
+                    f"table {self.name}: a row has {len(row)} cells, not {len(self.columns)}"
+                )
 
 
 @dataclass(frozen=True)
 class Section:
-    """A chapter, or a part of one."""
+    """A section of the report, with its subsections among the blocks."""
 
     title: str
     blocks: tuple["Block", ...]
@@ -103,11 +74,11 @@ Block = Paragraph | Figure | Picture | Table | Section
 
 @dataclass(frozen=True)
 class Material:
-    """What a study's module gives to the template.
+    """What the function `report` of a study's module returns.
 
     Attributes:
-        values: numbers, texts, tables and figures, by the names that the template uses.
-        files: more files for the study's folder, by path.
+        values: numbers, texts, tables and figures, by their names in the template.
+        files: path in the study's folder to content of further files.
     """
 
     values: Mapping[str, Any]
@@ -116,16 +87,69 @@ class Material:
 
 @dataclass(frozen=True)
 class Findings:
-    """What a study found.
+    """A filled template.
 
     Attributes:
-        answer: to its question, in a few sentences.
+        answer: paragraphs before the first heading.
         sections: of the report, in order.
-        files: more files for the study's folder, by name.
-        summary: the numbers that the answer rests on, shown beneath it.
+        files: path in the study's folder to content of further files.
+        summary: tables before the first heading.
     """
 
     answer: tuple[str, ...]
     sections: tuple[Section, ...]
     files: Mapping[str, str | bytes]
     summary: tuple[Table, ...] = ()
+
+
+@dataclass(frozen=True)
+class SweepState:
+    """Progress of a sweep.
+
+    Attributes:
+        name: of the sweep.
+        runs: their number; None if it depends on earlier sweeps.
+        done: number of finished runs.
+        faults: one line for each reason why others are missing.
+        folder: of the sweep.
+    """
+
+    name: str
+    runs: int | None
+    done: int
+    faults: tuple[str, ...]
+    folder: Path
+
+    @property
+    def complete(self) -> bool:
+        """Whether every run is finished."""
+        return self.done == self.runs
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Provenance of a report.
+
+    Attributes:
+        command: command line that makes the report.
+        overrides: of the command.
+        notes: which overrides are left out of which sweeps.
+        seeds: of the runs of each sweep.
+        provenance: revision, versions and machine, as in a manifest.
+        created: UTC.
+        stage_cpu_seconds: CPU seconds that the results of each stage took; NaN if one is unknown.
+        elapsed: s from the start of the command.
+        sweeps: request of each sweep.
+        configuration: of the first run, resolved.
+    """
+
+    command: str
+    overrides: Sequence[str]
+    notes: Sequence[str]
+    seeds: Mapping[str, Sequence[int]]
+    provenance: Mapping[str, Any]
+    created: str
+    stage_cpu_seconds: Mapping[str, float]
+    elapsed: float
+    sweeps: Mapping[str, Mapping[str, Any]]
+    configuration: Mapping[str, Any]

@@ -71,7 +71,7 @@ def new_sweep(
     if results is not None:
         stem = "sweep" if file is None else Path(file).stem
         check_results(results, name)
-        _probe(plan)
+        check_computable(plan)
         request = _request(design, runs, shuffle, pictures, (), origin)
         while folder is None:
             made = SweepFolder(reserve_folder(results, name, f"{stem}-{stamp(now)}"))
@@ -108,7 +108,7 @@ def designed_sweep(
     runs = design_runs(design)
     plan, _ = planned_sweep(runs, None, False, nodes)
     origin = _origin(command, datetime.now(UTC))
-    _probe(plan)
+    check_computable(plan)
     folder = SweepFolder(path)
     folder.create(_request(design, runs, None, False, nodes, origin))
     return _run(plan, [axis.keys for axis in design.axes], folder, origin, visible, label)
@@ -164,7 +164,7 @@ def planned_sweep(
         return plan_sweep(shuffled_runs(planned, shuffle), store), notes
 
 
-def _probe(plan: SweepPlan) -> None:
+def check_computable(plan: SweepPlan) -> None:
     """Raise UserError for an unusable cache or scheduler, before a folder is created."""
     configuration = plan.runs[0].run.composition.configuration
     with one_line_errors():

@@ -25,6 +25,11 @@ class Studies:
         assert found == code, said.err
         return json.loads(said.out) if said.out else None
 
+    @property
+    def messages(self):
+        """The lines on stderr, without those of the progress on a slow machine."""
+        return [line for line in self.error.splitlines() if "; nodes: " not in line]
+
     def refused(self, *arguments):
         """The one line of a refused command; nothing is written."""
         before = sorted(self.results.rglob("*"))

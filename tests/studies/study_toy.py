@@ -7,6 +7,7 @@ import yaml
 
 from stixel_cli import studies
 from stixel_cli.report import style
+from stixel_cli.studies.tables import std_columns
 from stixel_cli.studies.template import findings_of, template_of
 from stixel_cli.studies.types import Figure, Material, Picture, Table
 
@@ -64,7 +65,7 @@ def write(folder, content=TOY, name="toy"):
     return file
 
 
-TEMPLATE = """{{ points | length }} points <b>.
+TEMPLATE = """{{ runs | length }} runs <b>.
 
 {{ show(answer) }}
 
@@ -95,18 +96,19 @@ def widths(data):
 def report(data):
     """A figure, a picture, tables and a file of the data, which is kept in `SEEN`."""
     SEEN.append(data)
-    points = data.sweeps["first"].runs
+    runs = data.sweeps["first"].runs
     with style.drawing():
         figure = style.new_figure(3.0, 2.0)
-        figure.subplots().plot([p.metrics["iou_mean"] for p in points], color=style.RUNS[0])
+        figure.subplots().plot([p.metrics["iou_mean"] for p in runs], color=style.RUNS[0])
         svg = style.svg(figure)
-    rows = tuple((p.setting["road_user"], p.seed, p.metrics["iou_mean"], 0.25) for p in points)
+    rows = tuple((p.setting["road_user"], p.seed, p.metrics["iou_mean"], 0.25) for p in runs)
+    columns = ("who", "seed", *std_columns("IoU", "IoU"))
     values = {
-        "points": points,
+        "runs": runs,
         "one": Figure("one", "", svg),
         "two": Figure("two", "Second.", svg),
         "dot": Picture("dot", "A picture.", b"\x89PNG", "image/png"),
-        "numbers": Table("numbers", "50 % of a_b.", ("who", "seed", "IoU", "± IoU"), rows),
+        "numbers": Table("numbers", "50 % of a_b.", columns, rows),
         "gaps": Table("gaps", "No value.", ("a", "b"), ((None, 1.5), ("x|y", None))),
         "answer": Table("answer", "In short.", ("who", "seed"), (("car", 7),)),
     }

@@ -15,16 +15,14 @@ from stixel_cli.geometry.rig import Rig
 from stixel_cli.scene.road_user import road_user_mesh
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.studies.file import find_study, read_study
-from stixel_cli.studies.rq1.gallery import by_frame, contact_sheet
 from stixel_cli.studies.rq1.pool import (
     by_label,
     cell,
     matcher,
     needed_disparity,
     road_user,
-    share,
-    text,
 )
+from stixel_cli.studies.rq1.report import by_frame, contact_sheet
 from stixel_cli.studies.rq1.setup import cpu_seconds_a_frame, timed_building, values_of
 
 FIXED = {
@@ -58,11 +56,10 @@ def tiny(tmp_path):
     return file
 
 
-def test_a_tiny_study_gives_a_whole_report(studies, tiny):
+def test_a_tiny_study_gives_a_complete_report(studies, tiny):
     answer = studies.run(tiny)
     folder = studies.results / "rq1"
     assert answer["complete"], answer
-    # Of 12 to 8 m there is nothing to say of 28 m, and it is said so.
     assert "No stixel is on a road user between 25 and 31 m" in answer["answer"][0]
     assert not re.search(r"\bnan\b|\binf\b", " ".join(answer["answer"]))
     names = {path.stem for path in (folder / "figures").glob("*.svg")}
@@ -102,7 +99,7 @@ def test_a_tiny_study_gives_a_whole_report(studies, tiny):
     assert all(float(row["match"]) > 0.0 for row in seconds)
 
 
-def test_the_shipped_study_changes_one_thing_at_a_time_round_the_default():
+def test_each_sweep_of_the_shipped_study_changes_one_setting():
     study = read_study(find_study("rq1"))
     sweeps = {sweep.name: sweep for sweep in study.sweeps}
     assert list(sweeps) == ["ranges", "matchers", "grids", "rigs", "contrast", "gallery"]
@@ -119,7 +116,7 @@ def test_the_shipped_study_changes_one_thing_at_a_time_round_the_default():
     assert approach["path.start"][1] > 50.0 and last <= 5.3
 
 
-def test_the_precision_that_a_depth_takes_follows_from_the_rig():
+def test_the_required_disparity_precision_depends_on_the_rig():
     rig = Rig(640, 480, 60.0, None, None, None, 0.3, 1.2, 0.0, None)
     needed = needed_disparity(rig, 0.1, 28.0)
     assert needed == pytest.approx(0.0212, abs=1e-4)
@@ -127,33 +124,30 @@ def test_the_precision_that_a_depth_takes_follows_from_the_rig():
     assert rig.depth_from_disparity(disparity - needed) - 28.0 == pytest.approx(0.1, rel=0.01)
 
 
-def test_numbers_in_prose_and_tables_have_a_dash_or_nothing_where_there_is_none():
-    assert text(-1.236, 2, "m") == "−1.24\u202fm"
-    assert text(float("nan")) == text(None) == share(float("nan")) == "–"
-    assert share(0.1234) == "12.3\u202f%"
+def test_a_table_cell_without_a_value_is_empty():
     assert cell(float("nan")) is None and cell(0.5, 100.0) == 50.0
 
 
-def test_points_are_named_by_what_they_are():
-    def point(*overrides):
+def test_runs_have_the_names_of_matcher_and_road_user():
+    def run(*overrides):
         return SimpleNamespace(configuration=compose(overrides).configuration, setting={})
 
-    points = [
-        point("stereo=bm"),
-        point("road_user=cyclist"),
-        point("stereo.error_cancellation=false"),
+    runs = [
+        run("stereo=bm"),
+        run("road_user=cyclist"),
+        run("stereo.error_cancellation=false"),
     ]
-    assert [matcher(p) for p in points] == ["BM", "SGM", "SGM (one match)"]
-    assert {k: len(v) for k, v in by_label(points, road_user).items()} == {"car": 2, "cyclist": 1}
+    assert [matcher(p) for p in runs] == ["BM", "SGM", "SGM (one match)"]
+    assert {k: len(v) for k, v in by_label(runs, road_user).items()} == {"car": 2, "cyclist": 1}
 
 
-def test_seconds_are_a_frames_and_a_scene_counts_its_values():
-    points = [
+def test_cpu_seconds_per_frame_and_values_of_a_scene():
+    runs = [
         SimpleNamespace(cpu_seconds={"match": 2.0}, scores=SimpleNamespace(times=np.zeros(4))),
         SimpleNamespace(cpu_seconds={"match": 6.0}, scores=SimpleNamespace(times=np.zeros(4))),
     ]
-    assert cpu_seconds_a_frame(points, "match") == 1.0
-    assert np.isnan(cpu_seconds_a_frame(points, "render"))
+    assert cpu_seconds_a_frame(runs, "match") == 1.0
+    assert np.isnan(cpu_seconds_a_frame(runs, "render"))
     short = values_of(compose().configuration)
     longer = values_of(compose(["path=stop_and_go"]).configuration)
     turning = values_of(compose(["ego=turning"]).configuration)

@@ -62,7 +62,7 @@ def group(values, seeds=1):
     return made, sums
 
 
-def test_seeds_of_a_pose_are_no_more_poses():
+def test_seeds_of_a_pose_count_once():
     values = np.random.default_rng(2).normal(0.3, 1.0, 24)
     one, many = (estimate(*group(values, seeds), ratio(1)) for seeds in (1, 10))
     assert one.value == pytest.approx(values.mean())
@@ -72,7 +72,7 @@ def test_seeds_of_a_pose_are_no_more_poses():
     assert one.high - one.low == pytest.approx(2 * 1.96 * std, rel=0.1)
 
 
-def test_frames_of_which_there_is_nothing_do_not_count():
+def test_frames_without_values_do_not_count():
     made, sums = group(np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]))
     sums[4:] = 0.0
     assert estimate(made, sums, ratio(1)).value == 2.5
@@ -104,7 +104,7 @@ def test_poses_that_all_agree_have_no_interval():
     assert found.cells == (0.25, None, None)
 
 
-def test_sums_of_stixels_leave_out_gross_errors_and_other_ranges():
+def test_sums_of_stixels_exclude_gross_errors_and_other_ranges():
     errors = SimpleNamespace(
         offsets=np.array([0, 2, 2, 5]),
         true_depth=np.array([10.0, 60.0, 20.0, 20.0, 20.0]),
@@ -171,7 +171,7 @@ def seen_group(frames=8, columns=30):
     )
 
 
-def test_values_with_intervals_are_those_of_the_summaries():
+def test_estimates_are_equal_to_the_summaries():
     made = seen_group()
     chosen = made.frames(5.0, 15.0)
     of = made.errors.columns
@@ -205,28 +205,28 @@ def test_values_with_intervals_are_those_of_the_summaries():
     assert np.isnan(over_range(cover_sums, OVERHANG)(made, 5.0, 9.0).value)
 
 
-def test_the_first_of_a_groups_lines_has_its_interval_as_a_band():
+def test_only_the_first_line_of_a_group_has_a_band():
     made = seen_group()
 
     def values(group, low, high):
         return Estimate(0.5, 0.3, 0.8) if low < 20.0 else NONE
 
     one, two = (
-        figures.over_range("a", "A.", [made], [("Title", "m", drawn)]).svg.decode()
+        figures.over_range("a", [made], [("Title", "m", drawn)]).svg.decode()
         for drawn in ({"": values}, {"full": values, "dashed": values})
     )
     assert one.count('id="FillBetweenPolyCollection') == 1
     assert two.count('id="FillBetweenPolyCollection') == 1
 
 
-def test_a_caption_says_what_a_line_counts():
+def test_a_caption_has_the_numbers_of_poses_and_seeds():
     made = seen_group()
     points = tuple(SimpleNamespace(seed=seed) for seed in (0, 1, 2))
     few = replace(made, runs=points[:1], poses=np.zeros(8, int))
     made = replace(made, runs=points)
-    assert counts([made, made]) == "8 poses a line, 3 seeds a pose"
-    assert counts([made, few]) == "1 to 8 poses a line, 1 to 3 seeds a pose"
+    assert counts([made, made]) == "8 poses per line, 3 seeds per pose"
+    assert counts([made, few]) == "1 to 8 poses per line, 1 to 3 seeds per pose"
 
 
-def test_shares_are_told_as_per_cent():
+def test_shares_are_shown_in_per_cent():
     assert Estimate(0.1234, 0.11, 0.14).share() == "12.3\u202f% [11.0, 14.0]"

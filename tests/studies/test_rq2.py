@@ -1,11 +1,11 @@
 """RQ2: what is computed, and a tiny study of it by the real command line."""
 
 import csv
-import dataclasses
 import re
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import shapely
 from scipy.stats import ttest_1samp
@@ -15,22 +15,13 @@ from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
+from stixel_cli.studies.data import StudyRun, measurement_name, names, run_frame, tracker_name
 from stixel_cli.studies.rq2.answer import answer_tables, answer_values
 from stixel_cli.studies.rq2.conditions import CONDITIONS, condition_statistics
 from stixel_cli.studies.rq2.contrasts import family, least_effect, p_value
 from stixel_cli.studies.rq2.figures import by_condition
-from stixel_cli.studies.rq2.runs import (
-    Run,
-    contour_distances,
-    measurement_name,
-    names,
-    paired_difference,
-    runs_of,
-    tracker_name,
-    within_bounds,
-)
+from stixel_cli.studies.rq2.runs import contour_distances, paired_difference, within_bounds
 from stixel_cli.studies.tables import shown_table
-from stixel_cli.studies.types import StudyData
 
 TINY = (
     "road_user=pedestrian",
@@ -43,92 +34,102 @@ TINY = (
 
 
 def answer(runs):
-    return answer_of("rq2", answer_values(runs))
-
-
-class _Point:
-    def __init__(self, **metrics):
-        self.metrics = metrics
+    return answer_of("rq2", answer_values(pd.DataFrame(runs)))
 
 
 def run(seed=0, measurement="simulated", tracker="gp_ekf", centre=1.0, **changes):
-    count = 4
-    values = {
+    """A row of a frame of runs."""
+    kind = {"stixels": "simulated"}.get(measurement, measurement.partition("_")[0])
+    return {
         "road_user": "car",
         "path": "turn",
         "measurement": measurement,
         "tracker": tracker,
-        "kind": measurement.partition("_")[0],
+        "measurement_kind": kind,
         "tracker_kind": tracker,
         "seed": seed,
-        "point": _Point(
-            centre_rmse_m=centre,
-            orientation_rmse_deg=2.0 * centre,
-            iou_mean=0.9 - 0.1 * centre,
-            low_overlap_share=0.0,
-            nees_position_mean=1.0,
-            nis_mean=1.0,
-        ),
-        "times": np.arange(count) * 0.1,
-        "errors": {
-            "centre": np.full(count, centre),
-            "orientation": np.full(count, 2.0),
-            "iou": np.full(count, 0.5),
-        },
-        "nees": np.ones(count),
-        "nis": np.ones(count),
-        "nis_degrees": np.full(count, 10),
-        "ranges": np.array([5.0, 9.0, 9.5, 50.0]),
-        "aspects": np.array([0.0, 50.0, 90.0, 180.0]),
-        "used": np.array([0, 1, 2, 50]),
-        "scan_points": np.array([0, 2, 2, 60]),
-    }
-    return Run(**(values | changes))
+        "centre_rmse_m": centre,
+        "orientation_rmse_deg": 2.0 * centre,
+        "iou_mean": 0.9 - 0.1 * centre,
+        "low_overlap_share": 0.0,
+        "nees_position_mean": 1.0,
+        "nis_mean": 1.0,
+    } | changes
+
+
+def scans_of(seed=0, count=4, **changes):
+    """The frame of the scans of one run."""
+    return pd.DataFrame(
+        {
+            "road_user": "car",
+            "path": "turn",
+            "measurement": "simulated",
+            "tracker": "gp_ekf",
+            "seed": seed,
+            "k": np.arange(count),
+            "t": np.arange(count) * 0.1,
+            "centre": 1.0,
+            "orientation": 2.0,
+            "iou": 0.5,
+            "nees": 1.0,
+            "nis": 1.0,
+            "nis_degrees": 10,
+        }
+        | ({} if count != 4 else FOUR_SCANS)
+        | changes
+    )
+
+
+FOUR_SCANS = {
+    "range": [5.0, 9.0, 9.5, 50.0],
+    "aspect": [0.0, 50.0, 90.0, 180.0],
+    "used": [0, 1, 2, 50],
+    "points": [0, 2, 2, 60],
+}
 
 
 def test_differences_are_paired_by_seed():
     one = [run(seed, centre=1.0 + seed + offset) for seed, offset in ((0, 0.1), (1, 0.2), (2, 0.3))]
     other = [run(seed, "lidar", centre=1.0 + seed) for seed in (0, 1, 2, 3)]
-    found = paired_difference(one, other, "centre_rmse_m")
+    found = paired_difference(pd.DataFrame(one), pd.DataFrame(other), "centre_rmse_m")
     # Between seeds the errors differ by 1, between pairs by a tenth of that.
     assert found.n == 3 and found.mean == pytest.approx(0.2)
     assert found.std == pytest.approx(0.1)
     assert found.low == pytest.approx(0.2 - 4.302653 * 0.1 / np.sqrt(3), abs=1e-6)
-    without = [dataclasses.replace(other[0], point=_Point(centre_rmse_m=None))]
-    assert paired_difference(one[:1], without, "centre_rmse_m").n == 0
+    one, without = pd.DataFrame(one[:1]), pd.DataFrame([run(centre=np.nan)])
+    assert paired_difference(one, without, "centre_rmse_m").n == 0
 
 
-def test_of_several_paths_a_seed_counts_once():
+def test_a_seed_with_several_paths_counts_once():
     one = [run(0, centre=2.0), run(0, path="crossing", centre=4.0)]
     other = [run(0, "lidar", centre=1.0), run(0, "lidar", path="crossing", centre=1.0)]
-    found = paired_difference(one, other, "centre_rmse_m")
+    found = paired_difference(pd.DataFrame(one), pd.DataFrame(other), "centre_rmse_m")
     assert (found.n, found.mean) == (1, 2.0)
 
 
-def test_bounds_hold_of_a_consistent_filter_and_not_of_another():
+def test_only_a_consistent_filter_is_within_the_bounds():
     draw = np.random.default_rng(3)
     count, degrees = 2000, 10
 
     def made(seed, scale):
-        return run(
+        return scans_of(
             seed,
-            times=np.arange(count) * 0.1,
+            count,
             nees=scale * draw.chisquare(2, count) / 2,
             nis=scale * draw.chisquare(degrees, count) / degrees,
-            nis_degrees=np.full(count, degrees),
+            nis_degrees=degrees,
         )
 
-    nees, nis = within_bounds([made(seed, 1.0) for seed in range(5)])
+    nees, nis = within_bounds(pd.concat([made(seed, 1.0) for seed in range(5)]))
     assert nees == pytest.approx(0.95, abs=0.02) and nis == pytest.approx(0.95, abs=0.02)
-    nees, nis = within_bounds([made(seed, 4.0) for seed in range(5)])
+    nees, nis = within_bounds(pd.concat([made(seed, 4.0) for seed in range(5)]))
     assert nees < 0.2 and nis < 0.01
-    empty = run(nis=np.full(4, np.nan), nis_degrees=np.zeros(4, dtype=int))
-    assert within_bounds([empty])[1] is None
+    assert within_bounds(scans_of(nis=np.nan, nis_degrees=0))[1] is None
 
 
-def test_scans_are_sorted_by_their_conditions():
+def test_scans_are_sorted_into_bins():
     by_name = {condition.name: condition for condition in CONDITIONS}
-    runs = [run(seed) for seed in (0, 1)]
+    scans = pd.concat([scans_of(seed) for seed in (0, 1)])
     expected = {
         "range": {"< 8": 2, "8–12": 4, "≥ 40": 2},
         "aspect": {"0–15": 2, "45–75": 2, "75–105": 2, "165–180": 2},
@@ -137,21 +138,22 @@ def test_scans_are_sorted_by_their_conditions():
     for name, counts in expected.items():
         condition = by_name[name]
         assert len(condition.labels) == len(condition.edges) + 1
-        found = condition_statistics(condition, runs)
+        found = condition_statistics(condition, scans)
         assert {condition.labels[key[2]]: one.scans for key, one in found.items()} == counts
     (one, *_) = found.values()
     assert one.seeds == 2
     assert one.errors["centre"].n == 2 and one.errors["centre"].mean == 1.0
 
 
-def test_a_condition_that_few_seeds_have_says_so():
-    near = np.full(4, 5.0)
-    for runs, told in (
-        ([run(seed) for seed in range(3)], "n = 3 seeds"),
-        ([run(seed) for seed in (0, 1)] + [run(2, ranges=near)], "n = 2 to 3 seeds"),
-        ([run(0)] + [run(seed, ranges=near) for seed in (1, 2)], "n = 1 (without a bar) to 3"),
+def test_a_caption_has_the_number_of_seeds_of_a_condition():
+    near = {"range": 5.0}
+    for changes, told in (
+        ([{}, {}, {}], "n = 3 seeds"),
+        ([{}, {}, near], "n = 2 to 3 seeds"),
+        ([{}, near, near], "n = 1 (without a bar) to 3"),
     ):
-        figure = by_condition("by_range", CONDITIONS[0], runs, ["simulated"])
+        scans = pd.concat([scans_of(seed, **own) for seed, own in enumerate(changes)])
+        figure = by_condition("by_range", CONDITIONS[0], scans, ["simulated"])
         assert told in figure.caption
 
 
@@ -166,16 +168,16 @@ def test_distances_from_the_contour():
     assert shapely.Polygon(contour).area == 8.0
 
 
-def test_the_answer_is_made_of_what_is_there():
+def test_the_answer_has_every_tracker_and_measurement():
     seeds = range(3)
-    runs = [run(seed, "stixels", centre=0.5 + 0.01 * seed, kind="simulated") for seed in seeds]
+    runs = [run(seed, "stixels", centre=0.5 + 0.01 * seed) for seed in seeds]
     runs += [run(seed, "lidar_9", centre=0.2) for seed in seeds]
-    runs += [run(seed, "stixels", "point", centre=1.5, kind="simulated") for seed in seeds]
-    runs += [run(seed, "stixels", "new_one", centre=0.4, kind="simulated") for seed in seeds]
+    runs += [run(seed, "stixels", "point", centre=1.5) for seed in seeds]
+    runs += [run(seed, "stixels", "new_one", centre=0.4) for seed in seeds]
     runs += [run(seed, "lidar_9", "new_one", centre=0.4) for seed in seeds]
     text = " ".join(answer(runs))
     assert "the gp_ekf is worse on stixels than on the lidar_9 for the car (centre, o" in text
-    beside_lidar, beside_baseline = answer_tables(runs)
+    beside_lidar, beside_baseline = answer_tables(pd.DataFrame(runs))
     header, rows, _ = shown_table(beside_lidar)
     assert header[3:] == ["stixels", "lidar_9", "stixels − lidar_9 [95 %]"]
     assert rows[0] == [
@@ -198,9 +200,9 @@ def test_the_answer_is_made_of_what_is_there():
     assert rows[0][6].startswith("−0.990 [")
     assert {row[1] for row in rows} == {"gp_ekf", "new_one"}
     assert "6 paired t-tests over n = 3 seeds" in text
-    no_stixels = [one for one in runs if one.kind == "lidar"]
+    no_stixels = [one for one in runs if one["measurement_kind"] == "lidar"]
     assert "has no answer" in answer(no_stixels)[0]
-    assert answer_tables(no_stixels) == ()
+    assert answer_tables(pd.DataFrame(no_stixels)) == ()
     assert "position NEES / 2 of the gp_ekf on stixels is 1.00 for the car" in text
 
 
@@ -209,7 +211,7 @@ def test_a_tracker_below_the_baseline_is_reported():
     for user, shift in {"car": -0.5, "cyclist": 0.5, "pedestrian": 0.0}.items():
         for seed in range(3):
             change = shift + 0.01 * seed * (1.0 if shift else (-1.0) ** seed)
-            own = {"kind": "simulated", "road_user": user, "seed": seed}
+            own = {"road_user": user, "seed": seed}
             runs.append(run(measurement="stixels", centre=1.0 + change, **own))
             runs.append(run(measurement="stixels", tracker="point", centre=1.0, **own))
             runs.append(run(seed, "lidar", centre=1.0, road_user=user))
@@ -219,8 +221,11 @@ def test_a_tracker_below_the_baseline_is_reported():
 
 
 def test_one_seed_allows_no_test():
-    runs = [run(0, "stixels", centre=0.5, kind="simulated"), run(0, "lidar", centre=0.2)]
-    runs += [run(0, "stixels", "point", centre=0.6, kind="simulated")]
+    runs = [
+        run(0, "stixels", centre=0.5),
+        run(0, "lidar", centre=0.2),
+    ]
+    runs += [run(0, "stixels", "point", centre=0.6)]
     effects, *rest = answer(runs)
     assert rest[0].startswith("With one seed there is no test and no interval")
     assert "centre RMSE +0.300\u202fm, orientation" in effects
@@ -229,7 +234,7 @@ def test_one_seed_allows_no_test():
     assert "the gp_ekf is not known for the car." in text
 
 
-def test_how_large_a_difference_must_be_for_a_test_to_show_it():
+def test_the_least_significant_difference():
     for seeds, tests in ((2, 6), (5, 18)):
         edge = least_effect(seeds, tests)
         values = np.linspace(-1.0, 1.0, seeds)
@@ -239,7 +244,7 @@ def test_how_large_a_difference_must_be_for_a_test_to_show_it():
             assert (tests * p < 0.05) == shown
 
 
-def test_only_what_stands_up_to_all_tests_is_worse():
+def test_only_a_significant_difference_is_called_worse():
     seeds = range(5)
     # Far apart, by a little, and not at all: 0.03 is told by its interval alone.
     shifts = {"car": 0.5, "cyclist": 0.03, "pedestrian": 0.0}
@@ -248,9 +253,9 @@ def test_only_what_stands_up_to_all_tests_is_worse():
     for user, shift in shifts.items():
         for seed in seeds:
             centre = 0.5 + shift + noise[seed] * (1.0 if shift else 0.0)
-            runs.append(run(seed, "stixels", centre=centre, kind="simulated", road_user=user))
+            runs.append(run(seed, "stixels", centre=centre, road_user=user))
             runs.append(run(seed, "lidar", centre=0.5, road_user=user))
-    found = {(one.road_user, one.metric): one for one in family(runs)}
+    found = {(one.road_user, one.metric): one for one in family(pd.DataFrame(runs))}
     assert len(found) == 9
     verdicts = {user: found[user, "centre_rmse_m"].verdict for user in shifts}
     assert verdicts == {"car": "worse", "cyclist": "leaning", "pedestrian": "alike"}
@@ -258,10 +263,11 @@ def test_only_what_stands_up_to_all_tests_is_worse():
     raw = ttest_1samp([0.03 + value for value in noise], 0.0).pvalue
     assert p_value(one.difference) == pytest.approx(raw)
     assert one.p > 3.0 * raw and one.difference.low > 0.0
-    assert family([r for r in runs if r.kind == "lidar"]) == []
+    lidar = [r for r in runs if r["measurement_kind"] == "lidar"]
+    assert family(pd.DataFrame(lidar)) == []
 
 
-def test_measurements_and_trackers_are_called_as_the_field_calls_them():
+def test_measurements_and_trackers_have_the_names_of_the_field():
     configuration = compose(["measurement=lidar_64", "tracker=point"]).configuration
     assert measurement_name("lidar_64", configuration) == "64-layer lidar"
     assert tracker_name("point", configuration) == "point tracker"
@@ -324,6 +330,34 @@ def test_the_page_of_a_tiny_study_fits_its_screen(tiny, open_page):
         assert widest <= width
 
 
-def test_a_study_without_points_of_some_kind_says_so():
-    data = StudyData("rq2", "t", "q", {})
-    assert names(runs_of(data), "tracker") == []
+def test_a_frame_without_runs_has_its_columns():
+    assert names(run_frame([]), "tracker") == []
+
+
+def test_a_swept_parameter_is_in_the_tracker_s_or_the_measurement_s_name():
+    def study_run(**setting):
+        overrides = [f"{key.replace('__', '.')}={value}" for key, value in setting.items()]
+        return StudyRun(
+            0,
+            {text.partition("=")[0]: text.partition("=")[2] for text in overrides},
+            3,
+            compose(overrides).configuration,
+            {"iou_mean": None, "scans": 4},
+            None,
+            {},
+            None,
+        )
+
+    frame = run_frame(
+        [
+            study_run(measurement="lidar", tracker__sigma_f="0.1"),
+            study_run(measurement="lidar_64", tracker__sigma_f="0.2"),
+        ]
+    )
+    assert names(frame, "tracker") == [
+        "GP-EKF, tracker.sigma_f 0.1",
+        "GP-EKF, tracker.sigma_f 0.2",
+    ]
+    assert names(frame, "measurement")[1] == "64-layer lidar"
+    assert names(frame, "road_user") == ["car"] and names(frame, "seed") == [3]
+    assert frame["iou_mean"].isna().all() and frame["scans"].dtype == float

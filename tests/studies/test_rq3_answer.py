@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from study_toy import answer_of
 
+from stixel_cli.config.compose import compose
+from stixel_cli.studies.data import StudyRun
 from stixel_cli.studies.inference import gap_closed, paired
 from stixel_cli.studies.rq3.answer import answer_values
 from stixel_cli.studies.rq3.compare import Comparison, _corrected, reach_of
-from stixel_cli.studies.rq3.cost import cost_of
-from stixel_cli.studies.rq3.runs import FABRICATED, FITTED, SIMULATED, Measure
+from stixel_cli.studies.rq3.runs import FABRICATED, FITTED, SIMULATED, Measure, cost_of
 
 COST = cost_of(SimpleNamespace(runs=()), SimpleNamespace(runs=()))
 
@@ -60,7 +61,7 @@ def test_few_pairs_allow_no_test():
     assert "points' 24 gaps whose interval excludes 0" in text
 
 
-def test_of_enough_pairs_effects_come_first_and_then_the_tests():
+def test_effects_come_before_tests():
     first, _, tests, *rest = said(15)
     assert first.startswith(
         "Points: mean difference, fabricated minus simulated [95 %]. Car: bias along "
@@ -75,27 +76,21 @@ def test_of_enough_pairs_effects_come_first_and_then_the_tests():
 
 
 @pytest.mark.parametrize(("pairs", "enough"), [(1, False), (10, False), (11, True)])
-def test_what_a_family_of_tests_can_show(pairs, enough):
+def test_the_reach_of_a_family_of_tests(pairs, enough):
     reach = reach_of(family(pairs, [f"measure {i}" for i in range(12)]))
     assert (reach.pairs, reach.tests, reach.enough) == (pairs, 48, enough)
     assert reach.needed == 11
 
 
-def test_the_cost_is_cpu_time_and_not_known_without_all_of_it():
+def test_the_cost_is_unknown_unless_all_cpu_times_are_recorded():
     def sweep(**seconds):
-        configuration = SimpleNamespace(
-            road_user=SimpleNamespace(kind="car"),
-            path=SimpleNamespace(kind="turn"),
-            tracker=SimpleNamespace(kind="gp_ekf"),
-        )
         scores = SimpleNamespace(times=np.zeros(10))
-        point = SimpleNamespace(
-            setting={}, seed=0, configuration=configuration, scores=scores, cpu_seconds=seconds
-        )
-        return SimpleNamespace(runs=[point])
+        configuration = compose().configuration
+        run = StudyRun(0, {}, 0, configuration, {}, scores, seconds, None)
+        return SimpleNamespace(runs=[run])
 
     cost = cost_of(sweep(scenario=9.0, render=2.0, scans=0.5), sweep(scenario=9.0, scans=0.01))
-    assert cost.simulated_total == pytest.approx(0.25)
-    assert cost.ratio == pytest.approx(250.0)
+    assert cost["simulated_total"] == pytest.approx(0.25)
+    assert cost["ratio"] == pytest.approx(250.0)
     # A stage of an entry that has no CPU seconds is not left out of the sum.
-    assert cost_of(sweep(render=np.nan, scans=0.5), sweep(scans=0.01)).ratio is None
+    assert cost_of(sweep(render=np.nan, scans=0.5), sweep(scans=0.01))["ratio"] is None

@@ -54,7 +54,7 @@ def test_known_parameters_are_recovered(name):
         assert abs(found.missed_columns - known.missed_columns) < 1.0
 
 
-def test_missed_outermost_points_are_not_counted_as_moved_ends_too():
+def test_missed_outermost_points_do_not_count_as_moved_ends():
     known = FittedNoise("fitted", 3, *7 * [0.0], 3.0)
     known = dataclasses.replace(known, missed_share=0.15, missed_columns=9.0)
     found = fit_noise([errors_of(known, seed) for seed in range(8)])
@@ -72,7 +72,7 @@ def test_far_ranges_are_fitted_like_near_ones():
     assert found.missed_share < 0.001
 
 
-def test_no_noise_gives_none():
+def test_points_without_noise_give_a_fit_without_noise():
     found = fit_noise([errors_of(ConstantNoise("constant", 0.0), 0, count=10)])
     assert found.disparity_std == found.range_bias == 0.0
     assert found.missed_share == 0.0
@@ -86,7 +86,7 @@ def test_too_few_points_are_refused():
         fit_noise([far])
 
 
-def test_the_preset_s_file_is_the_noise_again():
+def test_a_preset_file_gives_the_same_noise():
     noise = KNOWN["like a cyclist"]
     text = preset(noise, "some points", "stixel study rq3")
     assert text.startswith("# Fitted to some points.\n# Made by: stixel study rq3\n")

@@ -15,7 +15,7 @@ from stixel_cli.studies.inference import (
 )
 
 
-def test_holm_is_as_worked_out_by_hand():
+def test_holm_on_an_example():
     # Four tests: 4 * 0.01, max(3 * 0.02, …), max(2 * 0.03, …), 0.04 not below the one before.
     corrected = holm({"a": 0.03, "b": 0.01, "c": 0.04, "d": 0.02})
     np.testing.assert_allclose([corrected[key] for key in "bdac"], [0.04, 0.06, 0.06, 0.06])
@@ -52,7 +52,7 @@ def test_the_least_p_is_that_of_differences_of_one_sign():
         assert enough < SIGNIFICANT <= few
 
 
-def test_the_interval_of_a_mean_is_student_s_and_welch_s():
+def test_the_interval_of_a_mean_agrees_with_student_and_welch():
     random = np.random.default_rng(5)
     one, other = random.normal(1.0, 0.2, 5), random.normal(7.0, 2.0, 5)
     ends = ttest_1samp(one, 0.0).confidence_interval(0.95)
@@ -92,7 +92,7 @@ def test_the_bootstrap_s_variance_is_that_of_the_mean_within_paths():
     assert abs(drawn.mean() - values.mean()) < 0.01
 
 
-def test_the_interval_covers_the_mean_as_often_as_it_says():
+def test_the_interval_has_its_nominal_coverage():
     random = np.random.default_rng(3)
     covered, paths = 0, ["turn"] * 5 + ["circle"] * 5 + ["approach"] * 5
     for _ in range(150):
@@ -108,7 +108,7 @@ def test_few_pairs():
     assert (one.n, one.mean, one.low, one.p) == (1, 0.2, None, None)
 
 
-def test_how_much_of_a_gap_is_closed():
+def test_the_closed_fraction_of_a_gap():
     gap = np.array([1.0, 1.1, 0.9, 1.0])
     path = ["turn"] * 4
     assert gap_closed(gap, 0.0 * gap, path, "x").share == 1.0

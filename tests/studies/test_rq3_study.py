@@ -41,7 +41,7 @@ def study(tmp_path):
     return file
 
 
-def test_the_study_answers_and_makes_its_preset(studies, study):
+def test_a_tiny_study_gives_a_complete_report_and_a_preset(studies, study):
     folder = Path(studies.run(study, *TINY)["folder"])
     page = (folder / "report.html").read_text("utf-8")
     assert "These runs are too few for a significant test of the points and trackers." in page
@@ -63,14 +63,14 @@ def test_the_study_answers_and_makes_its_preset(studies, study):
     assert from_resolved(plain).measurement.noise.kind == "fitted"
 
 
-def test_the_method_says_what_noise_was_compared(studies, study):
+def test_the_report_names_the_compared_noise(studies, study):
     noise = ("measurement/noise=constant", "measurement.noise.range_std=0.2")
     page = Path(studies.run(study, *TINY, *noise)["report"]).read_text("utf-8")
     assert "white noise of the range (0.200\u202fm) along the ray" in page
     assert "white noise of the disparity" not in page
 
 
-def test_a_path_is_judged_with_a_noise_that_has_not_seen_it(studies, study):
+def test_a_path_is_evaluated_with_a_noise_fitted_to_other_paths(studies, study):
     overrides = (*TINY[:1], "path=depart,crossing", *TINY[3:])
     folder = Path(studies.run(study, *overrides)["folder"])
     runs = [
@@ -88,7 +88,7 @@ def test_a_path_is_judged_with_a_noise_that_has_not_seen_it(studies, study):
     assert "fitted to the training runs of the other paths" in page
 
 
-def test_shipped_presets_say_where_they_come_from():
+def test_shipped_presets_name_their_origin():
     for user in ("car", "cyclist", "pedestrian"):
         path = configuration_folder() / "measurement" / "noise" / f"fitted_{user}.yaml"
         text = path.read_text("utf-8")

@@ -23,7 +23,7 @@ TRACKING = Design(
 STEREO_ONLY = Design(("measurement=simulated",), (axis("seed", 0, 1),))
 
 
-def test_an_override_goes_with_the_points_that_have_its_key():
+def test_an_override_applies_to_the_runs_that_accept_it():
     text = "measurement/noise=constant"
     (design, alone), notes = overridden([TRACKING, STEREO_ONLY], [text], ["tracking", "stereo"])
     points = design_runs(design)
@@ -53,7 +53,7 @@ def test_a_key_inside_an_option_follows_it():
         assert {texts[1], "path.duration=1"} == set(design.fixed) and not notes
 
 
-def test_a_value_that_is_wrong_where_the_key_is_is_refused():
+def test_a_value_out_of_range_is_refused():
     fabricated = Design(("measurement=fabricated", "measurement/noise=constant"), ())
     with pytest.raises(ConfigurationError, match="range_std: -1 is out of range"):
         overridden(
@@ -63,7 +63,7 @@ def test_a_value_that_is_wrong_where_the_key_is_is_refused():
         overridden([STEREO_ONLY], ["measurement/noise=constant"], ["stereo"])
 
 
-def test_what_tells_the_parts_apart_stays():
+def test_keys_that_distinguish_sweeps_cannot_be_overridden():
     rays = Design(("measurement=fabricated", "path=turn"), ())
     stereo = Design(("measurement=simulated", "path=turn"), ())
     with pytest.raises(ConfigurationError, match="measurement=fabricated in rays, measurement=sim"):

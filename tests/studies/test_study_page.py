@@ -6,12 +6,25 @@ import pytest
 import study_toy
 
 from stixel_cli.cli.app import main
+from stixel_cli.errors import UserError
 from stixel_cli.report import style
 from stixel_cli.results.text import listed
 from stixel_cli.studies.folder import files_of
 from stixel_cli.studies.page import _Numbered, svg_for_page
-from stixel_cli.studies.prose import counted, decimals, number, percent, quantity
-from stixel_cli.studies.tables import over_seeds, shown_table, table_csv, table_latex, with_ends
+from stixel_cli.studies.tables import (
+    counted,
+    decimals,
+    interval_columns,
+    number,
+    over_seeds,
+    percent,
+    quantity,
+    shown_table,
+    std_columns,
+    table_csv,
+    table_latex,
+    with_ends,
+)
 from stixel_cli.studies.types import Findings, Section, Table
 
 
@@ -26,7 +39,7 @@ def page(tmp_path_factory, shared_cache):
     return folder / "toy-road_user=car/report.html"
 
 
-def test_the_page_needs_nothing_but_itself(page):
+def test_the_page_is_self_contained(page):
     html = page.read_text(encoding="utf-8")
     assert len(html) < 8e6
     assert not re.search(r"<script|<link|<iframe|<object|@import", html)
@@ -37,13 +50,13 @@ def test_the_page_needs_nothing_but_itself(page):
     assert "default-src 'none'" in html
 
 
-def test_text_is_text(page):
+def test_text_is_escaped(page):
     html = page.read_text(encoding="utf-8")
     assert "A &lt;toy&gt; &amp; its title" in html
     assert "A &lt;script&gt; is text." in html
 
 
-def test_names_are_unique_and_every_reference_is_there(page):
+def test_ids_are_unique_and_references_resolve(page):
     html = page.read_text(encoding="utf-8")
     names = re.findall(r'\bid="([^"]+)"', html)
     assert len(names) == len(set(names)) > 20
@@ -51,13 +64,13 @@ def test_names_are_unique_and_every_reference_is_there(page):
         assert reference in names
 
 
-def test_the_answer_shows_its_numbers(page):
+def test_the_answer_is_followed_by_its_table(page):
     html = page.read_text("utf-8")
     assert html.index(">Answer<") < html.index("Table 1. In short.") < html.index("One &amp; only")
     assert "Table 2. 50 % of a_b." in html
 
 
-def test_dark_phones_and_paper_are_thought_of(page):
+def test_the_page_has_styles_for_dark_screens_phones_and_paper(page):
     html = page.read_text(encoding="utf-8")
     assert "@media screen and (prefers-color-scheme: dark)" in html
     assert "@media print" in html and "break-inside: avoid" in html
@@ -65,7 +78,7 @@ def test_dark_phones_and_paper_are_thought_of(page):
     assert len(re.findall(r'<div class="scroll[^>]*><table', html)) == html.count("<table")
 
 
-def test_the_page_says_where_it_comes_from(page):
+def test_the_page_has_its_provenance(page):
     html = page.read_text(encoding="utf-8")
     assert "stixel study" in html and "road_user=car" in html
     for stage in ("scenario", "scans", "track", "scores"):
@@ -83,7 +96,7 @@ def test_the_page_in_a_browser(page, open_page):
         assert opened.overflow() == 0
 
 
-def test_black_becomes_the_ink_of_the_page():
+def test_a_figure_takes_the_colours_of_the_page():
     with style.drawing():
         figure = style.new_figure(2.0, 1.0)
         axes = figure.subplots()
@@ -98,11 +111,11 @@ def test_black_becomes_the_ink_of_the_page():
     assert "<style" not in svg and not re.search(r'id="(?!f7-)', svg)
 
 
-def test_a_spread_is_shown_beside_its_value():
+def test_a_standard_deviation_is_in_the_cell_of_its_value():
     table = Table(
         "t",
         "",
-        ("who", "m", "± m", "n"),
+        ("who", *std_columns("m", "m"), "n"),
         (("a", 0.123456, 0.04, 3), ("b", None, None, 2), ("c", -139.13, 0.0, 2)),
     )
     header, rows, numeric = shown_table(table)
@@ -115,8 +128,8 @@ def test_a_spread_is_shown_beside_its_value():
     assert numeric == [False, True, True]
 
 
-def test_an_interval_is_shown_to_the_digits_that_it_bears():
-    columns = ("who", "m", "low m", "high m", "p")
+def test_an_interval_determines_the_digits():
+    columns = ("who", *interval_columns("m", "m"), "p")
     rows = (("a", -5.77012, -26.196, 14.656, 1e-6), ("b", 0.1, 0.071, 0.129, 0.04))
     table = Table("t", "", columns, (*rows, ("c", 0.1, None, None, None)))
     header, shown, numeric = shown_table(table)
@@ -148,12 +161,12 @@ def test_numbers_in_prose():
     assert [decimals(half) for half in (20.0, 3.0, 0.3, 0.0003, 0.0)] == [0, 1, 2, 3, None]
 
 
-def test_files_of_one_name_or_outside_are_refused():
+def test_duplicate_and_outside_file_names_are_refused():
     table = Table("t", "", ("a",), ((1,),))
-    with pytest.raises(ValueError, match=r"two files are called tables/t\.csv"):
+    with pytest.raises(UserError, match=r"two files have the name tables/t\.csv"):
         files_of(Findings((), (Section("s", (table, table)),), {}))
     for name in ("../x", "/x", "report.html"):
-        with pytest.raises(ValueError, match="no name for a file"):
+        with pytest.raises(UserError, match="is not a valid file name"):
             files_of(Findings((), (), {name: ""}))
 
 
@@ -165,7 +178,7 @@ def test_statistics_over_seeds():
     assert over_seeds([None]).mean is None
 
 
-def test_tables_are_printed_across_or_small_where_they_are_too_large():
+def test_large_tables_are_printed_in_landscape_or_small():
     def printed(columns: int, rows: int) -> tuple[bool, bool]:
         table = Table(
             "t", "c", tuple(f"a {i}" for i in range(columns)), ((1.234,) * columns,) * rows
@@ -179,7 +192,7 @@ def test_tables_are_printed_across_or_small_where_they_are_too_large():
     assert printed(3, 0) == (False, False)
 
 
-def test_intervals_of_many_columns_stand_below_their_values():
+def test_intervals_of_many_columns_are_below_their_values():
     def cells(columns: int) -> list[str]:
         names = with_ends([f"a{i}" for i in range(columns)])
         table = Table("t", "c", names, ((1.2, 1.1, 1.4) * columns,))

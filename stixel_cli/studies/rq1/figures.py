@@ -1,4 +1,4 @@
-"""Figures of RQ1: errors over range, pixel locking, the normalised depth error, contrast."""
+"""RQ1: the figures. Their captions are in the template."""
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
@@ -8,8 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from stixel_cli.report import style
+from stixel_cli.studies.rq1 import intervals as by_pose
 from stixel_cli.studies.rq1.intervals import NONE, PHASE_BIAS, Estimate, estimate, phase_sums
-from stixel_cli.studies.rq1.pool import EDGES, LEAST, Group
+from stixel_cli.studies.rq1.pool import AT_BORDER, EDGES, INSIDE, LEAST, SW_DEPTH, SW_STD, Group
 from stixel_cli.studies.types import Figure
 from stixel_cli.validation.stage_errors import GROSS
 from stixel_cli.validation.stage_summary import in_range, phase_bias
@@ -30,7 +31,6 @@ Values = Callable[[Group, float, float], Estimate]
 
 def over_range(
     name: str,
-    caption: str,
     lines: Sequence[Group],
     panels: Sequence[tuple[str, str, dict[str, Values]]],
     prepare: Callable[[Sequence[Axes]], None] | None = None,
@@ -39,13 +39,13 @@ def over_range(
     """Panels over range, one line for each group.
 
     Args:
-        name, caption: of the figure.
+        name: of the figure.
         lines: the groups.
-        panels: title, unit, and what is drawn of each group: a name (shown where there are several
-            of them, each with a dash of its own) to a function of the group and the ends of a
-            range, m. The first has its interval as a band; those of more would hide each other.
-        prepare: does more with the axes.
-        log: whether values are drawn on a logarithmic axis.
+        panels: title, unit, and the lines of each group: a name (shown if there are several, each
+            with its own dash) to a function of the group and the ends of a range, m. Only the first
+            has its interval as a band: several bands would hide each other.
+        prepare: adds to the axes.
+        log: whether the axis of the values is logarithmic.
     """
     with style.drawing(_SETTINGS):
         rows = -(-len(panels) // 2)
@@ -70,7 +70,7 @@ def over_range(
         if prepare is not None:
             prepare(axes)
         _legend(figure, axes[: len(panels)])
-        return Figure(name, caption, style.svg(figure))
+        return Figure(name, "", style.svg(figure))
 
 
 def _line(
@@ -98,7 +98,7 @@ def _legend(figure, axes: Sequence[Axes]) -> None:
     )
 
 
-def locking(name: str, caption: str, lines: Sequence[Group], zones: dict[str, int]) -> Figure:
+def locking(lines: Sequence[Group], zones: dict[str, int]) -> Figure:
     """Mean disparity error by the fractional part of the true disparity, a panel a zone."""
     with style.drawing(_SETTINGS):
         figure = style.new_figure(WIDTH, 2.5, layout="constrained")
@@ -115,11 +115,11 @@ def locking(name: str, caption: str, lines: Sequence[Group], zones: dict[str, in
             place.set(title=title, xlabel="fraction of the true disparity (px)", xlim=(0, 1))
         axes[0].set_ylabel("mean error (px)")
         _legend(figure, axes)
-        return Figure(name, caption, style.svg(figure))
+        return Figure("locking", "", style.svg(figure))
 
 
-def normalised(name: str, caption: str, lines: Sequence[Group]) -> Figure:
-    """Histogram of the stixels' depth error over its stated σ, beside the standard normal."""
+def normalised(lines: Sequence[Group]) -> Figure:
+    """Histogram of the stixels' depth error over its stated σ, with the standard normal."""
     with style.drawing(_SETTINGS):
         figure = style.new_figure(WIDTH, 2.9, layout="constrained")
         axes = figure.subplots()
@@ -129,7 +129,7 @@ def normalised(name: str, caption: str, lines: Sequence[Group]) -> Figure:
             fine = (np.abs(of.disparity) <= GROSS) & in_range(of.true_depth, EDGES[0], EDGES[-1])
             ratio = of.depth[fine] / of.sigma[fine]
             if len(ratio) >= LEAST:
-                # What lies outside is drawn in the outermost bins.
+                # The outermost bins include all larger values.
                 density, _ = np.histogram(np.clip(ratio, -3.99, 3.99), edges, density=True)
                 axes.stairs(density, edges, color=colour, label=group.label, linewidth=1.4)
         z = np.linspace(-4.0, 4.0, 161)
@@ -137,59 +137,144 @@ def normalised(name: str, caption: str, lines: Sequence[Group]) -> Figure:
         axes.plot(z, normal, color=style.TRUTH, ls="--", lw=1.1, label="standard normal")
         axes.set(xlabel="depth error / stated σ", ylabel="density", xlim=(-4.0, 4.0))
         _legend(figure, [axes])
-        return Figure(name, caption, style.svg(figure))
+        return Figure("normalised", "", style.svg(figure))
 
 
-def over_contrast(
-    name: str,
-    caption: str,
-    lines: dict[str, list[tuple[float, Group]]],
-    panels: Sequence[tuple[str, str, Callable[[Group], Estimate]]],
-) -> Figure:
-    """Panels over the contrast of the paint, one line for each road user."""
+def contrast(lines: dict[str, list[tuple[float, Group]]]) -> Figure:
+    """Disparities and stixels over the contrast of the paint, one line for each road user."""
+    panels = (
+        ("Density inside the target", "share", _inside, by_pose.PIXEL_DENSITY),
+        ("Disparity RMS inside the target", "px", _inside, by_pose.PIXEL_RMS),
+        ("RMS of the stixels in disparity", "px", stixels, by_pose.STIXEL_RMS_PX),
+        ("Columns in no stixel", "share", by_pose.cover_sums, by_pose.UNCOVERED),
+    )
     with style.drawing(_SETTINGS):
         figure = style.new_figure(WIDTH, 4.3, layout="constrained")
         axes = figure.subplots(2, 2).ravel()
-        for place, (title, unit, value) in zip(axes, panels, strict=True):
+        for place, (title, unit, sums, of) in zip(axes, panels, strict=True):
             for colour, marker, (label, groups) in zip(
                 style.RUNS, MARKERS, lines.items(), strict=False
             ):
                 x = [contrast for contrast, _ in groups]
-                found = [value(group) for _, group in groups]
+                found = [estimate(group, sums(group), of) for _, group in groups]
                 _line(place, x, found, colour, "-", marker, label)
             place.set(title=fill(title, _TITLE), ylabel=unit, xlim=(0.0, 1.05))
-            # From nothing; what is all there has room above its line.
             place.set_ylim(0.0, 1.08 * max(place.get_ylim()[1], 1e-9))
         for place in axes[2:]:
             place.set_xlabel("contrast of the paint")
         _legend(figure, axes)
-        return Figure(name, caption, style.svg(figure))
+        return Figure("contrast", "", style.svg(figure))
 
 
-def precision(
-    name: str, caption: str, lines: Sequence[Group], depth: float, std: float, rms: Values
-) -> Figure:
-    """RMS depth error over range of each rig, and the line of constant disparity it would take.
+def _inside(group: Group, low: float = EDGES[0], high: float = EDGES[-1]) -> np.ndarray:
+    return by_pose.pixel_sums(group, INSIDE, low, high)
 
-    The line through `std` m at `depth` m goes with z²: it is the same for all rigs.
+
+def _border(group: Group, low: float, high: float) -> np.ndarray:
+    return by_pose.pixel_sums(group, AT_BORDER, low, high)
+
+
+def stixels(group: Group) -> np.ndarray:
+    """`intervals.stixel_sums` of all ranges."""
+    return by_pose.stixel_sums(group, EDGES[0], EDGES[-1])
+
+
+def disparity(name: str, lines: Sequence[Group], border: bool) -> Figure:
+    """Disparity on the target over range, inside it and, with `border`, near its edge."""
+    zones = {"inside": _inside, "border": _border} if border else {"": _inside}
+    panels = [
+        (title, unit, {where: by_pose.over_range(sums, of) for where, sums in zones.items()})
+        for title, unit, of in (
+            ("Bias", "px", by_pose.pixel_bias),
+            ("RMS", "px", by_pose.PIXEL_RMS),
+            ("Gross share", "share", by_pose.PIXEL_GROSS),
+            ("Density", "share", by_pose.PIXEL_DENSITY),
+        )
+    ]
+    return over_range(name, lines, panels)
+
+
+def columns(name: str, lines: Sequence[Group], kinds: dict[str, str]) -> Figure:
+    """The target's columns over range; `kinds` are labels of lines with their step."""
+
+    def value(step: str, of: by_pose.Statistic) -> Values:
+        return by_pose.over_range(
+            lambda group, low, high: by_pose.column_sums(group, step, low, high), of
+        )
+
+    panels = [
+        (title, unit, {label: value(step, of) for label, step in kinds.items()})
+        for title, unit, of in (
+            ("Bias", "px", by_pose.COLUMN_BIAS),
+            ("RMS", "px", by_pose.COLUMN_RMS),
+            ("RMS in depth", "m", by_pose.COLUMN_RMS_M),
+            ("Columns missed", "share", by_pose.COLUMN_MISSED),
+        )
+    ]
+    return over_range(name, lines, panels)
+
+
+_HEIGHT = (
+    ("Top row, bias (down is positive)", "px", by_pose.TOP_BIAS),
+    ("Top row, RMS", "px", by_pose.TOP_RMS),
+    ("Height, bias", "m", by_pose.HEIGHT_BIAS),
+    ("Base row, RMS", "px", by_pose.BASE_RMS),
+)
+_DEPTH = (
+    ("Depth error, mean", "m", by_pose.STIXEL_BIAS),
+    ("RMS in disparity", "px", by_pose.STIXEL_RMS_PX),
+    ("Mean square of error / σ (1: consistent)", "", by_pose.NEES),
+    ("Lateral RMS", "m", by_pose.LATERAL_RMS),
+)
+_COVERAGE = (
+    ("Stixels on the target", "a frame", by_pose.STIXELS_A_FRAME),
+    ("Columns in no stixel", "share", by_pose.UNCOVERED),
+    ("Columns in a stixel elsewhere", "share", by_pose.ELSEWHERE),
+    ("Columns beside it that get its disparity", "a frame", by_pose.OVERHANG),
+)
+
+
+def of_stixels(lines: Sequence[Group]) -> dict[str, Figure]:
+    """Height, depth and coverage of the stixels over range, by name."""
+    kinds = {
+        "height": (_HEIGHT, by_pose.stixel_sums, LEAST),
+        "depth": (_DEPTH, by_pose.stixel_sums, LEAST),
+        "coverage": (_COVERAGE, by_pose.cover_sums, 1),
+    }
+    return {
+        name: over_range(
+            name,
+            lines,
+            [(title, unit, {"": by_pose.over_range(sums, of, n)}) for title, unit, of in panels],
+        )
+        for name, (panels, sums, n) in kinds.items()
+    }
+
+
+def rigs(lines: Sequence[Group]) -> Figure:
+    """RMS depth error over range of each rig, with the std that The Stixel World states.
+
+    The dashed line through that std at its depth is proportional to z². It is the same for all
+    rigs.
     """
 
     def target(axes: Sequence[Axes]) -> None:
         place = axes[0]
         z = np.linspace(EDGES[0], EDGES[-1], 50)
-        law = std * (z / depth) ** 2
+        law = SW_STD * (z / SW_DEPTH) ** 2
         place.plot(
             z, law, color="#777777", ls="--", lw=1.0, label="one disparity error, through that"
         )
         place.plot(
-            [depth],
-            [std],
+            [SW_DEPTH],
+            [SW_STD],
             color=style.TRUTH,
             marker="*",
             markersize=11,
             linestyle="none",
-            label=f"The Stixel World: {std:g} m at {depth:g} m",
+            label=f"The Stixel World: {SW_STD:g} m at {SW_DEPTH:g} m",
         )
 
+    rms = by_pose.over_range(by_pose.stixel_sums, by_pose.STIXEL_RMS)
     panels = [("RMS depth error of the stixels", "m", {"": rms})]
-    return over_range(name, caption, lines, panels, target, log=True)
+    return over_range("rigs", lines, panels, target, log=True)

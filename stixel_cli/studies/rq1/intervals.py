@@ -1,8 +1,8 @@
-"""RQ1: intervals that count poses, not pixels, stixels or seeds.
+"""RQ1: estimates with bootstrap intervals over poses.
 
-Seeds share one rendering, so five seeds of a pose are hardly more than one; the pixels and stixels
-of a frame share its errors. What is independent of each other, as far as anything here is, are the
-poses: a frame of one road user, with all of its seeds. They are drawn, road user by road user.
+The unit is a pose: a frame of one road user, with all of its seeds. Seeds share the rendering, and
+pixels and stixels of a frame share its errors, so neither are independent. Poses are drawn
+separately for each road user.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -11,25 +11,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from stixel_cli.studies.inference import interval, weights
-from stixel_cli.studies.prose import quantity, with_interval
 from stixel_cli.studies.rq1.pool import EDGES, LEAST, Group
+from stixel_cli.studies.tables import quantity, with_interval
 from stixel_cli.validation.stage_errors import GROSS
 from stixel_cli.validation.stage_summary import column_kinds, in_range
 
 Statistic = Callable[[np.ndarray], np.ndarray]
-"""Gives a number of sums (…, m) over frames."""
+"""Returns a number (…) from sums (…, m) over frames."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its 95 % interval; NaN where there is none, or all poses agree."""
+    """A number with its 95 % interval; NaN without values, and for the ends if all poses agree."""
 
     value: float
     low: float
     high: float
 
     def text(self, unit: str = "", sign: bool = False) -> str:
-        """As prose has it."""
+        """The number with its interval, as text."""
         if not np.isfinite(self.low):
             return quantity(self.value, unit, sign=sign)
         return with_interval(self.value, self.low, self.high, unit, sign)
@@ -39,7 +39,7 @@ class Estimate:
         return Estimate(*(factor * one for one in (self.value, self.low, self.high)))
 
     def share(self) -> str:
-        """A share as per cent, as prose has it."""
+        """A share in per cent, as text."""
         return self.scaled(100.0).text("%")
 
     @property
@@ -54,7 +54,7 @@ NONE = Estimate(np.nan, np.nan, np.nan)
 
 
 def estimate(group: Group, sums: np.ndarray, of: Statistic) -> Estimate:
-    """A statistic of sums (n, m) over the group's frames; those of which all are 0 do not count."""
+    """A statistic of sums (n, m) over the group's frames; frames with only zeros do not count."""
     chosen = np.any(sums != 0.0, axis=1)
     if not chosen.any():
         return NONE
@@ -66,14 +66,14 @@ def estimate(group: Group, sums: np.ndarray, of: Statistic) -> Estimate:
     if len(poses) - len(set(strata)) < 2:
         return Estimate(value, np.nan, np.nan)
     drawn = of(weights(strata, "poses") @ by_pose * len(poses))
-    # Poses that all agree do not show how much they scatter.
+    # Without scatter between the poses there is no interval.
     return _estimate(value, drawn, 1e-12 * max(1.0, abs(value)))
 
 
 def cells(
     group: Group, sums: np.ndarray, columns: Mapping[str, Statistic]
 ) -> Iterator[float | None]:
-    """Estimates and their ends for the columns of a table; those named so are per cent."""
+    """Estimates and ends for the columns of a table; names that end in % are in per cent."""
     for name, of in columns.items():
         factor = 100.0 if name.endswith("%") else 1.0
         yield from estimate(group, sums, of).scaled(factor).cells
@@ -82,7 +82,7 @@ def cells(
 def difference(
     one: Group, other: Group, sums: Callable[[Group], np.ndarray], of: Statistic
 ) -> Estimate:
-    """A statistic of one group minus that of another, of the poses that both have; paired."""
+    """A statistic of one group minus that of another, paired by the poses that both have."""
     sides = [_by_pose(group, sums(group)) for group in (one, other)]
     both = sorted(set(sides[0]) & set(sides[1]))
     if not both:
@@ -101,7 +101,7 @@ def difference(
 
 
 def _estimate(value: float, drawn: np.ndarray, least: float) -> Estimate:
-    """The value with its interval; without one if no draw is finite or their range is `least`."""
+    """The value with its interval, unless no draw is finite or their range is at most `least`."""
     drawn = drawn[np.isfinite(drawn)]
     if len(drawn) == 0 or np.ptp(drawn) <= least:
         return Estimate(value, np.nan, np.nan)
@@ -109,7 +109,7 @@ def _estimate(value: float, drawn: np.ndarray, least: float) -> Estimate:
 
 
 def _by_pose(group: Group, sums: np.ndarray) -> dict[tuple, np.ndarray]:
-    """Sums by road user and frame, a mean over the seeds that the group has."""
+    """Sums over the seeds, by road user and frame."""
     found: dict[tuple, np.ndarray] = {}
     for pose, row in zip(group.poses, sums, strict=True):
         key = (group.pose_strata[pose], group.pose_frames[pose])
@@ -125,7 +125,7 @@ STIXEL_SUMS += ("area", "base")
 def stixel_sums(group: Group, low: float, high: float) -> np.ndarray:
     """`STIXEL_SUMS` (n, 17) of the stixels of a true depth in [low, high) m, without gross errors.
 
-    Areas are counted by themselves, for not every stixel has the target's pixels in its own.
+    `areas` counts the stixels with pixels of the target in their own area.
     """
     errors = group.errors.stixels
     fine = in_range(errors.true_depth, low, high) & (np.abs(errors.disparity) <= GROSS)
@@ -174,7 +174,7 @@ def pixel_sums(
 ) -> np.ndarray:
     """Pixels, valid, gross, total px, squares px² (n, 5) of the frames that see the target.
 
-    In [`low`, `high`) m, as everywhere here.
+    Frames are in the range [`low`, `high`) m.
     """
     names = ("pixels", "valid", "gross", "total", "squares")
     found = np.stack([getattr(group.errors.disparity, name)[:, zone] for name in names], axis=-1)
@@ -196,10 +196,9 @@ def column_sums(
 ) -> np.ndarray:
     """Sums (n, 10) over columns, of the frames that see the target, of a step (grid or path).
 
-    Columns with an obstacle, those that are missed, those that are hit, and of these the sums of
-    error px, error² px², depth error² m² and depth error m; then all columns, those with an
-    obstacle below the threshold, and the false positives: see `ColumnKinds`. `of_target`: the
-    target's columns alone.
+    Columns with an obstacle, missed ones, hits, and sums over the hits of error px, error² px²,
+    depth error² m² and depth error m; then all columns, those with an obstacle below the threshold,
+    and false positives: see `ColumnKinds`. `of_target`: only the target's columns.
     """
     columns = group.errors.columns
     true, found = columns.true.astype(np.float64), getattr(columns, step).astype(np.float64)
@@ -220,10 +219,10 @@ def column_sums(
 
 
 def cover_sums(group: Group, low: float = EDGES[0], high: float = EDGES[-1]) -> np.ndarray:
-    """How the target is covered (n, 6), of the frames that see it.
+    """Coverage of the target (n, 6), of the frames that see it.
 
     Frames; columns of the target; those in no stixel; those in a stixel elsewhere; stixels on the
-    target; columns beside it that get its disparity.
+    target; columns next to the target with its disparity.
     """
     errors = group.errors.stixels
     found = np.stack(
@@ -243,9 +242,9 @@ def cover_sums(group: Group, low: float = EDGES[0], high: float = EDGES[-1]) -> 
 def over_range(
     sums: Callable[[Group, float, float], np.ndarray], of: Statistic, least: int = LEAST
 ) -> Callable[[Group, float, float], Estimate]:
-    """The estimate of a group for the ends of a range, m; NaN if less than `least` is in it.
+    """A function of a group and the ends of a range, m, that returns the estimate.
 
-    What is counted is the first of the `sums`.
+    It is NaN if the first of the `sums` is below `least`.
     """
 
     def value(group: Group, low: float, high: float) -> Estimate:
@@ -268,7 +267,7 @@ def ratio(part: int, whole: int = 0) -> Statistic:
 
 
 def root(part: int, whole: int = 0, less: int | None = None) -> Statistic:
-    """Root of a sum over another, or over what that has more than a third."""
+    """Root of a sum over another, or over the difference of another and a third."""
 
     def of(sums: np.ndarray) -> np.ndarray:
         count = sums[..., whole] - (sums[..., less] if less is not None else 0.0)

@@ -1,33 +1,75 @@
 """RQ1: are these stixels like those of *The Stixel World*?
 
-Chapters, stage by stage, from the records of `validation.stage_errors`.
+Each stage is compared with its ideal result, from the records of `validation.stage_errors`.
 """
 
+import io
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any
 
+from PIL import Image
+
+from stixel_cli.report.style import DEPTH_TICKS
+from stixel_cli.studies.data import StudyData, StudySweep
 from stixel_cli.studies.inference import DRAWS
-from stixel_cli.studies.rq1.answer import answer, answer_table
-from stixel_cli.studies.rq1.contrast import contrast_section
-from stixel_cli.studies.rq1.disparity import disparity_section
-from stixel_cli.studies.rq1.free_space import free_space_section
-from stixel_cli.studies.rq1.gallery import gallery_section
-from stixel_cli.studies.rq1.pool import EDGES, LEAST, Group, groups, pool, road_user
-from stixel_cli.studies.rq1.setup import setup_section
-from stixel_cli.studies.rq1.stixels import height_section, rigs_section, stixels_section
-from stixel_cli.studies.types import Material, StudyData
+from stixel_cli.studies.rq1 import figures, tables
+from stixel_cli.studies.rq1.answer import answer_table, answer_values
+from stixel_cli.studies.rq1.pool import (
+    EDGES,
+    INSIDE,
+    LEAST,
+    OTHERS,
+    ROUND,
+    SW_DEPTH,
+    SW_STD,
+    Group,
+    by_label,
+    contrast,
+    counts,
+    grid,
+    groups,
+    matcher,
+    pool,
+    rig,
+    road_user,
+    seeds,
+)
+from stixel_cli.studies.rq1.setup import setup_values
+from stixel_cli.studies.types import Material, Picture
 from stixel_cli.validation.stage_errors import BORDER, GROSS
+
+PANELS = ("left", "disparity", "occupancy", "free_space", "height", "stixels")
+WIDTH = 1080
+"""px: of a picture of the gallery."""
+QUALITY = 72
 
 
 def report(data: StudyData) -> Material:
-    """What the template is filled with, from all sweeps."""
-    users = groups(data.sweeps["ranges"], road_user)
-    every = pool("all", [point for group in users for point in group.runs])
+    """Values, tables and figures of the template."""
+    sweeps = data.sweeps
+    users = groups(sweeps["ranges"], road_user)
+    every = pool("all", [run for group in users for run in group.runs])
+    by_contrast = contrast_lines(sweeps["contrast"])
+    lines = {
+        "users": users,
+        "rigs": groups(sweeps["rigs"], rig),
+        "matchers": groups(sweeps["matchers"], matcher),
+        "grids": groups(sweeps["grids"], grid),
+    }
+    contrasts = sorted(groups(sweeps["contrast"], lambda run: f"{contrast(run):g}"), key=_number)
+    ends = contrasts[:: len(contrasts) - 1] if len(contrasts) > 1 else []
     first = users[0].runs[0].configuration
     return Material(
         {
-            "answer": tuple(answer(data, users, every)),
+            **answer_values(every, users, lines | {"contrasts": ends}),
+            **setup_values(data),
             "summary": answer_table(every),
+            "edges": EDGES,
+            "round": ROUND,
+            "depth": SW_DEPTH,
+            "std": SW_STD,
+            "depth_ticks": DEPTH_TICKS,
             "road": first.road,
             "free_space": first.free_space,
             "farthest": first.occupancy.farthest,
@@ -37,18 +79,53 @@ def report(data: StudyData) -> Material:
             "least": LEAST,
             "gross": GROSS,
             "border": BORDER,
-            "sections": (
-                disparity_section(data, users),
-                free_space_section(data, users),
-                height_section(users),
-                stixels_section(users),
-                rigs_section(data),
-                contrast_section(data),
-                setup_section(data),
-                gallery_section(data.sweeps["gallery"]),
-            ),
+            "counts": {name: counts(own) for name, own in lines.items()}
+            | {"contrast": counts(group for own in by_contrast.values() for _, group in own)},
+            "seeds_per_pose": {name: seeds(own) for name, own in lines.items()},
+            "stixels_of": [(g.label, int(figures.stixels(g)[:, 0].sum())) for g in users],
+            "figures": {
+                "disparity": figures.disparity("disparity", users, border=True),
+                "matchers": figures.disparity("matchers", lines["matchers"], border=False),
+                "locking": figures.locking(
+                    lines["matchers"],
+                    {"inside the target": INSIDE, "inside other obstacles": OTHERS},
+                ),
+                "free_space": figures.columns(
+                    "free_space", users, {"path": "path", "grid": "grid"}
+                ),
+                "grids": figures.columns("grids", lines["grids"], {"": "path"}),
+                **figures.of_stixels(users),
+                "normalised": figures.normalised(users),
+                "rigs": figures.rigs(lines["rigs"]),
+                "contrast": figures.contrast(by_contrast),
+            },
+            "tables": {
+                "disparity": tables.disparity_table(users),
+                "matchers": tables.matcher_table(lines["matchers"]),
+                "grids": tables.grid_table(lines["grids"]),
+                "height": tables.height_table(users),
+                "stixels": tables.stixel_table(users),
+                "rigs": tables.rig_table(lines["rigs"]),
+                "contrast": tables.contrast_table(by_contrast),
+            },
+            "gallery": gallery(sweeps["gallery"]),
         }
     )
+
+
+def contrast_lines(sweep: StudySweep) -> dict[str, list[tuple[float, Group]]]:
+    """Road user to its contrasts in ascending order, each with its runs."""
+    return {
+        label: sorted(
+            ((at, pool(label, same)) for at, same in by_label(runs, contrast).items()),
+            key=lambda pair: pair[0],
+        )
+        for label, runs in by_label(sweep.runs, road_user).items()
+    }
+
+
+def _number(group: Group) -> float:
+    return float(group.label)
 
 
 def _poses_in_a_range(users: Sequence[Group]) -> int:
@@ -58,3 +135,56 @@ def _poses_in_a_range(users: Sequence[Group]) -> int:
         for group in users
         for low, high in pairwise(EDGES)
     )
+
+
+def gallery(sweep: StudySweep) -> list[dict[str, Any]]:
+    """A picture of the stages for each road user and pictured frame, with its caption's values."""
+    found = []
+    for label, runs in by_label(sweep.runs, road_user).items():
+        run = runs[0]
+        frames = sorted(
+            (frame, files)
+            for pictures in run.load("camera_pictures")
+            for frame, files in by_frame(pictures.files).items()
+        )
+        for frame, files in frames:
+            sheet = contact_sheet([files[name] for name in PANELS])
+            found.append(
+                {
+                    "picture": Picture(f"gallery_{label}_{frame:04d}", "", sheet, "image/webp"),
+                    "user": label,
+                    "time": frame * run.configuration.path.sample_time,
+                    "seed": run.seed,
+                }
+            )
+    return found
+
+
+def by_frame(files: dict[str, bytes]) -> dict[int, dict[str, bytes]]:
+    """Pictures `k0033/left.png` by frame and name."""
+    found: dict[int, dict[str, bytes]] = {}
+    for path, data in files.items():
+        folder, _, name = path.partition("/")
+        found.setdefault(int(folder[1:]), {})[name.removesuffix(".png")] = data
+    return found
+
+
+def contact_sheet(pictures: list[bytes]) -> bytes:
+    """Pictures in two columns on white, `WIDTH` px wide, as WebP; all at one scale."""
+    images = [Image.open(io.BytesIO(data)).convert("RGB") for data in pictures]
+    scale = 0.5 * WIDTH / max(image.width for image in images)
+    images = [
+        image.resize((round(scale * image.width), round(scale * image.height)), Image.LANCZOS)
+        for image in images
+    ]
+    pairs = [images[i : i + 2] for i in range(0, len(images), 2)]
+    heights = [max(image.height for image in pair) for pair in pairs]
+    sheet = Image.new("RGB", (WIDTH, sum(heights)), "white")
+    top = 0
+    for pair, height in zip(pairs, heights, strict=True):
+        for i, image in enumerate(pair):
+            sheet.paste(image, (i * WIDTH // 2, top))
+        top += height
+    buffer = io.BytesIO()
+    sheet.save(buffer, "WEBP", quality=QUALITY, method=4)
+    return buffer.getvalue()

@@ -1,13 +1,12 @@
 """RQ2: the numbers of the answer."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from stixel_cli.evaluation.metric_table import METRICS, Metric
+from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.results.text import listed
-from stixel_cli.studies.field_names import LIDAR, STIXELS
+from stixel_cli.studies.data import LIDAR, STIXELS, chosen, names
 from stixel_cli.studies.inference import least_p
-from stixel_cli.studies.prose import MINUS
 from stixel_cli.studies.rq2.contrasts import (
     ERRORS,
     Contrast,
@@ -15,17 +14,20 @@ from stixel_cli.studies.rq2.contrasts import (
     is_baseline,
     least_effect,
     of_kind,
-    quantity,
 )
-from stixel_cli.studies.rq2.runs import Run, chosen, metric_over_seeds, names, paired_difference
-from stixel_cli.studies.types import Table
+from stixel_cli.studies.rq2.runs import metric_over_seeds, paired_difference, quantity
+from stixel_cli.studies.tables import MINUS, interval_columns, with_unit
+from stixel_cli.studies.types import Column, Table
 from stixel_cli.sweeps.statistics import Statistic
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _UNTESTED = ("low_overlap_share", "nees_position_mean", "nis_mean")
 """Metrics that are listed without a test."""
 
 
-def answer_values(runs: Sequence[Run]) -> dict[str, Any]:
+def answer_values(runs: "pd.DataFrame") -> dict[str, Any]:
     """What the template's answer is filled with.
 
     `contrasts`: a mapping for each tracker and lidar, with its `effects` by road user, and the road
@@ -37,7 +39,7 @@ def answer_values(runs: Sequence[Run]) -> dict[str, Any]:
     trackers = list(dict.fromkeys(one.tracker for one in tested))
     seeds = len(names(runs, "seed"))
     users = names(runs, "road_user")
-    on_stixels = chosen(runs, measurement=stixels[0]) if stixels else []
+    on_stixels = chosen(runs, measurement=stixels[0]) if stixels else runs[:0]
     return {
         "answered": bool(tested),
         "measurements": names(runs, "measurement"),
@@ -87,7 +89,7 @@ def _contrast(found: Sequence[Contrast]) -> dict[str, Any]:
 
 
 def _baseline(
-    on_stixels: Sequence[Run], users: Sequence[str], tracker: str, baseline: str
+    on_stixels: "pd.DataFrame", users: Sequence[str], tracker: str, baseline: str
 ) -> dict[str, Any]:
     """The IoU of a tracker minus the baseline's, and the road users by what its intervals show."""
     effects = {
@@ -99,8 +101,8 @@ def _baseline(
     return {"tracker": tracker, "baseline": baseline, "effects": effects, "verdicts": verdicts}
 
 
-def answer_tables(runs: Sequence[Run]) -> tuple[Table, ...]:
-    """The numbers of the answer; none where there are not both stixels and a lidar."""
+def answer_tables(runs: "pd.DataFrame") -> tuple[Table, ...]:
+    """The numbers of the answer; empty unless there are stixels and a lidar."""
     stixels, lidars = of_kind(runs, STIXELS), of_kind(runs, LIDAR)
     tested = family(runs)
     if not tested:
@@ -115,27 +117,27 @@ def answer_tables(runs: Sequence[Run]) -> tuple[Table, ...]:
     return tuple(tables)
 
 
-def _baselines(runs: Sequence[Run], tracker: str) -> list[str]:
-    """The trackers that this one is to beat."""
+def _baselines(runs: "pd.DataFrame", tracker: str) -> list[str]:
+    """The baselines other than this tracker."""
     return [one for one in names(runs, "tracker") if one != tracker and is_baseline(runs, one)]
 
 
 def _lidar_table(
-    runs: Sequence[Run],
+    runs: "pd.DataFrame",
     tested: Sequence[Contrast],
     trackers: Sequence[str],
     stixels: str,
     lidars: Sequence[str],
 ) -> Table:
-    columns = ["road user", "tracker", "mean over paths and seeds", stixels]
+    columns: list[str | Column] = ["road user", "tracker", "mean over paths and seeds", stixels]
     for lidar in lidars:
-        columns += [lidar, f"{stixels} {MINUS} {lidar}", f"low {lidar}", f"high {lidar}"]
+        columns += [lidar, *interval_columns(f"{stixels} {MINUS} {lidar}", lidar)]
     rows = []
     for user in names(runs, "road_user"):
         for tracker in trackers:
             own = [one for one in tested if (one.road_user, one.tracker) == (user, tracker)]
             for metric in ERRORS:
-                row = [user, tracker, _with_unit(ERRORS[metric])]
+                row = [user, tracker, with_unit(ERRORS[metric], "{}, {}")]
                 for i, one in enumerate(one for one in own if one.metric == metric):
                     row += one.values if i == 0 else one.values[1:]
                     row += [one.difference.mean, one.difference.low, one.difference.high]
@@ -154,7 +156,7 @@ def _lidar_table(
     )
 
 
-def _baseline_table(on_stixels: Sequence[Run], pairs: Sequence[tuple[str, str]]) -> Table:
+def _baseline_table(on_stixels: "pd.DataFrame", pairs: Sequence[tuple[str, str]]) -> Table:
     rows = []
     for user in names(on_stixels, "road_user"):
         for tracker, baseline in pairs:
@@ -164,7 +166,7 @@ def _baseline_table(on_stixels: Sequence[Run], pairs: Sequence[tuple[str, str]])
                     for one in (tracker, baseline)
                 ]
                 apart = baseline_difference(on_stixels, user, tracker, baseline, metric)
-                row = (user, tracker, baseline, _with_unit(ERRORS[metric]), *values)
+                row = (user, tracker, baseline, with_unit(ERRORS[metric], "{}, {}"), *values)
                 rows.append((*row, apart.mean, apart.low, apart.high))
     return Table(
         "answer_baseline",
@@ -176,20 +178,14 @@ def _baseline_table(on_stixels: Sequence[Run], pairs: Sequence[tuple[str, str]])
             "mean over paths and seeds",
             "of the tracker",
             "of the baseline",
-            "difference",
-            "low difference",
-            "high difference",
+            *interval_columns("difference", "difference"),
         ),
         tuple(rows),
     )
 
 
-def _with_unit(metric: Metric) -> str:
-    return f"{metric.short_label}, {metric.unit}" if metric.unit else metric.short_label
-
-
 def _by_user(found: Sequence[Contrast]) -> str:
-    """The road users with the metrics that were found of them."""
+    """The road users, each with its metrics."""
     parts = []
     for user in dict.fromkeys(one.road_user for one in found):
         own = [quantity(ERRORS[one.metric]) for one in found if one.road_user == user]
@@ -198,7 +194,7 @@ def _by_user(found: Sequence[Contrast]) -> str:
 
 
 def baseline_difference(
-    runs: Sequence[Run], user: str, tracker: str, baseline: str, metric: str
+    runs: "pd.DataFrame", user: str, tracker: str, baseline: str, metric: str
 ) -> Statistic:
     """A metric of a tracker minus the baseline's, paired by road user, path and seed."""
     sides = [chosen(runs, road_user=user, tracker=one) for one in (tracker, baseline)]
@@ -206,7 +202,7 @@ def baseline_difference(
 
 
 def _of_interval(iou: Statistic) -> str:
-    """What a tracker is by the interval of its IoU minus the baseline's."""
+    """Verdict by the interval of the tracker's IoU minus the baseline's."""
     if iou.low is None:
         return "not known"
     if iou.low <= 0.0 <= iou.high:
@@ -215,7 +211,7 @@ def _of_interval(iou: Statistic) -> str:
 
 
 def _metric(
-    runs: Sequence[Run], user: str, tracker: str, measurement: str, metric: str
+    runs: "pd.DataFrame", user: str, tracker: str, measurement: str, metric: str
 ) -> float | None:
     same = chosen(runs, road_user=user, tracker=tracker, measurement=measurement)
     return metric_over_seeds(same, metric).mean

@@ -3,24 +3,23 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from scipy.stats import t as student
 
-from stixel_cli.evaluation.metric_table import METRICS, Metric
-from stixel_cli.studies.field_names import BASELINE, LIDAR, STIXELS
+from stixel_cli.evaluation.metric_table import METRICS
+from stixel_cli.studies.data import BASELINE, LIDAR, STIXELS, chosen, names
 from stixel_cli.studies.inference import SIGNIFICANT, holm
-from stixel_cli.studies.prose import MINUS
-from stixel_cli.studies.rq2.runs import Run, chosen, metric_over_seeds, names, paired_difference
-from stixel_cli.studies.types import Table
+from stixel_cli.studies.rq2.runs import metric_over_seeds, paired_difference, quantity
+from stixel_cli.studies.tables import MINUS, interval_columns, with_unit
+from stixel_cli.studies.types import Column, Table
 from stixel_cli.sweeps.statistics import Statistic
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 ERRORS = {name: METRICS[name] for name in ("centre_rmse_m", "orientation_rmse_deg", "iou_mean")}
 """The metrics that are tested."""
-
-
-def quantity(metric: Metric) -> str:
-    """The short label without the statistic: "centre" of "centre RMSE"."""
-    return metric.short_label.removesuffix(" RMSE").removeprefix("mean ")
 
 
 @dataclass(frozen=True)
@@ -55,7 +54,7 @@ class Contrast:
         return "better" if (self.difference.mean > 0.0) == more_is_better else "worse"
 
 
-def contrasts(runs: Sequence[Run], tracker: str, one: str, other: str) -> list[Contrast]:
+def contrasts(runs: "pd.DataFrame", tracker: str, one: str, other: str) -> list[Contrast]:
     """Every road user and metric of two measurements; p not corrected."""
     found = []
     for user in names(runs, "road_user"):
@@ -71,8 +70,8 @@ def contrasts(runs: Sequence[Run], tracker: str, one: str, other: str) -> list[C
     return found
 
 
-def family(runs: Sequence[Run]) -> list[Contrast]:
-    """The question's own: stixels against every lidar by every extended tracker, p by Holm."""
+def family(runs: "pd.DataFrame") -> list[Contrast]:
+    """Stixels against every lidar by every extended tracker, with Holm's correction of p."""
     stixels, lidars = of_kind(runs, STIXELS), of_kind(runs, LIDAR)
     extended = [tracker for tracker in names(runs, "tracker") if not is_baseline(runs, tracker)]
     found = [
@@ -105,23 +104,23 @@ def p_value(difference: Statistic) -> float | None:
 def least_effect(seeds: int, tests: int) -> float:
     """Mean difference above which one of so many tests can be significant after `holm`.
 
-    In standard deviations of the differences of the seeds, of which there are two or more.
+    In standard deviations of the differences over two or more seeds.
     """
     return float(student.isf(0.5 * SIGNIFICANT / tests, seeds - 1)) / math.sqrt(seeds)
 
 
-def of_kind(runs: Sequence[Run], kind: str) -> list[str]:
+def of_kind(runs: "pd.DataFrame", kind: str) -> list[str]:
     """The measurements of a kind."""
-    return names(chosen(runs, kind=kind), "measurement")
+    return names(chosen(runs, measurement_kind=kind), "measurement")
 
 
-def is_baseline(runs: Sequence[Run], tracker: str) -> bool:
+def is_baseline(runs: "pd.DataFrame", tracker: str) -> bool:
     """Whether a tracker is the baseline."""
-    return all(run.tracker_kind == BASELINE for run in chosen(runs, tracker=tracker))
+    return bool((chosen(runs, tracker=tracker)["tracker_kind"] == BASELINE).all())
 
 
-def contrasts_table(runs: Sequence[Run]) -> Table | None:
-    """All paired differences, the question's own with p; None without any."""
+def contrasts_table(runs: "pd.DataFrame") -> Table | None:
+    """All paired differences, those of `family` with p; None without any."""
     stixels = of_kind(runs, STIXELS)
     others = [name for name in names(runs, "measurement") if name not in stixels]
     tested = {(c.road_user, c.tracker, c.one, c.other, c.metric): c.p for c in family(runs)}
@@ -132,10 +131,9 @@ def contrasts_table(runs: Sequence[Run]) -> Table | None:
                 rows += _rows(contrasts(runs, tracker, one, other), tested)
     if not rows:
         return None
-    columns = ["road user", "tracker", "difference", "n"]
+    columns: list[str | Column] = ["road user", "tracker", "difference", "n"]
     for metric in ERRORS.values():
-        name, unit = metric.short_label, metric.unit
-        columns += [f"{name} ({unit})" if unit else name, f"low {name}", f"high {name}"]
+        columns += interval_columns(with_unit(metric), metric.short_label)
         columns.append(f"p of {quantity(metric)} (Holm)")
     return Table("paired_differences", "", tuple(columns), tuple(rows))
 

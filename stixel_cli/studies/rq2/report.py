@@ -5,28 +5,42 @@ they have. The question names kinds of measurement and tracker.
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stixel_cli.studies.field_names import LIDAR, STIXELS
-from stixel_cli.studies.prose import number
+from stixel_cli.evaluation.metric_table import METRICS
+from stixel_cli.studies.data import (
+    LIDAR,
+    STIXELS,
+    StudyData,
+    StudyRun,
+    chosen,
+    names,
+    run_frame,
+)
 from stixel_cli.studies.rq2.answer import answer_values
 from stixel_cli.studies.rq2.conditions import CONDITIONS, condition_table
-from stixel_cli.studies.rq2.contrasts import ERRORS, contrasts_table
+from stixel_cli.studies.rq2.contrasts import contrasts_table
 from stixel_cli.studies.rq2.figures import boxes, by_condition, example_scans, over_time
 from stixel_cli.studies.rq2.runs import (
-    Run,
-    chosen,
     contour_distances,
     metric_over_seeds,
-    names,
-    runs_of,
+    quantity,
+    scan_frame,
     within_bounds,
 )
-from stixel_cli.studies.tables import over_seeds
-from stixel_cli.studies.types import Material, StudyData, Table
+from stixel_cli.studies.tables import number, over_seeds, std_columns, with_unit
+from stixel_cli.studies.types import Material, Table
 
+if TYPE_CHECKING:
+    import pandas as pd
+
+_TRACKING = [
+    METRICS[name]
+    for name in ("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "low_overlap_share")
+]
+"""Metrics with a standard deviation in the tables of tracking."""
 NEAR = 2.0
 """Points within this distance of the true contour, m, are taken for the target's."""
 
@@ -38,8 +52,9 @@ _TITLES = {
 
 
 def report(data: StudyData) -> Material:
-    """What the template is filled with; every run has scenario, scans and track."""
-    runs = runs_of(data)
+    """Values, tables and figures of the template; runs have the results scenario, scans, track."""
+    runs = run_frame(run for sweep in data.sweeps.values() for run in sweep.runs)
+    scans = scan_frame(runs)
     measurements, users = names(runs, "measurement"), names(runs, "road_user")
     return Material(
         {
@@ -49,45 +64,64 @@ def report(data: StudyData) -> Material:
             "trackers": names(runs, "tracker"),
             "near": NEAR,
             "differences": contrasts_table(runs),
-            "chapters": [_chapter(u, chosen(runs, road_user=u), measurements) for u in users],
+            "chapters": [
+                _chapter(
+                    user, chosen(runs, road_user=user), chosen(scans, road_user=user), measurements
+                )
+                for user in users
+            ],
         }
     )
 
 
-def _chapter(user: str, runs: Sequence[Run], measurements: Sequence[str]) -> dict[str, Any]:
+def _chapter(
+    user: str, runs: "pd.DataFrame", scans: "pd.DataFrame", measurements: Sequence[str]
+) -> dict[str, Any]:
     """The values of one road user's chapter."""
-    return {
-        "user": user,
-        "measured": [_scans(user, kind, chosen(runs, kind=kind)) for kind in names(runs, "kind")],
-        "ranking": _ranking(runs),
-        "tracking": _tracking_table(user, runs),
-        "boxes": boxes(f"{user}_boxes", runs, measurements),
-        "over_time": [
-            over_time(f"{user}_{path}_over_time", chosen(runs, path=path), measurements)
-            for path in names(runs, "path")
-        ],
-        "conditions": [
+    first = chosen(runs, tracker=runs["tracker"].iloc[0])
+    conditions = []
+    for condition in CONDITIONS:
+        name = f"{user}_by_{condition.name}"
+        conditions.append(
             {
                 "what": condition.what,
-                "figure": by_condition(
-                    f"{user}_by_{condition.name}", condition, runs, measurements
-                ),
-                "table": condition_table(f"{user}_by_{condition.name}", condition, runs),
+                "figure": by_condition(name, condition, scans, measurements),
+                "table": condition_table(name, condition, scans),
             }
-            for condition in CONDITIONS
+        )
+    return {
+        "user": user,
+        # The scans are the same for every tracker.
+        "measured": [
+            _scans(
+                user,
+                kind,
+                chosen(first, measurement_kind=kind),
+                chosen(scans, measurement_kind=kind, tracker=runs["tracker"].iloc[0]),
+            )
+            for kind in names(runs, "measurement_kind")
         ],
+        "ranking": _ranking(runs),
+        "tracking": _tracking_table(user, runs, scans),
+        "boxes": boxes(f"{user}_boxes", runs, measurements),
+        "over_time": {
+            path: over_time(f"{user}_{path}_over_time", chosen(scans, path=path), measurements)
+            for path in names(runs, "path")
+        },
+        "runs_a_box": len(runs) // len(runs[["tracker", "measurement"]].drop_duplicates()),
+        "conditions": conditions,
     }
 
 
-def _scans(user: str, kind: str, runs: Sequence[Run]) -> dict[str, Any]:
-    """The scans of one kind of measurement; they are the same for every tracker."""
-    runs = chosen(runs, tracker=names(runs, "tracker")[0])
+def _scans(user: str, kind: str, runs: "pd.DataFrame", scans: "pd.DataFrame") -> dict[str, Any]:
+    """The scans of one kind of measurement, from the runs of one tracker."""
     rows, measurements = [], []
     for measurement in names(runs, "measurement"):
         for path in names(runs, "path"):
             same = chosen(runs, measurement=measurement, path=path)
-            if same:
-                rows.append((measurement, path, *_scan_cells(same)))
+            if len(same):
+                own = chosen(scans, measurement=measurement, path=path)
+                rows.append((measurement, path, *_scan_cells(same, own)))
         own = [row for row in rows if row[0] == measurement]
         measurements.append(
             {
@@ -106,13 +140,10 @@ def _scans(user: str, kind: str, runs: Sequence[Run]) -> dict[str, Any]:
             "range from (m)",
             "range to (m)",
             "points a scan",
-            "points on the target",
-            "± points",
+            *std_columns("points on the target", "points"),
             "share of scans without",
-            "mean distance from the contour (m)",
-            "± mean distance",
-            "RMS distance (m)",
-            "± RMS distance",
+            *std_columns("mean distance from the contour (m)", "mean distance"),
+            *std_columns("RMS distance (m)", "RMS distance"),
         ),
         tuple(rows),
     )
@@ -124,18 +155,17 @@ def _scans(user: str, kind: str, runs: Sequence[Run]) -> dict[str, Any]:
     }
 
 
-def _scan_cells(runs: Sequence[Run]) -> tuple[float | None, ...]:
+def _scan_cells(runs: "pd.DataFrame", scans: "pd.DataFrame") -> tuple[float | None, ...]:
     """Ranges, points and distances from the contour of one measurement's runs on one path."""
-    near = [_near_points(run) for run in runs]
+    near = [_near_points(run) for run in runs["run"]]
     on_target = over_seeds([float(counts.mean()) for counts, _ in near])
     away = [distances for _, distances in near if len(distances)]
     bias = over_seeds([float(d.mean()) for d in away])
     spread = over_seeds([float(np.sqrt(np.mean(np.square(d)))) for d in away])
-    ranges = np.concatenate([run.ranges for run in runs])
     return (
-        float(ranges.min()),
-        float(ranges.max()),
-        over_seeds([float(run.scan_points.mean()) for run in runs]).mean,
+        float(scans["range"].min()),
+        float(scans["range"].max()),
+        over_seeds(scans.groupby("seed")["points"].mean()).mean,
         on_target.mean,
         on_target.std,
         over_seeds([float((counts == 0).mean()) for counts, _ in near]).mean,
@@ -146,16 +176,16 @@ def _scan_cells(runs: Sequence[Run]) -> tuple[float | None, ...]:
     )
 
 
-def _near_points(run: Run) -> tuple[np.ndarray, np.ndarray]:
-    """How many points of each scan (K,) are near the true contour, and their distances m."""
-    scans = run.point.load("scans")
-    distances = contour_distances(scans, run.point.load("scenario"))
+def _near_points(run: StudyRun) -> tuple[np.ndarray, np.ndarray]:
+    """Number of points of each scan (K,) near the true contour, and their distances, m."""
+    scans = run.load("scans")
+    distances = contour_distances(scans, run.load("scenario"))
     near = distances < NEAR
     k = np.repeat(np.arange(len(scans)), np.diff(scans.offsets))
     return np.bincount(k[near], minlength=len(scans)), distances[near]
 
 
-def _ranking(runs: Sequence[Run]) -> dict[str, list[tuple[str, float]]]:
+def _ranking(runs: "pd.DataFrame") -> dict[str, list[tuple[str, float]]]:
     """Tracker to its measurements and mean IoU, the best first; trackers without one left out."""
     found = {}
     for tracker in names(runs, "tracker"):
@@ -169,45 +199,32 @@ def _ranking(runs: Sequence[Run]) -> dict[str, list[tuple[str, float]]]:
     return found
 
 
-def _tracking_table(user: str, runs: Sequence[Run]) -> Table:
+def _tracking_table(user: str, runs: "pd.DataFrame", scans: "pd.DataFrame") -> Table:
     rows = []
+    keys = ["path", "tracker", "measurement"]
+    of_scans = scans.groupby(keys)
     for path in names(runs, "path"):
         for tracker in names(runs, "tracker"):
             for measurement in names(runs, "measurement"):
-                same = chosen(runs, path=path, tracker=tracker, measurement=measurement)
-                if not same:
+                key = {"path": path, "tracker": tracker, "measurement": measurement}
+                same = chosen(runs, **key)
+                if same.empty:
                     continue
-                cells: list[str | float | int | None] = [path, tracker, measurement, len(same)]
-                for metric in (*ERRORS, "low_overlap_share"):
-                    one = metric_over_seeds(same, metric)
+                cells: list[str | float | int | None] = [*key.values(), len(same)]
+                for metric in _TRACKING:
+                    one = metric_over_seeds(same, metric.name)
                     cells += [one.mean, one.std]
-                nees, nis = within_bounds(same)
+                nees, nis = within_bounds(of_scans.get_group(tuple(key.values())))
                 cells += [metric_over_seeds(same, "nees_position_mean").mean, nees]
                 cells += [metric_over_seeds(same, "nis_mean").mean, nis]
                 rows.append(tuple(cells))
-    return Table(
-        f"{user}_tracking",
-        "",
-        (
-            "path",
-            "tracker",
-            "measurement",
-            "n",
-            "centre RMSE (m)",
-            "± centre",
-            "orientation RMSE (°)",
-            "± orientation",
-            "mean IoU",
-            "± IoU",
-            "share of low overlap",
-            "± share of low overlap",
-            "NEES / 2",
-            "NEES within",
-            "NIS / d.o.f.",
-            "NIS within",
-        ),
-        tuple(rows),
+    nees, nis = (quantity(METRICS[name]) for name in ("nees_position_mean", "nis_mean"))
+    columns = (
+        *(*keys, "n"),
+        *(c for metric in _TRACKING for c in std_columns(with_unit(metric), quantity(metric))),
+        *(nees, f"{nees.partition(' ')[0]} within", nis, f"{nis.partition(' ')[0]} within"),
     )
+    return Table(f"{user}_tracking", "", columns, tuple(rows))
 
 
 def _range(values: Sequence[float | None]) -> str:

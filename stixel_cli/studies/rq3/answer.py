@@ -7,10 +7,9 @@ import numpy as np
 
 from stixel_cli.results.text import listed
 from stixel_cli.studies.inference import SIGNIFICANT, Paired
-from stixel_cli.studies.prose import capital, decimals, number
 from stixel_cli.studies.rq3.compare import Comparison, reach_of
-from stixel_cli.studies.rq3.cost import THESIS, Cost
-from stixel_cli.studies.rq3.runs import FABRICATED, FITTED, SIMULATED, Measure
+from stixel_cli.studies.rq3.runs import FABRICATED, FITTED, SIMULATED, THESIS, Measure
+from stixel_cli.studies.tables import capital, decimals, number
 from stixel_cli.studies.types import Table
 
 _LISTED = (
@@ -24,8 +23,7 @@ _LISTED = (
 """Measures of the points in the answer's table."""
 
 _DECADES = "log10 of mean "
-"""How the labels of measures in decades begin."""
-
+"""Begin of the labels of measures in decades."""
 
 _LED_BY = (
     "bias along the ray",
@@ -40,16 +38,16 @@ _LED_BY_OF_TRACKS = ("centre RMSE", "orientation RMSE", "mean IoU")
 def answer_values(
     points: Sequence[Comparison],
     tracks: Sequence[Comparison],
-    cost: Cost,
+    cost: dict[str, Any],
     seeds: int,
     paths: int,
 ) -> dict[str, Any]:
     """What the template's answer is filled with.
 
-    `seeds` and `paths` are the numbers of them. `effects`: owner (points or a tracker) to road user
-    to label, unit and paired difference. `few`: the families in which no test can be significant.
-    `points_test`, `tracker_tests`: where tests can be, what they show. `closed`: how much of the
-    gaps the fitted noise closes.
+    `seeds` and `paths` are their numbers. `effects`: owner (points or a tracker) to road user to
+    label, unit and paired difference. `few`: the families without any possibly significant test.
+    `points_test`, `tracker_tests`: results of the other families' tests. `closed`: fraction of the
+    gaps that the fitted noise closes.
     """
     reaches = {"points": reach_of(points), "trackers": reach_of(tracks)}
     by_tracker = {
@@ -98,7 +96,7 @@ def _effects(
 
 
 def answer_table(points: Sequence[Comparison], tracks: Sequence[Comparison]) -> Table:
-    """The numbers of the answer: of every road user, by all three kinds of measurement."""
+    """The numbers of the answer: each road user with all three kinds of measurement."""
     users = list(dict.fromkeys(one.road_user for one in points))
     listed_points = [one for one in points if one.measure.label in _LISTED]
     rows: dict[tuple[str, str], dict[str, str]] = {}
@@ -121,14 +119,14 @@ def answer_table(points: Sequence[Comparison], tracks: Sequence[Comparison]) -> 
 
 
 def _called(measure: Measure) -> str:
-    """Name and unit; what is measured in decades is shown as its geometric mean."""
+    """Name and unit; measures in decades are shown as geometric means."""
     if measure.label.startswith(_DECADES):
         return f"{measure.label.removeprefix(_DECADES)}, geometric mean"
     return f"{measure.label}, {measure.unit}" if measure.unit else measure.label
 
 
 def _values(one: Comparison) -> str:
-    """All three values; a star where the test distinguishes fabricated from simulated."""
+    """All three values, with a star if the test distinguishes fabricated from simulated."""
     gap = one.apart[FABRICATED]
     if one.measure.label.startswith(_DECADES):
         shown = [number(_power(value)) for value in one.means.values()]
@@ -172,7 +170,7 @@ def _short(label: str) -> str:
 
 
 def _closed(owner: str, found: Sequence[Comparison], tested: bool) -> dict[str, Any]:
-    """How much of a family's gaps the fitted noise closes, and what remains."""
+    """Fraction of a family's gaps that the fitted noise closes, and the remaining gaps."""
     known = [one for one in found if one.closed.share is not None]
     gaps = [one for one in known if one.differs(FABRICATED)] if tested else known
     certain = [one.closed for one in gaps if one.closed.low is not None]

@@ -1,10 +1,12 @@
 """RQ3: paired comparisons of fabricated and fitted with simulated measurements."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stixel_cli.studies.data import names
 from stixel_cli.studies.inference import (
     SIGNIFICANT,
     Closed,
@@ -15,20 +17,24 @@ from stixel_cli.studies.inference import (
     paired,
     pairs_needed,
 )
-from stixel_cli.studies.rq3.runs import FABRICATED, FITTED, SIMULATED, Errors, Measure, Runs, names
-from stixel_cli.studies.types import Table
+from stixel_cli.studies.rq3.runs import FABRICATED, FITTED, PAIR, SIMULATED, Measure
+from stixel_cli.studies.tables import interval_columns
+from stixel_cli.studies.types import Column, Table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """One measure of one road user's runs, by one tracker where it is the tracker's.
+    """One measure of the runs of one road user, and of one tracker if it is a tracker's measure.
 
     Attributes:
-        road_user, tracker, measure: of what; `tracker` is "" for the points' own measures.
-        means: of each kind of measurement over the runs that all have a value.
-        apart: fabricated, and fitted, minus simulated.
-        p: of either, Holm-corrected over the comparison's family; None where there is no test.
-        closed: how much of the gap the fitted noise closes.
+        road_user, tracker, measure: `tracker` is "" for measures of the points.
+        means: kind of measurement to the mean over the pairs.
+        apart: kind (fabricated, fitted) to its difference from simulated.
+        p: kind to Holm's corrected p over the comparison's family; None without a test.
+        closed: fraction of the gap that the fitted noise closes.
     """
 
     road_user: str
@@ -46,13 +52,13 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Reach:
-    """What the tests of a family of comparisons can show at all.
+    """Limits of the tests of a family of comparisons.
 
     Attributes:
-        pairs: of runs, of the comparison that has most.
-        tests: that are corrected together.
-        least: smallest corrected p that any of them can have.
-        needed: pairs with which one of so many tests could be significant.
+        pairs: largest number of pairs of runs of a comparison.
+        tests: number of tests that are corrected together.
+        least: smallest corrected p that a test can have.
+        needed: number of pairs with which one of these tests could be significant.
     """
 
     pairs: int
@@ -67,7 +73,7 @@ class Reach:
 
 
 def reach_of(found: Sequence[Comparison]) -> Reach:
-    """What the tests of a family can show, which follows from the numbers of pairs and of tests."""
+    """Limits of a family's tests, from the numbers of pairs and of tests."""
     every = [one for comparison in found for one in comparison.apart.values()]
     pairs = max((one.n for one in every), default=0)
     tests = sum(one.p is not None for one in every) or len(every)
@@ -75,78 +81,72 @@ def reach_of(found: Sequence[Comparison]) -> Reach:
 
 
 def compare(
-    sweeps: Mapping[str, Runs], measures: Mapping[str, Measure], by_tracker: bool
+    sweeps: "Mapping[str, pd.DataFrame]", measures: Mapping[str, Measure], by_tracker: bool
 ) -> list[Comparison]:
     """A family of comparisons: every measure of every road user (and tracker), corrected together.
 
-    A pair is left out of a measure that one of its three runs has no value of.
+    `sweeps` are frames of `runs_of`. A pair without a value in one of its three runs is left out.
     """
-    errors = Errors()
+    import pandas as pd
+
     simulated = sweeps[SIMULATED]
     trackers = names(simulated, "tracker")
+    kinds = (SIMULATED, FABRICATED, FITTED)
+    values = pd.concat(
+        {kind: _values(sweeps[kind], measures) for kind in kinds}, axis=1, join="inner"
+    ).reset_index(names=PAIR)
     found = []
     for user in names(simulated, "road_user"):
         for tracker in trackers if by_tracker else trackers[:1]:
-            keys = [
-                key
-                for key in simulated
-                if key.road_user == user
-                and key.tracker == tracker
-                and all(key in runs for runs in sweeps.values())
-            ]
+            own = values[(values["road_user"] == user) & (values["tracker"] == tracker)]
             for name, measure in measures.items():
-                rows = [
-                    [
-                        measure.of(sweeps[sweep][key], errors.of(sweep, sweeps[sweep][key]))
-                        for key in keys
-                    ]
-                    for sweep in (SIMULATED, FABRICATED, FITTED)
-                ]
-                found.append(
-                    _compared(user, tracker if by_tracker else "", name, measure, keys, rows)
-                )
+                rows = np.array([own[kind, name] for kind in kinds])
+                known = np.isfinite(rows).all(axis=0)
+                paths = own["path"][known].tolist()
+                label = tracker if by_tracker else ""
+                found.append(_compared(user, label, name, measure, rows[:, known], paths))
     return _corrected(found)
 
 
-def _compared(user, tracker, name, measure, keys, rows) -> Comparison:
-    values = np.array(rows, dtype=np.float64).reshape(3, len(keys))
-    known = np.isfinite(values).all(axis=0)
-    values = values[:, known]
-    paths = [key.path for key, there in zip(keys, known, strict=True) if there]
+def _values(runs: "pd.DataFrame", measures: Mapping[str, Measure]) -> "pd.DataFrame":
+    """The measures of the runs, with `PAIR` as index."""
+    found = runs.set_index(PAIR)
+    pairs = list(zip(found["run"], found["errors"], strict=True))
+    return found[[]].assign(
+        **{name: np.array([m.of(*p) for p in pairs], float) for name, m in measures.items()}
+    )
+
+
+def _compared(
+    user: str, tracker: str, name: str, measure: Measure, values: np.ndarray, paths: Sequence[str]
+) -> Comparison:
+    """The comparison of values (3, n) of n pairs: simulated, fabricated, fitted."""
     gap, rest = values[1] - values[0], values[2] - values[0]
-    label = f"{user} {tracker} {name}"
     return Comparison(
         user,
         tracker,
         measure,
         {
-            sweep: float(row.mean()) if len(row) else None
-            for sweep, row in zip((SIMULATED, FABRICATED, FITTED), values, strict=True)
+            kind: float(row.mean()) if len(row) else None
+            for kind, row in zip((SIMULATED, FABRICATED, FITTED), values, strict=True)
         },
         {FABRICATED: paired(gap, paths), FITTED: paired(rest, paths)},
         {},
-        gap_closed(gap, rest, paths, label),
+        gap_closed(gap, rest, paths, f"{user} {tracker} {name}"),
     )
 
 
 def _corrected(found: Sequence[Comparison]) -> list[Comparison]:
+    """The comparisons with Holm's correction over all of them."""
     raw = {
-        f"{i} {sweep}": one.p
+        f"{i} {kind}": one.p
         for i, comparison in enumerate(found)
-        for sweep, one in comparison.apart.items()
+        for kind, one in comparison.apart.items()
         if one.p is not None
     }
-    corrected = holm(raw)
+    p = holm(raw)
     return [
-        Comparison(
-            one.road_user,
-            one.tracker,
-            one.measure,
-            one.means,
-            one.apart,
-            {sweep: corrected.get(f"{i} {sweep}") for sweep in one.apart},
-            one.closed,
-        )
+        replace(one, p={kind: p.get(f"{i} {kind}") for kind in one.apart})
         for i, one in enumerate(found)
     ]
 
@@ -154,12 +154,17 @@ def _corrected(found: Sequence[Comparison]) -> list[Comparison]:
 def difference_table(name: str, found: Sequence[Comparison]) -> Table:
     """Means, paired differences with interval, corrected p and effect size, and the gap closed."""
     with_tracker = any(one.tracker for one in found)
-    columns = ["road user", *(["tracker"] if with_tracker else []), "measure", "n"]
+    columns: list[str | Column] = [
+        "road user",
+        *(["tracker"] if with_tracker else []),
+        "measure",
+        "n",
+    ]
     columns += [SIMULATED, FABRICATED, FITTED]
     for sweep in (FABRICATED, FITTED):
-        columns += [f"{sweep} − simulated", f"low {sweep}", f"high {sweep}"]
+        columns += interval_columns(f"{sweep} − simulated", sweep)
         columns += [f"{sweep}: p (Holm)", f"{sweep}: effect"]
-    columns += ["gap closed", "low closed", "high closed"]
+    columns += interval_columns("gap closed", "closed")
     rows = []
     for one in found:
         unit = f" ({one.measure.unit})" if one.measure.unit else ""

@@ -1,4 +1,4 @@
-"""RQ3: the figures."""
+"""RQ3: the figures. Their captions are in the template."""
 
 from collections.abc import Mapping, Sequence
 
@@ -13,7 +13,11 @@ from stixel_cli.validation.point_errors import PointErrors
 WIDTH = 5.4
 COLOURS = dict(zip((SIMULATED, FABRICATED, FITTED), style.RUNS, strict=False))
 _LINES = {SIMULATED: "-", FABRICATED: "--", FITTED: "-."}
-_RANGES = np.arange(0.0, 80.0, 4.0)
+RANGE_CLASS = 4.0
+"""m."""
+LEAST_POINTS = 20
+"""Least number of points of a class of range."""
+_RANGES = np.arange(0.0, 80.0, RANGE_CLASS)
 _LAGS = tuple(range(1, 25))
 _INSIDE = np.arange(-8.0, 25.0, 2.0)
 
@@ -33,8 +37,6 @@ def error_histograms(pools: Pools) -> Figure:
 
     return _panels(
         "point_errors",
-        "Errors of the points' disparity, measured minus true: density over all runs, what is "
-        "beyond ±1 px counted in its scale and not shown. Left of 0: too far away.",
         pools,
         draw,
         "error of the disparity (px)",
@@ -51,7 +53,7 @@ def range_law(pools: Pools) -> Figure:
         rows = [
             (places[bins == i].mean(), error[bins == i].mean(), error[bins == i].std())
             for i in np.unique(bins)
-            if np.count_nonzero(bins == i) >= 20
+            if np.count_nonzero(bins == i) >= LEAST_POINTS
         ]
         if rows:
             where, mean, spread = np.array(rows).T
@@ -62,8 +64,6 @@ def range_law(pools: Pools) -> Figure:
 
     return _panels(
         "range_law",
-        f"Error along the ray over the true range, in classes of {_RANGES[1]:g} m with at least 20 "
-        "points: mean, and the mean ± standard deviation as a band.",
         pools,
         draw,
         "true range (m)",
@@ -89,8 +89,6 @@ def neighbours(pools: Pools) -> Figure:
 
     return _panels(
         "neighbours",
-        "Correlation of the errors of two points of a scan over the columns between them, each "
-        "run's mean error taken off.",
         pools,
         draw,
         "columns between two points (px)",
@@ -99,7 +97,7 @@ def neighbours(pools: Pools) -> Figure:
 
 
 def edges(pools: Pools) -> Figure:
-    """Share of scans with points so far beyond, or within, the silhouette's ends."""
+    """Share of the silhouette's ends that the points reach, by column."""
 
     def draw(axes, sweep: str, runs: Sequence[PointErrors]) -> None:
         reach = np.concatenate([_all(runs, "reach_left"), _all(runs, "reach_right")])
@@ -111,8 +109,6 @@ def edges(pools: Pools) -> Figure:
 
     return _panels(
         "edges",
-        "Share of the silhouette's ends by which the points reach at least to that column; 0 is "
-        "the end itself, negative columns are outside the target: edge fattening.",
         pools,
         draw,
         "columns inside the silhouette's end (px)",
@@ -149,16 +145,10 @@ def tracker_differences(found: Sequence[Comparison]) -> Figure:
         for sweep, mark in ((FABRICATED, "o"), (FITTED, "s")):
             grid[0].plot([], [], mark, color=COLOURS[sweep], label=f"{sweep} − simulated")
         figure.legend(*grid[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
-        return Figure(
-            "tracker_differences",
-            "Paired differences of the tracker's measures from simulated measurements: mean and "
-            "95 % interval. At 0 the measurements do to the tracker what the simulated "
-            "ones do.",
-            style.svg(figure),
-        )
+        return Figure("tracker_differences", "", style.svg(figure))
 
 
-def _panels(name: str, caption: str, pools: Pools, draw, x_label: str, y_label: str) -> Figure:
+def _panels(name: str, pools: Pools, draw, x_label: str, y_label: str) -> Figure:
     with style.drawing():
         figure = style.new_figure(WIDTH, 0.5 + 1.55 * len(pools))
         figure.set_layout_engine("constrained")
@@ -178,7 +168,7 @@ def _panels(name: str, caption: str, pools: Pools, draw, x_label: str, y_label: 
             figure.legend(
                 handles.values(), handles.keys(), loc="outside upper center", ncols=len(handles)
             )
-        return Figure(name, caption, style.svg(figure))
+        return Figure(name, "", style.svg(figure))
 
 
 def _all(runs: Sequence[PointErrors], name: str) -> np.ndarray:

@@ -1,8 +1,8 @@
 """RQ3: the parameters of the fitted noise, by moments of the errors of simulated points.
 
-Each estimator is the plain one for what `FittedNoise` says: means for bias and variance, the mean
-product of neighbouring residuals for the correlation, mean and variance of how far the points reach
-beyond the silhouette's ends, counts of what is missed between.
+Each parameter of `FittedNoise` has a simple estimator: means for bias and variance, the mean
+product of neighbouring residuals for the correlation, mean and variance of the points' reach beyond
+the silhouette's ends, counts for missed points.
 """
 
 from collections.abc import Sequence
@@ -12,8 +12,8 @@ import numpy as np
 
 from stixel_cli.errors import UserError
 from stixel_cli.measurements.noise import ConstantNoise, FittedNoise, Noise, StereoNoise
-from stixel_cli.studies.prose import quantity
-from stixel_cli.studies.types import StudySweep
+from stixel_cli.studies.data import StudySweep
+from stixel_cli.studies.tables import quantity
 from stixel_cli.validation.point_errors import PointErrors
 
 _FEWEST = 10

@@ -1,36 +1,42 @@
-"""RQ3: runs by what they share, and the measures that a pair of runs is compared in."""
+"""RQ3: runs with the errors of their points, the measures of a run, and the cost of a scan."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from stixel_cli.evaluation.metric_table import METRICS
-from stixel_cli.studies.field_names import tracker_name
-from stixel_cli.studies.types import StudyRun, StudySweep
+from stixel_cli.studies.data import StudyRun, StudySweep, run_frame
+from stixel_cli.studies.types import Table
 from stixel_cli.validation.point_errors import PointErrors
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SIMULATED, FABRICATED, FITTED = "simulated", "fabricated", "fitted"
 
+SCAN = ["road_user", "path", "seed"]
+"""Columns that determine the scans of a sweep."""
+PAIR = [*SCAN, "tracker"]
+"""Columns that are equal in runs that are compared."""
 
-@dataclass(frozen=True)
-class Pairing:
-    """What runs of a pair have in common."""
-
-    road_user: str
-    path: str
-    seed: int
-    tracker: str
+SHARED = ("ego_motion", "scenario")
+"""Stages that both kinds of scan begin with; not counted as the cost of either."""
+STAGES = ("render", "add_sensor_noise", "match", "free_space", "stixels", "scans")
+"""Further stages of scans, in any pipeline of the study."""
+THESIS = 60.0
+"""The thesis states that simulated scans take more than this many times as long."""
 
 
 @dataclass(frozen=True)
 class Measure:
-    """A number that a run has.
+    """A number of a run.
 
     Attributes:
-        label: what it is called.
+        label: its name.
         unit: its unit, "" if it has none.
-        of: gives it; None where a run has none.
+        of: returns it; None for a missing value.
     """
 
     label: str
@@ -38,47 +44,80 @@ class Measure:
     of: Callable[[StudyRun, PointErrors], float | None]
 
 
-Runs = Mapping[Pairing, StudyRun]
+def runs_of(sweep: StudySweep) -> "pd.DataFrame":
+    """The frame of a sweep's runs, with the errors of their points as `errors`.
+
+    The runs of several trackers on the same scans share one object.
+    """
+    runs = run_frame(sweep.runs).drop_duplicates(PAIR, keep="last")
+    first = runs.drop_duplicates(SCAN)
+    errors = {
+        key: run.load("point_errors")
+        for key, run in zip(first[SCAN].itertuples(index=False), first["run"], strict=True)
+    }
+    return runs.assign(errors=[errors[key] for key in runs[SCAN].itertuples(index=False)])
 
 
-def runs_of(sweep: StudySweep) -> dict[Pairing, StudyRun]:
-    """A sweep's runs by what they share with those of other sweeps."""
-    return {pairing(point): point for point in sweep.runs}
+def cost_of(simulated: StudySweep, fabricated: StudySweep) -> dict[str, Any]:
+    """The computational cost of a scan of both kinds.
+
+    Returns:
+        `simulated`, `fabricated`: stage to CPU seconds a scan, medians over the runs, including
+        the stages of `SHARED`. `simulated_total`, `fabricated_total`: median of the runs' sums over
+        the other stages; None if CPU seconds are missing. `ratio`: of the totals, or None.
+        `quartiles`: first and third, of the ratios of runs with the same scan; None without any.
+    """
+    one, other = (_seconds_a_scan(sweep) for sweep in (simulated, fabricated))
+    totals = [_totals(frame) for frame in (one, other)]
+    ours, theirs = (float(total.median()) if len(total) else None for total in totals)
+    ratios = (totals[0] / totals[1][totals[1] > 0.0]).dropna()
+    return {
+        "simulated": one[[*SHARED, *STAGES]].median().dropna().to_dict(),
+        "fabricated": other[[*SHARED, *STAGES]].median().dropna().to_dict(),
+        "simulated_total": ours,
+        "fabricated_total": theirs,
+        "ratio": ours / theirs if ours is not None and theirs else None,
+        "quartiles": ratios.quantile([0.25, 0.75]).tolist() if len(ratios) else None,
+    }
 
 
-def pairing(point: StudyRun) -> Pairing:
-    """What a run shares with its partners; names as they were typed, or else the kinds."""
-    configuration = point.configuration
-    return Pairing(
-        point.setting.get("road_user", configuration.road_user.kind),
-        point.setting.get("path", configuration.path.kind),
-        point.seed,
-        tracker_name(point.setting.get("tracker", configuration.tracker.kind), configuration),
-    )
+def _seconds_a_scan(sweep: StudySweep) -> "pd.DataFrame":
+    """One row for each run: `SCAN`, and CPU seconds a scan of each stage; NaN if not recorded.
+
+    `total` is the sum over `STAGES` without those that the run's pipeline lacks.
+    """
+    runs = run_frame(sweep.runs)
+    scans = np.array([len(run.scores.times) for run in sweep.runs])
+    for stage in (*SHARED, *STAGES):
+        seconds = np.array([run.cpu_seconds.get(stage, np.nan) for run in sweep.runs])
+        runs[stage] = seconds / scans
+    runs["total"] = [
+        sum(run.cpu_seconds.get(stage, 0.0) for stage in STAGES) if "scans" in run.cpu_seconds
+        else np.nan
+        for run in sweep.runs
+    ]  # fmt: skip
+    runs["total"] = runs["total"].to_numpy(dtype=float) / scans
+    return runs
 
 
-def names(runs: Runs, attribute: str) -> list:
-    """The values that an attribute of the pairings has, in the order of the runs."""
-    return list(dict.fromkeys(getattr(key, attribute) for key in runs))
+def _totals(runs: "pd.DataFrame") -> "pd.Series":
+    """The known totals by scan; trackers of one scan count once."""
+    return runs.dropna(subset="total").drop_duplicates(SCAN, keep="last").set_index(SCAN)["total"]
 
 
-class Errors:
-    """The errors of the points of runs, each read once: trackers of one scan share them."""
-
-    def __init__(self) -> None:
-        self._known: dict[tuple, PointErrors] = {}
-
-    def of(self, sweep: str, point: StudyRun) -> PointErrors:
-        """Those of one run of a sweep."""
-        key = pairing(point)
-        name = (sweep, key.road_user, key.path, key.seed)
-        if name not in self._known:
-            self._known[name] = point.load("point_errors")
-        return self._known[name]
+def cost_table(cost: dict[str, Any]) -> Table:
+    """CPU seconds by stage, and of all stages that are not shared."""
+    simulated, fabricated = cost[SIMULATED], cost[FABRICATED]
+    rows = [
+        (stage, simulated.get(stage), fabricated.get(stage))
+        for stage in dict.fromkeys((*simulated, *fabricated))
+    ]
+    rows.append(("all that is not shared", cost["simulated_total"], cost["fabricated_total"]))
+    return Table("cost", "", ("stage", SIMULATED, FABRICATED), tuple(rows))
 
 
 def neighbour_columns(runs: Sequence[PointErrors]) -> float:
-    """Median spacing of points, columns: at which neighbours are compared in all kinds of scan."""
+    """Median spacing of points, columns: the lag at which all kinds of scan are compared."""
     spacings = [run.spacing for run in runs if np.isfinite(run.spacing)]
     return float(np.median(spacings)) if spacings else 1.0
 
@@ -86,7 +125,7 @@ def neighbour_columns(runs: Sequence[PointErrors]) -> float:
 def correlogram(runs: Sequence[PointErrors], lags: Sequence[float]) -> list[float | None]:
     """Correlation of the disparity's error at lags, columns within half a column.
 
-    The mean error of each run is taken off; points beside the silhouette are left out.
+    The mean error of each run is subtracted; points outside the silhouette are left out.
     """
     products: list[list[np.ndarray]] = [[] for _ in lags]
     squares = []
@@ -106,7 +145,7 @@ def correlogram(runs: Sequence[PointErrors], lags: Sequence[float]) -> list[floa
                 products[i].append(product[same & (np.abs(apart - lag) < 0.5)])
     power = float(np.concatenate(squares).mean()) if squares else 0.0
     found = [np.concatenate(p) if p else np.zeros(0) for p in products]
-    # Blocks of columns are rarely apart by less than a block's width: too few pairs say nothing.
+    # Blocks of columns are rarely closer than a block's width, which leaves too few pairs.
     fewest = max(2.0, 0.1 * max((len(p) for p in found), default=0))
     return [float(p.mean()) / power if len(p) >= fewest and power > 0.0 else None for p in found]
 
@@ -134,12 +173,13 @@ def _scan_correlation(run: PointErrors) -> float | None:
     return float(np.corrcoef(one, other)[0, 1])
 
 
-def _sideways(point: StudyRun, run: PointErrors) -> float | None:
+def _sideways(run: StudyRun, errors: PointErrors) -> float | None:
     """Shift of both ends to the right, m at the mean range."""
-    shift, reach = _mean(0.5 * (run.reach_right - run.reach_left)), _mean(run.true_ranges)
+    shift = _mean(0.5 * (errors.reach_right - errors.reach_left))
+    reach = _mean(errors.true_ranges)
     if shift is None or reach is None:
         return None
-    return shift * reach / point.configuration.rig.focal
+    return shift * reach / run.configuration.rig.focal
 
 
 def point_measures(lag: float) -> dict[str, Measure]:
@@ -178,12 +218,12 @@ def point_measures(lag: float) -> dict[str, Measure]:
 
 def _metric(name: str) -> Measure:
     row = METRICS[name]
-    return Measure(row.short_label, row.unit, lambda point, _: point.metrics.get(name))
+    return Measure(row.short_label, row.unit, lambda run, _: run.metrics.get(name))
 
 
 def _decades(name: str) -> Measure:
-    def of(point: StudyRun, _: PointErrors) -> float | None:
-        value = point.metrics.get(name)
+    def of(run: StudyRun, _: PointErrors) -> float | None:
+        value = run.metrics.get(name)
         return None if value is None or value <= 0.0 else float(np.log10(value))
 
     return Measure(f"log10 of {METRICS[name].short_label}", METRICS[name].unit, of)

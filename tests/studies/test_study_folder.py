@@ -1,0 +1,120 @@
+"""The folder of a study: its name, its request, and requests that differ."""
+
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+from stixel_cli.studies.file import read_study
+from stixel_cli.studies.folder import differences
+from stixel_cli.studies.plan import StudyPlan
+
+
+def test_a_folder_with_another_request_is_refused_without_name_or_fresh(studies, toy):
+    file = toy()
+    same = ("--name", "same")
+    studies.run(file, "road_user=car", "seed=0", *same)
+    error = studies.refused(file, "road_user=car", "seed=1,2", *same)
+    folder = studies.results / "same"
+    # The difference comes first.
+    assert error.startswith(f"stixel: seed of sweep first: 0 in {folder}, 1,2 here (and 1 more); ")
+    assert "--name" in error and "--fresh" in error
+    assert studies.run(file, "road_user=car", "seed=1", "--name", "other")["complete"]
+    fresh = studies.run(file, "road_user=car", "seed=1", "--fresh", *same)
+    assert fresh["complete"] and fresh["sweeps"]["first"]["done"] == 1
+    (studies.results / "mine").mkdir()
+    (studies.results / "mine/text").write_text("mine\n")
+    assert "is not a study folder" in studies.refused(file, "--name", "mine", "--fresh")
+    assert "is not a valid folder name" in studies.refused(file, "--name", "a/b")
+    assert "at most 200 characters" in studies.refused(file, "--name", "a" * 201)
+    for dry_run in ((), ("--dry-run",)):
+        assert "--name: '' is not a valid folder name" in studies.refused(file, "--name=", *dry_run)
+    for content in (
+        "[1",
+        "[]",
+        "sweeps: 3",
+        "{study: toy, template: t, module: r, sweeps: {first: {fixed: 3}}}",
+    ):
+        (folder / "study.yaml").write_text(content)
+        assert "study.yaml: not a valid study file" in studies.refused(file, *same)
+
+
+def test_differences_between_requests_are_shown_briefly():
+    before = {
+        "study": "a",
+        "template": "t",
+        "module": "b",
+        "sweeps": {"first": study_sweep("seed", range(40))},
+    }
+    after = {
+        "study": "a",
+        "template": "t",
+        "module": "b",
+        "sweeps": {"first": study_sweep("seed", (*range(39), 77))},
+    }
+    assert differences(before, before, "F") == []
+    (text,) = differences(before, after, "F")
+    assert text.startswith("seed: …") and len(text) < 200
+    there, here = text.split(" in F, ")
+    assert there.endswith("38,39") and here.endswith("38,77 here")
+    assert differences(before, {**after, "study": "c"}, "F")[0] == "study: a in F, c here"
+    after["sweeps"]["first"] |= {
+        "fixed": ["path.duration=2"],
+        "axes": before["sweeps"]["first"]["axes"],
+    }
+    assert differences(before, after, "F") == ["path.duration: not set in F, 2 here"]
+    assert differences(after, before, "F") == ["path.duration: 2 in F, not set here"]
+
+
+def study_sweep(key, values):
+    axis = {"keys": [key], "steps": [[f"{key}={value}"] for value in values]}
+    return {"fixed": [], "axes": [axis], "leave_out": [], "results": [], "derive": None}
+
+
+def test_a_folder_is_named_after_its_overrides(studies, toy):
+    file = toy()
+    assert studies.run(file, "executor.workers=2")["folder"] == str(studies.results / "toy")
+    few = studies.run(file, "seed=range(0,2)", "path.duration=0.2")
+    assert few["folder"] == str(studies.results / "toy-path.duration=0.2-seed=0,1")
+    # The same results by another command line.
+    again = studies.run(file, "path.duration=0.2", "seed=0,1")
+    assert again["folder"] == few["folder"] and again["nodes"]["computed"] == 0
+    assert studies.run(file)["folder"] == str(studies.results / "toy")
+
+
+@pytest.mark.parametrize(
+    ("overrides", "name"),
+    [
+        (["measurement/noise=constant"], r"toy-measurement-noise=constant-[0-9a-f]{8}"),
+        (["path.heading=[0.5]"], r"toy-path\.heading=-0\.5--[0-9a-f]{8}"),
+        (["seed=range(0,90)"], r"toy-seed=0,1,[0-9,]{87}-[0-9a-f]{8}"),
+    ],
+)
+def test_a_long_folder_name_is_shortened_with_a_hash(toy, overrides, name):
+    plan = StudyPlan(read_study(toy()), tuple(overrides), (), ())
+    assert re.fullmatch(name, plan.folder_name)
+    other = StudyPlan(plan.study, (*overrides, "tracker.sigma_f=3"), (), ())
+    assert other.folder_name != plan.folder_name
+
+
+def test_the_request_is_stored(studies, toy):
+    answer = studies.run(toy(), "road_user=car", "seed=0")
+    content = yaml.safe_load(Path(answer["folder"], "study.yaml").read_text())
+    assert content["overrides"] == ["road_user=car", "seed=0"]
+    assert content["sweeps"]["first"]["results"] == ["scans", "track"]
+    assert content["sweeps"]["second"]["derive"] == "widths"
+    assert {"git", "versions", "machine", "command", "created"} <= set(content)
+
+
+def test_a_full_disk_leaves_no_empty_folder(studies, toy, monkeypatch):
+    file = toy()
+    to_bytes = Path.write_bytes
+
+    def full(path, content):
+        to_bytes(path, content[:1])
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    assert "toy: cannot be written: No space left on device" in studies.refused(file)
+    assert not studies.results.exists()
