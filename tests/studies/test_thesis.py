@@ -53,14 +53,14 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny):
     assert answer["complete"], answer
     text = " ".join(answer["answer"])
     assert not re.search(r"\bnan\b|\binf\b", text)
-    assert "Pedestrian, kernel of the demo: on fabricated measurements mean IoU 0." in text
+    assert "Pedestrian, the demo's kernel: on fabricated measurements mean IoU 0." in text
     assert "times the sample time T on one core" in text
     page = (folder / "report.html").read_text(encoding="utf-8")
     for heading in ("Pedestrian case", "Simulated measurements", "Extended target tracking"):
         assert heading in page
     assert page.count("data:image/webp;base64,") == 1
     figures = {path.stem for path in (folder / "figures").glob("*.svg")}
-    assert {"pedestrian_paths", "pedestrian_rays", "pedestrian_simulated_radius"} <= figures
+    assert {"pedestrian_paths", "pedestrian_rays", "pedestrian_radius_1"} <= figures
     assert {"pedestrian_parked_over_time", "constant_noise", "stereo_noise"} <= figures
     rows = table(folder, "answer")
     assert {row["measurement"] for row in rows} == {"fabricated", "simulated"}

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config.folders import EXPERIMENT
-from stixel_cli.studies.data import StudyData, chosen, names
+from stixel_cli.studies.data import StudyData, StudyRun, chosen, names
 from stixel_cli.studies.real_time import on_cores, real_time_table, seconds_a_scan
 from stixel_cli.studies.rq1.report import PANELS, by_frame, contact_sheet
 from stixel_cli.studies.rq2.figures import over_time
@@ -137,24 +137,30 @@ def _chapter(user: str, runs: "pd.DataFrame", ego: str) -> dict[str, Any]:
         },
         "radial": {
             measurement: figures.radial_functions(
-                f"{user}_{measurement}_radius", chosen(parked, measurement=measurement)
+                f"{user}_radius_{i}", chosen(parked, measurement=measurement)
             )
-            for measurement in measurements
+            for i, measurement in enumerate(measurements)
         },
     }
 
 
 def _pictures(data: StudyData) -> dict[str, list[Picture]]:
-    """Road user to the pictures of every stage."""
+    """Road user to the pictures of every stage, from its first run."""
     found: dict[str, list[Picture]] = {}
     for run in data.sweeps["pictures"].runs:
-        user = run.configuration.road_user.kind
+        user = _user(run)
+        if user in found:
+            continue
         for pictures in run.load("camera_pictures"):
             for frame, files in by_frame(pictures.files).items():
                 sheet = contact_sheet([files[name] for name in PANELS])
                 name = f"{user}_stages_{frame:04d}"
                 found.setdefault(user, []).append(Picture(name, "", sheet, "image/webp"))
     return found
+
+
+def _user(run: StudyRun) -> str:
+    return run.setting.get("road_user", run.configuration.road_user.kind)
 
 
 def _kinds(runs: "pd.DataFrame") -> dict[str, list]:

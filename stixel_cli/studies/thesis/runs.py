@@ -1,6 +1,5 @@
 """The thesis's study: the frame of its runs, and the tables."""
 
-import dataclasses
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
@@ -9,10 +8,10 @@ import numpy as np
 from stixel_cli.config.choose import experiment_sources
 from stixel_cli.config.compose import compose
 from stixel_cli.config.folders import EXPERIMENT
-from stixel_cli.evaluation.metric_table import METRICS
+from stixel_cli.evaluation.metric_table import METRICS, Metric
 from stixel_cli.studies.data import GROUPS, StudySweep, chosen, names, run_frame
-from stixel_cli.studies.rq2.runs import contour_distances, metric_over_seeds
-from stixel_cli.studies.tables import over_seeds, std_columns, with_ends, with_unit
+from stixel_cli.studies.rq2.runs import contour_distances, metric_over_seeds, quantity
+from stixel_cli.studies.tables import over_seeds, std_columns, with_ends
 from stixel_cli.studies.types import Table
 from stixel_cli.sweeps.statistics import Statistic
 
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
 
 MEASURES = tuple(METRICS[name] for name in ("centre_rmse_m", "orientation_rmse_deg", "iou_mean"))
 """The three measures of the thesis (3.1.2)."""
-KERNELS = {"thesis": "kernel of the demo", "thesis_priors": "our priors"}
+KERNELS = {"thesis": "the demo's kernel", "thesis_priors": "our priors"}
 NEAR = 2.0
 """Points within this distance of the true contour, m, are taken for the target's."""
 
@@ -53,11 +52,32 @@ def tracking_table(name: str, runs: "pd.DataFrame", keys: Sequence[str]) -> Tabl
     """One row for each combination of `keys`, and the measures of each kernel with intervals."""
     kernels = names(runs, "tracker")
     rows = []
-    for values, own in runs.groupby(list(keys), sort=False):
+    for values, own in _grouped(runs, keys):
         cells = [cell for kernel in kernels for cell in _cells(chosen(own, tracker=kernel))]
         rows.append((*values, own["seed"].nunique(), *cells))
-    columns = with_ends(f"{with_unit(metric)}, {k}" for k in kernels for metric in MEASURES)
-    return Table(name, "", (*keys, "n", *columns), tuple(rows))
+    columns = with_ends(f"{_heading(metric)}, {k}" for k in kernels for metric in MEASURES)
+    return Table(name, "", (*map(_name, keys), "n", *columns), tuple(rows))
+
+
+def _grouped(
+    runs: "pd.DataFrame", keys: Sequence[str]
+) -> "list[tuple[tuple[str, ...], pd.DataFrame]]":
+    """The runs by their values of `keys`, ordered as the values of each key first appear."""
+    order = {key: names(runs, key) for key in keys}
+    groups = list(runs.groupby(list(keys), sort=False))
+    return sorted(
+        groups,
+        key=lambda group: [order[k].index(value) for k, value in zip(keys, group[0], strict=True)],
+    )
+
+
+def _heading(metric: Metric) -> str:
+    """Short label and unit, without the statistic."""
+    return f"{quantity(metric)} ({metric.unit})" if metric.unit else quantity(metric)
+
+
+def _name(key: str) -> str:
+    return key.replace("_", " ")
 
 
 def _cells(runs: "pd.DataFrame") -> Iterable[float | None]:
@@ -74,15 +94,15 @@ def consistency_table(name: str, runs: "pd.DataFrame", keys: Sequence[str]) -> T
     kernels = names(runs, "tracker")
     metrics = [METRICS[name] for name in ("nees_position_mean", "nis_mean", "low_overlap_share")]
     rows = []
-    for values, own in runs.groupby(list(keys), sort=False):
+    for values, own in _grouped(runs, keys):
         cells = [
             metric_over_seeds(chosen(own, tracker=kernel), metric.name).mean
             for kernel in kernels
             for metric in metrics
         ]
         rows.append((*values, *cells))
-    columns = (f"{with_unit(metric)}, {kernel}" for kernel in kernels for metric in metrics)
-    return Table(name, "", (*keys, *columns), tuple(rows))
+    columns = (f"{_heading(metric)}, {kernel}" for kernel in kernels for metric in metrics)
+    return Table(name, "", (*map(_name, keys), *columns), tuple(rows))
 
 
 def scans_table(name: str, runs: "pd.DataFrame") -> Table:
@@ -114,8 +134,7 @@ def scans_table(name: str, runs: "pd.DataFrame") -> Table:
 
 def level_table(name: str, runs: "pd.DataFrame", key: str, label: str) -> Table:
     """The measures by noise level `key`, road user and kernel."""
-    found = tracking_table(name, runs.assign(**{label: runs[key]}), ("road_user", label))
-    return dataclasses.replace(found, columns=("road user", *found.columns[1:]))
+    return tracking_table(name, runs.assign(**{label: runs[key]}), ("road_user", label))
 
 
 def settings_table(name: str, options: Sequence[str], road_users: Sequence[str]) -> Table:
