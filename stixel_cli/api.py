@@ -1,7 +1,7 @@
 """The same as the command line, from Python: `from stixel_cli import compose, run, sweep`.
 
-Calls leave nothing behind in the process and may follow each other in any order. What the user can
-mend is a `stixel_cli.errors.UserError`, in one line.
+Calls leave no state in the process and may follow each other in any order. Errors that the user
+can correct are raised as `stixel_cli.errors.UserError`, in one line.
 """
 
 import dataclasses
@@ -22,7 +22,7 @@ def compose(overrides: Sequence[str] | str = ()) -> Composition:
     """The default configuration with overrides in Hydra's grammar, such as `rig=kitti`, `seed=3`.
 
     Raises:
-        ConfigurationError: in one line, for whatever is wrong with the overrides.
+        ConfigurationError: in one line, for any fault of the overrides.
     """
     return compose_overrides((overrides,) if isinstance(overrides, str) else tuple(overrides))
 
@@ -35,17 +35,17 @@ def run(
     workers: int | None = None,
     cache: Path | str | None = None,
 ) -> RunResult:
-    """Run one experiment; what is in the cache is not computed again.
+    """Run one experiment; cached results are not computed again.
 
     Args:
-        experiment: overrides, or what `compose` gave.
-        results: where a result folder is made; None to write none.
-        name: of the result folder; None for one made of choices and time.
-        workers: None for those of the configuration.
-        cache: the cache's folder; None for that of the configuration.
+        experiment: overrides, or the result of `compose`.
+        results: parent of the result folder; None to write nothing.
+        name: of the result folder; None for a name from choices and time.
+        workers: None for the number in the configuration.
+        cache: folder of the cache; None for the one in the configuration.
 
     Raises:
-        UserError: for whatever the user can put right.
+        UserError: for errors that the user can correct.
         StageFailure: if a stage fails for another reason.
     """
     composition = experiment if isinstance(experiment, Composition) else compose(experiment)
@@ -69,26 +69,25 @@ def sweep(
     workers: int | None = None,
     cache: Path | str | None = None,
 ) -> "SweepResult":
-    """Run all combinations of several values; what points share is computed once.
+    """Run all combinations of several values; stages that runs share are computed once.
 
-    `pandas.DataFrame(sweep(…).records)` has a row a point. A point that fails fails alone; its
-    `status` says so.
+    `pandas.DataFrame(sweep(…).records)` has one row per run. A failing run does not stop the
+    others; see its `status`.
 
     Args:
-        overrides: in Hydra's grammar with its sweeps, such as `seed=range(0,5)`.
-        file: that names axes, seeds and points left out; a path, or the name of one that is
-            shipped.
-        results: where the sweep's folder is made; None to write none.
-        name: of that folder; None for one made of the file's name and the time.
-        shuffle: seed of the order in which the points run; None for theirs.
-        pictures: draw every point's pictures; they are in the cache.
-        workers: None for those of the configuration.
-        cache: the cache's folder; None for that of the configuration.
+        overrides: in Hydra's grammar, including several values, such as `seed=range(0,5)`.
+        file: with axes, seeds and excluded runs: a path, or the name of a shipped file.
+        results: parent of the sweep's folder; None to write nothing.
+        name: of that folder; None for a name from the file's name and the time.
+        shuffle: seed of the order of execution; None for the order of the axes.
+        pictures: draw the pictures of every run.
+        workers: None for the number in the configuration.
+        cache: folder of the cache; None for the one in the configuration.
 
     Raises:
-        UserError: for whatever the user can put right, before anything is computed.
+        UserError: for errors that the user can correct, before anything is computed.
     """
-    from stixel_cli.config.override_text import override_text
+    from stixel_cli.config.messages import override_text
     from stixel_cli.sweeps.whole import new_sweep
 
     texts = [overrides] if isinstance(overrides, str) else list(overrides)
@@ -109,7 +108,7 @@ def sweep(
 def _on_this_machine(
     composition: Composition, workers: int | None, cache: Path | str | None
 ) -> Composition:
-    """The composition with other workers and another cache, where they are given."""
+    """The composition with another number of workers and another cache, if given."""
     resolved = dict(composition.resolved)
     if workers is not None:
         resolved["executor"] = resolved["executor"] | {"workers": workers}

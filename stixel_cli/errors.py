@@ -1,8 +1,8 @@
-"""Errors that the user can fix: one line, without a traceback."""
+"""Errors that the user can correct. They are reported in one line, without a traceback."""
 
 
 class UserError(Exception):
-    """An error that the user can fix; its text is one line: what is wrong, where, what to do.
+    """An error that the user can correct; its text is one line that names the fault and the remedy.
 
     The command line prints only the text and exits with `exit_code`.
     """
@@ -16,8 +16,23 @@ class ConfigurationError(UserError):
 
 
 class BelongsElsewhere(ConfigurationError):
-    """A key or group that exists only with other options than the chosen ones."""
+    """A key or group that only other options than the chosen ones have."""
 
 
 class FolderTaken(UserError):
     """Another process has already created the folder."""
+
+
+def printable(text: str, longest: int = 60) -> str:
+    """The text on one line, cut to `longest` characters; invisible characters are escaped."""
+    if len(text) > longest:
+        text = text[: longest - 1] + "…"
+    return "".join(
+        character if character.isprintable() else character.encode("unicode_escape").decode()
+        for character in text
+    )
+
+
+def printable_path(path: object) -> str:
+    """A path or file name for a message, on one line and not too long."""
+    return printable(str(path), 200)

@@ -1,25 +1,25 @@
-"""Files: written whole or not at all, and read with limits, because anybody may have made them.
+"""Write files atomically; read files of any origin with limits.
 
-Every file that may come from somebody else is read here. It must be a regular file (a FIFO or a
-device would block, or never end) of a limited size; what it holds must be nested to a limited
-depth, with finite numbers and valid text. Nothing is unpickled. Each fault is one line.
+All files of unknown origin are read here. A file must be a regular file (a FIFO or a device would
+block, or never end) of limited size; its content must have limited depth, finite numbers and valid
+text. Nothing is unpickled. Each fault is reported in one line.
 """
 
-import json
 import os
 import re
 import stat
 import sys
 import warnings
-import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from stixel_cli.errors import UserError
+from stixel_cli.errors import UserError, printable_path
 
 if TYPE_CHECKING:
+    import zipfile
+
     import numpy as np
 
 GREATEST_TEXT = 64 * 2**20
@@ -32,19 +32,19 @@ DEEPEST = 50
 """Levels of lists and mappings in JSON and YAML; libyaml overflows the stack at some 10,000."""
 
 MOST_VALUES = 4_000_000
-"""Values of a JSON or YAML file, each alias counted as all that it stands for."""
+"""Values of a JSON or YAML file, aliases expanded."""
 
 _LONG_NUMBER = re.compile(r"[-+0-9_:.]{1000,}")
-"""A number in YAML may be written to base 60, which takes quadratic time to read."""
+"""YAML has numbers to base 60, which take quadratic time to read."""
 
 
 def write_whole(file: Path, content: str | bytes) -> None:
-    """Write a file, a text in UTF-8: what stands under its name is whole at any time.
+    """Write a file atomically; text in UTF-8.
 
-    Missing folders above it are created, and removed again if it cannot be written.
+    Missing parent folders are created, and removed again if the file cannot be written.
 
     Raises:
-        OSError: if it cannot be written; what stood there stays.
+        OSError: if it cannot be written; an older file is kept.
     """
     partial = file.with_name(f".{file.name}.partial-{os.getpid()}")
     missing = [folder for folder in file.parents if not folder.exists()]
@@ -65,10 +65,10 @@ def write_whole(file: Path, content: str | bytes) -> None:
 
 @contextmanager
 def written(folder: Path) -> Iterator[None]:
-    """Where `folder` is written to.
+    """Context in which `folder` is written to.
 
     Raises:
-        UserError: for an OSError inside, naming the folder.
+        UserError: for an OSError in the context; it names the folder.
     """
     try:
         yield
@@ -78,10 +78,10 @@ def written(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def opened(file: Path, greatest: int = GREATEST_ARRAYS) -> Iterator[BinaryIO]:
-    """A regular file of at most `greatest` bytes, open to be read.
+    """Open a regular file of at most `greatest` bytes for reading.
 
     Raises:
-        UserError: if it is missing, is anything else, or cannot be read.
+        UserError: if it is missing, not a regular file, too large, or cannot be read.
     """
     try:
         with open(file, "rb", opener=_without_waiting) as stream:
@@ -92,7 +92,7 @@ def opened(file: Path, greatest: int = GREATEST_ARRAYS) -> Iterator[BinaryIO]:
                 raise UserError(f"{file}: too large: {status.st_size} bytes, at most {greatest}")
             yield stream
     except FileNotFoundError:
-        raise UserError(f"{file.parent}: {file.name} is missing") from None
+        raise UserError(f"{printable_path(file.parent)}: {file.name} is missing") from None
     except OSError as error:
         raise UserError(f"{file}: cannot be read: {error.strerror or error}") from error
 
@@ -105,7 +105,7 @@ def _without_waiting(path: str, flags: int) -> int:
 def read_bytes(file: Path, greatest: int = GREATEST_TEXT) -> bytes:
     """The content of a regular file of at most `greatest` bytes; UserError for any other."""
     with opened(file, greatest) as stream:
-        # A file of /proc says that it has 0 bytes. None: it has nothing to read at the moment.
+        # Files of /proc have size 0. None: nothing to read at the moment.
         content = stream.read(greatest + 1) or b""
     if len(content) > greatest:
         raise UserError(f"{file}: too large: more than {greatest} bytes")
@@ -124,8 +124,10 @@ def read_json(file: Path) -> dict[str, Any]:
     """The names and values of a JSON file.
 
     Raises:
-        UserError: if it is missing, is no JSON object, or a value is not what `check_plain` takes.
+        UserError: if it is missing, not a JSON object, or has a value that `check_plain` refuses.
     """
+    import json
+
     text = read_text(file)
     try:
         content = json.loads(text, object_pairs_hook=_unique)
@@ -133,7 +135,7 @@ def read_json(file: Path) -> dict[str, Any]:
         raise UserError(f"{file}: not valid JSON") from None
     check_plain(content, file)
     if not isinstance(content, dict):
-        raise UserError(f"{file}: must hold names and values, not a {type(content).__name__}")
+        raise UserError(f"{file}: must map names to values, not be a {type(content).__name__}")
     return content
 
 
@@ -148,7 +150,7 @@ def read_yaml(file: Path) -> Any:
     """The content of a YAML file in plain types.
 
     Raises:
-        UserError: if it is missing, is no YAML, or a value is not what `check_plain` takes.
+        UserError: if it is missing, is not YAML, or has a value that `check_plain` refuses.
     """
     import yaml
 
@@ -162,18 +164,18 @@ def read_yaml(file: Path) -> Any:
 
 
 def read_yaml_text(file: Path, most: int | None = None) -> str:
-    """The text of a YAML file that any loader can take: no deep nesting, no bomb of aliases.
+    """The text of a YAML file that every loader can read: limited depth, limited aliases.
 
-    It has at most `most` values (`MOST_VALUES`), each alias counted as all that it stands for.
+    It has at most `most` values (default `MOST_VALUES`), aliases expanded.
 
     Raises:
-        UserError: if it is missing or is no such file.
+        UserError: if it is missing, or not such a file.
     """
     import yaml
 
     text, most = read_text(file), most or MOST_VALUES
     total = 0
-    sizes: dict[str, int] = {}  # Of each anchor: how many values it stands for.
+    sizes: dict[str, int] = {}  # Number of values of each anchor.
     started: list[tuple[str | None, int]] = []  # Of each open collection: anchor, total before.
     try:
         # Events come one at a time: neither parser recurses here, only the loaders do.
@@ -209,11 +211,11 @@ def read_yaml_text(file: Path, most: int | None = None) -> str:
 
 
 def check_plain(content: Any, file: Path) -> None:
-    """Check what was read from `file`.
+    """Check the content of `file`.
 
     Raises:
-        UserError: unless it is of lists, mappings, valid text, finite numbers, booleans and null
-            alone, nested no deeper than `DEEPEST`.
+        UserError: if it has anything except lists, mappings, valid text, finite numbers, booleans
+            and null, or is nested deeper than `DEEPEST`.
     """
     pending: list[tuple[Any, Any, int]] = [("content", content, 0)]
     total = 0
@@ -229,7 +231,7 @@ def check_plain(content: Any, file: Path) -> None:
             if not value.isascii() and any("\ud800" <= c <= "\udfff" for c in value):
                 fault = "not valid text (half of a surrogate pair)"
         elif isinstance(value, int | float):
-            # No integer that a float cannot hold: 400 digits have no place in any arithmetic.
+            # No integer beyond the range of a float.
             if not abs(value) <= sys.float_info.max:
                 fault = "not a finite number below 1.8e308"
         elif isinstance(value, dict):
@@ -247,9 +249,11 @@ def read_arrays(file: Path) -> "dict[str, np.ndarray]":
     """The numeric arrays of an `.npz` file, by name.
 
     Raises:
-        UserError: if it is missing, damaged or encrypted, if an array is not of booleans or
-            numbers, or if all together are larger than `GREATEST_ARRAYS`.
+        UserError: if it is missing, damaged or encrypted, if an array has anything except booleans
+            and numbers, or if the arrays together are larger than `GREATEST_ARRAYS`.
     """
+    import zipfile
+
     with opened(file) as stream:
         try:
             # A damaged header may warn as well; that would be a second line.
@@ -267,7 +271,9 @@ def read_arrays(file: Path) -> "dict[str, np.ndarray]":
             raise UserError(f"{file}: not a file of numeric arrays") from None
 
 
-def _check_members(members: list[zipfile.ZipInfo], file: Path) -> None:
+def _check_members(members: "list[zipfile.ZipInfo]", file: Path) -> None:
+    import zipfile
+
     if sum(member.file_size for member in members) > GREATEST_ARRAYS:
         raise UserError(f"{file}: too large: its arrays have more than {GREATEST_ARRAYS} bytes")
     if len({member.filename for member in members}) < len(members):
@@ -280,8 +286,8 @@ def _check_members(members: list[zipfile.ZipInfo], file: Path) -> None:
             raise UserError(f"{file}: {name} is compressed by a method other than deflate")
 
 
-def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> "np.ndarray":
-    """One array, its declared size compared with that of its bytes before memory is taken."""
+def _read_array(archive: "zipfile.ZipFile", member: "zipfile.ZipInfo") -> "np.ndarray":
+    """Read one array; its declared size is checked before memory is allocated."""
     import numpy as np
 
     headers = np.lib.format

@@ -113,8 +113,8 @@ JSON = {
     '{"a": ["\\ud800"]}': "a: not valid text",
     '{"\\ud800": 1}': "a name: not valid text",
     '{"a": 1, "a": 2}': "not valid JSON",
-    "[1]": "must hold names and values, not a list",
-    "3": "must hold names and values, not a int",
+    "[1]": "must map names to values, not be a list",
+    "3": "must map names to values, not be a int",
     "": "not valid JSON",
 }
 YAML = {

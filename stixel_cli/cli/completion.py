@@ -1,4 +1,4 @@
-"""Completion of overrides in the shell, from the text of the configuration's files alone."""
+"""Shell completion of overrides, from the text of the files of `conf/`."""
 
 import os
 
@@ -17,9 +17,9 @@ MANIFEST = "manifest.json"
 
 
 def complete_override(incomplete: str) -> list[str]:
-    """What `incomplete` can become: groups with their options, or keys with what stands there.
+    """Complete to groups with their options, or to keys with their values.
 
-    Bash takes `=` for the end of a word, and wants only what follows it.
+    Bash splits words at `=` and expects only the part after it.
     """
     words, group = _words_in_bash(incomplete)
     before = f"{group}=" if group else ""
@@ -31,7 +31,7 @@ def complete_override(incomplete: str) -> list[str]:
 
 
 def complete_sweep(incomplete: str) -> list[str]:
-    """As `complete_override`, and after a comma a further option of the group."""
+    """As `complete_override`; after a comma, complete to a further option of the group."""
     before, comma, last = incomplete.rpartition(",")
     if not comma:
         return complete_override(incomplete)
@@ -46,7 +46,7 @@ def complete_sweep(incomplete: str) -> list[str]:
 
 
 def complete_study(incomplete: str) -> list[str]:
-    """Names of the studies that `incomplete` can become, and overrides as in a sweep."""
+    """Complete to names of studies, and to overrides as in a sweep."""
     folder = shipped_folder("pipelines") / "studies"
     try:
         files = sorted(folder.glob("*.yaml"))
@@ -59,11 +59,11 @@ def complete_study(incomplete: str) -> list[str]:
 
 
 def complete_folder(incomplete: str) -> list[str]:
-    """Result folders that `incomplete` can become, and folders in which there may be some."""
+    """Complete to result folders, and to folders that may contain them."""
     folder, slash, name = incomplete.rpartition("/")
     found: list[str] = []
     try:
-        # `results/` is where they are if nobody said otherwise.
+        # `results/` is the default parent folder.
         places = [f"{folder}{slash}"] if incomplete else ["", "results/"]
         for place in places:
             with os.scandir(os.path.expanduser(place) or ".") as entries:
@@ -79,12 +79,12 @@ def complete_folder(incomplete: str) -> list[str]:
 
 
 def complete_run_or_override(incomplete: str) -> list[str]:
-    """Result folders and overrides."""
+    """Complete to result folders and overrides."""
     return [*complete_override(incomplete), *complete_folder(incomplete)]
 
 
 def _words_in_bash(incomplete: str) -> tuple[list[str], str]:
-    """The words of the line, and what stands before a `=` that `incomplete` follows."""
+    """The words of the line, and the word before the `=` that `incomplete` follows."""
     words = os.environ.get("COMP_WORDS", os.environ.get("_TYPER_COMPLETE_ARGS", "")).split()
     current = os.environ.get("COMP_CWORD", "")
     if not current.isdecimal():
@@ -97,7 +97,7 @@ def _candidates(typed: str, words: list[str]) -> list[str]:
     key, equals, _ = typed.partition("=")
     groups = [group for group in group_options() if group.startswith(key)]
     if equals or len(groups) == 1:
-        # A lone `group=` would be given a space after it, so go on to its options.
+        # The shell appends a space to a single `group=`, so complete to its options.
         found = [f"{group}={option}" for group in groups for option in group_options()[group]]
     else:
         found = [f"{group}=" for group in groups]
@@ -110,7 +110,7 @@ def _candidates(typed: str, words: list[str]) -> list[str]:
 
 
 def _keys(group: str, typed: str, words: list[str]) -> list[str]:
-    """The keys of the option that the line chooses; one alone also with what stands there."""
+    """The keys of the option that the line chooses; a single key also with its value."""
     line = "".join(f" {word}" for word in words).replace(" = ", "=").split()
     chosen = [word.partition("=")[2] for word in line if word.startswith(f"{group}=")]
     option = chosen[-1] if chosen else default_option(group)

@@ -1,4 +1,4 @@
-"""How a command ends: one line on stderr and an exit code, whatever went wrong."""
+"""Report every error of a command in one line on stderr, and return its exit code."""
 
 import errno
 import io
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from stixel_cli.config.folders import group_options
-from stixel_cli.errors import UserError
+from stixel_cli.errors import UserError, printable_path
 
 CRASHED = 1
 LONGEST_USAGE = 300
@@ -49,7 +49,7 @@ def guarded(command: Callable[[], int]) -> int:
         return Interrupted.exit_code
     except Exception as error:
         if isinstance(error, OSError) and error.errno in _OF_THE_USER and error.filename:
-            tell(f"{error.filename}: {error.strerror}")
+            tell(f"{printable_path(error.filename)}: {error.strerror}")
             return UserError.exit_code
         if isinstance(error, OSError) and error.errno in _OF_STDOUT and error.filename is None:
             _leave_stdout(error)
@@ -62,10 +62,10 @@ def guarded(command: Callable[[], int]) -> int:
 
 
 def settle_streams() -> None:
-    """Make the standard streams take what they are given, whatever the shell made of them.
+    """Make the standard streams usable, however the shell has set them up.
 
-    One that was closed (`>&-`) is None and leads nowhere; a character that the encoding lacks is
-    escaped, as it is on stderr anyway.
+    A closed stream (`>&-`) is replaced by the null device. A character that the encoding lacks is
+    escaped, as on stderr.
     """
     # In the order of their numbers, so that no file of ours is opened under one of them.
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
@@ -76,7 +76,7 @@ def settle_streams() -> None:
 
 
 def _leave_stdout(error: OSError) -> None:
-    """Tell that stdout cannot be written, unless its reader has gone away, and write no more."""
+    """Report that stdout cannot be written, unless its reader has ended, and stop writing to it."""
     if error.errno != errno.EPIPE:
         tell(f"standard output: cannot be written: {error.strerror}")
     # Otherwise Python tries again at its exit and complains.
@@ -111,7 +111,7 @@ def _tell_crash(error: Exception) -> None:
     from stixel_cli.engine.errors import StageFailure
 
     if isinstance(error, StageFailure):
-        # More often the user's own code than ours.
+        # The cause is more often the user's own code.
         head, what, place = "", f"stage {error.label} failed: {_named(error.cause)}", error.place
     else:
         head, what, place = "internal error, please report it: ", _named(error), ""
@@ -151,7 +151,7 @@ def _write_log(text: str) -> Path:
 
 
 def usage_line(error: Any) -> str:
-    """A usage error in one line: what is wrong, what is near, and where to read on."""
+    """A usage error in one line: the fault, the nearest option, and the help to read."""
     text = " ".join(error.format_message().split()).rstrip(".?")
     text = (text[:1].lower() + text[1:]).replace(": Input should be ", ": must be ")
     text = text.partition(", unable to parse")[0].replace(". Did you mean", "; did you mean")

@@ -12,7 +12,7 @@ import typer
 from stixel_cli.cli.completion import complete_run_or_override
 from stixel_cli.cli.options import FromFile, Json
 from stixel_cli.cli.terminal import print_json
-from stixel_cli.errors import UserError
+from stixel_cli.errors import UserError, printable_path
 
 if TYPE_CHECKING:
     from stixel_cli.config.compose import Composition
@@ -124,7 +124,7 @@ def _asked(what: Sequence[str], file: str | None) -> _Asked:
         raise UserError(f"{folders[0]}: name either one result folder or overrides")
     lost = [text for text in what if "=" not in text and os.sep in text]
     if lost:
-        raise UserError(f"{lost[0]}: no such folder")
+        raise UserError(f"{printable_path(lost[0])}: no such folder")
     design = sweep_design(what, file, one_is_enough=True)
     runs = design_runs(design)
     if not design.axes:

@@ -1,6 +1,5 @@
 """`stixel show`: print the record of a run or a sweep."""
 
-import csv
 import sys
 from collections import Counter
 from pathlib import Path
@@ -75,6 +74,8 @@ def _show_sweep(folder: Path, json: bool) -> int:
 
 
 def _read_rows(file: Path) -> list[dict[str, str]]:
+    import csv
+
     from stixel_cli.files import read_text
 
     if not file.exists():

@@ -1,6 +1,5 @@
 """`stixel study`: answer a research question by its sweeps and its report."""
 
-import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -112,6 +111,8 @@ class _Command:
         dry_run: bool,
         fresh: bool,
     ):
+        import shlex
+
         self.study = study
         self.overrides = list(overrides)
         self.text = shlex.join(["stixel", "study", study, *overrides, *options])

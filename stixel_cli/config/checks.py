@@ -1,4 +1,4 @@
-"""What cannot be, seen over several keys and groups, refused before anything is computed."""
+"""Checks of conditions between several keys and groups, before anything is computed."""
 
 import dataclasses
 import inspect
@@ -10,11 +10,11 @@ from stixel_cli.config.schema import Configuration
 from stixel_cli.errors import ConfigurationError
 
 _NEAREST_START = 1.0
-"""Room that must be between the camera and the target at its start, m."""
+"""Minimum distance between the camera and the target at its start, m."""
 
 
 def check(configuration: Configuration) -> None:
-    """Refuse a configuration that is valid key by key and impossible as a whole.
+    """Refuse a configuration whose keys are valid one by one but contradict each other.
 
     Raises:
         ConfigurationError: in one line that names the key.
@@ -31,7 +31,7 @@ def check(configuration: Configuration) -> None:
 
 
 def _check_part(configuration: Configuration, part: Any) -> None:
-    """Call the part's own `check`; its arguments are named as the groups that it looks at."""
+    """Call the part's own `check`; the names of its arguments are groups."""
     own = getattr(part, "check", None)
     if own is not None:
         own(**{group: getattr(configuration, group) for group in _groups_of(type(part))})
@@ -39,7 +39,7 @@ def _check_part(configuration: Configuration, part: Any) -> None:
 
 @cache
 def _groups_of(part: type) -> tuple[str, ...]:
-    """The groups that the check of a part looks at beside itself."""
+    """The other groups that the check of a part needs."""
     return tuple(inspect.signature(part.check).parameters)[1:]
 
 
@@ -68,7 +68,7 @@ def _check_times(configuration: Configuration) -> None:
 
 
 def _check_start(configuration: Configuration) -> None:
-    """Refuse a target that would stand in the camera; its heading is left out of account."""
+    """Refuse a target that starts at the camera; its heading is ignored."""
     path, user = configuration.path, configuration.road_user
     key, start = (
         ("path.start", path.start) if hasattr(path, "start") else ("path.points", path.points[0])
@@ -88,7 +88,7 @@ def _check_stereo(configuration: Configuration) -> None:
         raise ValueError(
             f"stereo.disparities: {stereo.disparities} must be below rig.width, {rig.width}"
         )
-    # In plain floats: NumPy's would warn where it overflows.
+    # In Python floats, because NumPy's warn on overflow.
     greatest = float(rig.focal) * float(rig.baseline) / float(stereo.nearest)
     if stereo.disparities is None and greatest >= rig.width:
         raise ValueError(

@@ -1,10 +1,15 @@
-"""The options of all groups, composed by Hydra and cached in memory."""
+"""The options of all groups, composed by Hydra; its results are cached in memory and on disk."""
 
+import json
+import os
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
 
 from stixel_cli.config.folders import (
     EXPERIMENT,
@@ -12,12 +17,16 @@ from stixel_cli.config.folders import (
     default_option,
     group_options,
 )
-from stixel_cli.config.keys import chosen_kinds, known_keys
-from stixel_cli.errors import ConfigurationError
-from stixel_cli.files import read_yaml
+from stixel_cli.engine.parameters import default_cache_folder
+from stixel_cli.errors import UserError
+from stixel_cli.files import read_text
 
-if TYPE_CHECKING:
-    from omegaconf import DictConfig
+FOLDER = "configurations"
+"""In the cache folder; the files of `conf/` change rarely, so it has few files."""
+
+MOST_STORED = 500
+
+_to_store: dict[Path, tuple[dict[str, Any], dict[str, str]]] = {}
 
 # Hydra's composition goes through a singleton of the process.
 _HYDRA = threading.Lock()
@@ -25,7 +34,7 @@ _HYDRA = threading.Lock()
 
 @lru_cache(maxsize=1024)
 def choose(
-    chosen: tuple[tuple[str, str], ...], state: tuple[Any, ...]
+    chosen: tuple[tuple[str, str], ...], state: str
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """The configuration of the chosen options, before values are set.
 
@@ -44,31 +53,30 @@ def choose(
     Raises:
         HydraException: if Hydra cannot compose the options.
     """
-    from hydra.errors import HydraException
-
     families: dict[str, list[str]] = {}
     for group, text in chosen:
         families.setdefault(group.partition("/")[0], []).append(text)
     found = None
     if len(families) > 1 and EXPERIMENT not in families:
+        from hydra.errors import HydraException
+
         # A group that follows another may need one of the other choices.
         with suppress(HydraException):
             found = _choose_apart(families, state)
     if found is None:
-        _, plain, choices = choose_together(tuple(text for _, text in chosen), state)
-        return plain, choices
+        return choose_together(tuple(text for _, text in chosen), state)
     return found
 
 
 def _choose_apart(
-    families: Mapping[str, list[str]], state: tuple[Any, ...]
+    families: Mapping[str, list[str]], state: str
 ) -> tuple[dict[str, Any], dict[str, str]] | None:
     """As `choose`, from one composition per top-level group; None if groups affect each other."""
-    _, base, base_choices = choose_together((), state)
+    base, base_choices = choose_together((), state)
     changed: dict[str, Any] = {}
     choices = dict(base_choices)
     for family, texts in families.items():
-        _, plain, its_choices = choose_together(tuple(texts), state)
+        plain, its_choices = choose_together(tuple(texts), state)
         # Some groups follow another by default, as `pace` follows `road_user`.
         following = {
             group.partition("/")[0]
@@ -91,17 +99,45 @@ def _choose_apart(
 
 
 @lru_cache(maxsize=1024)
-def choose_together(
-    chosen: tuple[str, ...], state: tuple[Any, ...]
-) -> "tuple[DictConfig, dict[str, Any], dict[str, str]]":
+def choose_together(chosen: tuple[str, ...], state: str) -> tuple[dict[str, Any], dict[str, str]]:
     """The configuration that Hydra composes of the chosen options, before values are set.
 
-    Hydra takes about 0.05 s, so the result is cached while the files of `conf/` keep their `state`.
+    Hydra takes about 0.1 s, so the result is stored in the cache folder, under a digest of the
+    options, of the files of `conf/` (`state`) and of Hydra's version.
 
     Returns:
-        The configuration, the same in plain types with interpolations as text, and the option of
-        each group.
+        The configuration in plain types with interpolations as text, and the option of each group.
     """
+    versions = [version(name) for name in ("hydra-core", "omegaconf")]
+    key = sha256(json.dumps([chosen, state, versions]).encode()).hexdigest()
+    file = default_cache_folder() / FOLDER / f"{key}.json"
+    stored = _read(file)
+    if stored is None:
+        stored = _by_hydra(chosen)
+        _to_store[file] = stored
+    plain, choices = stored
+    if choices[EXPERIMENT] == default_option(EXPERIMENT):
+        return stored
+    from stixel_cli.config.experiments import missing_options, without_other_options
+
+    missing = missing_options(plain, choices, chosen)
+    if missing:
+        return choose_together((*chosen, *missing), state)
+    return without_other_options(plain), choices
+
+
+def store_compositions() -> None:
+    """Store the new compositions; called for valid configurations, so wrong input writes nothing.
+
+    Nothing happens if the folder cannot be written.
+    """
+    for file in list(_to_store):
+        composition = _to_store.pop(file, None)  # another thread may have stored it
+        if composition is not None:
+            _write(file, composition)
+
+
+def _by_hydra(chosen: tuple[str, ...]) -> tuple[dict[str, Any], dict[str, str]]:
     import hydra
     from omegaconf import OmegaConf, open_dict
 
@@ -113,49 +149,36 @@ def choose_together(
     ):
         composed = hydra.compose("config", overrides=list(chosen), return_hydra_config=True)
         options = dict(composed.hydra.runtime.choices)
-    choices = {group: options[group] for group in group_options() if group in options}
     with open_dict(composed):
         del composed["hydra"]
-        composed.pop("sources", None)
-        inner = composed.pop("inner_options", {})
-        if not isinstance(inner, Mapping):
-            raise ConfigurationError(
-                f"{EXPERIMENT}={choices[EXPERIMENT]}: inner_options must be GROUP: OPTION pairs"
-            )
-        typed = {text.partition("=")[0] for text in chosen}
-        missing = [
-            f"{group}={option}"
-            for group, option in inner.items()
-            if group in choices and group not in typed
-        ]
-        if missing:
-            return choose_together((*chosen, *missing), state)
-        if choices[EXPERIMENT] != default_option(EXPERIMENT):
-            _drop_values_of_other_options(composed)
-    return composed, OmegaConf.to_container(composed, resolve=False), choices
+    choices = {group: options[group] for group in group_options() if group in options}
+    return OmegaConf.to_container(composed, resolve=False), choices
 
 
-def experiment_sources(option: str) -> dict[str, str]:
-    """The sources that an experiment's file states: key or group to text, in the file's order."""
-    content = read_yaml(configuration_folder() / EXPERIMENT / f"{option}.yaml")
-    return dict((content or {}).get("sources", {}))
+def _read(file: Path) -> tuple[dict[str, Any], dict[str, str]] | None:
+    """A stored composition; None if it is missing or damaged."""
+    try:
+        digest, _, text = read_text(file).partition("\n")
+    except (UserError, OSError):
+        return None
+    if sha256(text.encode()).hexdigest() != digest:
+        return None
+    plain, choices = json.loads(text)
+    return plain, choices
 
 
-def _drop_values_of_other_options(composed: "DictConfig") -> None:
-    """Remove the values of an experiment whose keys the chosen options do not have."""
-    kinds = chosen_kinds(composed)
-    for name, variants in known_keys().items():
-        if not any(all(kinds.get(g) == kind for g, kind in one.owners) for one in variants):
-            _remove(composed, name.split("."))
-
-
-def _remove(section: Any, parts: list[str]) -> None:
-    """Remove a key, and the sections that are empty without it."""
-    if isinstance(section, Mapping) and parts[0] in section:
-        if parts[1:]:
-            _remove(section[parts[0]], parts[1:])
-        if not parts[1:] or section[parts[0]] == {}:
-            section.pop(parts[0])
+def _write(file: Path, composition: tuple[dict[str, Any], dict[str, str]]) -> None:
+    text = json.dumps(composition)
+    if tuple(json.loads(text)) != composition:
+        return  # a key of the user's own file that JSON turns into text, such as a number
+    partial = file.with_name(f"{file.stem}-{os.getpid()}-{threading.get_ident()}.partial")
+    with suppress(OSError):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        partial.write_text(f"{sha256(text.encode()).hexdigest()}\n{text}", encoding="utf-8")
+        partial.replace(file)
+        others = sorted(file.parent.iterdir(), key=lambda other: other.stat().st_mtime)
+        for other in others[:-MOST_STORED]:
+            other.unlink()
 
 
 @contextmanager

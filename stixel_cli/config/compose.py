@@ -1,17 +1,18 @@
-"""From overrides to a validated configuration, by Hydra and the rooms' schemas."""
+"""From overrides to a validated configuration, by Hydra and the schema."""
 
 import copy
 import json
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config import messages
-from stixel_cli.config.choose import choose, choose_together
+from stixel_cli.config.choose import choose, store_compositions
 from stixel_cli.config.folders import conf_state, configuration_folder, group_options
-from stixel_cli.config.interpolation import NotPlain, with_values
+from stixel_cli.config.interpolation import NotPlain, interpolated, with_values
 from stixel_cli.config.keys import chosen_kinds, known_keys
 from stixel_cli.config.overrides import check_one_run, check_overrides, parse_overrides
 from stixel_cli.config.schema import Configuration, adapter
@@ -20,7 +21,6 @@ from stixel_cli.files import read_yaml_text
 
 if TYPE_CHECKING:
     from hydra.core.override_parser.types import Override
-    from omegaconf import DictConfig
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,8 @@ class Composition:
         configuration: validated.
         choices: the option of each group.
         overrides: as they were typed.
-        resolved: the configuration in plain types with every interpolation resolved; what
-            `config.yaml` of a result folder holds, and `from_resolved` takes.
+        resolved: the configuration in plain types with every interpolation resolved: the content of
+            `config.yaml` in a result folder, and the argument of `from_resolved`.
     """
 
     configuration: Configuration
@@ -41,10 +41,10 @@ class Composition:
     resolved: dict[str, Any]
 
     def value(self, name: str) -> Any:
-        """The option chosen of a group, or the value of a key, of its own type.
+        """The chosen option of a group, or the value of a key in its own type.
 
         Raises:
-            KeyError: there is neither.
+            KeyError: no such group or key.
         """
         if name in self.choices:
             return self.choices[name]
@@ -67,7 +67,8 @@ def compose(overrides: Sequence[str] = (), working_directory: str = "") -> Compo
     Raises:
         ConfigurationError: in one line, for any fault of the overrides.
     """
-    return Composer(working_directory).compose(overrides)
+    composition = Composer(working_directory).compose(overrides)
+    return replace(composition, resolved=copy.deepcopy(composition.resolved))
 
 
 class Composer:
@@ -75,7 +76,8 @@ class Composer:
 
     Hydra composes each choice of options once; values are then set in plain dicts. The files of
     `conf/` are taken as they were when the composer was made. Equal groups of different
-    configurations are one object, so that derived values can be cached by identity.
+    configurations are one object, so that derived values can be cached by identity; do not change
+    `resolved`, which they share too.
     `working_directory` is as in `compose`.
     """
 
@@ -109,38 +111,39 @@ class Composer:
         resolved, choices = _resolved(parsed, self._state)
         name_files_in_full(resolved, self._working_directory)
         configuration = _validate(resolved, [override.key_or_group for override in parsed])
+        store_compositions()
         return Composition(self._shared(configuration, resolved), choices, texts, resolved)
 
     def _shared(self, configuration: Configuration, resolved: dict[str, Any]) -> Configuration:
         parts = {
             # Keyed by the text, because 0.0 and -0.0 are equal and give different cache keys.
-            name: self._parts.setdefault((name, json.dumps(value)), getattr(configuration, name))
+            name: self._parts.setdefault((name, repr(value)), getattr(configuration, name))
             for name, value in resolved.items()
         }
         return Configuration(**parts)
 
 
 def name_files_in_full(resolved: dict[str, Any], working_directory: str = "") -> None:
-    """Make the names of the user's files absolute, so that they hold in any working directory.
+    """Make the names of the user's files absolute.
 
-    `working_directory` is the one in which they are meant; "" for the process's own.
+    They refer to `working_directory`; "" for the working directory of the process.
     """
     for group, key in (("road_user", "mesh"), ("cache", "folder")):
         name = resolved[group][key]
-        # An empty name is no folder: the checks will say so.
+        # The checks refuse an empty name.
         if isinstance(name, str) and name:
             name = os.path.join(working_directory, os.path.expanduser(name))
             resolved[group] = resolved[group] | {key: os.path.abspath(name)}
 
 
 def from_resolved(resolved: Mapping[str, Any]) -> Configuration:
-    """The configuration that `resolved`, the content of a stored `config.yaml`, stands for.
+    """Validate `resolved`, the content of a stored `config.yaml`.
 
     Raises:
         ConfigurationError: in one line, if it does not fit the schema or cannot be run.
     """
     if not isinstance(resolved, Mapping):
-        raise ConfigurationError(f"{messages.show(resolved)}: is no configuration")
+        raise ConfigurationError(f"{messages.show(resolved)}: is not a configuration")
     return _validate(dict(resolved), ())
 
 
@@ -150,27 +153,21 @@ def _validate(plain: dict[str, Any], typed: Iterable[str]) -> Configuration:
     from stixel_cli.config.checks import check
 
     try:
-        # JSON is the strict mode that fits YAML: lists stand for tuples, and nothing else bends.
+        # Strict JSON validation fits YAML: it accepts lists for tuples and converts nothing else.
         configuration = adapter().validate_json(json.dumps(plain))
     except ValidationError as error:
         faults = error.errors(include_url=False)
         raise ConfigurationError(messages.describe_faults(faults, plain, typed)) from None
     except (TypeError, ValueError) as fault:
         raise ConfigurationError(
-            f"the configuration holds more than plain values: {fault}"
+            f"the configuration has values that are not plain: {fault}"
         ) from None
     check(configuration)
     return configuration
 
 
-def _resolved(
-    parsed: "Sequence[Override]", state: tuple[Any, ...]
-) -> tuple[dict[str, Any], dict[str, str]]:
+def _resolved(parsed: "Sequence[Override]", state: str) -> tuple[dict[str, Any], dict[str, str]]:
     """The resolved configuration in plain types and the option of each group."""
-    from hydra.errors import HydraException
-    from omegaconf.errors import OmegaConfBaseException
-    from yaml import YAMLError
-
     chosen = tuple(
         (one.key_or_group, str(one.input_line))
         for one in parsed
@@ -180,28 +177,48 @@ def _resolved(
     try:
         plain, choices = choose(chosen, state)
         try:
-            tree = with_values(plain, {one.key_or_group: one.value() for one in values})
+            new = {one.key_or_group: one.value() for one in values}
+            tree = with_values(plain, new, _interpolated(chosen, state))
         except NotPlain:
-            base, _, choices = choose_together(tuple(text for _, text in chosen), state)
-            tree = _by_omegaconf(base, values)
-    except OmegaConfBaseException as fault:
-        raise ConfigurationError(_unresolved(fault)) from None
-    except HydraException as fault:
-        raise ConfigurationError(_not_composed(fault)) from None
-    except (YAMLError, UnicodeDecodeError, RecursionError) as fault:
-        # Hydra does not name the file in some of these.
-        for path in sorted(configuration_folder().rglob("*.yaml")):
-            read_yaml_text(path)
-        raise ConfigurationError(messages.printable(" ".join(str(fault).split()), 300)) from None
+            tree = _by_omegaconf(plain, values)
+    except ConfigurationError:
+        raise
+    except Exception as fault:
+        raise _explained(fault) from None
     return tree, dict(choices)
 
 
-def _by_omegaconf(base: "DictConfig", values: "Sequence[Override]") -> dict[str, Any]:
-    """`base` with the values set, resolved; it takes 8 ms, `with_values` a thirtieth of that."""
+@lru_cache(maxsize=1024)
+def _interpolated(chosen: tuple[tuple[str, str], ...], state: str) -> frozenset[str]:
+    return interpolated(choose(chosen, state)[0])
+
+
+def _explained(fault: Exception) -> Exception:
+    """The error in one line if the files of `conf/` or the overrides are wrong; else itself."""
+    # Hydra takes 0.2 s to import; a configuration without overrides may not need it.
+    from hydra.errors import HydraException
+    from omegaconf.errors import OmegaConfBaseException
+    from yaml import YAMLError
+
+    if isinstance(fault, OmegaConfBaseException):
+        return ConfigurationError(_unresolved(fault))
+    if isinstance(fault, HydraException):
+        return ConfigurationError(_not_composed(fault))
+    if isinstance(fault, YAMLError | UnicodeDecodeError | RecursionError):
+        # Hydra does not name the file in some of these.
+        for path in sorted(configuration_folder().rglob("*.yaml")):
+            read_yaml_text(path)
+        return ConfigurationError(messages.printable(" ".join(str(fault).split()), 300))
+    return fault
+
+
+def _by_omegaconf(plain: dict[str, Any], values: "Sequence[Override]") -> dict[str, Any]:
+    """`plain` with the values set, resolved; it takes 8 ms, `with_values` a thirtieth of that."""
     from omegaconf import OmegaConf
     from omegaconf.errors import ConfigAttributeError, ConfigKeyError
 
-    composed = copy.deepcopy(base)
+    composed = OmegaConf.create(plain)
+    OmegaConf.set_struct(composed, True)
     for override in values:
         name = override.key_or_group
         try:
@@ -213,10 +230,10 @@ def _by_omegaconf(base: "DictConfig", values: "Sequence[Override]") -> dict[str,
 
 
 def _not_composed(fault: Any) -> str:
-    """One line for what Hydra cannot put together.
+    """One line for options that Hydra cannot compose.
 
-    An option that was typed has been checked before: one that is missing here follows another
-    group's, as `pace` and `prior` follow `road_user`.
+    Typed options have been checked before: a missing option follows another group, as `pace` and
+    `prior` follow `road_user`.
     """
     group, _, option = (getattr(fault, "missing_cfg_file", None) or "").rpartition("/")
     if group not in group_options():
@@ -228,16 +245,16 @@ def _not_composed(fault: Any) -> str:
 
 
 def _unresolved(fault: Any) -> str:
-    """One line for a value that stands for another which cannot be had."""
+    """Message for an interpolation that cannot be resolved."""
     from omegaconf.errors import InterpolationKeyError, MissingMandatoryValue
 
     name = fault.full_key or "the configuration"
     if isinstance(fault, MissingMandatoryValue):
-        return f"{name}: ??? stands for a missing value: give one"
+        return f"{name}: ??? is a missing value: give one"
     reason = _first_line(fault.msg or fault)
     if isinstance(fault, InterpolationKeyError) and (wanted := re.search("key '(.*)'", reason)):
         hint = messages.suggestion(wanted[1], known_keys(), form="${{{}}}")
-        return f"{name}: there is no key {wanted[1]} to take the value of{hint}"
+        return f"{name}: refers to {wanted[1]}, but there is no such key{hint}"
     return f"{name}: {reason}"
 
 

@@ -1,14 +1,19 @@
-"""The folders that ship with the package, and what the configuration's folder holds by name.
+"""The shipped folders, and the groups and options of `conf/` by name.
 
-Nothing here reads YAML: the command line's completion and the messages need names alone, fast.
+Nothing here reads YAML: shell completion and messages need only names, fast.
 """
 
 import os
 import re
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from stixel_cli.errors import ConfigurationError
+from stixel_cli.errors import BelongsElsewhere, ConfigurationError
+
+if TYPE_CHECKING:
+    from hydra.core.override_parser.types import Override
 
 EXPERIMENT = "experiment"
 """The group whose options set options and values of other groups; it has no keys of its own."""
@@ -20,17 +25,18 @@ _DEFAULT = re.compile(r"^ *- ([A-Za-z_]\w*): *(\w+)", re.MULTILINE)
 
 
 def shipped_folder(name: str) -> Path:
-    """The folder `name` (`conf`, `pipelines`): of the checkout if this is one, else the installed.
+    """The folder `name` (`conf`, `pipelines`) of the checkout, or else of the installed package.
 
-    An editable install can leave a stale copy within the package, so the checkout comes first. A
-    folder of that name beside an installed package is somebody else's: hence the project's file.
+    An editable install can leave a stale copy in the package, so the checkout comes first. It is
+    recognised by its `pyproject.toml`: next to an installed package, a folder of that name can
+    belong to another project.
 
     Raises:
-        ConfigurationError: if there is neither.
+        ConfigurationError: if neither exists.
     """
-    beside = _PACKAGE.parent / name
-    if (_PACKAGE.parent / "pyproject.toml").is_file() and beside.is_dir():
-        return beside
+    checkout = _PACKAGE.parent / name
+    if (_PACKAGE.parent / "pyproject.toml").is_file() and checkout.is_dir():
+        return checkout
     inside = _PACKAGE / name
     if inside.is_dir():
         return inside
@@ -42,18 +48,23 @@ def configuration_folder() -> Path:
     return shipped_folder("conf")
 
 
-def conf_state() -> tuple[tuple[str, int, int], ...]:
-    """Name, time and size of every file of `conf/`: equal as long as nobody has edited one."""
+def conf_state() -> str:
+    """A digest of the names and contents of all files of `conf/`."""
+    from hashlib import sha256
+
     folder = configuration_folder()
-    stats = [(path, path.stat()) for path in sorted(folder.rglob("*.yaml"))]
-    return tuple((str(path), stat.st_mtime_ns, stat.st_size) for path, stat in stats)
+    digest = sha256()
+    for path in sorted(folder.rglob("*.yaml")):
+        content = path.read_bytes()
+        digest.update(f"{path.relative_to(folder)}\n{len(content)}\n".encode() + content)
+    return digest.hexdigest()
 
 
 @cache
 def group_options() -> dict[str, tuple[str, ...]]:
     """Every group with the names of its options, both in alphabetical order.
 
-    A group within another, which some of its options have, is named `outer/inner`.
+    An inner group, which some options of the outer group have, is named `outer/inner`.
     """
     root = str(configuration_folder())
     groups = {}
@@ -66,7 +77,7 @@ def group_options() -> dict[str, tuple[str, ...]]:
 
 def innermost_group(key: str) -> str:
     """The group that the key is in, or that its dots name: `measurement.noise.x` is in
-    `measurement/noise`. Empty if there is none.
+    `measurement/noise`. Empty if it is in no group.
     """
     parts = key.split(".")
     names = ["/".join(parts[: i + 1]) for i in range(len(parts))]
@@ -74,21 +85,21 @@ def innermost_group(key: str) -> str:
 
 
 def inner_options(group: str, option: str) -> dict[str, str]:
-    """The groups within `group` that its `option` has, and the option of each that it chooses."""
+    """The inner groups that an `option` of `group` has, with the option that it chooses of each."""
     text = (configuration_folder() / group / f"{option}.yaml").read_text(encoding="utf-8")
     lists = "".join(_DEFAULTS.findall(text))
     return {f"{group}/{inner}": chosen for inner, chosen in _DEFAULT.findall(lists)}
 
 
 def outer_options(group: str) -> tuple[str, ...]:
-    """The options of the group around `group` that have it; () if there is no such group."""
+    """The options of the outer group that have the inner `group`; () if there is no outer group."""
     outer = group.rpartition("/")[0]
     options = group_options().get(outer, ())
     return tuple(option for option in options if group in inner_options(outer, option))
 
 
 def options_of_kind(group: str, kind: str) -> tuple[str, ...]:
-    """The options of a group whose `kind` this is; the one that bears its name stands for all."""
+    """The options of a group with this `kind`; only the one of that name if it exists."""
     options = group_options()[group]
     if kind in options:
         return (kind,)
@@ -96,9 +107,9 @@ def options_of_kind(group: str, kind: str) -> tuple[str, ...]:
 
 
 def default_option(group: str) -> str:
-    """The option of a group that `config.yaml` chooses, the first if that follows another group.
+    """The option of a group that `config.yaml` chooses; the first if that follows another group.
 
-    Of a group within another it is what the first option that has it chooses.
+    For an inner group, the choice of the first outer option that has it.
     """
     outer = group.rpartition("/")[0]
     if outer:
@@ -110,10 +121,10 @@ def default_option(group: str) -> str:
 
 
 def option_values(group: str, option: str) -> dict[str, str]:
-    """The keys of an option's file with what stands there, empty for what is not plain.
+    """The keys of an option's file with their values as text; "" for values that are not plain.
 
-    Keys of nested groups have dots; the list of defaults is no key. It reads YAML as far as `conf/`
-    uses it, and takes a hundredth of a parser's time.
+    Keys of nested groups have dots; the list of defaults is left out. It reads only the YAML that
+    `conf/` uses, in a hundredth of a parser's time.
     """
     text = (configuration_folder() / group / f"{option}.yaml").read_text(encoding="utf-8")
     values: dict[str, str] = {}
@@ -131,3 +142,50 @@ def option_values(group: str, option: str) -> dict[str, str]:
         outer.append((len(indent), key))
     values.pop("defaults", None)
     return values
+
+
+def group_by_dots(name: str, value: Any) -> str:
+    """Message: an inner group is chosen with a slash, `measurement/noise=constant`."""
+    group = name.replace(".", "/")
+    options = group_options()[group]
+    meant = value if value in options else "|".join(options)
+    return f"{name}: is a group: write {group}={meant}"
+
+
+def refuse_without_outer(parsed: "Sequence[Override]") -> None:
+    """Refuse an inner group that the chosen outer option does not have.
+
+    Args:
+        parsed: all overrides of one run, of one value each.
+
+    Raises:
+        BelongsElsewhere: in one line that names the options that have it.
+    """
+    chosen = {one.key_or_group: one for one in parsed}
+    for group in chosen:
+        outer = group.rpartition("/")[0]
+        if group not in group_options() or not outer:
+            continue
+        option = str(chosen[outer].value()) if outer in chosen else default_option(outer)
+        owners = outer_options(group)
+        if option not in owners:
+            raise BelongsElsewhere(
+                f"{group}: there is no such group with {outer}={option}; it belongs to "
+                f"{outer}={'|'.join(owners)}"
+            )
+
+
+def refuse_group_as_key(name: str, value: Any) -> None:
+    """Refuse a group that is typed with dots, and a `kind`, which follows from the option.
+
+    Raises:
+        ConfigurationError: in one line with the correct form.
+    """
+    if name.replace(".", "/") in group_options():
+        raise ConfigurationError(group_by_dots(name, value))
+    group = innermost_group(name)
+    if group and name == group.replace("/", ".") + ".kind":
+        options = ", ".join(group_options()[group])
+        raise ConfigurationError(
+            f"{name}: follows from the option of {group}: write {group}=… (options: {options})"
+        )

@@ -5,7 +5,7 @@ Only what `conf/` uses is handled here: keys that exist, and values that are one
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 _INTERPOLATION = re.compile(r"\$\{([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)\}")
@@ -15,12 +15,17 @@ class NotPlain(Exception):
     """The configuration needs OmegaConf."""
 
 
-def with_values(plain: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    """A copy of `plain` with the values of some keys replaced and all interpolations resolved.
+def with_values(
+    plain: Mapping[str, Any], values: Mapping[str, Any], interpolated: Collection[str]
+) -> dict[str, Any]:
+    """`plain` with the values of some keys replaced and all interpolations resolved.
+
+    Sections that need no change are those of `plain`, not copies.
 
     Args:
         plain: a configuration in plain types with interpolations as text; not changed.
         values: the new values; keys have dots.
+        interpolated: the sections of `plain` that have interpolations, see `interpolated`.
 
     Raises:
         NotPlain: if the keys, values or interpolations need OmegaConf.
@@ -28,7 +33,18 @@ def with_values(plain: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str
     tree = dict(plain)
     for name, value in values.items():
         _put(tree, name.split("."), value)
-    return _Resolver(tree).all()
+    changed = {*interpolated, *(name.partition(".")[0] for name in values)}
+    resolver = _Resolver(tree)
+    return {
+        name: resolver.resolve(section) if name in changed else section
+        for name, section in tree.items()
+    }
+
+
+def interpolated(plain: Mapping[str, Any]) -> frozenset[str]:
+    """The sections that have an interpolation or a missing value `???`."""
+    texts = {name: repr(section) for name, section in plain.items()}
+    return frozenset(name for name, text in texts.items() if "${" in text or "???" in text)
 
 
 def _put(tree: dict[str, Any], parts: list[str], value: Any) -> None:
@@ -51,14 +67,11 @@ class _Resolver:
         self._tree = tree
         self._pending: list[str] = []
 
-    def all(self) -> dict[str, Any]:
-        return {name: self._resolve(value) for name, value in self._tree.items()}
-
-    def _resolve(self, value: Any) -> Any:
+    def resolve(self, value: Any) -> Any:
         if isinstance(value, dict):
-            return {name: self._resolve(item) for name, item in value.items()}
+            return {name: self.resolve(item) for name, item in value.items()}
         if isinstance(value, list):
-            return [self._resolve(item) for item in value]
+            return [self.resolve(item) for item in value]
         if isinstance(value, str) and ("${" in value or value == "???"):
             return self._look_up(value)
         return value
@@ -73,6 +86,6 @@ class _Resolver:
                 raise NotPlain
             value = value[part]
         self._pending.append(text)
-        value = self._resolve(value)
+        value = self.resolve(value)
         self._pending.pop()
         return value

@@ -1,4 +1,4 @@
-"""The keys that the schema knows, with what each may be, in words."""
+"""The keys of the schema, with a description of their valid values."""
 
 import dataclasses
 import types
@@ -19,8 +19,8 @@ class Key:
     Attributes:
         name: with dots, as it is typed.
         annotation: the type with its range.
-        owners: the variants that have it, as (group, kind), the outer group first; () where no
-            group on the way has variants.
+        owners: the variants that have it, as (group, kind), the outer group first; () if none of
+            its groups has variants.
     """
 
     name: str
@@ -30,9 +30,9 @@ class Key:
 
 @cache
 def known_keys() -> dict[str, tuple[Key, ...]]:
-    """Every key that can be given a value, by name; with the variants of its groups that have it.
+    """Every key that takes a value, by name, with the variants of its groups that have it.
 
-    Groups are no keys, nor are their `kind`s, which follow from the option that is chosen.
+    Groups are not keys. Nor are their `kind`s, which follow from the chosen option.
     """
     keys: dict[str, list[Key]] = {}
     _collect(Configuration, "", (), keys)
@@ -76,7 +76,7 @@ def _bare(annotation: Any) -> Any:
 
 
 def _alternatives(annotation: Any) -> list[Any]:
-    """The members of a union, each as annotated; else the annotation alone."""
+    """The members of a union, each with its annotation; for another type, only itself."""
     bare = _bare(annotation)
     if get_origin(bare) in (Union, types.UnionType):
         return [leaf for member in get_args(bare) for leaf in _alternatives(member)]
@@ -89,7 +89,7 @@ def _dataclasses(annotation: Any) -> list[type]:
 
 
 def _kind(schema: type) -> str | None:
-    """The one kind that a variant is; None where the class stands for several or has none."""
+    """The kind of a variant; None if the class has several kinds or none."""
     annotation = _fields(schema).get("kind")
     values = get_args(_bare(annotation)) if annotation is not None else ()
     return values[0] if len(values) == 1 else None
@@ -131,7 +131,7 @@ def _element(annotation: Any, index: int) -> Any:
 
 
 def choices(annotation: Any) -> tuple[str, ...]:
-    """The words that a key may be, () where it is no choice of words."""
+    """The valid words of a key; () if it does not take words."""
     words: list[str] = []
     for member in _alternatives(annotation):
         if get_origin(_bare(member)) is Literal:
@@ -140,7 +140,7 @@ def choices(annotation: Any) -> tuple[str, ...]:
 
 
 def describe(annotation: Any) -> str:
-    """What a key may be, in words: `a number > 0 and ≤ 5, or null`."""
+    """The valid values of a key in words: `a number > 0 and ≤ 5, or null`."""
     return ", or ".join(_describe_one(member) for member in _alternatives(annotation))
 
 
@@ -166,7 +166,7 @@ def _describe_one(annotation: Any) -> str:
 
 
 def bounds(annotation: Any) -> str:
-    """The range of one annotation in words, `> 0 and ≤ 5`; empty where it has none."""
+    """The range of one annotation in words, `> 0 and ≤ 5`; empty if it has no limits."""
     lower = upper = step = ""
     metadata = get_args(annotation)[1:] if get_origin(annotation) is Annotated else ()
     for limit in _single_limits(metadata):

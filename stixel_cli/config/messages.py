@@ -1,13 +1,17 @@
-"""What is wrong with a configuration, each fault in one line: the key, the fault, what is right."""
+"""Messages about a configuration, in one line each: the key, the fault, and the valid values."""
 
 import json
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import SequenceMatcher
 from typing import Any
 
 from stixel_cli.config import keys
 from stixel_cli.config.folders import group_options, innermost_group, options_of_kind
+from stixel_cli.errors import printable
 
+_PLAIN_WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_./-]*")
+_WORDS_WITH_MEANING = {"null", "true", "false", "nan", "inf"}
 _OUT_OF_RANGE = {
     "greater_than",
     "greater_than_equal",
@@ -16,22 +20,24 @@ _OUT_OF_RANGE = {
     "too_short",
     "too_long",
 }
-_LONGEST = 60
 LONGEST_REASON = 200
 _NEAR = 0.6
 _FAR = 0.5
+_SIMILAR = 0.75
 _MOST_SUGGESTIONS = 4
 
 
 def nearest(word: str, candidates: Iterable[str]) -> list[str]:
-    """The candidates that `word` most likely means, all that are as near as the nearest.
+    """The candidates that `word` most likely means; several if they are equally near.
 
-    Whole names are compared, and last parts too, for people forget or mistake the group
-    (`widht`, `camera.baseline`) and shorten (`rig.fov`).
+    Whole names are compared, and also their last parts, because people forget or mistake the group
+    (`widht`, `camera.baseline`) and shorten (`rig.fov`). Where no last part is similar, keys whose
+    last part has the same first word are near too (`range_deviation`: `range_std`).
     """
+    candidates = list(candidates)
     word = word.lower()
     group, _, last = word.rpartition(".")
-    # A matcher keeps what it has learnt of its second word.
+    # A matcher caches its second word.
     whole, its_last, its_group = (SequenceMatcher(None, "", part) for part in (word, last, group))
     scores = {}
     for candidate in candidates:
@@ -46,12 +52,27 @@ def nearest(word: str, candidates: Iterable[str]) -> list[str]:
                 score = max(score, 0.9 * lasts + 0.01 * _likeness(its_group, candidate_group))
         scores[candidate] = score
     best = max(scores.values(), default=0.0)
-    return [name for name, score in scores.items() if score == best] if best > _NEAR else []
+    near = [name for name, score in scores.items() if score == best] if best > _NEAR else []
+    if any(_likeness(its_last, name.rpartition(".")[2]) > _SIMILAR for name in near):
+        return near
+    related = [name for name in candidates if _first_word(name) == _first_word(word)]
+    outer = f"{group}.".partition(".")[0] + "."
+    related = (
+        [name for name in related if name.rpartition(".")[0] == group]
+        or [name for name in related if name.startswith(outer)]
+        or ([] if near else related)
+    )
+    related.sort(key=lambda name: -_likeness(its_last, name.rpartition(".")[2]))
+    return list(dict.fromkeys([*near, *related]))[:_MOST_SUGGESTIONS]
+
+
+def _first_word(key: str) -> str:
+    return key.rpartition(".")[2].partition("_")[0]
 
 
 def _likeness(matcher: SequenceMatcher, other: str) -> float:
     matcher.set_seq1(other)
-    # The bounds cost a tenth of the ratio, and most words are far from most others.
+    # The upper bounds take a tenth of the time of the ratio.
     if matcher.real_quick_ratio() < _FAR or matcher.quick_ratio() < _FAR:
         return 0.0
     return matcher.ratio()
@@ -66,11 +87,11 @@ def suggestion(word: str, candidates: Iterable[str], form: str = "{}") -> str:
 
 
 def unknown_key(name: str, kinds: Mapping[str, str] | None = None) -> str:
-    """That there is no such key, and which is the nearest.
+    """Message: no such key, with the nearest ones.
 
     Args:
-        name: what was typed, with dots.
-        kinds: the variant that is chosen of each group, where that is known.
+        name: as typed, with dots.
+        kinds: the chosen variant of each group, if known.
     """
     kinds = kinds or {}
     variants = keys.known_keys().get(name)
@@ -81,7 +102,7 @@ def unknown_key(name: str, kinds: Mapping[str, str] | None = None) -> str:
     within = group.replace("/", ".") + "."
     inner = [key for key in keys.known_keys() if key.startswith(name + ".")]
     if inner and name not in group_options():
-        return f"{name}: holds several keys: give one of them, as {inner[0]}=VALUE"
+        return f"{name}: is a group of keys: give one of them, such as {inner[0]}=VALUE"
     candidates = [
         key
         for key, variants in keys.known_keys().items()
@@ -101,7 +122,7 @@ def _belongs(variant: keys.Key, kinds: Mapping[str, str]) -> bool:
 
 
 def _owners(variants: Sequence[keys.Key], kinds: Mapping[str, str]) -> str:
-    """To which options a key belongs, and which of another kind is chosen."""
+    """The options that a key belongs to, and the chosen option of another kind."""
     apart = [
         [(group, kind) for group, kind in variant.owners if kinds.get(group) != kind]
         for variant in variants
@@ -127,27 +148,17 @@ def owners_of(name: str) -> str:
 
 
 def unknown_option(group: str, option: str) -> str:
-    """That a group has no such option, which is the nearest, and all there are."""
+    """Message: the group has no such option, with the nearest one and all options."""
     options = group_options()[group]
     hint = suggestion(option, options, form=group + "={}")
     return f"{group}: there is no option {show(option)}{hint} (options: {', '.join(options)})"
 
 
 def show(value: Any) -> str:
-    """A value as one would type it, on one line and not too long."""
+    """A value as one would type it, on one line, shortened if necessary."""
     if isinstance(value, str):
         return f"'{printable(value)}'"
     return printable(json.dumps(value, ensure_ascii=False, default=str))
-
-
-def printable(text: str, longest: int = _LONGEST) -> str:
-    """The text on one line, not too long, with what no terminal shows written as escapes."""
-    if len(text) > longest:
-        text = text[: longest - 1] + "…"
-    return "".join(
-        character if character.isprintable() else character.encode("unicode_escape").decode()
-        for character in text
-    )
 
 
 def _what(value: Any) -> str:
@@ -168,7 +179,7 @@ def _what(value: Any) -> str:
 
 
 def describe_fault(fault: dict[str, Any], plain: dict[str, Any]) -> str:
-    """One of pydantic's errors in one line.
+    """Describe one of pydantic's errors in one line.
 
     Args:
         fault: an item of `ValidationError.errors()`.
@@ -185,12 +196,12 @@ def describe_fault(fault: dict[str, Any], plain: dict[str, Any]) -> str:
         options = ", ".join(group_options()[innermost_group(name)])
         return f"{name}: its kind is unknown (options: {options})"
     if kind == "json_invalid":
-        return "the configuration holds text that is not UTF-8"
+        return "the configuration has text that is not UTF-8"
     if annotation is None:
         return f"{name}: {show(value)}: {fault['msg']}"
     right = keys.describe(annotation)
     if kind in _OUT_OF_RANGE:
-        # One bound alone leaves the user to find the other.
+        # Both bounds, so that the user need not find the other one.
         range_ = right.removeprefix("a whole number ").removeprefix("a number ")
         return f"{name}: {show(value)} is out of range: must be {range_}"
     if kind == "finite_number":
@@ -206,12 +217,12 @@ def describe_fault(fault: dict[str, Any], plain: dict[str, Any]) -> str:
 def describe_faults(
     faults: Sequence[dict[str, Any]], plain: dict[str, Any], typed: Iterable[str]
 ) -> str:
-    """The fault to mend first, and how many more there are.
+    """Describe the fault to correct first, and count the others.
 
     Args:
         faults: pydantic's errors, at least one.
         plain: the configuration that was validated.
-        typed: the keys that the user gave: a fault in one of them goes first.
+        typed: the keys that the user gave; their faults come first.
     """
     given = tuple(typed)
 
@@ -223,3 +234,27 @@ def describe_faults(
     others = len({keys.locate(fault["loc"])[0] for fault in faults}) - 1
     more = "1 more fault" if others == 1 else f"{others} more faults"
     return f"{text} (and {more})" if others > 0 else text
+
+
+def override_text(name: str, value: Any) -> str:
+    """The override that gives the key or group `name` a plain value, as one would type it."""
+    return f"{name}={_value_text(value)}"
+
+
+def _value_text(value: Any) -> str:
+    from hydra.core.override_parser.types import Quote, QuotedString
+
+    match value:
+        case None:
+            return "null"
+        case bool():
+            return str(value).lower()
+        case str():
+            if _PLAIN_WORD.fullmatch(value) and value.lower() not in _WORDS_WITH_MEANING:
+                return value
+            return QuotedString(text=value, quote=Quote.single).with_quotes()
+        case list():
+            return f"[{','.join(map(_value_text, value))}]"
+        case dict():
+            return "{" + ",".join(f"{key}:{_value_text(item)}" for key, item in value.items()) + "}"
+    return str(value)

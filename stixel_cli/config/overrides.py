@@ -1,6 +1,6 @@
-"""Overrides as they are typed, in Hydra's grammar: read, and refused where they cannot be meant.
+"""Read overrides in Hydra's grammar, and refuse invalid ones.
 
-This is the one module that touches Hydra's parser; it is not public, hence the pin in the project.
+Only this module uses Hydra's parser, which is not public: the project therefore pins Hydra.
 """
 
 import copy
@@ -10,7 +10,7 @@ from decimal import Decimal
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any
 
-from stixel_cli.config import inner_groups, messages
+from stixel_cli.config import folders, messages
 from stixel_cli.config.folders import group_options
 from stixel_cli.config.keys import known_keys
 from stixel_cli.errors import ConfigurationError
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from hydra.core.override_parser.types import Override
 
 MOST_VALUES = 100_000
-"""Values of one key, and points of a sweep, beyond which somebody must have mistyped."""
+"""Maximum values of one key, and runs of a sweep; more is probably a typing error."""
 
 MOST_TYPED = 5_000
-"""Commas of one override: Hydra's parser takes a second for these, and quadratically more."""
+"""Maximum commas of one override: Hydra's parser takes 1 s for these; its time is quadratic."""
 
 LONGEST_TYPED = 100_000
-"""Characters of one override: a second too; a path of 1000 points has half as many."""
+"""Maximum characters of one override: also 1 s; a path of 1000 points has half as many."""
 
 _SWEEPS = {
     "choice": "choice(A,B)",
@@ -40,13 +40,13 @@ def parse_overrides(texts: Sequence[str]) -> "list[Override]":
     """Overrides (`key=value`, `group=option`, with `+`, `++`, `~`, sweeps) by Hydra's grammar.
 
     Raises:
-        ConfigurationError: where a text is none.
+        ConfigurationError: for the first text that is not an override.
     """
     from hydra.errors import HydraException
 
     parsed = []
     for text in texts:
-        # Hydra would write its own errors of several lines for these, or none at all.
+        # For these Hydra writes errors of several lines, or no error.
         _refuse_malformed(text)
         try:
             parsed.append(_parse(text))
@@ -64,7 +64,7 @@ def _parser() -> Any:
 
 @lru_cache(maxsize=8192)
 def _parse(text: str) -> "Override":
-    """What Hydra's parser makes of a text. Nobody changes it, so it is used again."""
+    """The parsed override; never changed, so it can be cached."""
     return _parser().parse_override(text)
 
 
@@ -94,7 +94,7 @@ def _refuse_malformed(text: str) -> None:
     if bare in known_keys():
         raise ConfigurationError(f"{bare}: a value is missing: write {bare}=VALUE")
     if bare.replace(".", "/") in group_options():
-        raise ConfigurationError(inner_groups.group_by_dots(bare, None))
+        raise ConfigurationError(folders.group_by_dots(bare, None))
     if groups and bare != "default":
         raise ConfigurationError(f"{bare}: is an option: write {groups[0]}={bare}")
     hint = messages.suggestion(bare, [*group_options(), *known_keys()], form="{}=…")
@@ -116,33 +116,33 @@ def _unreadable(text: str) -> str:
             return f"{shown}: the quote {quote} is not closed"
     sweep = value.strip().partition("(")[0]
     if sweep in _SWEEPS and not value.strip().removeprefix(sweep)[1:-1].strip():
-        return f"{shown}: stands for no value at all: write {name}={_SWEEPS[sweep]}"
+        return f"{shown}: has no values: write {name}={_SWEEPS[sweep]}"
     if value.strip().startswith(",") or value.strip().endswith(",") or ",," in value:
-        return f"{shown}: a value is missing beside a comma"
+        return f"{shown}: a value is missing next to a comma"
     return f"""{shown}: cannot be read; quote text with special characters: KEY='"text"'"""
 
 
 def check_overrides(parsed: "Sequence[Override]") -> None:
-    """Refuse what Hydra would let pass, or answer in a way that helps no one.
+    """Refuse invalid overrides that Hydra accepts, or reports unclearly.
 
-    Sweeps are not refused here, nor what only all overrides of a run together can tell: see
+    Several values, and faults that depend on all overrides of a run, are checked by
     `check_one_run`.
 
     Raises:
-        ConfigurationError: for the first override that cannot be meant.
+        ConfigurationError: for the first invalid override.
     """
     for override in parsed:
         _check_name(override)
         if override.is_delete():
             name = override.key_or_group
-            what = "an option of it" if name in group_options() else "a value of it"
-            raise ConfigurationError(f"~{name}: nothing can be left out: {what} is always needed")
+            what = "option" if name in group_options() else "value"
+            raise ConfigurationError(f"~{name}: cannot be removed: it always needs a {what}")
         if override.key_or_group in group_options():
             _check_group(override)
         elif override.is_add():
             line, name = messages.printable(str(override.input_line)), override.key_or_group
             owners = messages.owners_of(name)
-            there = f"belongs to {owners}, and is there with it" if owners else "is there already"
+            there = f"belongs to {owners} and exists there" if owners else "already exists"
             raise ConfigurationError(f"{line}: {name} {there}: leave out the +")
     _refuse_repeated(parsed)
 
@@ -160,7 +160,7 @@ def _check_name(override: "Override") -> None:
         raise ConfigurationError(
             f"{name}: there is no such key; did you mean {name.replace('/', '.')}?"
         )
-    inner_groups.refuse_group_as_key(name, None if override.is_delete() else override.value())
+    folders.refuse_group_as_key(name, None if override.is_delete() else override.value())
     raise ConfigurationError(messages.unknown_key(name))
 
 
@@ -169,7 +169,7 @@ def _check_group(override: "Override") -> None:
     options = group_options()[group]
     if override.is_add() or override.is_force_add():
         text = messages.printable(str(override.input_line))
-        raise ConfigurationError(f"{text}: {group} is there already: leave out the +")
+        raise ConfigurationError(f"{text}: {group} already exists: leave out the +")
     if override.is_sweep_override():
         return
     value = override.value()
@@ -186,7 +186,7 @@ def _check_group(override: "Override") -> None:
 
 
 def _refuse_repeated(parsed: "Sequence[Override]") -> None:
-    """Hydra takes the last of two in silence."""
+    """Refuse a key that is given twice: Hydra silently takes the last value."""
     seen: dict[str, Override] = {}
     for override in parsed:
         name = override.key_or_group
@@ -199,9 +199,9 @@ def _refuse_repeated(parsed: "Sequence[Override]") -> None:
 
 
 def check_one_run(parsed: "Sequence[Override]") -> None:
-    """Refuse overrides with several values, and a group within an option that has none such.
+    """Refuse several values, and an inner group that the chosen option does not have.
 
-    `parsed` are all overrides of one run: half of them would not say which option is chosen.
+    `parsed` must be all overrides of one run, because some of them choose options.
 
     Raises:
         ConfigurationError: for the first of them.
@@ -212,23 +212,23 @@ def check_one_run(parsed: "Sequence[Override]") -> None:
             value = messages.printable(str(override.input_line)).partition("=")[2]
             hint = " (a list is written in brackets)" if name in known_keys() else ""
             raise ConfigurationError(
-                f"{name}: {value} stands for several values: one run needs one{hint}; "
+                f"{name}: {value} has several values: one run needs one{hint}; "
                 "`stixel sweep` takes several"
             )
-    inner_groups.refuse_without_outer(parsed)
+    folders.refuse_without_outer(parsed)
 
 
 def single_overrides(override: "Override", shuffled: bool) -> list[str]:
-    """The overrides of one value each, in order, that one with several values stands for.
+    """Split an override of several values into overrides of one value each, in order.
 
     Args:
         override: a choice `a,b`, `choice(…)`, `range(…)` or `glob(…)`; or one value, which gives
             one text.
-        shuffled: whether the points' order will be drawn with a seed, so that `shuffle(…)` may be
-            given. It is not drawn here.
+        shuffled: whether the order of the runs will be random, so that `shuffle(…)` is allowed. The
+            order is not changed here.
 
     Raises:
-        ConfigurationError: for a sweep that has no values, too many, or no end of them.
+        ConfigurationError: for no values, too many, or an interval.
     """
     from hydra.core.override_parser.types import FloatRange, Glob, IntervalSweep, RangeSweep
     from hydra.errors import HydraException
@@ -239,12 +239,12 @@ def single_overrides(override: "Override", shuffled: bool) -> list[str]:
     value = override.value()
     if isinstance(value, IntervalSweep):
         raise ConfigurationError(
-            f"{line}: an interval has no end of values: write a range with a step, "
-            f"{name}=range({value.start:g},{value.end:g},STEP), or the values, separated by commas"
+            f"{line}: interval(a,b) is continuous: write a range with a step, "
+            f"{name}=range({value.start:g},{value.end:g},STEP), or values separated by commas"
         )
     if getattr(value, "shuffle", False):
         if not shuffled:
-            raise ConfigurationError(f"{line}: an order that is drawn needs --shuffle SEED")
+            raise ConfigurationError(f"{line}: shuffle(…) needs --shuffle SEED")
         override = copy.deepcopy(override)
         value = override.value()
         value.shuffle = False
@@ -264,23 +264,23 @@ def single_overrides(override: "Override", shuffled: bool) -> list[str]:
     except (HydraException, ValueError, ArithmeticError):
         if not isinstance(value, RangeSweep):
             raise ConfigurationError(
-                f"{line}: several values within several: write them one by one, {name}=A,B,C"
+                f"{line}: nested sweeps are not supported: list the values, {name}=A,B,C"
             ) from None
-        raise ConfigurationError(f"{line}: no such range: the step must not be 0") from None
+        raise ConfigurationError(f"{line}: not a valid range: the step must not be 0") from None
     if not texts:
         options = (
             f" (options: {', '.join(group_options()[name])})" if isinstance(value, Glob) else ""
         )
-        raise ConfigurationError(f"{line}: stands for no value at all{options}")
+        raise ConfigurationError(f"{line}: has no values{options}")
     if len(texts) > MOST_VALUES:
-        raise ConfigurationError(f"{line}: stands for more than {MOST_VALUES} values")
+        raise ConfigurationError(f"{line}: has more than {MOST_VALUES} values")
     return [f"{before}={text}" for text in texts]
 
 
 def _decimal_range(sweep: Any) -> Iterator[float]:
-    """The numbers of a range, counted in decimals as they are typed.
+    """The numbers of a range, computed in decimals as typed.
 
-    Hydra counts with the binary numbers that stand for them: range(0.2,0.8,0.2) would give
+    Hydra computes in binary floating point: range(0.2,0.8,0.2) would give
     0.6000000000000001, and a fourth value.
     """
     start, stop, step = (Decimal(repr(n)) for n in (sweep.start, sweep.stop, sweep.step))

@@ -1,7 +1,7 @@
-"""The schema of a whole configuration: the rooms' parameters put together.
+"""The schema of a whole configuration, from the parameters of all packages.
 
-The fields are the groups of `conf/`. No field of any of them has a default: the values stand in
-`conf/` alone, so a configuration that lacks a key, or has one more, is wrong.
+The fields are the groups of `conf/`. No field has a default: the values are only in `conf/`, so a
+configuration with a missing or an unknown key is invalid.
 """
 
 from functools import cache
@@ -48,12 +48,12 @@ _BY_KIND = Field(discriminator="kind")
 
 @parameters
 class Configuration:
-    """All that an experiment depends on; two equal configurations give the same results.
+    """The configuration of one run; equal configurations give equal results.
 
     Attributes:
-        seed: of everything that is drawn at random.
-        executor, cache: where it runs and where results are kept. No result depends on them.
-        others: the parameters of one group each, see the class of each.
+        seed: of all random numbers.
+        executor, cache: where it runs and where results are cached. No result depends on them.
+        others: the parameters of one group each; see their classes.
     """
 
     seed: Annotated[int, Ge(0), Le(2**63 - 1)]
@@ -82,5 +82,5 @@ class Configuration:
 
 @cache
 def adapter() -> TypeAdapter:
-    """The validator of `Configuration`, built once a process."""
+    """The validator of `Configuration`, built once per process."""
     return TypeAdapter(Configuration)

@@ -2,7 +2,6 @@
 
 import os.path
 import re
-import sysconfig
 
 
 class CacheError(Exception):
@@ -93,12 +92,14 @@ class StageFailure(Exception):
 
 _FRAME = re.compile(r'^  File "([^"]+)", line (\d+), in .+\n    (.+)$', re.MULTILINE)
 _PACKAGE = __name__.partition(".")[0]
-_LIBRARIES = tuple(sysconfig.get_paths()[name] for name in ("stdlib", "purelib", "platlib"))
 
 
 def _is_own(file: str) -> bool:
     """Whether a file belongs to no library. This package counts wherever it is installed."""
-    return not file.startswith(_LIBRARIES) or f"{os.sep}{_PACKAGE}{os.sep}" in file
+    import sysconfig
+
+    libraries = tuple(sysconfig.get_paths()[name] for name in ("stdlib", "purelib", "platlib"))
+    return not file.startswith(libraries) or f"{os.sep}{_PACKAGE}{os.sep}" in file
 
 
 def _near(file: str) -> str:

@@ -3,7 +3,9 @@
 No stage reads them, so no key and no result depends on them.
 """
 
+import os
 import re
+from pathlib import Path
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le, MinLen
@@ -70,6 +72,16 @@ CACHE_VARIABLE = f"{PROGRAM.upper()}_CACHE"
 
 Workers = Annotated[int, Ge(1), Le(4096)]
 TimeLimit = Annotated[float, Gt(0), Le(1e7)]
+
+
+def default_cache_folder() -> Path:
+    """The folder named by the environment, else the program's folder in the user's cache."""
+    named = os.environ.get(CACHE_VARIABLE)
+    if named:
+        return Path(named).expanduser().absolute()
+    import platformdirs
+
+    return platformdirs.user_cache_path(PROGRAM, appauthor=False)
 
 
 @parameters

@@ -23,9 +23,8 @@ import joblib
 from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.locks import file_lock, unwritable
 from stixel_cli.engine.parameters import (
-    CACHE_VARIABLE,
-    PROGRAM,
     CacheParameters,
+    default_cache_folder,
     parse_size,
 )
 
@@ -47,16 +46,6 @@ def read_file(path: Path) -> bytes:
     if not stat.S_ISREG(path.stat().st_mode):
         raise NotARegularFile(f"{path} is not a regular file")
     return path.read_bytes()
-
-
-def default_cache_folder() -> Path:
-    """The folder named by the environment, else the program's folder in the user's cache."""
-    named = os.environ.get(CACHE_VARIABLE)
-    if named:
-        return Path(named).expanduser().absolute()
-    import platformdirs
-
-    return platformdirs.user_cache_path(PROGRAM, appauthor=False)
 
 
 def open_store(parameters: CacheParameters) -> "Store":

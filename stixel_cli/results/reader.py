@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from stixel_cli.errors import UserError
+from stixel_cli.errors import UserError, printable_path
 from stixel_cli.files import read_arrays, read_bytes, read_json, read_yaml
 
 SERIES = ("centre_error", "orientation_error", "iou", "nees_position", "nis")
@@ -20,7 +20,7 @@ PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 def check_folder(path: Path) -> None:
     """Raise UserError unless `path` is the result folder of a run."""
     if not path.exists():
-        raise UserError(f"{path}: no such folder")
+        raise UserError(f"{printable_path(path)}: no such folder")
     if not path.is_dir():
         raise UserError(f"{path}: not a folder; give the result folder of a run")
     if (path / SWEEP_FILE).exists():
@@ -29,7 +29,9 @@ def check_folder(path: Path) -> None:
             f"{path}: a sweep's folder; give the folder of one of its runs, such as {run}"
         )
     if not (path / "manifest.json").exists():
-        raise UserError(f"{path}: not the result folder of a run (manifest.json is missing)")
+        raise UserError(
+            f"{printable_path(path)}: not the result folder of a run (manifest.json is missing)"
+        )
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from stixel_cli.errors import UserError
+from stixel_cli.errors import UserError, printable_path
 from stixel_cli.results.reader import SWEEP_FILE, read_manifest, read_metrics
 
 DEEPEST = 4
@@ -42,7 +42,7 @@ def list_runs(root: Path) -> list[ListedRun]:
         UserError: if the folder does not exist or cannot be read.
     """
     if not root.is_dir():
-        raise UserError(f"{root}: no such folder")
+        raise UserError(f"{printable_path(root)}: no such folder")
     try:
         os.listdir(root)
     except OSError as error:

@@ -8,7 +8,7 @@ from typing import Any
 
 from stixel_cli.config import messages
 from stixel_cli.config.folders import shipped_folder
-from stixel_cli.config.override_text import override_text
+from stixel_cli.config.messages import override_text
 from stixel_cli.config.overrides import check_overrides, parse_overrides, single_overrides
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.files import check_plain, read_text, read_yaml_text

@@ -19,7 +19,7 @@ from typing import Any
 
 import yaml
 
-from stixel_cli.errors import FolderTaken, UserError
+from stixel_cli.errors import FolderTaken, UserError, printable_path
 from stixel_cli.files import read_yaml, write_whole, written
 from stixel_cli.results.reader import read_manifest, read_metrics
 
@@ -106,9 +106,11 @@ class SweepFolder:
         """
         file = self.path / PLAN
         if not self.path.is_dir():
-            raise UserError(f"{self.path}: no such folder")
+            raise UserError(f"{printable_path(self.path)}: no such folder")
         if not file.exists():
-            raise UserError(f"{self.path}: not the folder of a sweep ({PLAN} is missing)")
+            raise UserError(
+                f"{printable_path(self.path)}: not the folder of a sweep ({PLAN} is missing)"
+            )
         content = read_yaml(file)
         try:
             axes = tuple(tuple(map(str, keys)) for keys in content.pop("axes"))

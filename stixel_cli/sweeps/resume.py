@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config import messages
-from stixel_cli.config.override_text import override_text
+from stixel_cli.config.messages import override_text
 from stixel_cli.config.overrides import check_overrides, parse_overrides
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.experiment.stored_run import OF_THE_MACHINE

@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 import yaml
 
+from stixel_cli.config import choose
 from stixel_cli.config.compose import Composer, compose, from_resolved
 from stixel_cli.config.folders import configuration_folder, group_options, outer_options
 from stixel_cli.config.schema import Configuration
@@ -116,7 +117,7 @@ def test_stored_configuration_comes_back(default):
         (lambda plain: plain.update(rig=None), "rig: null is null"),
         (lambda plain: plain["rig"].update(baseline=-1), "must be ≥ 0.001 and ≤ 5"),
         (lambda plain: plain["road_user"].update(mesh="\udcff"), "not UTF-8"),
-        (lambda plain: plain["road_user"].update(mesh=object), "plain values"),
+        (lambda plain: plain["road_user"].update(mesh=object), "not plain"),
     ],
 )
 def test_stored_configuration_that_is_wrong(default, change, message):
@@ -129,7 +130,7 @@ def test_stored_configuration_that_is_wrong(default, change, message):
 
 
 def test_no_configuration_at_all():
-    with pytest.raises(ConfigurationError, match="no configuration"):
+    with pytest.raises(ConfigurationError, match="not a configuration"):
         from_resolved([1, 2])
 
 
@@ -283,3 +284,61 @@ def test_names_of_files_are_absolute_wherever_they_are_meant(tmp_path, monkeypat
         for composed in (compose(words, directory), Composer(directory).compose(words)):
             assert composed.resolved["road_user"]["mesh"] == str(tmp_path / "mine.obj")
             assert composed.configuration.cache.folder == str(tmp_path / "mine.obj")
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [
+        ("measurement.noise.range_deviation", "measurement.noise.range_std"),
+        ("range_deviation", "measurement.noise.range_std"),
+        ("measurement.disparity_deviation", "measurement.noise.disparity_std"),
+        ("start.position_deviation", "start.position"),
+    ],
+)
+def test_a_key_with_the_same_first_word_is_suggested(typed, meant):
+    with pytest.raises(ConfigurationError) as error:
+        compose([f"{typed}=1"])
+    assert meant in str(error.value).partition("did you mean")[2]
+
+
+def test_compositions_are_stored_and_damaged_ones_are_ignored(tmp_path, monkeypatch):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
+    choose.choose_together.cache_clear()
+    choose.choose.cache_clear()
+    composed = compose(["rig=kitti"])
+    (stored,) = (tmp_path / choose.FOLDER).iterdir()
+    for content in (stored.read_bytes(), stored.read_bytes().replace(b"1242", b"1243"), b"\xff"):
+        stored.write_bytes(content)
+        choose.choose_together.cache_clear()
+        choose.choose.cache_clear()
+        assert compose(["rig=kitti"]) == composed
+
+
+def test_a_stored_composition_needs_no_hydra(tmp_path, monkeypatch):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
+    compose(["rig=kitti"])
+    choose.choose_together.cache_clear()
+    choose.choose.cache_clear()
+    expected = compose(["rig=kitti"])
+    monkeypatch.setattr(choose, "_by_hydra", None)
+    choose.choose_together.cache_clear()
+    choose.choose.cache_clear()
+    assert compose(["rig=kitti"]) == expected
+
+
+def test_a_cache_that_cannot_be_written_is_no_fault(tmp_path, monkeypatch, default):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "file"))
+    choose.choose_together.cache_clear()
+    choose.choose.cache_clear()
+    assert compose() == default
+
+
+def test_few_compositions_stay_stored(tmp_path, monkeypatch):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
+    monkeypatch.setattr(choose, "MOST_STORED", 2)
+    choose.choose_together.cache_clear()
+    choose.choose.cache_clear()
+    for option in ("turn", "circle", "approach"):
+        compose([f"path={option}"])
+    assert len(list((tmp_path / choose.FOLDER).iterdir())) == 2

@@ -111,7 +111,7 @@ def test_two_sensors_and_two_trackers_of_a_mesh_of_ones_own_from_a_car_that_turn
         (("tracker=point", "tracker.basis_points=9"), "belongs to tracker=gp_ekf"),
         (("measurement=lidr",), "measurement=lidar"),
         (("measurement=lidar", "measurement.layers=9"), "measurement.scanner.layers"),
-        (("measurement=lidar", "measurement.scanner=9"), "holds several keys"),
+        (("measurement=lidar", "measurement.scanner=9"), "is a group of keys"),
         (("measurement=lidar", "measurement.scanner.layers=0"), "must be ≥ 1"),
         (("measurement=lidar", "measurement.returns=last"), "must be one of nearest, all"),
     ],

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stixel_cli.config.choose import experiment_sources
 from stixel_cli.config.compose import compose
+from stixel_cli.config.experiments import experiment_sources
 from stixel_cli.config.folders import EXPERIMENT
 from stixel_cli.evaluation.metric_table import METRICS, Metric
 from stixel_cli.studies.data import GROUPS, StudySweep, chosen, names, run_frame
