@@ -48,16 +48,21 @@ class Camera:
             self.stretch,
         )
 
+    @property
+    def projection(self) -> np.ndarray:
+        """(3, 3): (points - `origin`) times this is (x, y, z) with u = f x / z, v = f y / z."""
+        return self.rotation / np.array([1.0, self.stretch**2, 1.0])
+
     def project(self, points: np.ndarray) -> np.ndarray:
         """(n, 3) = (u px, v px, depth m) of points (n, 3) in m in the camera's frame of reference.
 
         Points behind the camera have a depth that is not positive and no meaningful pixel.
         """
-        camera = (points - self.origin) @ self.rotation
+        camera = (points - self.origin) @ self.projection
         depth = camera[:, 2]
         safe = np.where(depth > 0, depth, 1.0)
         u = self.focal * camera[:, 0] / safe + self.u0
-        v = self.focal * (camera[:, 1] / self.stretch**2) / safe + self.v0
+        v = self.focal * camera[:, 1] / safe + self.v0
         return np.stack([u, v, depth], axis=1)
 
     def rectangle_of(self, points: np.ndarray, margin: int) -> tuple[int, int, int, int]:

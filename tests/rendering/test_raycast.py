@@ -107,13 +107,20 @@ def test_every_second_row_of_an_image_with_pixels_twice_as_tall(target):
     half = 2.0 * np.degrees(np.arctan(24.0 / (0.5 * square.focal)))
     tall = dataclasses.replace(square, height=48, principal_v=24.0, vertical_fov=half)
     assert tall.focal_v == pytest.approx(0.5 * square.focal)
-    _, _, depth, ids = render_frame(StaticScene(objects(), square, RAYCAST), target, scenario(), 0)
-    _, _, tall_depth, tall_ids = render_frame(
+    left, _, depth, ids = render_frame(
+        StaticScene(objects(), square, RAYCAST), target, scenario(), 0
+    )
+    tall_left, _, tall_depth, tall_ids = render_frame(
         StaticScene(objects(), tall, RAYCAST), target, scenario(), 0
     )
     assert (tall_ids == ids[::2]).mean() > 0.999  # a ray may just touch an edge
     alike = tall_ids == ids[::2]
     np.testing.assert_allclose(tall_depth[alike], depth[::2][alike], rtol=1e-6)
+    # A tall pixel covers one row and half of either neighbour.
+    linear = linear_from_srgb(left)
+    mean = 0.25 * linear[1:-2:2] + 0.5 * linear[2:-1:2] + 0.25 * linear[3::2]
+    error = np.abs(tall_left[1:] - srgb_from_linear(mean).astype(float)).mean(axis=-1)
+    assert np.median(error) < 1.0 and error.mean() < 3.0  # texture filters differ
 
 
 def test_right_view_is_the_left_view_shifted_by_the_true_disparity(static, target):
