@@ -15,7 +15,7 @@ from stixel_cli.measurements.noise import FittedNoise, StereoNoise
 from stixel_cli.measurements.rays import first_crossings, spread_rays
 from stixel_cli.randomness import generator
 
-RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.2, 1.0)
+RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.2, 1.0, None)
 STEREO = FabricatedParameters(
     kind="fabricated",
     rays=None,

@@ -36,7 +36,7 @@ from stixel_cli.stixels.road import find_road, obstacle_limits, road_line
 
 ROOT = Path(__file__).parents[1]
 COUNT = 128
-RIG = Rig(1242, 375, None, 721.5377, 609.5593, 172.854, 0.5327254, 1.65, 0.0)
+RIG = Rig(1242, 375, None, 721.5377, 609.5593, 172.854, 0.5327254, 1.65, 0.0, None)
 FOLDER = Path(os.environ.get("STIXEL_DATA", ROOT / "../shared/data")) / "kitti2015"
 
 

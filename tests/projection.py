@@ -9,7 +9,7 @@ def project(rig: Rig, points_camera: np.ndarray) -> np.ndarray:
     """Pixel and disparity (n, 3) = (u, v, d) in px of camera points (n, 3) in m, thesis (3)."""
     x, y, z = np.moveaxis(np.asarray(points_camera, dtype=np.float64), -1, 0)
     u = rig.focal * x / z + rig.u0
-    v = rig.focal * y / z + rig.v0
+    v = rig.focal_v * y / z + rig.v0
     return np.stack([u, v, rig.disparity_from_depth(z)], axis=-1)
 
 
@@ -18,5 +18,5 @@ def unproject(rig: Rig, measurements: np.ndarray) -> np.ndarray:
     u, v, disparity = np.moveaxis(np.asarray(measurements, dtype=np.float64), -1, 0)
     z = rig.depth_from_disparity(disparity)
     x = (u - rig.u0) * z / rig.focal
-    y = (v - rig.v0) * z / rig.focal
+    y = (v - rig.v0) * z / rig.focal_v
     return np.stack([x, y, z], axis=-1)

@@ -3,6 +3,7 @@
 import os
 
 from stixel_cli.config.folders import (
+    EXPERIMENT,
     default_option,
     group_options,
     inner_options,
@@ -103,7 +104,7 @@ def _candidates(typed: str, words: list[str]) -> list[str]:
     if key and "seed".startswith(key):
         found.append("seed=")
     group = key.partition(".")[0]
-    if "." in key and group in group_options():
+    if "." in key and group in group_options() and group != EXPERIMENT:
         found += _keys(group, key, words)
     return [word for word in found if word.startswith(typed)]
 

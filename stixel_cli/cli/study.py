@@ -33,7 +33,8 @@ def study(
     rq1  Are these stixels like those of The Stixel World?
     rq2  How well does the tracker work on stixels, compared with lidar?
     rq3  What do fabricated measurements miss?
-    all  The three studies, one after the other.
+    thesis  The experiment of the thesis, chapters 8 and 9.
+    all  All studies, one after the other.
 
     Run the same command again to resume a study. Statistics appear once all runs are complete;
     until then the exit code is 1.

@@ -11,7 +11,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.config.folders import configuration_folder, group_options
+from stixel_cli.config.folders import (
+    EXPERIMENT,
+    configuration_folder,
+    default_option,
+    group_options,
+)
 from stixel_cli.engine.parameters import default_cache_folder
 from stixel_cli.errors import UserError
 from stixel_cli.files import read_text
@@ -52,7 +57,7 @@ def choose(
     for group, text in chosen:
         families.setdefault(group.partition("/")[0], []).append(text)
     found = None
-    if len(families) > 1:
+    if len(families) > 1 and EXPERIMENT not in families:
         from hydra.errors import HydraException
 
         # A group that follows another may need one of the other choices.
@@ -110,7 +115,15 @@ def choose_together(chosen: tuple[str, ...], state: str) -> tuple[dict[str, Any]
     if stored is None:
         stored = _by_hydra(chosen)
         _to_store[file] = stored
-    return stored
+    plain, choices = stored
+    if choices[EXPERIMENT] == default_option(EXPERIMENT):
+        return stored
+    from stixel_cli.config.experiments import missing_options, without_other_options
+
+    missing = missing_options(plain, choices, chosen)
+    if missing:
+        return choose_together((*chosen, *missing), state)
+    return without_other_options(plain), choices
 
 
 def store_compositions() -> None:

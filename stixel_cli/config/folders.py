@@ -15,6 +15,9 @@ from stixel_cli.errors import BelongsElsewhere, ConfigurationError
 if TYPE_CHECKING:
     from hydra.core.override_parser.types import Override
 
+EXPERIMENT = "experiment"
+"""The group whose options set options and values of other groups; it has no keys of its own."""
+
 _PACKAGE = Path(__file__).resolve().parents[1]
 _LINE = re.compile(r"^( *)([A-Za-z_]\w*):(.*)$", re.MULTILINE)
 _DEFAULTS = re.compile(r"^defaults:.*\n((?: *-.*\n)+)", re.MULTILINE)

@@ -21,6 +21,7 @@ from stixel_cli.results.differences import (
     first_changed_stage,
     first_difference,
 )
+from stixel_cli.results.ego_frame import pose_columns
 from stixel_cli.results.lineage import Lineage
 from stixel_cli.results.result import RunResult, scan_columns, score_columns, track_arrays
 
@@ -82,7 +83,7 @@ def verify_run(
         StageFailure: if a stage fails.
     """
     # Before the run, which may take long.
-    names = ("scans.npz", "track.npz", "scores.npz")
+    names = ("ego.npz", "scans.npz", "track.npz", "scores.npz")
     paths = {name: stored.folder / name for name in names}
     arrays = {name: read_arrays(path) for name, path in paths.items() if path.exists()}
     with one_line_errors():
@@ -115,6 +116,11 @@ def _compared_files(
 ) -> Iterator[tuple[str, str, str | None]]:
     """(file, stage, difference or None) of every file with results that the folder has."""
     for file, stage, columns in (
+        (
+            "ego.npz",
+            "scenario",
+            pose_columns(new.scenario.times, new.scenario.ego_poses_world),
+        ),
         ("scans.npz", "scans", scan_columns(new.scans)),
         ("track.npz", "track", track_arrays(new.track)),
         ("scores.npz", "scores", score_columns(new.scores)),

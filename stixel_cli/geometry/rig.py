@@ -17,7 +17,7 @@ from stixel_cli.parameters import parameters
 
 @parameters
 class Rig:
-    """A rectified stereo rig with square pixels; give `horizontal_fov` or `focal_length`.
+    """A rectified stereo rig; give `horizontal_fov` or `focal_length`.
 
     Attributes:
         width, height: image size, px.
@@ -27,6 +27,7 @@ class Rig:
         baseline: distance of the two cameras, m.
         camera_height: height of the cameras above the road, m.
         pitch: rotation about the lateral axis, degrees, positive with the nose down.
+        vertical_fov: vertical field of view, degrees; null for square pixels.
     """
 
     width: Annotated[int, Ge(64), Le(4096)]
@@ -38,10 +39,11 @@ class Rig:
     baseline: Annotated[float, Ge(0.001), Le(5)]
     camera_height: Annotated[float, Gt(0), Le(5)]
     pitch: Annotated[float, Ge(-30), Le(30)]
+    vertical_fov: Annotated[float, Ge(5), Lt(170)] | None
 
     @cached_property
     def focal(self) -> float:
-        """Focal length f_u = f_v in px: N_w / (2 tan(fov / 2)), thesis (4).
+        """Horizontal focal length f_u in px: N_w / (2 tan(fov / 2)), thesis (4).
 
         Raises:
             ValueError: unless exactly one of `horizontal_fov` and `focal_length` is given.
@@ -54,6 +56,13 @@ class Rig:
         if self.focal_length is not None:
             return self.focal_length
         return self.width / (2.0 * np.tan(np.radians(self.horizontal_fov) / 2.0))
+
+    @cached_property
+    def focal_v(self) -> float:
+        """Vertical focal length f_v in px: N_h / (2 tan(fov / 2)), thesis (4); else f_u."""
+        if self.vertical_fov is None:
+            return self.focal
+        return self.height / (2.0 * np.tan(np.radians(self.vertical_fov) / 2.0))
 
     @property
     def field_of_view(self) -> tuple[float, float]:

@@ -16,11 +16,13 @@ class Camera:
     """A pinhole camera; pixel (u, v) has its centre at integer coordinates.
 
     Attributes:
-        rotation: (3, 3), from the camera (x right, y down, z forward) to the frame.
+        rotation: (3, 3), from the camera (x right, y down, z forward) to the frame; its second
+            column is times `stretch`, so that one focal length serves both axes of a ray.
         origin: (3,) m, the camera's centre in the frame.
         focal: focal length, px.
         u0, v0: principal point, px.
         width, height: image size, px.
+        stretch: f_u / f_v, 1 for square pixels.
     """
 
     rotation: np.ndarray
@@ -30,6 +32,7 @@ class Camera:
     v0: float
     width: int
     height: int
+    stretch: float
 
     def seen_from(self, world_from_body: np.ndarray) -> "Camera":
         """This camera of the world in the frame of a body with the pose (4, 4)."""
@@ -42,14 +45,20 @@ class Camera:
             self.v0,
             self.width,
             self.height,
+            self.stretch,
         )
+
+    @property
+    def projection(self) -> np.ndarray:
+        """(3, 3): (points - `origin`) times this is (x, y, z) with u = f x / z, v = f y / z."""
+        return self.rotation / np.array([1.0, self.stretch**2, 1.0])
 
     def project(self, points: np.ndarray) -> np.ndarray:
         """(n, 3) = (u px, v px, depth m) of points (n, 3) in m in the camera's frame of reference.
 
         Points behind the camera have a depth that is not positive and no meaningful pixel.
         """
-        camera = (points - self.origin) @ self.rotation
+        camera = (points - self.origin) @ self.projection
         depth = camera[:, 2]
         safe = np.where(depth > 0, depth, 1.0)
         u = self.focal * camera[:, 0] / safe + self.u0
@@ -85,8 +94,9 @@ class Camera:
 def rig_cameras(rig: Rig, ego_pose_world: np.ndarray) -> tuple[Camera, Camera]:
     """Left and right camera in the world of a rig on the ego car at `ego_pose_world` (3,)."""
     transform = rig.world_from_camera(ego_pose_world)
-    rotation = np.ascontiguousarray(transform[:3, :3])
+    stretch = float(rig.focal / rig.focal_v)
+    rotation = transform[:3, :3] * [1.0, stretch, 1.0]
     left = transform[:3, 3].copy()
     right = left + rotation[:, 0] * rig.baseline
-    intrinsics = (float(rig.focal), float(rig.u0), float(rig.v0), rig.width, rig.height)
+    intrinsics = (float(rig.focal), float(rig.u0), float(rig.v0), rig.width, rig.height, stretch)
     return Camera(rotation, left, *intrinsics), Camera(rotation, right, *intrinsics)

@@ -146,10 +146,10 @@ class Stage:
 
         Unshifted, the fine pixel (FINER u, FINER v) looks along the ray of the pixel (u, v).
         """
-        focal, u0, v0 = FINER * self.scene["intrinsics"]
+        focal_u, focal_v, u0, v0 = FINER * self.scene["intrinsics"]
         # Filament's first pixel reaches from 0 to 1; here its centre is at 0.
         shift += 0.5
-        matrix = np.array([[focal, 0.0, u0 + shift], [0.0, focal, v0 + shift], [0.0, 0.0, 1.0]])
+        matrix = np.array([[focal_u, 0.0, u0 + shift], [0.0, focal_v, v0 + shift], [0.0, 0.0, 1.0]])
         width, height = float(FINER * self.width), float(FINER * self.height)
         lens = self.renderer.scene.camera
         lens.set_projection(matrix, NEAR, FAR, width, height)

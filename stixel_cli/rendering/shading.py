@@ -271,17 +271,17 @@ def shade(
 
 
 @njit(cache=True, nogil=True)
-def sky_light(light, u, v, body, rotation, focal, u0, v0, zenith, horizon):
+def sky_light(light, u, v, body, rotation, focal, u0, v0, stretch, zenith, horizon):
     """Write the linear light of the sky into `light` (n, 3) float32 where no body is hit.
 
-    `rotation` leads to a frame with z up.
+    `rotation` leads to a frame with z up; `stretch` is that of the camera.
     """
     for i in range(len(u)):
         if body[i] >= 0:
             continue
         x, y = (u[i] - u0) / focal, (v[i] - v0) / focal
         upwards = rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2]
-        height = max(upwards / np.sqrt(x * x + y * y + 1.0), 0.0)
+        height = max(upwards / np.sqrt(x * x + y * y * stretch**2 + 1.0), 0.0)
         share = 1.0 - (1.0 - height) ** 4
         for channel in range(3):
             light[i, channel] = horizon[channel] + share * (zenith[channel] - horizon[channel])

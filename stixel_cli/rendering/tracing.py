@@ -174,6 +174,7 @@ def light_of(
         camera.focal,
         camera.u0,
         camera.v0,
+        camera.stretch,
         light.exposure * ZENITH,
         light.exposure * HORIZON,
     )

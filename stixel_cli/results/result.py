@@ -9,6 +9,11 @@ import numpy as np
 
 from stixel_cli.evaluation.metric_table import Scores
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.results.ego_frame import (
+    pose_columns,
+    scans_in_ego_frame,
+    track_in_ego_frame,
+)
 from stixel_cli.results.lineage import Lineage
 from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.results.reader import (
@@ -78,15 +83,28 @@ class RunResult:
 
     @property
     def tables(self) -> dict[str, dict[str, np.ndarray]]:
-        """Columns of `scans` (one row per point), `track` and `scores` (one row per scan).
+        """Columns of `scans` (one row per point); `track`, `scores` and `ego` (one row per scan).
 
-        They are the columns of the CSV files. `pandas.DataFrame(result.tables["track"])` is such a
-        table.
+        `ego` has the poses of the ego car. All are in the world frame. They are the columns of the
+        CSV files. `pandas.DataFrame(result.tables["track"])` is such a table.
         """
         return {
             "scans": scan_columns(self.scans),
             "track": track_columns(self.track),
             "scores": score_columns(self.scores),
+            "ego": pose_columns(self.scenario.times, self.scenario.ego_poses_world),
+        }
+
+    @property
+    def ego_tables(self) -> dict[str, dict[str, np.ndarray]]:
+        """The columns of `scans` and `track` in the ego car's frame at each time index.
+
+        `results.ego_frame.read_ego_tables` gives the same from a result folder.
+        """
+        tables = self.tables
+        return {
+            "scans": scans_in_ego_frame(tables["scans"], tables["ego"]),
+            "track": track_in_ego_frame(track_arrays(self.track), tables["ego"]),
         }
 
     def choice(self, group: str) -> str:

@@ -125,7 +125,7 @@ def group_fields(
     pitch, camera_height = pitch_and_height(line, rig)
     focal_baseline = rig.focal * rig.baseline
     depth = focal_baseline / disparity
-    upright = np.cos(pitch) - np.sin(pitch) * (mean_row - rig.v0) / rig.focal
+    upright = np.cos(pitch) - np.sin(pitch) * (mean_row - rig.v0) / rig.focal_v
     depth_camera = depth / upright
     bearing = (0.5 * (left + right - 1) - rig.u0) / rig.focal
     points = np.stack([bearing * depth_camera, depth], axis=1)
@@ -137,7 +137,7 @@ def group_fields(
     base = np.clip(np.rint(base_rows(disparity, line, rig)), top, rig.height - 1)
     # The top row's upper edge; with d = f B / z its disparity in the image is the road's at h = H.
     edge = top - 0.5
-    at_edge = disparity * (np.cos(pitch) - np.sin(pitch) * (edge - rig.v0) / rig.focal)
+    at_edge = disparity * (np.cos(pitch) - np.sin(pitch) * (edge - rig.v0) / rig.focal_v)
     return {
         "left": left.astype(np.int32),
         "right": right.astype(np.int32),

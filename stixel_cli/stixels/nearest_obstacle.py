@@ -39,10 +39,10 @@ def nearest_obstacle(
     histogram, values = accumulate(columns, line, rig, road, grid, occupancy)
     if isinstance(occupancy, CartesianOccupancy):
         values = to_polar(values, grid, rig)
-    # An obstacle of height h has f h / z = h d / B rows.
+    # An obstacle of height h has f_v h / z = (f_v / f_u) h d / B rows.
     pixels = np.maximum(
         free_space.obstacle_pixels,
-        free_space.obstacle_height * grid.disparities / rig.baseline,
+        free_space.obstacle_height * grid.disparities / rig.baseline * (rig.focal_v / rig.focal),
     )
     requirement = (pixels * grid.peaks).astype(np.float32)
     costs = cell_costs(

@@ -29,26 +29,28 @@ def road_line(pitch: float | np.ndarray, height: float | np.ndarray, rig: Rig) -
     `pitch` in rad and camera `height` in m are numbers, or arrays of one shape.
     """
     cosine, sine = np.cos(pitch), np.sin(pitch)
-    scale = rig.baseline / height
-    offset = scale * (rig.focal * sine - cosine * rig.v0)
+    scale = rig.baseline / height * (rig.focal / rig.focal_v)
+    offset = scale * (rig.focal_v * sine - cosine * rig.v0)
     return np.stack([scale * cosine, offset], axis=-1)
 
 
 def pitch_and_height(line: np.ndarray, rig: Rig) -> tuple[float, float]:
     """Pitch in rad and camera height in m of a road line (2,): the inverse of `road_line`."""
-    pitch = np.arctan((line[1] / line[0] + rig.v0) / rig.focal)
-    return float(pitch), float(rig.baseline * np.cos(pitch) / line[0])
+    pitch = np.arctan((line[1] / line[0] + rig.v0) / rig.focal_v)
+    scale = rig.baseline * (rig.focal / rig.focal_v)
+    return float(pitch), float(scale * np.cos(pitch) / line[0])
 
 
 def pitch_factors(line: np.ndarray, rig: Rig) -> np.ndarray:
     """Factors (H,) float32 from a row's disparity to f B / z_level, z_level along the road.
 
     `line` (2,) is the road's disparity a v + b, px. An upright object has one z_level in all its
-    rows, but not one disparity, if the camera is pitched: z_level = z (cos p - sin p (v - v0) / f).
+    rows, but not one disparity, if the camera is pitched:
+    z_level = z (cos p - sin p (v - v0) / f_v).
     """
     pitch, _ = pitch_and_height(line, rig)
     rows = np.arange(rig.height)
-    upright = np.cos(pitch) - np.sin(pitch) * (rows - rig.v0) / rig.focal
+    upright = np.cos(pitch) - np.sin(pitch) * (rows - rig.v0) / rig.focal_v
     return (1.0 / np.maximum(upright, 0.1)).astype(np.float32)
 
 
@@ -56,10 +58,10 @@ def base_rows(compensated_disparity: np.ndarray, line: np.ndarray, rig: Rig) -> 
     """Rows, any shape, float px, of the feet of upright objects of a pitch-compensated disparity.
 
     Where the road `line` (2,), a v + b, meets the object's disparity
-    d_level (cos p - sin p (v - v0) / f).
+    d_level (cos p - sin p (v - v0) / f_v).
     """
     pitch, _ = pitch_and_height(line, rig)
-    sine = np.sin(pitch) / rig.focal
+    sine = np.sin(pitch) / rig.focal_v
     upright = np.cos(pitch) + sine * rig.v0
     return (compensated_disparity * upright - line[1]) / (line[0] + compensated_disparity * sine)
 

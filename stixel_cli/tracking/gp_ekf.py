@@ -29,7 +29,7 @@ from stixel_cli.parameters import parameters
 from stixel_cli.tracking.association import associate, contour_moments
 from stixel_cli.tracking.kernel import ContourProcess, contour_process
 from stixel_cli.tracking.motion import intervals, predict, process_noise
-from stixel_cli.tracking.prior import PriorShape, prior_radii
+from stixel_cli.tracking.prior import PriorShape, mean_radius, prior_radii
 from stixel_cli.tracking.track import InitialState, Track, contour_directions, used_rows
 
 
@@ -42,6 +42,8 @@ class GpEkfParameters:
         length_scale: kernel's length l, rad.
         sigma_f: kernel's standard deviation of the radius, m.
         sigma_r: standard deviation of the unknown mean radius, m.
+        mean_function: of the process, thesis 5.4: `zero`, or `class_radius`, the mean radius of the
+            class's prior shape.
         forgetting_rate: alpha, 1/s: how fast radii that are not seen return to the kernel's mean.
         jitter: variance, m², added to K's diagonal where K is inverted, and nowhere else.
         sigma_q: process noise of the position, a white acceleration's root density, m/s^1.5.
@@ -57,6 +59,7 @@ class GpEkfParameters:
     length_scale: Annotated[float, Ge(0.001), Le(10)]
     sigma_f: Annotated[float, Gt(0), Le(20)]
     sigma_r: Annotated[float, Ge(0), Le(20)]
+    mean_function: Literal["zero", "class_radius"]
     forgetting_rate: Annotated[float, Ge(0), Le(100)]
     jitter: Annotated[float, Gt(0), Le(1)]
     sigma_q: Annotated[float, Ge(0), Le(100)]
@@ -100,17 +103,17 @@ def linearise(points_world: np.ndarray, mean: np.ndarray, process: ContourProces
 
     No point may coincide with the centre.
     """
-    radii = mean[2 * SEEN :]
+    deviations = mean[2 * SEEN :] - process.mean_radius
     offsets = points_world - mean[:2]
     distances = np.hypot(offsets[:, 0], offsets[:, 1])
     directions = offsets / distances[:, None]
     # u = θ - ψ as a direction: no angle is needed.
     directions_target = directions @ rotation(mean[2])
     correlations = process.correlations(directions_target)
-    matrix = np.empty((len(points_world), SEEN + len(radii)))
+    matrix = np.empty((len(points_world), SEEN + len(deviations)))
     _, variances = process.regression(correlations, out=matrix[:, SEEN:])
-    expected = matrix[:, SEEN:] @ radii
-    slopes = process.slope(directions_target, correlations, radii)
+    expected = process.mean_radius + matrix[:, SEEN:] @ deviations
+    slopes = process.slope(directions_target, correlations, deviations)
     turn = slopes / distances
     # dθ/dw = (delta_y, -delta_x) / r² = (p_y, -p_x) / r
     matrix[:, 0] = directions[:, 0] + turn * directions[:, 1]
@@ -209,6 +212,7 @@ def track(
         tracker.sigma_f,
         tracker.sigma_r,
         tracker.jitter,
+        mean_radius(prior) if tracker.mean_function == "class_radius" else 0.0,
     )
     size = 2 * SEEN + tracker.basis_points
     mean = np.concatenate([initial.mean, prior_radii(prior, process.basis_angles)])
@@ -223,7 +227,13 @@ def track(
     for k, interval in enumerate(intervals(scans.times)):
         noise = process_noise(interval, tracker.sigma_q, tracker.sigma_q_psi)
         mean, covariance = predict(
-            mean, covariance, interval, noise, tracker.forgetting_rate, process.covariance
+            mean,
+            covariance,
+            interval,
+            noise,
+            tracker.forgetting_rate,
+            process.covariance,
+            process.mean_radius,
         )
         rows = scans.rows(k)
         points = scans.points_world[rows]
@@ -256,12 +266,14 @@ def contours_of(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Contours (K, M, 2) m, directions (K, M, 2) and the radii's std (K, M) m of K states.
 
-    At M = `points` even angles: r = H^f x^f with variance H^f P^f H^fᵀ + R^f. A radius below zero,
-    which the model does not rule out, is drawn as zero, so every contour is star-convex.
+    At M = `points` even angles: r = m + H^f (x^f - m), m the mean radius of the process, with
+    variance H^f P^f H^fᵀ + R^f. A radius below zero, which the model does not rule out, is drawn as
+    zero, so every contour is star-convex.
     """
     angles, directions = contour_directions(means[:, 2], points)
     matrix, variances = process.at(angles)
-    radii = np.maximum(means[:, 2 * SEEN :] @ matrix.T, 0.0)
+    deviations = means[:, 2 * SEEN :] - process.mean_radius
+    radii = np.maximum(process.mean_radius + deviations @ matrix.T, 0.0)
     std = np.empty_like(radii)
     for k, covariance in enumerate(covariances):
         spread = np.einsum("ij,ij->i", matrix @ covariance[2 * SEEN :, 2 * SEEN :], matrix)

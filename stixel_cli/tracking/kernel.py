@@ -40,6 +40,8 @@ class ContourProcess:
         covariance: (N, N) K = k(u^f, u^f) in m², without jitter.
         inverse: (N, N) (K + jitter I)⁻¹.
         length_scale, sigma_f, sigma_r: of the kernel; rad, m, m.
+        mean_radius: the process's mean function, a constant, m; thesis, 5.4. The regression is that
+            of the radii's differences from it.
     """
 
     basis_angles: np.ndarray
@@ -48,6 +50,7 @@ class ContourProcess:
     length_scale: float
     sigma_f: float
     sigma_r: float
+    mean_radius: float
     _basis_directions: np.ndarray
     _weights: np.ndarray
     _offset: np.ndarray
@@ -83,6 +86,8 @@ class ContourProcess:
     ) -> np.ndarray:
         """(∂H^f / ∂u) x^f, shape (n,) in m/rad, for the basis points' `radii` (N,) m; thesis (77i).
 
+        With a mean function they are the differences from it.
+
         `correlations` (n, N) are those of `directions` (n, 2).
 
         sin(u - u_i) = sin u cos u_i - cos u sin u_i, so no second kernel matrix is needed.
@@ -99,7 +104,12 @@ class ContourProcess:
 
 
 def contour_process(
-    basis_points: int, length_scale: float, sigma_f: float, sigma_r: float, jitter: float
+    basis_points: int,
+    length_scale: float,
+    sigma_f: float,
+    sigma_r: float,
+    jitter: float,
+    mean_radius: float = 0.0,
 ) -> ContourProcess:
     """The process on `basis_points` even angles; `jitter` (m²) goes only into the inverse of K.
 
@@ -120,6 +130,7 @@ def contour_process(
         length_scale=length_scale,
         sigma_f=sigma_f,
         sigma_r=sigma_r,
+        mean_radius=mean_radius,
         _basis_directions=np.stack([np.cos(angles), np.sin(angles)], axis=-1),
         _weights=sigma_f**2 * inverse,
         _offset=sigma_r**2 * inverse.sum(axis=0),

@@ -44,15 +44,18 @@ def predict(
     noise: np.ndarray,
     forgetting_rate: float,
     radii_covariance: np.ndarray,
+    mean_radius: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean (6 + N,) and covariance (6 + N, 6 + N) one `interval` in s later; thesis (71), (75).
 
     F^f = e^(-alpha T) I and Q^f = (1 - e^(-2 alpha T)) K, with `forgetting_rate` alpha in 1/s and
-    `radii_covariance` K (N, N) in m². `noise` is Q̄. F is never formed: it scales blocks.
+    `radii_covariance` K (N, N) in m². The radii return to `mean_radius`, m. `noise` is Q̄. F is
+    never formed: it scales blocks.
     """
     decay = np.exp(-forgetting_rate * interval)
     pose = transition(interval)
-    predicted_mean = np.concatenate([pose @ mean[:6], decay * mean[6:]])
+    radii = mean_radius + decay * (mean[6:] - mean_radius)
+    predicted_mean = np.concatenate([pose @ mean[:6], radii])
     predicted = np.empty_like(covariance)
     predicted[:6, :6] = pose @ covariance[:6, :6] @ pose.T + noise
     cross = decay * (pose @ covariance[:6, 6:])

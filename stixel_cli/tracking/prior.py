@@ -39,6 +39,11 @@ class PriorShape:
             )
 
 
+def mean_radius(prior: PriorShape) -> float:
+    """Mean of the class's radius over all directions, m."""
+    return float(prior_radii(prior, np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)).mean())
+
+
 def prior_radii(prior: PriorShape, angles: np.ndarray) -> np.ndarray:
     """Radius in m of the class's shape at `angles` (n,) rad in the target's frame, shape (n,).
 

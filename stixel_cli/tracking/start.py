@@ -1,6 +1,6 @@
 """Initialisation of a tracker: the truth, with noise."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Gt, Le
@@ -14,15 +14,17 @@ from stixel_cli.tracking.track import InitialState
 
 @parameters
 class StartParameters:
-    """Standard deviations of the noise on the true pose and rates that a tracker starts from.
+    """What a tracker starts from: the true pose plus noise, and its rates.
 
     Attributes:
-        position: of x and of y, m.
+        rates: `truth`: the true rates plus noise; `zero`: mean 0.
+        position: standard deviation of x and of y, m; the others are standard deviations too.
         heading: rad.
         velocity: of the rates of x and of y, m/s.
         heading_rate: rad/s.
     """
 
+    rates: Literal["truth", "zero"]
     position: Annotated[float, Gt(0), Le(100)]
     heading: Annotated[float, Gt(0), Le(3.2)]
     velocity: Annotated[float, Gt(0), Le(100)]
@@ -30,16 +32,21 @@ class StartParameters:
 
 
 def noisy_start(scenario: Scenario, start: StartParameters, seed: int) -> InitialState:
-    """The true pose and rates with Gaussian noise, one sample before the first scan.
+    """The true pose with Gaussian noise and the rates, one sample before the first scan.
 
     A tracker predicts, then updates, at every scan, the first included. So the start is the
     target moved back by one sample at its rates of k = 0: predicted to k = 0 without noise it is
-    the truth.
+    the truth. With `rates=zero` (thesis, 8.2.1: only position and heading are initialised) the
+    rates are 0 and the pose is the one of k = 0; the noise of the pose is the same.
     """
-    truth = np.concatenate([scenario.target_poses_world[0], scenario.target_rates_world[0]])
-    before = transition(-float(intervals(scenario.times)[0])) @ truth
+    pose, rates = scenario.target_poses_world[0], scenario.target_rates_world[0]
+    if start.rates == "zero":
+        rates = np.zeros(3)
+    before = transition(-float(intervals(scenario.times)[0])) @ np.concatenate([pose, rates])
     std = np.array(
         [start.position] * 2 + [start.heading] + [start.velocity] * 2 + [start.heading_rate]
     )
     noise = std * generator(seed, "start").standard_normal(6)
+    if start.rates == "zero":
+        noise[3:] = 0.0
     return InitialState(mean=before + noise, covariance=np.diag(std**2))

@@ -147,7 +147,7 @@ def _errors_of(stixels: Stixels, s: int, truth: FrameTruth, on_target, true, lin
     surface = truth.depth[area][on_target[area]]
     tops = np.argmax(on_target[:, u], axis=0)
     # The upper edge of the topmost row that shows it, upright at that pixel's own depth.
-    down = (tops - 0.5 - rig.v0) / rig.focal
+    down = (tops - 0.5 - rig.v0) / rig.focal_v
     cosine, sine = np.cos(rig.pitch_radians), np.sin(rig.pitch_radians)
     below = (cosine * down + sine) / (cosine - sine * down)
     edge = rig.camera_height - below * truth.depth[tops, u]

@@ -58,7 +58,7 @@ def frame_truth(
     """
     v = np.arange(rig.height)[:, None] - rig.v0
     cosine, sine = np.cos(rig.pitch_radians), np.sin(rig.pitch_radians)
-    down = v / rig.focal
+    down = v / rig.focal_v
     depth_camera = depth_camera.astype(np.float64)
     depth = depth_camera * (cosine - sine * down)
     with np.errstate(invalid="ignore"):
@@ -67,7 +67,7 @@ def frame_truth(
     obstacle &= (height >= road.least_height) & (height <= road.greatest_height)
     rows, found = nearest_rows(
         np.where(obstacle, depth, np.inf),
-        rig.focal * free_space.obstacle_height,
+        rig.focal_v * free_space.obstacle_height,
         free_space.obstacle_pixels,
     )
     columns = np.arange(rig.width)

@@ -33,6 +33,8 @@ def test_the_folder_holds_what_the_readme_lists(results, capsys):
         "metrics.json",
         "scores.csv",
         "scores.npz",
+        "ego.csv",
+        "ego.npz",
         "scans.csv",
         "scans.npz",
         "track.csv",

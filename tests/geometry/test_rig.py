@@ -8,7 +8,7 @@ from projection import project, unproject
 
 from stixel_cli.geometry.rig import Rig
 
-RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.2, 1.0)
+RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.2, 1.0, None)
 
 
 def test_field_of_view_and_focal_length_give_the_same_rig():
@@ -16,6 +16,15 @@ def test_field_of_view_and_focal_length_give_the_same_rig():
     assert RIG.field_of_view == pytest.approx(np.radians([-30.0, 30.0]))
     same = replace(RIG, horizontal_fov=None, focal_length=RIG.focal)
     assert same.field_of_view == pytest.approx(RIG.field_of_view)
+
+
+def test_pixels_are_square_unless_there_is_a_vertical_field_of_view():
+    assert RIG.focal_v == RIG.focal
+    tall = replace(RIG, vertical_fov=40.0)
+    assert tall.focal == RIG.focal
+    assert tall.focal_v == pytest.approx(240.0 / np.tan(np.radians(20.0)))
+    border = project(tall, [[0.0, np.tan(np.radians(20.0)), 1.0]])
+    np.testing.assert_allclose(border[0, 1], 479.5)
 
 
 def test_field_of_view_includes_the_outermost_pixels():

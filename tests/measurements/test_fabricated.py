@@ -19,6 +19,7 @@ RIG = Rig(
     baseline=0.3,
     camera_height=1.5,
     pitch=0.0,
+    vertical_fov=None,
 )
 RIGHT, LEFT = RIG.field_of_view
 EXACT = FabricatedParameters(

@@ -17,7 +17,7 @@ from stixel_cli.measurements.noise import (
 from stixel_cli.measurements.rays import spread_rays
 from stixel_cli.randomness import generator
 
-RIG = Rig(4000, 480, 60.0, None, None, None, 0.3, 1.2, 0.0)
+RIG = Rig(4000, 480, 60.0, None, None, None, 0.3, 1.2, 0.0, None)
 RAYS = spread_rays(4000, RIG.field_of_view, True)
 HIT = np.arange(500, 3500)
 RANGES = 12.0 / np.cos(RAYS.angles[HIT])

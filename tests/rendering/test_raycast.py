@@ -1,3 +1,4 @@
+import dataclasses
 from dataclasses import replace
 
 import box_scene
@@ -98,6 +99,28 @@ def test_depth_and_ids_match_the_planes_and_objects(static, target):
     on_body = points[:, 2] < 0.8 + 1e-6
     assert np.all(distance[on_body] < 1e-6)
     assert on_body.sum() > 300
+
+
+def test_every_second_row_of_an_image_with_pixels_twice_as_tall(target):
+    """f_v = f_u / 2 sees in row v0 + k what square pixels see in row v0 + 2 k."""
+    square = dataclasses.replace(RIG, principal_v=48.0)
+    half = 2.0 * np.degrees(np.arctan(24.0 / (0.5 * square.focal)))
+    tall = dataclasses.replace(square, height=48, principal_v=24.0, vertical_fov=half)
+    assert tall.focal_v == pytest.approx(0.5 * square.focal)
+    left, _, depth, ids = render_frame(
+        StaticScene(objects(), square, RAYCAST), target, scenario(), 0
+    )
+    tall_left, _, tall_depth, tall_ids = render_frame(
+        StaticScene(objects(), tall, RAYCAST), target, scenario(), 0
+    )
+    assert (tall_ids == ids[::2]).mean() > 0.999  # a ray may just touch an edge
+    alike = tall_ids == ids[::2]
+    np.testing.assert_allclose(tall_depth[alike], depth[::2][alike], rtol=1e-6)
+    # A tall pixel covers one row and half of either neighbour.
+    linear = linear_from_srgb(left)
+    mean = 0.25 * linear[1:-2:2] + 0.5 * linear[2:-1:2] + 0.25 * linear[3::2]
+    error = np.abs(tall_left[1:] - srgb_from_linear(mean).astype(float)).mean(axis=-1)
+    assert np.median(error) < 1.0 and error.mean() < 3.0  # texture filters differ
 
 
 def test_right_view_is_the_left_view_shifted_by_the_true_disparity(static, target):

@@ -14,7 +14,7 @@ from stixel_cli.tracking.track import Track
 
 
 def make_rig(width=160, height=120):
-    return Rig(width, height, 60.0, None, None, None, 0.3, 1.3, 0.0)
+    return Rig(width, height, 60.0, None, None, None, 0.3, 1.3, 0.0, None)
 
 
 def make_ego_motion(scans=12, sample_time=0.1):

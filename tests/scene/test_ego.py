@@ -4,9 +4,12 @@ import scene_presets
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import ego_from_world
+from stixel_cli.measurements.fabricated import fabricate_scans
 from stixel_cli.scene.ego import Parked, Straight, Turning, ego_motion, ego_poses
 from stixel_cli.scene.path import path_poses
+from stixel_cli.scene.scenario import Scenario
 
 
 @pytest.mark.parametrize("name", scene_presets.EGOS)
@@ -48,6 +51,26 @@ def test_ego_moves_along_its_heading(speed, yaw_rate, time):
 def test_number_of_scans_is_duration_over_sample_time(duration, sample_time, count):
     motion = ego_motion(Parked("parked"), duration, sample_time)
     assert len(motion.times) == len(motion.poses_world) == count
+
+
+@pytest.mark.parametrize("name", scene_presets.EGOS)
+@pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
+@pytest.mark.parametrize("path", ["turn", "crossing", "approach"])
+def test_no_scan_of_the_studies_is_empty(name, kind, path):
+    """The presets of the ego car keep the target in view: fabricated without noise."""
+    chosen = compose(
+        [
+            *(f"ego={name}", f"road_user={kind}", f"path={path}"),
+            *("measurement=fabricated", "measurement.noise.disparity_std=0"),
+        ]
+    ).configuration
+    motion = ego_motion(chosen.ego, chosen.path.duration, chosen.path.sample_time)
+    poses, rates = path_poses(chosen.path, motion.times)
+    half = 0.5 * np.array([chosen.prior.length, chosen.prior.width])
+    box = half * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+    scenario = Scenario(motion.times, motion.poses_world, poses, rates, box, True)
+    scans = fabricate_scans(scenario, chosen.rig, chosen.measurement, seed=0)
+    assert np.diff(scans.offsets).min() > 0
 
 
 @pytest.mark.parametrize("name", ["straight", "turning"])

@@ -47,7 +47,7 @@ BM = BmParameters(
     error_cancellation=False,
 )
 FRAMES = range(7, 9)
-RIG = Rig(160, 96, 60.0, None, None, None, 0.3, 1.2, 0.0)
+RIG = Rig(160, 96, 60.0, None, None, None, 0.3, 1.2, 0.0, None)
 
 
 @pytest.fixture(scope="module")

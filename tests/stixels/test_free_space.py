@@ -167,7 +167,7 @@ def test_free_space_of_no_frames_is_empty(find, rig, as_disparities):
 
 @pytest.mark.parametrize("pitch", [0.0, 2.0])
 def test_expected_depth_equals_the_wall_seen_from_the_next_pose(pitch):
-    rig = Rig(320, 160, None, 300.0, None, None, 0.5, 1.4, pitch)
+    rig = Rig(320, 160, None, 300.0, None, None, 0.5, 1.4, pitch, None)
     line = road_line(rig.pitch_radians, rig.camera_height, rig)
     before, now = np.array([1.0, 2.0, 1.5]), np.array([1.3, 3.5, 1.55])
     obstacle = np.full(rig.width, rig.focal * rig.baseline / 20.0, dtype=np.float32)
@@ -198,7 +198,7 @@ def test_expected_depth_of_a_static_scene_is_unchanged_up_to_the_borders(rig):
 def test_obstacle_is_expected_in_the_column_of_its_foot(column):
     """Pitched by 8 degrees, a row says by how much depth along the road is not that of the image:
     5 px here."""
-    rig = Rig(320, 160, None, 300.0, 150.0, None, 0.5, 1.4, 8.0)
+    rig = Rig(320, 160, None, 300.0, 150.0, None, 0.5, 1.4, 8.0, None)
     line = road_line(rig.pitch_radians, rig.camera_height, rig)
     before, now = np.array([1.0, 2.0, 1.5]), np.array([1.1, 4.5, 1.6])
     obstacle = np.full(rig.width, np.nan, dtype=np.float32)

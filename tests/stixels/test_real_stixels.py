@@ -83,7 +83,7 @@ def errors_in_areas(stixels, u, v, disparity):
 
 @pytest.mark.parametrize("road", ["rig", "estimated"])
 def test_stixels_agree_with_the_labelled_disparity(data, road):
-    rig = Rig(1242, 375, None, 721.5377, 609.5593, 172.854, 0.5327254, 1.65, 0.0)
+    rig = Rig(1242, 375, None, 721.5377, 609.5593, 172.854, 0.5327254, 1.65, 0.0, None)
     folder = data / "kitti2015"
     stixels = stixels_of(rig, folder / "000000_10_left.png", folder / "000000_10_right.png", road)
     truth = cv2.imread(str(folder / "000000_10_disp_occ.png"), cv2.IMREAD_UNCHANGED) / 256.0
@@ -113,6 +113,7 @@ def test_stixels_agree_with_the_lidar(data):
         (left[0, 3] - right[0, 3]) / focal,
         1.65,
         0.0,
+        None,
     )
     stixels = stixels_of(rig, folder / "left.png", folder / "right.png")
     scan = np.fromfile(folder / "lidar.bin", dtype=np.float32).reshape(-1, 4)[:, :3]

@@ -18,7 +18,8 @@ from stixel_cli.stixels.road import (
     v_disparity,
 )
 
-PITCHED = Rig(320, 160, None, 300.0, 150.0, 70.0, 0.5, 1.4, 3.0)
+PITCHED = Rig(320, 160, None, 300.0, 150.0, 70.0, 0.5, 1.4, 3.0, None)
+TALL_PIXELS = replace(PITCHED, vertical_fov=45.0)
 
 
 def pixels_of_level(rig, points_level):
@@ -27,15 +28,15 @@ def pixels_of_level(rig, points_level):
 
 
 @settings(derandomize=True, deadline=None, max_examples=30)
-@given(st.floats(-0.2, 0.2), st.floats(0.5, 4.0))
-def test_road_line_and_camera_pose_are_inverse(pitch, height):
-    assert pitch_and_height(road_line(pitch, height, PITCHED), PITCHED) == pytest.approx(
+@given(st.sampled_from([PITCHED, TALL_PIXELS]), st.floats(-0.2, 0.2), st.floats(0.5, 4.0))
+def test_road_line_and_camera_pose_are_inverse(rig, pitch, height):
+    assert pitch_and_height(road_line(pitch, height, rig), rig) == pytest.approx(
         (pitch, height), abs=1e-9
     )
 
 
-def test_road_line_pitch_factors_and_base_rows_agree_with_the_projection():
-    rig = PITCHED
+@pytest.mark.parametrize("rig", [PITCHED, TALL_PIXELS])
+def test_road_line_pitch_factors_and_base_rows_agree_with_the_projection(rig):
     line = road_line(rig.pitch_radians, rig.camera_height, rig)
     depth = np.array([6.0, 9.0, 20.0, 70.0])
     on_road = np.stack([depth * 0.1, np.full(4, rig.camera_height), depth], axis=1)
@@ -48,7 +49,7 @@ def test_road_line_pitch_factors_and_base_rows_agree_with_the_projection():
 
 
 @pytest.mark.parametrize("least, greatest", [(0.25, 3.0), (0.25, 1.0), (1.6, 2.0)])
-@pytest.mark.parametrize("rig", [PITCHED, replace(PITCHED, pitch=0.0)])
+@pytest.mark.parametrize("rig", [PITCHED, replace(PITCHED, pitch=0.0), TALL_PIXELS])
 def test_obstacle_limits_match_heights_of_unprojected_pixels(rig, least, greatest):
     road = RigRoad(kind="rig", least_height=least, greatest_height=greatest, disparity_margin=1.0)
     line = road_line(rig.pitch_radians, rig.camera_height, rig)

@@ -47,7 +47,15 @@ AXES = {
 def tiny(tmp_path):
     """The file of the shipped study with fewer values, frames and pixels."""
     content = yaml.safe_load(find_study("rq1").read_text(encoding="utf-8"))
-    for sweep in content["sweeps"].values():
+    for name, sweep in content["sweeps"].items():
+        if name == "widths":
+            sweep["fixed"] |= {
+                "path.start": [0.3, 12.0],
+                "path.duration": 0.5,
+                "executor": "threads",
+            }
+            sweep["fixed"] |= {"rig.width": 320, "rig.height": 240}
+            continue
         sweep["fixed"] = sweep["fixed"] | FIXED
         sweep["axes"] = {key: AXES[key] for key in sweep["axes"]}
         sweep["seeds"] = [0]
@@ -93,6 +101,11 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny):
     assert [row["rig"] for row in rigs] == ["default", "KITTI"]
     assert float(rigs[1]["needed px"]) == pytest.approx(721.5377 * 0.5327 * 0.1 / 28**2)
     assert [row["achieved RMS px"] for row in rigs] == ["", ""]
+    with (folder / "tables/widths.csv").open(encoding="utf-8") as file:
+        widths = list(csv.DictReader(file))
+    assert [row["width"] for row in widths] == ["1 px", "3 px", "1 px, one point of 3"]
+    points = [float(row["points a scan"]) for row in widths]
+    assert points[0] > 2.0 * points[1] and points[2] == pytest.approx(points[0] / 3, rel=0.1)
     with (folder / "tables/seconds.csv").open(encoding="utf-8") as file:
         seconds = list(csv.DictReader(file))
     assert {row["sweep"] for row in seconds} == {"rigs", "matchers", "grids"}
@@ -102,9 +115,10 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny):
 def test_each_sweep_of_the_shipped_study_changes_one_setting():
     study = read_study(find_study("rq1"))
     sweeps = {sweep.name: sweep for sweep in study.sweeps}
-    assert list(sweeps) == ["ranges", "matchers", "grids", "rigs", "contrast", "gallery"]
+    assert list(sweeps) == ["ranges", "matchers", "grids", "rigs", "contrast", "widths", "gallery"]
     approach = sweeps["ranges"].content["fixed"]
-    for sweep in study.sweeps:
+    assert sweeps.pop("widths").content["fixed"] == {"road_user": "car", "path": "turn"}
+    for sweep in sweeps.values():
         fixed = dict(sweep.content["fixed"])
         fixed.pop("pictures.frames", None)
         assert fixed == approach, sweep.name
@@ -117,7 +131,7 @@ def test_each_sweep_of_the_shipped_study_changes_one_setting():
 
 
 def test_the_required_disparity_precision_depends_on_the_rig():
-    rig = Rig(640, 480, 60.0, None, None, None, 0.3, 1.2, 0.0)
+    rig = Rig(640, 480, 60.0, None, None, None, 0.3, 1.2, 0.0, None)
     needed = needed_disparity(rig, 0.1, 28.0)
     assert needed == pytest.approx(0.0212, abs=1e-4)
     disparity = rig.disparity_from_depth(28.0)

@@ -162,7 +162,7 @@ def seen_group(frames=8, columns=30):
     )
     return Group(
         label="all",
-        rig=Rig(64, 48, 60.0, None, None, None, 0.3, 1.2, 0.0),
+        rig=Rig(64, 48, 60.0, None, None, None, 0.3, 1.2, 0.0, None),
         runs=(),
         errors=errors,
         poses=np.arange(frames),

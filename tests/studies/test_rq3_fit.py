@@ -16,7 +16,7 @@ from stixel_cli.scene.scenario import Scenario
 from stixel_cli.studies.rq3.fit import fit_noise, preset
 from stixel_cli.validation.point_errors import point_errors
 
-RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.5, 0.0)
+RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.5, 0.0, None)
 BOX = np.array([[2.25, -0.9], [2.25, 0.9], [-2.25, 0.9], [-2.25, -0.9]])
 KNOWN = {
     "plain": FittedNoise("fitted", 1, 0.0, 0.1, *5 * [0.0], 1.0),

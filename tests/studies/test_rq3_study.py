@@ -94,3 +94,31 @@ def test_shipped_presets_name_their_origin():
         text = path.read_text("utf-8")
         assert "stixel study rq3" in text
         assert user in text.splitlines()[0]
+
+
+def test_several_noise_values_are_compared_with_simulated_runs(studies, study):
+    content = yaml.safe_load(study.read_text("utf-8"))
+    axes = content["sweeps"]["fabricated"]["axes"]
+    axes = axes | {"measurement.noise.disparity_std": [0.1, 0.2]}
+    content["sweeps"]["fabricated"]["axes"] = axes
+    study.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    folder = Path(studies.run(study, *TINY)["folder"])
+    rows = list(csv.DictReader(io.StringIO((folder / "tables/noise_levels.csv").read_text())))
+    noises = [row["noise"] for row in rows]
+    assert noises == [f"measurement.noise.disparity_std={value}" for value in ("0.1", "0.2")]
+    assert all(row["n"] == "2" for row in rows)
+    for row in rows:
+        low, high = float(row["low centre RMSE"]), float(row["high centre RMSE"])
+        assert low <= float(row["centre RMSE − simulated"]) <= high
+    assert "measurement.noise.disparity_std=0.1 and " in (folder / "report.html").read_text()
+
+
+def test_the_cost_is_compared_with_the_sample_time(studies, study):
+    folder = Path(studies.run(study, *TINY)["folder"])
+    rows = list(csv.DictReader(io.StringIO((folder / "tables" / "cost.csv").read_text("utf-8"))))
+    by_stage = {row["stage"]: row for row in rows}
+    one = by_stage["images to track, point tracker, one core"]
+    two = by_stage["images to track, point tracker, two cores"]
+    assert {"track, point tracker", "scans"} <= by_stage.keys()
+    assert float(two["simulated"]) <= float(one["simulated"])
+    assert float(one["simulated / T"]) == pytest.approx(10.0 * float(one["simulated"]))

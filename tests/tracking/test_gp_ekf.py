@@ -10,7 +10,7 @@ from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.tracking import gp_ekf
 from stixel_cli.tracking.gp_ekf import contours_of, factor, linearise, track, update
 from stixel_cli.tracking.kernel import contour_process
-from stixel_cli.tracking.prior import PriorShape, prior_radii
+from stixel_cli.tracking.prior import PriorShape, mean_radius, prior_radii
 from stixel_cli.tracking.track import InitialState
 
 SEEDS = st.integers(0, 2**31)
@@ -46,22 +46,24 @@ def measurement(points, mean, process):
     """h(x; z) of thesis (65)-(67), written out with angles: (2n,)."""
     offset = points - mean[:2]
     bearing = np.arctan2(offset[:, 1], offset[:, 0])
-    radius = process.at(bearing - mean[2])[0] @ mean[6:]
+    deviations = mean[6:] - process.mean_radius
+    radius = process.mean_radius + process.at(bearing - mean[2])[0] @ deviations
     direction = np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
     return (mean[:2] + radius[:, None] * direction).ravel()
 
 
 @settings(derandomize=True, deadline=None, max_examples=40)
-@given(seed=SEEDS)
-def test_jacobian_matches_finite_differences(seed):
+@given(seed=SEEDS, mean_radius=st.sampled_from([0.0, 1.4]))
+def test_jacobian_matches_finite_differences(seed, mean_radius):
+    process = dataclasses.replace(PROCESS, mean_radius=mean_radius)
     mean, points = some_state(np.random.default_rng(seed))
-    predicted, matrix, _ = dense_model(points, mean, PROCESS)
-    np.testing.assert_allclose(predicted, measurement(points, mean, PROCESS), atol=1e-9)
+    predicted, matrix, _ = dense_model(points, mean, process)
+    np.testing.assert_allclose(predicted, measurement(points, mean, process), atol=1e-9)
     step = 1e-5
     for i, column in enumerate(matrix.T):
         shift = step * np.eye(len(mean))[i]
-        difference = measurement(points, mean + shift, PROCESS)
-        difference -= measurement(points, mean - shift, PROCESS)
+        difference = measurement(points, mean + shift, process)
+        difference -= measurement(points, mean - shift, process)
         np.testing.assert_allclose(column, difference / (2 * step), rtol=1e-4, atol=1e-4)
 
 
@@ -221,6 +223,23 @@ def test_contour_and_std_match_the_regression(tracker):
     np.testing.assert_allclose(found.contour_directions[-1, :, 0], np.cos(bearings), atol=1e-12)
     spread = np.diag(matrix @ covariance[6:, 6:] @ matrix.T) + variances
     np.testing.assert_allclose(found.contour_std[-1], np.sqrt(spread), rtol=1e-6)
+
+
+def test_unseen_radii_return_to_the_mean_function(tracker):
+    initial, prior, parameters = tracker
+    forgetting = dataclasses.replace(parameters, forgetting_rate=100.0)
+    nothing = scans_of([np.zeros((0, 2))] * 5)
+    for mean_function, radius in (("zero", 0.0), ("class_radius", mean_radius(prior))):
+        chosen = dataclasses.replace(forgetting, mean_function=mean_function)
+        found = track(nothing, initial, prior, chosen)
+        np.testing.assert_allclose(found.means[-1, 6:], radius, atol=1e-9)
+        reach = np.linalg.norm(found.contours_world[-1] - found.means[-1, :2], axis=1)
+        np.testing.assert_allclose(reach, radius, atol=1e-9)
+
+
+def test_the_mean_radius_of_an_ellipse_is_between_its_half_axes():
+    assert mean_radius(PriorShape(3.0, 3.0, "ellipse", 0.0, 1, 1, 1)) == pytest.approx(1.5)
+    assert 0.3 < mean_radius(PriorShape(1.8, 0.6, "ellipse", 0.0, 1, 1, 1)) < 0.9
 
 
 def test_negative_radius_is_reported_as_zero():

@@ -57,11 +57,13 @@ def scenario():
     return Scenario(times, np.zeros((5, 3)), poses, rates, outline, True)
 
 
-NOISE = StartParameters(position=0.3, heading=0.1, velocity=0.5, heading_rate=0.05)
+NOISE = StartParameters("truth", position=0.3, heading=0.1, velocity=0.5, heading_rate=0.05)
 
 
 def test_start_without_noise_predicts_the_truth_at_the_first_scan():
-    quiet = StartParameters(position=1e-12, heading=1e-12, velocity=1e-12, heading_rate=1e-12)
+    quiet = StartParameters(
+        "truth", position=1e-12, heading=1e-12, velocity=1e-12, heading_rate=1e-12
+    )
     start = noisy_start(scenario(), quiet, seed=3)
     first = transition(0.2) @ start.mean
     np.testing.assert_allclose(first, [4.0, 9.0, 0.3, 3.0, -1.0, 0.4], atol=1e-9)
@@ -78,3 +80,15 @@ def test_start_noise_matches_its_covariance_and_depends_only_on_the_seed():
     )
     again = noisy_start(scenario(), NOISE, 7)
     np.testing.assert_array_equal(again.mean, starts[7].mean)
+
+
+def test_rates_of_zero_keep_the_noise_of_the_pose():
+    zero = dataclasses.replace(NOISE, rates="zero", velocity=4.0, heading_rate=0.5)
+    starts = [noisy_start(scenario(), zero, seed) for seed in range(3)]
+    for seed, start in enumerate(starts):
+        true_rates = noisy_start(scenario(), NOISE, seed)
+        moved = transition(0.2) @ true_rates.mean
+        noise_of_rates = true_rates.mean[3:] - [3.0, -1.0, 0.4]
+        np.testing.assert_array_equal(start.mean[3:], 0.0)
+        np.testing.assert_allclose(start.mean[:3], moved[:3] - 0.2 * noise_of_rates, atol=1e-12)
+        np.testing.assert_allclose(np.diag(start.covariance)[3:], [16.0, 16.0, 0.25])

@@ -97,6 +97,7 @@ def test_whole_track_matches_the_reference(case):
         length_scale=float(case["length_scale"]),
         sigma_f=float(case["sigma_f"]),
         sigma_r=float(case["sigma_r"]),
+        mean_function="zero",
         forgetting_rate=float(case["alpha"]),
         jitter=float(case["jitter"]),
         sigma_q=float(case["sigma_q"]),

@@ -27,6 +27,7 @@ TRACKER = GpEkfParameters(
     length_scale=np.pi / 8,
     sigma_f=1.0,
     sigma_r=0.4,
+    mean_function="zero",
     forgetting_rate=1e-4,
     jitter=1e-6,
     sigma_q=1.0,

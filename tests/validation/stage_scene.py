@@ -26,7 +26,7 @@ DISPARITY = 10.0
 
 
 def make_rig(pitch=0.0):
-    return Rig(96, 72, None, 80.0, None, None, 1.5, 1.2, pitch)
+    return Rig(96, 72, None, 80.0, None, None, 1.5, 1.2, pitch, None)
 
 
 def scene(rig, depth, columns=(40, 58), height=1.5, wall=25.0):

@@ -11,7 +11,7 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.validation.point_errors import point_errors, ranges_along
 
-RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.5, 0.0)
+RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.5, 0.0, None)
 BOX = np.array([[2.25, -0.9], [2.25, 0.9], [-2.25, 0.9], [-2.25, -0.9]])
 EXACT = FabricatedParameters(
     "fabricated", None, "tangent", ConstantNoise("constant", 0.0), 0.0, 0.0, 80.0

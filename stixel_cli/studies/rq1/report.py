@@ -36,6 +36,7 @@ from stixel_cli.studies.rq1.pool import (
     seeds,
 )
 from stixel_cli.studies.rq1.setup import setup_values
+from stixel_cli.studies.rq1.widths import width_table, width_values
 from stixel_cli.studies.types import Material, Picture
 from stixel_cli.validation.stage_errors import BORDER, GROSS
 
@@ -58,6 +59,7 @@ def report(data: StudyData) -> Material:
         "grids": groups(sweeps["grids"], grid),
     }
     contrasts = sorted(groups(sweeps["contrast"], lambda run: f"{contrast(run):g}"), key=_number)
+    by_width = width_values(sweeps["widths"])
     ends = contrasts[:: len(contrasts) - 1] if len(contrasts) > 1 else []
     first = users[0].runs[0].configuration
     return Material(
@@ -108,6 +110,8 @@ def report(data: StudyData) -> Material:
                 "rigs": tables.rig_table(lines["rigs"]),
                 "contrast": tables.contrast_table(by_contrast),
             },
+            "widths": by_width,
+            "width_table": width_table(by_width),
             "gallery": gallery(sweeps["gallery"]),
         }
     )

@@ -17,7 +17,14 @@ from stixel_cli.studies.inference import (
     paired,
     pairs_needed,
 )
-from stixel_cli.studies.rq3.runs import FABRICATED, FITTED, PAIR, SIMULATED, Measure
+from stixel_cli.studies.rq3.runs import (
+    FABRICATED,
+    FITTED,
+    PAIR,
+    SIMULATED,
+    TRACKER_MEASURES,
+    Measure,
+)
 from stixel_cli.studies.tables import interval_columns
 from stixel_cli.studies.types import Column, Table
 
@@ -177,3 +184,32 @@ def difference_table(name: str, found: Sequence[Comparison]) -> Table:
         cells += [one.closed.share, one.closed.low, one.closed.high]
         rows.append(tuple(cells))
     return Table(name, "", tuple(columns), tuple(rows))
+
+
+def noise_table(simulated: "pd.DataFrame", levels: "Mapping[str, pd.DataFrame]") -> Table:
+    """The tracker's measures on fabricated scans by noise, and their differences from simulated.
+
+    `levels` are frames of `runs_of` by the values of the noise. One row for each road user, tracker
+    and level; differences are paired, with 95 % intervals as in the other tables.
+    """
+    metrics = {name: TRACKER_MEASURES[name] for name in ("centre", "orientation", "iou")}
+    reference = _values(simulated, metrics).add_suffix(f"_{SIMULATED}")
+    rows = []
+    for level, runs in levels.items():
+        pairs = _values(runs, metrics).join(reference, how="inner")
+        for (user, tracker), own in pairs.groupby(level=["road_user", "tracker"], sort=False):
+            paths = own.index.get_level_values("path").tolist()
+            cells: list[float | None] = []
+            for name in metrics:
+                known = np.isfinite(own[name]) & np.isfinite(own[f"{name}_{SIMULATED}"])
+                values, others = own[name][known], own[f"{name}_{SIMULATED}"][known]
+                kept = [path for path, one in zip(paths, known, strict=True) if one]
+                apart = paired((values - others).to_numpy(), kept)
+                mean = float(values.mean()) if len(values) else None
+                cells += [mean, apart.mean, apart.low, apart.high]
+            rows.append((user, tracker, level, len(own), *cells))
+    columns: list[str | Column] = []
+    for measure in metrics.values():
+        label = f"{measure.label} ({measure.unit})" if measure.unit else measure.label
+        columns += [label, *interval_columns(f"{measure.label} − {SIMULATED}", measure.label)]
+    return Table("noise_levels", "", ("road user", "tracker", "noise", "n", *columns), tuple(rows))

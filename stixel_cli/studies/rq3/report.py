@@ -8,7 +8,7 @@ from stixel_cli.results.text import listed
 from stixel_cli.studies.data import StudyData, chosen, names
 from stixel_cli.studies.inference import DRAWS
 from stixel_cli.studies.rq3.answer import answer_table, answer_values
-from stixel_cli.studies.rq3.compare import compare, difference_table
+from stixel_cli.studies.rq3.compare import compare, difference_table, noise_table
 from stixel_cli.studies.rq3.figures import (
     LEAST_POINTS,
     RANGE_CLASS,
@@ -26,6 +26,7 @@ from stixel_cli.studies.rq3.runs import (
     SHARED,
     SIMULATED,
     TRACKER_MEASURES,
+    by_noise,
     cost_of,
     cost_table,
     neighbour_columns,
@@ -71,7 +72,14 @@ def held_out_noises(training: "pd.DataFrame") -> dict[tuple[str, str], FittedNoi
 
 def report(data: StudyData) -> Material:
     """Values, tables and figures of the template; all runs have the result `point_errors`."""
-    sweeps = {name: runs_of(data.sweeps[name]) for name in (SIMULATED, FABRICATED, FITTED)}
+    # Of several noise values, the first is compared in full.
+    levels = {name: runs_of(part) for name, part in by_noise(data.sweeps[FABRICATED]).items()}
+    fabricated = next(iter(by_noise(data.sweeps[FABRICATED]).values()))
+    sweeps = {
+        SIMULATED: runs_of(data.sweeps[SIMULATED]),
+        FABRICATED: next(iter(levels.values())),
+        FITTED: runs_of(data.sweeps[FITTED]),
+    }
     runs, training = sweeps[SIMULATED], runs_of(data.sweeps[TRAINING])
     noises = {
         user: fit_noise(chosen(training, road_user=user)["errors"].tolist())
@@ -81,7 +89,7 @@ def report(data: StudyData) -> Material:
     lag = neighbour_columns([run for pool in pools.values() for run in pool[SIMULATED]])
     points = compare(sweeps, point_measures(lag), by_tracker=False)
     tracks = compare(sweeps, TRACKER_MEASURES, by_tracker=True)
-    cost = cost_of(data.sweeps[SIMULATED], data.sweeps[FABRICATED])
+    cost = cost_of(data.sweeps[SIMULATED], fabricated)
     seeds, paths = (len(names(runs, name)) for name in ("seed", "path"))
     test_seeds, fit_seeds = (sorted(names(own, "seed")) for own in (runs, training))
     return Material(
@@ -94,7 +102,7 @@ def report(data: StudyData) -> Material:
             "test_seeds": test_seeds,
             "fit_seeds": fit_seeds,
             "common_seeds": sorted(set(test_seeds) & set(fit_seeds)),
-            "noises": noises_of(data.sweeps[FABRICATED]),
+            "noises": noises_of(fabricated),
             "lag": f"{lag:.2g}",
             "draws": DRAWS,
             "range_class": f"{RANGE_CLASS:g}",
@@ -115,8 +123,10 @@ def report(data: StudyData) -> Material:
             "biases": {user: noise.range_bias for user, noise in noises.items()},
             "fitted_table": _noise_table("fitted_noise", noises),
             "held_out_table": _held_out_table(held_out_noises(training)),
+            "noise_levels": list(levels),
+            "noise_table": noise_table(runs, levels),
             "shared_stages": SHARED,
-            "cost_table": cost_table(cost),
+            "cost_table": cost_table(cost, sweeps),
         },
         {
             f"noise/fitted_{user}.yaml": preset(noise, _what(training, user), COMMAND)

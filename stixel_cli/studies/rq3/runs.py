@@ -1,13 +1,14 @@
 """RQ3: runs with the errors of their points, the measures of a run, and the cost of a scan."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from stixel_cli.evaluation.metric_table import METRICS
-from stixel_cli.studies.data import StudyRun, StudySweep, run_frame
+from stixel_cli.studies.data import StudyRun, StudySweep, chosen, names, run_frame
+from stixel_cli.studies.real_time import on_cores, seconds_a_scan
 from stixel_cli.studies.types import Table
 from stixel_cli.validation.point_errors import PointErrors
 
@@ -58,6 +59,18 @@ def runs_of(sweep: StudySweep) -> "pd.DataFrame":
     return runs.assign(errors=[errors[key] for key in runs[SCAN].itertuples(index=False)])
 
 
+def by_noise(sweep: StudySweep) -> dict[str, StudySweep]:
+    """The values of the swept keys of the measurement, to the part of the sweep that has them.
+
+    Without such a key there is one part, and its name is empty.
+    """
+    parts: dict[str, list[StudyRun]] = {}
+    for run in sweep.runs:
+        keys = [key for key in run.setting if key.startswith("measurement")]
+        parts.setdefault(", ".join(f"{key}={run.setting[key]}" for key in keys), []).append(run)
+    return {name: replace(sweep, runs=tuple(runs)) for name, runs in parts.items()}
+
+
 def cost_of(simulated: StudySweep, fabricated: StudySweep) -> dict[str, Any]:
     """The computational cost of a scan of both kinds.
 
@@ -105,15 +118,35 @@ def _totals(runs: "pd.DataFrame") -> "pd.Series":
     return runs.dropna(subset="total").drop_duplicates(SCAN, keep="last").set_index(SCAN)["total"]
 
 
-def cost_table(cost: dict[str, Any]) -> Table:
-    """CPU seconds by stage, and of all stages that are not shared."""
+def cost_table(cost: dict[str, Any], runs: "dict[str, pd.DataFrame]") -> Table:
+    """CPU seconds by stage, and of all stages that are not shared; then of the work in real time.
+
+    `runs` are the frames of the simulated and the fabricated sweep. The work in real time is that
+    from the images to the track, see `studies.real_time`. The last columns are relative to the
+    sample time T.
+    """
     simulated, fabricated = cost[SIMULATED], cost[FABRICATED]
     rows = [
         (stage, simulated.get(stage), fabricated.get(stage))
         for stage in dict.fromkeys((*simulated, *fabricated))
     ]
     rows.append(("all that is not shared", cost["simulated_total"], cost["fabricated_total"]))
-    return Table("cost", "", ("stage", SIMULATED, FABRICATED), tuple(rows))
+    for tracker in names(runs[SIMULATED], "tracker"):
+        own = [
+            chosen(runs[kind], tracker=tracker)["run"].tolist() for kind in (SIMULATED, FABRICATED)
+        ]
+        seconds = [seconds_a_scan(one) for one in own]
+        cores = [on_cores(one) if "track" in one else (None, None) for one in seconds]
+        rows.append((f"track, {tracker}", *(one.get("track") for one in seconds)))
+        rows.append((f"images to track, {tracker}, one core", *(one for one, _ in cores)))
+        rows.append((f"images to track, {tracker}, two cores", *(two for _, two in cores)))
+    sample_time = runs[SIMULATED]["run"].iloc[0].configuration.path.sample_time
+    columns = ("stage", SIMULATED, FABRICATED, f"{SIMULATED} / T", f"{FABRICATED} / T")
+    return Table("cost", "", columns, tuple((*row, *_over(row[1:], sample_time)) for row in rows))
+
+
+def _over(values: Sequence[float | None], sample_time: float) -> list[float | None]:
+    return [None if value is None else value / sample_time for value in values]
 
 
 def neighbour_columns(runs: Sequence[PointErrors]) -> float:
