@@ -7,7 +7,7 @@ import numpy as np
 
 from stixel_cli.rendering.shading import GREEN, RED, TEXEL_STEP
 from stixel_cli.scene.mesh import Mesh
-from stixel_cli.scene.open3d_import import import_open3d
+from stixel_cli.scene.open3d_import import import_open3d_bindings
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class RayTree:
     """Triangles in the structure that rays ask (Open3D's RaycastingScene), on one thread."""
 
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray):
-        library = import_open3d()
+        library = import_open3d_bindings()
         self._tensor = library.core.Tensor
         self._scene = library.t.geometry.RaycastingScene(nthreads=1)
         self._scene.add_triangles(
