@@ -172,48 +172,68 @@ def _span(edges, row):
 
 
 @njit(cache=True, nogil=True)
-def fragments(found, inverse, parts, split, right, down):
+def fragments(found, inverse, second, rows, columns, parts, split, right, down):
     """The distinct triangles of each pixel, in the order of their first samples.
 
     Args:
         found, inverse: (n, s), of `rasterise`.
+        second: number of the first triangle of the second body.
+        rows, columns: (n,) int64 of the pixels.
         parts: (s,) int64, the part of the pixel, counted from 0, in which a sample is.
         split: (n,) bool, whether a triangle's parts count as distinct.
         right, down: (s,) px.
 
     Returns:
-        For each fragment (m,), pixel by pixel: its pixel, int64; the triangle's number, int32;
-        how many samples it has, int64; the means over them of the offsets right and down, px, and
-        of the inverse depth, 1/m, float64, which are those of a point of the triangle.
+        For each fragment (m,), pixel by pixel: its pixel, int64; how many samples it has, int64;
+        the mean u and v of these, px, and the depth there, m, inf without a triangle, float64;
+        the body, int8, and its triangle, int32, both -1 without one.
     """
     count, samples = found.shape
     # Memory that is not written is not taken.
     room = count * samples
     pixels = np.empty(room, dtype=np.int64)
-    numbers = np.empty(room, dtype=np.int32)
     covered = np.empty(room, dtype=np.int64)
-    means = np.empty((3, room))
+    u, v, depth = np.empty(room), np.empty(room), np.empty(room)
+    body = np.empty(room, dtype=np.int8)
+    triangle = np.empty(room, dtype=np.int32)
+    numbers = np.empty(samples, dtype=np.int32)
     own_parts = np.empty(samples, dtype=np.int64)
     past = 0
     for pixel in range(count):
-        begin = at = past
+        begin, own, at = past, 0, 0
         for k in range(samples):
             number = found[pixel, k]
             part = parts[k] if split[pixel] else 0
             # Mostly that of the sample before.
-            if at == past or numbers[at] != number or own_parts[at - begin] != part:
-                at = begin
-                while at < past and (numbers[at] != number or own_parts[at - begin] != part):
+            if at == own or numbers[at] != number or own_parts[at] != part:
+                at = 0
+                while at < own and (numbers[at] != number or own_parts[at] != part):
                     at += 1
-            if at == past:
-                pixels[at], numbers[at], own_parts[at - begin], covered[at] = pixel, number, part, 0
-                means[0, at] = means[1, at] = means[2, at] = 0.0
-                past += 1
-            covered[at] += 1
-            means[0, at] += right[k]
-            means[1, at] += down[k]
-            means[2, at] += inverse[pixel, k]
-        for at in range(begin, past):
-            for i in range(3):
-                means[i, at] /= covered[at]
-    return pixels[:past], numbers[:past], covered[:past], means[:, :past]
+            to = begin + at
+            if at == own:
+                own += 1
+                numbers[at], own_parts[at], covered[to] = number, part, 0
+                u[to] = v[to] = depth[to] = 0.0
+            covered[to] += 1
+            u[to] += right[k]
+            v[to] += down[k]
+            depth[to] += inverse[pixel, k]
+        past += own
+        for at in range(own):
+            to, number = begin + at, numbers[at]
+            pixels[to] = pixel
+            u[to] = columns[pixel] + u[to] / covered[to]
+            v[to] = rows[pixel] + v[to] / covered[to]
+            # Inverse depth is linear in the image: its mean is that of the mean point.
+            depth[to] = covered[to] / depth[to] if number >= 0 else np.inf
+            body[to] = -1 if number < 0 else 0 if number < second else 1
+            triangle[to] = number - second if number >= second else number
+    return (
+        pixels[:past],
+        covered[:past],
+        u[:past],
+        v[:past],
+        depth[:past],
+        body[:past],
+        triangle[:past],
+    )

@@ -17,7 +17,7 @@ SHADOW_PARTS = 2
 """Where a shadow's edge may be in a pixel, this many parts along each axis ask for the sun."""
 
 BLOCK = 1 << 20
-"""At most this many samples in memory at a time; each takes 12 bytes, and 56 in the worst case."""
+"""At most this many samples in memory at a time; each takes 12 bytes, and 57 in the worst case."""
 
 
 def sample_offsets(samples: int) -> tuple[np.ndarray, np.ndarray]:
@@ -121,19 +121,16 @@ def _block(bodies, camera, centres, at_shadow, sun, light, samples) -> np.ndarra
     """As `supersampled`, all pixels at a time."""
     right, down = sample_offsets(samples)
     inverse, found = rasterised(bodies, camera, centres.rows, centres.columns, right, down)
-    pixel, number, covered, (across, along, inverse) = fragments(
-        found, inverse, _parts(samples), at_shadow, right, down
+    second = len(bodies[0].surfaces.corners)
+    parts = _parts(samples)
+    pixel, covered, u, v, *hits = fragments(
+        found, inverse, second, centres.rows, centres.columns, parts, at_shadow, right, down
     )
-    first = len(bodies[0].surfaces.corners)
-    body = np.where(number < 0, -1, number >= first).astype(np.int8)
-    depth = np.full(len(number), np.inf)
-    np.divide(1.0, inverse, out=depth, where=number >= 0)
-    hits = Hits(depth, body, np.where(body == 1, number - first, number).astype(np.int32))
-    u, v = centres.columns[pixel] + across, centres.rows[pixel] + along
+    hits = Hits(*hits)
     # The centre's way to the sun is that of its whole triangle, where no shadow's edge is near.
-    same = (body == centres.hits.body[pixel]) & (hits.triangle == centres.hits.triangle[pixel])
+    same = (hits.body == centres.hits.body[pixel]) & (hits.triangle == centres.hits.triangle[pixel])
     lit = centres.lit[pixel]
-    asked = np.flatnonzero((~same | at_shadow[pixel]) & (body >= 0))
+    asked = np.flatnonzero((~same | at_shadow[pixel]) & (hits.body >= 0))
     lit[asked] = sunlit(bodies, camera, u[asked], v[asked], hits.at(asked), sun, range(len(bodies)))
     spread = np.sqrt(covered) / samples
     colours = light_of(bodies, camera, u, v, hits, lit, sun, light, spread)
