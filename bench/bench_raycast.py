@@ -1,4 +1,4 @@
-"""A rendered stereo pair of 640 × 480 px, one thread; beside it 2 × 2 rays everywhere.
+"""A rendered stereo pair of 640 × 480 px, one thread, next to 2 × 2 rays everywhere.
 
 The plain reference has the same rays, textures and light, but samples every pixel alike and keeps
 nothing from frame to frame. Run it with `pytest bench/bench_raycast.py`.
