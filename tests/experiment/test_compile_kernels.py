@@ -14,7 +14,7 @@ from stixel_cli.method import follow_road_user
 folder = Path(stixel_cli.__file__).parent
 kernels = {}
 for path in sorted(folder.rglob("*.py")):
-    if "import njit" in path.read_text("utf-8") and path.stem != "compile_kernels":
+    if "import njit" in path.read_text("utf-8"):
         name = ".".join(path.relative_to(folder.parent).with_suffix("").parts)
         found = vars(importlib.import_module(name)).items()
         kernels |= {f"{name}.{key}": k for key, k in found if hasattr(k, "signatures")}
