@@ -9,13 +9,18 @@ ARGS ?=
 
 .PHONY: setup run test lint bench clean
 
-setup: .venv/installed
+setup: .venv/kernels
 
 .venv/installed: pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "make: Python 3.11 or 3.12 is needed; name it with PYTHON=…" >&2; exit 2; }
 	$(PYTHON) -m venv .venv
 	PIP_CONSTRAINT=constraints.txt PIP_DISABLE_PIP_VERSION_CHECK=1 \
 		$(BIN)/python -m pip install --quiet --editable '.[test]'
+	@touch $@
+
+# Numba's kernels, compiled where they have changed. Without this, the first run compiles them.
+.venv/kernels: .venv/installed $(shell grep -rl --include='*.py' 'import njit' stixel_cli)
+	$(BIN)/python -m stixel_cli.experiment.compile_kernels
 	@touch $@
 
 run: setup

@@ -1,4 +1,4 @@
-"""A rendered stereo pair of 640 × 480 px, one thread; beside it 2 × 2 rays everywhere.
+"""A rendered stereo pair of 640 × 480 px, one thread, next to 2 × 2 rays everywhere.
 
 The plain reference has the same rays, textures and light, but samples every pixel alike and keeps
 nothing from frame to frame. Run it with `pytest bench/bench_raycast.py`.
@@ -17,8 +17,9 @@ from stixel_cli.rendering.camera_rays import rig_cameras
 from stixel_cli.rendering.placement import numbered_objects, world_from_target_3d
 from stixel_cli.rendering.raycast import StaticScene, Target, render_frame
 from stixel_cli.rendering.raycast_parameters import RaycastParameters
+from stixel_cli.rendering.supersampling import sample_offsets
 from stixel_cli.rendering.surfaces import srgb_from_linear
-from stixel_cli.rendering.tracing import Body, light_of, nearest, sample_offsets, sunlit
+from stixel_cli.rendering.tracing import Body, light_of, nearest, sunlit
 from stixel_cli.rendering.views import CENTRE
 from stixel_cli.scene.road_user import road_user_mesh
 from stixel_cli.scene.road_user_parameters import RoadUser
@@ -94,7 +95,9 @@ def test_plain_pair_with_four_rays_everywhere(benchmark, scene):
         for camera in cameras:
             hits = nearest(bodies, camera, rows, columns, right, down)
             lit = sunlit(bodies, camera, u, v, hits, static.sun, (0, 1))
-            linear = light_of(bodies, camera, u, v, hits, lit, static.sun, light, 0.5)
+            linear = light_of(
+                bodies, camera, u, v, hits, lit, static.sun, light, np.full(len(u), 0.5)
+            )
             pictures.append(srgb_from_linear(linear.reshape(len(rows), 4, 3).mean(axis=1)))
         return pictures, nearest(bodies, cameras[0], rows, columns, *CENTRE).depth
 

@@ -36,14 +36,13 @@ def encode_png(image: np.ndarray) -> bytes:
     """
     import cv2
 
-    ordered = image if image.ndim == 2 else image[..., ::-1]
-    # Level 1 is the knee: higher levels cost several times the time for a few per cent.
-    done, buffer = cv2.imencode(
-        ".png", np.ascontiguousarray(ordered), [cv2.IMWRITE_PNG_COMPRESSION, 1]
-    )
-    if not done:
+    grey = image.ndim == 2 and image.dtype in (np.uint8, np.uint16)
+    if not grey and (image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8):
         raise ValueError(f"cannot encode an image of shape {image.shape}, type {image.dtype}")
-    return buffer.tobytes()
+    ordered = image if grey else image[..., ::-1]
+    # OpenCV's own settings: level 1, the filter SUB and the strategy RLE, which looks for runs
+    # only. If the level is given, it changes the other two: half of the speed, hardly smaller.
+    return cv2.imencode(".png", np.ascontiguousarray(ordered))[1].tobytes()
 
 
 def decode_png(data: bytes) -> np.ndarray:

@@ -116,7 +116,8 @@ def edge_masks(width, hits, tables, lit, light, encode, contrast, bend, jump):
 
     Inside one surface the texture's own filter is enough, and an invisible edge needs no
     further samples. So an edge needs another surface or another light than that of a neighbour (of
-    four), and colours that differ. Where lit and unlit pixels meet there may be a shadow's edge.
+    four), and colours that differ. Where lit and unlit pixels of one surface meet, there is a
+    shadow's edge.
 
     Args:
         width: of the image.
@@ -143,7 +144,7 @@ def edge_masks(width, hits, tables, lit, light, encode, contrast, bend, jump):
             if body[one] == body[two] and triangle[one] == triangle[two] and not other_light:
                 continue
             same = _continues(one, two, hits, tables, bend, jump)
-            if other_light and body[one] >= 0 and body[two] >= 0:
+            if other_light and same:
                 at_shadow[one] = at_shadow[two] = True
             if (other_light or not same) and _contrasts(one, two, light, encode, contrast):
                 edge[one] = edge[two] = True

@@ -31,9 +31,9 @@ def render(
 ) -> RenderedFrames:
     """Render `frames` of the scenario without noise.
 
-    One ray goes through each pixel's centre and gives depth and identity; pixels at an edge get
-    `renderer.samples`² rays for their colour. While the ego car does not move, the
-    static scene is rendered once; the bytes equal those of a frame rendered by itself.
+    One ray goes through each pixel's centre and gives depth and identity; a rasteriser finds what
+    `renderer.samples`² samples show for the colour of a pixel at an edge. While the ego car does
+    not move, the static scene is rendered once; the bytes are those of a frame rendered alone.
 
     Args:
         scenario: poses of the ego car and the target.

@@ -14,7 +14,7 @@ class RaycastParameters:
 
     Attributes:
         kind: `raycast`.
-        samples: its square is the number of rays through a pixel that shows an edge; 1 is one ray
+        samples: its square is the number of samples in a pixel that shows an edge; 1 is one ray
             everywhere.
         light: the sun, the sky and the exposure.
     """

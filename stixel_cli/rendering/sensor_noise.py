@@ -1,5 +1,7 @@
 """The sensors: noise-free colour pictures become the grey images that all later stages see."""
 
+from functools import cache
+from statistics import NormalDist
 from typing import Annotated
 
 import numpy as np
@@ -74,6 +76,19 @@ def noise_std(grey: np.ndarray, sensor: Sensor) -> np.ndarray:
 
 def _noisy_grey(colour, gain: float, sensor: Sensor, random: np.random.Generator) -> bytes:
     grey = grey_levels(colour) * np.float32(gain)
-    noise = random.standard_normal(grey.shape, dtype=np.float32)
-    grey += noise * noise_std(grey, sensor)
-    return encode_png(np.clip(np.rint(grey), 0, 255).astype(np.uint8))
+    drawn = random.integers(0, len(normal_quantiles()), grey.shape, dtype=np.uint16)
+    grey += normal_quantiles()[drawn] * noise_std(grey, sensor)
+    np.clip(np.rint(grey, out=grey), 0, 255, out=grey)
+    return encode_png(grey.astype(np.uint8))
+
+
+@cache
+def normal_quantiles() -> np.ndarray:
+    """Standard normal deviates (65536,) float32 that are equally likely, in ascending order.
+
+    An integer of 16 bits that selects one costs a tenth of a normal deviate of NumPy's. Noise is
+    rounded to grey levels afterwards, so steps this fine are not seen; the last deviate is 4.3.
+    """
+    count = 1 << 16
+    quantile = NormalDist().inv_cdf
+    return np.array([quantile((i + 0.5) / count) for i in range(count)], dtype=np.float32)

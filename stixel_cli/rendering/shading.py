@@ -216,13 +216,13 @@ def shade(
         u, v, depth, body, triangle: (n,) samples and what they hit.
         lit: (n,) bool, whether the sun is seen from there.
         index: of the body.
-        spread: width of the area that one sample represents, px.
+        spread: (n,) float64, width of the square that a sample represents, px.
         sun: (3,) towards the sun.
         sunlight, skylight, groundlight: (3,) light of the sun, the sky above, the ground below.
         rotation, origin, focal, u0, v0: the camera.
         normals, uv_gradients, texture, texels, levels, first_level: as in `Surfaces`.
     """
-    step, inverse = spread / focal, 1.0 / focal
+    inverse = 1.0 / focal
     # Columns of the rotation: the camera's right, down and forward. Written out in coordinates,
     # for small arrays cost more than what is computed with them.
     rx, ry, rz = rotation[0, 0], rotation[1, 0], rotation[2, 0]
@@ -241,7 +241,7 @@ def shade(
             slope = -1e-4 * side
         # Steps of the hit, in its plane, to the next sample on the right and below.
         back = (nx * rx + ny * ry + nz * rz) / slope
-        reach = z * step
+        reach = z * spread[i] * inverse
         sx, sy, sz = reach * (rx - ax * back), reach * (ry - ay * back), reach * (rz - az * back)
         back = (nx * dx + ny * dy + nz * dz) / slope
         tx, ty, tz = reach * (dx - ax * back), reach * (dy - ay * back), reach * (dz - az * back)

@@ -7,7 +7,7 @@ import numpy as np
 
 from stixel_cli.rendering.shading import GREEN, RED, TEXEL_STEP
 from stixel_cli.scene.mesh import Mesh
-from stixel_cli.scene.open3d_import import import_open3d
+from stixel_cli.scene.open3d_import import import_open3d_bindings
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class RayTree:
     """Triangles in the structure that rays ask (Open3D's RaycastingScene), on one thread."""
 
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray):
-        library = import_open3d()
+        library = import_open3d_bindings()
         self._tensor = library.core.Tensor
         self._scene = library.t.geometry.RaycastingScene(nthreads=1)
         self._scene.add_triangles(
@@ -59,7 +59,7 @@ class Surfaces:
 
     Attributes:
         tree: all triangles, in the order of the tables.
-        vertices: (V, 3) float64 m.
+        corners: (T, 3, 3) float64 m.
         normals: (T, 3) float64 unit vectors, outward.
         offsets: (T,) float64 m, a triangle's plane is normal · point = offset.
         uv_gradients: (T, 2, 4) float64; a row times (x, y, z, 1) is a texture coordinate.
@@ -69,7 +69,7 @@ class Surfaces:
     """
 
     tree: RayTree
-    vertices: np.ndarray
+    corners: np.ndarray
     normals: np.ndarray
     offsets: np.ndarray
     uv_gradients: np.ndarray
@@ -103,7 +103,7 @@ def build_surfaces(objects: Iterable[tuple[int, Mesh]]) -> Surfaces:
     normals, offsets = _planes(corners)
     return Surfaces(
         RayTree(vertices, triangles),
-        vertices,
+        corners,
         normals,
         offsets,
         _uv_gradients(corners, normals, np.concatenate(uvs)),

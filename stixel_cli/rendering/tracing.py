@@ -59,9 +59,9 @@ def intersect(
     """
     u, v = np.add.outer(columns, right).ravel(), np.add.outer(rows, down).ravel()
     surfaces = body.surfaces
-    pinhole = _pinhole(camera.seen_from(body.world_from_body))
-    hit, triangle = surfaces.tree.first_hits(shading.camera_rays(u, v, *pinhole))
-    depth = shading.exact_depths(u, v, triangle, hit, *pinhole, surfaces.normals, surfaces.offsets)
+    seen = pinhole(camera.seen_from(body.world_from_body))
+    hit, triangle = surfaces.tree.first_hits(shading.camera_rays(u, v, *seen))
+    depth = shading.exact_depths(u, v, triangle, hit, *seen, surfaces.normals, surfaces.offsets)
     return depth, triangle
 
 
@@ -107,7 +107,7 @@ def sunlit(
             hits.body,
             hits.triangle,
             index,
-            *_pinhole(camera.seen_from(body.world_from_body)),
+            *pinhole(camera.seen_from(body.world_from_body)),
             body.surfaces.normals,
             body.world_from_body[:3, :3].T @ sun,
         )
@@ -133,7 +133,7 @@ def light_of(
     lit: np.ndarray,
     sun: np.ndarray,
     light: Light,
-    spread: float,
+    spread: np.ndarray | float,
 ) -> np.ndarray:
     """Linear light (n, 3) float32 of samples that each represent a square of `spread` px.
 
@@ -141,6 +141,7 @@ def light_of(
     (3,) points to it in the world.
     """
     result = np.empty((len(u), 3), dtype=np.float32)
+    spread = np.full(len(u), spread, dtype=np.float64)
     for index, body in enumerate(bodies):
         surfaces = body.surfaces
         shading.shade(
@@ -153,7 +154,7 @@ def light_of(
             lit,
             index,
             spread,
-            *_pinhole(camera.seen_from(body.world_from_body)),
+            *pinhole(camera.seen_from(body.world_from_body)),
             surfaces.normals,
             surfaces.uv_gradients,
             surfaces.texture,
@@ -181,88 +182,6 @@ def light_of(
     return result
 
 
-def sample_offsets(samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """Offsets (n²,) right and down of a pixel's n² samples from its centre, px; n = `samples`.
-
-    One sample in each cell of n × n, and no two in one of n² columns or of n² rows: an edge along
-    an axis, the commonest, gets n² shades and not n. For n = 2 this is the rotated grid.
-    """
-    row, column = np.divmod(np.arange(samples * samples), samples)
-    fine = samples * samples
-    down = (row * samples + column + 0.5) / fine - 0.5
-    right = (column * samples + (samples - 1 - row) + 0.5) / fine - 0.5
-    return right, down
-
-
-@dataclass(frozen=True)
-class Centres:
-    """Values of pixels (n,) from the ray through the centre of each.
-
-    Attributes:
-        rows, columns: (n,) int64.
-        hits: what is met.
-        lit: (n,) bool, whether it sees the sun.
-        light: (n, 3) float32, linear light.
-    """
-
-    rows: np.ndarray
-    columns: np.ndarray
-    hits: Hits
-    lit: np.ndarray
-    light: np.ndarray
-
-    def at(self, index: np.ndarray) -> "Centres":
-        """Those of the pixels with the indices `index`."""
-        return Centres(
-            self.rows[index],
-            self.columns[index],
-            self.hits.at(index),
-            self.lit[index],
-            self.light[index],
-        )
-
-
-def supersampled(
-    bodies: list[Body],
-    camera: Camera,
-    centres: Centres,
-    at_shadow: np.ndarray,
-    sun: np.ndarray,
-    light: Light,
-    samples: int,
-) -> np.ndarray:
-    """Linear light (n, 3) float32 of pixels (n,), the mean of `samples`² rays through each.
-
-    `sun` (3,) points to the sun in the world. `at_shadow` (n,) is true if a shadow's edge may
-    be in the pixel. A sample on the centre's triangle has the centre's light, whose filter is a
-    pixel wide; rays to the sun are cast only where a shadow's edge may run between them.
-    """
-    right, down = sample_offsets(samples)
-    hits = nearest(bodies, camera, centres.rows, centres.columns, right, down)
-    pixel = np.repeat(np.arange(len(centres.rows)), len(right))
-    alike = (hits.body == centres.hits.body[pixel]) & (
-        hits.triangle == centres.hits.triangle[pixel]
-    )
-    colours = centres.light[pixel]
-    asked = np.flatnonzero(~alike | (at_shadow[pixel] & (hits.body >= 0)))
-    u = np.add.outer(centres.columns, right).ravel()[asked]
-    v = np.add.outer(centres.rows, down).ravel()[asked]
-    hits = hits.at(asked)
-    lit = sunlit(bodies, camera, u, v, hits, sun, range(len(bodies)))
-    other = np.flatnonzero(~alike[asked] | (lit != centres.lit[pixel[asked]]))
-    colours[asked[other]] = light_of(
-        bodies,
-        camera,
-        u[other],
-        v[other],
-        hits.at(other),
-        lit[other],
-        sun,
-        light,
-        1.0 / samples,
-    )
-    return colours.reshape(len(centres.rows), len(right), 3).mean(axis=1)
-
-
-def _pinhole(camera: Camera) -> tuple:
+def pinhole(camera: Camera) -> tuple[np.ndarray, np.ndarray, float, float, float]:
+    """The camera as the kernels take it: rotation, origin, focal, u0, v0."""
     return camera.rotation, camera.origin, camera.focal, camera.u0, camera.v0

@@ -14,12 +14,18 @@ from stixel_cli.rendering.camera_rays import Camera
 from stixel_cli.rendering.edges import edge_pixels, unclear_pixels
 from stixel_cli.rendering.frames import SKY_ID
 from stixel_cli.rendering.raycast_parameters import RaycastParameters
+from stixel_cli.rendering.supersampling import (
+    Centres,
+    rasterised,
+    sample_offsets,
+    supersampled,
+)
 from stixel_cli.rendering.surfaces import srgb_from_linear
-from stixel_cli.rendering.tracing import Body, Centres, Hits
+from stixel_cli.rendering.tracing import Body, Hits
 from stixel_cli.scene.world_parameters import Light
 
 THIN_SAMPLES = 2
-"""Rays a pixel along each axis that look for thin parts of the target between pixel centres."""
+"""Samples along each axis that look for thin parts of the target between pixel centres."""
 
 CENTRE = np.zeros(1), np.zeros(1)
 """The one sample in the middle of a pixel."""
@@ -55,12 +61,14 @@ def static_view(
     u, v = columns.astype(np.float64), rows.astype(np.float64)
     hits = tracing.nearest([static], camera, rows, columns, *CENTRE)
     lit = _sunlit_static(static, camera, u, v, hits, sun)
-    plain = tracing.light_of([static], camera, u, v, hits, lit, sun, renderer.light, 1.0)
+    plain = tracing.light_of(
+        [static], camera, u, v, hits, lit, sun, renderer.light, np.ones(len(u))
+    )
     centres, light = Centres(rows, columns, hits, lit, plain), plain.copy()
     if renderer.samples > 1:
         edge, at_shadow = edge_pixels([static], hits, lit, plain, camera.height)
         again = np.flatnonzero(edge)
-        light[again] = tracing.supersampled(
+        light[again] = supersampled(
             [static],
             camera,
             centres.at(again),
@@ -136,7 +144,7 @@ def view_with_target(
                 target, camera, rows[near], columns[near], view.hits.depth[pixels[near]], over[near]
             )
             again = np.flatnonzero(edge)
-            light[pixels[again]] = tracing.supersampled(
+            light[pixels[again]] = supersampled(
                 bodies,
                 camera,
                 centres.at(again),
@@ -206,7 +214,7 @@ def _centres_with_target(
 def _touched_rectangles(static: Body, target: Body, corners_target, camera: Camera, sun):
     """Rectangles of the image that the target can touch, and that it or its shadow can."""
     corners = corners_target @ target.world_from_body[:3, :3].T + target.world_from_body[:3, 3]
-    floor = min(static.surfaces.vertices[:, 2].min(), corners[:, 2].min())
+    floor = min(static.surfaces.corners[:, :, 2].min(), corners[:, 2].min())
     fall = (corners[:, 2] - floor) / sun[2]
     swept = np.concatenate([corners, corners - fall[:, None] * sun])
     return camera.rectangle_of(corners, MARGIN), camera.rectangle_of(swept, MARGIN)
@@ -223,10 +231,9 @@ def _grown(mask: np.ndarray) -> np.ndarray:
 
 
 def _thin(target: Body, camera: Camera, rows, columns, depth, over) -> np.ndarray:
-    """(n,) bool: pixels where only a part of some rays meets the target, as at a thin tube."""
-    right, down = tracing.sample_offsets(THIN_SAMPLES)
-    found, _ = tracing.intersect(target, camera, rows, columns, right, down)
-    met = found.reshape(len(rows), len(right)) < depth[:, None]
+    """(n,) bool: pixels where only a part of some samples meets the target, as at a thin tube."""
+    inverse, _ = rasterised([target], camera, rows, columns, *sample_offsets(THIN_SAMPLES))
+    met = inverse > 1.0 / depth[:, None]
     return (met != over[:, None]).any(axis=1)
 
 

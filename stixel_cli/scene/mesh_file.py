@@ -17,7 +17,7 @@ import numpy as np
 from stixel_cli.errors import UserError
 from stixel_cli.files import opened, read_json
 from stixel_cli.scene.mesh import Mesh, Part, bounding_box, corners, grounded
-from stixel_cli.scene.open3d_import import import_open3d
+from stixel_cli.scene.open3d_import import import_open3d_bindings
 from stixel_cli.scene.shapes import cube_uvs
 from stixel_cli.scene.textures import paint
 
@@ -45,7 +45,7 @@ def load_mesh(path: str, contrast: float) -> Mesh:
             or a side of the box around it is not 0.1 … 30 m.
     """
     _check_counts(path)
-    open3d = import_open3d()
+    open3d = import_open3d_bindings()
     # Without this, Open3D would print a second message.
     with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
         found = open3d.io.read_triangle_mesh(path)

@@ -1,23 +1,83 @@
-"""The one place where Open3D is imported: it needs preparation, and takes seconds."""
+"""The one place where Open3D is imported: it needs preparation, and all of it takes seconds."""
 
 import ctypes
+import importlib.util
 import os
+import sys
+from importlib.machinery import EXTENSION_SUFFIXES
+from pathlib import Path
+from threading import Lock
 from types import ModuleType
+
+BINDINGS = "open3d.cpu.pybind"
+"""Open3D's compiled part, under the name that Open3D itself gives it."""
+
+_lock = Lock()
+_loaded: list[ModuleType] = []
 
 
 def import_open3d() -> ModuleType:
-    """Open3D, ready for use without a display and on a machine that lacks libusb.
+    """All of Open3D, ready for use without a display and on a machine that lacks libusb.
 
     Open3D's wheels link libusb-1.0, which a fresh machine does not have: the package
     `libusb_package` ships it, and loaded first with its symbols global it serves. The Filament
     renderer asks for a display unless EGL_PLATFORM is set before the import.
     """
+    _prepare()
+    import open3d
+
+    return open3d
+
+
+def import_open3d_bindings() -> ModuleType:
+    """Open3D's compiled part: `core`, `geometry`, `io`, `t`, `utility`.
+
+    Open3D's own `__init__` imports this and then its viewers and its machine learning, with
+    scikit-learn, pandas, Plotly and Dash: three times the work. Where the package has another
+    layout than expected, or is imported already, this is the whole of Open3D. The functions are
+    the same ones, and a later `import open3d` adds the rest to them.
+    """
+    with _lock:
+        if "open3d" not in sys.modules:
+            if not _loaded:
+                _loaded.extend(_load(_bindings_file()))
+            if _loaded:
+                return _loaded[0]
+    return import_open3d()
+
+
+def _prepare() -> None:
     os.environ.setdefault("EGL_PLATFORM", "surfaceless")
     import libusb_package
 
     library = libusb_package.get_library_path()
     if library is not None:
         ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL)
-    import open3d
 
-    return open3d
+
+def _bindings_file() -> Path | None:
+    """The compiled part's file; None if Open3D is not installed, or as its CUDA version."""
+    spec = importlib.util.find_spec("open3d")
+    if spec is None or spec.origin is None:
+        return None
+    package = Path(spec.origin).parent
+    found = [package / "cpu" / f"pybind{suffix}" for suffix in EXTENSION_SUFFIXES]
+    # The CUDA version chooses between two compiled parts, and only one may be loaded.
+    return None if (package / "cuda").exists() else next((f for f in found if f.is_file()), None)
+
+
+def _load(file: Path | None) -> list[ModuleType]:
+    """The module in the file; nothing if it does not load."""
+    if file is None:
+        return []
+    _prepare()
+    spec = importlib.util.spec_from_file_location(BINDINGS, file)
+    try:
+        bindings = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(bindings)
+    except ImportError:
+        return []
+    # Python keeps the module's content. A later `import open3d` finds that, not this name, and so
+    # also sets the attribute `pybind` of `open3d.cpu`.
+    sys.modules.pop(BINDINGS, None)
+    return [bindings]

@@ -1,4 +1,7 @@
-"""Columns grouped to stixels, and each stixel's disparity: the kernel of the extraction."""
+"""Columns grouped to stixels, and each stixel's disparity: the kernel of the extraction.
+
+Loops stand in for NumPy's sort, argmax and slices: Numba would compile those for seconds.
+"""
 
 import numpy as np
 from numba import njit
@@ -53,16 +56,16 @@ def group_columns(
         middle, kept = _members(left, right, obstacle, window, base_row, members)
         if kept == 0:
             continue
-        chosen = members[:kept]
         centre, reach = obstacle[middle], window[middle]
         least, most, pixels, rows = _vote(
-            columns, chosen, tops, foot, scale, centre, reach, bins_per_pixel, histogram
+            columns, members, kept, tops, foot, scale, centre, reach, bins_per_pixel, histogram
         )
         if pixels >= least_pixels:
             peak = histogram_peak(histogram[least : most + 1], kernel)
             spread = _spread(histogram, least, most, peak, len(kernel) // 2)
             areas[found, 0], areas[found, 1] = left, right
-            areas[found, 2], areas[found, 3] = np.sort(tops[chosen])[kept // 2], base_row[middle]
+            areas[found, 2] = tops[_median_column(tops, members, kept)]
+            areas[found, 3] = base_row[middle]
             values[found, 0] = (peak + least) / bins_per_pixel
             values[found, 1] = spread / bins_per_pixel**2
             values[found, 2], values[found, 3] = pixels, rows / pixels
@@ -85,7 +88,7 @@ def _members(left, right, obstacle, window, base_row, members):
             n += 1
     if n == 0 or 2 * n < right - left:
         return -1, 0
-    middle = members[np.argsort(obstacle[members[:n]], kind="mergesort")[n // 2]]
+    middle = _median_column(obstacle, members, n)
     kept = 0
     for i in range(n):
         u = members[i]
@@ -96,15 +99,33 @@ def _members(left, right, obstacle, window, base_row, members):
 
 
 @njit(cache=True, nogil=True)
-def _vote(columns, members, tops, foot, scale, centre, reach, bins_per_pixel, histogram):
-    """Add a stixel's disparities to the empty `histogram`.
+def _median_column(values, members, n):
+    """That of the first `n` columns in `members` whose value is the upper median.
+
+    Of equal values the first column's counts as the least.
+    """
+    for i in range(n):
+        before = 0
+        for j in range(n):
+            a, b = values[members[j]], values[members[i]]
+            if a < b or (a == b and j < i):
+                before += 1
+        if before == n // 2:
+            return members[i]
+    return members[0]
+
+
+@njit(cache=True, nogil=True)
+def _vote(columns, members, n, tops, foot, scale, centre, reach, bins_per_pixel, histogram):
+    """Add a stixel's disparities to the empty `histogram`: of the first `n` columns in `members`.
 
     Returns:
         The first and the last bin that is not empty, the number of pixels, the sum of their rows.
     """
     bins = len(histogram)
     least, most, pixels, rows = bins, -1, 0, 0
-    for u in members:
+    for i in range(n):
+        u = members[i]
         for v in range(tops[u], foot[u] + 1):
             raw = columns[u, v]
             if raw < 0:
@@ -127,7 +148,8 @@ def _spread(histogram, least, most, peak, reach):
     votes = spread = 0.0
     for b in range(low, high + 1):
         votes += histogram[b]
-        spread += histogram[b] * (b - peak - least) ** 2
+        away = b - peak - least
+        spread += histogram[b] * (away * away)
     return spread / max(votes, 1.0)
 
 
@@ -144,7 +166,10 @@ def histogram_peak(histogram, kernel):
         if histogram[b] > 0:
             for i in range(len(kernel)):
                 smooth[b + i + 1] += histogram[b] * kernel[i]
-    best = np.argmax(smooth)
+    best = 0
+    for b in range(len(smooth)):
+        if smooth[b] > smooth[best]:
+            best = b
     before, peak, after = smooth[best - 1], smooth[best], smooth[best + 1]
     curvature = before - 2.0 * peak + after
     offset = 0.5 * (before - after) / curvature if curvature < 0 else 0.0

@@ -128,18 +128,14 @@ def cheapest_tops(cost, base_row, tied):
             shift = slope * np.float32(v)
             # Less the best so far: the sum stays small and keeps its digits.
             now[v] += min(below[v] + shift, above[v] - shift) - best
-    tops = np.full(width, -1, dtype=np.int32)
-    scratch = np.empty(height, dtype=np.float32)
+    tops = np.empty(width, dtype=np.int32)
+    after = -1
     for u in range(width - 1, -1, -1):
-        rows = base_row[u] + 1
-        if rows <= 0:
-            continue
-        after = tops[u + 1] if u + 1 < width else -1
-        if after < 0:
-            tops[u] = np.argmin(cost[u, :rows])
-            continue
-        slope = tied[u]
-        for v in range(rows):
-            scratch[v] = cost[u, v] + slope * np.float32(abs(v - after))
-        tops[u] = np.argmin(scratch[:rows])
+        slope = tied[u] if after >= 0 else np.float32(0.0)
+        top, least = min(base_row[u], 0), np.float32(np.inf)
+        for v in range(base_row[u] + 1):
+            value = cost[u, v] + slope * np.float32(abs(v - after))
+            if value < least:
+                top, least = v, value
+        tops[u] = after = top
     return tops

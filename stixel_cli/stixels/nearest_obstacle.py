@@ -121,7 +121,8 @@ def cheapest_path(costs, depths, cost, limit):
     slope = np.empty(rows, dtype=np.float32)
     for j in range(rows):
         slope[j] = cost * depths[j]
-    total[0] = costs[0]
+    for j in range(rows):
+        total[0, j] = costs[0, j]
     below = np.empty(rows, dtype=np.float32)
     above = np.empty(rows, dtype=np.float32)
     for u in range(1, width):
@@ -142,13 +143,15 @@ def cheapest_path(costs, depths, cost, limit):
             # Less the best so far: the sum stays small and keeps its digits.
             now[j] = of_column[j] + (step - best)
     path = np.empty(width, dtype=np.int32)
-    path[width - 1] = np.argmin(total[width - 1])
-    scratch = np.empty(rows, dtype=np.float32)
-    for u in range(width - 2, -1, -1):
-        z = depths[path[u + 1]]
+    for u in range(width - 1, -1, -1):
+        row, least = 0, np.float32(np.inf)
         for j in range(rows):
-            scratch[j] = total[u, j] + cost * min(abs(depths[j] - z), limit)
-        path[u] = np.argmin(scratch)
+            value = total[u, j]
+            if u < width - 1:
+                value += np.float32(cost * min(abs(depths[j] - depths[path[u + 1]]), limit))
+            if value < least:
+                row, least = j, value
+        path[u] = row
     return path
 
 

@@ -88,6 +88,8 @@ DECLARED = {
     # The child process runs filament_process, which the module imports; the files are its answers.
     "stixel_cli.rendering.filament": "stixel_cli.rendering.filament_process",
     "stixel_cli.rendering.filament_process": "stixel_cli.rendering.filament_process",
+    # Loads a part of Open3D, which it also imports: the key has its version.
+    "stixel_cli.scene.open3d_import": "stixel_cli.scene.open3d_import",
 }
 
 

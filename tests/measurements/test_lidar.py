@@ -17,7 +17,7 @@ from stixel_cli.measurements.lidar_casting import (
 )
 from stixel_cli.measurements.scanner import LidarReturns, Scanner
 from stixel_cli.scene.mesh import Mesh, corners
-from stixel_cli.scene.open3d_import import import_open3d
+from stixel_cli.scene.open3d_import import import_open3d_bindings
 from stixel_cli.scene.road_user import road_user_mesh
 from stixel_cli.scene.scenario import EgoMotion, Scenario
 from stixel_cli.scene.shapes import box, part
@@ -136,7 +136,7 @@ def test_lidar_returns_of_a_road_user_are_on_its_mesh(road_user):
     truth = scenario(count=3)
     scanner = dataclasses.replace(SCANNER, layers=24, azimuth_step=0.3)
     returns = cast_lidar(truth, parameters, World("street", 1, 1.0), scanner, FIELD)
-    open3d = import_open3d()
+    open3d = import_open3d_bindings()
     points = corners(road_user_mesh(parameters)).reshape(-1, 3).astype(np.float32)
     surface = open3d.t.geometry.RaycastingScene(nthreads=1)
     triangles = np.arange(len(points), dtype=np.uint32).reshape(-1, 3)

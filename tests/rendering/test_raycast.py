@@ -21,7 +21,6 @@ from stixel_cli.rendering.surfaces import (
     linear_from_srgb,
     srgb_from_linear,
 )
-from stixel_cli.rendering.tracing import sample_offsets
 from stixel_cli.scene.mesh import Mesh
 from stixel_cli.scene.world import WorldObject
 
@@ -222,7 +221,7 @@ def test_shading_accepts_an_empty_list(static):
     none, ids = np.empty(0), np.empty(0, dtype=np.int32)
     one, light = np.ones(3), np.empty((0, 3), dtype=np.float32)
     shade(
-        light, none, none, none, ids.astype(np.int8), ids, np.empty(0, dtype=bool), 0, 1.0,
+        light, none, none, none, ids.astype(np.int8), ids, np.empty(0, dtype=bool), 0, none,
         np.eye(3), np.zeros(3), 1.0, 0.0, 0.0, surfaces.normals, surfaces.uv_gradients,
         surfaces.texture, surfaces.textures.texels, surfaces.textures.levels,
         surfaces.textures.first_level, one, one, one, one,
@@ -243,13 +242,6 @@ def test_hull_rectangle_contains_every_pixel_of_the_hull(seed):
     shown = (depth > NEAR) & (u > -0.5) & (u < 127.5) & (v > -0.5) & (v < 95.5)
     u, v = np.rint(u[shown]), np.rint(v[shown])
     assert np.all((u >= left) & (u < right) & (v >= top) & (v < bottom))
-
-
-@pytest.mark.parametrize("samples", [1, 2, 3, 4])
-def test_samples_are_spread_over_the_pixel(samples):
-    right, down = sample_offsets(samples)
-    expected = (np.arange(samples**2) + 0.5) / samples**2 - 0.5
-    assert np.allclose(np.sort(right), expected) and np.allclose(np.sort(down), expected)
 
 
 def test_srgb_conversion_is_invertible():

@@ -2,11 +2,18 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
 from stixel_cli.images import encode_png
 from stixel_cli.rendering import frames
 from stixel_cli.rendering.frames import RenderedFrames, StereoPairs
-from stixel_cli.rendering.sensor_noise import Sensor, add_sensor_noise, grey_levels, noise_std
+from stixel_cli.rendering.sensor_noise import (
+    Sensor,
+    add_sensor_noise,
+    grey_levels,
+    noise_std,
+    normal_quantiles,
+)
 
 SENSOR = Sensor(read_noise=1.2, shot_noise=1.8, right_gain=1.0)
 
@@ -55,6 +62,18 @@ def test_image_without_noise_is_the_luma_with_gain_on_the_right():
     assert np.abs(pairs.left[0] - exact).max() <= 0.5 + 1e-4
     assert np.abs(pairs.right[0] - np.minimum(1.1 * exact, 255)).max() <= 0.5 + 1e-4
     assert np.allclose(grey_levels(picture), exact, atol=1e-4)
+
+
+def test_noise_is_normal():
+    deviates = normal_quantiles().astype(float)
+    assert np.array_equal(deviates, -deviates[::-1])
+    below = (np.arange(65536) + 0.5) / 65536
+    assert np.allclose(ndtr(deviates), below, rtol=1e-5, atol=1e-9)
+    assert abs(deviates.std() - 1) < 2e-5
+    # And every one of them can be drawn.
+    image = add_sensor_noise(flat(1, 128), Sensor(12.0, 0.0, 1.0), range(1), seed=1).left[0]
+    noise = (image.astype(float) - 128) / 12
+    assert abs((noise**4).mean() - 3) < 0.15 and noise.max() > 3.5 and noise.min() < -3.5
 
 
 def test_dark_image_has_only_read_noise():

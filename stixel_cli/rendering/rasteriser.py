@@ -1,0 +1,239 @@
+"""Compiled kernels that find the surfaces in many samples of a few pixels: of those at edges.
+
+For one sample a pixel a ray is as good. For 64 in a pixel a rasteriser is faster by an order of
+magnitude, because it looks for the pixels of each triangle and not for the triangles of each ray.
+Edge functions are homogeneous (Olano, Greer 1997, *Triangle scan conversion using 2D homogeneous
+coordinates*), so no triangle is clipped, and in double precision: two triangles with a common edge
+leave no sample between them.
+"""
+
+import numpy as np
+from numba import njit
+
+NEAREST = 1e-3
+"""Surfaces nearer to the camera than this along its axis, m, are not seen."""
+
+MARGIN = 1e-6
+"""Rounding of a triangle's extent in the image, px; samples keep further off a pixel's border."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def rasterise(
+    inverse,
+    found,
+    first,
+    corners,
+    rotation,
+    origin,
+    focal,
+    u0,
+    v0,
+    columns,
+    row_starts,
+    right,
+    down,
+):
+    """Write the nearest triangle of a body into the samples of pixels, where it is nearer.
+
+    Args:
+        inverse: (n, s) float64 1/m, inverse depth of what is found so far; 0: nothing.
+        found: (n, s) int32, its number; -1: nothing.
+        first: number of the body's first triangle.
+        corners: (T, 3, 3) float64 m, triangles in the frame of the body.
+        rotation, origin, focal, u0, v0: the camera in that frame, as in `shading`.
+        columns: (n,) int64 of the pixels, which are sorted by row and then by column.
+        row_starts: (H + 1,) int64, the first pixel of each row of the image.
+        right, down: (s,) float64 px, the samples' offsets from a pixel's centre.
+    """
+    height, samples, most = len(row_starts) - 1, len(right), 1.0 / NEAREST
+    # What lies behind a triangle that fills the pixel need not be looked at.
+    filled = np.zeros(len(columns))
+    points, edges = np.empty((3, 3)), np.empty((3, 3))
+    for t in range(len(corners)):
+        nearest, depth = -np.inf, np.inf
+        for i in range(3):
+            x = corners[t, i, 0] - origin[0]
+            y = corners[t, i, 1] - origin[1]
+            z = corners[t, i, 2] - origin[2]
+            for axis in range(3):
+                points[i, axis] = (
+                    rotation[0, axis] * x + rotation[1, axis] * y + rotation[2, axis] * z
+                )
+            nearest, depth = max(nearest, points[i, 2]), min(depth, points[i, 2])
+        if nearest < NEAREST:
+            continue
+        top, bottom = 0, height
+        if depth > NEAREST:
+            low = high = points[0, 1] / points[0, 2]
+            for i in range(1, 3):
+                tangent = points[i, 1] / points[i, 2]
+                low, high = min(low, tangent), max(high, tangent)
+            top = max(int(np.ceil(max(low * focal + v0 - 0.5 - MARGIN, -1.0))), 0)
+            bottom = int(np.floor(min(high * focal + v0 + 0.5 + MARGIN, height + 1.0))) + 1
+            bottom = min(bottom, height)
+        if top >= bottom or row_starts[top] == row_starts[bottom]:
+            continue
+        volume = _edge_functions(points, focal, u0, v0, edges)
+        if volume == 0.0:
+            continue
+        # Inverse depth of the plane: the sum of the edge functions over the volume.
+        across = (edges[0, 0] + edges[1, 0] + edges[2, 0]) / volume
+        along = (edges[0, 1] + edges[1, 1] + edges[2, 1]) / volume
+        level = (edges[0, 2] + edges[1, 2] + edges[2, 2]) / volume
+        ahead = 0.5 * (abs(across) + abs(along))
+        a0, b0, a1, b1 = edges[0, 0], edges[0, 1], edges[1, 0], edges[1, 1]
+        a2, b2 = edges[2, 0], edges[2, 1]
+        half0, half1 = 0.5 * (abs(a0) + abs(b0)), 0.5 * (abs(a1) + abs(b1))
+        half2 = 0.5 * (abs(a2) + abs(b2))
+        own = np.int32(first + t)
+        for row in range(top, bottom):
+            start, end = row_starts[row], row_starts[row + 1]
+            if start == end:
+                continue
+            low, high = _span(edges, row)
+            if low > high or high < columns[start] or low > columns[end - 1]:
+                continue
+            pixel = start
+            if low > columns[start]:
+                # The first pixel of the row that is not left of the span.
+                past = end
+                while pixel < past:
+                    middle = (pixel + past) // 2
+                    if columns[middle] < low:
+                        pixel = middle + 1
+                    else:
+                        past = middle
+            while pixel < end and columns[pixel] <= high:
+                u = columns[pixel]
+                centre = across * u + along * row + level
+                if centre + ahead > filled[pixel]:
+                    e0 = edges[0, 0] * u + edges[0, 1] * row + edges[0, 2]
+                    e1 = edges[1, 0] * u + edges[1, 1] * row + edges[1, 2]
+                    e2 = edges[2, 0] * u + edges[2, 1] * row + edges[2, 2]
+                    # Without branches, so that the processor takes several samples at a time.
+                    for k in range(samples):
+                        dx, dy = right[k], down[k]
+                        value = centre + across * dx + along * dy
+                        before, number = inverse[pixel, k], found[pixel, k]
+                        seen = (
+                            (e0 + a0 * dx + b0 * dy >= 0.0)
+                            & (e1 + a1 * dx + b1 * dy >= 0.0)
+                            & (e2 + a2 * dx + b2 * dy >= 0.0)
+                            & (value > before)
+                            & (value < most)
+                        )
+                        inverse[pixel, k] = value if seen else before
+                        found[pixel, k] = own if seen else number
+                    if e0 >= half0 and e1 >= half1 and e2 >= half2 and centre + ahead < most:
+                        filled[pixel] = max(filled[pixel], centre - ahead)
+                pixel += 1
+
+
+@njit(cache=True, nogil=True)
+def _edge_functions(points, focal, u0, v0, edges):
+    """Write the edge functions (3, 3) of the triangle `points` (3, 3), and return its volume.
+
+    The function a u + b v + c of an edge is not negative on the triangle's side of it. Two
+    triangles that share an edge get the same numbers there, with the opposite sign: a sample on it
+    belongs to both. The volume, positive, is that of the edges to the camera's centre.
+    """
+    volume = 0.0
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        x = points[j, 1] * points[k, 2] - points[j, 2] * points[k, 1]
+        y = points[j, 2] * points[k, 0] - points[j, 0] * points[k, 2]
+        z = points[j, 0] * points[k, 1] - points[j, 1] * points[k, 0]
+        if i == 0:
+            volume = points[0, 0] * x + points[0, 1] * y + points[0, 2] * z
+        edges[i, 0], edges[i, 1] = x / focal, y / focal
+        edges[i, 2] = z - x / focal * u0 - y / focal * v0
+    if volume < 0.0:
+        volume = -volume
+        for i in range(3):
+            for axis in range(3):
+                edges[i, axis] = -edges[i, axis]
+    return volume
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _span(edges, row):
+    """The first and the last column of `row` with a pixel that the triangle can touch."""
+    low, high = -np.inf, np.inf
+    for i in range(3):
+        a = edges[i, 0]
+        rest = edges[i, 1] * row + edges[i, 2] + 0.5 * (abs(a) + abs(edges[i, 1]))
+        if a > 0.0:
+            low = max(low, -rest / a)
+        elif a < 0.0:
+            high = min(high, -rest / a)
+        elif rest < 0.0:
+            return 1.0, 0.0
+    return low - MARGIN, high + MARGIN
+
+
+@njit(cache=True, nogil=True)
+def fragments(found, inverse, second, rows, columns, parts, split, right, down):
+    """The distinct triangles of each pixel, in the order of their first samples.
+
+    Args:
+        found, inverse: (n, s), of `rasterise`.
+        second: number of the first triangle of the second body.
+        rows, columns: (n,) int64 of the pixels.
+        parts: (s,) int64, the part of the pixel, counted from 0, in which a sample is.
+        split: (n,) bool, whether a triangle's parts count as distinct.
+        right, down: (s,) px.
+
+    Returns:
+        For each fragment (m,), pixel by pixel: its pixel, int64; how many samples it has, int64;
+        the mean u and v of these, px, and the depth there, m, inf without a triangle, float64;
+        the body, int8, and its triangle, int32, both -1 without one.
+    """
+    count, samples = found.shape
+    # Memory that is not written is not taken.
+    room = count * samples
+    pixels = np.empty(room, dtype=np.int64)
+    covered = np.empty(room, dtype=np.int64)
+    u, v, depth = np.empty(room), np.empty(room), np.empty(room)
+    body = np.empty(room, dtype=np.int8)
+    triangle = np.empty(room, dtype=np.int32)
+    numbers = np.empty(samples, dtype=np.int32)
+    own_parts = np.empty(samples, dtype=np.int64)
+    past = 0
+    for pixel in range(count):
+        begin, own, at = past, 0, 0
+        for k in range(samples):
+            number = found[pixel, k]
+            part = parts[k] if split[pixel] else 0
+            # Mostly that of the sample before.
+            if at == own or numbers[at] != number or own_parts[at] != part:
+                at = 0
+                while at < own and (numbers[at] != number or own_parts[at] != part):
+                    at += 1
+            to = begin + at
+            if at == own:
+                own += 1
+                numbers[at], own_parts[at], covered[to] = number, part, 0
+                u[to] = v[to] = depth[to] = 0.0
+            covered[to] += 1
+            u[to] += right[k]
+            v[to] += down[k]
+            depth[to] += inverse[pixel, k]
+        past += own
+        for at in range(own):
+            to, number = begin + at, numbers[at]
+            pixels[to] = pixel
+            u[to] = columns[pixel] + u[to] / covered[to]
+            v[to] = rows[pixel] + v[to] / covered[to]
+            # Inverse depth is linear in the image: its mean is that of the mean point.
+            depth[to] = covered[to] / depth[to] if number >= 0 else np.inf
+            body[to] = -1 if number < 0 else 0 if number < second else 1
+            triangle[to] = number - second if number >= second else number
+    return (
+        pixels[:past],
+        covered[:past],
+        u[:past],
+        v[:past],
+        depth[:past],
+        body[:past],
+        triangle[:past],
+    )

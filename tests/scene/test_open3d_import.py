@@ -1,0 +1,76 @@
+"""In processes of their own: what is imported, and in which order, is the subject."""
+
+import subprocess
+import sys
+
+import pytest
+
+CAST = """
+import numpy as np
+def cast(library):
+    scene = library.t.geometry.RaycastingScene(nthreads=1)
+    points = np.random.default_rng(0).normal(size=(300, 3)).astype(np.float32)
+    triangles = np.arange(300, dtype=np.uint32).reshape(-1, 3)
+    scene.add_triangles(library.core.Tensor(points), library.core.Tensor(triangles))
+    rays = np.random.default_rng(1).normal(size=(500, 6)).astype(np.float32)
+    hits = scene.cast_rays(library.core.Tensor(rays), nthreads=1)
+    return hits["t_hit"].numpy().tobytes() + hits["primitive_ids"].numpy().tobytes()
+import sys
+from stixel_cli.scene import open3d_import
+from stixel_cli.scene.open3d_import import import_open3d, import_open3d_bindings
+"""
+
+LIGHT = "assert not {'open3d', 'sklearn', 'pandas', 'dash'} & sys.modules.keys()"
+WHOLE = """
+assert open3d.cpu.pybind.t.geometry.RaycastingScene is bindings.t.geometry.RaycastingScene
+assert open3d.visualization.rendering.OffscreenRenderer
+import open3d.core
+from open3d.ml import contrib
+assert cast(open3d) == before
+"""
+
+
+def run(script: str) -> None:
+    result = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", CAST + script], capture_output=True, text=True
+    )
+    assert result.returncode == 0, result.stderr
+
+
+def test_a_ray_caster_does_not_load_the_viewers_of_open3d():
+    run(
+        f"bindings = import_open3d_bindings()\n{LIGHT}\nassert import_open3d_bindings() is bindings"
+    )
+
+
+@pytest.mark.parametrize("statement", ["import open3d", "open3d = import_open3d()"])
+def test_all_of_open3d_can_be_imported_after_its_bindings(statement):
+    run(f"bindings = import_open3d_bindings()\nbefore = cast(bindings)\n{statement}\n{WHOLE}")
+
+
+def test_where_open3d_is_imported_already_that_is_used():
+    run(
+        "open3d = import_open3d()\nbefore = cast(open3d)\n"
+        f"bindings = import_open3d_bindings()\nassert bindings is open3d\n{WHOLE}"
+    )
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "open3d_import._bindings_file = lambda: None",
+        "import pathlib; open3d_import._bindings_file = lambda: pathlib.Path('missing.so')",
+        "open3d_import.EXTENSION_SUFFIXES = ['.other']",
+    ],
+)
+def test_another_layout_of_the_package_gives_the_plain_import(change):
+    run(f"{change}\nbindings = import_open3d_bindings()\nimport open3d\nassert bindings is open3d")
+
+
+def test_threads_that_ask_together_get_one_module():
+    run(
+        "from concurrent.futures import ThreadPoolExecutor\n"
+        "with ThreadPoolExecutor(4) as pool:\n"
+        "    found = list(pool.map(lambda _: import_open3d_bindings(), range(8)))\n"
+        f"assert len(set(map(id, found))) == 1\n{LIGHT}"
+    )
