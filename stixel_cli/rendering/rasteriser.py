@@ -23,7 +23,7 @@ def rasterise(
     found,
     first,
     corners,
-    rotation,
+    projection,
     origin,
     focal,
     u0,
@@ -40,7 +40,7 @@ def rasterise(
         found: (n, s) int32, its number; -1: nothing.
         first: number of the body's first triangle.
         corners: (T, 3, 3) float64 m, triangles in the frame of the body.
-        rotation, origin, focal, u0, v0: the camera in that frame, as in `shading`.
+        projection, origin, focal, u0, v0: the camera in that frame, see `Camera.projection`.
         columns: (n,) int64 of the pixels, which are sorted by row and then by column.
         row_starts: (H + 1,) int64, the first pixel of each row of the image.
         right, down: (s,) float64 px, the samples' offsets from a pixel's centre.
@@ -57,7 +57,7 @@ def rasterise(
             z = corners[t, i, 2] - origin[2]
             for axis in range(3):
                 points[i, axis] = (
-                    rotation[0, axis] * x + rotation[1, axis] * y + rotation[2, axis] * z
+                    projection[0, axis] * x + projection[1, axis] * y + projection[2, axis] * z
                 )
             nearest, depth = max(nearest, points[i, 2]), min(depth, points[i, 2])
         if nearest < NEAREST:

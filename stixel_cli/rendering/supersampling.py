@@ -10,7 +10,7 @@ import numpy as np
 
 from stixel_cli.rendering.camera_rays import Camera
 from stixel_cli.rendering.rasteriser import fragments, rasterise
-from stixel_cli.rendering.tracing import Body, Hits, light_of, pinhole, sunlit
+from stixel_cli.rendering.tracing import Body, Hits, light_of, sunlit
 from stixel_cli.scene.world_parameters import Light
 
 SHADOW_PARTS = 2
@@ -87,8 +87,9 @@ def rasterised(
     first = 0
     for body in bodies:
         corners = body.surfaces.corners
-        seen = pinhole(camera.seen_from(body.world_from_body))
-        rasterise(inverse, found, first, corners, *seen, columns, row_starts, right, down)
+        seen = camera.seen_from(body.world_from_body)
+        pinhole = seen.projection, seen.origin, seen.focal, seen.u0, seen.v0
+        rasterise(inverse, found, first, corners, *pinhole, columns, row_starts, right, down)
         first += len(corners)
     return inverse, found
 
