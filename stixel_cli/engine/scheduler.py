@@ -239,7 +239,8 @@ class Run:
                         f"{reason}"
                     )
             return False
-        if outcome.status == "computed":
+        # A worker may have stored the result just before it crashed with another task.
+        if outcome.status == "computed" or self._deaths[key]:
             self.seconds[key] = self.seconds.get(key, 0.0) + outcome.seconds
             self._written += outcome.size
         self._done.add(key)

@@ -1,9 +1,12 @@
 """A failing node does not stop the others; nodes that depend on it are skipped."""
 
+import os
+
 import pytest
 
 from stixel_cli.engine.errors import CacheError, StageFailure
 from stixel_cli.engine.graph import merge
+from stixel_cli.engine.task import run_task
 
 
 def statuses(execution):
@@ -76,6 +79,22 @@ def test_a_killer_of_workers_fails_alone(project, notes):
     assert str(execution.failures[execution.graph.of_stage("gather")[0].key]) == (
         "gather: WorkerDied: it crashed its worker twice"
     )
+
+
+def test_a_result_that_was_stored_before_a_crash_is_computed(project, notes, tmp_path, monkeypatch):
+    mark = tmp_path / "crashed"
+
+    def run_and_crash(task, folder):
+        outcome = run_task(task, folder)
+        if task.notes["label"] == "gather" and not mark.exists():
+            mark.touch()
+            os._exit(9)
+        return outcome
+
+    monkeypatch.setattr("stixel_cli.engine.scheduler.run_task", run_and_crash)
+    execution = project.run(executor="local", keep_going=True, progress=notes)
+    assert mark.exists()
+    assert set(statuses(execution).values()) == {"computed"}
 
 
 def test_an_error_that_every_node_would_meet_ends_the_run(project):
