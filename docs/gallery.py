@@ -1,12 +1,14 @@
 """Write the gallery: `docs/gallery.md` and its pictures, each from a run of `stixel`.
 
-    python docs/gallery.py
+    python docs/gallery.py [NAME …]
 
-It overwrites all pictures. Results that are in the cache are not recomputed.
+Without names it overwrites all pictures; with names (`tracker_point`) only these. It does not
+recompute results that are in the cache.
 """
 
 import io
 import shlex
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -151,23 +153,30 @@ def small_picture(png: bytes, width: int) -> bytes:
     return buffer.getvalue()
 
 
-def main() -> None:
-    """Run the entries; write the pictures and the page."""
+def main(names: list[str]) -> None:
+    """Run the entries with these names, or all; write their pictures, and the page.
+
+    Raises:
+        SystemExit: if no entry has one of the names.
+    """
     from stixel_cli import run
 
     folder = DOCS / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
-    entries = [entry for group in sections().values() for entry in group]
-    for entry in entries:
+    entries = {entry.name: entry for group in sections().values() for entry in group}
+    unknown = [name for name in names if name not in entries]
+    if unknown:
+        raise SystemExit(f"{unknown[0]}: unknown picture; must be one of {', '.join(entries)}")
+    for entry in map(entries.get, names or entries):
         pictures = run(entry.overrides).pictures
         data = small_picture(pictures[entry.source], entry.width)
         (folder / f"{entry.name}.webp").write_bytes(data)
         print(f"{entry.name}: {len(data) / 1000:.0f} kB", flush=True)  # noqa: T201
     for file in folder.iterdir():
-        if file.stem not in {entry.name for entry in entries}:
+        if file.stem not in entries:
             file.unlink()
     (DOCS / "gallery.md").write_text(page(), encoding="utf-8")
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

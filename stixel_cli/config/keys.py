@@ -45,7 +45,7 @@ def _collect(
     for name, annotation in _fields(schema).items():
         variants = _dataclasses(annotation)
         for variant in variants:
-            kind = _kind(variant) if len(variants) > 1 else None
+            kind = kind_of(variant) if len(variants) > 1 else None
             own = () if kind is None else (((prefix + name).replace(".", "/"), kind),)
             _collect(variant, f"{prefix}{name}.", (*owners, *own), keys)
         if not variants and name != "kind":
@@ -88,7 +88,7 @@ def _dataclasses(annotation: Any) -> list[type]:
     return [member for member in members if dataclasses.is_dataclass(member)]
 
 
-def _kind(schema: type) -> str | None:
+def kind_of(schema: type) -> str | None:
     """The kind of a variant; None if the class has several kinds or none."""
     annotation = _fields(schema).get("kind")
     values = get_args(_bare(annotation)) if annotation is not None else ()
@@ -104,7 +104,7 @@ def locate(path: tuple[str | int, ...]) -> tuple[str, Any]:
     name = ""
     for part in path:
         schemas = _dataclasses(annotation)
-        variants = [schema for schema in schemas if _kind(schema) == part]
+        variants = [schema for schema in schemas if kind_of(schema) == part]
         if len(schemas) > 1 and variants:
             annotation = variants[0]
             continue

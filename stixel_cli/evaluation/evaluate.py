@@ -63,7 +63,7 @@ def evaluate(track: Track, scenario: Scenario, scans: Scans) -> Scores:
         iou=iou,
         nees_position=nees_position,
         nis=nis,
-        metrics={name: metric.over_scans(errors) for name, metric in METRICS.items()},
+        metrics={name: metric.of_run(errors) for name, metric in METRICS.items()},
     )
 
 

@@ -112,8 +112,8 @@ class Metric:
         better: which value is better: less, more, or the nearest to one (of a ratio that is 1
             where a tracker is consistent); None if no value is better.
         bounds: least and greatest possible value; None where there is no bound.
-        over_scans: sums up the errors of a run; None where the metric has no value. Over runs, a
-            metric is summed up by its mean.
+        over_scans: sums up the errors of a run; None or a value that is not finite where the metric
+            has no value. Over runs, a metric is summed up by its mean.
     """
 
     name: str
@@ -123,6 +123,11 @@ class Metric:
     better: Better | None
     bounds: tuple[float | None, float | None]
     over_scans: Callable[[ScanErrors], float | int | None]
+
+    def of_run(self, errors: ScanErrors) -> float | int | None:
+        """The value of the metric; None where it has no value. Never NaN: JSON has no NaN."""
+        value = self.over_scans(errors)
+        return None if value is None or not np.isfinite(value) else value
 
 
 def mean(values: np.ndarray) -> float | None:

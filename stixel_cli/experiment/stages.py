@@ -8,12 +8,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import yaml
 
 from stixel_cli.config.folders import shipped_folder
-from stixel_cli.config.schema import Configuration
+from stixel_cli.config.keys import kind_of
+from stixel_cli.config.schema import Configuration, Renderer, StereoParameters, Tracker
 from stixel_cli.engine.graph import Graph
 from stixel_cli.engine.keys import Stage
 from stixel_cli.errors import UserError
@@ -55,6 +56,17 @@ def _only(function: str) -> dict[str, str]:
     return {"": f"stixel_cli.{function}"}
 
 
+def _by_kind(options: Any, name: str) -> dict[str, str]:
+    """The function `name` of each option of a union, by kind.
+
+    It is in the module of the option's parameters, or in `NAME.py` for `NAME_parameters.py`.
+    """
+    return {
+        kind_of(option): f"{option.__module__.removesuffix('_parameters')}:{name}"
+        for option in get_args(options)
+    }
+
+
 def _same(*names: str) -> dict[str, str]:
     return {name: name for name in names}
 
@@ -72,10 +84,7 @@ TABLE: dict[str, Definition] = {
         files=("road_user.mesh",),
     ),
     "render": Definition(
-        {
-            "raycast": "stixel_cli.rendering.raycast:render",
-            "filament": "stixel_cli.rendering.filament:render",
-        },
+        _by_kind(Renderer, "render"),
         "map",
         _same("road_user", "world", "rig", "renderer"),
         chosen_by="renderer",
@@ -88,7 +97,7 @@ TABLE: dict[str, Definition] = {
         seeded=True,
     ),
     "match": Definition(
-        {"sgm": "stixel_cli.stereo.sgm:match", "bm": "stixel_cli.stereo.bm:match"},
+        _by_kind(StereoParameters, "match"),
         "map",
         _same("rig", "stereo"),
         chosen_by="stereo",
@@ -128,10 +137,7 @@ TABLE: dict[str, Definition] = {
     ),
     "start": Definition(_only("tracking.start:noisy_start"), "once", _same("start"), seeded=True),
     "track": Definition(
-        {
-            "gp_ekf": "stixel_cli.tracking.gp_ekf:track",
-            "point": "stixel_cli.tracking.point:track",
-        },
+        _by_kind(Tracker, "track"),
         "once",
         _same("prior", "tracker"),
         chosen_by="tracker",

@@ -1,5 +1,7 @@
 """The target's mesh: made in code, or the user's own."""
 
+from functools import partial
+
 from stixel_cli.scene.car import car
 from stixel_cli.scene.cyclist import cyclist
 from stixel_cli.scene.mesh import Mesh, fitted
@@ -7,6 +9,9 @@ from stixel_cli.scene.pedestrian import pedestrian
 from stixel_cli.scene.road_user_parameters import RoadUser
 
 CAR_COLOUR = (66, 108, 160)
+
+_MESHES = {"car": partial(car, CAR_COLOUR), "cyclist": cyclist, "pedestrian": pedestrian}
+"""Class of road user to the function that makes its mesh with a contrast."""
 
 
 def road_user_mesh(road_user: RoadUser) -> Mesh:
@@ -23,10 +28,5 @@ def road_user_mesh(road_user: RoadUser) -> Mesh:
         from stixel_cli.scene.mesh_file import load_mesh
 
         return load_mesh(road_user.mesh, road_user.contrast)
-    if road_user.kind == "car":
-        mesh = car(CAR_COLOUR, road_user.contrast)
-    elif road_user.kind == "cyclist":
-        mesh = cyclist(road_user.contrast)
-    else:
-        mesh = pedestrian(road_user.contrast)
+    mesh = _MESHES[road_user.kind](road_user.contrast)
     return fitted(mesh, road_user.length, road_user.width, road_user.height)

@@ -7,9 +7,11 @@ import sys
 from pathlib import Path
 
 import pytest
+import typer
 
 from stixel_cli import __version__
 from stixel_cli.cli.app import app, main
+from stixel_cli.config.folders import group_options
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.errors import UserError
 from stixel_cli.studies.file import shipped_studies
@@ -42,7 +44,8 @@ def test_help(capsys):
 def test_help_of_run_shows_groups_and_examples(capsys):
     assert main(["run", "--help"]) == 0
     answer = capsys.readouterr().out
-    for text in ("road_user=car|cyclist|pedestrian", "--dry-run", "Examples:", "tracker"):
+    users = "|".join(group_options()["road_user"])
+    for text in (f"road_user={users}", "--dry-run", "Examples:", "tracker"):
         assert text in answer
 
 
@@ -51,11 +54,11 @@ def test_help_of_report(capsys):
     assert "side by side" in capsys.readouterr().out
 
 
-COMMANDS = "run sweep plan explain rerun verify ls show compare report doctor cache"
+COMMANDS = typer.main.get_command(app).commands
 
 
 @pytest.mark.parametrize(
-    "command", [*COMMANDS.split(), "cache ls", "cache gc", "cache verify", "cache clear"]
+    "command", [*COMMANDS, *(f"cache {name}" for name in COMMANDS["cache"].commands)]
 )
 def test_every_command_has_a_help(command, capsys):
     assert main([*command.split(), "--help"]) == 0

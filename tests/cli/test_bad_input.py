@@ -11,6 +11,7 @@ from stixel_cli.cli.app import main
 from stixel_cli.config.folders import group_options, options_of_kind, outer_options
 from stixel_cli.config.keys import describe, known_keys
 
+USERS = group_options()["road_user"]
 SENTENCES = {
     "rig.widht=3": "rig.widht: unknown key; did you mean rig.width?",
     "+rig.widht=3": "rig.widht: unknown key; did you mean rig.width?",
@@ -19,8 +20,8 @@ SENTENCES = {
     "rig.fov=60": "rig.fov: unknown key; did you mean rig.horizontal_fov?",
     "rig/width=3": "rig/width: unknown key; did you mean rig.width?",
     "road_usr=car": "road_usr: unknown key; did you mean road_user?",
-    "road_user=cyclst": "did you mean road_user=cyclist? (options: car, cyclist, pedestrian)",
-    "road_user=bike": "road_user: unknown option 'bike' (options: car, cyclist, pedestrian)",
+    "road_user=cyclst": f"did you mean road_user=cyclist? (options: {', '.join(USERS)})",
+    "road_user=bike": f"road_user: unknown option 'bike' (options: {', '.join(USERS)})",
     "road_user=null": "road_user: unknown option 'null' (options:",
     "road_user=[car]": 'road_user: ["car"]: one option is needed (options:',
     "rig={width: 3}": 'rig: {"width": 3}: one option is needed',
@@ -67,7 +68,7 @@ SENTENCES = {
     "seed=choice(1,2)": "seed: choice(1,2) has several values",
     "path=glob(*)": "path: glob(*) has several values",
     "rig.width": "rig.width: a value is missing: write rig.width=VALUE",
-    "road_user": "road_user: an option is missing: write road_user=car|cyclist|pedestrian",
+    "road_user": f"road_user: an option is missing: write road_user={'|'.join(USERS)}",
     "kitti": "kitti: is an option: write rig=kitti",
     "default": "'default': must be KEY=VALUE",
     "rig.widht": "'rig.widht': must be KEY=VALUE; did you mean rig.width=…?",

@@ -12,6 +12,8 @@ from stixel_cli.cli.completion import (
 )
 from stixel_cli.config.folders import group_options
 
+USERS = list(group_options()["road_user"])
+
 
 @pytest.fixture
 def in_bash(monkeypatch):
@@ -37,7 +39,7 @@ def test_groups():
 
 
 def test_options_of_a_group():
-    users = ["road_user=car", "road_user=cyclist", "road_user=pedestrian"]
+    users = [f"road_user={user}" for user in USERS]
     assert complete_override("road_user=") == users
     assert complete_override("road_u") == users
     assert complete_override("road_user=c") == users[:2]
@@ -75,7 +77,7 @@ def test_keys_of_the_option_in_the_line(in_bash, monkeypatch):
 
 
 def test_bash_takes_the_equals_sign_for_a_break(in_bash):
-    assert in_bash("road_user", "=") == ["car", "cyclist", "pedestrian"]
+    assert in_bash("road_user", "=") == USERS
     assert in_bash("road_user", "=", "c") == ["car", "cyclist"]
     assert in_bash("rig", "=", "kitti", "road_user", "=", "ped") == ["pedestrian"]
     assert in_bash("rig.width", "=") == ["640"]
@@ -83,14 +85,15 @@ def test_bash_takes_the_equals_sign_for_a_break(in_bash):
 
 
 def test_further_values_of_a_sweep(in_bash, monkeypatch):
-    assert complete_sweep("road_user=car,") == ["road_user=car,cyclist", "road_user=car,pedestrian"]
-    assert complete_sweep("road_user=car,cyclist,") == ["road_user=car,cyclist,pedestrian"]
+    further = [f"car,{user}" for user in USERS if user != "car"]
+    assert complete_sweep("road_user=car,") == [f"road_user={values}" for values in further]
+    assert "road_user=car,cyclist,pedestrian" in complete_sweep("road_user=car,cyclist,")
     assert complete_sweep("road_user=car,c") == ["road_user=car,cyclist"]
     assert complete_sweep("road_user=") == complete_override("road_user=")
     assert complete_sweep("seed=0,") == []
     monkeypatch.setenv("COMP_WORDS", "stixel sweep road_user = car,")
     monkeypatch.setenv("COMP_CWORD", "4")
-    assert complete_sweep("car,") == ["car,cyclist", "car,pedestrian"]
+    assert complete_sweep("car,") == further
 
 
 def test_result_folders(tmp_path, monkeypatch):

@@ -50,7 +50,7 @@ def test_default_is_what_the_readme_says(default):
     assert default.overrides == ()
 
 
-@pytest.mark.parametrize("user", ["car", "cyclist", "pedestrian"])
+@pytest.mark.parametrize("user", group_options()["road_user"])
 def test_pace_and_prior_follow_the_road_user(user):
     composition = compose([f"road_user={user}"])
     assert composition.choices["pace"] == composition.choices["prior"] == user
@@ -198,6 +198,7 @@ def test_an_edited_file_is_seen(tmp_path, monkeypatch):
 
 
 def test_an_option_that_follows_and_is_not_there_says_where_it_belongs(tmp_path, monkeypatch):
+    options = "|".join(group_options()["pace"])
     package = tmp_path / "stixel_cli"
     shutil.copytree(configuration_folder(), package / "conf")
     monkeypatch.setattr("stixel_cli.config.folders._PACKAGE", package)
@@ -209,7 +210,7 @@ def test_an_option_that_follows_and_is_not_there_says_where_it_belongs(tmp_path,
     assert group in {"pace", "prior"}
     assert str(error.value) == (
         f"{group}: unknown option 'cargo', which follows from what is chosen; "
-        f"add conf/{group}/cargo.yaml, or choose {group}=car|cyclist|pedestrian"
+        f"add conf/{group}/cargo.yaml, or choose {group}={options}"
     )
     chosen = compose(["road_user=cargo", "pace=cyclist", "prior=cyclist"])
     assert chosen.choices["road_user"] == "cargo"

@@ -58,6 +58,16 @@ def test_commands_draw_their_pictures(group):
         assert configuration.measurement.kind == "simulated"
 
 
+def test_one_picture_can_be_drawn_without_the_others(tmp_path, monkeypatch):
+    monkeypatch.setattr(gallery, "DOCS", tmp_path)
+    gallery.main(["path_stop_and_go"])
+    (file,) = (tmp_path / gallery.FOLDER).iterdir()
+    assert file.name == "path_stop_and_go.webp"
+    assert (tmp_path / "gallery.md").read_text(encoding="utf-8") == gallery.page()
+    with pytest.raises(SystemExit, match="path_stop: unknown picture"):
+        gallery.main(["path_stop"])
+
+
 def test_pictures_are_scaled_down_only():
     import io
 

@@ -1,8 +1,10 @@
 import re
+from dataclasses import fields, replace
 
+import numpy as np
 import pytest
 
-from stixel_cli.evaluation.metric_table import METRICS, metric
+from stixel_cli.evaluation.metric_table import METRICS, ScanErrors, metric
 
 UNITS = {"_m": "m", "_deg": "°"}
 
@@ -21,6 +23,13 @@ def test_row_is_complete(row):
 def test_labels_differ():
     for field in ("label", "short_label"):
         assert len({getattr(row, field) for row in METRICS.values()}) == len(METRICS)
+
+
+def test_a_metric_of_errors_that_are_not_finite_has_no_value():
+    lost = ScanErrors(**{field.name: np.full(3, np.nan) for field in fields(ScanErrors)})
+    greatest = replace(METRICS["centre_rmse_m"], over_scans=lambda e: float(np.max(e.centre)))
+    assert greatest.of_run(lost) is None
+    assert greatest.of_run(replace(lost, centre=np.array([1.0, 3.0, 2.0]))) == 3.0
 
 
 def test_unknown_metric_has_a_label_from_its_name():

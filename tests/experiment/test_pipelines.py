@@ -8,6 +8,7 @@ from pkgutil import resolve_name
 import pytest
 
 from stixel_cli.config.compose import compose
+from stixel_cli.config.folders import group_options
 from stixel_cli.engine.code import CodeIndex
 from stixel_cli.engine.keys import GIVEN
 from stixel_cli.experiment.stages import TABLE, draws, pictured_frames, pipeline_stages, scan_count
@@ -36,7 +37,7 @@ def test_past_its_returns_a_lidars_scans_see_no_truth_and_the_returns_see_no_noi
     assert set(stages["cast_lidar"].settings) == {"road_user", "world", "scanner", "camera_field"}
 
 
-@pytest.mark.parametrize("measurement", ["simulated", "fabricated", "lidar"])
+@pytest.mark.parametrize("measurement", group_options()["measurement"])
 def test_the_track_sees_no_truth_and_does_not_depend_on_pictures(measurement):
     stages = stages_of(measurement)
     assert stages["track"].inputs == {"scans": "scans", "initial": "start"}
@@ -60,6 +61,13 @@ def test_a_stage_reaches_neither_another_stage_nor_the_engine(function):
     frame = ("engine", "experiment", "config", "cli", "sweeps", "studies")
     above = tuple(f"stixel_cli.{folder}" for folder in frame)
     assert not [module for module in reached(function) if module.startswith(above)]
+
+
+def test_an_options_function_is_in_the_module_of_its_parameters():
+    # The parameters of Filament are in `filament_parameters.py`.
+    assert TABLE["render"].functions["filament"] == "stixel_cli.rendering.filament:render"
+    assert TABLE["match"].functions["bm"] == "stixel_cli.stereo.bm:match"
+    assert TABLE["track"].functions["point"] == "stixel_cli.tracking.point:track"
 
 
 def test_each_stage_has_a_module_of_its_own():
@@ -127,7 +135,7 @@ def test_a_stages_arguments_are_those_of_every_function_it_may_call(name):
     definition = TABLE[name]
     wired = [
         stage
-        for measurement in ("simulated", "fabricated", "lidar")
+        for measurement in group_options()["measurement"]
         for stage in stages_of(measurement).values()
         if stage.function in definition.functions.values()
     ]

@@ -58,7 +58,7 @@ def test_every_preset_runs(group, option, results, capsys):
     check(run_json(capsys, results, *few, pictures, *choice))
 
 
-@pytest.mark.parametrize("road_user", ["car", "cyclist", "pedestrian"])
+@pytest.mark.parametrize("road_user", group_options()["road_user"])
 @pytest.mark.parametrize("path", group_options()["path"])
 def test_every_road_user_runs_every_path_with_fabricated_measurements(
     road_user, path, results, capsys
@@ -70,7 +70,7 @@ def test_every_road_user_runs_every_path_with_fabricated_measurements(
     assert answer["metrics"]["points_per_scan_mean"] > 1
 
 
-@pytest.mark.parametrize("road_user", ["car", "cyclist", "pedestrian"])
+@pytest.mark.parametrize("road_user", group_options()["road_user"])
 def test_every_road_user_is_rendered_and_measured(road_user, results, capsys):
     few = ("path.duration=0.2", "pictures.frames=[1]", IN_THIS_PROCESS)
     answer = run_json(capsys, results, f"road_user={road_user}", *few)

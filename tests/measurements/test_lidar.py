@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.config.compose import compose
+from stixel_cli.config.folders import group_options
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.geometry.pose import target_from_world
 from stixel_cli.measurements.lidar import LidarParameters, lidar_scans
@@ -130,7 +131,7 @@ def test_lidar_scan_does_not_depend_on_the_length_of_the_run(ego):
         assert alone.ranges.tobytes() == whole.ranges[k].tobytes()
 
 
-@pytest.mark.parametrize("road_user", ["car", "cyclist", "pedestrian"])
+@pytest.mark.parametrize("road_user", group_options()["road_user"])
 def test_lidar_returns_of_a_road_user_are_on_its_mesh(road_user):
     parameters = compose([f"road_user={road_user}"]).configuration.road_user
     truth = scenario(count=3)

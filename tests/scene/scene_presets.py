@@ -1,4 +1,4 @@
-"""The presets of conf/, read without the config room: a path follows the class by interpolation."""
+"""The presets of conf/, read without `config`: a path follows the class by interpolation."""
 
 import json
 from pathlib import Path as FilePath
@@ -15,18 +15,15 @@ from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.world_parameters import World
 
 CONF = FilePath(__file__).parents[2] / "conf"
-ROAD_USERS = ("car", "cyclist", "pedestrian")
-PATHS = (
-    "approach",
-    "depart",
-    "crossing",
-    "turn",
-    "s_curve",
-    "stop_and_go",
-    "circle",
-    "waypoints",
-)
-EGOS = ("parked", "straight", "turning")
+
+
+def options(group: str) -> list[str]:
+    return sorted(file.stem for file in (CONF / group).glob("*.yaml"))
+
+
+ROAD_USERS = options("road_user")
+PATHS = options("path")
+EGOS = options("ego")
 
 
 def load(group: str, option: str, schema, **others):

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from typing import get_args, get_type_hints
 
 import numpy as np
 import pytest
@@ -81,6 +82,13 @@ def test_paint_has_detail_at_short_and_long_range():
         side = len(texture) // square
         averaged = texture.reshape(side, square, side, square).mean(axis=(1, 3))
         assert averaged.std() > 3.0
+
+
+def test_every_class_has_a_mesh_of_its_own():
+    same_size = {"length": 2.0, "width": 1.0, "height": 1.5, "mesh": None}
+    kinds = get_args(get_type_hints(RoadUser)["kind"])
+    meshes = [road_user_mesh(RoadUser(kind=kind, contrast=0.6, **same_size)) for kind in kinds]
+    assert len({corners(mesh).tobytes() for mesh in meshes}) == len(kinds)
 
 
 def test_mesh_is_repeatable():

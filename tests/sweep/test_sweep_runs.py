@@ -4,9 +4,11 @@ import pytest
 from runs_of import sweep_runs
 
 from stixel_cli.config.compose import compose
+from stixel_cli.config.folders import group_options
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.sweeps.graphs import check_axes, plan_runs
 
+USERS = group_options()["road_user"]
 FABRICATED = "measurement=fabricated"
 
 
@@ -22,8 +24,8 @@ def labels(*overrides, **options):
         ("seed=range(3)", ["seed=0", "seed=1", "seed=2"]),
         ("seed=range(4,0,-2)", ["seed=4", "seed=2"]),
         ("tracker.sigma_f=range(0.1,0.4,0.1)", [f"tracker.sigma_f=0.{i}" for i in (1, 2, 3)]),
-        ("road_user=glob(*)", [f"road_user={one}" for one in ("car", "cyclist", "pedestrian")]),
-        ("road_user=glob(*,exclude=car)", ["road_user=cyclist", "road_user=pedestrian"]),
+        ("road_user=glob(*)", [f"road_user={one}" for one in USERS]),
+        ("road_user=glob(*,exclude=car)", [f"road_user={one}" for one in USERS if one != "car"]),
         ("path=glob([t*,c*])", ["path=circle", "path=crossing", "path=turn"]),
         ("rig=kitti,default", ["rig=kitti", "rig=default"]),
         ("++seed=1,2", ["seed=1", "seed=2"]),
