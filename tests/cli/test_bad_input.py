@@ -17,7 +17,7 @@ SENTENCES = {
     "+rig.widht=3": "rig.widht: unknown key; did you mean rig.width?",
     "++rig.widht=3": "rig.widht: unknown key; did you mean rig.width?",
     "camera.baseline=1": "camera.baseline: unknown key; did you mean rig.baseline?",
-    "rig.fov=60": "rig.fov: unknown key; did you mean rig.horizontal_fov?",
+    "rig.fov=60": "did you mean rig.horizontal_fov or rig.vertical_fov?",
     "rig/width=3": "rig/width: unknown key; did you mean rig.width?",
     "road_usr=car": "road_usr: unknown key; did you mean road_user?",
     "road_user=cyclst": f"did you mean road_user=cyclist? (options: {', '.join(USERS)})",
