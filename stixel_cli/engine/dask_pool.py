@@ -1,27 +1,20 @@
-"""Workers of Dask: those of a running scheduler, or of a cluster that is started on this machine.
+"""Workers of Dask: those of a running scheduler, or of a cluster that `dask_cluster` starts.
 
 Tasks and outcomes contain only names and keys. Results are exchanged through the store, which all
 workers must share.
 """
 
-import json
+import asyncio
 import logging
-import os
-import shutil
-import signal
-import subprocess
-import sys
-import tempfile
 import time
 from collections.abc import Callable
-from concurrent.futures import CancelledError, Future
+from concurrent.futures import CancelledError, Future, InvalidStateError
 from contextlib import suppress
-from threading import Thread
 from types import ModuleType
 from typing import Any
 
+from stixel_cli.engine.dask_cluster import Cluster
 from stixel_cli.engine.errors import ExecutorError
-from stixel_cli.engine.one_thread import ENVIRONMENT
 from stixel_cli.engine.parameters import PROGRAM, DaskExecutor
 from stixel_cli.engine.pools import Pool
 
@@ -34,92 +27,11 @@ COUNT_INTERVAL = 2.0
 LONG_PATIENCE = 600.0
 """Seconds to wait for a worker if a scheduler has none."""
 
-PATIENT = {"DASK_DISTRIBUTED__DEPLOY__LOST_WORKER_TIMEOUT": "1h"}
-"""Setting of Dask: time that a crashed worker has to restart.
-
-After 15 s, the default, Dask gives the worker up. On a loaded machine no worker would be left, and
-the run would wait forever.
-"""
+RESULT_PATIENCE = 60.0
+"""Seconds to wait for the outcome of a finished task. It is small."""
 
 UNREACHABLE = (OSError, ValueError, RuntimeError, TypeError)
 """Errors of a client if the scheduler does not answer or the address is not valid."""
-
-
-class Cluster:
-    """A scheduler and its workers as a process group, which ends with the process that started it.
-
-    Ctrl-C does not reach the group, and the group can be killed at any time, also during its start.
-    """
-
-    def __init__(self, workers: int):
-        """Start the group; `address` waits until it is ready."""
-        self._folder = tempfile.mkdtemp(prefix=f"{PROGRAM}-dask-")
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", __name__, str(workers), self._folder],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            start_new_session=True,
-            env={**os.environ, **ENVIRONMENT, **PATIENT},
-        )
-
-    def address(self) -> str:
-        """Wait for the workers; return the address of the scheduler.
-
-        Raises:
-            RuntimeError: the cluster could not be started.
-        """
-        line = self._process.stdout.readline()
-        answer = json.loads(line) if line else {"error": "its process ended"}
-        if "error" in answer:
-            raise RuntimeError(answer["error"])
-        return answer["address"]
-
-    def close(self) -> None:
-        """Kill the group, with all tasks that still run."""
-        with suppress(ProcessLookupError, PermissionError):
-            os.killpg(self._process.pid, signal.SIGKILL)
-        self._process.wait()
-        for pipe in (self._process.stdin, self._process.stdout):
-            with suppress(OSError):
-                pipe.close()
-        shutil.rmtree(self._folder, ignore_errors=True)
-
-
-def serve(workers: int, folder: str) -> None:
-    """Start the scheduler and its workers, print the address, and wait to be ended."""
-    Thread(target=_end_with_parent, args=(folder,), daemon=True).start()
-    # The output of a stage must not mix with the answer, nor fill the pipe.
-    answer = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)
-    try:
-        from distributed import LocalCluster
-
-        cluster = LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=True,
-            host="127.0.0.1",
-            dashboard_address="127.0.0.1:0",
-            memory_limit=0,
-            scheduler_kwargs={"allowed_failures": 0},
-            local_directory=folder,
-            env=ENVIRONMENT,
-            silence_logs=logging.CRITICAL,
-        )
-    except Exception as error:
-        answer.write(json.dumps({"error": f"{type(error).__name__}: {error}"}) + "\n")
-        return
-    answer.write(json.dumps({"address": cluster.scheduler_address}) + "\n")
-    answer.close()
-    while True:
-        signal.pause()
-
-
-def _end_with_parent(folder: str) -> None:
-    """End the group when stdin is closed, which happens when the parent ends."""
-    sys.stdin.buffer.read()
-    shutil.rmtree(folder, ignore_errors=True)
-    os.killpg(0, signal.SIGKILL)
 
 
 class DaskPool(Pool):
@@ -137,7 +49,6 @@ class DaskPool(Pool):
             client.scheduler_comm.interval = 0.001
         self._client = client
         self._cluster = cluster
-        self._executor = client.get_executor(pure=False)
         self._workers = workers
         self._restore = restore
         self._counted = 0.0
@@ -195,10 +106,42 @@ class DaskPool(Pool):
         """
         if self._client.status != "running":
             raise self._lost()
+        future: Future = Future()
         try:
-            return self._executor.submit(function, *arguments)
+            self._start(future, function, arguments)
         except Exception as error:
             raise self._lost() from error
+        return future
+
+    def _start(self, future: Future, function: Callable[..., Any], arguments: tuple) -> None:
+        """Submit a task to Dask. When it is finished, its outcome becomes that of `future`.
+
+        Dask's own executor is not used: its futures may stay open forever if a worker is killed
+        just after it has finished a task.
+        """
+        task = self._client.submit(function, *arguments, pure=False)
+
+        def cancel(future: Future) -> None:
+            if future.cancelled():
+                future.set_running_or_notify_cancel()
+                task.cancel()
+
+        async def settle() -> None:
+            gathering = self._client.gather(task, asynchronous=True)
+            try:
+                outcome = await asyncio.wait_for(gathering, RESULT_PATIENCE)
+            except TimeoutError:
+                # The outcome is lost. The task finds its result in the store.
+                self._start(future, function, arguments)
+            except (Exception, CancelledError, asyncio.CancelledError) as error:
+                with suppress(InvalidStateError):
+                    future.set_exception(error)
+            else:
+                with suppress(InvalidStateError):
+                    future.set_result(outcome)
+
+        future.add_done_callback(cancel)
+        task.add_done_callback(lambda _: self._client.loop.add_callback(settle))
 
     def died(self, error: BaseException | None) -> bool:
         """Whether the worker crashed.
@@ -212,8 +155,6 @@ class DaskPool(Pool):
 
     def close(self) -> None:
         """Disconnect from the scheduler, and end a cluster on this machine."""
-        with suppress(Exception):
-            self._executor.shutdown(wait=False)
         with suppress(Exception):
             self._client.close(timeout=1.0)
         if self._cluster is not None:
@@ -291,7 +232,3 @@ def _no_scheduler(executor: DaskExecutor, error: Exception) -> ExecutorError:
     where = "on this machine" if executor.address is None else f"at {executor.address}"
     reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
     return ExecutorError(f"executor.address: no Dask scheduler {where} ({reason})")
-
-
-if __name__ == "__main__":
-    serve(int(sys.argv[1]), sys.argv[2])

@@ -1,16 +1,19 @@
 """A real Dask scheduler with two worker processes on loopback; the same loop, the same bytes."""
 
+import asyncio
 import os
 import signal
 import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import wait
 from textwrap import dedent
 
 import pytest
 
-from stixel_cli.engine.dask_pool import PATIENT, Cluster
+from stixel_cli.engine.dask_cluster import PATIENT, Cluster, local_cluster
+from stixel_cli.engine.dask_pool import make_dask_pool
 from stixel_cli.engine.errors import CodeChanged, ExecutorError, StageFailure
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.graph import build_graph
@@ -55,8 +58,6 @@ SLOW = """
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory):
     """A scheduler and two workers; their packages are found in `folder`."""
-    import logging
-
     folder = tmp_path_factory.mktemp("packages")
     package = folder / "dask_steps"
     package.mkdir()
@@ -67,17 +68,7 @@ def cluster(tmp_path_factory):
     (restart,) = PATIENT.values()
     with (
         dask.config.set({"distributed.deploy.lost-worker-timeout": restart}),
-        distributed.LocalCluster(
-            n_workers=2,
-            threads_per_worker=1,
-            processes=True,
-            host="127.0.0.1",
-            dashboard_address="127.0.0.1:0",
-            memory_limit=0,
-            scheduler_kwargs={"allowed_failures": 0},
-            env={"PYTHONPATH": path},
-            silence_logs=logging.CRITICAL,
-        ) as cluster,
+        local_cluster(2, env={"PYTHONPATH": path}) as cluster,
     ):
         yield cluster
     sys.path.remove(str(folder))
@@ -151,6 +142,40 @@ def test_a_stage_that_always_kills_its_worker(cluster, project, notes):
         execute(
             single("kill"), ["kill"], project.store, executor=executor_at(cluster), progress=notes
         )
+
+
+def test_an_outcome_that_never_comes_is_computed_again(cluster, monkeypatch):
+    """A worker may be killed just after it has finished a task, with the outcome."""
+    pool = make_dask_pool(executor_at(cluster))
+    gather, lost = pool._client.gather, []
+
+    async def never():
+        await asyncio.Event().wait()
+
+    def lose_once(task, **options):
+        patience = 300.0 if lost else 0.1
+        monkeypatch.setattr("stixel_cli.engine.dask_pool.RESULT_PATIENCE", patience)
+        if lost:
+            return gather(task, **options)
+        lost.append(task)
+        return never()
+
+    monkeypatch.setattr(pool._client, "gather", lose_once)
+    try:
+        assert pool.submit(divmod, 7, 2).result(timeout=300.0) == (3, 1)
+        assert len(lost) == 1
+    finally:
+        pool.close()
+
+
+def test_a_task_is_cancelled_while_it_runs(cluster):
+    pool = make_dask_pool(executor_at(cluster))
+    try:
+        future = pool.submit(time.sleep, 60.0)
+        assert future.cancel()
+        assert wait([future], timeout=300.0).done == {future}
+    finally:
+        pool.close()
 
 
 def test_a_worker_with_other_versions_is_refused(cluster, project, monkeypatch):
@@ -326,7 +351,7 @@ def test_a_crashed_worker_of_an_own_cluster_may_restart_slowly(project, tmp_path
 def test_a_cluster_ends_with_the_process_that_started_it():
     script = """
         import os, signal
-        from stixel_cli.engine.dask_pool import PATIENT, Cluster
+        from stixel_cli.engine.dask_cluster import PATIENT, Cluster
         if __name__ == "__main__":
             cluster = Cluster(1)
             print(cluster._process.pid, cluster.address(), flush=True)
