@@ -139,7 +139,7 @@ def cost_table(cost: dict[str, Any], runs: "dict[str, pd.DataFrame]") -> Table:
         cores = [on_cores(one) if "track" in one else (None, None) for one in seconds]
         rows.append((f"track, {tracker}", *(one.get("track") for one in seconds)))
         rows.append((f"images to track, {tracker}, one core", *(one for one, _ in cores)))
-        rows.append((f"images to track, {tracker}, two cores", *(two for _, two in cores)))
+        rows.append((f"images to track, {tracker}, two cores at least", *(two for _, two in cores)))
     sample_time = runs[SIMULATED]["run"].iloc[0].configuration.path.sample_time
     columns = ("stage", SIMULATED, FABRICATED, f"{SIMULATED} / T", f"{FABRICATED} / T")
     return Table("cost", "", columns, tuple((*row, *_over(row[1:], sample_time)) for row in rows))
