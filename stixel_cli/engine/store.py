@@ -8,6 +8,7 @@ digest reveals an incomplete entry. The notes have the digest of the value, and 
 import io
 import json
 import os
+import pickle
 import shutil
 import socket
 import stat
@@ -18,8 +19,6 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-import joblib
-
 from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.locks import file_lock, unwritable
 from stixel_cli.engine.parameters import (
@@ -28,7 +27,7 @@ from stixel_cli.engine.parameters import (
     parse_size,
 )
 
-VALUE = "value.joblib"
+VALUE = "value.pickle"
 META = "meta.json"
 
 
@@ -91,7 +90,7 @@ class Store:
         with suppress(OSError):
             # The time of last use, for the cleanup. A cache may be read-only.
             os.utime(self.entry(key))
-        return joblib.load(io.BytesIO(content))
+        return pickle.loads(content)
 
     def meta(self, key: str) -> dict[str, Any]:
         """Read the notes of an entry: stage, label, seconds, size, digest, ….
@@ -129,7 +128,8 @@ class Store:
             partial.mkdir(parents=True)
             with (partial / VALUE).open("wb") as file:
                 writer = _HashingWriter(file)
-                joblib.dump(value, writer)
+                # Protocol 5 writes the memory of an array as it is.
+                pickle.dump(value, writer, protocol=5)
             size = writer.tell()
             meta = {**notes, "key": key, "size": size, "digest": writer.digest()}
             (partial / META).write_bytes(_notes_content(meta))
