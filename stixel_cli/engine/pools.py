@@ -5,7 +5,7 @@ import signal
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Future
+from concurrent.futures import BrokenExecutor, CancelledError, Future
 from contextlib import contextmanager
 from queue import SimpleQueue
 from threading import Thread, current_thread, main_thread
@@ -170,6 +170,11 @@ def _settle(future: Future, function: Callable[..., Any], arguments: tuple) -> N
         future.set_result(function(*arguments))
     except Exception as error:
         future.set_exception(error)
+
+
+def error_of(future: Future) -> BaseException | None:
+    """The exception of a finished future, or None."""
+    return CancelledError() if future.cancelled() else future.exception()
 
 
 def no_interrupt() -> None:

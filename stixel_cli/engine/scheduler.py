@@ -23,7 +23,7 @@ from stixel_cli.engine.errors import (
 )
 from stixel_cli.engine.locks import Lease
 from stixel_cli.engine.plan import Plan, missing_nodes
-from stixel_cli.engine.pools import Pool, SerialPool, deferred_interrupts, no_interrupt
+from stixel_cli.engine.pools import Pool, SerialPool, deferred_interrupts, error_of, no_interrupt
 from stixel_cli.engine.progress import Progress, crash_note
 from stixel_cli.engine.store import Store
 from stixel_cli.engine.task import Outcome, run_task, task_of
@@ -90,7 +90,6 @@ class Run:
         """Nodes that were running when a worker crashed. Each is retried on its own."""
         self._fatal: BaseException | None = None
         self._check_interrupt = no_interrupt
-        self._this_process = SerialPool()
 
     def all(self) -> None:
         """Compute all missing nodes. Damaged inputs are recomputed in another round.
@@ -196,7 +195,7 @@ class Run:
         node = self.graph.nodes[key]
         self.progress.started(node)
         task = task_of(node, self._limit(key))
-        pool = self._this_process if key in self.here else self.pool
+        pool = SerialPool() if key in self.here else self.pool
         try:
             self._in_flight[pool.submit(run_task, task, self.store.folder)] = key
         except ExecutorError as error:
@@ -206,8 +205,9 @@ class Run:
         if self.time_limit is None:
             return None
         mark = self.store.folder / "tmp" / f"limit-{self._name}-{key[:16]}"
-        kills = self.pool.kills and key not in self.here
-        return TimeLimit(self.time_limit, mark if kills else None)
+        return TimeLimit(
+            self.time_limit, mark if self.pool.kills and key not in self.here else None
+        )
 
     def _collect(self, finished: Collection[Future]) -> list[str]:
         """Process finished futures; return the keys of the nodes that are in the store now."""
@@ -217,7 +217,7 @@ class Run:
         done, dead = [], []
         for future in [future for future in self._in_flight if future in finished]:
             key = self._in_flight.pop(future)
-            error = _error(future)
+            error = error_of(future)
             if self._died(future):
                 dead.append(key)
             elif isinstance(error, CancelledError) and self._fatal is not None:
@@ -236,7 +236,7 @@ class Run:
 
     def _died(self, future: Future) -> bool:
         try:
-            return self.pool.died(_error(future))
+            return self.pool.died(error_of(future))
         except ExecutorError as error:
             self._fatal = self._fatal or error
             return False
@@ -298,19 +298,7 @@ class Run:
             self._fatal = failure
             return
         self.failures[key] = failure
-        skipped = self._dependents(key) - self._skipped
+        dependents = self.graph.dependents(key, self.planned.missing)
+        skipped = dependents - self._done - self._skipped
         self._skipped |= skipped
         self.progress.failed(node, failure, [self.graph.nodes[key] for key in sorted(skipped)])
-
-    def _dependents(self, key: str) -> set[str]:
-        """Missing nodes that depend on a node."""
-        found = {key}
-        for other in sorted(self.planned.missing, key=lambda k: self.graph.nodes[k].depth):
-            if not found.isdisjoint(self.graph.nodes[other].sources):
-                found.add(other)
-        return found - {key} - self._done
-
-
-def _error(future: Future) -> BaseException | None:
-    """The exception of a finished future, or None."""
-    return CancelledError() if future.cancelled() else future.exception()

@@ -19,6 +19,8 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.locks import file_lock, unwritable
 from stixel_cli.engine.parameters import (
@@ -128,8 +130,7 @@ class Store:
             partial.mkdir(parents=True)
             with (partial / VALUE).open("wb") as file:
                 writer = _HashingWriter(file)
-                # Protocol 5 writes the memory of an array as it is.
-                pickle.dump(value, writer, protocol=5)
+                _Pickler(writer, protocol=5).dump(value)
             size = writer.tell()
             meta = {**notes, "key": key, "size": size, "digest": writer.digest()}
             (partial / META).write_bytes(_notes_content(meta))
@@ -257,6 +258,18 @@ def _notes_fault(content: bytes, key: str) -> str | None:
     if f'\n "key": "{key}",'.encode() not in rest:
         return "it belongs to another key"
     return None
+
+
+class _Pickler(pickle.Pickler):
+    """Writes read-only arrays as any other array.
+
+    They would be read-only when loaded, and Numba would compile its kernels for them once more.
+    """
+
+    def reducer_override(self, value: Any) -> Any:
+        if isinstance(value, np.ndarray) and not value.flags.writeable:
+            return value.copy().__reduce_ex__(5)
+        return NotImplemented
 
 
 class _HashingWriter:
