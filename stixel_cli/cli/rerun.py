@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from stixel_cli.cli.options import Folder, Json, Name, Results, Workers
-from stixel_cli.cli.run import print_run, with_workers
+from stixel_cli.cli.run import print_run, print_scores, with_workers
 
 
 def rerun(
@@ -32,6 +32,7 @@ def rerun(
         stem=f"{folder.resolve().name.lstrip('.')[:100]}-rerun",
         progress=make_progress(),
         notes={"rerun_of": str(folder)},
+        on_scores=None if json else print_scores,
     )
     print_run(made, json)
     return 0

@@ -16,7 +16,9 @@ from stixel_cli.errors import UserError
 if TYPE_CHECKING:
     from stixel_cli.config.compose import Composition
     from stixel_cli.engine.store import Store
+    from stixel_cli.evaluation.metric_table import Scores
     from stixel_cli.results.result import RunResult
+    from stixel_cli.scene.scenario import Scenario
 
 
 def run(
@@ -45,7 +47,14 @@ def run(
         _print_plan(composition, open_store(composition.configuration.cache), json)
         return 0
     command = ["stixel", "run", *composition.overrides]
-    made = record_run(composition, command, results, name, progress=make_progress())
+    made = record_run(
+        composition,
+        command,
+        results,
+        name,
+        progress=make_progress(),
+        on_scores=None if json else print_scores,
+    )
     print_run(made, json)
     return 0
 
@@ -98,31 +107,32 @@ def with_workers(overrides: Sequence[str], workers: int | None) -> list[str]:
 
 
 def print_run(made: "RunResult", json: bool) -> None:
-    """Print scores and folder of a run."""
+    """Print the folder of a run whose scores are printed; with `json` the scores too."""
     if json:
         answer = {"folder": str(made.folder.absolute()), "metrics": made.metrics}
         print_json(answer | {"stages": made.stages})
-    else:
-        _print_scores(made)
+        return
+    computed = [stage["name"] for stage in made.stages if stage["status"] == "computed"]
+    stages = ", ".join(computed) or "nothing, all was cached"
+    typer.echo(f"computed: {stages}; {made.manifest['seconds']:.1f} s")
+    typer.echo(made.folder)
 
 
-def _print_scores(made: "RunResult") -> None:
+def print_scores(scenario: "Scenario", scores: "Scores") -> None:
+    """Print the scores of a run at once, before its pictures are drawn."""
     from rich.console import Console
 
     from stixel_cli.report.metrics import scores_table
 
     console = Console(highlight=False, soft_wrap=True)
-    console.print(scores_table(made.metrics))
-    if not made.scenario.star_convex:
+    console.print(scores_table(scores.metrics))
+    if not scenario.star_convex:
         console.print(
             "The true contour is not star-convex about its centre: no track can match it exactly."
         )
-    if made.metrics["empty_scans"] == made.metrics["scans"]:
+    if scores.metrics["empty_scans"] == scores.metrics["scans"]:
         console.print("The road user was never measured: every scan is empty.")
-    computed = [stage["name"] for stage in made.stages if stage["status"] == "computed"]
-    stages = ", ".join(computed) or "nothing, all was cached"
-    console.print(f"computed: {stages}; {made.manifest['seconds']:.1f} s")
-    console.print(str(made.folder), markup=False)
+    sys.stdout.flush()
 
 
 def _print_plan(composition: "Composition", store: "Store", json: bool) -> None:

@@ -58,11 +58,14 @@ def choose(
         families.setdefault(group.partition("/")[0], []).append(text)
     found = None
     if len(families) > 1 and EXPERIMENT not in families:
-        from hydra.errors import HydraException
-
-        # A group that follows another may need one of the other choices.
-        with suppress(HydraException):
+        try:
             found = _choose_apart(families, state)
+        except Exception as fault:
+            from hydra.errors import HydraException
+
+            # A group that follows another may need one of the other choices.
+            if not isinstance(fault, HydraException):
+                raise
     if found is None:
         return choose_together(tuple(text for _, text in chosen), state)
     return found

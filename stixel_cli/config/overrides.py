@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from stixel_cli.config import folders, messages
 from stixel_cli.config.folders import group_options
 from stixel_cli.config.keys import known_keys
+from stixel_cli.config.plain_overrides import plain_override
 from stixel_cli.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -42,16 +43,18 @@ def parse_overrides(texts: Sequence[str]) -> "list[Override]":
     Raises:
         ConfigurationError: for the first text that is not an override.
     """
-    from hydra.errors import HydraException
-
     parsed = []
     for text in texts:
         # For these Hydra writes errors of several lines, or no error.
         _refuse_malformed(text)
         try:
             parsed.append(_parse(text))
-        except (HydraException, ValueError, RecursionError):
-            raise ConfigurationError(_unreadable(text)) from None
+        except Exception as fault:
+            from hydra.errors import HydraException
+
+            if isinstance(fault, HydraException | ValueError | RecursionError):
+                raise ConfigurationError(_unreadable(text)) from None
+            raise
     return parsed
 
 
@@ -65,7 +68,7 @@ def _parser() -> Any:
 @lru_cache(maxsize=8192)
 def _parse(text: str) -> "Override":
     """The parsed override; never changed, so it can be cached."""
-    return _parser().parse_override(text)
+    return plain_override(text) or _parser().parse_override(text)
 
 
 def _refuse_malformed(text: str) -> None:
@@ -228,12 +231,12 @@ def single_overrides(override: "Override", shuffled: bool) -> list[str]:
     Raises:
         ConfigurationError: for no values, too many, or an interval.
     """
+    if not override.is_sweep_override():
+        return [str(override.input_line)]
     from hydra.core.override_parser.types import FloatRange, Glob, IntervalSweep, RangeSweep
     from hydra.errors import HydraException
 
     line, name = messages.printable(str(override.input_line)), override.key_or_group
-    if not override.is_sweep_override():
-        return [str(override.input_line)]
     value = override.value()
     if isinstance(value, IntervalSweep):
         raise ConfigurationError(

@@ -1,6 +1,6 @@
 """Compute the missing results with any pool of workers, and record what was done."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from typing import Any
@@ -8,7 +8,7 @@ from typing import Any
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.graph import Graph, Node
 from stixel_cli.engine.keys import digest
-from stixel_cli.engine.loaded_code import check_bytecode, may_run_here
+from stixel_cli.engine.loaded_code import check_bytecode, import_function, may_run_here
 from stixel_cli.engine.locks import Lease
 from stixel_cli.engine.one_thread import one_thread
 from stixel_cli.engine.parameters import Executor, LocalExecutor, ThreadsExecutor
@@ -122,6 +122,8 @@ def execute(
     executor: Executor | ExecutorName = "local",
     progress: Progress | None = None,
     keep_going: bool = False,
+    first: Sequence[str] = (),
+    on_first: Callable[[], None] | None = None,
 ) -> Execution:
     """Compute the results that `targets` (stage names or node ids) need and `store` lacks.
 
@@ -131,6 +133,9 @@ def execute(
 
     With `keep_going` a failing node does not stop the others: nodes that depend on it are skipped,
     and the failures are in the returned execution.
+
+    The nodes that the targets `first` need are computed before all others. `on_first` is called
+    once, as soon as the targets `first` are in the store.
 
     Raises:
         StageFailure: a stage raised an error, exceeded its time limit, or crashed its worker twice.
@@ -163,10 +168,19 @@ def execute(
         progress.expect(durations.by_stage(nodes), 1 if here else chosen.workers)
         time_limit = getattr(chosen, "time_limit", None)
         run = Run(planned, store, pool, progress, time_limit, keep_going, lease)
+        needed_first = graph.ancestors(graph.expand(first))
+        nodes_first = [node for node in nodes if node.key in needed_first]
+        run.first, run.on_first = frozenset(node.key for node in nodes_first), on_first
+        if nodes_first and not here and _runs_here(chosen, nodes_first, durations):
+            run.here = run.first
+            # The workers start, and load libraries, while this process computes the first nodes.
+            for node in [node for node in nodes if node.key not in run.here][: chosen.workers]:
+                pool.submit(import_function, node.stage.function, node.identity.code)
         try:
             # In this process the calling thread limits the libraries for the whole run, because it
             # may have set limits of its own.
-            with nullcontext() if pool.kills or not nodes else one_thread():
+            in_here = nodes and (run.here or not pool.kills)
+            with one_thread() if in_here else nullcontext():
                 run.all()
         finally:
             # Nothing runs any more, or its result is not wanted.

@@ -95,6 +95,14 @@ class Graph:
                 pending.extend(self.nodes[node].sources)
         return found
 
+    def dependents(self, node: str, among: Iterable[str]) -> set[str]:
+        """Ids of the nodes `among` that depend on `node`, directly or through others of them."""
+        found = {node}
+        for other in sorted(among, key=lambda one: self.nodes[one].depth):
+            if not found.isdisjoint(self.nodes[other].sources):
+                found.add(other)
+        return found - {node}
+
 
 def merge(graphs: Iterable[Graph]) -> Graph:
     """Merge graphs. Nodes that several graphs share appear once; all nodes keep their ids."""

@@ -65,6 +65,11 @@ def planned_function(name: str, code: Code) -> Callable[..., Any]:
     return function
 
 
+def import_function(name: str, code: Code) -> None:
+    """The same as `planned_function`, without a result that another process could not load."""
+    planned_function(name, code)
+
+
 def _changed(function: str) -> CodeChanged:
     return CodeChanged(
         f"the code of {function} was edited after this run was planned or after this process "

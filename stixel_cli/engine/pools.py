@@ -3,12 +3,13 @@
 import os
 import signal
 import time
+from abc import abstractmethod
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Future
+from concurrent.futures import BrokenExecutor, CancelledError, Future
 from contextlib import contextmanager
 from queue import SimpleQueue
 from threading import Thread, current_thread, main_thread
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 from stixel_cli.engine.one_thread import ENVIRONMENT
 from stixel_cli.engine.parameters import DaskExecutor, Executor, LocalExecutor, ThreadsExecutor
@@ -20,7 +21,7 @@ ORPHAN_INTERVAL = 0.5
 NAMES = ("local", "threads", "dask", "serial")
 
 
-class Pool:
+class Pool(Protocol):
     """Workers for the scheduler. The defaults are those of workers in this process.
 
     Attributes:
@@ -33,9 +34,9 @@ class Pool:
     all_die_together = False
     kills = False
 
+    @abstractmethod
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
         """Run `function` in a worker."""
-        raise NotImplementedError
 
     def died(self, error: BaseException | None) -> bool:
         """Whether the error of a future means that its worker crashed."""
@@ -169,6 +170,11 @@ def _settle(future: Future, function: Callable[..., Any], arguments: tuple) -> N
         future.set_result(function(*arguments))
     except Exception as error:
         future.set_exception(error)
+
+
+def error_of(future: Future) -> BaseException | None:
+    """The exception of a finished future, or None."""
+    return CancelledError() if future.cancelled() else future.exception()
 
 
 def no_interrupt() -> None:

@@ -74,7 +74,7 @@ class Progress:
         print(f"{PROGRAM}: {text}", file=sys.stderr, flush=True)  # noqa: T201
 
     def close(self) -> None:
-        """End the display, after success or failure."""
+        """End the display; the next `tick` may show it again."""
 
     @property
     def all_done(self) -> int:

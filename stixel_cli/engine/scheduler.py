@@ -6,7 +6,7 @@ import socket
 import time
 import traceback
 from collections import Counter, deque
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import nullcontext
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ from stixel_cli.engine.errors import (
 )
 from stixel_cli.engine.locks import Lease
 from stixel_cli.engine.plan import Plan, missing_nodes
-from stixel_cli.engine.pools import Pool, SerialPool, deferred_interrupts, no_interrupt
+from stixel_cli.engine.pools import Pool, SerialPool, deferred_interrupts, error_of, no_interrupt
 from stixel_cli.engine.progress import Progress, crash_note
 from stixel_cli.engine.store import Store
 from stixel_cli.engine.task import Outcome, run_task, task_of
@@ -55,6 +55,9 @@ class Run:
         pool: where tasks run.
         time_limit: of a node, in seconds; None for no limit.
         lease: on the needed keys; already taken.
+        first: missing keys to compute before all others.
+        on_first: called once, when no key of `first` is left to compute.
+        here: missing keys to compute in this process, whatever the pool.
         seconds: by key, of the nodes that this execution computed.
         failures: by key, of the failed nodes, with `keep_going`.
     """
@@ -66,6 +69,9 @@ class Run:
     time_limit: float | None
     keep_going: bool
     lease: Lease
+    first: frozenset[str] = frozenset()
+    on_first: Callable[[], None] | None = None
+    here: frozenset[str] = frozenset()
     seconds: dict[str, float] = field(default_factory=dict)
     failures: dict[str, StageFailure] = field(default_factory=dict)
 
@@ -78,7 +84,7 @@ class Run:
         self._tries: Counter[str] = Counter()
         self._deaths: Counter[str] = Counter()
         self._in_flight: dict[Future, str] = {}
-        self._ready: list[tuple[int, int, str]] = []
+        self._ready: list[tuple[bool, int, int, str]] = []
         self._order: dict[str, int] = {}
         self._suspects: deque[str] = deque()
         """Nodes that were running when a worker crashed. Each is retried on its own."""
@@ -99,6 +105,7 @@ class Run:
         missing: Collection[str] = self.planned.missing
         cached = len(self.planned.needed) - len(missing)
         self.progress.begin([self.graph.nodes[key] for key in missing], cached)
+        self._report_first()
         while missing:
             self._round(missing)
             if self._fatal is not None:
@@ -154,14 +161,23 @@ class Run:
             self._check_interrupt()
             for key in self._collect(finished):
                 sorter.done(key)
+            self._report_first()
             if self.store.max_size and self._written > self.store.max_size * SLACK:
                 self.keep_limit()
             self.pool.tend(self.progress.note)
             self.progress.tick()
 
+    def _report_first(self) -> None:
+        if self.on_first is not None and self._done.issuperset(self.first):
+            # `on_first` may print to the terminal that shows the progress.
+            self.progress.close()
+            self.on_first()
+            self.on_first = None
+
     def _push(self, key: str) -> None:
         # Deepest first, so that each chunk finishes early.
-        heapq.heappush(self._ready, (-self.graph.nodes[key].depth, self._order[key], key))
+        depth = self.graph.nodes[key].depth
+        heapq.heappush(self._ready, (key not in self.first, -depth, self._order[key], key))
 
     def _submit_ready(self) -> None:
         """Submit ready nodes up to the limit of the pool."""
@@ -173,14 +189,15 @@ class Run:
             return
         limit = self.pool.limit
         while self._ready and len(self._in_flight) < limit and self._fatal is None:
-            self._submit(heapq.heappop(self._ready)[2])
+            self._submit(heapq.heappop(self._ready)[-1])
 
     def _submit(self, key: str) -> None:
         node = self.graph.nodes[key]
         self.progress.started(node)
         task = task_of(node, self._limit(key))
+        pool = SerialPool() if key in self.here else self.pool
         try:
-            self._in_flight[self.pool.submit(run_task, task, self.store.folder)] = key
+            self._in_flight[pool.submit(run_task, task, self.store.folder)] = key
         except ExecutorError as error:
             self._fatal = error
 
@@ -188,7 +205,9 @@ class Run:
         if self.time_limit is None:
             return None
         mark = self.store.folder / "tmp" / f"limit-{self._name}-{key[:16]}"
-        return TimeLimit(self.time_limit, mark if self.pool.kills else None)
+        return TimeLimit(
+            self.time_limit, mark if self.pool.kills and key not in self.here else None
+        )
 
     def _collect(self, finished: Collection[Future]) -> list[str]:
         """Process finished futures; return the keys of the nodes that are in the store now."""
@@ -198,7 +217,7 @@ class Run:
         done, dead = [], []
         for future in [future for future in self._in_flight if future in finished]:
             key = self._in_flight.pop(future)
-            error = _error(future)
+            error = error_of(future)
             if self._died(future):
                 dead.append(key)
             elif isinstance(error, CancelledError) and self._fatal is not None:
@@ -217,7 +236,7 @@ class Run:
 
     def _died(self, future: Future) -> bool:
         try:
-            return self.pool.died(_error(future))
+            return self.pool.died(error_of(future))
         except ExecutorError as error:
             self._fatal = self._fatal or error
             return False
@@ -279,19 +298,7 @@ class Run:
             self._fatal = failure
             return
         self.failures[key] = failure
-        skipped = self._dependents(key) - self._skipped
+        dependents = self.graph.dependents(key, self.planned.missing)
+        skipped = dependents - self._done - self._skipped
         self._skipped |= skipped
         self.progress.failed(node, failure, [self.graph.nodes[key] for key in sorted(skipped)])
-
-    def _dependents(self, key: str) -> set[str]:
-        """Missing nodes that depend on a node."""
-        found = {key}
-        for other in sorted(self.planned.missing, key=lambda k: self.graph.nodes[k].depth):
-            if not found.isdisjoint(self.graph.nodes[other].sources):
-                found.add(other)
-        return found - {key} - self._done
-
-
-def _error(future: Future) -> BaseException | None:
-    """The exception of a finished future, or None."""
-    return CancelledError() if future.cancelled() else future.exception()

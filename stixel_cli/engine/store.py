@@ -8,6 +8,7 @@ digest reveals an incomplete entry. The notes have the digest of the value, and 
 import io
 import json
 import os
+import pickle
 import shutil
 import socket
 import stat
@@ -18,7 +19,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-import joblib
+import numpy as np
 
 from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.locks import file_lock, unwritable
@@ -28,7 +29,7 @@ from stixel_cli.engine.parameters import (
     parse_size,
 )
 
-VALUE = "value.joblib"
+VALUE = "value.pickle"
 META = "meta.json"
 
 
@@ -91,7 +92,7 @@ class Store:
         with suppress(OSError):
             # The time of last use, for the cleanup. A cache may be read-only.
             os.utime(self.entry(key))
-        return joblib.load(io.BytesIO(content))
+        return pickle.loads(content)
 
     def meta(self, key: str) -> dict[str, Any]:
         """Read the notes of an entry: stage, label, seconds, size, digest, ….
@@ -129,7 +130,7 @@ class Store:
             partial.mkdir(parents=True)
             with (partial / VALUE).open("wb") as file:
                 writer = _HashingWriter(file)
-                joblib.dump(value, writer)
+                _Pickler(writer, protocol=5).dump(value)
             size = writer.tell()
             meta = {**notes, "key": key, "size": size, "digest": writer.digest()}
             (partial / META).write_bytes(_notes_content(meta))
@@ -257,6 +258,18 @@ def _notes_fault(content: bytes, key: str) -> str | None:
     if f'\n "key": "{key}",'.encode() not in rest:
         return "it belongs to another key"
     return None
+
+
+class _Pickler(pickle.Pickler):
+    """Writes read-only arrays as any other array.
+
+    They would be read-only when loaded, and Numba would compile its kernels for them once more.
+    """
+
+    def reducer_override(self, value: Any) -> Any:
+        if isinstance(value, np.ndarray) and not value.flags.writeable:
+            return value.copy().__reduce_ex__(5)
+        return NotImplemented
 
 
 class _HashingWriter:

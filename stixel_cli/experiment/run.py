@@ -2,7 +2,7 @@
 
 import shlex
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -20,6 +20,7 @@ from stixel_cli.engine.plan import Plan, plan
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import ConfigurationError, FolderTaken, UserError
+from stixel_cli.evaluation.metric_table import Scores
 from stixel_cli.experiment.stages import (
     CHUNK_SIZE,
     picture_stages,
@@ -31,6 +32,7 @@ from stixel_cli.results.folder import check_results, reserve_folder, stamp, writ
 from stixel_cli.results.lineage import lineage_of, read_lineage
 from stixel_cli.results.provenance import provenance
 from stixel_cli.results.result import RunResult, read_run
+from stixel_cli.scene.scenario import Scenario
 
 RESULTS = ("scenario", "scans", "track", "scores")
 """Stages that every pipeline has; their results are those of the experiment."""
@@ -66,6 +68,7 @@ def run_experiment(
     progress: Progress | None = None,
     pictures: bool = True,
     camera: bool | None = None,
+    on_scores: Callable[[Scenario, Scores], None] | None = None,
 ) -> RunResult:
     """Compute the missing nodes of an experiment and load its result.
 
@@ -77,6 +80,8 @@ def run_experiment(
         progress: reports the progress.
         pictures: whether to draw pictures.
         camera: whether to load the camera's frames for the page; None: if there are pictures.
+        on_scores: called with the scenario and the scores as soon as they are computed, before the
+            pictures are drawn.
 
     Raises:
         StageFailure: if a stage fails; finished nodes stay in the store.
@@ -88,10 +93,20 @@ def run_experiment(
     wanted = targets(graph, pictures, with_camera)
     # The lease lasts until all is loaded: another process, or the size limit, may remove entries.
     with lease(store.folder, sorted(graph.ancestors(graph.expand(wanted)))):
+
+        def load(name: str) -> Any:
+            return store.load(graph.of_stage(name)[0].key)
+
         execution = execute(
-            graph, wanted, store, executor=configuration.executor, progress=progress
+            graph,
+            wanted,
+            store,
+            executor=configuration.executor,
+            progress=progress,
+            first=RESULTS,
+            on_first=on_scores and (lambda: on_scores(load("scenario"), load("scores"))),
         )
-        results = {name: store.load(graph.of_stage(name)[0].key) for name in RESULTS}
+        results = {name: load(name) for name in RESULTS}
         files = {
             path: data
             for name in (picture_stages(graph) if pictures else ())
@@ -122,6 +137,7 @@ def record_run(
     stem: str | None = None,
     progress: Progress | None = None,
     notes: dict[str, Any] | None = None,
+    on_scores: Callable[[Scenario, Scores], None] | None = None,
 ) -> RunResult:
     """Run an experiment and write its result folder into `results`, if that is given.
 
@@ -133,6 +149,7 @@ def record_run(
         stem: None for the choices of the main groups.
         progress: reports the progress.
         notes: further entries of the manifest.
+        on_scores: see `run_experiment`.
 
     Raises:
         UserError: for any error that the user can fix; no result folder is left then.
@@ -144,7 +161,7 @@ def record_run(
     store = open_store(composition.configuration.cache)
     now = datetime.now(UTC)
     with one_line_errors():
-        run = run_experiment(composition, store, progress=progress)
+        run = run_experiment(composition, store, progress=progress, on_scores=on_scores)
     manifest = {
         "command": shlex.join(command),
         "overrides": list(composition.overrides),

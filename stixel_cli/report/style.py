@@ -97,7 +97,7 @@ def png(figure: Figure) -> bytes:
     canvas.draw()
     buffer = io.BytesIO()
     pixels = np.asarray(canvas.buffer_rgba())[..., :3]
-    Image.fromarray(np.ascontiguousarray(pixels)).save(buffer, format="png", compress_level=4)
+    Image.fromarray(np.ascontiguousarray(pixels)).save(buffer, format="png", compress_level=1)
     return buffer.getvalue()
 
 

@@ -54,7 +54,7 @@ def run_files(
         "manifest.json": json_text(manifest),
         "metrics.json": json_text(scores.metrics),
         lineage.FILE: lineage_text,
-        "scores.npz": lambda file: np.savez_compressed(file, **columns),
+        "scores.npz": lambda file: np.savez(file, **columns),
     }
 
 

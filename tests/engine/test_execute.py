@@ -1,5 +1,8 @@
 """Executions: what is computed and what is not, and that the results do not depend on how."""
 
+import json
+import os
+
 import numpy as np
 import pytest
 
@@ -186,3 +189,41 @@ def test_a_chunk_sequence_can_be_read_again_and_in_part(project):
     graph = project.graph()
     project.run(graph)
     assert load(project, graph, "gather") == [(3, 8, [4, 8], True)]
+
+
+@pytest.mark.parametrize("executor", ["serial", "threads", "local"])
+def test_the_first_targets_are_computed_before_the_others(project, executor):
+    graph = project.graph()
+    stored = []
+
+    def on_first():
+        stored.append({node.label for node in graph.nodes.values() if project.store.has(node.key)})
+
+    options = {"executor": executor, "workers": 1, "on_first": on_first}
+    project.run(graph, first=["gather"], **options)
+    assert len(stored) == 1 and "gather" in stored[0]
+    if executor == "serial":
+        assert not any(label.startswith(("grid", "show")) for label in stored[0])
+    project.run(graph, first=["gather"], **options)
+    assert len(stored) == 2, "also if everything is cached"
+
+
+def test_few_first_targets_are_computed_in_this_process(project):
+    project.add_line("gather", "log.process()")
+    project.edit("show", "return", "log.process(); return")
+    with (project.package / "log.py").open("a") as file:
+        file.write("\ndef process():\n    called(str(os.getpid()))\n")
+    project.run()
+    project.calls()
+    known = {project.function("gather"): 0.01, project.function("show"): 100.0}
+    (project.store.folder / "durations.json").write_text(json.dumps(known))
+    project.run(
+        project.graph(seed=2, frames=(3,)),
+        targets=("gather", "grid", "show"),
+        executor="local",
+        workers=1,
+        first=["gather"],
+    )
+    calls = project.calls()
+    assert calls[1:] == [calls[1], "gather", "grid 3", "show 3"]
+    assert sum(call == str(os.getpid()) for call in calls) == 1, "gather here, show in a worker"
