@@ -32,7 +32,6 @@ from stixel_cli.engine.time_limit import TimeLimit, mark_text
 Status = Literal["computed", "cached", "failed", "skipped"]
 """`skipped`: depends on a node that failed."""
 
-
 TICK = 0.25
 """Seconds between two updates of the progress."""
 
@@ -204,10 +203,10 @@ class Run:
     def _limit(self, key: str) -> TimeLimit | None:
         if self.time_limit is None:
             return None
+        if not self.pool.kills or key in self.here:
+            return TimeLimit(self.time_limit, None)
         mark = self.store.folder / "tmp" / f"limit-{self._name}-{key[:16]}"
-        return TimeLimit(
-            self.time_limit, mark if self.pool.kills and key not in self.here else None
-        )
+        return TimeLimit(self.time_limit, mark)
 
     def _collect(self, finished: Collection[Future]) -> list[str]:
         """Process finished futures; return the keys of the nodes that are in the store now."""
@@ -298,7 +297,6 @@ class Run:
             self._fatal = failure
             return
         self.failures[key] = failure
-        dependents = self.graph.dependents(key, self.planned.missing)
-        skipped = dependents - self._done - self._skipped
+        skipped = self.graph.dependents(key, self.planned.missing) - self._done - self._skipped
         self._skipped |= skipped
         self.progress.failed(node, failure, [self.graph.nodes[key] for key in sorted(skipped)])

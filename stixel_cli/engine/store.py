@@ -8,7 +8,6 @@ digest reveals an incomplete entry. The notes have the digest of the value, and 
 import io
 import json
 import os
-import pickle
 import shutil
 import socket
 import stat
@@ -19,8 +18,6 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.locks import file_lock, unwritable
 from stixel_cli.engine.parameters import (
@@ -29,7 +26,7 @@ from stixel_cli.engine.parameters import (
     parse_size,
 )
 
-VALUE = "value.pickle"
+VALUE = "value.joblib"
 META = "meta.json"
 
 
@@ -92,7 +89,10 @@ class Store:
         with suppress(OSError):
             # The time of last use, for the cleanup. A cache may be read-only.
             os.utime(self.entry(key))
-        return pickle.loads(content)
+        # Imported here, because a run whose results are all cached may load none.
+        import joblib
+
+        return joblib.load(io.BytesIO(content))
 
     def meta(self, key: str) -> dict[str, Any]:
         """Read the notes of an entry: stage, label, seconds, size, digest, ….
@@ -124,13 +124,15 @@ class Store:
         Raises:
             CacheError: it cannot be written. Nothing of it remains.
         """
+        import joblib
+
         partial = self.folder / "tmp" / f"{key[:16]}-{socket.gethostname()}-{os.getpid()}"
         partial = partial.with_name(f"{partial.name}-{time.monotonic_ns():x}")
         try:
             partial.mkdir(parents=True)
             with (partial / VALUE).open("wb") as file:
                 writer = _HashingWriter(file)
-                _Pickler(writer, protocol=5).dump(value)
+                joblib.dump(value, writer)
             size = writer.tell()
             meta = {**notes, "key": key, "size": size, "digest": writer.digest()}
             (partial / META).write_bytes(_notes_content(meta))
@@ -258,18 +260,6 @@ def _notes_fault(content: bytes, key: str) -> str | None:
     if f'\n "key": "{key}",'.encode() not in rest:
         return "it belongs to another key"
     return None
-
-
-class _Pickler(pickle.Pickler):
-    """Writes read-only arrays as any other array.
-
-    They would be read-only when loaded, and Numba would compile its kernels for them once more.
-    """
-
-    def reducer_override(self, value: Any) -> Any:
-        if isinstance(value, np.ndarray) and not value.flags.writeable:
-            return value.copy().__reduce_ex__(5)
-        return NotImplemented
 
 
 class _HashingWriter:
