@@ -227,11 +227,11 @@ def viterbi(cost, steps):
     return np.array(path[::-1])
 
 
-@pytest.mark.parametrize("cancelled", [False, True])
+@pytest.mark.parametrize("subpixel", ["parabola", "phase_table", "second_match"])
 @pytest.mark.parametrize("mode", ["3way", "sgbm", "hh4", "hh"])
-def test_match_sgm(benchmark, pairs, mode, cancelled):
+def test_match_sgm(benchmark, pairs, mode, subpixel):
     benchmark.group = "match"
-    stereo = replace(STEREO, mode=mode, error_cancellation=cancelled)
+    stereo = replace(STEREO, mode=mode, subpixel=subpixel)
     benchmark.pedantic(sgm.match, args=(pairs, stereo, RIG, range(1)), rounds=3)
 
 
