@@ -11,7 +11,7 @@ import tempfile
 from importlib.metadata import version
 from pathlib import Path
 
-from phase_table import FAR, WAYS, accuracy
+from phase_table import DATA, FAR, WAYS, accuracy
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/benchmark.md"
@@ -27,6 +27,7 @@ SELECTED = (
     "bench_tracking.py::test_scan",
     "bench_sweep.py::test_tracker_runs",
 )
+REAL = (DATA / "kitti2015").is_dir()
 PROCESSES = "`stixel run`, whole process"
 INTRODUCTION = """# Benchmark
 
@@ -36,11 +37,12 @@ NumPy. "× faster" is the reference's time over the row's time.
 """
 QUOTED = """## Quoted, not measured here
 
-A public C++ stixel program by gishi523 takes 70 ms to match and 22 ms from disparity to stixels:
-1242 × 375 px, one thread. It matches in OpenCV's 3-way mode with block 11 and without uniqueness,
-left-right check and speckle filter. On real KITTI pairs its stixels have a median error of 0.68 px
-(31 % beyond 1 px); those of this project at revision b473fac have 0.36 px (16 %). Source: the notes
-for this project's issue on speed, which do not record the revision of the C++ program.
+From the notes for this project's issue on speed, which record no revision of the C++ programs:
+
+- The C++ peer (gishi) takes 70 ms to match and 22 ms from disparity to stixels: 1242 × 375 px, one
+  thread, OpenCV's 3-way mode with block 11 and without uniqueness, left-right check and speckle filter.
+- On real KITTI pairs, stixels of a public C++ program have a median error of 0.68 px, 31 % beyond
+  1 px; those of this project, at revision b473fac, 0.36 px and 16 %. The notes do not name it.
 """
 
 
@@ -119,8 +121,8 @@ def machine(record: dict) -> str:
         f"- Python {record['machine_info']['python_version']}, {versions}\n"
         f"- Revision {commit['id'][:12]}{' with changes' if commit['dirty'] else ''}, "
         f"{record['datetime'][:10]}\n"
-        "- Data: the default run; the first pair of KITTI 2015, if the folder of `STIXEL_DATA` has "
-        "it; seed 0\n- Scripts: "
+        f"- Data: rendered pairs of seed 0; {'pair 0 of KITTI 2015' if REAL else 'a made street'} "
+        "for images to stixels\n- Scripts: "
         + ", ".join(f"`bench/{name}`" for name in dict.fromkeys(s.split("::")[0] for s in SELECTED))
         + "\n"
     )
