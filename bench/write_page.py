@@ -40,9 +40,9 @@ QUOTED = """## Quoted, not measured here
 From the notes for this project's issue on speed, which record no revision of the C++ programs:
 
 - The C++ peer (gishi) takes 70 ms to match and 22 ms from disparity to stixels: 1242 × 375 px, one
-  thread, OpenCV's 3-way mode with block 11 and without uniqueness, left-right check and speckle filter.
+  thread, block 11, without uniqueness, left-right check and speckle filter.
 - On real KITTI pairs, stixels of a public C++ program have a median error of 0.68 px, 31 % beyond
-  1 px; those of this project, at revision b473fac, 0.36 px and 16 %. The notes do not name it.
+  1 px; those of this project, at revision b473fac, 0.36 px and 16 %. The notes do not name that program.
 """
 
 
