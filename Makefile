@@ -34,7 +34,7 @@ lint: setup
 	$(BIN)/ruff format --check .
 
 bench: setup
-	$(BIN)/python -m pytest bench -o 'python_files=bench_*.py' $(ARGS)
+	$(BIN)/python bench/write_page.py $(ARGS)
 
 clean:
 	rm -rf .venv build dist .pytest_cache .ruff_cache .hypothesis

@@ -28,6 +28,7 @@ from stixel_cli.scene.world_parameters import World
 
 CONF = Path(__file__).parents[1] / "conf"
 CHUNK = 10
+PAIR = "A rendered pair, 640 × 480 px, one thread"
 
 
 def preset(group: str, option: str, schema):
@@ -73,6 +74,7 @@ def test_chunk_of_ten_pairs(benchmark, scene, ego):
 
 
 def test_first_pair(benchmark, scene):
+    benchmark.group = PAIR
     static, target = scene
     scenario = motion(False)
     benchmark.pedantic(
@@ -81,6 +83,7 @@ def test_first_pair(benchmark, scene):
 
 
 def test_plain_pair_with_four_rays_everywhere(benchmark, scene):
+    benchmark.group = PAIR
     static, target = scene
     scenario = motion(False)
 

@@ -39,8 +39,8 @@ def cpu(who: int = resource.RUSAGE_SELF) -> float:
     return used.ru_utime + used.ru_stime
 
 
-def compare(title: str, rounds: int, who: int = resource.RUSAGE_SELF, **ways) -> None:
-    """Print the CPU times of `ways`, and each one's ratio to the first."""
+def compare(benchmark, title: str, rounds: int, who: int = resource.RUSAGE_SELF, **ways) -> None:
+    """Print and record the CPU times of `ways`, and each one's ratio to the first."""
     times = {name: [] for name in ways}
     for _ in range(rounds):
         for name, way in ways.items():
@@ -52,6 +52,17 @@ def compare(title: str, rounds: int, who: int = resource.RUSAGE_SELF, **ways) ->
     print(f"\n{title}:")
     for name, time in least.items():
         print(f"  {name:18} {1e3 * time:9.2f} ms  {time / first:5.2f}")
+    benchmark.extra_info.setdefault("ways", {})[title] = {
+        name: {"seconds": time} for name, time in least.items()
+    }
+    if not benchmark.stats:
+        benchmark.pedantic(lambda: None, rounds=1)
+
+
+def record(benchmark, title: str, way: str, accuracy: str) -> None:
+    """Print and record the accuracy or size of a way of `compare`."""
+    print(f"  {way:18} {accuracy}")
+    benchmark.extra_info["ways"][title][way]["accuracy"] = accuracy
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +73,7 @@ def scene():
     return static, Target(road_user_mesh(preset("road_user", "car", RoadUser)))
 
 
-def test_import_of_open3d():
+def test_import_of_open3d(benchmark):
     """Next to `import open3d`."""
 
     def imports(statement: str):
@@ -70,6 +81,7 @@ def test_import_of_open3d():
 
     module = "from stixel_cli.scene.open3d_import import"
     compare(
+        benchmark,
         "import, in a new process",
         5,
         resource.RUSAGE_CHILDREN,
@@ -78,7 +90,7 @@ def test_import_of_open3d():
     )
 
 
-def test_png(scene):
+def test_png(benchmark, scene):
     """Next to OpenCV with the compression level 1, which changes its filter and strategy."""
     left, right, depth, ids = render_frame(*scene, motion(False), 0)
     steps = np.where(np.isfinite(depth), np.rint(depth / DEPTH_STEP), 0).astype(np.uint32)
@@ -94,16 +106,19 @@ def test_png(scene):
         def default(images=images):
             return [encode_png(image) for image in images]
 
-        compare(f"PNG of {name}", 9, level_1=level, default=default)
+        title = f"PNG of {name}"
+        compare(benchmark, title, 9, level_1=level, default=default)
         for label, way in {"level_1": level, "default": default}.items():
-            print(f"  {label:18} {sum(len(data) for data in way()) / 1e3:9.0f} kB")
+            size = sum(len(data) for data in way()) / 1e3
+            record(benchmark, title, label, f"{size:.0f} kB")
 
 
-def test_noise():
+def test_noise(benchmark):
     """Next to NumPy's normal deviates."""
     random, shape = np.random.default_rng(0), (480, 640)
     normal_quantiles()
     compare(
+        benchmark,
         "normal deviates of an image",
         15,
         numpy=lambda: random.standard_normal(shape, dtype=np.float32),
@@ -145,7 +160,7 @@ def rays(bodies, camera, centres, at_shadow, sun, light, samples):
     return result
 
 
-def test_edges(scene):
+def test_edges(benchmark, scene):
     """Next to rays; the error is that of grey levels, against 256 rays in a pixel."""
     static, target = scene
     pose = world_from_target_3d(np.array([-1.0, 14.0, -0.5]))
@@ -168,18 +183,20 @@ def test_edges(scene):
     }
     for way in ways.values():
         way()
-    compare(f"{len(edge)} pixels at edges", 3, **ways)
+    title = f"{len(edge)} pixels at edges"
+    compare(benchmark, title, 3, **ways)
     exact = srgb_from_linear(rays(bodies, camera, centres, None, sun, light, 16)) @ LUMA
-    for name, way in {"one ray": lambda: centres.light, **ways}.items():
+    for name, way in ways.items():
         error = srgb_from_linear(way()) @ LUMA - exact
-        print(f"  {name:18} {np.sqrt((error**2).mean()):9.2f} grey levels RMS")
+        record(benchmark, title, name, f"{np.sqrt((error**2).mean()):.2f} grey levels RMS")
 
 
-def test_compilation(tmp_path):
+def test_compilation(benchmark, tmp_path):
     """Of all kernels, with an empty cache; on two processes, so the wall time is about half."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     command = [sys.executable, "-m", "stixel_cli.experiment.compile_kernels"]
     compare(
+        benchmark,
         "compilation of all kernels, from the cache and without",
         1,
         resource.RUSAGE_CHILDREN,

@@ -16,19 +16,23 @@ import pytest
 
 
 def stixel_run(cache, results, *overrides):
-    """Wall and processor seconds and peak memory (MB) of one `stixel run` of its own process."""
-    environment = os.environ | {"STIXEL_CACHE": str(cache)}
+    """Seconds to the scores on the screen and to the end, CPU seconds and memory (MB) of a run."""
+    environment = os.environ | {"STIXEL_CACHE": str(cache), "PYTHONUNBUFFERED": "1"}
     before = os.times()
     started = time.perf_counter()
     process = subprocess.Popen(
         [sys.executable, "-m", "stixel_cli", "run", "--results", str(results), *overrides],
         env=environment,
-        stdout=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
     )
     peak = [0.0]
     watcher = threading.Thread(target=watch, args=(process.pid, peak), daemon=True)
     watcher.start()
+    # Progress is on stderr, so the scores are the first of stdout.
+    process.stdout.read(1)
+    scores = time.perf_counter() - started
+    process.stdout.read()
     assert process.wait() == 0
     wall = time.perf_counter() - started
     watcher.join()
@@ -36,7 +40,13 @@ def stixel_run(cache, results, *overrides):
     cpu = (after.children_user + after.children_system) - (
         before.children_user + before.children_system
     )
-    return {"wall_s": wall, "cpu_s": cpu, "cpu_per_wall": cpu / wall, "peak_mb": peak[0]}
+    return {
+        "scores_s": scores,
+        "wall_s": wall,
+        "cpu_s": cpu,
+        "cpu_per_wall": cpu / wall,
+        "peak_mb": peak[0],
+    }
 
 
 def watch(pid: int, peak: list[float]) -> None:
@@ -68,6 +78,7 @@ def folders(tmp_path_factory):
 
 
 def measure(benchmark, run, rounds):
+    benchmark.group = "`stixel run`, whole process"
     records = []
     benchmark.pedantic(lambda: records.append(run()), rounds=rounds, iterations=1)
     middle = sorted(records, key=lambda record: record["wall_s"])[len(records) // 2]
@@ -79,6 +90,15 @@ def test_cold_default_run(benchmark, folders, tmp_path_factory):
     """All computed; compiled kernels are there."""
     results, _ = folders
     measure(benchmark, lambda: stixel_run(tmp_path_factory.mktemp("cold"), results), rounds=3)
+
+
+def test_cold_run_with_a_moving_ego(benchmark, folders, tmp_path_factory):
+    results, _ = folders
+    measure(
+        benchmark,
+        lambda: stixel_run(tmp_path_factory.mktemp("cold"), results, "ego=straight"),
+        rounds=1,
+    )
 
 
 def test_cold_fabricated_run(benchmark, folders, tmp_path_factory):

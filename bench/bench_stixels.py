@@ -6,6 +6,7 @@ named by STIXEL_DATA has one, else of a made street.
 
 import json
 import os
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -227,14 +228,102 @@ def viterbi(cost, steps):
     return np.array(path[::-1])
 
 
-@pytest.mark.parametrize("cancelled", [False, True])
 @pytest.mark.parametrize("mode", ["3way", "sgbm", "hh4", "hh"])
-def test_match_sgm(benchmark, pairs, mode, cancelled):
+def test_match_sgm(benchmark, pairs, mode):
     benchmark.group = "match"
-    stereo = replace(STEREO, mode=mode, error_cancellation=cancelled)
+    stereo = replace(STEREO, mode=mode)
     benchmark.pedantic(sgm.match, args=(pairs, stereo, RIG, range(1)), rounds=3)
 
 
 def test_match_bm(benchmark, pairs):
     benchmark.group = "match"
     benchmark.pedantic(bm.match, args=(pairs, BLOCKS, RIG, range(1)), rounds=3)
+
+
+IMAGES = (
+    f"Images to stixels, {RIG.width} × {RIG.height} px, {COUNT} disparities, one thread, CPU time"
+)
+
+
+@pytest.mark.benchmark(group=IMAGES, timer=time.process_time)
+@pytest.mark.parametrize("subpixel", ["second_match", "phase_table", "parabola"])
+def test_images_to_stixels(benchmark, pairs, raw, subpixel):
+    road, occupancy, grid, expected = prepared(raw)
+    stereo = replace(STEREO, subpixel=subpixel)
+
+    def frame():
+        found = sgm.match(pairs, stereo, RIG, range(1)).raw(0)
+        segment(found, expected, road, occupancy, grid)
+        return found
+
+    benchmark.extra_info["accuracy"] = accuracy(benchmark.pedantic(frame, rounds=7))
+
+
+@pytest.mark.benchmark(group=IMAGES, timer=time.process_time)
+def test_images_to_stixels_plain(benchmark, pairs, raw):
+    road, occupancy, grid, _ = prepared(raw)
+
+    def frame():
+        found = plain_match(pairs.left[0], pairs.right[0])
+        plain(found, road, occupancy, grid)
+        return found
+
+    benchmark.extra_info["accuracy"] = accuracy(benchmark.pedantic(frame, rounds=1))
+
+
+def accuracy(raw):
+    """Errors of raw disparities against the pair's ground truth, as text."""
+    if FOLDER.is_dir():
+        path = str(FOLDER / "000000_10_disp_occ.png")
+        true = cv2.imread(path, cv2.IMREAD_UNCHANGED) / 256.0
+    else:
+        true = made_street() / 16.0
+    known = true > 0
+    error = np.abs(raw / 16 - true)[known & (raw >= 0)]
+    fine = error[error <= 1.0]
+    return (
+        f"{np.sqrt(np.mean(fine**2)):.3f} px RMS, {1 - len(fine) / len(error):.1%} beyond 1 px, "
+        f"{len(error) / known.sum():.0%} dense"
+    )
+
+
+def plain_match(left, right):
+    """Semi-global matching in plain NumPy: the same three directions and block, no checks."""
+    half = STEREO.block_size // 2
+    prepared = []
+    for image in (left, right):
+        wide = np.pad(image.astype(np.int32), ((1, 1), (1, 1)), mode="edge")
+        slope = wide[:, 2:] - wide[:, :-2]
+        sobel = slope[:-2] + 2 * slope[1:-1] + slope[2:]
+        prepared.append(np.clip(sobel, -STEREO.pre_filter_cap, STEREO.pre_filter_cap))
+    cost = np.full((*left.shape, COUNT), 1 << 14, dtype=np.int32)
+    for d in range(COUNT):
+        difference = np.abs(prepared[0][:, d:] - prepared[1][:, : left.shape[1] - d])
+        total = np.pad(difference, ((half + 1, half), (half + 1, half)), mode="edge")
+        total = total.cumsum(axis=0).cumsum(axis=1)
+        side = STEREO.block_size
+        total = total[side:] - total[:-side]
+        cost[:, d:, d] = total[:, side:] - total[:, :-side]
+    whole = np.zeros_like(cost)
+    for lines, sums in (
+        (cost, whole),
+        (cost.swapaxes(0, 1), whole.swapaxes(0, 1)),
+        (cost.swapaxes(0, 1)[::-1], whole.swapaxes(0, 1)[::-1]),
+    ):
+        before = lines[0]
+        sums[0] += before
+        for line, into in zip(lines[1:], sums[1:], strict=True):
+            least = before.min(axis=1, keepdims=True)
+            best = np.minimum(before, least + STEREO.p2)
+            best[:, 1:] = np.minimum(best[:, 1:], before[:, :-1] + STEREO.p1)
+            best[:, :-1] = np.minimum(best[:, :-1], before[:, 1:] + STEREO.p1)
+            before = line + best - least
+            into += before
+    at = whole.argmin(axis=2)[..., None]
+    below, here, above = (
+        np.take_along_axis(whole, np.clip(at + step, 0, COUNT - 1), axis=2)[..., 0]
+        for step in (-1, 0, 1)
+    )
+    curve = np.maximum(below + above - 2 * here, 1)
+    found = 16 * at[..., 0] + 8 * (below - above) // curve
+    return np.where(found > 16 * np.arange(left.shape[1]), -1, found).astype(np.int16)

@@ -152,8 +152,11 @@ def fast_scan(mean, covariance, points):
 @pytest.mark.parametrize("scan", [dense_scan, information_scan, fast_scan])
 def test_scan(benchmark, scan, scans, state, tracked):
     """Prediction and update with 600 points."""
+    benchmark.group = "A scan of 600 points in the tracker"
     points = scans.points_world[scans.rows(10)]
     mean, covariance = benchmark(scan, *state, points)
+    error = np.abs(mean - tracked.means[10]).max()
+    benchmark.extra_info["accuracy"] = f"mean within {error:.0e} of the track"
     np.testing.assert_allclose(mean, tracked.means[10], atol=1e-5)
     np.testing.assert_allclose(covariance, tracked.covariances[10], atol=1e-5)
 

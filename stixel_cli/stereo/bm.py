@@ -26,6 +26,7 @@ class BmParameters(MatchingParameters):
     pre_filter: Literal["normalized_response", "x_sobel"]
     pre_filter_size: Annotated[int, Ge(5), Le(255)]
     texture_threshold: Annotated[int, Ge(0), Le(100000)]
+    subpixel: Literal["parabola", "second_match"]
 
     def check(self) -> None:
         """Raise ValueError if the parameters contradict each other."""
@@ -56,8 +57,5 @@ def match(pairs: StereoPairs, stereo: BmParameters, rig: Rig, frames: range) -> 
     matcher.setPreFilterSize(stereo.pre_filter_size)
     matcher.setPreFilterCap(stereo.pre_filter_cap)
     matcher.setTextureThreshold(stereo.texture_threshold)
-    matcher.setDisp12MaxDiff(stereo.left_right_difference)
-    matcher.setUniquenessRatio(stereo.uniqueness_ratio)
-    matcher.setSpeckleWindowSize(stereo.speckle_window)
     matcher.setSpeckleRange(stereo.speckle_range)
     return match_pairs(pairs, frames, matcher, stereo, count, margin=stereo.block_size // 2)

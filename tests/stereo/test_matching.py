@@ -11,6 +11,7 @@ from stixel_cli.stereo import bm, sgm
 from stixel_cli.stereo.bm import BmParameters
 from stixel_cli.stereo.disparities import INVALID
 from stixel_cli.stereo.matching import cancel_errors, disparity_count, half_pixel_right
+from stixel_cli.stereo.phase_table import PHASE_TABLE, correct_phases
 from stixel_cli.stereo.sgm import SgmParameters
 
 SHIFT = 10
@@ -28,7 +29,7 @@ SGM = SgmParameters(
     uniqueness_ratio=10,
     speckle_window=0,
     speckle_range=2,
-    error_cancellation=False,
+    subpixel="parabola",
 )
 BM = BmParameters(
     kind="bm",
@@ -44,7 +45,7 @@ BM = BmParameters(
     uniqueness_ratio=10,
     speckle_window=0,
     speckle_range=2,
-    error_cancellation=False,
+    subpixel="parabola",
 )
 FRAMES = range(7, 9)
 RIG = Rig(160, 96, 60.0, None, None, None, 0.3, 1.2, 0.0, None)
@@ -147,7 +148,7 @@ def test_half_pixel_shift_of_a_smooth_image_is_accurate():
     assert np.abs(moved.astype(float) - expected)[:, 3:-3].max() < 2
 
 
-def test_error_cancellation_averages_both_matches():
+def test_second_match_averages_both_matches():
     raw = np.array([[160, 160, 160, 160, -1, 160, 163]], dtype=np.int16)
     moved = np.array([[156, 153, 155, 120, 152, -1, 154]], dtype=np.int16)
     # 162, 160.5 and 161.5 to the even neighbour, three that stay, 162.5.
@@ -157,18 +158,55 @@ def test_error_cancellation_averages_both_matches():
     assert cancel_errors(raw, moved).tolist() == [[168, 160]]
 
 
-def test_error_cancellation_removes_the_bias_towards_whole_pixels():
+def test_second_match_removes_the_bias_towards_whole_pixels():
     """A plane at a quarter and at three quarters of a pixel, drawn from a fine texture."""
     noise = np.random.default_rng(4).integers(0, 256, (96, 4 * 200)).astype(np.float32)
     fine = cv2.GaussianBlur(noise, (0, 0), 5.0)
     fine = np.clip(128 + 6 * (fine - fine.mean()), 0, 255).astype(np.uint8)
-    errors = {False: [], True: []}
+    errors = {"parabola": [], "second_match": []}
     for quarters in (41, 42, 43):
         left, right = fine[:, : 4 * 160 : 4], fine[:, quarters : quarters + 4 * 160 : 4]
         pair = StereoPairs(0, *(ImageStack.from_images([image]) for image in (left, right)))
-        for cancelled, of_kind in errors.items():
-            stereo = replace(SGM, error_cancellation=cancelled)
+        for subpixel, of_kind in errors.items():
+            stereo = replace(SGM, subpixel=subpixel)
             pixels = sgm.match(pair, stereo, RIG, range(1)).pixels(0)[8:-8, 24:-8]
             of_kind.append(np.abs(np.nanmedian(pixels) - quarters / 4))
-    assert max(errors[True]) <= 1 / 16
-    assert sum(errors[True]) < sum(errors[False])
+    assert max(errors["second_match"]) <= 1 / 16
+    assert sum(errors["second_match"]) < sum(errors["parabola"])
+
+
+def test_phase_table_is_symmetric_and_keeps_whole_and_half_pixels():
+    table = np.array(PHASE_TABLE)
+    assert table[0] == 0 and table[8] == 8
+    assert np.all(table[1:] + table[:0:-1] == 16) and np.all(np.diff(table) >= 0)
+
+
+def test_phase_table_corrects_every_surface_and_keeps_edges_and_holes():
+    raw = np.full((9, 24), 16 * 10 + 2, dtype=np.int16)
+    raw[:, 12:] = 16 * 10 + 14
+    raw[2, 3] = raw[6, 23] = INVALID
+    corrected = correct_phases(raw)
+    assert corrected.dtype == np.int16
+    expected = np.where(raw == INVALID, INVALID, raw - 2 + PHASE_TABLE[2])
+    expected[:, 12:] = np.where(raw[:, 12:] == INVALID, INVALID, 16 * 10 + PHASE_TABLE[14])
+    assert np.array_equal(corrected, expected)
+
+
+def test_phase_table_takes_the_median_of_near_disparities_only():
+    raw = np.full((9, 9), 160, dtype=np.int16)
+    raw[4, 4] = 161
+    assert np.all(correct_phases(raw) == 160)
+    raw[4, 4] = 168
+    assert correct_phases(raw)[4, 4] == 168
+
+
+@pytest.mark.parametrize(("stereo", "match"), [(SGM, sgm.match), (BM, bm.match)])
+def test_the_first_match_decides_what_is_valid(pairs, stereo, match):
+    """The second one is unchecked, and the checks are back for the next frame."""
+    strict = replace(stereo, uniqueness_ratio=60, speckle_window=200)
+    one = match(pairs, strict, RIG, FRAMES)
+    both = match(pairs, replace(strict, subpixel="second_match"), RIG, FRAMES)
+    for i in range(len(FRAMES)):
+        single, mean = one.raw(i)[:, 32:] == INVALID, both.raw(i)[:, 32:] == INVALID
+        assert np.array_equal(single, mean)
+        assert np.any(single)

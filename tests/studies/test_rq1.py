@@ -149,10 +149,11 @@ def test_runs_have_the_names_of_matcher_and_road_user():
     runs = [
         run("stereo=bm"),
         run("road_user=cyclist"),
-        run("stereo.error_cancellation=false"),
+        run("stereo.subpixel=parabola"),
+        run("stereo.subpixel=phase_table"),
     ]
-    assert [matcher(p) for p in runs] == ["BM", "SGM", "SGM (one match)"]
-    assert {k: len(v) for k, v in by_label(runs, road_user).items()} == {"car": 2, "cyclist": 1}
+    assert [matcher(p) for p in runs] == ["BM", "SGM", "SGM (one match)", "SGM (phase table)"]
+    assert {k: len(v) for k, v in by_label(runs, road_user).items()} == {"car": 3, "cyclist": 1}
 
 
 def test_cpu_seconds_per_frame_and_values_of_a_scene():

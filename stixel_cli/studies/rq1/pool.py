@@ -107,10 +107,8 @@ def road_user(run: StudyRun) -> str:
 def matcher(run: StudyRun) -> str:
     """Name of the run's stereo matcher."""
     stereo = run.configuration.stereo
-    name = stereo.kind.upper()
-    if stereo.error_cancellation:
-        return name
-    return f"{name} (one match)" if stereo.kind == "sgm" else name
+    kinds = {"phase_table": " (phase table)", "parabola": " (one match)"}
+    return "SGM" + kinds.get(stereo.subpixel, "") if stereo.kind == "sgm" else "BM"
 
 
 def grid(run: StudyRun) -> str:
