@@ -100,8 +100,10 @@ def with_workers(overrides: Sequence[str], workers: int | None) -> list[str]:
 def print_run(made: "RunResult", json: bool) -> None:
     """Print scores and folder of a run."""
     if json:
+        from stixel_cli.evaluation.verdict import verdict
+
         answer = {"folder": str(made.folder.absolute()), "metrics": made.metrics}
-        print_json(answer | {"stages": made.stages})
+        print_json(answer | {"verdict": verdict(made.metrics), "stages": made.stages})
     else:
         _print_scores(made)
 
@@ -109,6 +111,7 @@ def print_run(made: "RunResult", json: bool) -> None:
 def _print_scores(made: "RunResult") -> None:
     from rich.console import Console
 
+    from stixel_cli.evaluation.verdict import verdict
     from stixel_cli.report.metrics import scores_table
 
     console = Console(highlight=False, soft_wrap=True)
@@ -117,8 +120,8 @@ def _print_scores(made: "RunResult") -> None:
         console.print(
             "The true contour is not star-convex about its centre: no track can match it exactly."
         )
-    if made.metrics["empty_scans"] == made.metrics["scans"]:
-        console.print("The road user was never measured: every scan is empty.")
+    for sentence in verdict(made.metrics):
+        console.print(sentence)
     computed = [stage["name"] for stage in made.stages if stage["status"] == "computed"]
     stages = ", ".join(computed) or "nothing, all was cached"
     console.print(f"computed: {stages}; {made.manifest['seconds']:.1f} s")

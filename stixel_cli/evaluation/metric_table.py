@@ -228,9 +228,12 @@ _TABLE = (
 METRICS = {metric.name: metric for metric in _TABLE}
 """Name to row, in the order in which tables show them."""
 
-_LOSS_RATE = Metric("track_loss_rate", "track loss rate, share of runs", "track loss rate",
+LOSS_RATE = "track_loss_rate"
+"""The share of runs that lost the track: the mean over runs of `track_lost`."""
+
+_LOSS_ROW = Metric(LOSS_RATE, "track loss rate, share of runs", "track loss rate",
                     *_SHARE, lambda e: None)  # fmt: skip
-_OVER_RUNS = {_LOSS_RATE.name: _LOSS_RATE}
+_OVER_RUNS = {LOSS_RATE: _LOSS_ROW}
 
 _SUFFIXES = {"_deg_s": "°/s", "_m_s": "m/s", "_m": "m", "_deg": "°", "_s": "s"}
 

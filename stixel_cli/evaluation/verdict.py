@@ -15,7 +15,7 @@ def verdict(metrics: Values) -> list[str]:
     """
     if metrics.get("scans") and metrics.get("scans") == metrics.get("empty_scans"):
         return ["The road user was never measured: every scan is empty."]
-    sentences = []
+    sentences: list[str] = []
     lost_at = metrics.get("time_to_loss_s")
     if lost_at is not None:
         sentences.append(f"Track lost at {lost_at:.1f} s.")
@@ -37,6 +37,8 @@ def verdict(metrics: Values) -> list[str]:
     if _beyond(metrics, "band_coverage"):
         share = metrics["band_coverage"]
         sentences.append(f"The 95 % band covers only {100.0 * share:.0f} % of the true outline.")
+    if metrics.get("track_lost") is None:
+        return sentences or ["No verdict: the metrics are of an older version."]
     if lost_at is None:
         iou = metrics.get("iou_box_mean")
         overlap = "" if iou is None else f" with a mean IoU of the box of {iou:.2f}"

@@ -6,6 +6,7 @@ from stixel_cli.evaluation.verdict import verdict
 GOOD = {
     "scans": 50,
     "empty_scans": 3,
+    "track_lost": 0,
     "time_to_loss_s": None,
     "iou_box_mean": 0.81,
     "nees_position_mean": 1.2,
@@ -23,7 +24,7 @@ def test_a_consistent_track_has_one_sentence():
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
-        ({"time_to_loss_s": 3.2}, "Track lost at 3.2 s."),
+        ({"track_lost": 1, "time_to_loss_s": 3.2}, "Track lost at 3.2 s."),
         ({"nees_position_mean": 46.2}, "Over-confident: position NEES/2 46."),
         ({"nees_position_mean": 0.08}, "Under-confident: position NEES/2 0.08."),
         ({"nees_orientation_mean": 4.04}, "Over-confident of the orientation: NEES 4."),
@@ -59,4 +60,5 @@ def test_a_target_never_measured_has_that_verdict_alone():
 
 
 def test_metrics_of_older_folders_have_a_verdict():
-    assert verdict({}) and verdict({"iou_mean": 0.5, "nis_mean": None, "scans": 3})
+    assert "older version" in verdict({"iou_mean": 0.5, "nis_mean": None, "scans": 3})[0]
+    assert verdict({"nees_position_mean": 7.0}) == ["Over-confident: position NEES/2 7."]

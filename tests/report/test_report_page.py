@@ -47,7 +47,8 @@ def test_page_shows_differing_settings(folders):
     assert "<td>simulated</td><td>fabricated</td>" in differing
     assert "centre error, RMSE" in page
     assert page.count('<td class="best">') == 2
-    assert "<td>–</td><td>–</td>" in page  # nis_mean is null in both
+    assert "NIS / degrees of freedom, mean" not in page  # null in both
+    assert page.count("older version") == 2  # track loss is not in their metrics
     assert "0123456789ab with uncommitted changes" in page
     assert "stixel report &#39;a b&#39;" in page
 
@@ -208,7 +209,7 @@ def test_format_value_keeps_significant_digits():
 
 
 def test_scores_table_has_name_value_and_unit():
-    table = scores_table({"centre_rmse_m": 0.1234, "nis_mean": None})
+    table = scores_table({"centre_rmse_m": 0.1234, "nis_mean": None, "success": 0.4556})
     assert [column.header for column in table.columns] == ["score", "value", "unit"]
-    assert list(table.columns[1].cells) == ["0.123", "–"]
-    assert list(table.columns[2].cells) == ["m", ""]
+    assert list(table.columns[1].cells) == ["0.123", "45.6"]
+    assert list(table.columns[2].cells) == ["m", "%"]
