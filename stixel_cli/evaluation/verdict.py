@@ -21,7 +21,7 @@ def verdict(metrics: Values) -> list[str]:
         sentences.append(f"Track lost at {lost_at:.1f} s.")
     for name, what, short in (
         ("nees_position_mean", "", "position NEES/2"),
-        ("nees_orientation_mean", " of the orientation", "NEES"),
+        ("nees_orientation_mean", " in the orientation", "NEES"),
     ):
         value = metrics.get(name)
         if _beyond(metrics, name):

@@ -77,7 +77,7 @@ def _draw_errors(column, scores: Scores) -> None:
             title += f", {average} {value:.2f} {metric(total).unit}".rstrip().replace(" °", "°")
         if name == "iou":
             axes.axhline(LOW_OVERLAP, color=style.UNUSED, linewidth=0.9, linestyle="--")
-            title += f"  (dashed: low overlap, < {LOW_OVERLAP}; dotted: box)"
+            title += f"  (dashed: < {LOW_OVERLAP}; dotted: box)"
             axes.plot(scores.times, scores.iou_box, ":", color=style.ESTIMATE, linewidth=1.2)
         if series.consistent is not None:
             axes.axhline(series.consistent, color=style.TRUTH, linewidth=0.7)

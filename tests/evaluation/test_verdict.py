@@ -27,7 +27,7 @@ def test_a_consistent_track_has_one_sentence():
         ({"track_lost": 1, "time_to_loss_s": 3.2}, "Track lost at 3.2 s."),
         ({"nees_position_mean": 46.2}, "Over-confident: position NEES/2 46."),
         ({"nees_position_mean": 0.08}, "Under-confident: position NEES/2 0.08."),
-        ({"nees_orientation_mean": 4.04}, "Over-confident of the orientation: NEES 4."),
+        ({"nees_orientation_mean": 4.04}, "Over-confident in the orientation: NEES 4."),
         ({"nis_mean": 0.05}, "Residuals are smaller than assumed (NIS 0.05)."),
         ({"nis_mean": 9.26}, "Residuals are larger than assumed (NIS 9.3)."),
         (

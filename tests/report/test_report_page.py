@@ -107,7 +107,7 @@ def test_page_escapes_text(tmp_path):
 
 
 def test_page_accepts_runs_without_series_or_picture(tmp_path):
-    empty = dict.fromkeys(("centre_error", "orientation_error", "nees_position"))
+    empty = dict.fromkeys(("centre_error", "orientation_error", "iou_box", "nees_position"))
     lost = {"iou": np.full(40, np.nan), "nis": np.full(40, np.nan)}
     folders = [make_folder(tmp_path / name, 1, series=empty | lost) for name in ("a", "b")]
     (folders[0] / "figures" / "path.png").unlink()
