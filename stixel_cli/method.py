@@ -4,6 +4,7 @@
 same bytes. Here nothing is cached and nothing is drawn.
 """
 
+from stixel_cli.evaluation.ceilings import find_ceilings
 from stixel_cli.evaluation.evaluate import evaluate
 from stixel_cli.evaluation.metric_table import Scores
 from stixel_cli.measurements.scans import Scans
@@ -43,7 +44,9 @@ def follow_road_user(p, seed: int) -> tuple[Scans, Track, Scores]:
     stixels = extract_stixels(disparities, free_space, p.rig, p.height, p.extraction, frames)
     scans = gather_scans([stixels], ego, p.measurement)
 
-    # The tracker starts at the noisy truth. Its track is compared with the truth.
+    # The tracker starts at the noisy truth. Its track is compared with the truth, and with the
+    # greatest overlaps that any track could have.
     initial = noisy_start(scenario, p.start, seed)
     track = gp_ekf.track(scans, initial, p.prior, p.tracker)
-    return scans, track, evaluate(track, scenario, scans)
+    ceilings = find_ceilings(scenario, p.road_user, p.measurement)
+    return scans, track, evaluate(track, scenario, scans, ceilings)

@@ -28,6 +28,7 @@ def make_folder(folder, seed=0, config=None, metrics=None, series=None):
         "centre_error": centre,
         "orientation_error": np.cumsum(rng.normal(0, 0.01, scans)),
         "iou": np.clip(0.9 - centre, 0, 1),
+        "iou_box": np.clip(1.0 - centre, 0, 1),
         "nees_position": rng.chisquare(2, scans) / 2,
         "nis": np.where(np.arange(scans) == 5, np.nan, rng.chisquare(80, scans) / 80),
     } | (series or {})

@@ -13,7 +13,7 @@ from stixel_cli.cli.terminal import print_json, print_table
 if TYPE_CHECKING:
     from stixel_cli.results.reader import ListedRun
 
-SHOWN = ("centre_rmse_m", "iou_mean")
+SHOWN = ("centre_rmse_m", "iou_mean", "iou_box_mean")
 
 
 def ls(
@@ -42,16 +42,17 @@ def ls(
     if not runs:
         tell(f"{folder}: no result folders")
         return 0
-    shown = [f"{metric(name).short_label}, {metric(name).unit}".rstrip(", ") for name in SHOWN]
+    rows = map(metric, SHOWN)
+    shown = [f"{row.short_label}, {row.shown_unit}".rstrip(", ") for row in rows]
     columns = ["folder", "created", "choices", "seed", *shown]
-    print_table(columns, map(_row, runs), right=(3, 4, 5))
+    print_table(columns, map(_row, runs), right=(3, 4, 5, 6))
     return 0
 
 
 def _row(run: "ListedRun") -> list[str]:
-    from stixel_cli.report.metrics import format_value
+    from stixel_cli.report.metrics import shown_value
 
     what = "a sweep" if run.kind == "sweep" else run.choices
     seed = "" if run.seed is None else str(run.seed)
-    shown = [format_value(run.metrics[name]) if name in run.metrics else "" for name in SHOWN]
+    shown = [shown_value(n, run.metrics[n]) if n in run.metrics else "" for n in SHOWN]
     return [str(run.path), run.created[:19].replace("T", " "), what, seed, *shown]

@@ -109,8 +109,10 @@ def with_workers(overrides: Sequence[str], workers: int | None) -> list[str]:
 def print_run(made: "RunResult", json: bool) -> None:
     """Print the folder of a run whose scores are printed; with `json` the scores too."""
     if json:
+        from stixel_cli.evaluation.verdict import verdict
+
         answer = {"folder": str(made.folder.absolute()), "metrics": made.metrics}
-        print_json(answer | {"stages": made.stages})
+        print_json(answer | {"verdict": verdict(made.metrics), "stages": made.stages})
         return
     computed = [stage["name"] for stage in made.stages if stage["status"] == "computed"]
     stages = ", ".join(computed) or "nothing, all was cached"
@@ -122,6 +124,7 @@ def print_scores(scenario: "Scenario", scores: "Scores") -> None:
     """Print the scores of a run at once, before its pictures are drawn."""
     from rich.console import Console
 
+    from stixel_cli.evaluation.verdict import verdict
     from stixel_cli.report.metrics import scores_table
 
     console = Console(highlight=False, soft_wrap=True)
@@ -130,8 +133,8 @@ def print_scores(scenario: "Scenario", scores: "Scores") -> None:
         console.print(
             "The true contour is not star-convex about its centre: no track can match it exactly."
         )
-    if scores.metrics["empty_scans"] == scores.metrics["scans"]:
-        console.print("The road user was never measured: every scan is empty.")
+    for sentence in verdict(scores.metrics):
+        console.print(sentence)
     sys.stdout.flush()
 
 

@@ -20,7 +20,8 @@ def show(folder: Folder, json: Json = False) -> int:
     Example: stixel show results/wide-prior
     """
     from stixel_cli.evaluation.metric_table import metric
-    from stixel_cli.report.metrics import format_value
+    from stixel_cli.evaluation.verdict import verdict
+    from stixel_cli.report.metrics import shown_value, with_value
     from stixel_cli.results.reader import (
         SWEEP_FILE,
         check_folder,
@@ -37,12 +38,16 @@ def show(folder: Folder, json: Json = False) -> int:
     settings = flat_settings(read_config(folder))
     if json:
         answer = {"folder": str(folder), "settings": settings, "metrics": metrics}
-        print_json(answer | {"manifest": manifest})
+        print_json(answer | {"verdict": verdict(metrics), "manifest": manifest})
         return 0
     print_table(("run", str(folder)), _provenance(manifest), width=WIDTH)
     sys.stdout.write("\n")
-    rows = [(metric(name).label, format_value(v), metric(name).unit) for name, v in metrics.items()]
+    rows = [
+        (metric(name).label, shown_value(name, value), metric(name).shown_unit)
+        for name, value in with_value(metrics).items()
+    ]
     print_table(("score", "value", "unit"), rows, right=(1,))
+    sys.stdout.write("\n" + "\n".join(verdict(metrics)) + "\n")
     sys.stdout.write("\n")
     print_table(("stage", "status", "nodes", "seconds", "key"), _stages(manifest), right=(2, 3))
     return 0

@@ -6,14 +6,33 @@ also at empty ones. A missing value is NaN. The metrics are those of `metric_tab
 None if one of its errors is not finite; NIS and NEES are averaged over the scans that have one.
 """
 
+from typing import Any
+
 import numpy as np
 import shapely
 
-from stixel_cli.evaluation.metric_table import METRICS, ScanErrors, Scores
+from stixel_cli.evaluation.ceilings import NO_CEILINGS, Ceilings
+from stixel_cli.evaluation.contour_errors import (
+    COVERED,
+    Contours,
+    areas,
+    boundary_distances,
+    boxes,
+    differences_along_rays,
+    even_points,
+    gaussian_wasserstein,
+    overlaps,
+    seen_points,
+)
+from stixel_cli.evaluation.metric_table import METRICS, Scores
+from stixel_cli.evaluation.scan_errors import ScanErrors
 from stixel_cli.geometry.pose import world_from_target, wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track
+
+LEAST_OFF = 1.0
+"""A centre error up to this, m, is never off the target."""
 
 
 def validate(track: Track, scenario: Scenario, scans: Scans) -> None:
@@ -27,44 +46,122 @@ def validate(track: Track, scenario: Scenario, scans: Scans) -> None:
         raise ValueError("the track used points that the scans do not have")
 
 
-def evaluate(track: Track, scenario: Scenario, scans: Scans) -> Scores:
+def evaluate(
+    track: Track, scenario: Scenario, scans: Scans, ceilings: Ceilings = NO_CEILINGS
+) -> Scores:
     """Errors over time and their summary; see `Scores` for units.
+
+    `ceilings` are the greatest values that the overlaps can have.
 
     Raises:
         ValueError: as `validate` does.
     """
     validate(track, scenario, scans)
     truth = scenario.target_poses_world
-    true_contours = np.stack([world_from_target(scenario.contour_target, pose) for pose in truth])
     centre = centre_errors(track.means, truth)
     orientation = orientation_errors(track.means[:, 2], truth[:, 2])
-    iou = intersections_over_unions(track.contours_world, true_contours)
     nees_position = normalised_errors(
         track.means[:, :2] - truth[:, :2], track.covariances[:, :2, :2]
     )
-    nees_heading = normalised_errors(orientation[:, None], track.covariances[:, 2:3, 2:3])
     degrees = track.nis_degrees_of_freedom
     nis = np.divide(track.nis, degrees, out=np.full(len(degrees), np.nan), where=degrees > 0)
-
+    rates = scenario.target_rates_world
     errors = ScanErrors(
+        times=scenario.times,
         centre=centre,
         orientation=np.degrees(orientation),
-        iou=iou,
+        speed=np.hypot(*track.means[:, 3:5].T) - np.hypot(*rates[:, :2].T),
+        yaw_rate=np.degrees(track.means[:, 5] - rates[:, 2]),
         nees_position=nees_position,
-        nees_heading=nees_heading,
+        nees_orientation=normalised_errors(orientation[:, None], track.covariances[:, 2:3, 2:3]),
         nis=nis,
         points=np.diff(scans.offsets),
         points_used=np.diff(track.used_offsets),
+        **{name: np.full(len(centre), value) for name, value in vars(ceilings).items()},
+        **contour_errors(track, scenario),
     )
     return Scores(
         times=np.array(scenario.times, dtype=np.float64),
         centre_error=centre,
         orientation_error=orientation,
-        iou=iou,
+        iou=errors.iou,
+        iou_box=errors.iou_box,
         nees_position=nees_position,
         nis=nis,
         metrics={name: metric.of_run(errors) for name, metric in METRICS.items()},
     )
+
+
+def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
+    """The errors of the contour, each (K,), by field of `ScanErrors`."""
+    estimated = track.contours_world
+    poses, truth = track.means[:, :3], scenario.target_poses_world
+    true = [world_from_target(scenario.contour_target, pose) for pose in truth]
+    estimated_areas, true_areas = areas(estimated), areas(true)
+    estimated_boxes, estimated_sides = boxes(estimated, poses)
+    true_boxes, true_sides = boxes(true, truth)
+    iou_box = overlaps(areas(estimated_boxes), areas(true_boxes))
+    length, width = (estimated_sides - true_sides).T
+    errors: dict[str, Any] = {
+        "iou_box": iou_box,
+        "length": length,
+        "width": width,
+        "lost": off_target(centre_errors(poses, truth), iou_box, true_sides[:, 0]),
+    }
+    if scenario.only_box:
+        names = ("iou", "iou_hull", "gaussian_wasserstein", "hausdorff", "contour_distance")
+        missing = (*names, "seen_contour", "band_coverage")
+        return errors | {name: np.full(len(truth), np.nan) for name in missing}
+    points = even_points(true)
+    to_true = boundary_distances(even_points(estimated), true)
+    to_estimated = boundary_distances(points, estimated)
+    both = np.concatenate([to_true, to_estimated], axis=1)
+    seen = seen_points(points, true, scenario.ego_poses_world[:, :2])
+    hidden = np.ma.masked_array(to_estimated, ~seen)
+    return errors | {
+        "iou": overlaps(estimated_areas, true_areas),
+        "iou_hull": overlaps(shapely.convex_hull(estimated_areas), shapely.convex_hull(true_areas)),
+        "gaussian_wasserstein": gaussian_wasserstein(estimated, true),
+        "hausdorff": both.max(axis=1),
+        "contour_distance": both.mean(axis=1),
+        "seen_contour": hidden.mean(axis=1).filled(np.nan),
+        "band_coverage": band_coverage(track, points),
+    }
+
+
+def intersections_over_unions(estimated_world: Contours, true_world: Contours) -> np.ndarray:
+    """IoU (K,) of the areas inside polygons, see `contour_errors.areas`; 0 if not finite."""
+    return overlaps(areas(estimated_world), areas(true_world))
+
+
+def off_target(centre: np.ndarray, iou_box: np.ndarray, length: np.ndarray) -> np.ndarray:
+    """Whether an estimate (K,) is off the target.
+
+    It is where its box does not overlap the true one, or its centre is farther away than
+    `LEAST_OFF` and half the true length, m; also where it is not finite.
+    """
+    near = centre <= np.maximum(LEAST_OFF, 0.5 * length)
+    return ~(near & (iou_box > 0.0))
+
+
+def band_coverage(track: Track, points_world: np.ndarray) -> np.ndarray:
+    """Share (K,) of points (K, S, 2) of the true contour in the track's 95 % band.
+
+    A point is in the band if its distance from the estimated contour, along the ray from the
+    estimated centre, is at most `COVERED` times the standard deviation that the track states there.
+    An estimate that is not finite covers no point.
+    """
+    covered = np.zeros(len(points_world))
+    for k, points in enumerate(points_world):
+        differences, std = differences_along_rays(
+            track.means[k, :2],
+            track.contour_directions[k],
+            track.contours_world[k],
+            track.contour_std[k],
+            points,
+        )
+        covered[k] = np.mean(np.abs(differences) <= COVERED * std)
+    return covered
 
 
 def centre_errors(estimated_world: np.ndarray, true_world: np.ndarray) -> np.ndarray:
@@ -76,22 +173,6 @@ def centre_errors(estimated_world: np.ndarray, true_world: np.ndarray) -> np.nda
 def orientation_errors(estimated: np.ndarray, true: np.ndarray) -> np.ndarray:
     """Estimated minus true heading (K,), wrapped to (-pi, pi] rad."""
     return wrap_angle(np.asarray(estimated) - np.asarray(true))
-
-
-def intersections_over_unions(estimated_world: np.ndarray, true_world: np.ndarray) -> np.ndarray:
-    """IoU (K,) of the areas inside the polygons (K, M, 2) and (K, N, 2) m.
-
-    A polygon that crosses itself is repaired by shapely's `make_valid`: its area consists of the
-    points that it encloses an odd number of times. The IoU of a non-finite estimate is 0.
-    """
-    finite = np.isfinite(estimated_world).all(axis=(1, 2))
-    overlap = np.zeros(len(estimated_world))
-    estimated = _areas(estimated_world[finite])
-    true = _areas(true_world[finite])
-    common = shapely.area(shapely.intersection(estimated, true))
-    union = shapely.area(estimated) + shapely.area(true) - common
-    overlap[finite] = np.divide(common, union, out=np.zeros_like(common), where=union > 0.0)
-    return np.clip(overlap, 0.0, 1.0)
 
 
 def normalised_errors(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
@@ -108,12 +189,3 @@ def normalised_errors(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray
         whitened = np.linalg.solve(root, error)
         result[k] = whitened @ whitened / len(error)
     return result
-
-
-def _areas(polygons: np.ndarray) -> np.ndarray:
-    """Shapely geometries (K,) of polygons (K, M, 2), valid ones."""
-    areas = shapely.polygons(polygons)
-    crossed = ~shapely.is_valid(areas)
-    if crossed.any():
-        areas[crossed] = shapely.make_valid(areas[crossed])
-    return areas

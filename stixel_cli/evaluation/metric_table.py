@@ -10,8 +10,20 @@ from typing import Literal
 
 import numpy as np
 
-LOW_OVERLAP = 0.2
-"""A scan has low overlap if its IoU is below this."""
+from stixel_cli.evaluation.scan_errors import (
+    FARTHEST_CENTRE,
+    LOW_OVERLAP,
+    ScanErrors,
+    finite_mean,
+    finite_median,
+    low_overlap_share,
+    mean,
+    precision,
+    root_mean_square,
+    second_half,
+    success,
+    time_to_loss,
+)
 
 
 @dataclass(frozen=True)
@@ -22,7 +34,9 @@ class Scores:
         times: (K,) s.
         centre_error: (K,) m.
         orientation_error: (K,) rad in (-pi, pi], estimated minus true; NaN if missing.
-        iou: (K,) intersection over union of the estimated and the true contour, 0 … 1.
+        iou: (K,) intersection over union of the estimated and the true outline, 0 … 1; NaN where
+            only the true box is known.
+        iou_box: (K,) the same of the boxes, each along its own heading.
         nees_position: (K,) position NEES divided by 2: 1 is consistent.
         nis: (K,) NIS divided by its degrees of freedom: 1 is consistent; NaN for an empty scan.
         metrics: name to value; None if the metric has no value.
@@ -32,6 +46,7 @@ class Scores:
     centre_error: np.ndarray
     orientation_error: np.ndarray
     iou: np.ndarray
+    iou_box: np.ndarray
     nees_position: np.ndarray
     nis: np.ndarray
     metrics: dict[str, float | int | None]
@@ -65,7 +80,8 @@ SERIES = {
     "orientation_error": Series(
         "Orientation error", "Orientation error", "°", (None, None), 0.0, float(np.degrees(1.0))
     ),
-    "iou": Series("Intersection over union", "IoU", "", (0.0, 1.0)),
+    "iou": Series("IoU of the outline", "IoU, outline", "", (0.0, 1.0)),
+    "iou_box": Series("IoU of the box", "IoU, box", "", (0.0, 1.0)),
     "nees_position": Series(
         "Position NEES / 2", "Position NEES / 2", "", (0.0, None), 1.0, ratio=True
     ),
@@ -77,30 +93,6 @@ Better = Literal["less", "more", "one"]
 
 
 @dataclass(frozen=True)
-class ScanErrors:
-    """Errors and counts of one track over its K scans.
-
-    Attributes:
-        centre: (K,) m.
-        orientation: (K,) degrees in (-180, 180], estimated minus true.
-        iou: (K,) intersection over union of the contours, 0 … 1.
-        nees_position, nees_heading: (K,) NEES divided by its dimension; NaN without a valid
-            covariance.
-        nis: (K,) NIS divided by its degrees of freedom; NaN for an empty scan.
-        points, points_used: (K,) points of the scan, and those that the tracker used.
-    """
-
-    centre: np.ndarray
-    orientation: np.ndarray
-    iou: np.ndarray
-    nees_position: np.ndarray
-    nees_heading: np.ndarray
-    nis: np.ndarray
-    points: np.ndarray
-    points_used: np.ndarray
-
-
-@dataclass(frozen=True)
 class Metric:
     """A scalar metric of one run.
 
@@ -108,12 +100,17 @@ class Metric:
         name: key in `metrics.json`, and column of tables.
         label: full name.
         short_label: name where space is short.
-        unit: "" without one.
+        unit: of the value; "" without one.
         better: which value is better: less, more, or the nearest to one (of a ratio that is 1
             where a tracker is consistent); None if no value is better.
         bounds: least and greatest possible value; None where there is no bound.
         over_scans: sums up the errors of a run; None or a value that is not finite where the metric
             has no value. Over runs, a metric is summed up by its mean.
+        expected: least and greatest value that the verdict does not mention; None for no limit.
+        degrees_of_freedom: of the χ² distribution that the value has at one scan of a consistent
+            filter, once it is multiplied by them; None if it has no such distribution.
+        percent: whether tables show the value in per cent.
+        over_runs: name of the mean over runs, if it differs.
     """
 
     name: str
@@ -123,43 +120,37 @@ class Metric:
     better: Better | None
     bounds: tuple[float | None, float | None]
     over_scans: Callable[[ScanErrors], float | int | None]
+    expected: tuple[float | None, float | None] = (None, None)
+    degrees_of_freedom: int | None = None
+    percent: bool = False
+    over_runs: str = ""
 
     def of_run(self, errors: ScanErrors) -> float | int | None:
         """The value of the metric; None where it has no value. Never NaN: JSON has no NaN."""
         value = self.over_scans(errors)
         return None if value is None or not np.isfinite(value) else value
 
-
-def mean(values: np.ndarray) -> float | None:
-    """Mean, or None if there is no value or one that is not finite."""
-    values = np.asarray(values, dtype=np.float64)
-    return float(values.mean()) if len(values) and np.isfinite(values).all() else None
-
-
-def root_mean_square(values: np.ndarray) -> float | None:
-    """Root of the mean square, or None if there is no value or one that is not finite."""
-    square = mean(np.square(np.asarray(values, dtype=np.float64)))
-    return None if square is None else float(np.sqrt(square))
-
-
-def finite_mean(values: np.ndarray) -> float | None:
-    """Mean of the finite values, or None if no value is finite."""
-    return mean(values[np.isfinite(values)])
-
-
-def second_half(values: np.ndarray) -> np.ndarray:
-    """The values from scan K // 2 on."""
-    return values[len(values) // 2 :]
+    @property
+    def shown_unit(self) -> str:
+        """The unit of the value in tables."""
+        return "%" if self.percent else self.unit
 
 
 _METRE = ("m", "less", (0.0, None))
 _DEGREE = ("°", "less", (0.0, None))
 _OVERLAP = ("", "more", (0.0, 1.0))
+_CEILING = ("", None, (0.0, 1.0))
 _SHARE = ("", "less", (0.0, 1.0))
 _RATIO = ("", "one", (0.0, None))
 _COUNT = ("", None, (0.0, None))
+_CONSISTENT = (1.0 / 3.0, 3.0)
+"""A tracker is over- or under-confident where a NEES or NIS is beyond these."""
 
 _TABLE = (
+    Metric("track_lost", "track lost (1) or not (0)", "track lost", *_SHARE,
+           lambda e: int(time_to_loss(e.times, e.lost) is not None), over_runs="track_loss_rate"),
+    Metric("time_to_loss_s", "time to track loss", "time to loss",
+           "s", "more", (0.0, None), lambda e: time_to_loss(e.times, e.lost)),
     Metric("centre_rmse_m", "centre error, RMSE", "centre RMSE",
            *_METRE, lambda e: root_mean_square(e.centre)),
     Metric("centre_mean_m", "centre error, mean", "mean centre error",
@@ -173,18 +164,58 @@ _TABLE = (
     Metric("orientation_rmse_second_half_deg", "orientation error, RMSE of the second half",
            "orientation RMSE, second half",
            *_DEGREE, lambda e: root_mean_square(second_half(e.orientation))),
-    Metric("iou_mean", "IoU, mean", "mean IoU", *_OVERLAP, lambda e: mean(e.iou)),
-    Metric("iou_second_half", "IoU, mean of the second half", "mean IoU, second half",
-           *_OVERLAP, lambda e: mean(second_half(e.iou))),
-    Metric("iou_final", "IoU, last scan", "IoU, last scan", *_OVERLAP, lambda e: mean(e.iou[-1:])),
-    Metric("low_overlap_share", f"share of low overlap, IoU < {LOW_OVERLAP}",
-           "share of low overlap", *_SHARE, lambda e: mean(e.iou < LOW_OVERLAP)),
+    Metric("speed_error_m_s", "speed error, RMSE", "speed RMSE",
+           "m/s", "less", (0.0, None), lambda e: root_mean_square(e.speed)),
+    Metric("yaw_rate_error_deg_s", "yaw-rate error, RMSE", "yaw-rate RMSE",
+           "°/s", "less", (0.0, None), lambda e: root_mean_square(e.yaw_rate)),
+    Metric("iou_mean", "IoU of the outline, mean", "mean IoU", *_OVERLAP, lambda e: mean(e.iou)),
+    Metric("iou_second_half", "IoU of the outline, mean of the second half",
+           "mean IoU, second half", *_OVERLAP, lambda e: mean(second_half(e.iou))),
+    Metric("iou_final", "IoU of the outline, last scan", "IoU, last scan",
+           *_OVERLAP, lambda e: mean(e.iou[-1:])),
+    Metric("iou_star_convex_ceiling", "IoU of the outline, ceiling: best star-convex contour",
+           "ceiling, star-convex", *_CEILING, lambda e: mean(e.star_convex_ceiling)),
+    Metric("iou_heights_ceiling", "IoU of the outline, ceiling: part within the gated heights",
+           "ceiling, heights", *_CEILING, lambda e: mean(e.heights_ceiling)),
+    Metric("iou_hull_mean", "IoU of the convex hull, mean", "mean IoU, hull",
+           *_OVERLAP, lambda e: mean(e.iou_hull)),
+    Metric("iou_hull_heights_ceiling",
+           "IoU of the convex hull, ceiling: part within the gated heights",
+           "hull ceiling, heights", *_CEILING, lambda e: mean(e.hull_heights_ceiling)),
+    Metric("iou_box_mean", "IoU of the box, mean", "mean IoU, box",
+           *_OVERLAP, lambda e: mean(e.iou_box)),
+    Metric("iou_box_heights_ceiling", "IoU of the box, ceiling: part within the gated heights",
+           "box ceiling, heights", *_CEILING, lambda e: mean(e.box_heights_ceiling)),
+    Metric("low_overlap_share", f"share of low overlap, IoU of the outline < {LOW_OVERLAP}",
+           "share of low overlap", *_SHARE, lambda e: low_overlap_share(e.iou)),
+    Metric("success", "success, area under the curve of the box's IoU", "success",
+           *_OVERLAP, lambda e: success(e.iou_box), percent=True),
+    Metric("precision", f"precision, area under the curve of the centre error to "
+           f"{FARTHEST_CENTRE:g} m", "precision",
+           *_OVERLAP, lambda e: precision(e.centre), percent=True),
+    Metric("length_error_m", "length error, RMSE", "length RMSE",
+           *_METRE, lambda e: root_mean_square(e.length)),
+    Metric("width_error_m", "width error, RMSE", "width RMSE",
+           *_METRE, lambda e: root_mean_square(e.width)),
+    Metric("gaussian_wasserstein_m", "Gaussian-Wasserstein distance, mean", "Gaussian-Wasserstein",
+           *_METRE, lambda e: mean(e.gaussian_wasserstein)),
+    Metric("hausdorff_m", "Hausdorff distance of the outlines, mean", "Hausdorff distance",
+           *_METRE, lambda e: mean(e.hausdorff)),
+    Metric("contour_distance_m", "distance of the outlines, mean", "contour distance",
+           *_METRE, lambda e: mean(e.contour_distance)),
+    Metric("seen_contour_error_m", "distance of the outlines on the seen side, mean",
+           "contour error, seen side", *_METRE, lambda e: finite_mean(e.seen_contour)),
+    Metric("band_coverage", "true outline in the estimated 95 % band, share", "band coverage",
+           "", None, (0.0, 1.0), lambda e: mean(e.band_coverage), (0.8, None)),
     Metric("nees_position_mean", "NEES of the position / 2, mean (1 is consistent)",
-           "mean NEES / 2", *_RATIO, lambda e: finite_mean(e.nees_position)),
-    Metric("nees_heading_mean", "NEES of the heading, mean (1 is consistent)", "mean NEES, heading",
-           *_RATIO, lambda e: finite_mean(e.nees_heading)),
+           "mean NEES / 2", *_RATIO, lambda e: finite_mean(e.nees_position), _CONSISTENT, 2),
+    Metric("nees_position_median", "NEES of the position / 2, median",
+           "median NEES / 2", *_COUNT, lambda e: finite_median(e.nees_position)),
+    Metric("nees_orientation_mean", "NEES of the orientation, mean (1 is consistent)",
+           "mean NEES, orientation",
+           *_RATIO, lambda e: finite_mean(e.nees_orientation), _CONSISTENT, 1),
     Metric("nis_mean", "NIS / degrees of freedom, mean (1 is consistent)", "mean NIS / d.o.f.",
-           *_RATIO, lambda e: finite_mean(e.nis)),
+           *_RATIO, lambda e: finite_mean(e.nis), _CONSISTENT),
     Metric("scans", "scans", "scans", *_COUNT, lambda e: len(e.points)),
     Metric("empty_scans", "empty scans", "empty scans",
            *_COUNT, lambda e: int(np.sum(e.points == 0))),
@@ -197,7 +228,19 @@ _TABLE = (
 METRICS = {metric.name: metric for metric in _TABLE}
 """Name to row, in the order in which tables show them."""
 
-_SUFFIXES = {"_m": "m", "_deg": "°", "_s": "s"}
+LOSS_RATE = "track_loss_rate"
+"""The share of runs that lost the track: the mean over runs of `track_lost`."""
+
+_LOSS_ROW = Metric(LOSS_RATE, "track loss rate, share of runs", "track loss rate",
+                    *_SHARE, lambda e: None)  # fmt: skip
+_OVER_RUNS = {LOSS_RATE: _LOSS_ROW}
+
+_SUFFIXES = {"_deg_s": "°/s", "_m_s": "m/s", "_m": "m", "_deg": "°", "_s": "s"}
+
+
+def over_runs(name: str) -> str:
+    """The name of a metric's mean over runs."""
+    return metric(name).over_runs or name
 
 
 def metric(name: str) -> Metric:
@@ -205,8 +248,8 @@ def metric(name: str) -> Metric:
 
     Files of other versions can have metrics that this table does not have.
     """
-    if name in METRICS:
-        return METRICS[name]
+    if name in METRICS or name in _OVER_RUNS:
+        return METRICS.get(name) or _OVER_RUNS[name]
     suffix = next((s for s in _SUFFIXES if name.endswith(s)), "")
     words = name.removesuffix(suffix).replace("_", " ")
     unit = _SUFFIXES.get(suffix, "")

@@ -142,6 +142,12 @@ TABLE: dict[str, Definition] = {
         _same("prior", "tracker"),
         chosen_by="tracker",
     ),
+    "ceilings": Definition(
+        _only("evaluation.ceilings:find_ceilings"),
+        "once",
+        _same("road_user", "measurement"),
+        files=("road_user.mesh",),
+    ),
     "scores": Definition(_only("evaluation.evaluate:evaluate"), "once"),
     "stage_errors": Definition(
         _only("validation.stage_errors:stage_errors"),

@@ -146,7 +146,7 @@ def _legend(figure: Figure) -> None:
     handles = [
         Line2D([], [], color=style.TRUTH, label="truth: contour, heading, path"),
         Line2D([], [], color=style.ESTIMATE, label="estimate: contour, heading, path"),
-        Patch(color=style.ESTIMATE, alpha=0.2, linewidth=0, label="± 2σ of the radius"),
+        Patch(color=style.ESTIMATE, alpha=0.2, linewidth=0, label="± 2σ of the contour"),
         Line2D([], [], color=style.ESTIMATE, lw=1.0, ls="--", label="2σ of the centre"),
         Line2D([], [], color=style.USED, **dot, markersize=4, label="point used, with 1σ"),
         Line2D([], [], color=style.UNUSED, **dot, markersize=4, label="point not used, with 1σ"),

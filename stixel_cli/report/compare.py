@@ -14,9 +14,11 @@ import numpy as np
 from markupsafe import Markup
 
 from stixel_cli.errors import UserError
-from stixel_cli.evaluation.metric_table import LOW_OVERLAP, SERIES, metric
+from stixel_cli.evaluation.metric_table import SERIES, metric
+from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
+from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.report import style
-from stixel_cli.report.metrics import NO_VALUE, best, format_value
+from stixel_cli.report.metrics import NO_VALUE, best, shown_value, with_value
 from stixel_cli.results.reader import flat_settings
 from stixel_cli.results.result import RunResult
 
@@ -67,6 +69,7 @@ def page_html(runs: Sequence[RunResult], command: Sequence[str]) -> str:
         run_colours=style.RUNS,
         differing=differing,
         same=same,
+        verdicts=[verdict(run.metrics) for run in runs],
         metrics=metric_rows(runs),
         curves=[(title, Markup(svg)) for title, svg in error_curves(runs)],
         pictures=[_data_uri(run.pictures.get("path.png")) for run in runs],
@@ -124,13 +127,21 @@ def _choices(run: RunResult, settings: dict[str, str]) -> dict[str, str]:
 
 
 def metric_rows(runs: Sequence[RunResult]) -> list[dict[str, Any]]:
-    """One row per metric: name, label, unit; per run the value as text and whether it is best."""
+    """One row per metric that has a value: name, label, unit; per run the value and if it is best.
+
+    The value is text.
+    """
     rows = []
+    known = [with_value(run.metrics) for run in runs]
+    # In the order of a run's own metrics, also where an earlier run has no value.
     for name in dict.fromkeys(name for run in runs for name in run.metrics):
-        values = [run.metrics.get(name) for run in runs]
+        values = [metrics.get(name) for metrics in known]
+        if all(value is None for value in values):
+            continue
         shown = metric(name)
-        cells = list(zip(map(format_value, values), best(name, values), strict=True))
-        rows.append({"name": name, "label": shown.label, "unit": shown.unit, "cells": cells})
+        texts = [shown_value(name, value) for value in values]
+        cells = list(zip(texts, best(name, values), strict=True))
+        rows.append({"name": name, "label": shown.label, "unit": shown.shown_unit, "cells": cells})
     return rows
 
 

@@ -23,6 +23,18 @@ def format_value(value: float | int | None) -> str:
     return f"{value:.3g}"
 
 
+def shown_value(name: str, value: float | int | None) -> str:
+    """The value of a metric as text, without its unit: in per cent where tables show that."""
+    if metric(name).percent and value is not None:
+        return f"{100.0 * value:.1f}"
+    return format_value(value)
+
+
+def with_value(metrics: Mapping[str, float | int | None]) -> dict[str, float | int]:
+    """The metrics that have a value: tables leave out the others."""
+    return {name: value for name, value in metrics.items() if value is not None}
+
+
 def best(name: str, values: list[float | int | None]) -> list[bool]:
     """Which of the values are the best; none if they are all alike or none is better."""
     direction = metric(name).better
@@ -41,12 +53,12 @@ def _rank(value: float, direction: Better) -> float:
 
 
 def scores_table(metrics: Mapping[str, float | int | None]) -> Table:
-    """A table of metrics, in their order: name, value, unit; a dash where there is no value."""
+    """A table of the metrics that have a value, in their order: name, value, unit."""
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
     table.add_column("score")
     table.add_column("value", justify="right")
     table.add_column("unit")
-    for name, value in metrics.items():
+    for name, value in with_value(metrics).items():
         shown = metric(name)
-        table.add_row(shown.label, format_value(value), shown.unit)
+        table.add_row(shown.label, shown_value(name, value), shown.shown_unit)
     return table

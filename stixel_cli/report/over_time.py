@@ -5,7 +5,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.special import gammaincinv
 
-from stixel_cli.evaluation.metric_table import LOW_OVERLAP, SERIES, Scores, metric
+from stixel_cli.evaluation.metric_table import SERIES, Scores, metric
+from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.report import style
@@ -76,7 +77,8 @@ def _draw_errors(column, scores: Scores) -> None:
             title += f", {average} {value:.2f} {metric(total).unit}".rstrip().replace(" °", "°")
         if name == "iou":
             axes.axhline(LOW_OVERLAP, color=style.UNUSED, linewidth=0.9, linestyle="--")
-            title += f"  (dashed: low overlap, < {LOW_OVERLAP})"
+            title += f"  (dashed: < {LOW_OVERLAP}; dotted: box)"
+            axes.plot(scores.times, scores.iou_box, ":", color=style.ESTIMATE, linewidth=1.2)
         if series.consistent is not None:
             axes.axhline(series.consistent, color=style.TRUTH, linewidth=0.7)
         axes.plot(scores.times, series.factor * getattr(scores, name), color=style.ESTIMATE)

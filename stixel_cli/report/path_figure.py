@@ -166,7 +166,7 @@ def _legend(figure: Figure, axes: Axes) -> None:
     handles = [
         Line2D([], [], color=style.TRUTH, label="truth"),
         Line2D([], [], color=style.ESTIMATE, label="estimate"),
-        Patch(color=style.ESTIMATE, alpha=0.2, linewidth=0, label="± 2σ of the radius"),
+        Patch(color=style.ESTIMATE, alpha=0.2, linewidth=0, label="± 2σ of the contour"),
         Line2D([], [], color=style.EGO, marker="^", markersize=7, label="ego car's camera"),
         Patch(color=style.FIELD_OF_VIEW, alpha=0.25, linewidth=0, label="field of view"),
     ]

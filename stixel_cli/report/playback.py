@@ -16,9 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from stixel_cli.evaluation.metric_table import LOW_OVERLAP, SERIES, metric
+from stixel_cli.evaluation.metric_table import SERIES, metric
+from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
+from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.report.metrics import format_value
+from stixel_cli.report.metrics import shown_value
 from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.results.result import RunResult
 
@@ -32,6 +34,8 @@ SUMMARY = (
     "centre_rmse_m",
     "orientation_rmse_deg",
     "iou_mean",
+    "iou_hull_mean",
+    "iou_box_mean",
     "low_overlap_share",
     "nees_position_mean",
     "nis_mean",
@@ -173,6 +177,7 @@ def _run(run: RunResult, facts: Sequence[tuple[str, str]]) -> dict[str, Any]:
         "facts": [list(fact) for fact in facts],
         "fieldOfView": [round(bearing, 6) for bearing in field_of_view],
         "summary": _summary(scores.metrics),
+        "verdict": " ".join(verdict(scores.metrics)),
         "poses": _poses(track.means),
         "centre": _ellipses(track.covariances[:, :2, :2]),
         "contours": [_millimetres(c.ravel()) for c in track.contours_world],
@@ -190,10 +195,12 @@ def _summary(metrics: dict[str, float | int | None]) -> list[list[str]]:
     return [
         [
             metric(name).short_label,
-            f"{format_value(metrics[name])} {metric(name).unit}".strip().replace(" °", "°"),
+            f"{shown_value(name, metrics[name])} {metric(name).shown_unit}".strip().replace(
+                " °", "°"
+            ),
         ]
         for name in SUMMARY
-        if name in metrics
+        if metrics.get(name) is not None
     ]
 
 

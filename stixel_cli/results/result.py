@@ -184,6 +184,7 @@ def score_columns(scores: Scores) -> dict[str, np.ndarray]:
         "centre_error": scores.centre_error,
         "orientation_error": scores.orientation_error,
         "iou": scores.iou,
+        "iou_box": scores.iou_box,
         "nees_position": scores.nees_position,
         "nis": scores.nis,
     }

@@ -40,7 +40,12 @@ GRID = 1e-6
 
 
 def ground_contour(mesh: Mesh) -> np.ndarray:
-    """Outline (M, 2) m of the ground projection of `mesh`, in its own frame.
+    """Outline (M, 2) m of the ground projection of `mesh`, in its own frame; see `outline`."""
+    return outline(corners(mesh))
+
+
+def outline(triangles: np.ndarray) -> np.ndarray:
+    """Outline (M, 2) m of the ground projection of `triangles` (T, 3, 3) m.
 
     One simple polygon, counter-clockwise, the first vertex not repeated. Holes are filled, because
     a sensor on the ground can only see the outline. Parts that do not touch in the projection are
@@ -51,18 +56,18 @@ def ground_contour(mesh: Mesh) -> np.ndarray:
     Raises:
         ValueError: if the projection has no area.
     """
-    flat = corners(mesh)[:, :, :2]
+    flat = triangles[:, :, :2]
     flat = flat[_doubled_areas(flat) > 1e-10]
     if len(flat) == 0:
         raise ValueError("the mesh's ground projection has no area")
-    outline = _without_holes(shapely.union_all(shapely.polygons(flat), grid_size=GRID))
+    shape = _without_holes(shapely.union_all(shapely.polygons(flat), grid_size=GRID))
     radius = 1e-3
-    while outline.geom_type != "Polygon":
-        closed = outline.buffer(radius, join_style="mitre").buffer(-radius, join_style="mitre")
-        outline = _without_holes(shapely.union(closed, outline))
+    while shape.geom_type != "Polygon":
+        closed = shape.buffer(radius, join_style="mitre").buffer(-radius, join_style="mitre")
+        shape = _without_holes(shapely.union(closed, shape))
         radius *= 2.0
-    outline = shapely.orient_polygons(outline.simplify(SIMPLIFIED_BY))
-    return np.array(outline.exterior.coords)[:-1]
+    shape = shapely.orient_polygons(shape.simplify(SIMPLIFIED_BY))
+    return np.array(shape.exterior.coords)[:-1]
 
 
 def is_star_convex(contour: np.ndarray) -> bool:

@@ -30,6 +30,8 @@ class Scenario:
         contour_target: (M, 2) m, the outline of the mesh's ground projection in the target frame:
             one simple polygon, counter-clockwise, the first vertex not repeated.
         star_convex: whether every point of the contour is seen from the target's centre.
+        only_box: whether only the target's box is known, as in labelled recordings. Then
+            `contour_target` is that box.
     """
 
     times: np.ndarray
@@ -38,3 +40,4 @@ class Scenario:
     target_rates_world: np.ndarray
     contour_target: np.ndarray
     star_convex: bool
+    only_box: bool = False

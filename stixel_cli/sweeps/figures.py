@@ -6,13 +6,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from stixel_cli.evaluation.metric_table import metric
+from stixel_cli.evaluation.metric_table import metric, over_runs
 from stixel_cli.report import style
 from stixel_cli.sweeps.design import SEED
 from stixel_cli.sweeps.statistics import Statistic, statistic
 from stixel_cli.sweeps.tables import heading
 
-SHOWN = ("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "low_overlap_share")
+SHOWN = (
+    "centre_rmse_m",
+    "orientation_rmse_deg",
+    "iou_mean",
+    "iou_box_mean",
+    "low_overlap_share",
+    "track_lost",
+)
 MOST_LINES = 8
 """Combinations of the other axes with a line each; beyond this number their runs are pooled."""
 
@@ -93,11 +100,12 @@ def _figure(
                         if tuple(setting[key] for key in keys) == value
                         and (not others or _label(setting, keys) == other)
                     ]
-                    rows.append(statistic({}, name, [metrics[i].get(name) for i in members]))
+                    values_of = [metrics[i].get(name) for i in members]
+                    rows.append(statistic({}, over_runs(name), values_of))
                 shifted = [place + steps[line] for place in places]
                 drawn = Line(shifted, rows, style.RUNS[line], other, numbers is not None)
                 clipped |= drawn.draw(axes)
-            axes.set_title(heading(name))
+            axes.set_title(heading(over_runs(name)))
             axes.set_xlabel(_joined(keys))
             axes.grid(True, axis="y")
             if numbers is None:

@@ -7,6 +7,9 @@ from functools import cache
 
 import numpy as np
 
+from stixel_cli.evaluation.metric_table import LOSS_RATE, over_runs
+from stixel_cli.evaluation.metric_table import metric as metric_row
+
 CONFIDENCE = 0.95
 
 
@@ -21,7 +24,7 @@ class Statistic:
         mean: None if n is 0.
         std: standard deviation, n - 1 in the denominator; None if n < 2.
         low, high: ends of the 95 % interval of the mean, Student's t with n - 1 degrees of
-            freedom; None if n < 2.
+            freedom, None if n < 2; of a share of runs Wilson's.
     """
 
     setting: Mapping[str, str]
@@ -47,7 +50,7 @@ def summarise(
         groups.setdefault(tuple(setting.items()), []).append(i)
     names = list(dict.fromkeys(name for run in metrics for name in run))
     return [
-        statistic(dict(setting), name, [metrics[i].get(name) for i in members])
+        statistic(dict(setting), over_runs(name), [metrics[i].get(name) for i in members])
         for setting, members in groups.items()
         for name in names
     ]
@@ -63,11 +66,41 @@ def statistic(
         return Statistic(setting, metric, 0, None, None, None, None)
     # Sorted before the sum, so that the order of the seeds does not change the last bit.
     mean = float(np.sort(known).mean())
+    if metric == LOSS_RATE:
+        std = float(np.sort(known).std(ddof=1)) if n > 1 else None
+        return Statistic(setting, metric, n, mean, std, *wilson_interval(mean, n))
     if n == 1:
         return Statistic(setting, metric, 1, mean, None, None, None)
     std = float(np.sort(known).std(ddof=1))
     half = student_t(n - 1) * std / math.sqrt(n)
     return Statistic(setting, metric, n, mean, std, mean - half, mean + half)
+
+
+def wilson_interval(share: float, n: int) -> tuple[float, float]:
+    """The 95 % interval of a share of n independent trials (Wilson 1927)."""
+    from scipy.special import ndtri
+
+    z = float(ndtri(0.5 + CONFIDENCE / 2))
+    middle = (share + z**2 / (2 * n)) / (1 + z**2 / n)
+    half = z / (1 + z**2 / n) * math.sqrt(share * (1 - share) / n + (z / (2 * n)) ** 2)
+    return max(0.0, middle - half), min(1.0, middle + half)
+
+
+def consistent_bounds(one: Statistic) -> tuple[float, float] | tuple[None, None]:
+    """The 95 % χ² interval of a mean NEES over seeds (ANEES) of a consistent filter.
+
+    Bar-Shalom, Li & Kirubarajan 2001, 5.4.2: n runs with d degrees of freedom have χ² of n d over
+    n d. A run counts as one scan, because the errors of its scans are alike. None for a metric
+    without such a distribution.
+    """
+    degrees = metric_row(one.metric).degrees_of_freedom
+    if degrees is None or one.n == 0:
+        return None, None
+    from scipy.special import gammaincinv
+
+    total = one.n * degrees
+    low, high = (2.0 * gammaincinv(0.5 * total, p) / total for p in (0.025, 0.975))
+    return float(low), float(high)
 
 
 @cache

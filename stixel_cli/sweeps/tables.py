@@ -6,14 +6,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from stixel_cli.evaluation.metric_table import metric
-from stixel_cli.report.metrics import format_value
+from stixel_cli.report.metrics import NO_VALUE, shown_value
 from stixel_cli.sweeps.folder import SUMMARIES
 from stixel_cli.sweeps.results import IncompleteSetting
-from stixel_cli.sweeps.statistics import Statistic
+from stixel_cli.sweeps.statistics import Statistic, consistent_bounds
 
 _EXPLANATION = (
     "Over the seeds of each setting: n values, their mean, standard deviation, and the 95 % "
-    "interval of the mean (Student's t)."
+    "interval of the mean (Student's t; for a share of runs Wilson's). The column 'consistent' of "
+    "a NEES is the 95 % interval of its mean for a consistent filter (χ²; each run counts as one "
+    "scan, because the errors of its scans are alike)."
 )
 _LATEX = {
     "\\": r"\textbackslash{}",
@@ -35,6 +37,7 @@ _LATEX = {
     "<": "$<$",
     ">": "$>$",
     "²": "$^2$",
+    "χ": r"$\chi$",
     "σ": r"$\sigma$",
     "\u202f": r"\,",
 }
@@ -51,19 +54,24 @@ def csv_text(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
 
 def summary_records(statistics: Sequence[Statistic]) -> list[dict[str, Any]]:
     """One record for each setting and metric, as in `summary.csv`."""
-    return [
-        {
-            **one.setting,
-            "metric": one.metric,
-            "unit": metric(one.metric).unit,
-            "n": one.n,
-            "mean": one.mean,
-            "std": one.std,
-            "interval_low": one.low,
-            "interval_high": one.high,
-        }
-        for one in statistics
-    ]
+    records = []
+    for one in statistics:
+        low, high = consistent_bounds(one)
+        records.append(
+            {
+                **one.setting,
+                "metric": one.metric,
+                "unit": metric(one.metric).unit,
+                "n": one.n,
+                "mean": one.mean,
+                "std": one.std,
+                "interval_low": one.low,
+                "interval_high": one.high,
+                "consistent_low": low,
+                "consistent_high": high,
+            }
+        )
+    return records
 
 
 def summary_files(
@@ -126,32 +134,36 @@ def _refusal(incomplete: Sequence[IncompleteSetting]) -> str:
 
 
 def _by_metric(statistics: Sequence[Statistic]) -> list[tuple[str, list[Statistic]]]:
-    names = dict.fromkeys(one.metric for one in statistics)
+    names = dict.fromkeys(one.metric for one in statistics if one.n > 0)
     return [(name, [one for one in statistics if one.metric == name]) for name in names]
 
 
 def heading(name: str) -> str:
     """Label of a metric, with its unit."""
     shown = metric(name)
-    return f"{shown.label} ({shown.unit})" if shown.unit else shown.label
+    return f"{shown.label} ({shown.shown_unit})" if shown.shown_unit else shown.label
 
 
 def _cells(rows: Sequence[Statistic], incomplete: Sequence[IncompleteSetting]) -> list[list[str]]:
     header = [*rows[0].setting, "n", "mean", "standard deviation", "95 % interval"]
-    return [
-        header,
-        *(
-            [
-                *row.setting.values(),
-                str(row.n),
-                format_value(row.mean),
-                format_value(row.std),
-                "–" if row.low is None else f"{format_value(row.low)} … {format_value(row.high)}",
-            ]
-            for row in rows
-        ),
-        *([*one.setting.values(), str(one.done), "incomplete", "–", "–"] for one in incomplete),
-    ]
+    bounded = metric(rows[0].metric).degrees_of_freedom is not None
+    header += ["consistent"] if bounded else []
+    cells = [header]
+    for row in rows:
+        ends = [(row.low, row.high), *([consistent_bounds(row)] if bounded else [])]
+        numbers = [shown_value(row.metric, value) for value in (row.mean, row.std)]
+        spans = [_span(row.metric, low, high) for low, high in ends]
+        cells.append([*row.setting.values(), str(row.n), *numbers, *spans])
+    rest = [NO_VALUE] * (3 if bounded else 2)
+    for one in incomplete:
+        cells.append([*one.setting.values(), str(one.done), "incomplete", *rest])
+    return cells
+
+
+def _span(name: str, low: float | None, high: float | None) -> str:
+    if low is None:
+        return NO_VALUE
+    return f"{shown_value(name, low)} … {shown_value(name, high)}"
 
 
 def markdown_row(cells: Sequence[str]) -> str:

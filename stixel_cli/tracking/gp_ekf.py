@@ -264,21 +264,28 @@ def track(
 def contours_of(
     means: np.ndarray, covariances: np.ndarray, process: ContourProcess, points: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Contours (K, M, 2) m, directions (K, M, 2) and the radii's std (K, M) m of K states.
+    """Contours (K, M, 2) m, directions (K, M, 2) and std (K, M) m of K states; see `Track`.
 
-    At M = `points` even angles: r = m + H^f (x^f - m), m the mean radius of the process, with
-    variance H^f P^f H^fᵀ + R^f. A radius below zero, which the model does not rule out, is drawn as
-    zero, so every contour is star-convex.
+    At M = `points` even angles: r = m + H^f (x^f - m), m the mean radius of the process. A radius
+    below zero, which the model does not rule out, is drawn as zero, so every contour is
+    star-convex. A change of pose or radii moves the point where a ray from the estimated centre
+    meets the contour by the radial row J of the measurement model, so its variance is J P Jᵀ + R^f.
     """
     angles, directions = contour_directions(means[:, 2], points)
-    matrix, variances = process.at(angles)
+    matrix, _ = process.at(angles)
     deviations = means[:, 2 * SEEN :] - process.mean_radius
     radii = np.maximum(process.mean_radius + deviations @ matrix.T, 0.0)
+    contours = means[:, None, :2] + radii[..., None] * directions
+    seen = np.r_[:SEEN, 2 * SEEN : means.shape[1]]
     std = np.empty_like(radii)
     for k, covariance in enumerate(covariances):
-        spread = np.einsum("ij,ij->i", matrix @ covariance[2 * SEEN :, 2 * SEEN :], matrix)
-        std[k] = np.sqrt(np.maximum(spread, 0.0) + variances)
-    return means[:, None, :2] + radii[..., None] * directions, directions, std
+        # The rows need a direction, which a point in the centre does not have.
+        away = np.maximum(radii[k], NO_DIRECTION)[:, None]
+        model = linearise(means[k, :2] + away * directions[k], means[k], process)
+        rows = model.radial_matrix
+        spread = np.einsum("ij,ij->i", rows @ covariance[np.ix_(seen, seen)], rows)
+        std[k] = np.sqrt(np.maximum(spread, 0.0) + model.radius_variances)
+    return contours, directions, std
 
 
 def _measurement_covariances(covariances_world: np.ndarray, tracker: GpEkfParameters) -> np.ndarray:

@@ -109,13 +109,15 @@ def track(
 
     used_offsets, used_points = used_rows(used)
     _, directions = contour_directions(means[:, 2], tracker.contour_points)
+    # A circle that is shifted by d is farther away by pᵀ d in the direction p.
+    shift = np.einsum("kmi,kij,kmj->km", directions, covariances[:, :2, :2], directions)
     return Track(
         times=np.array(scans.times, dtype=np.float64),
         means=means,
         covariances=covariances,
         contours_world=means[:, None, :2] + radius * directions,
         contour_directions=directions,
-        contour_std=np.full((count, tracker.contour_points), std),
+        contour_std=np.sqrt(std**2 + shift),
         used_offsets=used_offsets,
         used_points=used_points,
         nis=nis,

@@ -20,6 +20,7 @@ class PriorShape:
         sigma_f, sigma_r: the kernel's standard deviations that suit the class, m, and
         measurement_std: of a point, m: noise, and error of the shape that neighbouring points
             share. A tracker's configuration refers to the three, or sets its own.
+        start_position: standard deviation of x and of y at the start, m, for `start.position`.
     """
 
     length: Annotated[float, Gt(0), Le(30)]
@@ -29,6 +30,7 @@ class PriorShape:
     sigma_f: Annotated[float, Gt(0), Le(20)]
     sigma_r: Annotated[float, Ge(0), Le(20)]
     measurement_std: Annotated[float, Ge(1e-6), Le(10)]
+    start_position: Annotated[float, Gt(0), Le(100)]
 
     def check(self) -> None:
         """Raise ValueError if the rounded corners do not fit."""

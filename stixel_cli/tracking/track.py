@@ -28,8 +28,10 @@ class Track:
         means: (K, D) state means; the first six are x m, y m, heading rad and their rates.
         covariances: (K, D, D).
         contours_world: (K, M, 2) m, the estimated contour as a polygon, counter-clockwise.
-        contour_directions: (K, M, 2) unit vectors from the centre through the contour's points.
-        contour_std: (K, M) m, standard deviation of the radius at the contour's points.
+        contour_directions: (K, M, 2) unit vectors from the centre through the contour's points,
+            counter-clockwise, over one turn.
+        contour_std: (K, M) m, standard deviation of the distance from the estimated centre to the
+            true contour along these directions: of pose and shape together.
         used_offsets: (K + 1,) int64, and
         used_points: (U,) int64: scan k was updated with the rows
             used_points[used_offsets[k]:used_offsets[k + 1]] of the scans' arrays.

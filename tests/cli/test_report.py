@@ -28,7 +28,7 @@ def test_report_prints_the_page(folders, capsys):
     assert report(folders, None) == 0
     page = Path(capsys.readouterr().out.strip())
     assert page == folders[0].parent / "report-one-two.html"
-    assert "Intersection over union" in page.read_text()
+    assert "IoU of the outline" in page.read_text()
     assert report(folders, None) == 0
     assert capsys.readouterr().out.strip().endswith("report-one-two-2.html")
 

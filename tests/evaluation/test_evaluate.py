@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from stixel_cli.evaluation.ceilings import Ceilings
 from stixel_cli.evaluation.evaluate import (
     centre_errors,
     evaluate,
@@ -22,7 +23,9 @@ OUTLINE = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]], float)
 COUNT = 5
 TIMES = 0.1 * np.arange(COUNT)
 POSES = np.stack([TIMES, 10.0 + TIMES, 0.5 * TIMES], axis=-1)
-SCENARIO = Scenario(TIMES, np.zeros((COUNT, 3)), POSES, np.zeros((COUNT, 3)), OUTLINE, True)
+RATES = np.tile([3.0, 4.0, 0.5], (COUNT, 1))
+SCENARIO = Scenario(TIMES, np.zeros((COUNT, 3)), POSES, RATES, OUTLINE, True)
+CEILINGS = Ceilings(0.97, np.nan, 0.9, 0.8)
 SCANS = Scans(
     times=TIMES,
     sensor_poses_world=np.zeros((COUNT, 3)),
@@ -30,19 +33,6 @@ SCANS = Scans(
     points_world=np.zeros((8, 2)),
     covariances_world=np.tile(np.eye(2), (8, 1, 1)),
 )
-REQUIRED = {
-    "centre_rmse_m",
-    "centre_mean_m",
-    "orientation_rmse_deg",
-    "iou_mean",
-    "iou_second_half",
-    "iou_final",
-    "low_overlap_share",
-    "nees_position_mean",
-    "nis_mean",
-    "scans",
-    "points_per_scan_mean",
-}
 
 
 def track_with(shifts):
@@ -68,13 +58,12 @@ SHIFTS = np.array([[0, 0, 0], [1, 0, 0], [0, 0, 0.1], [0, 0, -0.1], [8, 6, 0]], 
 
 
 def test_summary_matches_a_calculation_by_hand():
-    scores = evaluate(track_with(SHIFTS), SCENARIO, SCANS)
+    scores = evaluate(track_with(SHIFTS), SCENARIO, SCANS, CEILINGS)
     np.testing.assert_allclose(scores.centre_error, [0, 1, 0, 0, 10], atol=1e-12)
     np.testing.assert_allclose(scores.orientation_error, [0, 0, 0.1, -0.1, 0], atol=1e-12)
     np.testing.assert_allclose(scores.nees_position, [0, 2, 0, 0, 200], atol=1e-9)
     np.testing.assert_allclose(scores.nis, [0.5, np.nan, 2.0, 2.0, 1.0])
     metrics = scores.metrics
-    assert set(metrics) >= REQUIRED
     # The area that a square of area 1 shares with itself turned by 0.1 rad.
     turned = 2.0 / (1.0 + np.cos(0.1) + np.sin(0.1))
     turned_iou = turned / (2.0 - turned)
@@ -84,25 +73,111 @@ def test_summary_matches_a_calculation_by_hand():
     assert scores.iou[1] == pytest.approx(common / (8.0 - common), abs=1e-12)
     np.testing.assert_allclose(scores.iou[[0, 2, 3, 4]], [1, turned_iou, turned_iou, 0], atol=1e-9)
     expected = {
+        "track_lost": 0,
+        "time_to_loss_s": None,
         "centre_rmse_m": np.sqrt(101 / 5),
         "centre_mean_m": 11 / 5,
         "centre_rmse_second_half_m": np.sqrt(100 / 3),
         "centre_final_m": 10.0,
         "orientation_rmse_deg": np.degrees(np.sqrt(0.02 / 5)),
         "orientation_rmse_second_half_deg": np.degrees(np.sqrt(0.02 / 3)),
+        # The track stands still; the truth moves at 5 m/s and turns by 0.5 rad/s.
+        "speed_error_m_s": 5.0,
+        "yaw_rate_error_deg_s": np.degrees(0.5),
         "iou_mean": (1 + scores.iou[1] + 2 * turned_iou) / 5,
         "iou_second_half": 2 * turned_iou / 3,
         "iou_final": 0.0,
         "low_overlap_share": 0.2,
+        # The box and the hull of a square are the square.
+        "iou_hull_mean": (1 + scores.iou[1] + 2 * turned_iou) / 5,
+        "iou_box_mean": (1 + scores.iou[1] + 2 * turned_iou) / 5,
+        "iou_star_convex_ceiling": 0.97,
+        "iou_heights_ceiling": None,
+        "iou_hull_heights_ceiling": 0.9,
+        "iou_box_heights_ceiling": 0.8,
+        # Steps of 0.05 below the IoUs 1, 0.32, 0.91 twice, and 0; the step that has it counts half.
+        "success": (20 + 6.5 + 2 * 18.5 + 0.5) / 20 / 5,
+        # 3 of 5 centres are exact, one is off by 1 m: 9 steps of 3/5, one half way, 10 of 4/5.
+        "precision": (9 * 0.6 + 0.7 + 10 * 0.8) / 20,
+        "length_error_m": 0.0,
+        "width_error_m": 0.0,
+        # Equal squares, turned or not, have equal moments: only the centres differ.
+        "gaussian_wasserstein_m": 11 / 5,
+        # A corner of the turned square is this far outside the other's side.
+        "hausdorff_m": (1 + 2 * (np.cos(0.1) + np.sin(0.1) - 1) + 10) / 5,
         "nees_position_mean": 202 / 5,
-        "nees_heading_mean": 2 * 0.04 / 5,
+        "nees_position_median": 0.0,
+        "nees_orientation_mean": 2 * 0.04 / 5,
         "nis_mean": 5.5 / 4,
         "scans": 5,
         "empty_scans": 1,
         "points_per_scan_mean": 8 / 5,
         "points_used_mean": 7 / 5,
     }
-    assert metrics == pytest.approx(expected, abs=1e-12)
+    others = {"contour_distance_m", "seen_contour_error_m", "band_coverage"}
+    assert metrics.keys() == expected.keys() | others
+    assert {n: metrics[n] for n in expected} == pytest.approx(expected, abs=1e-8)
+
+
+def test_contour_errors_match_a_calculation_by_hand():
+    """A true square of side 2 at (0, 10); estimates of sides 2.2 and 3 about the same centre."""
+    still = np.tile([0.0, 10.0, 0.0], (COUNT, 1))
+    scenario = dataclasses.replace(SCENARIO, target_poses_world=still)
+    sizes = np.array([1.0, 1.1, 1.1, 1.5, 0.5])[:, None, None]
+    track = dataclasses.replace(
+        track_with(np.zeros((COUNT, 3))),
+        means=np.concatenate([still, np.zeros((COUNT, 5))], axis=1),
+        contours_world=sizes * OUTLINE + [0.0, 10.0],
+        contour_directions=np.tile(OUTLINE / np.sqrt(2), (COUNT, 1, 1)),
+        contour_std=np.full((COUNT, 4), 0.07),
+    )
+    metrics = evaluate(track, scenario, SCANS).metrics
+    sides = 2 * np.array([0.0, 0.1, 0.1, 0.5, -0.5])
+    assert metrics["length_error_m"] == pytest.approx(np.sqrt(np.mean(sides**2)))
+    assert metrics["width_error_m"] == pytest.approx(metrics["length_error_m"])
+    # The corners are farthest apart.
+    corners = np.sqrt(2) * np.abs(sides) / 2
+    assert metrics["hausdorff_m"] == pytest.approx(corners.mean())
+    # The side that the sensor at the origin sees is half a difference of sides away: straight
+    # outwards if the estimate is larger; if it is smaller, half of the side is next to a corner.
+    x = np.linspace(-1, 1, 19)
+    to_smaller = np.hypot(0.5, np.maximum(np.abs(x) - 0.5, 0.0)).mean()
+    seen = np.array([0.0, 0.1, 0.1, 0.5, to_smaller])
+    assert metrics["seen_contour_error_m"] == pytest.approx(seen.mean(), abs=1e-9)
+    # Along a ray at the angle a from a side's normal, the sides are 0.1 / cos a apart: within
+    # 1.96 * 0.07 where cos a > 0.729, on |tan a| < 0.939 of a side from -1 to 1.
+    shares = np.mean(np.abs(np.tile(np.linspace(-1, 1, 18, endpoint=False), 4)) < 0.939)
+    assert metrics["band_coverage"] == pytest.approx((1 + 2 * shares) / 5)
+    # A square of side s has the variance s² / 12 along each axis.
+    apart = np.sqrt(2) * np.abs(sides) / np.sqrt(12)
+    assert metrics["gaussian_wasserstein_m"] == pytest.approx(apart.mean(), abs=1e-9)
+
+
+def test_contour_distance_is_the_mean_of_both_ways():
+    """A true square of side 2 within an estimate of side 4 about the same centre."""
+    track = track_with(np.zeros((COUNT, 3)))
+    middle = track.means[:, None, :2]
+    track.contours_world[:] = 2.0 * (track.contours_world - middle) + middle
+    beyond = np.maximum(np.abs(np.linspace(-2, 2, 18, endpoint=False)) - 1.0, 0.0)
+    outer = np.hypot(1.0, beyond).mean()
+    metrics = evaluate(track, SCENARIO, SCANS).metrics
+    assert metrics["contour_distance_m"] == pytest.approx((1.0 + outer) / 2)
+
+
+def test_where_only_the_box_is_known_the_outline_has_no_scores():
+    scores = evaluate(
+        track_with(SHIFTS), dataclasses.replace(SCENARIO, only_box=True), SCANS, CEILINGS
+    )
+    known = evaluate(track_with(SHIFTS), SCENARIO, SCANS, CEILINGS).metrics
+    outline = {
+        *("iou_mean", "iou_second_half", "iou_final", "iou_hull_mean", "low_overlap_share"),
+        *("gaussian_wasserstein_m", "hausdorff_m", "contour_distance_m", "seen_contour_error_m"),
+        "band_coverage",
+    }
+    assert np.isnan(scores.iou).all()
+    for name, value in scores.metrics.items():
+        assert value == (None if name in outline else known[name]), name
+    assert known["iou_box_mean"] > 0 and known["success"] > 0
 
 
 def test_low_overlap_share_counts_iou_below_a_fifth():
@@ -118,7 +193,7 @@ def test_low_overlap_share_counts_iou_below_a_fifth():
 
 def test_metrics_are_plain_numbers():
     metrics = evaluate(track_with(SHIFTS), SCENARIO, SCANS).metrics
-    assert all(type(value) in (int, float) for value in metrics.values())
+    assert all(type(value) in (int, float) for value in metrics.values() if value is not None)
     assert json.loads(json.dumps(metrics)) == metrics
 
 
@@ -134,7 +209,7 @@ def test_metric_without_value_is_none():
         means=np.where(np.arange(8) == 2, np.nan, track.means),
     )
     scores = evaluate(track, SCENARIO, SCANS)
-    for name in ("orientation_rmse_deg", "nees_position_mean", "nees_heading_mean", "nis_mean"):
+    for name in ("orientation_rmse_deg", "nees_position_mean", "nees_orientation_mean", "nis_mean"):
         assert scores.metrics[name] is None
     assert scores.metrics["centre_mean_m"] == pytest.approx(11 / 5)
     assert scores.metrics["points_used_mean"] == 0.0

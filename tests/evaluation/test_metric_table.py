@@ -4,9 +4,10 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from stixel_cli.evaluation.metric_table import METRICS, ScanErrors, metric
+from stixel_cli.evaluation.metric_table import METRICS, metric, over_runs
+from stixel_cli.evaluation.scan_errors import ScanErrors
 
-UNITS = {"_m": "m", "_deg": "°"}
+UNITS = {"_deg_s": "°/s", "_m_s": "m/s", "_m": "m", "_deg": "°", "_s": "s"}
 
 
 @pytest.mark.parametrize("row", METRICS.values(), ids=METRICS)
@@ -15,6 +16,7 @@ def test_row_is_complete(row):
     assert re.fullmatch(r"[a-z_]+", row.name)
     assert row.label and row.short_label and len(row.short_label) <= 32
     assert row.unit == next((u for s, u in UNITS.items() if row.name.endswith(s)), "")
+    assert row.shown_unit == ("%" if row.percent else row.unit)
     low, high = row.bounds
     assert low == 0.0 and high in (None, 1.0)
     assert (row.better == "one") == ("consistent" in row.label)
@@ -35,3 +37,8 @@ def test_a_metric_of_errors_that_are_not_finite_has_no_value():
 def test_unknown_metric_has_a_label_from_its_name():
     row = metric("new_thing_m")
     assert (row.label, row.unit, row.better, row.bounds) == ("new thing", "m", None, (None, None))
+
+
+def test_a_lost_track_is_a_rate_over_runs():
+    assert over_runs("track_lost") == "track_loss_rate" and over_runs("iou_mean") == "iou_mean"
+    assert metric("track_loss_rate").better == "less"

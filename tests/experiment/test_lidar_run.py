@@ -84,7 +84,7 @@ def test_the_point_tracker_has_a_whole_result_folder(results, capsys):
         assert track["contours_world"].shape == (10, 120, 2)
     metrics = json.loads((folder / "metrics.json").read_text())
     assert metrics["nis_mean"] is not None
-    assert metrics["nees_heading_mean"] is not None
+    assert metrics["nees_orientation_mean"] is not None
 
 
 def test_two_sensors_and_two_trackers_of_a_mesh_of_ones_own_from_a_car_that_turns(

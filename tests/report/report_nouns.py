@@ -93,7 +93,8 @@ def make_scores(scenario, track):
         nis = track.nis / track.nis_degrees_of_freedom
     metrics = {"centre_rmse_m": float(np.sqrt(np.mean(error**2))), "low_overlap_share": 0.0}
     metrics |= {"iou_mean": float(iou.mean()), "nis_mean": None, "scans": len(error)}
-    return Scores(track.times, error, wrap_angle(offset[:, 2]), iou, nees, nis, metrics)
+    box = np.clip(iou + 0.1, 0, 1)
+    return Scores(track.times, error, wrap_angle(offset[:, 2]), iou, box, nees, nis, metrics)
 
 
 def make_camera_nouns(rig, rng, first=4, count=2):

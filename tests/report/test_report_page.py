@@ -47,7 +47,8 @@ def test_page_shows_differing_settings(folders):
     assert "<td>simulated</td><td>fabricated</td>" in differing
     assert "centre error, RMSE" in page
     assert page.count('<td class="best">') == 2
-    assert "<td>–</td><td>–</td>" in page  # nis_mean is null in both
+    assert "NIS / degrees of freedom, mean" not in page  # null in both
+    assert page.count("older version") == 2  # track loss is not in their metrics
     assert "0123456789ab with uncommitted changes" in page
     assert "stixel report &#39;a b&#39;" in page
 
@@ -106,7 +107,7 @@ def test_page_escapes_text(tmp_path):
 
 
 def test_page_accepts_runs_without_series_or_picture(tmp_path):
-    empty = dict.fromkeys(("centre_error", "orientation_error", "nees_position"))
+    empty = dict.fromkeys(("centre_error", "orientation_error", "iou_box", "nees_position"))
     lost = {"iou": np.full(40, np.nan), "nis": np.full(40, np.nan)}
     folders = [make_folder(tmp_path / name, 1, series=empty | lost) for name in ("a", "b")]
     (folders[0] / "figures" / "path.png").unlink()
@@ -208,7 +209,7 @@ def test_format_value_keeps_significant_digits():
 
 
 def test_scores_table_has_name_value_and_unit():
-    table = scores_table({"centre_rmse_m": 0.1234, "nis_mean": None})
+    table = scores_table({"centre_rmse_m": 0.1234, "nis_mean": None, "success": 0.4556})
     assert [column.header for column in table.columns] == ["score", "value", "unit"]
-    assert list(table.columns[1].cells) == ["0.123", "–"]
-    assert list(table.columns[2].cells) == ["m", ""]
+    assert list(table.columns[1].cells) == ["0.123", "45.6"]
+    assert list(table.columns[2].cells) == ["m", "%"]

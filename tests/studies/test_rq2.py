@@ -51,7 +51,10 @@ def run(seed=0, measurement="simulated", tracker="gp_ekf", centre=1.0, **changes
         "centre_rmse_m": centre,
         "orientation_rmse_deg": 2.0 * centre,
         "iou_mean": 0.9 - 0.1 * centre,
+        "iou_hull_mean": 0.9 - 0.1 * centre,
+        "iou_box_mean": 0.9 - 0.1 * centre,
         "low_overlap_share": 0.0,
+        "track_lost": 0.0,
         "nees_position_mean": 1.0,
         "nis_mean": 1.0,
     } | changes
@@ -184,7 +187,10 @@ def test_the_answer_has_every_tracker_and_measurement():
         "car", "gp_ekf", "centre RMSE, m", "0.510", "0.200", "0.310 [0.285, 0.335]"
     ]  # fmt: skip
     # NEES, like every mean, of both measurements, and without a test.
-    assert rows[4][2:] == ["mean NEES / 2", "1.00", "1.00", "–"]
+    assert rows[7][2:] == ["mean NEES / 2", "1.00", "1.00", "–"]
+    assert [row[2] for row in rows[3:7]] == [
+        *("mean IoU, hull", "mean IoU, box", "share of low overlap", "track loss rate")
+    ]
     # A tracker that came later is answered for, the baseline is not.
     assert "show no difference between stixels and the lidar_9 for the new_one." in text
     # Effects with their intervals come first, then the tests.

@@ -10,6 +10,7 @@ import yaml
 
 from stixel_cli.studies.file import find_study, read_study
 from stixel_cli.studies.real_time import on_cores
+from stixel_cli.studies.rq2.runs import CEILINGS, ceilings_table
 from stixel_cli.studies.thesis.runs import consistency_table, settings_table, tracking_table
 
 USERS = ["car", "cyclist", "pedestrian"]
@@ -110,7 +111,10 @@ def test_kernels_are_columns():
             "iou_mean": 0.5,
             "nees_position_mean": 3.0,
             "nis_mean": 1.0,
+            "iou_hull_mean": 0.6,
+            "iou_box_mean": 0.7,
             "low_overlap_share": 0.0,
+            "track_lost": float(seed == 1),
         }
         for ego in ("parked", "straight")
         for kernel in ("one", "other")
@@ -124,6 +128,11 @@ def test_kernels_are_columns():
     # A kernel without runs has no values.
     assert found.rows[1][12:] == (None,) * 9
     assert consistency_table("c", runs[runs["ego"] == "parked"], ("ego",)).rows[0][1] == 3.0
+    ceilings = runs.assign(**{name: i / 10 for i, name in enumerate(CEILINGS)})
+    assert ceilings_table("c", ceilings, ("ego",)).rows == (
+        ("parked", 0.0, 0.1, 0.2, 0.3),
+        ("straight", 0.0, 0.1, 0.2, 0.3),
+    )
 
 
 def test_two_cores_need_half_of_the_work_and_each_stage_that_is_in_order():

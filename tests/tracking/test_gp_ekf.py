@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 from tracking_cases import CAR, START, TRACKER, poses_of_turn, scans_of, seen_car
 
 from stixel_cli.geometry.pose import rotation, world_from_target
@@ -197,7 +198,7 @@ def test_nis_has_one_degree_of_freedom_per_point():
     """A circle, all of it seen and known: radial innovations of 0.1 m are what the model says."""
     random = np.random.default_rng(4)
     parameters = dataclasses.replace(TRACKER, sigma_q=0.01, sigma_q_psi=0.01, gate_probability=None)
-    circle = PriorShape(3.0, 3.0, "ellipse", 0.0, 1.0, 0.4, 0.1)
+    circle = PriorShape(3.0, 3.0, "ellipse", 0.0, 1.0, 0.4, 0.1, 0.3)
     still = InitialState(np.zeros(6), 1e-4 * np.eye(6))
     points = []
     for _ in range(60):
@@ -209,6 +210,7 @@ def test_nis_has_one_degree_of_freedom_per_point():
 
 
 def test_contour_and_std_match_the_regression(tracker):
+    """The band is that of the point where a fixed ray meets the contour, to first order."""
     found = track(scans_of(seen_car(4, 30)), *tracker)
     angles = 2.0 * np.pi * np.arange(60) / 60
     parameters = tracker[2]
@@ -221,8 +223,26 @@ def test_contour_and_std_match_the_regression(tracker):
     np.testing.assert_allclose(np.linalg.norm(offsets, axis=1), matrix @ mean[6:])
     bearings = mean[2] + angles
     np.testing.assert_allclose(found.contour_directions[-1, :, 0], np.cos(bearings), atol=1e-12)
-    spread = np.diag(matrix @ covariance[6:, 6:] @ matrix.T) + variances
-    np.testing.assert_allclose(found.contour_std[-1], np.sqrt(spread), rtol=1e-6)
+
+    def met(state, direction):
+        """Range from the estimated centre at which a ray meets the contour of another state."""
+
+        def outside(along):
+            offset = mean[:2] + along * direction - state[:2]
+            angle = np.arctan2(offset[1], offset[0]) - state[2]
+            return np.hypot(*offset) - (process.at(np.array([angle]))[0] @ state[6:])[0]
+
+        return brentq(outside, 0.05, 20.0, xtol=1e-13)
+
+    for i in (0, 7, 21, 50):
+        direction = found.contour_directions[-1, i]
+        slopes = np.zeros(len(mean))
+        for j in np.r_[0:3, 6 : len(mean)]:
+            step = np.zeros(len(mean))
+            step[j] = 1e-5
+            slopes[j] = (met(mean + step, direction) - met(mean - step, direction)) / 2e-5
+        expected = np.sqrt(slopes @ covariance @ slopes + variances[i])
+        assert found.contour_std[-1, i] == pytest.approx(expected, rel=1e-5)
 
 
 def test_unseen_radii_return_to_the_mean_function(tracker):
@@ -238,8 +258,8 @@ def test_unseen_radii_return_to_the_mean_function(tracker):
 
 
 def test_the_mean_radius_of_an_ellipse_is_between_its_half_axes():
-    assert mean_radius(PriorShape(3.0, 3.0, "ellipse", 0.0, 1, 1, 1)) == pytest.approx(1.5)
-    assert 0.3 < mean_radius(PriorShape(1.8, 0.6, "ellipse", 0.0, 1, 1, 1)) < 0.9
+    assert mean_radius(PriorShape(3.0, 3.0, "ellipse", 0.0, 1, 1, 1, 0.3)) == pytest.approx(1.5)
+    assert 0.3 < mean_radius(PriorShape(1.8, 0.6, "ellipse", 0.0, 1, 1, 1, 0.3)) < 0.9
 
 
 def test_negative_radius_is_reported_as_zero():

@@ -132,7 +132,11 @@ def test_baseline_contour_is_a_circle_with_the_area_of_the_prior(shape):
     radii = prior_radii(prior, np.linspace(0.0, 2.0 * np.pi, 4001)[:-1])
     assert radius - 2.0 * std < radii.min()
     assert radii.max() < radius + 2.0 * std
-    np.testing.assert_array_equal(result.contour_std, std)
+    # The circle's error, and that of its centre along the direction.
+    for k, directions in enumerate(result.contour_directions):
+        moved = [p @ result.covariances[k, :2, :2] @ p for p in directions]
+        expected = np.sqrt(std**2 + np.array(moved))
+        np.testing.assert_allclose(result.contour_std[k], expected, rtol=1e-12)
     certain = class_circle(dataclasses.replace(prior, sigma_f=1e-9, sigma_r=0.0))[1]
     np.testing.assert_allclose(certain, np.sqrt(np.mean((radii - radius) ** 2)), rtol=1e-4)
     np.testing.assert_allclose(std**2 - certain**2, prior.sigma_f**2 + prior.sigma_r**2)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from tracking_cases import CAR
 
+from stixel_cli import compose
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.motion import transition
 from stixel_cli.tracking.prior import PriorShape, prior_radii
@@ -33,12 +34,12 @@ def test_rectangle_prior_without_radius_has_sharp_corners():
 
 
 def test_fully_rounded_square_prior_is_a_circle():
-    circle = PriorShape(1.0, 1.0, "rectangle", 0.5, 0.1, 0.1, 0.1)
+    circle = PriorShape(1.0, 1.0, "rectangle", 0.5, 0.1, 0.1, 0.1, 0.3)
     np.testing.assert_allclose(prior_radii(circle, ANGLES), 0.5)
 
 
 def test_ellipse_prior_is_an_ellipse():
-    ellipse = PriorShape(1.8, 0.6, "ellipse", 0.0, 0.1, 0.1, 0.1)
+    ellipse = PriorShape(1.8, 0.6, "ellipse", 0.0, 0.1, 0.1, 0.1, 0.3)
     x, y = points(ellipse).T
     np.testing.assert_allclose((x / 0.9) ** 2 + (y / 0.3) ** 2, 1.0)
 
@@ -92,3 +93,13 @@ def test_rates_of_zero_keep_the_noise_of_the_pose():
         np.testing.assert_array_equal(start.mean[3:], 0.0)
         np.testing.assert_allclose(start.mean[:3], moved[:3] - 0.2 * noise_of_rates, atol=1e-12)
         np.testing.assert_allclose(np.diag(start.covariance)[3:], [16.0, 16.0, 0.25])
+
+
+@pytest.mark.parametrize(("user", "std"), [("car", 0.3), ("cyclist", 0.15), ("pedestrian", 0.1)])
+@pytest.mark.parametrize("start", ["default", "zero_rates"])
+def test_the_initial_noise_of_the_position_is_that_of_the_class(user, std, start):
+    chosen = compose([f"road_user={user}", f"start={start}"]).configuration
+    assert chosen.prior.start_position == chosen.start.position == std
+    assert chosen.start.heading == 0.1
+    own = compose([f"road_user={user}", f"start={start}", "start.position=0.7"]).configuration
+    assert own.start.position == 0.7

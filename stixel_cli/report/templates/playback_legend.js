@@ -30,6 +30,7 @@ function describe() {
     const shownAbove = ([name, value]) => inAll([name, value]) || name === "folder" && value === run.label;
     facts(line, runs.length === 1 ? run.facts : run.facts.filter((fact) => !shownAbove(fact)));
     facts(line, runs.length === 1 ? run.summary : run.summary.slice(0, 3));
+    html("span", { textContent: run.verdict }, line);
     html("option", { value: r, textContent: run.label }, find("source"));
   });
   find("source-choice").hidden = runs.length === 1;

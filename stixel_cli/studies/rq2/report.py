@@ -24,8 +24,10 @@ from stixel_cli.studies.rq2.conditions import CONDITIONS, condition_table
 from stixel_cli.studies.rq2.contrasts import contrasts_table
 from stixel_cli.studies.rq2.figures import boxes, by_condition, example_scans, over_time
 from stixel_cli.studies.rq2.runs import (
+    ceilings_table,
     contour_distances,
     metric_over_seeds,
+    of_runs,
     quantity,
     scan_frame,
     within_bounds,
@@ -38,7 +40,10 @@ if TYPE_CHECKING:
 
 _TRACKING = [
     METRICS[name]
-    for name in ("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "low_overlap_share")
+    for name in (
+        *("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "iou_hull_mean", "iou_box_mean"),
+        *("low_overlap_share", "track_lost"),
+    )
 ]
 """Metrics with a standard deviation in the tables of tracking."""
 NEAR = 2.0
@@ -103,6 +108,7 @@ def _chapter(
         ],
         "ranking": _ranking(runs),
         "tracking": _tracking_table(user, runs, scans),
+        "ceilings": ceilings_table(f"{user}_ceilings", runs, ("measurement",)),
         "boxes": boxes(f"{user}_boxes", runs, measurements),
         "over_time": {
             path: over_time(f"{user}_{path}_over_time", chosen(scans, path=path), measurements)
@@ -221,7 +227,11 @@ def _tracking_table(user: str, runs: "pd.DataFrame", scans: "pd.DataFrame") -> T
     nees, nis = (quantity(METRICS[name]) for name in ("nees_position_mean", "nis_mean"))
     columns = (
         *(*keys, "n"),
-        *(c for metric in _TRACKING for c in std_columns(with_unit(metric), quantity(metric))),
+        *(
+            column
+            for metric in map(of_runs, _TRACKING)
+            for column in std_columns(with_unit(metric), quantity(metric))
+        ),
         *(nees, f"{nees.partition(' ')[0]} within", nis, f"{nis.partition(' ')[0]} within"),
     )
     return Table(f"{user}_tracking", "", columns, tuple(rows))

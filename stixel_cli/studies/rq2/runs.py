@@ -3,18 +3,19 @@
 A frame of runs is that of `data.run_frame`.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 from scipy.stats import chi2
 
-from stixel_cli.evaluation.metric_table import METRICS, Metric
+from stixel_cli.evaluation.metric_table import METRICS, Metric, metric, over_runs
 from stixel_cli.geometry.pose import world_from_target, wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.studies.tables import over_seeds
+from stixel_cli.studies.types import Table
 from stixel_cli.sweeps.statistics import CONFIDENCE, Statistic
 
 if TYPE_CHECKING:
@@ -37,6 +38,33 @@ SCAN_ERRORS = {
 def quantity(metric: Metric) -> str:
     """The short label without the statistic: "centre" of "centre RMSE"."""
     return metric.short_label.removesuffix(" RMSE").removeprefix("mean ")
+
+
+def of_runs(row: Metric) -> Metric:
+    """The row of a metric's mean over runs."""
+    return metric(over_runs(row.name))
+
+
+CEILINGS = (
+    "iou_star_convex_ceiling",
+    "iou_heights_ceiling",
+    "iou_hull_heights_ceiling",
+    "iou_box_heights_ceiling",
+)
+"""The metrics that bound the overlaps."""
+
+
+def ceilings_table(name: str, runs: "pd.DataFrame", keys: Sequence[str]) -> Table:
+    """One row for each combination of `keys`: the greatest IoUs that a track could have."""
+    rows = [
+        (*values, *(metric_over_seeds(own, one).mean for one in CEILINGS))
+        for values, own in runs.groupby(list(keys), sort=False)
+    ]
+    columns = (
+        "IoU, best star-convex contour",
+        *("IoU, gated heights", "hull's IoU, gated heights", "box's IoU, gated heights"),
+    )
+    return Table(name, "", (*(key.replace("_", " ") for key in keys), *columns), tuple(rows))
 
 
 def scan_frame(runs: "pd.DataFrame") -> "pd.DataFrame":

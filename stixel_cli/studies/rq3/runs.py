@@ -266,6 +266,8 @@ TRACKER_MEASURES = {
     "centre": _metric("centre_rmse_m"),
     "orientation": _metric("orientation_rmse_deg"),
     "iou": _metric("iou_mean"),
+    "iou_hull": _metric("iou_hull_mean"),
+    "iou_box": _metric("iou_box_mean"),
     "nees": _decades("nees_position_mean"),
     "nis": _decades("nis_mean"),
 }

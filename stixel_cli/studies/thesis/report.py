@@ -7,7 +7,7 @@ from stixel_cli.studies.data import StudyData, StudyRun, chosen, names
 from stixel_cli.studies.real_time import on_cores, real_time_table, seconds_a_scan
 from stixel_cli.studies.rq1.report import PANELS, by_frame, contact_sheet
 from stixel_cli.studies.rq2.figures import over_time
-from stixel_cli.studies.rq2.runs import scan_frame
+from stixel_cli.studies.rq2.runs import ceilings_table, scan_frame
 from stixel_cli.studies.thesis import figures
 from stixel_cli.studies.thesis.runs import (
     MEASURES,
@@ -130,6 +130,7 @@ def _chapter(user: str, runs: "pd.DataFrame", ego: str) -> dict[str, Any]:
         "rays": figures.rays(f"{user}_rays", fabricated.sort_values("seed")["run"].iloc[0]),
         "scans": scans_table(f"{user}_scans", chosen(runs, tracker=first)),
         "tracking": tracking_table(f"{user}_tracking", runs, ("measurement", "ego")),
+        "ceilings": ceilings_table(f"{user}_ceilings", runs, ("measurement",)),
         "consistency": consistency_table(f"{user}_consistency", runs, ("measurement", "ego")),
         "over_time": {
             one: over_time(f"{user}_{one}_over_time", own, measurements)

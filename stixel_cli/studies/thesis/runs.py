@@ -10,7 +10,7 @@ from stixel_cli.config.experiments import experiment_sources
 from stixel_cli.config.folders import EXPERIMENT
 from stixel_cli.evaluation.metric_table import METRICS, Metric
 from stixel_cli.studies.data import GROUPS, StudySweep, chosen, names, run_frame
-from stixel_cli.studies.rq2.runs import contour_distances, metric_over_seeds, quantity
+from stixel_cli.studies.rq2.runs import contour_distances, metric_over_seeds, of_runs, quantity
 from stixel_cli.studies.tables import over_seeds, std_columns, with_ends
 from stixel_cli.studies.types import Table
 from stixel_cli.sweeps.statistics import Statistic
@@ -20,6 +20,10 @@ if TYPE_CHECKING:
 
 MEASURES = tuple(METRICS[name] for name in ("centre_rmse_m", "orientation_rmse_deg", "iou_mean"))
 """The three measures of the thesis (3.1.2)."""
+_CONSISTENCY = (
+    *("nees_position_mean", "nis_mean"),
+    *("iou_hull_mean", "iou_box_mean", "low_overlap_share", "track_lost"),
+)
 KERNELS = {"thesis": "the demo's kernel", "thesis_priors": "our priors"}
 NEAR = 2.0
 """Points within this distance of the true contour, m, are taken for the target's."""
@@ -90,9 +94,9 @@ def _cells(runs: "pd.DataFrame") -> Iterable[float | None]:
 
 
 def consistency_table(name: str, runs: "pd.DataFrame", keys: Sequence[str]) -> Table:
-    """NEES of the position and NIS of each kernel, means over the seeds."""
+    """The metrics `_CONSISTENCY` of each kernel, means over the seeds."""
     kernels = names(runs, "tracker")
-    metrics = [METRICS[name] for name in ("nees_position_mean", "nis_mean", "low_overlap_share")]
+    metrics = [METRICS[name] for name in _CONSISTENCY]
     rows = []
     for values, own in _grouped(runs, keys):
         cells = [
@@ -101,7 +105,7 @@ def consistency_table(name: str, runs: "pd.DataFrame", keys: Sequence[str]) -> T
             for metric in metrics
         ]
         rows.append((*values, *cells))
-    columns = (f"{_heading(metric)}, {kernel}" for kernel in kernels for metric in metrics)
+    columns = (f"{_heading(of_runs(metric))}, {kernel}" for kernel in kernels for metric in metrics)
     return Table(name, "", (*map(_name, keys), *columns), tuple(rows))
 
 

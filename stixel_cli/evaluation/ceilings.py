@@ -1,0 +1,129 @@
+"""The greatest overlaps with a road user that a tracker can have, whatever it estimates."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+
+from stixel_cli.evaluation.contour_errors import areas, boxes, overlaps
+from stixel_cli.scene.build import outline
+from stixel_cli.scene.mesh import corners
+from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.road_user_parameters import RoadUser
+from stixel_cli.scene.scenario import Scenario
+
+RAYS = 720
+"""Rays from the centre along which the best star-convex contour is sought."""
+
+
+@dataclass(frozen=True)
+class Ceilings:
+    """IoUs with the true target, 0 … 1; NaN where they are not known.
+
+    Attributes:
+        star_convex_ceiling: the outline's, of the best contour that is star-convex about the
+            target's centre. Its hull and its box can be exact.
+        heights_ceiling, hull_heights_ceiling, box_heights_ceiling: of outline, convex hull and box
+            of the target's part within the gated heights, the only part that is measured.
+    """
+
+    star_convex_ceiling: float
+    heights_ceiling: float
+    hull_heights_ceiling: float
+    box_heights_ceiling: float
+
+
+NO_CEILINGS = Ceilings(np.nan, np.nan, np.nan, np.nan)
+
+
+def find_ceilings(scenario: Scenario, road_user: RoadUser, measurement: Any) -> Ceilings:
+    """The ceilings for a target and the gates of a source of measurements.
+
+    The star-convex one is of the scenario's contour. The others are known if `measurement` gates
+    heights, and the gated part has an area.
+    """
+    star_convex = best_star_convex_iou(scenario.contour_target)
+    low, high = (getattr(measurement, name, None) for name in ("height_min", "height_max"))
+    if low is None or high is None:
+        return Ceilings(star_convex, np.nan, np.nan, np.nan)
+    try:
+        part = outline(between_heights(corners(road_user_mesh(road_user)), low, high))
+    except ValueError:
+        return Ceilings(star_convex, np.nan, np.nan, np.nan)
+    pair = (part, scenario.contour_target)
+    gated, full = (areas([one]) for one in pair)
+    box, full_box = (areas(boxes([one], np.zeros((1, 3)))[0]) for one in pair)
+    return Ceilings(
+        star_convex,
+        float(overlaps(gated, full)[0]),
+        float(overlaps(shapely.convex_hull(gated), shapely.convex_hull(full))[0]),
+        float(overlaps(box, full_box)[0]),
+    )
+
+
+def best_star_convex_iou(contour: np.ndarray) -> float:
+    """The greatest IoU of the polygon `contour` (M, 2) m with a shape that is star-convex about 0.
+
+    Such a shape has one radius along each ray. With the areas I inside and O outside the polygon
+    and its area A, the IoU is I / (A + O). Its maximum is the s at which the greatest I - s (A + O)
+    is 0 (Dinkelbach 1967, *On nonlinear fractional programming*), and that sum has its greatest
+    value along each ray on its own.
+    """
+    angles = 2.0 * np.pi * (np.arange(RAYS) + 0.5) / RAYS
+    directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    start, end = contour, np.roll(contour, -1, axis=0)
+    # An edge is met where its ends are on different sides of the ray's line, in front of it.
+    normals = np.stack([-directions[:, 1], directions[:, 0]], axis=-1)
+    a, b = normals @ start.T, normals @ end.T
+    along = directions @ start.T, directions @ end.T
+    crossed = (a < 0.0) != (b < 0.0)
+    weight = np.divide(a, a - b, out=np.zeros_like(a), where=crossed)
+    ranges = along[0] + weight * (along[1] - along[0])
+    ranges = np.where(crossed & (ranges > 0.0), ranges, np.inf)
+    ranges = np.sort(ranges, axis=1)[:, : int((np.isfinite(ranges)).sum(axis=1).max())]
+    # A ray from inside the polygon leaves it first; one from outside enters it first.
+    inside = np.isfinite(ranges).sum(axis=1) % 2 == 1
+    half = 0.5 * np.where(np.isfinite(ranges), ranges, 0.0) ** 2
+    sign = np.where(np.arange(half.shape[1]) % 2 == 0, 1.0, -1.0) * np.where(inside, 1, -1)[:, None]
+    leaves = np.isfinite(ranges) & (sign > 0.0)
+    within = np.cumsum(sign * half, axis=1)
+    outside = half - within
+    area = float(np.where(leaves, within, 0.0).max(axis=1).sum())
+    share = 0.0
+    for _ in range(20):
+        gains = np.where(leaves, within - share * outside, -np.inf)
+        best = np.argmax(gains, axis=1)
+        rows = np.arange(RAYS)
+        used = gains[rows, best] > 0.0
+        found = within[rows, best][used].sum() / (area + outside[rows, best][used].sum())
+        if found <= share:
+            break
+        share = float(found)
+    return share
+
+
+def between_heights(triangles: np.ndarray, low: float, high: float) -> np.ndarray:
+    """The parts of `triangles` (T, 3, 3) m with low ≤ z ≤ high, as triangles (U, 3, 3)."""
+    lowest, highest = triangles[..., 2].min(axis=1), triangles[..., 2].max(axis=1)
+    whole = (lowest >= low) & (highest <= high)
+    found = list(triangles[whole])
+    for triangle in triangles[~whole & (highest >= low) & (lowest <= high)]:
+        polygon = _above(_above(triangle, low), -high, -1.0)
+        found += [polygon[[0, i, i + 1]] for i in range(1, len(polygon) - 1)]
+    return np.array(found).reshape(-1, 3, 3)
+
+
+def _above(polygon: np.ndarray, level: float, sign: float = 1.0) -> np.ndarray:
+    """The part (N, 3) of a convex polygon (M, 3) where sign · z ≥ level."""
+    heights = sign * polygon[:, 2] - level
+    kept = []
+    for i, height in enumerate(heights):
+        before = heights[i - 1]
+        if (height >= 0.0) != (before >= 0.0):
+            kept.append(
+                polygon[i - 1] + (before / (before - height)) * (polygon[i] - polygon[i - 1])
+            )
+        if height >= 0.0:
+            kept.append(polygon[i])
+    return np.array(kept).reshape(-1, 3)

@@ -1,0 +1,151 @@
+"""The errors of one track over its scans, and functions that sum up errors over scans."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+LOW_OVERLAP = 0.2
+"""A scan has low overlap if the IoU of its outline is below this."""
+
+LOSS_DURATION = 1.0
+"""A track is lost once it has been off the target for this long, s."""
+
+THRESHOLDS = 21
+"""Thresholds of the curves of success and of precision, as in lidar single-object tracking."""
+
+FARTHEST_CENTRE = 2.0
+"""The greatest threshold of the curve of precision, m."""
+
+
+@dataclass(frozen=True)
+class ScanErrors:
+    """Errors and counts of one track over its K scans, each (K,).
+
+    Attributes:
+        times: s.
+        centre: m.
+        orientation: degrees in (-180, 180], estimated minus true.
+        iou, iou_hull, iou_box: intersection over union of the outlines, of their convex hulls, and
+            of the boxes along the estimated and the true heading, 0 … 1. Where only the true box is
+            known, those of outline and hull are NaN.
+        star_convex_ceiling: the greatest IoU of the outline that a star-convex contour can have.
+        heights_ceiling, hull_heights_ceiling, box_heights_ceiling: IoU of the part of the target
+            within the gated heights; NaN without a gate of heights.
+        length, width: of the box, m, estimated minus true.
+        speed: m/s, estimated minus true.
+        yaw_rate: degrees/s, estimated minus true.
+        gaussian_wasserstein: distance of the areas' means and covariances, m.
+        hausdorff, contour_distance: greatest and mean distance of the outlines, both ways, m.
+        seen_contour: mean distance of the true outline's points that the ego car sees from the
+            estimated outline, m; NaN if it sees no point.
+        band_coverage: share of the true outline's points in the estimated 95 % band.
+        lost: whether the estimated box is off the true one; see `evaluate.off_target`.
+        nees_position, nees_orientation: NEES divided by its dimension; NaN without a valid
+            covariance.
+        nis: NIS divided by its degrees of freedom; NaN for an empty scan.
+        points, points_used: points of the scan, and those that the tracker used.
+    """
+
+    times: np.ndarray
+    centre: np.ndarray
+    orientation: np.ndarray
+    iou: np.ndarray
+    iou_hull: np.ndarray
+    iou_box: np.ndarray
+    star_convex_ceiling: np.ndarray
+    heights_ceiling: np.ndarray
+    hull_heights_ceiling: np.ndarray
+    box_heights_ceiling: np.ndarray
+    length: np.ndarray
+    width: np.ndarray
+    speed: np.ndarray
+    yaw_rate: np.ndarray
+    gaussian_wasserstein: np.ndarray
+    hausdorff: np.ndarray
+    contour_distance: np.ndarray
+    seen_contour: np.ndarray
+    band_coverage: np.ndarray
+    lost: np.ndarray
+    nees_position: np.ndarray
+    nees_orientation: np.ndarray
+    nis: np.ndarray
+    points: np.ndarray
+    points_used: np.ndarray
+
+
+def mean(values: np.ndarray) -> float | None:
+    """Mean, or None if there is no value or one that is not finite."""
+    values = np.asarray(values, dtype=np.float64)
+    return float(values.mean()) if len(values) and np.isfinite(values).all() else None
+
+
+def root_mean_square(values: np.ndarray) -> float | None:
+    """Root of the mean square, or None if there is no value or one that is not finite."""
+    square = mean(np.square(np.asarray(values, dtype=np.float64)))
+    return None if square is None else float(np.sqrt(square))
+
+
+def finite_mean(values: np.ndarray) -> float | None:
+    """Mean of the finite values, or None if no value is finite."""
+    return mean(values[np.isfinite(values)])
+
+
+def finite_median(values: np.ndarray) -> float | None:
+    """Median of the finite values, or None if no value is finite."""
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else None
+
+
+def second_half(values: np.ndarray) -> np.ndarray:
+    """The values from scan K // 2 on."""
+    return values[len(values) // 2 :]
+
+
+def low_overlap_share(iou: np.ndarray) -> float | None:
+    """Share of scans with an IoU below `LOW_OVERLAP`; None if an IoU is NaN."""
+    return mean(np.where(np.isnan(iou), np.nan, iou < LOW_OVERLAP))
+
+
+def time_to_loss(times: np.ndarray, lost: np.ndarray) -> float | None:
+    """Seconds from the first scan to the first of those that lose the track; None if never.
+
+    `lost` (K,) is whether the estimate is off the target. The track is lost if that lasts for
+    `LOSS_DURATION`, from the first to the last of neighbouring scans.
+    """
+    start = None
+    for time, off in zip(times, lost, strict=True):
+        if not off:
+            start = None
+            continue
+        start = time if start is None else start
+        if time - start >= LOSS_DURATION - 1e-9:
+            return float(start - times[0])
+    return None
+
+
+def success(iou: np.ndarray) -> float | None:
+    """Area under the share of scans with an IoU of at least t, over t from 0 to 1; 0 … 1.
+
+    Success of one-pass evaluation (Wu, Lim, Yang 2013, *Online object tracking: a benchmark*), with
+    the thresholds and the trapezoidal rule of lidar single-object tracking (Giancola, Zarzar,
+    Ghanem 2019, *Leveraging shape completion for 3D Siamese tracking*).
+    """
+    thresholds = np.linspace(0.0, 1.0, THRESHOLDS)
+    return _area(np.asarray(iou)[:, None] >= thresholds, np.isfinite(iou))
+
+
+def precision(centre: np.ndarray) -> float | None:
+    """Area under the share of scans with a centre error of at most t m, over t from 0 to 2; 0 … 1.
+
+    The area is divided by the greatest threshold; source as of `success`.
+    """
+    thresholds = np.linspace(0.0, FARTHEST_CENTRE, THRESHOLDS)
+    return _area(np.asarray(centre)[:, None] <= thresholds, np.isfinite(centre))
+
+
+def _area(passed: np.ndarray, finite: np.ndarray) -> float | None:
+    """Area under the mean of `passed` (K, T) over thresholds, divided by their range."""
+    if not len(finite) or not finite.all():
+        return None
+    shares = passed.mean(axis=0)
+    return float(np.mean(0.5 * (shares[1:] + shares[:-1])))

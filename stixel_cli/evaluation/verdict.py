@@ -1,0 +1,60 @@
+"""What the metrics of a run mean, in words."""
+
+from collections.abc import Mapping
+
+from stixel_cli.evaluation.metric_table import METRICS
+
+Values = Mapping[str, float | int | None]
+
+
+def verdict(metrics: Values) -> list[str]:
+    """Sentences on a run, the most important first; at least one.
+
+    The limits are the column `expected` of the table of metrics. A metric that is missing or has no
+    value is not mentioned.
+    """
+    if metrics.get("scans") and metrics.get("scans") == metrics.get("empty_scans"):
+        return ["The road user was never measured: every scan is empty."]
+    sentences: list[str] = []
+    lost_at = metrics.get("time_to_loss_s")
+    if lost_at is not None:
+        sentences.append(f"Track lost at {lost_at:.1f} s.")
+    for name, what, short in (
+        ("nees_position_mean", "", "position NEES/2"),
+        ("nees_orientation_mean", " in the orientation", "NEES"),
+    ):
+        value = metrics.get(name)
+        if _beyond(metrics, name):
+            sure = "Over" if value > 1.0 else "Under"
+            sentences.append(f"{sure}-confident{what}: {short} {_digits(value)}.")
+    if _beyond(metrics, "nis_mean"):
+        nis = metrics["nis_mean"]
+        size = "larger" if nis > 1.0 else "smaller"
+        text = f"Residuals are {size} than assumed (NIS {_digits(nis)})"
+        if nis < 1.0 and _beyond(metrics, "nees_position_mean", above=True):
+            text += " while the error is larger: the points share an error"
+        sentences.append(f"{text}.")
+    if _beyond(metrics, "band_coverage"):
+        share = metrics["band_coverage"]
+        sentences.append(f"The 95 % band covers only {100.0 * share:.0f} % of the true outline.")
+    if metrics.get("track_lost") is None:
+        return sentences or ["No verdict: the metrics are of an older version."]
+    if lost_at is None:
+        iou = metrics.get("iou_box_mean")
+        overlap = "" if iou is None else f" with a mean IoU of the box of {iou:.2f}"
+        calm = "" if sentences else "; the stated uncertainty is consistent with the errors"
+        sentences.insert(0, f"Tracked to the end{overlap}{calm}.")
+    return sentences
+
+
+def _beyond(metrics: Values, name: str, above: bool = False) -> bool:
+    """Whether a metric is beyond the limits of its row, or above the greater one."""
+    value, (low, high) = metrics.get(name), METRICS[name].expected
+    if value is None:
+        return False
+    return (high is not None and value > high) or (not above and low is not None and value < low)
+
+
+def _digits(value: float) -> str:
+    """Two significant digits, without an exponent."""
+    return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}" if value >= 0.01 else f"{value:.3f}"

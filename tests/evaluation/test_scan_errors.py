@@ -1,0 +1,66 @@
+import numpy as np
+import pytest
+
+from stixel_cli.evaluation.evaluate import off_target
+from stixel_cli.evaluation.scan_errors import (
+    finite_median,
+    low_overlap_share,
+    precision,
+    success,
+    time_to_loss,
+)
+
+TIMES = 5.0 + 0.1 * np.arange(40)
+
+
+def off(*spans):
+    """Whether each of 40 scans is off the target: from the first to the last of each span."""
+    lost = np.zeros(40, bool)
+    for first, last in spans:
+        lost[first : last + 1] = True
+    return lost
+
+
+@pytest.mark.parametrize(
+    ("lost", "time"),
+    [
+        (off(), None),
+        (off((3, 12)), None),  # 0.9 s from the first scan to the last
+        (off((3, 13)), 0.3),
+        (off((3, 9), (11, 18)), None),  # back on the target between
+        (off((3, 9), (11, 21)), 1.1),
+        (off((0, 39)), 0.0),
+        (off((31, 39)), None),
+    ],
+)
+def test_a_track_is_lost_after_a_second_off_the_target(lost, time):
+    assert time_to_loss(TIMES, lost) == (None if time is None else pytest.approx(time))
+
+
+def test_off_target_is_far_or_without_overlap():
+    centre = np.array([0.9, 1.1, 1.1, 2.3, 0.5, np.nan])
+    length = np.array([0.5, 0.5, 4.4, 4.4, 0.5, 4.4])
+    iou = np.array([0.1, 0.1, 0.1, 0.1, 0.0, 0.0])
+    expected = [False, True, False, True, True, True]
+    np.testing.assert_array_equal(off_target(centre, iou, length), expected)
+
+
+def test_success_and_precision_are_areas_under_their_curves():
+    """Shares at 21 thresholds, by the trapezoidal rule, as of lidar single-object tracking."""
+    iou, centre = np.array([0.0, 0.42, 0.9, 1.0]), np.array([0.05, 0.31, 1.99, 7.0])
+    for found, thresholds, passed in (
+        (success(iou), np.linspace(0, 1, 21), lambda t: iou >= t),
+        (precision(centre), np.linspace(0, 2, 21), lambda t: centre <= t),
+    ):
+        curve = [passed(t).mean() for t in thresholds]
+        area = np.trapezoid(curve, thresholds) / thresholds[-1]
+        assert found == pytest.approx(area, abs=1e-12)
+    assert success(np.ones(3)) == precision(np.zeros(3)) == 1.0
+    assert success(np.array([0.5, np.nan])) is None and precision(np.array([np.nan])) is None
+
+
+def test_shares_and_medians_without_a_value_are_none():
+    assert low_overlap_share(np.array([0.1, 0.3])) == 0.5
+    assert low_overlap_share(np.array([0.1, np.nan])) is None
+    assert finite_median(np.array([3.0, np.nan, 1.0])) == 2.0
+    assert finite_median(np.array([np.nan])) is None

@@ -1,0 +1,64 @@
+import pytest
+
+from stixel_cli.evaluation.metric_table import METRICS
+from stixel_cli.evaluation.verdict import verdict
+
+GOOD = {
+    "scans": 50,
+    "empty_scans": 3,
+    "track_lost": 0,
+    "time_to_loss_s": None,
+    "iou_box_mean": 0.81,
+    "nees_position_mean": 1.2,
+    "nees_orientation_mean": 0.7,
+    "nis_mean": 0.9,
+    "band_coverage": 0.93,
+}
+
+
+def test_a_consistent_track_has_one_sentence():
+    (sentence,) = verdict(GOOD)
+    assert "0.81" in sentence and "consistent" in sentence
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"track_lost": 1, "time_to_loss_s": 3.2}, "Track lost at 3.2 s."),
+        ({"nees_position_mean": 46.2}, "Over-confident: position NEES/2 46."),
+        ({"nees_position_mean": 0.08}, "Under-confident: position NEES/2 0.08."),
+        ({"nees_orientation_mean": 4.04}, "Over-confident in the orientation: NEES 4."),
+        ({"nis_mean": 0.05}, "Residuals are smaller than assumed (NIS 0.05)."),
+        ({"nis_mean": 9.26}, "Residuals are larger than assumed (NIS 9.3)."),
+        (
+            {"nis_mean": 0.05, "nees_position_mean": 46.0},
+            "Residuals are smaller than assumed (NIS 0.05) while the error is larger: the points "
+            "share an error.",
+        ),
+        ({"band_coverage": 0.41}, "The 95 % band covers only 41 % of the true outline."),
+    ],
+)
+def test_verdict_names_what_is_wrong(changes, expected):
+    sentences = verdict(GOOD | changes)
+    assert expected in sentences
+    assert not any("consistent" in one for one in sentences)
+    lost = changes.get("time_to_loss_s") is not None
+    assert any(one.startswith("Tracked to the end") for one in sentences) != lost
+
+
+def test_limits_are_those_of_the_table():
+    for name in ("nees_position_mean", "nees_orientation_mean", "nis_mean", "band_coverage"):
+        for limit, factor in zip(METRICS[name].expected, (0.99, 1.01), strict=True):
+            if limit is not None:
+                assert len(verdict(GOOD | {name: limit})) == 1
+                assert len(verdict(GOOD | {name: limit * factor})) == 2
+
+
+def test_a_target_never_measured_has_that_verdict_alone():
+    (sentence,) = verdict(GOOD | {"empty_scans": 50, "nees_position_mean": 50.0})
+    assert "never measured" in sentence
+
+
+def test_metrics_of_older_folders_have_a_verdict():
+    assert "older version" in verdict({"iou_mean": 0.5, "nis_mean": None, "scans": 3})[0]
+    assert verdict({"nees_position_mean": 7.0}) == ["Over-confident: position NEES/2 7."]
