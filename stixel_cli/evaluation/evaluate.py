@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from stixel_cli.evaluation.metric_table import METRICS, ScanErrors, Scores
-from stixel_cli.geometry.pose import world_from_target, wrap_angle
+from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track
@@ -35,10 +35,9 @@ def evaluate(track: Track, scenario: Scenario, scans: Scans) -> Scores:
     """
     validate(track, scenario, scans)
     truth = scenario.target_poses_world
-    true_contours = np.stack([world_from_target(scenario.contour_target, pose) for pose in truth])
     centre = centre_errors(track.means, truth)
     orientation = orientation_errors(track.means[:, 2], truth[:, 2])
-    iou = intersections_over_unions(track.contours_world, true_contours)
+    iou = intersections_over_unions(track.contours_world, scenario.contours_world)
     nees_position = normalised_errors(
         track.means[:, :2] - truth[:, :2], track.covariances[:, :2, :2]
     )

@@ -22,7 +22,7 @@ OUTLINE = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]], float)
 COUNT = 5
 TIMES = 0.1 * np.arange(COUNT)
 POSES = np.stack([TIMES, 10.0 + TIMES, 0.5 * TIMES], axis=-1)
-SCENARIO = Scenario(TIMES, np.zeros((COUNT, 3)), POSES, np.zeros((COUNT, 3)), OUTLINE, True)
+SCENARIO = Scenario.rigid(TIMES, np.zeros((COUNT, 3)), POSES, np.zeros((COUNT, 3)), OUTLINE)
 SCANS = Scans(
     times=TIMES,
     sensor_poses_world=np.zeros((COUNT, 3)),
@@ -163,7 +163,7 @@ def test_evaluate_rejects_scans_of_other_times():
 
 
 def test_single_scan_is_scored():
-    short = Scenario(TIMES[:1], np.zeros((1, 3)), POSES[:1], np.zeros((1, 3)), OUTLINE, True)
+    short = Scenario.rigid(TIMES[:1], np.zeros((1, 3)), POSES[:1], np.zeros((1, 3)), OUTLINE)
     whole = track_with(SHIFTS)
     track = Track(
         *(getattr(whole, f.name)[:1] for f in dataclasses.fields(Track)[:6]),

@@ -21,7 +21,7 @@ from stixel_cli.rendering.surfaces import (
     linear_from_srgb,
     srgb_from_linear,
 )
-from stixel_cli.scene.mesh import Mesh
+from stixel_cli.scene.mesh import Mesh, scaled
 from stixel_cli.scene.world import WorldObject
 
 POSE = np.array([0.0, 0.0, box_scene.AHEAD])
@@ -29,7 +29,7 @@ POSE = np.array([0.0, 0.0, box_scene.AHEAD])
 
 @pytest.fixture(scope="module")
 def target():
-    return Target(target_mesh())
+    return Target([target_mesh()])
 
 
 @pytest.fixture
@@ -61,7 +61,7 @@ def test_render_does_not_depend_on_the_chunks(monkeypatch):
         WorldObject(str(i), "road" if i == ROAD_ID else "background", mesh) for i, mesh in objects()
     )
     monkeypatch.setattr("stixel_cli.rendering.placement.world_objects", lambda _: world)
-    monkeypatch.setattr(raycast, "road_user_mesh", lambda _: target_mesh())
+    monkeypatch.setattr(raycast, "road_user_meshes", lambda _: [target_mesh()])
     rest = {"scenario": scenario(), "road_user": None, "world": None}
     rest |= {"rig": RIG, "renderer": RAYCAST}
     raycast._static_scene.cache_clear()
@@ -73,6 +73,17 @@ def test_render_does_not_depend_on_the_chunks(monkeypatch):
             encoded = getattr(together, name).encoded[first : first + 2]
             assert getattr(part, name).encoded == encoded
     raycast._static_scene.cache_clear()
+
+
+def test_frame_shows_the_limbs_in_their_pose(static):
+    """As a rigid target does that has the vertices of that pose."""
+    still = target_mesh()
+    stretched = scaled(still, np.array([0.5, 1.2, 1.5]))
+    both = Target([still, stretched])
+    motion = replace(scenario(2), limb_poses=np.array([0, 1]))
+    for k, mesh in enumerate((still, stretched)):
+        alone = render_frame(static, Target([mesh]), scenario(2), k)
+        assert same(render_frame(static, both, motion, k), alone)
 
 
 def test_depth_and_ids_match_the_planes_and_objects(static, target):
