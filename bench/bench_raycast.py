@@ -21,7 +21,7 @@ from stixel_cli.rendering.supersampling import sample_offsets
 from stixel_cli.rendering.surfaces import srgb_from_linear
 from stixel_cli.rendering.tracing import Body, light_of, nearest, sunlit
 from stixel_cli.rendering.views import CENTRE
-from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.scene.world_parameters import World
@@ -42,7 +42,7 @@ def motion(moving: bool) -> Scenario:
     if moving:
         ego[:, 1] = 0.05 * k
     target = np.stack([-4.0 + 0.3 * k, np.full(CHUNK, 12.0), 0.05 * k - 0.5], axis=1)
-    return Scenario(0.1 * k, ego, target, 0.0 * target, np.zeros((0, 2)), True)
+    return Scenario.rigid(0.1 * k, ego, target, 0.0 * target, np.zeros((0, 2)))
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +50,7 @@ def scene():
     rig = preset("rig", "default", Rig)
     renderer = preset("renderer", "raycast", RaycastParameters)
     static = StaticScene(numbered_objects(preset("world", "street", World)), rig, renderer)
-    target = Target(road_user_mesh(preset("road_user", "car", RoadUser)))
+    target = Target(road_user_meshes(preset("road_user", "car", RoadUser)))
     render_frame(static, target, motion(False), 0)
     return static, target
 
@@ -89,7 +89,7 @@ def test_plain_pair_with_four_rays_everywhere(benchmark, scene):
 
     def pair():
         pose = world_from_target_3d(scenario.target_poses_world[0])
-        bodies = [static.body, Body(target.surfaces, pose)]
+        bodies = [static.body, Body(target.surfaces(0), pose)]
         pictures, light = [], static.renderer.light
         rows, columns = np.divmod(np.arange(static.rig.height * static.rig.width), static.rig.width)
         right, down = sample_offsets(2)

@@ -28,7 +28,7 @@ from stixel_cli.rendering.sensor_noise import LUMA, grey_levels, normal_quantile
 from stixel_cli.rendering.supersampling import Centres, sample_offsets, supersampled
 from stixel_cli.rendering.surfaces import srgb_from_linear
 from stixel_cli.rendering.tracing import Body
-from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.world_parameters import World
 
@@ -70,7 +70,7 @@ def scene():
     rig = preset("rig", "default", Rig)
     renderer = preset("renderer", "raycast", RaycastParameters)
     static = StaticScene(numbered_objects(preset("world", "street", World)), rig, renderer)
-    return static, Target(road_user_mesh(preset("road_user", "car", RoadUser)))
+    return static, Target(road_user_meshes(preset("road_user", "car", RoadUser)))
 
 
 def test_import_of_open3d(benchmark):
@@ -164,7 +164,7 @@ def test_edges(benchmark, scene):
     """Next to rays; the error is that of grey levels, against 256 rays in a pixel."""
     static, target = scene
     pose = world_from_target_3d(np.array([-1.0, 14.0, -0.5]))
-    bodies = [static.body, Body(target.surfaces, pose)]
+    bodies = [static.body, Body(target.surfaces(0), pose)]
     camera = rig_cameras(static.rig, np.array([0.0, 0.0, 0.5 * np.pi]))[0]
     rows, columns = np.divmod(np.arange(camera.height * camera.width), camera.width)
     u, v = columns.astype(float), rows.astype(float)

@@ -9,12 +9,15 @@ import shapely
 from stixel_cli.evaluation.contour_errors import areas, boxes, overlaps
 from stixel_cli.scene.build import outline
 from stixel_cli.scene.mesh import corners
-from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.scenario import Scenario
 
 RAYS = 720
 """Rays from the centre along which the best star-convex contour is sought."""
+
+LIMB_SAMPLES = 4
+"""Poses of the limbs, even in their cycle, that a ceiling is the mean over."""
 
 
 @dataclass(frozen=True)
@@ -40,25 +43,32 @@ NO_CEILINGS = Ceilings(np.nan, np.nan, np.nan, np.nan)
 def find_ceilings(scenario: Scenario, road_user: RoadUser, measurement: Any) -> Ceilings:
     """The ceilings for a target and the gates of a source of measurements.
 
-    The star-convex one is of the scenario's contour. The others are known if `measurement` gates
-    heights, and the gated part has an area.
+    The star-convex one is of the scenario's contours. The others are known if `measurement` gates
+    heights, and the gated part has an area. All are means over `LIMB_SAMPLES` poses of the limbs.
     """
-    star_convex = best_star_convex_iou(scenario.contour_target)
+    contours = scenario.contours_target
+    chosen = slice(None, None, max(1, len(contours) // LIMB_SAMPLES))
+    contours = contours[chosen]
+    star_convex = float(np.mean([best_star_convex_iou(contour) for contour in contours]))
     low, high = (getattr(measurement, name, None) for name in ("height_min", "height_max"))
     if low is None or high is None:
         return Ceilings(star_convex, np.nan, np.nan, np.nan)
     try:
-        part = outline(between_heights(corners(road_user_mesh(road_user)), low, high))
+        parts = [
+            outline(between_heights(corners(mesh), low, high))
+            for mesh in road_user_meshes(road_user)[chosen]
+        ]
     except ValueError:
         return Ceilings(star_convex, np.nan, np.nan, np.nan)
-    pair = (part, scenario.contour_target)
-    gated, full = (areas([one]) for one in pair)
-    box, full_box = (areas(boxes([one], np.zeros((1, 3)))[0]) for one in pair)
+    gated, full = areas(parts), areas(contours)
+    (left, bottom), (right, top) = scenario.box_target
+    box = np.full(len(parts), shapely.box(left, bottom, right, top))
+    boxed = areas(boxes(parts, np.zeros((len(parts), 3)))[0])
     return Ceilings(
         star_convex,
-        float(overlaps(gated, full)[0]),
-        float(overlaps(shapely.convex_hull(gated), shapely.convex_hull(full))[0]),
-        float(overlaps(box, full_box)[0]),
+        float(overlaps(gated, full).mean()),
+        float(overlaps(shapely.convex_hull(gated), shapely.convex_hull(full)).mean()),
+        float(overlaps(boxed, box).mean()),
     )
 
 

@@ -26,7 +26,7 @@ from stixel_cli.evaluation.contour_errors import (
 )
 from stixel_cli.evaluation.metric_table import METRICS, Scores
 from stixel_cli.evaluation.scan_errors import ScanErrors
-from stixel_cli.geometry.pose import world_from_target, wrap_angle
+from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track
@@ -96,10 +96,11 @@ def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
     """The errors of the contour, each (K,), by field of `ScanErrors`."""
     estimated = track.contours_world
     poses, truth = track.means[:, :3], scenario.target_poses_world
-    true = [world_from_target(scenario.contour_target, pose) for pose in truth]
+    true = scenario.contours_world
     estimated_areas, true_areas = areas(estimated), areas(true)
     estimated_boxes, estimated_sides = boxes(estimated, poses)
-    true_boxes, true_sides = boxes(true, truth)
+    # The box of all poses of the limbs: that of a label.
+    true_boxes, true_sides = boxes(scenario.boxes_world, truth)
     iou_box = overlaps(areas(estimated_boxes), areas(true_boxes))
     length, width = (estimated_sides - true_sides).T
     errors: dict[str, Any] = {

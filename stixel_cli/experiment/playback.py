@@ -77,7 +77,7 @@ def _scene_settings(stored: RunResult) -> dict[str, str]:
 
 
 def _same_scene(one: RunResult, other: RunResult) -> bool:
-    names = ("times", "ego_poses_world", "target_poses_world", "contour_target")
+    names = ("times", "ego_poses_world", "target_poses_world", "contours_target", "limb_poses")
     return all(
         np.array_equal(getattr(one.scenario, name), getattr(other.scenario, name)) for name in names
     )

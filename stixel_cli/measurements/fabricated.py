@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, get_args, get_type_hints
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from stixel_cli.geometry.pose import rotation, world_from_target
+from stixel_cli.geometry.pose import rotation
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.noise import Noise, columns_per_point, measure, range_std
 from stixel_cli.measurements.rays import Rays, first_crossings, spread_rays
@@ -79,16 +79,14 @@ def fabricate_scans(
     )
     scans = [
         fabricate_scan(
-            world_from_target(scenario.contour_target, target),
+            scenario.contour_world(k),
             ego,
             rays,
             rig,
             measurement,
             generator(seed, "fabricate", k),
         )
-        for k, (target, ego) in enumerate(
-            zip(scenario.target_poses_world, scenario.ego_poses_world, strict=True)
-        )
+        for k, ego in enumerate(scenario.ego_poses_world)
     ]
     return Scans.of_each(scenario.times, scenario.ego_poses_world, scans)
 

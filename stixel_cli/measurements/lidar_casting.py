@@ -5,6 +5,7 @@ and looks along the ego car's heading. Azimuths are counter-clockwise from there
 the horizon, rad. All beams of a scan leave at its time: there is no motion during a scan.
 """
 
+from collections.abc import Mapping
 from functools import lru_cache
 
 import numpy as np
@@ -14,7 +15,7 @@ from stixel_cli.measurements.scanner import LidarReturns, Scanner
 from stixel_cli.rendering.placement import numbered_objects, world_from_target_3d
 from stixel_cli.rendering.surfaces import RayTree
 from stixel_cli.scene.mesh import Mesh, corners
-from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.scene.world_parameters import World
@@ -34,18 +35,22 @@ def cast_lidar(
     not set
     one: bearings of the camera's right and left border, rad.
     """
-    static, target = _static_tree(world), ray_tree(road_user_mesh(road_user))
-    return cast_beams(static, target, scenario, scanner, camera_field)
+    meshes = road_user_meshes(road_user)
+    targets = {int(pose): ray_tree(meshes[pose]) for pose in np.unique(scenario.limb_poses)}
+    return cast_beams(_static_tree(world), targets, scenario, scanner, camera_field)
 
 
 def cast_beams(
     static: RayTree,
-    target: RayTree,
+    targets: Mapping[int, RayTree],
     scenario: Scenario,
     scanner: Scanner,
     camera_field: tuple[float, float],
 ) -> LidarReturns:
-    """As `cast_lidar`, of a static scene (world frame) and a target (its own frame)."""
+    """As `cast_lidar`, of a static scene (world frame) and a target (its own frame).
+
+    `targets` has the target in each pose of the limbs that `scenario.limb_poses` contains.
+    """
     azimuths = beam_azimuths(scanner, camera_field)
     elevations = beam_elevations(scanner)
     beams = beam_directions(elevations, azimuths)
@@ -62,6 +67,7 @@ def cast_beams(
             seen_from, behind = ego.tobytes(), _distances(static, origin, directions)
         world_from_target = world_from_target_3d(pose)
         turn, shift = world_from_target[:3, :3], world_from_target[:3, 3]
+        target = targets[int(scenario.limb_poses[k])]
         front = _distances(target, (origin - shift) @ turn, directions @ turn)
         ranges[k] = np.minimum(front, behind).reshape(ranges.shape[1:])
     return LidarReturns(elevations, azimuths, ranges)

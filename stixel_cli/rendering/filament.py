@@ -22,7 +22,7 @@ from stixel_cli.rendering.placement import (
     world_from_target_3d,
 )
 from stixel_cli.scene.mesh import Mesh
-from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.scene.world_parameters import World
@@ -63,23 +63,31 @@ def render(
     Raises:
         RendererUnavailable: if the child hung or died `renderer.attempts` times.
     """
-    objects = [*numbered_objects(world), (TARGET_ID, road_user_mesh(road_user))]
-    scene = describe_scene(scenario, objects, rig, renderer, frames)
+    scene = describe_scene(
+        scenario, numbered_objects(world), road_user_meshes(road_user), rig, renderer, frames
+    )
     return RenderedFrames.from_frames(frames.start, rendered(scene, renderer, command))
 
 
 def describe_scene(
     scenario: Scenario,
     objects: Iterable[tuple[int, Mesh]],
+    targets: Sequence[Mesh],
     rig: Rig,
     renderer: FilamentParameters,
     frames: range,
 ) -> dict[str, np.ndarray]:
-    """The arrays that the child reads; `objects` are (id, Mesh), the target in its own frame."""
+    """The arrays that the child reads.
+
+    `objects` are (id, Mesh) of the world, `targets` the meshes of the target in its own frame, one
+    for each pose of the limbs.
+    """
     arrays: dict[str, np.ndarray] = {}
     textures: list[np.ndarray] = []
-    texture_of, ids = [], []
-    for identity, mesh in objects:
+    texture_of, ids, limb_poses = [], [], []
+    used = np.unique(scenario.limb_poses[frames.start : frames.stop])
+    moving = [(TARGET_ID, targets[pose], pose) for pose in used]
+    for identity, mesh, limb_pose in [*((*one, -1) for one in objects), *moving]:
         for part in mesh.parts:
             number = next((n for n, image in enumerate(textures) if image is part.texture), None)
             if number is None:
@@ -90,6 +98,7 @@ def describe_scene(
             arrays[f"uvs_{len(ids)}"] = part.uvs
             texture_of.append(number)
             ids.append(identity)
+            limb_poses.append(limb_pose)
     light = renderer.light
     poses = [rig_cameras(rig, scenario.ego_poses_world[k]) for k in frames]
     return arrays | {
@@ -98,7 +107,8 @@ def describe_scene(
         "parts": np.array(len(ids)),
         "texture_of": np.array(texture_of),
         "ids": np.array(ids),
-        "moves": np.array(ids) == TARGET_ID,
+        "limb_pose_of": np.array(limb_poses),
+        "limb_poses": scenario.limb_poses[frames.start : frames.stop],
         "sun": sun_direction(light),
         "sun_colour": SUN_COLOUR,
         "light": light.exposure * np.array([light.sun, light.ambient]),

@@ -55,7 +55,9 @@ class Stage:
         view.set_ambient_occlusion(False)
         view.set_sample_count(1)
         self.renderer.scene.show_skybox(False)
-        self.names: list[tuple[str, str, bool]] = []
+        # Of each part, and the pose of the limbs that it belongs to; -1 for those that do not move.
+        self.names: list[tuple[str, str, int]] = []
+        self.limb_pose = -1
         for n in range(int(scene["parts"])):
             self._add(n)
         self._lights(1.0)
@@ -85,7 +87,7 @@ class Stage:
         flat.base_color = identity_colour(int(scene["ids"][n]))
         self.renderer.scene.add_geometry(f"looks {n}", mesh, looks)
         self.renderer.scene.add_geometry(f"flat {n}", mesh, flat)
-        self.names.append((f"looks {n}", f"flat {n}", bool(scene["moves"][n])))
+        self.names.append((f"looks {n}", f"flat {n}", int(scene["limb_pose_of"][n])))
 
     def _lights(self, gain: float) -> None:
         scene = self.renderer.scene.scene
@@ -104,8 +106,9 @@ class Stage:
     def frame(self, index: int) -> dict[str, np.ndarray]:
         """`left`, `right` (H, W, 3) uint8 sRGB, `depth` (H, W) float32 m, `ids` (H, W) uint8."""
         pose = self.scene["target_poses"][index]
-        for looks, flat, moves in self.names:
-            if moves:
+        self.limb_pose = int(self.scene["limb_poses"][index])
+        for looks, flat, limb_pose in self.names:
+            if limb_pose == self.limb_pose:
                 self.renderer.scene.set_geometry_transform(looks, pose)
                 self.renderer.scene.set_geometry_transform(flat, pose)
         cameras = self.scene["cameras"][index]
@@ -137,9 +140,10 @@ class Stage:
         return np.asarray(self.renderer.render_to_image())[..., :3].copy()
 
     def _show(self, flat: bool) -> None:
-        for looks, plain, _ in self.names:
-            self.renderer.scene.show_geometry(looks, not flat)
-            self.renderer.scene.show_geometry(plain, flat)
+        for looks, plain, limb_pose in self.names:
+            shown = limb_pose in (-1, self.limb_pose)
+            self.renderer.scene.show_geometry(looks, shown and not flat)
+            self.renderer.scene.show_geometry(plain, shown and flat)
 
     def _look(self, camera: np.ndarray, shift: float) -> None:
         """Look through a camera (4, 4 to the world), the fine image shifted by `shift` px.

@@ -1,6 +1,6 @@
 """The default renderer: rays against the meshes on Embree, exact and repeatable to the bit."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from itertools import product
 
@@ -11,11 +11,11 @@ from stixel_cli.rendering.camera_rays import Camera, rig_cameras
 from stixel_cli.rendering.frames import TARGET_ID, RenderedFrames
 from stixel_cli.rendering.placement import numbered_objects, sun_direction, world_from_target_3d
 from stixel_cli.rendering.raycast_parameters import RaycastParameters
-from stixel_cli.rendering.surfaces import build_surfaces
+from stixel_cli.rendering.surfaces import Surfaces, build_surfaces, with_other_vertices
 from stixel_cli.rendering.tracing import Body
 from stixel_cli.rendering.views import StaticView, static_view, view_with_target
 from stixel_cli.scene.mesh import Mesh, bounding_box
-from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.scene.world_parameters import World
@@ -43,7 +43,7 @@ def render(
         renderer: samples and light.
         frames: consecutive frame indices.
     """
-    target = Target(road_user_mesh(road_user))
+    target = Target(road_user_meshes(road_user))
     static = _static_scene(world, rig, renderer)
     images = (render_frame(static, target, scenario, k) for k in frames)
     return RenderedFrames.from_frames(frames.start, images)
@@ -77,11 +77,23 @@ class StaticScene:
 
 
 class Target:
-    """The target, ready for rays: its surfaces and the corners of its box, in its own frame."""
+    """The target, ready for rays, in its own frame.
 
-    def __init__(self, mesh: Mesh):
-        self.surfaces = build_surfaces([(TARGET_ID, mesh)])
-        self.corners = np.array(list(product(*bounding_box(mesh).T)))
+    `meshes` are those of `road_user_meshes`. `corners` (8, 3) m are those of the box around all.
+    """
+
+    def __init__(self, meshes: Sequence[Mesh]):
+        self.corners = np.array(list(product(*bounding_box(*meshes).T)))
+        self._meshes = meshes
+        self._surfaces = {0: build_surfaces([(TARGET_ID, meshes[0])])}
+
+    def surfaces(self, limb_pose: int) -> Surfaces:
+        """The surfaces of the mesh with the index `limb_pose`, built at the first call."""
+        if limb_pose not in self._surfaces:
+            self._surfaces[limb_pose] = with_other_vertices(
+                self._surfaces[0], self._meshes[limb_pose]
+            )
+        return self._surfaces[limb_pose]
 
 
 # One worker renders many chunks of one scene, and to build it takes as long as ten frames.
@@ -98,11 +110,12 @@ def render_frame(
     `whole` renders whole images where a rectangle would do: slower, with the same bytes.
     """
     pose = world_from_target_3d(scenario.target_poses_world[k])
+    body = Body(target.surfaces(int(scenario.limb_poses[k])), pose)
     (left, depth, ids), (right, _, _) = (
         view_with_target(
             view,
             static.body,
-            Body(target.surfaces, pose),
+            body,
             target.corners,
             camera,
             static.sun,

@@ -125,12 +125,13 @@ def _bilinear(texels, start, width, height, s, t):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _filtered(texels, levels, first, past, s, t, sx, tx, sy, ty):
+def _filtered(texels, levels, first, past, s, t, sx, tx, sy, ty, finer):
     """The texture's colour round (s, t), averaged over a pixel's footprint.
 
     (sx, tx) and (sy, ty) are the steps of (s, t) to the next pixel, in texture widths. The
-    footprint is taken as an ellipse: mip-maps blur by its short axis, probes along its long axis do
-    the rest, so a road seen at a grazing angle neither shimmers nor loses its texture across.
+    footprint is taken as an ellipse: mip-maps blur by its short axis over `finer`, probes along
+    both axes do the rest, so a road seen at a grazing angle neither shimmers nor loses its texture
+    across.
     """
     width, height = levels[first, 1], levels[first, 2]
     sx, sy, tx, ty = sx * width, sy * width, tx * height, ty * height
@@ -144,13 +145,18 @@ def _filtered(texels, levels, first, past, s, t, sx, tx, sy, ty):
     else:
         along_s, along_t = b, middle + half - a
     norm = np.sqrt(along_s * along_s + along_t * along_t)
+    across_s = across_t = 0.0
     if norm > 0.0:
-        along_s, along_t = along_s / norm / width, along_t / norm / height
+        along_s, along_t = along_s / norm, along_t / norm
+        across_s, across_t = -along_t / width, along_s / height
+        along_s, along_t = along_s / width, along_t / height
     shortest = max(shortest, longest / MOST_PROBES, 1e-6)
+    rows = finer if shortest > 1.0 else 1
+    fine = shortest / rows
     probes = 1
     if longest > 1.0:
-        probes = min(int(np.ceil(longest / max(shortest, 1.0) - 1e-6)), MOST_PROBES)
-    level = min(max(np.log2(shortest), 0.0), np.float64(past - first - 1))
+        probes = min(int(np.ceil(longest / max(fine, 1.0) - 1e-6)), rows * MOST_PROBES)
+    level = min(max(np.log2(fine), 0.0), np.float64(past - first - 1))
     lower = first + int(level)
     blend = level - int(level)
     upper = min(lower + 1, past - 1)
@@ -163,22 +169,26 @@ def _filtered(texels, levels, first, past, s, t, sx, tx, sy, ty):
             continue
         start, width, height = levels[number, 0], levels[number, 1], levels[number, 2]
         # Whole numbers from here on, 65536 to a texel.
-        p = np.int64(np.floor(((s + begin * along_s) * width - 0.5) * 65536.0))
-        q = np.int64(np.floor(((t + begin * along_t) * height - 0.5) * 65536.0))
         step_p = np.int64(step * along_s * width * 65536.0)
         step_q = np.int64(step * along_t * height * 65536.0)
         reds = greens = blues = np.uint64(0)
-        for _ in range(probes):
-            packed = _bilinear(texels, start, width, height, p, q)
-            reds += packed >> RED
-            greens += (packed >> GREEN) & FIELD
-            blues += packed & FIELD
-            p += step_p
-            q += step_q
+        for row in range(rows):
+            aside = (row - 0.5 * (rows - 1)) * fine
+            at_s = s + begin * along_s + aside * across_s
+            at_t = t + begin * along_t + aside * across_t
+            p = np.int64(np.floor((at_s * width - 0.5) * 65536.0))
+            q = np.int64(np.floor((at_t * height - 0.5) * 65536.0))
+            for _ in range(probes):
+                packed = _bilinear(texels, start, width, height, p, q)
+                reds += packed >> RED
+                greens += (packed >> GREEN) & FIELD
+                blues += packed & FIELD
+                p += step_p
+                q += step_q
         red += share * reds
         green += share * greens
         blue += share * blues
-    share = TEXEL_STEP / 256.0 / probes
+    share = TEXEL_STEP / 256.0 / (probes * rows)
     return red * share, green * share, blue * share
 
 
@@ -192,6 +202,7 @@ def shade(
     triangle,
     lit,
     index,
+    finer,
     spread,
     rotation,
     origin,
@@ -216,6 +227,8 @@ def shade(
         u, v, depth, body, triangle: (n,) samples and what they hit.
         lit: (n,) bool, whether the sun is seen from there.
         index: of the body.
+        finer: probes along the short axis of a footprint. The grid of a mip-map is not that of the
+            pixels; the smaller its texels, the less do two cameras see different textures.
         spread: (n,) float64, width of the square that a sample represents, px.
         sun: (3,) towards the sun.
         sunlight, skylight, groundlight: (3,) light of the sun, the sky above, the ground below.
@@ -259,6 +272,7 @@ def shade(
             g10 * sx + g11 * sy + g12 * sz,
             g00 * tx + g01 * ty + g02 * tz,
             g10 * tx + g11 * ty + g12 * tz,
+            finer,
         )
         direct = 0.0
         if lit[i]:

@@ -1,7 +1,8 @@
 """Triangles in the form of the ray caster: tables of planes, texture gradients and mip-maps."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -84,33 +85,50 @@ def build_surfaces(objects: Iterable[tuple[int, Mesh]]) -> Surfaces:
     Raises:
         ValueError: as `build_textures` does.
     """
-    vertices, triangles, uvs, texture, ids, images = [], [], [], [], [], []
-    count = 0
+    objects = list(objects)
+    texture, ids, images = [], [], []
     for object_id, mesh in objects:
         for part in mesh.parts:
             number = next((n for n, image in enumerate(images) if image is part.texture), None)
             if number is None:
                 number = len(images)
                 images.append(part.texture)
-            vertices.append(np.asarray(part.vertices, dtype=np.float64))
-            triangles.append(np.asarray(part.triangles, dtype=np.int64) + count)
-            uvs.append(np.asarray(part.uvs, dtype=np.float64))
             texture.append(np.full(len(part.triangles), number, dtype=np.int32))
             ids.append(np.full(len(part.triangles), object_id, dtype=np.uint8))
-            count += len(part.vertices)
-    vertices, triangles = np.concatenate(vertices), np.concatenate(triangles)
+    return Surfaces(
+        **_geometry([mesh for _, mesh in objects]),
+        texture=np.concatenate(texture),
+        object_ids=np.concatenate(ids),
+        textures=build_textures(images),
+    )
+
+
+def with_other_vertices(surfaces: Surfaces, mesh: Mesh) -> Surfaces:
+    """`surfaces` of one mesh with the vertices of `mesh`, which differs from it in nothing else."""
+    return replace(surfaces, **_geometry([mesh]))
+
+
+def _geometry(meshes: list[Mesh]) -> dict[str, Any]:
+    """The attributes of `Surfaces` that depend on vertices."""
+    parts = [part for mesh in meshes for part in mesh.parts]
+    starts = np.cumsum([0] + [len(part.vertices) for part in parts])
+    vertices = np.concatenate([np.asarray(part.vertices, dtype=np.float64) for part in parts])
+    triangles = np.concatenate(
+        [
+            np.asarray(part.triangles, dtype=np.int64) + start
+            for part, start in zip(parts, starts, strict=False)
+        ]
+    )
+    uvs = np.concatenate([np.asarray(part.uvs, dtype=np.float64) for part in parts])
     corners = vertices[triangles]
     normals, offsets = _planes(corners)
-    return Surfaces(
-        RayTree(vertices, triangles),
-        corners,
-        normals,
-        offsets,
-        _uv_gradients(corners, normals, np.concatenate(uvs)),
-        np.concatenate(texture),
-        np.concatenate(ids),
-        build_textures(images),
-    )
+    return {
+        "tree": RayTree(vertices, triangles),
+        "corners": corners,
+        "normals": normals,
+        "offsets": offsets,
+        "uv_gradients": _uv_gradients(corners, normals, uvs),
+    }
 
 
 def _planes(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

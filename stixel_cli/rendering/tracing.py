@@ -17,6 +17,11 @@ ZENITH = np.array([0.24, 0.42, 0.78])
 HORIZON = np.array([0.74, 0.80, 0.86])
 
 
+FINER_TARGET = 2
+"""Probes along the short axis of a texture's footprint on all bodies but the first, the static
+scene: matching on the target is what is measured, and the scene around it has far more pixels."""
+
+
 @dataclass(frozen=True)
 class Body:
     """A rigid body and its pose, (4, 4) from the body's frame to the world."""
@@ -153,6 +158,7 @@ def light_of(
             hits.triangle,
             lit,
             index,
+            FINER_TARGET if index else 1,
             spread,
             *pinhole(camera.seen_from(body.world_from_body)),
             surfaces.normals,

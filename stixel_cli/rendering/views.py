@@ -43,6 +43,7 @@ class StaticView:
         lit: (n,) bool, whether it sees the sun.
         plain: (n, 3) float32, linear light by one ray a pixel.
         light: (n, 3) float32, linear light with more rays where `plain` has edges.
+        picture: (n, 3) uint8, sRGB of `light`.
         ids: (n,) uint8, as in `RenderedFrames.ids`.
     """
 
@@ -50,6 +51,7 @@ class StaticView:
     lit: np.ndarray
     plain: np.ndarray
     light: np.ndarray
+    picture: np.ndarray
     ids: np.ndarray
 
 
@@ -79,7 +81,7 @@ def static_view(
         )
     ids = np.full(len(u), SKY_ID, dtype=np.uint8)
     ids[hits.body == 0] = static.surfaces.object_ids[hits.triangle[hits.body == 0]]
-    return StaticView(hits, lit, plain, light, ids)
+    return StaticView(hits, lit, plain, light, srgb_from_linear(light), ids)
 
 
 def _sunlit_static(static: Body, camera: Camera, u, v, hits: Hits, sun) -> np.ndarray:
@@ -121,7 +123,7 @@ def view_with_target(
     """
     height, width = camera.height, camera.width
     bodies = [static, target]
-    light, depth, ids = view.light.copy(), view.hits.depth.copy(), view.ids.copy()
+    picture, depth, ids = view.picture.copy(), view.hits.depth.copy(), view.ids.copy()
     body_box, box = (0, height, 0, width), (0, height, 0, width)
     if not whole:
         body_box, box = _touched_rectangles(static, target, corners_target, camera, sun)
@@ -133,7 +135,8 @@ def view_with_target(
         centres, over, changed = _centres_with_target(
             view, bodies, camera, sun, renderer.light, pixels, near
         )
-        light[pixels[changed]] = centres.light[changed]
+        light, fresh = view.light[pixels], changed
+        light[changed] = centres.light[changed]
         if renderer.samples > 1:
             shape = bottom - top, right - left
             edge, at_shadow = edge_pixels(
@@ -144,7 +147,8 @@ def view_with_target(
                 target, camera, rows[near], columns[near], view.hits.depth[pixels[near]], over[near]
             )
             again = np.flatnonzero(edge)
-            light[pixels[again]] = supersampled(
+            fresh = changed | edge
+            light[again] = supersampled(
                 bodies,
                 camera,
                 centres.at(again),
@@ -153,10 +157,11 @@ def view_with_target(
                 renderer.light,
                 renderer.samples,
             )
+        picture[pixels[fresh]] = srgb_from_linear(light[fresh])
         depth[pixels[over]] = centres.hits.depth[over]
         ids[pixels[over]] = target.surfaces.object_ids[centres.hits.triangle[over]]
     return (
-        srgb_from_linear(light).reshape(height, width, 3),
+        picture.reshape(height, width, 3),
         depth.reshape(height, width),
         ids.reshape(height, width),
     )

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
-from stixel_cli.geometry.pose import world_from_target, wrap_angle
+from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.report import ground, style
@@ -42,17 +42,13 @@ def track_pictures(
         return Pictures({f"k{frame:04d}/birds_eye.png": style.png(figure)})
 
 
-def _true_contour(scenario: Scenario, k: int) -> np.ndarray:
-    return world_from_target(scenario.contour_target, scenario.target_poses_world[k])
-
-
 def _draw_target(axes: Axes, track: Track, scenario: Scenario, k: int, linewidth: float) -> None:
     contour = track.contours_world[k]
     mean = track.means[k]
-    ground.draw_contour(axes, _true_contour(scenario, k), style.TRUTH, linewidth=linewidth)
+    ground.draw_contour(axes, scenario.contour_world(k), style.TRUTH, linewidth=linewidth)
     ground.draw_band(axes, mean[:2], contour, track.contour_directions[k], track.contour_std[k])
     ground.draw_contour(axes, contour, style.ESTIMATE, linewidth=linewidth)
-    reach = 0.75 * np.linalg.norm(scenario.contour_target, axis=1).max()
+    reach = 0.75 * scenario.radius_target
     ground.draw_heading(axes, scenario.target_poses_world[k], reach, style.TRUTH)
     ground.draw_heading(axes, mean[:3], reach, style.ESTIMATE)
 
@@ -87,7 +83,7 @@ def _draw_surroundings(
 ) -> None:
     """Ego car, field of view, and the paths up to now; the limits include all visible things."""
     ego = scenario.ego_poses_world[k]
-    contour = _true_contour(scenario, k)
+    contour = scenario.contour_world(k)
     points = scans.points_world[scans.rows(k)]
     far = 5.0 + 1.6 * np.linalg.norm(contour - ego[:2], axis=1).max()
     shown = np.linalg.norm(points - ego[:2], axis=1) <= far
@@ -110,9 +106,9 @@ def _draw_surroundings(
 def _enlarge(axes: Axes, scans: Scans, track: Track, scenario: Scenario, k: int) -> None:
     """Limits round the two contours and the points that were used."""
     used = track.used_points[track.used_offsets[k] : track.used_offsets[k + 1]]
-    contour = _true_contour(scenario, k)
+    contour = scenario.contour_world(k)
     also = np.concatenate([track.contours_world[k], scans.points_world[used]])
-    size = np.linalg.norm(scenario.contour_target, axis=1).max()
+    size = scenario.radius_target
     ground.fit(axes, np.concatenate([contour, ground.near(also, contour)]), 0.3 * size)
 
 

@@ -7,7 +7,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.patheffects import withStroke
 
-from stixel_cli.geometry.pose import target_from_world, world_from_target
+from stixel_cli.geometry.pose import target_from_world
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.report import ground, style
 from stixel_cli.scene.scenario import Scenario
@@ -32,9 +32,9 @@ def path_figure(track: Track, scenario: Scenario, rig: Rig) -> Figure:
     Below, contours are in the frame of the true target: heading to the right, next to each other.
     """
     poses, ego = scenario.target_poses_world, scenario.ego_poses_world
-    size = float(np.linalg.norm(scenario.contour_target, axis=1).max())
+    size = scenario.radius_target
     chosen = spaced_frames(poses[:, :2], size)
-    contours = [world_from_target(scenario.contour_target, poses[k]) for k in chosen]
+    contours = [scenario.contour_world(k) for k in chosen]
     certain = np.concatenate([ego[:, :2], poses[:, :2], *contours])
     estimated = ground.near(track.contours_world[list(chosen)].reshape(-1, 2), certain)
     points = np.concatenate([certain, estimated])
@@ -133,7 +133,7 @@ def _draw_strip(axes: Axes, track: Track, scenario: Scenario, chosen, size: floa
     width, height = CELL[0] * size, CELL[1] * size
     for i, k in enumerate(chosen):
         pose, centre = scenario.target_poses_world[k], np.array([(i + 0.5) * width, 0.0])
-        ground.draw_contour(axes, scenario.contour_target + centre, style.TRUTH, linewidth=1.2)
+        ground.draw_contour(axes, scenario.contour_target(k) + centre, style.TRUTH, linewidth=1.2)
         drawn = len(axes.patches)
         contour = target_from_world(track.contours_world[k], pose) + centre
         ground.draw_contour(axes, contour, style.ESTIMATE, linewidth=1.2)

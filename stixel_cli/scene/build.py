@@ -1,15 +1,16 @@
 """The scenario: the ground truth of one run, with the true contour.
 
-The contour is the outline of the mesh's ground projection, without a convex hull.
+The contour is the outline of the mesh's ground projection, without a convex hull. It follows the
+limbs: every pose of theirs has its own.
 """
 
 import numpy as np
 import shapely
 
-from stixel_cli.scene.mesh import Mesh, corners
-from stixel_cli.scene.path import path_poses
+from stixel_cli.scene.mesh import Mesh, Part, corners
+from stixel_cli.scene.path import distance_travelled, path_poses
 from stixel_cli.scene.path_parameters import Path
-from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.road_user import limb_poses, moving_parts, road_user_meshes
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.scenario import EgoMotion, Scenario
 
@@ -21,14 +22,15 @@ def build_scenario(ego_motion: EgoMotion, road_user: RoadUser, path: Path) -> Sc
         ValueError: if the path's values contradict each other, or the mesh cannot be read.
     """
     poses, rates = path_poses(path, ego_motion.times)
-    contour = ground_contour(road_user_mesh(road_user))
+    contours = road_user_contours(road_user)
     return Scenario(
         times=ego_motion.times,
         ego_poses_world=ego_motion.poses_world,
         target_poses_world=poses,
         target_rates_world=rates,
-        contour_target=contour,
-        star_convex=is_star_convex(contour),
+        contours_target=contours,
+        limb_poses=limb_poses(road_user, distance_travelled(path, ego_motion.times)),
+        star_convex=all(is_star_convex(contour) for contour in contours),
     )
 
 
@@ -37,6 +39,44 @@ SIMPLIFIED_BY = 1e-3
 
 GRID = 1e-6
 """Projected corners are rounded to this, m, so that slivers cannot break the union."""
+
+
+def road_user_contours(road_user: RoadUser) -> np.ndarray:
+    """The outlines (L, M, 2) m of `road_user_meshes`, as `ground_contour` states them.
+
+    All have the same number of vertices: edges are halved where a contour has fewer.
+
+    Raises:
+        ValueError: as `road_user_meshes` and `ground_contour` do.
+    """
+    meshes = road_user_meshes(road_user)
+    if len(meshes) == 1:
+        return ground_contour(meshes[0])[None]
+    # What does not move is projected once.
+    moving = moving_parts(road_user)
+    rest = _seen_from_above([p for p in meshes[0].parts if p.name not in moving])
+    contours = []
+    for mesh in meshes:
+        limbs = _seen_from_above([p for p in mesh.parts if p.name in moving])
+        contours.append(_outline(_without_holes(shapely.union(rest, limbs, grid_size=GRID))))
+    count = max(len(contour) for contour in contours)
+    return np.stack([_with_vertices(contour, count) for contour in contours])
+
+
+def _with_vertices(contour: np.ndarray, count: int) -> np.ndarray:
+    """The same polygon with `count` vertices: the longest edge is halved again and again."""
+    while len(contour) < count:
+        following = np.roll(contour, -1, axis=0)
+        longest = int(np.argmax(np.linalg.norm(following - contour, axis=1)))
+        middle = 0.5 * (contour[longest] + following[longest])
+        contour = np.insert(contour, longest + 1, middle, axis=0)
+    return contour
+
+
+def _seen_from_above(parts: list[Part]) -> shapely.Geometry:
+    """Ground projection of closed surfaces: its upward triangles cover all of it."""
+    flat = corners(Mesh(tuple(parts)))[:, :, :2]
+    return shapely.union_all(shapely.polygons(flat[_doubled_areas(flat) > 1e-10]))
 
 
 def ground_contour(mesh: Mesh) -> np.ndarray:
@@ -57,10 +97,14 @@ def outline(triangles: np.ndarray) -> np.ndarray:
         ValueError: if the projection has no area.
     """
     flat = triangles[:, :, :2]
-    flat = flat[_doubled_areas(flat) > 1e-10]
+    flat = flat[np.abs(_doubled_areas(flat)) > 1e-10]
     if len(flat) == 0:
         raise ValueError("the mesh's ground projection has no area")
-    shape = _without_holes(shapely.union_all(shapely.polygons(flat), grid_size=GRID))
+    return _outline(_without_holes(shapely.union_all(shapely.polygons(flat), grid_size=GRID)))
+
+
+def _outline(shape: shapely.Geometry) -> np.ndarray:
+    """The pieces of a projection without holes as one polygon (M, 2), see `ground_contour`."""
     radius = 1e-3
     while shape.geom_type != "Polygon":
         closed = shape.buffer(radius, join_style="mitre").buffer(-radius, join_style="mitre")
@@ -83,7 +127,7 @@ def is_star_convex(contour: np.ndarray) -> bool:
 
 def _doubled_areas(flat: np.ndarray) -> np.ndarray:
     a, b = flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]
-    return np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
 def _without_holes(shape: shapely.Geometry) -> shapely.Geometry:

@@ -1,12 +1,14 @@
-"""A hatchback: body with wheel arches, cabin with windows, wheels, lamps, mirrors.
+"""A car: body with wheel arches, cabin with windows, wheels, lamps, mirrors.
 
-Modelled at 4.5 × 1.8 × 1.5 m, x forward, y left, z up; the caller fits it to its size.
+Modelled as a hatchback of 4.5 × 1.8 × 1.5 m, x forward, y left, z up. Other bodies differ from it
+as their `CarShape` states.
 """
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from stixel_cli.scene.mesh import Mesh, Part
+from stixel_cli.scene.car_shape import HATCHBACK, CarShape
+from stixel_cli.scene.mesh import Mesh, Part, scaled
 from stixel_cli.scene.shapes import (
     box,
     cube_uvs,
@@ -53,38 +55,66 @@ _SECTION = np.array(
 )
 
 
-def car(colour: Colour, contrast: float) -> Mesh:
+def car(colour: Colour, contrast: float, shape: CarShape = HATCHBACK) -> Mesh:
     """The car, its paint of `colour` and of `contrast` 0 … 1."""
     painted = paint(colour, contrast)
-    shell, windows = _cabin(painted)
+    shell, windows = _cabin(painted, shape)
     trim = mottled("trim", (34, 34, 37), 0.20)
-    return Mesh(
+    raised = np.array([0.0, 0.0, 0.4 * shape.lift])
+    mesh = Mesh(
         (
-            part("body", [_body(), *_mirrors(), *_handles()], painted, 1.1),
+            part("body", [_body(shape), *_mirrors(shape), *_handles(shape)], painted, 1.1),
             shell,
             windows,
-            part("trim", [_underbody(), *_seams(), *_grilles()], trim, 0.5),
+            part("trim", [_underbody(), *_seams(shape), *_grilles()], trim, 0.5),
             part("tyres", [_tyre(x, y) for x in WHEEL_X for y in (1, -1)], trim, 0.4),
             part("rims", _rims(), mottled("alloy", (176, 178, 184), 0.12), 0.3),
-            part("headlamps", _lamps((2.065, 0.585, 0.645), (0.12, 0.15, 0.075)),
+            part("headlamps", _lamps(np.add(raised, (2.065, 0.585, 0.645)), (0.12, 0.15, 0.075)),
                  mottled("headlamp", (238, 240, 245), 0.05), 0.2),
-            part("tail lamps", _lamps((-2.135, 0.605, 0.80), (0.07, 0.11, 0.09)),
+            part("tail lamps", _lamps(np.add(raised, (-2.135, 0.605, 0.80)), (0.07, 0.11, 0.09)),
                  mottled("tail lamp", (176, 18, 22), 0.12), 0.2),
             part("plates", [box((2.225, -0.26, 0.385), (2.258, 0.26, 0.49)),
                             box((-2.262, -0.26, 0.64), (-2.225, 0.26, 0.75))],
                  mottled("plate", (228, 228, 220), 0.10), 0.3),
         )
     )  # fmt: skip
+    return _stretched(mesh, shape)
 
 
-def _body():
-    arches = [x + ARCH_RADIUS * np.cos(np.linspace(0.0, np.pi, 13)) for x in WHEEL_X]
+def _stretched(mesh: Mesh, shape: CarShape) -> Mesh:
+    """`mesh` at the length and width of `shape`: wheels move along, and stay round."""
+    stretch = np.array([shape.stretch, shape.width / HATCHBACK.width, 1.0])
+    parts = []
+    for one in scaled(mesh, stretch).parts:
+        if one.name in ("tyres", "rims"):
+            x = next(own for own in mesh.parts if own.name == one.name).vertices[:, 0]
+            hub = np.where(x > 0.0, *WHEEL_X)
+            one.vertices[:, 0] = x + (shape.stretch - 1.0) * hub
+        parts.append(one)
+    return Mesh(tuple(parts))
+
+
+def _top(x, shape):
+    """Upper edge of the flank at `x`, m."""
+    return _TOP(x) + shape.lift * (_TOP(x) - _SILL(x))
+
+
+def _half_width(x, shape):
+    """Half of the body's breadth at `x`, m: more rounded in plan where `fullness` is above 1."""
+    breadth = _HALF_WIDTH(x)
+    return breadth * (breadth / 0.83) ** (shape.fullness - 1.0)
+
+
+def _body(shape):
+    reach = ARCH_RADIUS / shape.stretch
+    arches = [x + reach * np.cos(np.linspace(0.0, np.pi, 13)) for x in WHEEL_X]
     ends = [2.25, 2.23, 2.19, 2.13, 2.05, 1.95, -1.95, -2.05, -2.12, -2.17, -2.21, -2.235, -2.25]
     stations = np.unique(np.round(np.concatenate([*arches, ends, np.linspace(-0.85, 0.9, 8)]), 4))
-    top, width = _TOP(stations), _HALF_WIDTH(stations)
+    top, width = _top(stations, shape), _half_width(stations, shape)
     sill = _SILL(stations)
     for x in WHEEL_X:
-        lift = np.sqrt(np.maximum(ARCH_RADIUS**2 - (stations - x) ** 2, 0.0))
+        along = shape.stretch * (stations - x)
+        lift = np.sqrt(np.maximum(ARCH_RADIUS**2 - along**2, 0.0))
         sill = np.maximum(sill, np.where(lift > 0.0, WHEEL_RADIUS + lift, 0.0))
     heights = sill[:, None] + (top - sill)[:, None] * _SECTION[:, 0]
     breadths = width[:, None] * _SECTION[:, 1]
@@ -97,11 +127,11 @@ def _body():
     return loft(rings)
 
 
-def _cabin(painted: np.ndarray) -> tuple[Part, Part]:
+def _cabin(painted: np.ndarray, shape: CarShape) -> tuple[Part, Part]:
     """The painted shell and the windows: columns of one loft over rounded rectangles."""
     per_side, per_corner = 12, 3
     levels = [
-        # height, rear, front, half width, corner radius, m
+        # Of the hatchback: height, rear, front, half width, corner radius, m
         (0.88, -2.10, 1.13, 0.755, 0.10),
         (0.955, -2.06, 1.03, 0.745, 0.10),
         (1.17, -1.93, 0.66, 0.69, 0.10),
@@ -110,12 +140,20 @@ def _cabin(painted: np.ndarray) -> tuple[Part, Part]:
         (1.487, -1.40, -0.14, 0.52, 0.16),
     ]
     rings = []
+    foot = 0.68 * shape.lift
     for height, rear, front, half, radius in levels:
+        up = (height - 0.88) / 0.62
+        # How far the rear and the front have come from the foot to the roof.
+        behind, ahead = (rear + 2.10) / 0.70, (1.13 - front) / 1.27
+        rear = rear + (1.0 - behind) * shape.tail + behind * shape.roof_end
+        front = front + (1.0 - ahead) * shape.windscreen_foot + ahead * shape.windscreen_top
+        height = height + (1.0 - up) * foot + up * shape.roof
         ring = rounded_rectangle((rear, -half), (front, half), radius, per_side, per_corner)
         rings.append(np.column_stack([ring, np.full(len(ring), height)]))
     rings = np.array(rings)
     points = rings.shape[1]
-    roof = np.array([[-0.75, 0.0, 1.50]])
+    middle = 0.5 * (shape.roof_end + shape.windscreen_top)
+    roof = np.array([[-0.75 + middle, 0.0, 1.50 + shape.roof]])
     vertices = np.concatenate([rings.reshape(-1, 3), roof])
     quads = ring_quads(len(levels), points)
     # Columns run corner, side (left, rear, right, front), corner …; posts stay painted.
@@ -144,43 +182,47 @@ def _cabin(painted: np.ndarray) -> tuple[Part, Part]:
     return parts[0], parts[1]
 
 
-def _side(x, share):
+def _side(x, share, shape):
     """Points (n, 3) on the left flank at `x` and at the share of the height from sill to top."""
     breadth = np.interp(share, _SECTION[:, 0], _SECTION[:, 1])
     sill = _SILL(x)
-    return np.stack([x, _HALF_WIDTH(x) * breadth, sill + share * (_TOP(x) - sill)], axis=-1)
+    height = sill + share * (_top(x, shape) - sill)
+    return np.stack([x, _half_width(x, shape) * breadth, height], axis=-1)
 
 
 def _both(points):
     return [points, points * np.array([1.0, -1.0, 1.0])]
 
 
-def _seams():
+def _seams(shape):
     """Dark joints about the doors, and rubbing strips along the flanks."""
     share = np.linspace(0.10, 0.99, 7)
     surfaces = []
     for x in (0.80, -0.42, -1.02):
-        for line in _both(_side(np.full_like(share, x), share)):
+        for line in _both(_side(np.full_like(share, x), share, shape)):
             surfaces.append(tube(line, 0.008, 4))
     along = np.linspace(-0.84, 0.92, 9)
-    for line in _both(_side(along, np.full_like(along, 0.12))):
+    for line in _both(_side(along, np.full_like(along, 0.12), shape)):
         surfaces.append(tube(line, 0.022, 6))
     return surfaces
 
 
-def _handles():
+def _handles(shape):
     surfaces = []
     for x in (-0.28, -0.90):
-        for line in _both(_side(np.array([x, x + 0.17]), np.array([0.80, 0.80]))):
+        for line in _both(_side(np.array([x, x + 0.17]), np.array([0.80, 0.80]), shape)):
             surfaces.append(tube(line, 0.017, 6))
     return surfaces
 
 
-def _mirrors():
+def _mirrors(shape):
     surfaces = []
+    shift = np.array([0.5 * shape.windscreen_foot, 0.0, 0.7 * shape.lift])
     for sign in (1.0, -1.0):
-        surfaces.append(ellipsoid((0.70, sign * 0.83, 1.01), (0.065, 0.07, 0.065), 6, 12))
-        surfaces.append(tube([(0.74, sign * 0.70, 0.93), (0.71, sign * 0.80, 0.98)], 0.022, 6))
+        centre = np.add(shift, (0.70, sign * 0.83, 1.01))
+        arm = np.add(shift, [(0.74, sign * 0.70, 0.93), (0.71, sign * 0.80, 0.98)])
+        surfaces.append(ellipsoid(centre, (0.065, 0.07, 0.065), 6, 12))
+        surfaces.append(tube(arm, 0.022, 6))
     return surfaces
 
 

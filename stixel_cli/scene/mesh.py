@@ -1,5 +1,6 @@
 """Textured triangle meshes, made by shapes and used by renderers."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,9 +39,11 @@ class Mesh:
     parts: tuple[Part, ...]
 
 
-def bounding_box(mesh: Mesh) -> np.ndarray:
-    """Least and greatest coordinates, (2, 3) m, of the vertices that `mesh`'s triangles use."""
-    used = np.concatenate([part.vertices[np.unique(part.triangles)] for part in mesh.parts])
+def bounding_box(*meshes: Mesh) -> np.ndarray:
+    """Least and greatest coordinates, (2, 3) m, of the vertices that triangles of `meshes` use."""
+    used = np.concatenate(
+        [part.vertices[np.unique(part.triangles)] for mesh in meshes for part in mesh.parts]
+    )
     return np.array([used.min(axis=0), used.max(axis=0)])
 
 
@@ -68,17 +71,18 @@ def moved(mesh: Mesh, offset: np.ndarray, turn: float = 0.0) -> Mesh:
     )
 
 
-def fitted(mesh: Mesh, length: float, width: float, height: float) -> Mesh:
-    """`mesh` scaled and shifted to the box of `length` × `width` × `height` m.
+def fitted(meshes: Sequence[Mesh], length: float, width: float, height: float) -> tuple[Mesh, ...]:
+    """`meshes`, all in the same way scaled and shifted to a box of `length` × `width` × `height` m.
 
-    The footprint is centred on the origin and the lowest point is on z = 0.
+    It is the box around all of them: its footprint is centred on the origin, its floor is z = 0.
     """
-    low, high = bounding_box(mesh)
-    return grounded(scaled(mesh, np.array([length, width, height]) / (high - low)))
+    low, high = bounding_box(*meshes)
+    factors = np.array([length, width, height]) / (high - low)
+    return grounded([scaled(mesh, factors) for mesh in meshes])
 
 
-def grounded(mesh: Mesh) -> Mesh:
-    """`mesh` shifted: the footprint's box centred on the origin, the lowest point on z = 0."""
-    low, high = bounding_box(mesh)
+def grounded(meshes: Sequence[Mesh]) -> tuple[Mesh, ...]:
+    """`meshes`, all shifted in the same way: as `fitted`, in their own size."""
+    low, high = bounding_box(*meshes)
     centre = 0.5 * (low + high)
-    return moved(mesh, -np.array([centre[0], centre[1], low[2]]))
+    return tuple(moved(mesh, -np.array([centre[0], centre[1], low[2]])) for mesh in meshes)

@@ -70,7 +70,7 @@ def load_mesh(path: str, contrast: float) -> Mesh:
             f"road_user.mesh: a triangle in {path!r} has the vertex {wrong[0]}, counted from 0; "
             f"the file has {len(vertices)} vertices"
         )
-    mesh = grounded(Mesh(tuple(_parts(found, vertices, triangles, contrast))))
+    (mesh,) = grounded([Mesh(tuple(_parts(found, vertices, triangles, contrast)))])
     low, high = bounding_box(mesh)
     sides = high - low
     if not ((sides >= LEAST_SIDE) & (sides <= GREATEST_SIDE)).all():

@@ -45,6 +45,14 @@ def path_poses(path: Path, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return poses, rates
 
 
+def distance_travelled(path: Path, times: np.ndarray) -> np.ndarray:
+    """Length driven along the path (K,) m at `times` (K,) s."""
+    times = np.asarray(times, dtype=np.float64)
+    if isinstance(path, StopAndGo):
+        return stop_and_go_profile(path, times)[0]
+    return path.speed * times
+
+
 def stop_and_go_profile(path: StopAndGo, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Length driven (K,) m and speed (K,) m/s at `times` (K,) s.
 

@@ -1,28 +1,131 @@
 """A walking person: legs in stride, torso, swinging arms, head.
 
-Modelled at about 0.6 × 0.36 × 1.75 m, x forward, y left, z up; the caller fits it to its size.
+Modelled at about 0.6 × 0.36 × 1.75 m, x forward, y left, z up.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stixel_cli.scene.mesh import Mesh
-from stixel_cli.scene.shapes import ellipsoid, loft, part, tube
-from stixel_cli.scene.textures import cloth, mottled
+from stixel_cli.scene.limbs import knee, turned
+from stixel_cli.scene.mesh import Mesh, Part
+from stixel_cli.scene.shapes import Surface, ellipsoid, loft, part, tube
+from stixel_cli.scene.textures import Colour, cloth, mottled
+
+ANKLE_HEIGHT = 0.09
+HIP_HEIGHT = 0.90
+SKIN = (205, 158, 132)
 
 
-def pedestrian(contrast: float) -> Mesh:
+@dataclass(frozen=True)
+class PedestrianShape:
+    """One person; the default is today's model.
+
+    Attributes:
+        size: factor on all of it.
+        breadth, depth: factors on the body across and along the heading.
+        step: distance between the ankles at its longest, m on the model's scale.
+        swing: angle of the arms at its largest, rad.
+        coat: whether a coat reaches to the knees.
+        bag: "back", "side" (hanging from the left shoulder) or "" for no bag.
+        top, trousers, hair: colours.
+    """
+
+    size: float = 1.0
+    breadth: float = 1.0
+    depth: float = 1.0
+    step: float = 0.40
+    swing: float = 0.32
+    coat: bool = False
+    bag: str = ""
+    top: Colour = (164, 62, 48)
+    trousers: Colour = (72, 92, 136)
+    hair: Colour = (62, 42, 30)
+
+    @property
+    def cycle_length(self) -> float:
+        """Distance walked in two steps, m."""
+        return 1.4 * self.size
+
+
+def drawn_pedestrian(random: np.random.Generator) -> PedestrianShape:
+    """A person: height 1.5 … 1.95 m, 0.3 … 0.7 m wide with arms and bag."""
+    top, trousers = (tuple(float(c) for c in random.uniform(30.0, 210.0, 3)) for _ in range(2))
+    grey = float(random.uniform(25.0, 170.0))
+    breadth = float(random.uniform(0.90, 1.25))
+    return PedestrianShape(
+        size=float(random.uniform(0.865, 1.105)),
+        breadth=breadth,
+        depth=breadth * float(random.uniform(0.90, 1.20)),
+        step=float(random.uniform(0.34, 0.56)),
+        swing=float(random.uniform(0.10, 0.45)),
+        coat=bool(random.random() < 0.3),
+        bag=("", "", "back", "side")[random.integers(4)],
+        top=top,
+        trousers=trousers,
+        hair=(grey, 0.75 * grey, 0.55 * grey),
+    )
+
+
+STANDARD = PedestrianShape()
+
+
+def pedestrian(contrast: float, shape: PedestrianShape = STANDARD) -> Mesh:
     """The person, the cloth's texture of `contrast` 0 … 1."""
-    skin = mottled("skin", (205, 158, 132), 0.10)
+    moving = walking(shape, 0.0)
+    skin = mottled("skin", SKIN, 0.10)
     return Mesh(
         (
-            part("coat", [_torso(), *_sleeves()], cloth((164, 62, 48), contrast, 5), 0.9),
-            part("trousers", _legs(), cloth((72, 92, 136), contrast), 0.5),
-            part("shoes", _shoes(), mottled("leather", (58, 44, 36), 0.25), 0.3),
-            part("skin", [*_hands(), _head(), _neck()], skin, 0.5),
-            part("hair", _hair(), mottled("hair", (62, 42, 30), 0.35, coarsest=4.0), 0.3),
+            part("torso", [_torso(shape)], cloth(shape.top, contrast, 5), 0.9),
+            part("sleeves", moving["sleeves"], cloth(shape.top, contrast, 5), 0.9),
+            part("trousers", moving["trousers"], cloth(shape.trousers, contrast), 0.5),
+            part("shoes", moving["shoes"], mottled("leather", (58, 44, 36), 0.25), 0.3),
+            part("hands", moving["hands"], skin, 0.5),
+            part("head", _grown([_head(), _neck()], shape), skin, 0.5),
+            part("hair", _grown(_hair(), shape), mottled("hair", shape.hair, 0.35, 4.0), 0.3),
+            *_clothes(shape, contrast),
         )
     )
+
+
+def walking(shape: PedestrianShape, turn: float) -> dict[str, list[Surface]]:
+    """Surfaces of the parts that move, by name; `turn` goes from 0 to 2 pi in two steps.
+
+    At 0 the right foot is farthest ahead and on the ground; it goes back until pi, and is lifted
+    and brought forward after that. The left leg is half a round later, arms go with the other leg.
+    """
+    sleeves, hands, trousers, shoes = [], [], [], []
+    for side in (-1.0, 1.0):
+        phase = (turn + (np.pi if side > 0.0 else 0.0)) % (2.0 * np.pi)
+        planted = phase <= np.pi
+        forward = 1.0 - 2.0 * phase / np.pi if planted else -np.cos(phase - np.pi)
+        lift = 0.0 if planted else np.sin(phase - np.pi)
+        hip = np.array([0.0, 0.072 * side * shape.breadth, HIP_HEIGHT])
+        ankle = np.array(
+            [0.5 * shape.step * forward, 0.075 * side * shape.breadth, ANKLE_HEIGHT + 0.11 * lift]
+        )
+        # Toes down behind, and up in front.
+        pitch = 0.22 * forward - 0.35 * lift
+        ankle[2] += max(0.0, -0.12 * pitch)
+        bend = knee(hip, ankle, 0.43, 0.41)
+        trousers.append(tube([hip, bend, ankle], np.array([0.085, 0.058, 0.046]) * shape.depth, 12))
+        foot = np.array([(-0.03, 0.0, -0.045), (0.03, 0.0, -0.045), (0.13, 0.005 * side, -0.06)])
+        shoes.append(tube(turned(ankle + foot, ankle, pitch), [0.043, 0.046, 0.033], 10))
+
+        angle = -shape.swing * np.cos(phase)
+        shoulder = np.array([0.0, 0.148 * side * shape.breadth, 1.36])
+        elbow = shoulder + 0.24 * np.array([np.sin(angle), 0.03 * side, -np.cos(angle)])
+        low = angle + 0.15 + 0.5 * max(angle, 0.0)
+        down = np.array([np.sin(low), 0.0, -np.cos(low)])
+        wrist, palm = elbow + 0.22 * down, elbow + 0.27 * down
+        sleeves.append(
+            tube([shoulder - (0.0, 0.006 * side, -0.04), shoulder, elbow, wrist],
+                 np.array([0.042, 0.048, 0.037, 0.030]) * shape.depth, 12)
+        )  # fmt: skip
+        hands.append(ellipsoid(palm, (0.033, 0.020, 0.055), 6, 10))
+    moving = {"sleeves": sleeves, "hands": hands, "trousers": trousers, "shoes": shoes}
+    return {name: _grown(surfaces, shape) for name, surfaces in moving.items()}
 
 
 def torso_rings(sections: ArrayLike) -> np.ndarray:
@@ -40,56 +143,27 @@ def torso_rings(sections: ArrayLike) -> np.ndarray:
     )
 
 
-def _torso():
-    return loft(
-        torso_rings(
-            [
-                (0.00, 0.80, 0.120, 0.142),
-                (0.00, 0.90, 0.125, 0.150),
-                (0.00, 1.05, 0.105, 0.132),
-                (0.01, 1.20, 0.112, 0.142),
-                (0.015, 1.34, 0.118, 0.155),
-                (0.01, 1.42, 0.098, 0.150),
-                (0.005, 1.465, 0.070, 0.105),
-                (0.005, 1.49, 0.055, 0.062),
-            ]
-        )
-    )
+def _grown(surfaces: list[Surface], shape: PedestrianShape) -> list[Surface]:
+    return [(shape.size * vertices, triangles) for vertices, triangles in surfaces]
 
 
-def _sleeves():
-    return [
-        tube([(0.0, 0.142, 1.40), (0.01, 0.148, 1.36), (0.02, 0.155, 1.13), (0.14, 0.152, 0.95)],
-             [0.042, 0.048, 0.037, 0.030], 12),
-        tube([(0.0, -0.142, 1.40), (-0.01, -0.148, 1.36), (-0.10, -0.155, 1.14),
-              (-0.16, -0.152, 0.92)],
-             [0.042, 0.048, 0.037, 0.030], 12),
-    ]  # fmt: skip
+def _body(sections, shape):
+    build = np.array([1.0, 1.0, shape.depth, shape.breadth])
+    return _grown([loft(torso_rings(np.array(sections) * build))], shape)
 
 
-def _hands():
-    return [
-        ellipsoid((0.185, 0.150, 0.90), (0.035, 0.020, 0.055), 6, 10),
-        ellipsoid((-0.180, -0.152, 0.855), (0.030, 0.020, 0.055), 6, 10),
+def _torso(shape):
+    sections = [
+        (0.00, 0.80, 0.120, 0.142),
+        (0.00, 0.90, 0.125, 0.150),
+        (0.00, 1.05, 0.105, 0.132),
+        (0.01, 1.20, 0.112, 0.142),
+        (0.015, 1.34, 0.118, 0.155),
+        (0.01, 1.42, 0.098, 0.150),
+        (0.005, 1.465, 0.070, 0.105),
+        (0.005, 1.49, 0.055, 0.062),
     ]
-
-
-def _legs():
-    return [
-        tube([(0.0, -0.07, 0.90), (0.10, -0.075, 0.50), (0.185, -0.075, 0.11)],
-             [0.085, 0.058, 0.046], 12),
-        tube([(0.0, 0.07, 0.90), (0.0, 0.075, 0.49), (-0.215, 0.075, 0.15)],
-             [0.085, 0.058, 0.046], 12),
-    ]  # fmt: skip
-
-
-def _shoes():
-    return [
-        tube([(0.165, -0.075, 0.05), (0.22, -0.075, 0.05), (0.32, -0.08, 0.032)],
-             [0.044, 0.046, 0.034], 10),
-        tube([(-0.25, 0.075, 0.12), (-0.20, 0.075, 0.07), (-0.14, 0.08, 0.032)],
-             [0.040, 0.045, 0.034], 10),
-    ]  # fmt: skip
+    return _body(sections, shape)[0]
 
 
 def _neck():
@@ -105,3 +179,26 @@ def _hair():
         ellipsoid((-0.005, 0.0, 1.665), (0.100, 0.081, 0.092), 10, 18),
         ellipsoid((-0.04, 0.0, 1.60), (0.065, 0.074, 0.075), 8, 14),
     ]
+
+
+def _clothes(shape: PedestrianShape, contrast: float) -> list[Part]:
+    """What the person wears over the rest and carries."""
+    parts = []
+    if shape.coat:
+        sections = [
+            (0.0, 0.52, 0.20, 0.19),
+            (0.0, 0.80, 0.155, 0.17),
+            (0.0, 1.05, 0.125, 0.15),
+            (0.01, 1.30, 0.130, 0.165),
+        ]
+        parts.append(part("coat", _body(sections, shape), cloth(shape.top, contrast), 0.9))
+    if shape.bag == "back":
+        centre = (-0.10 * shape.depth - 0.10, 0.0, 1.20)
+        bag = ellipsoid(centre, (0.12, 0.15, 0.23), 10, 16)
+        parts.append(part("bag", _grown([bag], shape), cloth((58, 66, 60), contrast, 3), 0.6))
+    if shape.bag == "side":
+        away = 0.16 * shape.breadth + 0.07
+        bag = ellipsoid((-0.02, away, 0.86), (0.17, 0.06, 0.14), 10, 16)
+        strap = tube([(0.0, 0.6 * away, 1.43), (-0.02, away, 0.98)], 0.012, 6)
+        parts.append(part("bag", _grown([bag, strap], shape), cloth((96, 70, 48), contrast), 0.6))
+    return parts

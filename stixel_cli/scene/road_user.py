@@ -1,24 +1,60 @@
-"""The target's mesh: made in code, or the user's own."""
+"""The target's meshes, one for each pose of its limbs: made in code, or the user's own."""
 
-from functools import partial
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+from typing import Any
 
+import numpy as np
+
+from stixel_cli.randomness import generator
 from stixel_cli.scene.car import car
-from stixel_cli.scene.cyclist import cyclist
-from stixel_cli.scene.mesh import Mesh, fitted
-from stixel_cli.scene.pedestrian import pedestrian
+from stixel_cli.scene.car_shape import HATCHBACK, drawn_car
+from stixel_cli.scene.cyclist import STANDARD as STANDARD_CYCLIST
+from stixel_cli.scene.cyclist import cyclist, drawn_cyclist, pedalling
+from stixel_cli.scene.mesh import Mesh, fitted, grounded
+from stixel_cli.scene.pedestrian import STANDARD as STANDARD_PEDESTRIAN
+from stixel_cli.scene.pedestrian import drawn_pedestrian, pedestrian, walking
 from stixel_cli.scene.road_user_parameters import RoadUser
+from stixel_cli.scene.shapes import Surface, joined
+
+LIMB_POSES = 32
+"""Poses of the limbs in one cycle: one turn of the cranks, or two steps."""
 
 CAR_COLOUR = (66, 108, 160)
 
-_MESHES = {"car": partial(car, CAR_COLOUR), "cyclist": cyclist, "pedestrian": pedestrian}
-"""Class of road user to the function that makes its mesh with a contrast."""
+
+@dataclass(frozen=True)
+class _Class:
+    """A class of road user.
+
+    Attributes:
+        standard: the shape without a seed.
+        drawn: draws a shape.
+        mesh: the mesh of a contrast and a shape, limbs in their first pose.
+        limbs: the parts that move, by name, of a shape and an angle from 0 to 2 pi; or None.
+    """
+
+    standard: Any
+    drawn: Callable[[np.random.Generator], Any]
+    mesh: Callable[[float, Any], Mesh]
+    limbs: Callable[[Any, float], dict[str, list[Surface]]] | None = None
 
 
-def road_user_mesh(road_user: RoadUser) -> Mesh:
-    """The target's mesh in its own frame: x along the heading, y left, z up, m.
+_CLASSES = {
+    "car": _Class(HATCHBACK, drawn_car, partial(car, CAR_COLOUR)),
+    "cyclist": _Class(STANDARD_CYCLIST, drawn_cyclist, cyclist, pedalling),
+    "pedestrian": _Class(STANDARD_PEDESTRIAN, drawn_pedestrian, pedestrian, walking),
+}
 
-    The origin is the centre of the footprint's bounding box, on the ground. The bounding box is
-    exactly `length` × `width` × `height`, but for a mesh of the user's own, which keeps its size.
+
+def road_user_meshes(road_user: RoadUser) -> tuple[Mesh, ...]:
+    """The target's meshes in its own frame: x along the heading, y left, z up, m.
+
+    One for each of the `LIMB_POSES` poses of the limbs in order, or a single one if nothing moves.
+    All have the same parts and triangles; only vertices move. The origin is the centre of the
+    footprint of the box around all of them, on the ground. That box is exactly `length` × `width` ×
+    `height`, except for a drawn shape and for a mesh of the user's own, which keep their size.
 
     Raises:
         ValueError: if the user's file cannot be read, see `load_mesh`.
@@ -27,6 +63,50 @@ def road_user_mesh(road_user: RoadUser) -> Mesh:
         # Open3D takes seconds to import; a built-in road user never needs it.
         from stixel_cli.scene.mesh_file import load_mesh
 
-        return load_mesh(road_user.mesh, road_user.contrast)
-    mesh = _MESHES[road_user.kind](road_user.contrast)
-    return fitted(mesh, road_user.length, road_user.width, road_user.height)
+        return (load_mesh(road_user.mesh, road_user.contrast),)
+    return _built_in(road_user)
+
+
+# Every chunk of frames asks for them.
+@lru_cache(maxsize=2)
+def _built_in(road_user: RoadUser) -> tuple[Mesh, ...]:
+    own, shape = _CLASSES[road_user.kind], _shape(road_user)
+    first = own.mesh(road_user.contrast, shape)
+    meshes = [first]
+    if own.limbs is not None:
+        turns = 2.0 * np.pi * np.arange(LIMB_POSES) / LIMB_POSES
+        meshes = [_posed(first, own.limbs(shape, turn)) for turn in turns]
+    if road_user.shape_seed is not None:
+        return grounded(meshes)
+    return fitted(meshes, road_user.length, road_user.width, road_user.height)
+
+
+def limb_poses(road_user: RoadUser, travelled: np.ndarray) -> np.ndarray:
+    """Index (K,) int64 in `road_user_meshes` where the target has `travelled` (K,) m."""
+    if road_user.mesh is not None or _CLASSES[road_user.kind].limbs is None:
+        return np.zeros(len(travelled), dtype=np.int64)
+    turns = np.asarray(travelled) / _shape(road_user).cycle_length
+    return np.rint(LIMB_POSES * turns).astype(np.int64) % LIMB_POSES
+
+
+def moving_parts(road_user: RoadUser) -> frozenset[str]:
+    """Names of the parts of `road_user_meshes` that differ between poses."""
+    if road_user.mesh is not None or _CLASSES[road_user.kind].limbs is None:
+        return frozenset()
+    return frozenset(_CLASSES[road_user.kind].limbs(_shape(road_user), 0.0))
+
+
+def _shape(road_user: RoadUser):
+    own = _CLASSES[road_user.kind]
+    if road_user.shape_seed is None:
+        return own.standard
+    return own.drawn(generator(road_user.shape_seed, f"shape of a {road_user.kind}"))
+
+
+def _posed(mesh: Mesh, moving: dict[str, list[Surface]]) -> Mesh:
+    """`mesh` with other vertices of its `moving` parts; the texture stays on its triangles."""
+    parts = [
+        replace(one, vertices=joined(moving[one.name])[0]) if one.name in moving else one
+        for one in mesh.parts
+    ]
+    return Mesh(tuple(parts))

@@ -16,8 +16,10 @@ class RoadUser:
         kind: the class of road user.
         length, width, height: size of the mesh's bounding box, m: along the heading, across it and
             upwards. A pedestrian's length is the stride, the width goes over shoulders and arms.
-            A user's own mesh keeps its size, and these three are not read.
+            A user's own mesh and a drawn shape keep their size, and these three are not read.
         contrast: how strong the texture of paint and cloth is, 0 (plain) … 1; stereo fails on 0.
+        shape_seed: seed that draws a body and its size within the class, or null for the standard
+            shape.
         mesh: file with the user's own mesh (any format of Open3D; m, x forward, z up) or null.
     """
 
@@ -26,9 +28,17 @@ class RoadUser:
     width: Annotated[float, Ge(0.1), Le(10)]
     height: Annotated[float, Ge(0.1), Le(10)]
     contrast: Annotated[float, Ge(0), Le(1)]
+    shape_seed: Annotated[int, Ge(0), Le(2**63 - 1)] | None
     mesh: str | None
 
     def check(self) -> None:
-        """Raise ValueError if the user's mesh is not a file; its content is checked on reading."""
+        """Raise ValueError if the shape has two sources, or the user's mesh is not a file.
+
+        The content of the file is checked on reading.
+        """
+        if self.mesh is not None and self.shape_seed is not None:
+            raise ValueError(
+                f"road_user.shape_seed: must be null with road_user.mesh, got {self.shape_seed}"
+            )
         if self.mesh is not None and not os.path.isfile(self.mesh):
             raise ValueError(f"road_user.mesh: file not found: {self.mesh!r}")

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stixel_cli.geometry.pose import world_from_target
+
 
 @dataclass(frozen=True)
 class EgoMotion:
@@ -27,17 +29,76 @@ class Scenario:
         ego_poses_world: (K, 3) x m, y m, heading rad.
         target_poses_world: (K, 3) x m, y m, heading rad.
         target_rates_world: (K, 3) m/s, m/s, rad/s: the poses' derivatives.
-        contour_target: (M, 2) m, the outline of the mesh's ground projection in the target frame:
-            one simple polygon, counter-clockwise, the first vertex not repeated.
-        star_convex: whether every point of the contour is seen from the target's centre.
+        contours_target: (L, M, 2) m, for each pose of the target's limbs the outline of the mesh's
+            ground projection in the target frame: one simple polygon, counter-clockwise, the first
+            vertex not repeated. L is 1 if nothing moves.
+        limb_poses: (K,) int64, the pose of the limbs at each time, an index of `contours_target`.
+        star_convex: whether every point of every contour is seen from the target's centre.
         only_box: whether only the target's box is known, as in labelled recordings. Then
-            `contour_target` is that box.
+            `contours_target` has only that box.
     """
 
     times: np.ndarray
     ego_poses_world: np.ndarray
     target_poses_world: np.ndarray
     target_rates_world: np.ndarray
-    contour_target: np.ndarray
+    contours_target: np.ndarray
+    limb_poses: np.ndarray
     star_convex: bool
     only_box: bool = False
+
+    @classmethod
+    def rigid(
+        cls,
+        times: np.ndarray,
+        ego_poses_world: np.ndarray,
+        target_poses_world: np.ndarray,
+        target_rates_world: np.ndarray,
+        contour_target: np.ndarray,
+        star_convex: bool = True,
+    ) -> "Scenario":
+        """Ground truth of a target of which nothing moves, with one contour (M, 2) m."""
+        still = np.zeros(len(times), dtype=np.int64)
+        return cls(
+            times,
+            ego_poses_world,
+            target_poses_world,
+            target_rates_world,
+            contour_target[None],
+            still,
+            star_convex,
+        )
+
+    def contour_target(self, k: int) -> np.ndarray:
+        """The true contour (M, 2) m at k, in the target frame."""
+        return self.contours_target[self.limb_poses[k]]
+
+    def contour_world(self, k: int) -> np.ndarray:
+        """The true contour (M, 2) m at k, in the world frame."""
+        return world_from_target(self.contour_target(k), self.target_poses_world[k])
+
+    @property
+    def contours_world(self) -> np.ndarray:
+        """The true contours (K, M, 2) m at all k, in the world frame."""
+        return np.stack([self.contour_world(k) for k in range(len(self.times))])
+
+    @property
+    def box_target(self) -> np.ndarray:
+        """The true box, the same at all k: least and greatest x and y, (2, 2) m, in its frame.
+
+        It contains the contours of all poses of the limbs.
+        """
+        points = self.contours_target
+        return np.array([points.min(axis=(0, 1)), points.max(axis=(0, 1))])
+
+    @property
+    def boxes_world(self) -> np.ndarray:
+        """The true box (K, 4, 2) m at all k, in the world frame."""
+        (left, bottom), (right, top) = self.box_target
+        box = np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
+        return np.stack([world_from_target(box, pose) for pose in self.target_poses_world])
+
+    @property
+    def radius_target(self) -> float:
+        """Greatest distance of the contours from the target's centre, m."""
+        return float(np.linalg.norm(self.contours_target, axis=2).max())

@@ -185,5 +185,5 @@ def _furniture(world: World):
 
 def _parked_cars(world: World):
     for x, y, heading, colour in PARKED:
-        mesh = fitted(car(colour, 0.7 * world.contrast), 4.3, 1.75, 1.48)
+        (mesh,) = fitted([car(colour, 0.7 * world.contrast)], 4.3, 1.75, 1.48)
         yield "parked car", moved(mesh, np.array([x, y, 0.0]), np.radians(heading))

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stixel_cli.geometry.pose import rotation, world_from_target
+from stixel_cli.geometry.pose import rotation
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.noise import range_sensitivity
 from stixel_cli.measurements.scans import Scans
@@ -89,7 +89,7 @@ def point_errors(scans: Scans, scenario: Scenario, rig: Rig) -> PointErrors:
     for k in range(count):
         pose = scenario.ego_poses_world[k]
         turn = rotation(pose[2])
-        contour = world_from_target(scenario.contour_target, scenario.target_poses_world[k])
+        contour = scenario.contour_world(k)
         seen = _of_scan(
             (contour - pose[:2]) @ turn, (scans.points_world[scans.rows(k)] - pose[:2]) @ turn, rig
         )

@@ -39,7 +39,7 @@ def scenario(count=20, distance=15.0, contour=BOX):
     target = np.stack([5.0 * times - 5.0, distance + 0.0 * times, 0.3 * times], axis=-1)
     ego = np.stack([times, 2.0 * times, 0.5 * np.pi + 0.05 * times], axis=-1)
     rates = np.tile([5.0, 0.0, 0.3], (count, 1))
-    return Scenario(times, ego, target, rates, contour, True)
+    return Scenario.rigid(times, ego, target, rates, contour)
 
 
 def distance_to_outline(points, polygon):
@@ -66,6 +66,20 @@ def test_points_without_noise_are_on_contour_and_rays(spacing):
         else:
             position = 0.5 * 639 - (x / y) / np.tan(RIG.field_of_view[1]) * 0.5 * 639
         np.testing.assert_allclose(position, np.rint(position), atol=1e-6)
+
+
+def test_points_follow_the_limbs():
+    thin = BOX * [1.0, 0.3]
+    truth = dataclasses.replace(
+        scenario(count=4),
+        contours_target=np.stack([BOX, thin]),
+        limb_poses=np.array([0, 1, 1, 0]),
+    )
+    scans = fabricate_scans(truth, RIG, EXACT, seed=1)
+    for k, contour in enumerate((BOX, thin, thin, BOX)):
+        outline = world_from_target(contour, truth.target_poses_world[k])
+        points = scans.points_world[scans.rows(k)]
+        assert len(points) > 10 and distance_to_outline(points, outline).max() < 1e-9
 
 
 def test_point_of_several_columns_is_inside_them():

@@ -19,7 +19,7 @@ from stixel_cli.measurements.lidar_casting import (
 from stixel_cli.measurements.scanner import LidarReturns, Scanner
 from stixel_cli.scene.mesh import Mesh, corners
 from stixel_cli.scene.open3d_import import import_open3d_bindings
-from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.scenario import EgoMotion, Scenario
 from stixel_cli.scene.shapes import box, part
 from stixel_cli.scene.world_parameters import World
@@ -66,7 +66,7 @@ def scenario(count=6, ego="turning"):
     ego = np.array([0.0, 0.0, AHEAD]) + k[:, None] * np.array(steps[ego])
     target = np.stack([-1.0 + 0.8 * k, 12.0 + 0.2 * k, 0.3 * k], axis=1)
     outline = np.array([[1.5, 0.7], [-1.5, 0.7], [-1.5, -0.7], [1.5, -0.7]])
-    return Scenario(0.1 * k, ego, target, np.zeros((count, 3)), outline, True)
+    return Scenario.rigid(0.1 * k, ego, target, np.zeros((count, 3)), outline)
 
 
 def ray_box(origin, directions, low, high):
@@ -102,7 +102,7 @@ def analytic(truth, k):
 @pytest.mark.parametrize("ego", ["parked", "straight", "turning"])
 def test_lidar_ranges_match_boxes_and_a_plane(ego):
     truth = scenario(ego=ego)
-    returns = cast_beams(STATIC, BOX, truth, SCANNER, FIELD)
+    returns = cast_beams(STATIC, {0: BOX}, truth, SCANNER, FIELD)
     assert returns.ranges.shape == (6, 8, 61)
     hidden, seen = 0, 0
     for k in range(6):
@@ -117,36 +117,37 @@ def test_lidar_ranges_match_boxes_and_a_plane(ego):
 @pytest.mark.parametrize("ego", ["parked", "turning"])
 def test_lidar_scan_does_not_depend_on_the_length_of_the_run(ego):
     truth = scenario(ego=ego)
-    whole = cast_beams(STATIC, BOX, truth, SCANNER, FIELD)
+    whole = cast_beams(STATIC, {0: BOX}, truth, SCANNER, FIELD)
     for k in (0, 3, 5):
-        only = Scenario(
+        only = Scenario.rigid(
             truth.times[[k]],
             truth.ego_poses_world[[k]],
             truth.target_poses_world[[k]],
             truth.target_rates_world[[k]],
-            truth.contour_target,
-            True,
+            truth.contour_target(k),
         )
-        alone = cast_beams(STATIC, BOX, only, SCANNER, FIELD)
+        alone = cast_beams(STATIC, {0: BOX}, only, SCANNER, FIELD)
         assert alone.ranges.tobytes() == whole.ranges[k].tobytes()
 
 
 @pytest.mark.parametrize("road_user", group_options()["road_user"])
 def test_lidar_returns_of_a_road_user_are_on_its_mesh(road_user):
     parameters = compose([f"road_user={road_user}"]).configuration.road_user
-    truth = scenario(count=3)
+    truth, meshes = scenario(count=3), road_user_meshes(parameters)
+    limb_poses = np.array([0, 5, 12]) % len(meshes)
+    truth = dataclasses.replace(truth, limb_poses=limb_poses)
     scanner = dataclasses.replace(SCANNER, layers=24, azimuth_step=0.3)
     returns = cast_lidar(truth, parameters, World("street", 1, 1.0), scanner, FIELD)
     open3d = import_open3d_bindings()
-    points = corners(road_user_mesh(parameters)).reshape(-1, 3).astype(np.float32)
-    surface = open3d.t.geometry.RaycastingScene(nthreads=1)
-    triangles = np.arange(len(points), dtype=np.uint32).reshape(-1, 3)
-    surface.add_triangles(open3d.core.Tensor(points), open3d.core.Tensor(triangles))
-    low, high = points.min(axis=0), points.max(axis=0)
     beams = beam_directions(returns.elevations, returns.azimuths)
     for k, (ego, pose) in enumerate(
         zip(truth.ego_poses_world, truth.target_poses_world, strict=True)
     ):
+        points = corners(meshes[limb_poses[k]]).reshape(-1, 3).astype(np.float32)
+        surface = open3d.t.geometry.RaycastingScene(nthreads=1)
+        triangles = np.arange(len(points), dtype=np.uint32).reshape(-1, 3)
+        surface.add_triangles(open3d.core.Tensor(points), open3d.core.Tensor(triangles))
+        low, high = points.min(axis=0), points.max(axis=0)
         finite = np.isfinite(returns.ranges[k].ravel())
         hits = beams[finite] * returns.ranges[k].ravel()[finite, None]
         cosine, sine = np.cos(ego[2]), np.sin(ego[2])
@@ -200,7 +201,7 @@ def made(ranges, elevations, azimuths=(0.0,)):
 def test_lidar_points_are_in_the_world_frame_of_a_moving_ego_car():
     truth = scenario()
     ego = EgoMotion(truth.times, truth.ego_poses_world)
-    returns = cast_beams(STATIC, BOX, truth, SCANNER, FIELD)
+    returns = cast_beams(STATIC, {0: BOX}, truth, SCANNER, FIELD)
     scans = lidar_scans(returns, ego, EXACT, seed=0)
     for k, pose in enumerate(truth.target_poses_world):
         rows = scans.rows(k)

@@ -53,8 +53,7 @@ for k in frames:
 
 
 def describe(frames: range) -> dict[str, np.ndarray]:
-    everything = [*objects(), (TARGET_ID, target_mesh())]
-    return describe_scene(scenario(), everything, RIG, FILAMENT, frames)
+    return describe_scene(scenario(), objects(), [target_mesh()], RIG, FILAMENT, frames)
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +65,7 @@ def runs():
 
 
 def test_filament_agrees_with_the_ray_caster(runs):
-    static, target = StaticScene(objects(), RIG, RAYCAST), Target(target_mesh())
+    static, target = StaticScene(objects(), RIG, RAYCAST), Target([target_mesh()])
     for k in range(3):
         left, right, depth, ids = runs[0][k]
         cast_left, cast_right, cast_depth, cast_ids = render_frame(static, target, scenario(), k)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from projection import unproject
 
-from stixel_cli.rendering import raycast
+from stixel_cli.rendering import raycast, tracing
 from stixel_cli.rendering.camera_rays import NEAR, rig_cameras
 from stixel_cli.rendering.frames import ROAD_ID, SKY_ID, TARGET_ID
 from stixel_cli.rendering.placement import sun_direction, world_from_target_3d
@@ -17,11 +17,13 @@ from stixel_cli.rendering.raycast import StaticScene, Target, render_frame
 from stixel_cli.rendering.shading import camera_rays, shade
 from stixel_cli.rendering.surfaces import (
     RayTree,
+    build_surfaces,
     build_textures,
     linear_from_srgb,
     srgb_from_linear,
 )
-from stixel_cli.scene.mesh import Mesh
+from stixel_cli.rendering.tracing import Body
+from stixel_cli.scene.mesh import Mesh, scaled
 from stixel_cli.scene.world import WorldObject
 
 POSE = np.array([0.0, 0.0, box_scene.AHEAD])
@@ -29,7 +31,7 @@ POSE = np.array([0.0, 0.0, box_scene.AHEAD])
 
 @pytest.fixture(scope="module")
 def target():
-    return Target(target_mesh())
+    return Target([target_mesh()])
 
 
 @pytest.fixture
@@ -61,7 +63,7 @@ def test_render_does_not_depend_on_the_chunks(monkeypatch):
         WorldObject(str(i), "road" if i == ROAD_ID else "background", mesh) for i, mesh in objects()
     )
     monkeypatch.setattr("stixel_cli.rendering.placement.world_objects", lambda _: world)
-    monkeypatch.setattr(raycast, "road_user_mesh", lambda _: target_mesh())
+    monkeypatch.setattr(raycast, "road_user_meshes", lambda _: [target_mesh()])
     rest = {"scenario": scenario(), "road_user": None, "world": None}
     rest |= {"rig": RIG, "renderer": RAYCAST}
     raycast._static_scene.cache_clear()
@@ -73,6 +75,17 @@ def test_render_does_not_depend_on_the_chunks(monkeypatch):
             encoded = getattr(together, name).encoded[first : first + 2]
             assert getattr(part, name).encoded == encoded
     raycast._static_scene.cache_clear()
+
+
+def test_frame_shows_the_limbs_in_their_pose(static):
+    """As a rigid target does that has the vertices of that pose."""
+    still = target_mesh()
+    stretched = scaled(still, np.array([0.5, 1.2, 1.5]))
+    both = Target([still, stretched])
+    motion = replace(scenario(2), limb_poses=np.array([0, 1]))
+    for k, mesh in enumerate((still, stretched)):
+        alone = render_frame(static, Target([mesh]), scenario(2), k)
+        assert same(render_frame(static, both, motion, k), alone)
 
 
 def test_depth_and_ids_match_the_planes_and_objects(static, target):
@@ -216,12 +229,41 @@ def test_texture_is_averaged_over_the_pixel_area():
     assert abs(seen.mean() / mean[:, 0].mean() - 1.0) < 0.03
 
 
+def test_texture_of_the_target_is_nearer_to_the_mean_over_the_pixel(monkeypatch):
+    """Against 16 × 16 samples in each pixel; the same wall once with plain mip-maps."""
+    wall = Mesh((quad([(-9, 12, -6), (9, 12, -6), (9, 12, 8), (-9, 12, 8)], speckle(9, 256), 3.0),))
+    bodies = [Body(build_surfaces([(3, mesh)]), np.eye(4)) for mesh in (road(speckle(1)), wall)]
+    camera = rig_cameras(RIG, POSE)[0]
+    rows, columns = np.divmod(np.arange(96 * 128), 128)
+    centre = np.zeros(1), np.zeros(1)
+    hits = tracing.nearest(bodies, camera, rows, columns, *centre)
+    seen = np.flatnonzero(hits.body == 1)[::7]
+    sun = sun_direction(LIGHT)
+
+    def light(u, v, hits, spread):
+        lit = np.ones(len(u), dtype=bool)
+        return tracing.light_of(bodies, camera, u, v, hits, lit, sun, LIGHT, spread)[:, 0]
+
+    offsets = (np.arange(16) + 0.5) / 16 - 0.5
+    right, down = (array.ravel() for array in np.meshgrid(offsets, offsets))
+    fine = tracing.nearest(bodies, camera, rows[seen], columns[seen], right, down)
+    u = np.add.outer(columns[seen], right).ravel()
+    v = np.add.outer(rows[seen], down).ravel()
+    mean = light(u, v, fine, 1.0 / 16).reshape(len(seen), -1).mean(axis=1)
+    errors = []
+    for finer in (1, tracing.FINER_TARGET):
+        monkeypatch.setattr(tracing, "FINER_TARGET", finer)
+        found = light(columns[seen].astype(float), rows[seen].astype(float), hits.at(seen), 1.0)
+        errors.append(np.sqrt(np.mean((found - mean) ** 2)))
+    assert len(seen) > 100 and errors[1] < 0.8 * errors[0]
+
+
 def test_shading_accepts_an_empty_list(static):
     surfaces = static.body.surfaces
     none, ids = np.empty(0), np.empty(0, dtype=np.int32)
     one, light = np.ones(3), np.empty((0, 3), dtype=np.float32)
     shade(
-        light, none, none, none, ids.astype(np.int8), ids, np.empty(0, dtype=bool), 0, none,
+        light, none, none, none, ids.astype(np.int8), ids, np.empty(0, dtype=bool), 0, 1, none,
         np.eye(3), np.zeros(3), 1.0, 0.0, 0.0, surfaces.normals, surfaces.uv_gradients,
         surfaces.texture, surfaces.textures.texels, surfaces.textures.levels,
         surfaces.textures.first_level, one, one, one, one,

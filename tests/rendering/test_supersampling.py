@@ -14,7 +14,7 @@ from stixel_cli.rendering.supersampling import Centres, rasterised, sample_offse
 from stixel_cli.rendering.surfaces import build_surfaces
 from stixel_cli.rendering.tracing import Body
 from stixel_cli.scene.mesh import Mesh, Part
-from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.world_parameters import World
 
@@ -24,9 +24,9 @@ POSE = np.array([0.0, 0.0, AHEAD])
 def street() -> tuple[list[Body], Camera]:
     """The shipped street and a car in it, and the left camera."""
     static = build_surfaces(numbered_objects(World("street", 1, 1.0)))
-    car = RoadUser(kind="car", length=4.5, width=1.8, height=1.5, mesh=None, contrast=1.0)
+    car = RoadUser("car", 4.5, 1.8, 1.5, contrast=1.0, shape_seed=None, mesh=None)
     pose = world_from_target_3d(np.array([-1.0, 9.0, 0.4]))
-    bodies = [Body(static, np.eye(4)), Body(build_surfaces([(2, road_user_mesh(car))]), pose)]
+    bodies = [Body(static, np.eye(4)), Body(build_surfaces([(2, road_user_meshes(car)[0])]), pose)]
     return bodies, rig_cameras(RIG, POSE)[0]
 
 
@@ -82,10 +82,10 @@ def test_two_triangles_with_a_common_edge_leave_no_sample_between_them():
 @pytest.fixture(scope="module")
 def edges():
     """Bodies, camera and the values of all pixels of the box scene."""
-    static, target = StaticScene(objects(), RIG, RAYCAST), Target(target_mesh())
+    static, target = StaticScene(objects(), RIG, RAYCAST), Target([target_mesh()])
     camera = rig_cameras(RIG, POSE)[0]
     pose = world_from_target_3d(scenario().target_poses_world[0])
-    bodies = [static.body, Body(target.surfaces, pose)]
+    bodies = [static.body, Body(target.surfaces(0), pose)]
     rows, columns = np.divmod(np.arange(camera.height * camera.width), camera.width)
     u, v = columns.astype(float), rows.astype(float)
     hits = tracing.nearest(bodies, camera, rows, columns, np.zeros(1), np.zeros(1))

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from playback_runs import SCANS, make_run
 
-from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.report.playback import playback_html
 
 expect = pytest.importorskip("playwright.sync_api", reason="playwright is not installed").expect
@@ -111,7 +110,7 @@ def test_page_draws_the_stored_data(one, k):
     page, run = one.page, make_run()
     to(page, k)
     assert np.allclose(drawn(page, "estimate-0"), run.track.contours_world[k], atol=0.6e-3)
-    truth = world_from_target(run.scenario.contour_target, run.scenario.target_poses_world[k])
+    truth = run.scenario.contour_world(k)
     assert np.allclose(drawn(page, "truth"), truth, atol=2e-3)
     used = run.track.used_points[slice(*run.track.used_offsets[k : k + 2])]
     text = page.locator("#points-used").get_attribute("d")

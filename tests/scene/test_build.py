@@ -11,7 +11,7 @@ from scipy.ndimage import binary_fill_holes
 from stixel_cli.scene.build import build_scenario, ground_contour, is_star_convex
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.mesh import Mesh, Part, corners
-from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.shapes import box, part
 
 
@@ -25,15 +25,15 @@ def test_scenario_contains_the_ground_truth(kind):
     np.testing.assert_array_equal(scenario.ego_poses_world, motion.poses_world)
     np.testing.assert_array_equal(scenario.times, motion.times)
     np.testing.assert_allclose(scenario.target_poses_world[0, :2], path.start)
-    assert scenario.contour_target.ndim == 2 and scenario.contour_target.shape[1] == 2
-    assert scenario.star_convex == is_star_convex(scenario.contour_target)
+    assert scenario.contours_target.ndim == 3 and scenario.contours_target.shape[2] == 2
+    assert scenario.star_convex == all(map(is_star_convex, scenario.contours_target))
 
 
 def test_scenario_is_repeatable():
     path, road_user = scene_presets.path("turn", "car"), scene_presets.road_user("car")
     motion = ego_motion(scene_presets.ego("parked"), path.duration, path.sample_time)
     first, again = (build_scenario(motion, road_user, path) for _ in range(2))
-    assert first.contour_target.tobytes() == again.contour_target.tobytes()
+    assert first.contours_target.tobytes() == again.contours_target.tobytes()
     assert first.target_poses_world.tobytes() == again.target_poses_world.tobytes()
 
 
@@ -50,7 +50,8 @@ GREY = np.full((1, 1, 3), 128, np.uint8)
 @pytest.fixture(scope="module")
 def meshes():
     return {
-        kind: road_user_mesh(scene_presets.road_user(kind)) for kind in scene_presets.ROAD_USERS
+        kind: road_user_meshes(scene_presets.road_user(kind))[0]
+        for kind in scene_presets.ROAD_USERS
     }
 
 

@@ -11,7 +11,7 @@ from stixel_cli.experiment.stages import pipeline_stages, scan_count
 from stixel_cli.scene.build import ground_contour
 from stixel_cli.scene.mesh import bounding_box
 from stixel_cli.scene.mesh_file import load_mesh, referred_files
-from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.road_user_parameters import RoadUser
 
 WEDGE = """{header}v 1 1 3
@@ -37,7 +37,7 @@ def wedge(header="", uvs="", corner="{0}"):
 def test_user_mesh_is_placed_on_the_ground_and_keeps_its_size(tmp_path):
     path = tmp_path / "wedge.obj"
     path.write_text(wedge())
-    mesh = road_user_mesh(RoadUser("car", 4.5, 1.8, 1.5, 0.6, str(path)))
+    mesh = road_user_meshes(RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, str(path)))[0]
     np.testing.assert_allclose(bounding_box(mesh), [[-1, -0.5, 0], [1, 0.5, 1]], atol=1e-9)
     contour = ground_contour(mesh)
     assert {tuple(point) for point in np.round(contour, 3)} == {(-1, -0.5), (1, -0.5), (-1, 0.5)}

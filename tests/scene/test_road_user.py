@@ -6,7 +6,7 @@ import pytest
 import scene_presets
 
 from stixel_cli.scene.mesh import bounding_box, corners
-from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.road_user_parameters import RoadUser
 
 
@@ -20,7 +20,7 @@ def test_bounding_box_has_the_given_size(kind, size):
     road_user = parameters(kind)
     if size is not None:
         road_user = replace(road_user, length=size[0], width=size[1], height=size[2])
-    low, high = bounding_box(road_user_mesh(road_user))
+    low, high = bounding_box(*road_user_meshes(road_user))
     half = 0.5 * np.array([road_user.length, road_user.width])
     np.testing.assert_allclose(low, [*-half, 0.0], atol=1e-12)
     np.testing.assert_allclose(high, [*half, road_user.height], atol=1e-12)
@@ -28,7 +28,7 @@ def test_bounding_box_has_the_given_size(kind, size):
 
 @pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
 def test_road_user_parts_meet_the_requirements_of_the_renderers(kind):
-    mesh = road_user_mesh(parameters(kind))
+    mesh = road_user_meshes(parameters(kind))[0]
     assert len({part.name for part in mesh.parts}) == len(mesh.parts) >= 5
     assert len(corners(mesh)) < 8000
     for part in mesh.parts:
@@ -43,7 +43,7 @@ def test_road_user_parts_meet_the_requirements_of_the_renderers(kind):
 @pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
 def test_triangles_face_outwards(kind):
     """The signed volume of every closed piece is positive; windows and cabin close together."""
-    parts = {part.name: part for part in road_user_mesh(parameters(kind)).parts}
+    parts = {part.name: part for part in road_user_meshes(parameters(kind))[0].parts}
     groups = [[name] for name in parts if name not in ("cabin", "windows")]
     for names in groups:
         for triangles in _pieces(parts[names[0]].triangles):
@@ -67,7 +67,7 @@ def _pieces(triangles):
 @pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
 def test_contrast_changes_paint_and_cloth(kind):
     def std(contrast):
-        part = road_user_mesh(parameters(kind, contrast=contrast)).parts[0]
+        part = road_user_meshes(parameters(kind, contrast=contrast))[0].parts[0]
         return part.texture.astype(float).std(axis=(0, 1)).max()
 
     plain, middling, strong = map(std, (0.0, 0.5, 1.0))
@@ -77,7 +77,7 @@ def test_contrast_changes_paint_and_cloth(kind):
 
 def test_paint_has_detail_at_short_and_long_range():
     """Averaged over squares of 2 mm … 14 cm the paint still varies: stereo matches on it."""
-    texture = road_user_mesh(parameters("car")).parts[0].texture.mean(axis=2)
+    texture = road_user_meshes(parameters("car"))[0].parts[0].texture.mean(axis=2)
     for square in (1, 4, 16, 64):
         side = len(texture) // square
         averaged = texture.reshape(side, square, side, square).mean(axis=(1, 3))
@@ -85,20 +85,20 @@ def test_paint_has_detail_at_short_and_long_range():
 
 
 def test_every_class_has_a_mesh_of_its_own():
-    same_size = {"length": 2.0, "width": 1.0, "height": 1.5, "mesh": None}
+    same_size = {"length": 2.0, "width": 1.0, "height": 1.5, "shape_seed": None, "mesh": None}
     kinds = get_args(get_type_hints(RoadUser)["kind"])
-    meshes = [road_user_mesh(RoadUser(kind=kind, contrast=0.6, **same_size)) for kind in kinds]
+    meshes = [road_user_meshes(RoadUser(kind=kind, contrast=0.6, **same_size))[0] for kind in kinds]
     assert len({corners(mesh).tobytes() for mesh in meshes}) == len(kinds)
 
 
 def test_mesh_is_repeatable():
-    first, again = (road_user_mesh(parameters("cyclist")) for _ in range(2))
+    first, again = (road_user_meshes(parameters("cyclist"))[0] for _ in range(2))
     for one, other in zip(first.parts, again.parts, strict=True):
         assert one.vertices.tobytes() == other.vertices.tobytes()
         assert one.texture.tobytes() == other.texture.tobytes()
 
 
 def test_missing_mesh_file_is_rejected_before_the_run():
-    road_user = RoadUser("car", 4.5, 1.8, 1.5, 0.6, "nowhere/mesh.ply")
+    road_user = RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, "nowhere/mesh.ply")
     with pytest.raises(ValueError, match=r"road_user\.mesh: file not found"):
         road_user.check()

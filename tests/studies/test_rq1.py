@@ -12,7 +12,7 @@ from PIL import Image
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.studies.file import find_study, read_study
 from stixel_cli.studies.rq1.pool import (
@@ -168,10 +168,10 @@ def test_cpu_seconds_per_frame_and_values_of_a_scene():
     turning = values_of(compose(["ego=turning"]).configuration)
     # Speed and yaw rate; a turn has side and radius, stop-and-go three times in their place.
     assert turning == short + 2 and longer == short + 1
-    user = RoadUser("pedestrian", 0.6, 0.35, 1.75, 0.6, None)
-    built = timed_building(lambda: [road_user_mesh(user)])
+    user = RoadUser("pedestrian", 0.6, 0.35, 1.75, 0.6, None, None)
+    built = timed_building(lambda: [road_user_meshes(user)[0]])
     assert built.cpu_seconds > 0.0
-    assert built.triangles == sum(len(p.triangles) for p in road_user_mesh(user).parts)
+    assert built.triangles == sum(len(p.triangles) for p in road_user_meshes(user)[0].parts)
 
 
 def test_a_contact_sheet_has_two_columns_at_one_scale():

@@ -1,6 +1,6 @@
 // The scene from above.
 const map = find("map");
-const extent = Math.max(...pairs(data.contour).map(([x, y]) => Math.hypot(x, y))) / 1e3;
+const extent = Math.max(...data.contours.flatMap(pairs).map(([x, y]) => Math.hypot(x, y))) / 1e3;
 const view = { mode: "follow", zoom: 1, x: 0, y: 0, width: 1, height: 1 };
 
 function pairs(flat) {
@@ -64,7 +64,7 @@ function drawMap() {
   const ego = data.ego[k];
   if (ego) drawEgo(ego, run.fieldOfView, scale, x, y);
   const target = data.target[k];
-  const truth = target ? polygon(placed(data.contour, target)) : "";
+  const truth = target ? polygon(placed(data.contours[data.limbPoses[k]], target)) : "";
   find("truth").setAttribute("d", truth);
   find("truth-halo").setAttribute("d", truth);
   arrow(find("truth-heading"), find("truth-head"), target, 0.75 * extent, scale);

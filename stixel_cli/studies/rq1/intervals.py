@@ -1,8 +1,8 @@
 """RQ1: estimates with bootstrap intervals over poses.
 
-The unit is a pose: a frame of one road user, with all of its seeds. Seeds share the rendering, and
-pixels and stixels of a frame share its errors, so neither are independent. Poses are drawn
-separately for each road user.
+The unit is a pose: a frame of one road user, with all of its seeds, which may differ in the
+shape of the road user. Pixels and stixels of a frame share its errors, so they are not independent.
+Poses are drawn separately for each road user.
 """
 
 from collections.abc import Callable, Iterator, Mapping

@@ -11,7 +11,7 @@ from stixel_cli.config.folders import shipped_folder
 from stixel_cli.config.schema import Configuration
 from stixel_cli.rendering.surfaces import build_surfaces
 from stixel_cli.scene.mesh import Mesh
-from stixel_cli.scene.road_user import road_user_mesh
+from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.world import world_objects
 from stixel_cli.studies.data import StudyData, StudyRun, StudySweep
 from stixel_cli.studies.rq1.pool import by_label, cell, grid, matcher, rig, road_user
@@ -49,7 +49,7 @@ def setup_values(data: StudyData) -> dict[str, Any]:
     rows = [("street", cell(street.cpu_seconds), street.triangles)]
     for label, users in by_label(runs, road_user).items():
         user = users[0].configuration.road_user
-        built = timed_building(lambda user=user: [road_user_mesh(user)])
+        built = timed_building(lambda user=user: road_user_meshes(user)[:1])
         rows.append((label, cell(built.cpu_seconds), built.triangles))
     columns = ("sweep", "setting", "render", "sensor noise", "match", "free space", "stixels")
     return {

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.report import style
 from stixel_cli.report.compare import LINE_STYLES
 from stixel_cli.studies.data import StudyRun, chosen, names
@@ -52,7 +51,7 @@ def _scan(axes, run: StudyRun) -> None:
     scenario, scans = run.load("scenario"), run.load("scans")
     k = len(scans) // 2
     pose = scenario.target_poses_world[k]
-    contour = world_from_target(scenario.contour_target, pose)
+    contour = scenario.contour_world(k)
     points = scans.points_world[scans.rows(k)]
     axes.plot(*np.vstack([contour, contour[:1]]).T, color=style.TRUTH, linewidth=1.0)
     sensor = scans.sensor_poses_world[k, :2] - pose[:2]

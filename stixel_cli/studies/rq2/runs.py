@@ -11,7 +11,7 @@ import shapely
 from scipy.stats import chi2
 
 from stixel_cli.evaluation.metric_table import METRICS, Metric, metric, over_runs
-from stixel_cli.geometry.pose import world_from_target, wrap_angle
+from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.studies.tables import over_seeds
@@ -156,9 +156,7 @@ def contour_distances(scans: Scans, scenario: Scenario) -> np.ndarray:
         rows = scans.rows(k)
         if rows.start == rows.stop:
             continue
-        truth = shapely.Polygon(
-            world_from_target(scenario.contour_target, scenario.target_poses_world[k])
-        )
+        truth = shapely.Polygon(scenario.contour_world(k))
         points = shapely.points(scans.points_world[rows])
         away = shapely.distance(truth.exterior, points)
         distances[rows] = np.where(shapely.contains(truth, points), -away, away)

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stixel_cli.geometry.pose import rotation, world_from_target
+from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.rays import first_crossings, spread_rays
 from stixel_cli.report import ground, style
 from stixel_cli.studies.data import StudyRun, chosen, names
@@ -45,7 +45,7 @@ def paths(name: str, runs: "pd.DataFrame") -> Figure:
             axes.plot(*cars[:, :2].T, color=style.EGO, linewidth=1.2)
             axes.plot(*poses[:, :2].T, color=style.TRUTH, linewidth=0.9)
             for k in np.linspace(0, len(poses) - 1, CONTOURS).round().astype(int):
-                outline = world_from_target(scenario.contour_target, poses[k])
+                outline = scenario.contour_world(k)
                 ground.draw_contour(axes, outline, style.TRUTH, linewidth=0.9)
             axes.set_xlabel("x (m)")
             axes.tick_params(labelsize=7.0)
@@ -59,7 +59,7 @@ def rays(name: str, run: StudyRun) -> Figure:
     rig, measurement = run.configuration.rig, run.configuration.measurement
     k = len(scans) // 2
     pose, car = scenario.target_poses_world[k], scenario.ego_poses_world[k]
-    outline = world_from_target(scenario.contour_target, pose)
+    outline = scenario.contour_world(k)
     spread = spread_rays(
         measurement.rays or rig.width, rig.field_of_view, measurement.spacing == "tangent"
     )
@@ -93,7 +93,7 @@ def radial_functions(name: str, runs: "pd.DataFrame") -> Figure:
         grid = figure.subplots(1, len(kernels), sharey=True, squeeze=False)
         for axes, kernel in zip(grid[0], kernels, strict=True):
             run = chosen(runs, tracker=kernel).sort_values("seed")["run"].iloc[0]
-            track, contour = run.load("track"), run.load("scenario").contour_target
+            track, contour = run.load("track"), run.load("scenario").contour_target(-1)
             radii = np.linalg.norm(track.contours_world[-1] - track.means[-1, :2], axis=1)
             angles = np.linspace(0.0, 360.0, len(radii), endpoint=False)
             std = track.contour_std[-1]
