@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config import messages
 from stixel_cli.config.choose import choose, store_compositions
+from stixel_cli.config.file_runs import implied_by_file
 from stixel_cli.config.folders import conf_state, configuration_folder, group_options
 from stixel_cli.config.interpolation import NotPlain, interpolated, with_values
 from stixel_cli.config.keys import chosen_kinds, known_keys
@@ -108,6 +109,7 @@ class Composer:
         parsed = [self.parse(text) for text in texts]
         check_overrides(parsed)
         check_one_run(parsed)
+        parsed += [self.parse(text) for text in implied_by_file(parsed)]
         resolved, choices = _resolved(parsed, self._state)
         name_files_in_full(resolved, self._working_directory)
         configuration = _validate(resolved, [override.key_or_group for override in parsed])
@@ -128,8 +130,14 @@ def name_files_in_full(resolved: dict[str, Any], working_directory: str = "") ->
 
     They refer to `working_directory`; "" for the working directory of the process.
     """
-    for group, key in (("road_user", "mesh"), ("cache", "folder")):
-        name = resolved[group][key]
+    for group, key in (
+        ("road_user", "mesh"),
+        ("measurement", "path"),
+        ("measurement", "ego"),
+        ("measurement", "truth"),
+        ("cache", "folder"),
+    ):
+        name = resolved[group].get(key)
         # The checks refuse an empty name.
         if isinstance(name, str) and name:
             name = os.path.join(working_directory, os.path.expanduser(name))

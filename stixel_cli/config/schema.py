@@ -4,6 +4,7 @@ The fields are the groups of `conf/`. No field has a default: the values are onl
 configuration with a missing or an unknown key is invalid.
 """
 
+import math
 from functools import cache
 from typing import Annotated
 
@@ -13,6 +14,7 @@ from pydantic import Field, TypeAdapter
 from stixel_cli.engine.parameters import CacheParameters, Executor
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import FabricatedParameters
+from stixel_cli.measurements.file_parameters import FileParameters
 from stixel_cli.measurements.lidar import LidarParameters
 from stixel_cli.measurements.simulated import SimulatedParameters
 from stixel_cli.parameters import parameters
@@ -36,11 +38,15 @@ from stixel_cli.stixels.free_space_parameters import (
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
 from stixel_cli.tracking.point import PointParameters
 from stixel_cli.tracking.prior import PriorShape
-from stixel_cli.tracking.start import StartParameters
+from stixel_cli.tracking.start import TruthStart
+from stixel_cli.tracking.start_scans import ScansStart
 
 Renderer = RaycastParameters | FilamentParameters
 StereoParameters = SgmParameters | BmParameters
-MeasurementParameters = SimulatedParameters | FabricatedParameters | LidarParameters
+MeasurementParameters = (
+    SimulatedParameters | FabricatedParameters | LidarParameters | FileParameters
+)
+Start = TruthStart | ScansStart
 Tracker = GpEkfParameters | PointParameters
 
 _BY_KIND = Field(discriminator="kind")
@@ -73,11 +79,21 @@ class Configuration:
     height: HeightParameters
     extraction: ExtractionParameters
     measurement: Annotated[MeasurementParameters, _BY_KIND]
-    start: StartParameters
+    start: Annotated[Start, _BY_KIND]
     tracker: Annotated[Tracker, _BY_KIND]
     pictures: PicturesParameters
     executor: Annotated[Executor, _BY_KIND]
     cache: CacheParameters
+
+    @property
+    def field_of_view(self) -> tuple[float, float] | None:
+        """Bearings of the sensor's right and left border, rad; None if they are unknown."""
+        if isinstance(self.measurement, FileParameters):
+            return None
+        own = getattr(getattr(self.measurement, "scanner", None), "horizontal_fov", None)
+        if own is None:
+            return self.rig.field_of_view
+        return -math.radians(0.5 * own), math.radians(0.5 * own)
 
 
 @cache

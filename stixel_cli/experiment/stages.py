@@ -4,6 +4,7 @@ A definition names the function, the settings that each of its arguments takes, 
 runs over the frames. Each node of `pipelines/*.yaml` names its stage and its inputs.
 """
 
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -18,6 +19,8 @@ from stixel_cli.config.schema import Configuration, Renderer, StereoParameters, 
 from stixel_cli.engine.graph import Graph
 from stixel_cli.engine.keys import Stage
 from stixel_cli.errors import UserError
+from stixel_cli.measurements.file_parameters import FileParameters
+from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.mesh_file import referred_files
 
 CHUNK_SIZE = 10
@@ -135,7 +138,28 @@ TABLE: dict[str, Definition] = {
     "lidar_scans": Definition(
         _only("measurements.lidar:lidar_scans"), "once", _same("measurement"), seeded=True
     ),
-    "start": Definition(_only("tracking.start:noisy_start"), "once", _same("start"), seeded=True),
+    "read_scans": Definition(
+        _only("measurements.file:read_scans"),
+        "once",
+        {
+            "path": "measurement.path",
+            "ego": "measurement.ego",
+            "range_std": "measurement.range_std",
+        },
+        files=("measurement.path", "measurement.ego"),
+    ),
+    "read_truth": Definition(
+        _only("measurements.file_truth:read_truth"),
+        "once",
+        {"truth": "measurement.truth"},
+        files=("measurement.truth",),
+    ),
+    "truth_start": Definition(
+        _only("tracking.start:noisy_start"), "once", _same("start"), seeded=True
+    ),
+    "scans_start": Definition(
+        _only("tracking.start_scans:start_from_scans"), "once", _same("start", "prior")
+    ),
     "track": Definition(
         _by_kind(Tracker, "track"),
         "once",
@@ -167,13 +191,13 @@ TABLE: dict[str, Definition] = {
     "track_pictures": Definition(
         _only("report.birds_eye:track_pictures"),
         "pick",
-        _same("rig"),
+        _same("field_of_view"),
         pictures=True,
     ),
     "run_pictures": Definition(
         _only("report.over_time:run_pictures"),
         "once",
-        _same("rig"),
+        _same("field_of_view"),
         pictures=True,
     ),
 }
@@ -202,21 +226,32 @@ def pipeline_stages(configuration: Configuration) -> list[Stage]:
     Raises:
         UserError: if the pipeline's file is missing or names an unknown stage.
     """
+    _check_files(configuration)
     path = shipped_folder("pipelines") / f"{configuration.measurement.kind}.yaml"
     return [_stage(configuration, path, name, wiring or {}) for name, wiring in _read(path).items()]
 
 
 def scan_count(configuration: Configuration) -> int:
-    """Number K of scans: duration / sample time, rounded, and at least one."""
+    """Number K of scans: of the file, or duration / sample time, rounded, and at least one.
+
+    Raises:
+        UserError: if the file of the scans is missing or not valid.
+    """
+    if isinstance(configuration.measurement, FileParameters):
+        return len(_file_scans(configuration.measurement))
     return max(1, round(configuration.path.duration / configuration.path.sample_time))
 
 
 def pictured_frames(configuration: Configuration) -> tuple[int, ...]:
     """The frames to draw: those of the configuration, or four spread evenly over the run."""
     chosen = configuration.pictures.frames
-    if chosen is not None:
-        return tuple(sorted(set(chosen)))
     last = scan_count(configuration) - 1
+    if chosen is not None:
+        if chosen and max(chosen) > last:
+            raise UserError(
+                f"pictures.frames: must be <= {last}, the last frame, got {max(chosen)}"
+            )
+        return tuple(sorted(set(chosen)))
     return tuple(sorted({round(last * share / 4) for share in (0.5, 1.5, 2.5, 3.5)}))
 
 
@@ -238,6 +273,8 @@ def _parse(path: Path, *state: int) -> dict[str, dict[str, str] | None]:
 
 def _stage(configuration: Configuration, path: Path, name: str, wiring: dict[str, str]) -> Stage:
     inputs = dict(wiring)
+    if inputs and all(isinstance(value, dict) for value in inputs.values()):
+        inputs = dict(inputs[_value(configuration, f"{name}.kind")])
     stage = inputs.pop("stage", name)
     if stage not in TABLE:
         raise UserError(f"{path}: {name}: no stage {stage!r}; the table has {', '.join(TABLE)}")
@@ -255,6 +292,42 @@ def _stage(configuration: Configuration, path: Path, name: str, wiring: dict[str
         files=_files(_value(configuration, p) for p in definition.files),
         keys=definition.reads,
     )
+
+
+def _check_files(configuration: Configuration) -> None:
+    """Read the user's scans and truth, so that their faults are found before anything runs."""
+    measurement = configuration.measurement
+    if not isinstance(measurement, FileParameters) or measurement.path is None:
+        return
+    scans = _file_scans(measurement)
+    if measurement.truth is not None:
+        from stixel_cli.measurements.file_truth import read_truth
+
+        read_truth(scans, measurement.truth)
+
+
+def _file_scans(measurement: FileParameters) -> Scans:
+    if measurement.path is None:
+        raise UserError("measurement.path: is missing: give the file of the scans, .csv or .npz")
+    names = (measurement.path, measurement.ego)
+    return _scans(*names, measurement.range_std, *(n for name in names for n in _state(name)))
+
+
+def _state(name: str | None) -> tuple[int, ...]:
+    """What changes when a file changes; () if it cannot be read, which its reader reports."""
+    try:
+        stat = os.stat(name) if name is not None else None
+    except OSError:
+        return ()
+    return () if stat is None else (stat.st_mtime_ns, stat.st_size, stat.st_ino)
+
+
+@lru_cache(maxsize=16)
+def _scans(path: str, ego: str | None, range_std: float, *state: int) -> Scans:
+    """The scans of a file, read once per process while its `state` is the same."""
+    from stixel_cli.measurements.file import read_scans
+
+    return read_scans(path, ego, range_std)
 
 
 def _files(names: Iterable[str | None]) -> tuple[Path, ...]:

@@ -7,7 +7,6 @@ a page, so this module imports neither Matplotlib nor OpenCV.
 import base64
 import html
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from importlib import resources
@@ -113,6 +112,7 @@ def playback_data(
             }
         )
     scenario = runs[0].scenario
+    with_truth = bool(scenario.known.any())
     return {
         "title": title,
         "notes": list(notes),
@@ -120,13 +120,31 @@ def playback_data(
         "ego": _poses(scenario.ego_poses_world),
         "target": _poses(scenario.target_poses_world),
         "contour": _millimetres(scenario.contour_target.ravel()),
+        "extent": _extent(runs),
         "lowOverlap": LOW_OVERLAP,
-        "series": [asdict(series) | {"name": name} for name, series in SERIES.items()],
+        "series": [
+            asdict(series) | {"name": name}
+            for name, series in SERIES.items()
+            if with_truth or any(np.isfinite(getattr(run.scores, name)).any() for run in runs)
+        ],
         "neesBounds": _numbers(consistent_bounds(np.array([2])).ravel(), 4),
         "runs": played,
         "scans": [_scan(one) for one in scans],
         "cameras": [_camera(one) for one in cameras],
     }
+
+
+def _extent(runs: Sequence[RunResult]) -> int:
+    """Greatest radius of the true contour, mm; without one, the median of the estimated ones."""
+    contour = runs[0].scenario.contour_target
+    if len(contour):
+        radii = np.linalg.norm(contour, axis=1).max(keepdims=True)
+    else:
+        track = runs[0].track
+        away = track.contours_world - track.means[:, None, :2]
+        radii = np.linalg.norm(away, axis=2).max(axis=1)
+        radii = radii[radii < _FARTHEST]
+    return max(100, round(1000.0 * float(np.median(radii)))) if len(radii) else 1000
 
 
 def consistent_bounds(degrees_of_freedom: np.ndarray) -> np.ndarray:
@@ -144,6 +162,14 @@ def consistent_bounds(degrees_of_freedom: np.ndarray) -> np.ndarray:
 
 def _facts(run: RunResult) -> list[tuple[str, str]]:
     """(name, value) pairs that describe the run."""
+    measurement = run.settings["measurement"]
+    if measurement.get("kind") == "file":
+        facts = [(group, run.choice(group)) for group in ("prior", "start", "tracker")]
+        return [
+            ("scans", Path(measurement["path"]).name),
+            *facts,
+            ("seed", str(run.settings["seed"])),
+        ]
     facts = [(group, run.choice(group)) for group in FACTS]
     mesh = run.settings["road_user"].get("mesh")
     if mesh is not None:
@@ -151,18 +177,9 @@ def _facts(run: RunResult) -> list[tuple[str, str]]:
     return [*facts, ("seed", str(run.settings["seed"]))]
 
 
-def _field_of_view(configuration: Any) -> tuple[float, float]:
-    """Bearings of the sensor's right and left border, rad: a lidar may have its own."""
-    measurement = configuration.measurement
-    own = measurement.scanner.horizontal_fov if measurement.kind == "lidar" else None
-    if own is None:
-        return configuration.rig.field_of_view
-    return -math.radians(0.5 * own), math.radians(0.5 * own)
-
-
 def _run(run: RunResult, facts: Sequence[tuple[str, str]]) -> dict[str, Any]:
     track, scores = run.track, run.scores
-    field_of_view = _field_of_view(run.composition.configuration)
+    field_of_view = run.composition.configuration.field_of_view
     used = [
         track.used_points[track.used_offsets[k] : track.used_offsets[k + 1]] - run.scans.offsets[k]
         for k in range(len(track.times))
@@ -171,7 +188,9 @@ def _run(run: RunResult, facts: Sequence[tuple[str, str]]) -> dict[str, Any]:
     return {
         "label": run.label,
         "facts": [list(fact) for fact in facts],
-        "fieldOfView": [round(bearing, 6) for bearing in field_of_view],
+        "fieldOfView": (
+            None if field_of_view is None else [round(bearing, 6) for bearing in field_of_view]
+        ),
         "summary": _summary(scores.metrics),
         "poses": _poses(track.means),
         "centre": _ellipses(track.covariances[:, :2, :2]),

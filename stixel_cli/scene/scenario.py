@@ -25,10 +25,12 @@ class Scenario:
     Attributes:
         times: (K,) s.
         ego_poses_world: (K, 3) x m, y m, heading rad.
-        target_poses_world: (K, 3) x m, y m, heading rad.
-        target_rates_world: (K, 3) m/s, m/s, rad/s: the poses' derivatives.
+        target_poses_world: (K, 3) x m, y m, heading rad; NaN where the truth is unknown, which
+            only scans from a file can have.
+        target_rates_world: (K, 3) m/s, m/s, rad/s: the poses' derivatives; NaN as the poses.
         contour_target: (M, 2) m, the outline of the mesh's ground projection in the target frame:
-            one simple polygon, counter-clockwise, the first vertex not repeated.
+            one simple polygon, counter-clockwise, the first vertex not repeated; (0, 2) without
+            any truth.
         star_convex: whether every point of the contour is seen from the target's centre.
     """
 
@@ -38,3 +40,19 @@ class Scenario:
     target_rates_world: np.ndarray
     contour_target: np.ndarray
     star_convex: bool
+
+    @property
+    def known(self) -> np.ndarray:
+        """Whether the target's pose is known, (K,)."""
+        return np.isfinite(self.target_poses_world).all(axis=1)
+
+
+def is_star_convex(contour: np.ndarray) -> bool:
+    """Whether every point of the polygon `contour` (M, 2), ccw, is seen from the origin.
+
+    Exact: the origin must be on the inner side of the line through every edge, which is when the
+    cross product of each edge's ends is not negative.
+    """
+    following = np.roll(contour, -1, axis=0)
+    crosses = contour[:, 0] * following[:, 1] - contour[:, 1] * following[:, 0]
+    return bool(np.all(crosses >= 0.0))
