@@ -199,13 +199,17 @@ def truth_columns(scenario: Scenario) -> dict[str, np.ndarray]:
     length and width, m, are those of the contour's box along and across the heading.
     """
     k = np.flatnonzero(scenario.known)
-    rates = zip(("x_rate", "y_rate", "heading_rate"), scenario.target_rates_world[k].T, strict=True)
-    columns = pose_columns(scenario.times[k], scenario.target_poses_world[k]) | {"k": k}
-    size = dict(zip(("length", "width"), np.ptp(scenario.contour_target, axis=0), strict=True))
+    x_rate, y_rate, heading_rate = scenario.target_rates_world[k].T
+    contour = scenario.contour_target
+    length, width = np.ptp(contour, axis=0) if len(contour) else np.zeros(2)
     return {
-        **columns,
-        **dict(rates),
-        **{name: np.full(len(k), value) for name, value in size.items()},
+        **pose_columns(scenario.times[k], scenario.target_poses_world[k]),
+        "k": k,
+        "x_rate": x_rate,
+        "y_rate": y_rate,
+        "heading_rate": heading_rate,
+        "length": np.full(len(k), length),
+        "width": np.full(len(k), width),
     }
 
 

@@ -280,11 +280,10 @@ def _centre(
     if the sensor is between them; else half a side behind the nearest points.
     """
     turn = rotation(heading)
-    low, high = np.quantile(points_world @ turn, [0.1, 0.9], axis=0)
-    sensor = sensor_world @ turn
+    points, sensor = points_world @ turn, sensor_world @ turn
+    low, high = np.quantile(points, [0.1, 0.9], axis=0)
     whole = high - low >= SEEN * size
-    ahead, behind = ~whole & (sensor > high), ~whole & (sensor < low)
-    centre = np.where(
-        ahead, high - 0.5 * size, np.where(behind, low + 0.5 * size, 0.5 * (low + high))
-    )
-    return turn @ centre
+    nearest_high, nearest_low = ~whole & (sensor > high), ~whole & (sensor < low)
+    centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    centre = np.where(nearest_high, high - 0.5 * size, centre)
+    return turn @ np.where(nearest_low, low + 0.5 * size, centre)

@@ -61,7 +61,9 @@ NOISE = TruthStart("truth", "truth", position=0.3, heading=0.1, velocity=0.5, he
 
 
 def test_start_without_noise_predicts_the_truth_at_the_first_scan():
-    quiet = TruthStart("truth", position=1e-12, heading=1e-12, velocity=1e-12, heading_rate=1e-12)
+    quiet = TruthStart(
+        "truth", "truth", position=1e-12, heading=1e-12, velocity=1e-12, heading_rate=1e-12
+    )
     start = noisy_start(scenario(), quiet, seed=3)
     first = transition(0.2) @ start.mean
     np.testing.assert_allclose(first, [4.0, 9.0, 0.3, 3.0, -1.0, 0.4], atol=1e-9)
