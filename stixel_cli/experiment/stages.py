@@ -4,7 +4,6 @@ A definition names the function, the settings that each of its arguments takes, 
 runs over the frames. Each node of `pipelines/*.yaml` names its stage and its inputs.
 """
 
-import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -19,8 +18,8 @@ from stixel_cli.config.schema import Configuration, Renderer, StereoParameters, 
 from stixel_cli.engine.graph import Graph
 from stixel_cli.engine.keys import Stage
 from stixel_cli.errors import UserError
+from stixel_cli.experiment.user_scans import check_files, file_scans
 from stixel_cli.measurements.file_parameters import FileParameters
-from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.mesh_file import referred_files
 
 CHUNK_SIZE = 10
@@ -226,7 +225,7 @@ def pipeline_stages(configuration: Configuration) -> list[Stage]:
     Raises:
         UserError: if the pipeline's file is missing or names an unknown stage.
     """
-    _check_files(configuration)
+    check_files(configuration.measurement)
     path = shipped_folder("pipelines") / f"{configuration.measurement.kind}.yaml"
     return [_stage(configuration, path, name, wiring or {}) for name, wiring in _read(path).items()]
 
@@ -238,7 +237,7 @@ def scan_count(configuration: Configuration) -> int:
         UserError: if the file of the scans is missing or not valid.
     """
     if isinstance(configuration.measurement, FileParameters):
-        return len(_file_scans(configuration.measurement))
+        return len(file_scans(configuration.measurement))
     return max(1, round(configuration.path.duration / configuration.path.sample_time))
 
 
@@ -292,42 +291,6 @@ def _stage(configuration: Configuration, path: Path, name: str, wiring: dict[str
         files=_files(_value(configuration, p) for p in definition.files),
         keys=definition.reads,
     )
-
-
-def _check_files(configuration: Configuration) -> None:
-    """Read the user's scans and truth, so that their faults are found before anything runs."""
-    measurement = configuration.measurement
-    if not isinstance(measurement, FileParameters) or measurement.path is None:
-        return
-    scans = _file_scans(measurement)
-    if measurement.truth is not None:
-        from stixel_cli.measurements.file_truth import read_truth
-
-        read_truth(scans, measurement.truth)
-
-
-def _file_scans(measurement: FileParameters) -> Scans:
-    if measurement.path is None:
-        raise UserError("measurement.path: is missing: give the file of the scans, .csv or .npz")
-    names = (measurement.path, measurement.ego)
-    return _scans(*names, measurement.range_std, *(n for name in names for n in _state(name)))
-
-
-def _state(name: str | None) -> tuple[int, ...]:
-    """What changes when a file changes; () if it cannot be read, which its reader reports."""
-    try:
-        stat = os.stat(name) if name is not None else None
-    except OSError:
-        return ()
-    return () if stat is None else (stat.st_mtime_ns, stat.st_size, stat.st_ino)
-
-
-@lru_cache(maxsize=16)
-def _scans(path: str, ego: str | None, range_std: float, *state: int) -> Scans:
-    """The scans of a file, read once per process while its `state` is the same."""
-    from stixel_cli.measurements.file import read_scans
-
-    return read_scans(path, ego, range_std)
 
 
 def _files(names: Iterable[str | None]) -> tuple[Path, ...]:
