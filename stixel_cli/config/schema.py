@@ -8,7 +8,7 @@ import math
 from functools import cache
 from typing import Annotated
 
-from annotated_types import Ge, Le
+from annotated_types import Ge, Le, Len
 from pydantic import Field, TypeAdapter
 
 from stixel_cli.engine.parameters import CacheParameters, Executor
@@ -17,6 +17,7 @@ from stixel_cli.measurements.fabricated import FabricatedParameters
 from stixel_cli.measurements.file_parameters import FileParameters
 from stixel_cli.measurements.lidar import LidarParameters
 from stixel_cli.measurements.simulated import SimulatedParameters
+from stixel_cli.own_code import OwnCode
 from stixel_cli.parameters import parameters
 from stixel_cli.rendering.filament_parameters import FilamentParameters
 from stixel_cli.rendering.raycast_parameters import RaycastParameters
@@ -58,6 +59,8 @@ class Configuration:
 
     Attributes:
         seed: of all random numbers.
+        metrics: further metrics, each a function of the user's own as "module:function".
+        code_folders: folders of the user's own modules. Their content matters, not their names.
         executor, cache: where it runs and where results are cached. No result depends on them.
         others: the parameters of one group each; see their classes.
     """
@@ -78,10 +81,12 @@ class Configuration:
     free_space: FreeSpaceParameters
     height: HeightParameters
     extraction: ExtractionParameters
-    measurement: Annotated[MeasurementParameters, _BY_KIND]
+    measurement: Annotated[MeasurementParameters | OwnCode, _BY_KIND]
     start: Annotated[Start, _BY_KIND]
-    tracker: Annotated[Tracker, _BY_KIND]
+    tracker: Annotated[Tracker | OwnCode, _BY_KIND]
     pictures: PicturesParameters
+    metrics: Annotated[tuple[str, ...], Len(0, 64)]
+    code_folders: Annotated[tuple[str, ...], Len(0, 64)]
     executor: Annotated[Executor, _BY_KIND]
     cache: CacheParameters
 

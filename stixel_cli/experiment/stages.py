@@ -20,6 +20,7 @@ from stixel_cli.engine.keys import Stage
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.user_scans import check_files, file_scans
 from stixel_cli.measurements.file_parameters import FileParameters
+from stixel_cli.own_code import OwnCode
 from stixel_cli.scene.mesh_file import referred_files
 
 CHUNK_SIZE = 10
@@ -42,6 +43,8 @@ class Definition:
         files: dotted paths of the settings that are files. Their content, and that of the files
             they refer to, is part of the key.
         pictures: whether it draws: its result is a `Pictures`.
+        code: dotted paths of the settings that name the user's own functions: their code is part of
+            the key.
     """
 
     functions: Mapping[str, str]
@@ -52,6 +55,7 @@ class Definition:
     seeded: bool = False
     files: tuple[str, ...] = ()
     pictures: bool = False
+    code: tuple[str, ...] = ()
 
 
 def _only(function: str) -> dict[str, str]:
@@ -153,6 +157,13 @@ TABLE: dict[str, Definition] = {
         {"truth": "measurement.truth"},
         files=("measurement.truth",),
     ),
+    "own_scans": Definition(
+        _only("measurements.own:own_scans"),
+        "once",
+        {"function": "measurement.function", "parameters": "measurement.parameters"},
+        seeded=True,
+        code=("measurement.function",),
+    ),
     "truth_start": Definition(
         _only("tracking.start:noisy_start"), "once", _same("start"), seeded=True
     ),
@@ -200,6 +211,27 @@ TABLE: dict[str, Definition] = {
         pictures=True,
     ),
 }
+
+
+OWN: dict[str, Definition] = {
+    "track": Definition(
+        _only("tracking.own:track"),
+        "once",
+        {
+            "prior": "prior",
+            "function": "tracker.function",
+            "parameters": "tracker.parameters",
+        },
+        code=("tracker.function",),
+    ),
+    "scores": Definition(
+        _only("evaluation.own_metrics:evaluate_with_own"),
+        "once",
+        _same("metrics"),
+        code=("metrics",),
+    ),
+}
+"""The stages that replace those of `TABLE` where the user chooses own functions."""
 
 
 _DRAWING = {f for stage in TABLE.values() if stage.pictures for f in stage.functions.values()}
@@ -277,7 +309,12 @@ def _stage(configuration: Configuration, path: Path, name: str, wiring: dict[str
     stage = inputs.pop("stage", name)
     if stage not in TABLE:
         raise UserError(f"{path}: {name}: no stage {stage!r}; the table has {', '.join(TABLE)}")
-    definition = TABLE[stage]
+    own = (stage == "track" and isinstance(configuration.tracker, OwnCode)) or (
+        stage == "scores" and configuration.metrics
+    )
+    definition = OWN[stage] if own else TABLE[stage]
+    names = [_value(configuration, path) for path in definition.code]
+    functions = [f for name in names for f in ((name,) if isinstance(name, str) else name)]
     kind = _value(configuration, f"{definition.chosen_by}.kind") if definition.chosen_by else ""
     return Stage(
         name=name,
@@ -285,7 +322,9 @@ def _stage(configuration: Configuration, path: Path, name: str, wiring: dict[str
         pattern=definition.pattern,
         inputs=inputs,
         settings={a: _value(configuration, p) for a, p in definition.reads.items()},
-        modules=definition.modules,
+        modules=(*definition.modules, *(f.partition(":")[0] for f in functions)),
+        folders=tuple(map(Path, configuration.code_folders)) if functions else (),
+        own=bool(functions),
         seed=configuration.seed if definition.seeded else None,
         frames=pictured_frames(configuration) if definition.pattern == "pick" else (),
         files=_files(_value(configuration, p) for p in definition.files),
