@@ -114,7 +114,7 @@ def _asked(what: Sequence[str], file: str | None) -> _Asked:
         folder = Path(what[0])
         if (folder / SWEEP_FILE).exists():
             request = SweepFolder(folder).request()
-            composer = Composer(request.working_directory)
+            composer = Composer(request.working_directory, trusted=False)
             runs = compose_runs(request.runs, request.keys, composer)
             return _of_runs(*planned_sweep(runs, None, request.pictures, request.nodes))
         stored = read_stored_run(folder)

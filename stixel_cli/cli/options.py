@@ -96,6 +96,13 @@ Shuffle = Annotated[
     typer.Option(min=0, metavar="SEED", help="Shuffle the order of the runs with this seed."),
 ]
 Pictures = Annotated[bool, typer.Option("--pictures", help="Draw the pictures of every run.")]
+TrustCode = Annotated[
+    bool,
+    typer.Option(
+        "--trust-code",
+        help="Run the functions that the folder names and that are not of stixel.",
+    ),
+]
 Fresh = Annotated[
     bool, typer.Option("--fresh", help="Start over: delete the content of the study's folder.")
 ]

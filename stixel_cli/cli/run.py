@@ -10,7 +10,7 @@ import typer
 
 from stixel_cli.cli.options import Json, Name, Overrides, Results, Workers
 from stixel_cli.cli.terminal import print_json, print_table
-from stixel_cli.config.folders import group_options
+from stixel_cli.config.folders import group_options, installed_trackers
 from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
@@ -53,9 +53,9 @@ def run(
 def help_of_run() -> str:
     """The help of `stixel run`, with the groups of `conf/`."""
     try:
-        groups = group_options()
+        groups, installed = group_options(), installed_trackers()
     except (OSError, UserError):
-        groups = {}
+        groups, installed = {}, {}
     many = [f"  {name}={'|'.join(these)}" for name, these in groups.items() if len(these) > 1]
     single = ", ".join(name for name, these in groups.items() if len(these) == 1)
     return "\n".join(
@@ -74,6 +74,11 @@ def help_of_run() -> str:
                 initial_indent="  ",
                 subsequent_indent="    ",
             ),
+            "",
+            "\b",
+            "Your own (tutorial 4):",
+            "  tracker=MODULE:FUNCTION measurement=MODULE:FUNCTION metrics=[MODULE:FUNCTION,…]",
+            *([f"  of installed packages: tracker={'|'.join(installed)}"] if installed else []),
             "",
             "\b",
             "Keys of the chosen options, for example:",

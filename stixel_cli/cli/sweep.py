@@ -18,6 +18,7 @@ from stixel_cli.cli.options import (
     Results,
     Shuffle,
     SweepOverrides,
+    TrustCode,
     Workers,
 )
 from stixel_cli.cli.plan import print_plan
@@ -50,6 +51,7 @@ def sweep(
     ] = None,
     pictures: Pictures = False,
     dry_run: DryRun = False,
+    trust_code: TrustCode = False,
     json: Json = False,
 ) -> int:
     """Run all combinations of several values.
@@ -72,7 +74,14 @@ def sweep(
     overrides = overrides or []
     if resume is not None:
         _refuse_with_resume(file, name, shuffle, pictures, dry_run)
-        result = resumed_sweep(resume, workers, visible=True, overrides=overrides, note=tell)
+        result = resumed_sweep(
+            resume,
+            workers,
+            visible=True,
+            overrides=overrides,
+            note=tell,
+            trust_code=trust_code,
+        )
     else:
         overrides = with_workers(overrides, workers)
         if dry_run:

@@ -6,17 +6,15 @@ Hydra composes the other groups. The keys (`tracker.alpha=0.5`) are the function
 import os
 import sys
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from functools import cache
-from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stixel_cli.config.folders import group_options
+from stixel_cli.config.folders import group_options, installed_trackers
 from stixel_cli.config.keys import describe
 from stixel_cli.config.schema import Configuration
 from stixel_cli.engine.versions import providers
-from stixel_cli.errors import ConfigurationError, printable
+from stixel_cli.errors import ConfigurationError, UserError, printable, printable_path
 from stixel_cli.own_code import OwnCode, check_name, further_arguments, parameters_type
 
 if TYPE_CHECKING:
@@ -25,17 +23,7 @@ if TYPE_CHECKING:
 GIVEN = {"tracker": 3, "measurement": 2}
 """Groups whose option can be a function, with its number of arguments before its parameters."""
 
-ENTRY_POINTS = "stixel.trackers"
-"""Installed packages name their trackers in this group of entry points."""
-
 RESERVED = ("kind", "function")
-
-
-@cache
-def installed_trackers() -> dict[str, str]:
-    """Trackers of installed packages: name to "module:function". Nothing is imported."""
-    found = entry_points(group=ENTRY_POINTS)
-    return {one.name: one.value for one in found if one.name not in group_options()["tracker"]}
 
 
 def own_function(group: str, option: Any) -> str | None:
@@ -115,6 +103,21 @@ def functions_of(resolved: Mapping[str, Any]) -> dict[str, str]:
     for i, name in enumerate(metrics if isinstance(metrics, list) else ()):
         found[f"metrics[{i}]"] = str(name)
     return found
+
+
+def require_trust(resolved: Mapping[str, Any], folder: Path, trusted: bool) -> None:
+    """Refuse to run the user's functions that a result folder names, unless they are trusted.
+
+    Raises:
+        UserError: in one line that names them.
+    """
+    names = dict.fromkeys(functions_of(resolved).values())
+    if names and not trusted:
+        shown = printable(", ".join(names), 200)
+        raise UserError(
+            f"{printable_path(folder)}: runs code that is not of stixel, {shown}: read it, and add "
+            "--trust-code if you trust it"
+        )
 
 
 def find_folders(resolved: Mapping[str, Any], working_directory: str) -> list[str]:
