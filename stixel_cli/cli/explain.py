@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from stixel_cli.cli.completion import complete_run_or_override
-from stixel_cli.cli.options import FromFile, Json
+from stixel_cli.cli.options import ConfigDir, FromFile, Json
 from stixel_cli.cli.terminal import print_json
 from stixel_cli.errors import UserError, printable_path
 
@@ -51,6 +51,7 @@ def explain(
     ] = None,
     file: FromFile = None,
     json: Json = False,
+    config_dir: ConfigDir = None,
 ) -> int:
     """Explain why results would be recomputed.
 

@@ -96,6 +96,24 @@ Shuffle = Annotated[
     typer.Option(min=0, metavar="SEED", help="Shuffle the order of the runs with this seed."),
 ]
 Pictures = Annotated[bool, typer.Option("--pictures", help="Draw the pictures of every run.")]
+
+
+def _use_presets(folder: Path | None) -> Path | None:
+    from stixel_cli.config.folders import use_presets
+
+    use_presets(folder)
+    return folder
+
+
+ConfigDir = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        help="Folder with presets of your own, laid out as conf/: DIR/GROUP/OPTION.yaml.",
+        callback=_use_presets,
+        is_eager=True,
+    ),
+]
 TrustCode = Annotated[
     bool,
     typer.Option(

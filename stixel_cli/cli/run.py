@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from stixel_cli.cli.options import Json, Name, Overrides, Results, Workers
+from stixel_cli.cli.options import ConfigDir, Json, Name, Overrides, Results, Workers
 from stixel_cli.cli.terminal import print_json, print_table
-from stixel_cli.config.folders import group_options, installed_trackers
+from stixel_cli.config.folders import group_options, installed_trackers, presets_option
 from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ def run(
             "--dry-run", help="Print the configuration and the missing nodes; compute nothing."
         ),
     ] = False,
+    config_dir: ConfigDir = None,
 ) -> int:
     """Run one experiment; its help is `help_of_run`."""
     from stixel_cli.config.compose import compose
@@ -44,7 +45,7 @@ def run(
         check_name(results, name)
         _print_plan(composition, open_store(composition.configuration.cache), json)
         return 0
-    command = ["stixel", "run", *composition.overrides]
+    command = ["stixel", "run", *composition.overrides, *presets_option()]
     made = record_run(composition, command, results, name, progress=make_progress())
     print_run(made, json)
     return 0

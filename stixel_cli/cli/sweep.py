@@ -10,6 +10,7 @@ import typer
 from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.errors import tell
 from stixel_cli.cli.options import (
+    ConfigDir,
     DryRun,
     FromFile,
     Json,
@@ -53,6 +54,7 @@ def sweep(
     dry_run: DryRun = False,
     trust_code: TrustCode = False,
     json: Json = False,
+    config_dir: ConfigDir = None,
 ) -> int:
     """Run all combinations of several values.
 

@@ -12,7 +12,12 @@ from typing import TYPE_CHECKING, Any
 from stixel_cli.config import messages
 from stixel_cli.config.choose import choose, store_compositions
 from stixel_cli.config.file_runs import implied_by_file
-from stixel_cli.config.folders import conf_state, configuration_folder, group_options
+from stixel_cli.config.folders import (
+    conf_state,
+    configuration_folder,
+    group_options,
+    own_presets,
+)
 from stixel_cli.config.interpolation import NotPlain, interpolated, with_values
 from stixel_cli.config.keys import chosen_kinds, known_keys
 from stixel_cli.config.overrides import check_one_run, check_overrides, parse_overrides
@@ -237,7 +242,9 @@ def _explained(fault: Exception) -> Exception:
         return ConfigurationError(_not_composed(fault))
     if isinstance(fault, YAMLError | UnicodeDecodeError | RecursionError):
         # Hydra does not name the file in some of these.
-        for path in sorted(configuration_folder().rglob("*.yaml")):
+        own = own_presets()
+        folders = (configuration_folder(), *([] if own is None else [own]))
+        for path in (path for folder in folders for path in sorted(folder.rglob("*.yaml"))):
             read_yaml_text(path)
         return ConfigurationError(messages.printable(" ".join(str(fault).split()), 300))
     return fault

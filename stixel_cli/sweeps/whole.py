@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from stixel_cli.config.compose import Composer
+from stixel_cli.config.folders import presets_option
 from stixel_cli.config.own_options import check_parameters, functions_of, require_trust
 from stixel_cli.engine.plan import probe
 from stixel_cli.engine.store import open_store
@@ -223,4 +224,4 @@ def _command(
     options = [] if file is None else ["--from", file]
     options += [] if shuffle is None else ["--shuffle", str(shuffle)]
     options += ["--pictures"] if pictures else []
-    return shlex.join(["stixel", "sweep", *overrides, *options])
+    return shlex.join(["stixel", "sweep", *overrides, *options, *presets_option()])
