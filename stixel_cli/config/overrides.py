@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from stixel_cli.config import folders, messages
 from stixel_cli.config.folders import group_options
 from stixel_cli.config.keys import known_keys
-from stixel_cli.config.own_options import check_option, is_parameter, own_groups
+from stixel_cli.config.own_options import GIVEN, check_option, is_parameter, own_groups
 from stixel_cli.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -278,6 +278,9 @@ def single_overrides(override: "Override", shuffled: bool) -> list[str]:
         raise ConfigurationError(f"{line}: has no values{options}")
     if len(texts) > MOST_VALUES:
         raise ConfigurationError(f"{line}: has more than {MOST_VALUES} values")
+    if name in GIVEN:
+        # Hydra escapes the colon of module:function.
+        texts = [text.replace("\\:", ":") for text in texts]
     return [f"{before}={text}" for text in texts]
 
 

@@ -6,6 +6,7 @@ Hydra composes the other groups. The keys (`tracker.alpha=0.5`) are the function
 import os
 import sys
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -148,15 +149,14 @@ def _folder_of(key: str, module: str, places: Sequence[str]) -> str | None:
     local = next(
         (p for p in places if (Path(p) / f"{top}.py").is_file() or (Path(p) / top).is_dir()), None
     )
-    try:
-        spec = find_spec(top)
-    except (ImportError, ValueError):
-        spec = None
+    # Not as `find_spec`, which may answer with a module of the same name that is imported.
+    spec = PathFinder.find_spec(top, [p for p in sys.path if p not in places])
+    spec = _editable(top) if spec is None else spec
     where = None
     if spec is not None:
         locations = list(spec.submodule_search_locations or ())
-        where = str(Path(locations[0]).parent) if locations else str(Path(spec.origin or "").parent)
-    taken = top in sys.stdlib_module_names or (top in providers() and local != where)
+        where = str(Path(locations[0] if locations else spec.origin or "").parent)
+    taken = top in sys.stdlib_module_names or (top in providers() and where not in (None, local))
     if local is not None and taken:
         raise ConfigurationError(
             f"{key}: {local} has a module {top}, but this is the name of an installed one: "
@@ -172,6 +172,16 @@ def _folder_of(key: str, module: str, places: Sequence[str]) -> str | None:
     if local is not None and not _exists(Path(local), module):
         raise ConfigurationError(f"{key}: no module {printable(module)} found in {local}")
     return local
+
+
+def _editable(top: str) -> ModuleSpec | None:
+    """The module of an editable install, which its own finder finds."""
+    if top not in providers():
+        return None
+    try:
+        return find_spec(top)
+    except (ImportError, ValueError):
+        return None
 
 
 def _exists(folder: Path, module: str) -> bool:

@@ -12,11 +12,12 @@ imports included, makes the stage stale.
   and files that it reads: see `Stage.modules` and `Stage.files`.
 """
 
+import importlib
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from hashlib import sha256
-from importlib.machinery import EXTENSION_SUFFIXES
+from importlib.machinery import EXTENSION_SUFFIXES, ModuleSpec, PathFinder
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -59,6 +60,27 @@ class _Module:
     code_digest: str
     is_empty: bool
     imports: tuple[tuple[str, str | None], ...]
+
+
+_added: list[str] = []
+"""Folders of the user's modules at the end of the import path."""
+
+
+def search_also(folders: Iterable[Path]) -> None:
+    """Put folders of the user's modules, and no others, at the end of the import path.
+
+    There a file hides no installed package.
+    """
+    wanted = [str(folder) for folder in folders]
+    for folder in _added:
+        if folder in sys.path and folder not in wanted:
+            sys.path.remove(folder)
+    _added[:] = [folder for folder in _added if folder in wanted]
+    for folder in wanted:
+        if folder not in sys.path:
+            sys.path.append(folder)
+            _added.append(folder)
+            importlib.invalidate_caches()
 
 
 def same_files(files: Mapping[str, tuple[Path, str]]) -> bool:
@@ -147,12 +169,11 @@ class _Walk:
     def _search(self, top: str) -> tuple[Path, ...]:
         """The folders that contain the top-level module; the import path comes first."""
         if top not in self._folders:
-            own = (
-                folder
-                for folder in self._own
-                if (folder / f"{top}.py").is_file() or (folder / top).is_dir()
-            )
-            self._folders[top] = _search_folders(top) or tuple(own)[:1]
+            own = any((f / f"{top}.py").is_file() or (f / top).is_dir() for f in self._own)
+            # Not as `find_spec`, which may answer with a module of the same name that is imported.
+            path = [*(p for p in sys.path if p not in _added), *map(str, self._own)]
+            spec = PathFinder.find_spec(top, path) if own else None
+            self._folders[top] = _search_folders(top) if spec is None else _folders_of(spec)
         return self._folders[top]
 
     def _reached(self, target: str, attribute: str | None) -> Iterator[str]:
@@ -207,8 +228,10 @@ def _search_folders(top: str) -> tuple[Path, ...]:
         spec = find_spec(top)
     except (ImportError, ValueError):
         return ()
-    if spec is None:
-        return ()
+    return () if spec is None else _folders_of(spec)
+
+
+def _folders_of(spec: ModuleSpec) -> tuple[Path, ...]:
     if spec.submodule_search_locations:
         return tuple(Path(folder).parent for folder in spec.submodule_search_locations)
     return (Path(spec.origin).parent,) if spec.origin and spec.has_location else ()

@@ -20,7 +20,7 @@ from types import CodeType
 from typing import Any
 
 from stixel_cli import FIRST_IMPORT
-from stixel_cli.engine.code import Code, CodeIndex, same_files
+from stixel_cli.engine.code import Code, CodeIndex, same_files, search_also
 from stixel_cli.engine.errors import CodeChanged
 
 _started = FIRST_IMPORT
@@ -50,10 +50,8 @@ def planned_function(name: str, code: Code) -> Callable[..., Any]:
     """
     # Without the lock, another thread could see the module imported but not yet in `_imported`.
     with _lock:
-        for folder in map(str, code.folders):
-            if folder not in sys.path:
-                # Last, so that a file there hides no installed package.
-                sys.path.append(folder)
+        if code.folders:
+            search_also(code.folders)
         if not may_run_here(code):
             raise _changed(name)
         check_bytecode({module: path for module, (path, _) in code.files.items()})
@@ -83,14 +81,18 @@ def current_function(name: str, folders: tuple[Path, ...]) -> Callable[..., Any]
     """
     module = name.partition(":")[0]
     code = CodeIndex().code([module], folders)
-    if not may_run_here(code):
-        package = f"{__name__.partition('.')[0]}."
+    package = __name__.partition(".")[0]
+    files = {one: path for one, (path, _) in code.files.items() if one.partition(".")[0] != package}
+    elsewhere = any(
+        one in sys.modules and getattr(sys.modules[one], "__file__", None) != str(path)
+        for one, path in files.items()
+    )
+    if elsewhere or not may_run_here(code):
         with _lock:
-            for own, (path, _) in code.files.items():
-                if not own.startswith(package):
-                    sys.modules.pop(own, None)
-                    _imported.pop(own, None)
-                    _checked.discard(path)
+            for one, path in files.items():
+                sys.modules.pop(one, None)
+                _imported.pop(one, None)
+                _checked.discard(path)
     importlib.invalidate_caches()
     return planned_function(name, code)
 

@@ -2,6 +2,7 @@
 
 import importlib.metadata
 import json
+import shutil
 import sys
 
 import numpy as np
@@ -231,6 +232,17 @@ def test_an_edit_between_two_runs_of_one_process_takes_effect(own):
     np.testing.assert_allclose(second.track.means[:, 0] - first.track.means[:, 0], 1.0)
 
 
+def test_a_module_of_the_same_name_in_another_folder_is_another_module(own, tmp_path, monkeypatch):
+    words = [*QUICK, THREADS, f"tracker={own.name}:track"]
+    first = run(words)
+    other = tmp_path / "other"
+    shutil.copytree(own.folder, other, ignore=shutil.ignore_patterns("__pycache__"))
+    (other / f"{own.helper}.py").write_text("OFFSET = 5.0\n")
+    monkeypatch.chdir(other)
+    second = run(words)
+    np.testing.assert_allclose(second.track.means[:, 0] - first.track.means[:, 0], 2.0)
+
+
 def test_the_folders_name_is_not_in_the_key(own, tmp_path, monkeypatch):
     before = keys(f"tracker={own.name}:track")
     own.folder.rename(tmp_path / "moved")
@@ -264,7 +276,7 @@ def test_a_sweep_compares_it_with_the_trackers_of_stixel(own, capsys):
     words = [*QUICK, THREADS, f"tracker=point,{own.name}:track", "seed=0,1"]
     assert main(["sweep", "--results", str(own.results), "--name", "s", *words]) == 0
     table = (own.results / "s" / "summary.md").read_text()
-    assert f"{own.name}:track" in table
+    assert f"| {own.name}:track |" in table
     both = [*QUICK, THREADS, f"tracker={own.name}:track", "tracker.alpha=0.1,0.2"]
     assert main(["sweep", "--results", str(own.results), "--name", "t", *both]) == 0
     assert main(["sweep", "--results", str(own.results), *both, "tracker.beta=1"]) == 2
