@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from stixel_cli import __version__
 from stixel_cli.cli import cache
@@ -38,6 +38,13 @@ class _Commands(TyperGroup):
             return super().invoke(context)
         except KeyboardInterrupt:
             raise Interrupted from None
+
+
+class _Run(TyperCommand):
+    def format_help(self, context: Any, formatter: Any) -> None:
+        """Look up the options only where they are printed."""
+        self.help = help_of_run()
+        super().format_help(context, formatter)
 
 
 # Without Rich the help takes half the time, and no boxes surround the one line of an error.
@@ -101,7 +108,7 @@ def stixel(
     """
 
 
-app.command(help=help_of_run())(run)
+app.command(cls=_Run, short_help="Run one experiment.")(run)
 for _command in (sweep, study, plan, explain, rerun, verify, ls, show, compare, report, play):
     app.command()(_command)
 app.add_typer(cache.app, name="cache")

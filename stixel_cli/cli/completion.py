@@ -7,6 +7,7 @@ from stixel_cli.config.folders import (
     default_option,
     group_options,
     inner_options,
+    installed_trackers,
     option_values,
     shipped_folder,
 )
@@ -99,6 +100,8 @@ def _candidates(typed: str, words: list[str]) -> list[str]:
     if equals or len(groups) == 1:
         # The shell appends a space to a single `group=`, so complete to its options.
         found = [f"{group}={option}" for group in groups for option in group_options()[group]]
+        if "tracker" in groups:
+            found += [f"tracker={name}" for name in installed_trackers()]
     else:
         found = [f"{group}=" for group in groups]
     if key and "seed".startswith(key):

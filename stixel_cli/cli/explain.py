@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from stixel_cli.cli.completion import complete_run_or_override
-from stixel_cli.cli.options import FromFile, Json
+from stixel_cli.cli.options import ConfigDir, FromFile, Json
 from stixel_cli.cli.terminal import print_json
 from stixel_cli.errors import UserError, printable_path
 
@@ -51,6 +51,7 @@ def explain(
     ] = None,
     file: FromFile = None,
     json: Json = False,
+    config_dir: ConfigDir = None,
 ) -> int:
     """Explain why results would be recomputed.
 
@@ -114,7 +115,7 @@ def _asked(what: Sequence[str], file: str | None) -> _Asked:
         folder = Path(what[0])
         if (folder / SWEEP_FILE).exists():
             request = SweepFolder(folder).request()
-            composer = Composer(request.working_directory)
+            composer = Composer(request.working_directory, trusted=False)
             runs = compose_runs(request.runs, request.keys, composer)
             return _of_runs(*planned_sweep(runs, None, request.pictures, request.nodes))
         stored = read_stored_run(folder)

@@ -96,6 +96,31 @@ Shuffle = Annotated[
     typer.Option(min=0, metavar="SEED", help="Shuffle the order of the runs with this seed."),
 ]
 Pictures = Annotated[bool, typer.Option("--pictures", help="Draw the pictures of every run.")]
+
+
+def _use_presets(folder: Path | None) -> Path | None:
+    from stixel_cli.config.folders import use_presets
+
+    use_presets(folder)
+    return folder
+
+
+ConfigDir = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        help="Folder with presets of your own, laid out as conf/: DIR/GROUP/OPTION.yaml.",
+        callback=_use_presets,
+        is_eager=True,
+    ),
+]
+TrustCode = Annotated[
+    bool,
+    typer.Option(
+        "--trust-code",
+        help="Run the functions that the folder names and that are not of stixel.",
+    ),
+]
 Fresh = Annotated[
     bool, typer.Option("--fresh", help="Start over: delete the content of the study's folder.")
 ]

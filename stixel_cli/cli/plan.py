@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from stixel_cli.cli.options import FromFile, Json, Pictures, SweepOverrides, Workers
+from stixel_cli.cli.options import ConfigDir, FromFile, Json, Pictures, SweepOverrides, Workers
 from stixel_cli.cli.run import with_workers
 from stixel_cli.cli.terminal import counted, print_json, print_table
 
@@ -23,6 +23,7 @@ def plan(
     workers: Workers = None,
     pictures: Pictures = False,
     json: Json = False,
+    config_dir: ConfigDir = None,
 ) -> int:
     """Print what a run or a sweep would compute.
 

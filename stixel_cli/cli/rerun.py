@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from stixel_cli.cli.options import Folder, Json, Name, Results, Workers
+from stixel_cli.cli.options import Folder, Json, Name, Results, TrustCode, Workers
 from stixel_cli.cli.run import print_run, print_scores, with_workers
 
 
@@ -11,6 +11,7 @@ def rerun(
     name: Name = None,
     results: Results = Path("results"),
     workers: Workers = None,
+    trust_code: TrustCode = False,
     json: Json = False,
 ) -> int:
     """Repeat a run with the configuration of its folder.
@@ -21,9 +22,10 @@ def rerun(
     Example: stixel rerun results/wide-prior
     """
     from stixel_cli.engine.progress import make_progress
-    from stixel_cli.experiment.run import read_stored_run, record_run
+    from stixel_cli.experiment.run import read_stored_run, record_run, trust_stored_run
 
     stored = read_stored_run(folder, tuple(with_workers((), workers)))
+    trust_stored_run(stored, trust_code)
     made = record_run(
         stored.composition,
         ["stixel", "rerun", str(folder)],

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from stixel_cli.cli.options import Json, Name, Overrides, Results, Workers
+from stixel_cli.cli.options import ConfigDir, Json, Name, Overrides, Results, Workers
 from stixel_cli.cli.terminal import print_json, print_table
-from stixel_cli.config.folders import group_options
+from stixel_cli.config.folders import group_options, installed_trackers, presets_option
 from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ def run(
             "--dry-run", help="Print the configuration and the missing nodes; compute nothing."
         ),
     ] = False,
+    config_dir: ConfigDir = None,
 ) -> int:
     """Run one experiment; its help is `help_of_run`."""
     from stixel_cli.config.compose import compose
@@ -46,7 +47,7 @@ def run(
         check_name(results, name)
         _print_plan(composition, open_store(composition.configuration.cache), json)
         return 0
-    command = ["stixel", "run", *composition.overrides]
+    command = ["stixel", "run", *composition.overrides, *presets_option()]
     made = record_run(
         composition,
         command,
@@ -62,9 +63,9 @@ def run(
 def help_of_run() -> str:
     """The help of `stixel run`, with the groups of `conf/`."""
     try:
-        groups = group_options()
+        groups, installed = group_options(), installed_trackers()
     except (OSError, UserError):
-        groups = {}
+        groups, installed = {}, {}
     many = [f"  {name}={'|'.join(these)}" for name, these in groups.items() if len(these) > 1]
     single = ", ".join(name for name, these in groups.items() if len(these) == 1)
     return "\n".join(
@@ -83,6 +84,11 @@ def help_of_run() -> str:
                 initial_indent="  ",
                 subsequent_indent="    ",
             ),
+            "",
+            "\b",
+            "Your own (tutorial 4):",
+            "  tracker=MODULE:FUNCTION measurement=MODULE:FUNCTION metrics=[MODULE:FUNCTION,…]",
+            *([f"  of installed packages: tracker={'|'.join(installed)}"] if installed else []),
             "",
             "\b",
             "Keys of the chosen options, for example:",

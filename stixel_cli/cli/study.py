@@ -6,7 +6,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.cli.errors import tell
-from stixel_cli.cli.options import DryRun, Fresh, Json, Results, StudyName, StudyWords, Workers
+from stixel_cli.cli.options import (
+    ConfigDir,
+    DryRun,
+    Fresh,
+    Json,
+    Results,
+    StudyName,
+    StudyWords,
+    Workers,
+)
 from stixel_cli.cli.plan import plan_content, print_plan
 from stixel_cli.cli.terminal import print_json, print_table
 from stixel_cli.errors import ConfigurationError, UserError
@@ -26,6 +35,7 @@ def study(
     fresh: Fresh = False,
     dry_run: DryRun = False,
     json: Json = False,
+    config_dir: ConfigDir = None,
 ) -> int:
     """Run a study and write its report, tables and figures.
 

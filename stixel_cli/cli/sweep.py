@@ -10,6 +10,7 @@ import typer
 from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.errors import tell
 from stixel_cli.cli.options import (
+    ConfigDir,
     DryRun,
     FromFile,
     Json,
@@ -18,6 +19,7 @@ from stixel_cli.cli.options import (
     Results,
     Shuffle,
     SweepOverrides,
+    TrustCode,
     Workers,
 )
 from stixel_cli.cli.plan import print_plan
@@ -50,7 +52,9 @@ def sweep(
     ] = None,
     pictures: Pictures = False,
     dry_run: DryRun = False,
+    trust_code: TrustCode = False,
     json: Json = False,
+    config_dir: ConfigDir = None,
 ) -> int:
     """Run all combinations of several values.
 
@@ -72,7 +76,14 @@ def sweep(
     overrides = overrides or []
     if resume is not None:
         _refuse_with_resume(file, name, shuffle, pictures, dry_run)
-        result = resumed_sweep(resume, workers, visible=True, overrides=overrides, note=tell)
+        result = resumed_sweep(
+            resume,
+            workers,
+            visible=True,
+            overrides=overrides,
+            note=tell,
+            trust_code=trust_code,
+        )
     else:
         overrides = with_workers(overrides, workers)
         if dry_run:

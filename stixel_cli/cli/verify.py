@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from stixel_cli.cli.options import Folder, Json, Workers
+from stixel_cli.cli.options import Folder, Json, TrustCode, Workers
 from stixel_cli.cli.run import with_workers
 from stixel_cli.cli.terminal import print_json
 from stixel_cli.errors import UserError
@@ -27,6 +27,7 @@ def verify(
         bool, typer.Option("--cached", help="Take unchanged results from the cache.")
     ] = False,
     workers: Workers = None,
+    trust_code: TrustCode = False,
     json: Json = False,
 ) -> int:
     """Repeat a run and check that the results are identical.
@@ -41,11 +42,12 @@ def verify(
 
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.engine.store import Store, open_store
-    from stixel_cli.experiment.run import read_stored_run
+    from stixel_cli.experiment.run import read_stored_run, trust_stored_run
     from stixel_cli.experiment.verify import verify_run
     from stixel_cli.results.provenance import provenance
 
     stored = read_stored_run(folder, tuple(with_workers((), workers)))
+    trust_stored_run(stored, trust_code)
     own = open_store(stored.composition.configuration.cache)
     progress = make_progress()
     if cached:

@@ -16,6 +16,7 @@ from stixel_cli.config.folders import (
     configuration_folder,
     default_option,
     group_options,
+    own_presets,
 )
 from stixel_cli.engine.parameters import default_cache_folder
 from stixel_cli.errors import UserError
@@ -145,12 +146,14 @@ def _by_hydra(chosen: tuple[str, ...]) -> tuple[dict[str, Any], dict[str, str]]:
     from omegaconf import OmegaConf, open_dict
 
     folder = str(configuration_folder())
+    own = own_presets()
+    search = [] if own is None else [f'hydra.searchpath=["file://{own}"]']
     with (
         _HYDRA,
         _no_hydra_of_others(),
         hydra.initialize_config_dir(folder, job_name="stixel", version_base="1.3"),
     ):
-        composed = hydra.compose("config", overrides=list(chosen), return_hydra_config=True)
+        composed = hydra.compose("config", overrides=[*chosen, *search], return_hydra_config=True)
         options = dict(composed.hydra.runtime.choices)
     with open_dict(composed):
         del composed["hydra"]

@@ -8,7 +8,7 @@ import copy
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from stixel_cli.config.folders import EXPERIMENT, configuration_folder
+from stixel_cli.config.folders import EXPERIMENT, option_file
 from stixel_cli.config.keys import chosen_kinds, known_keys
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.files import read_yaml
@@ -18,7 +18,7 @@ INNER, SOURCES = "inner_options", "sources"
 
 def experiment_sources(option: str) -> dict[str, str]:
     """The sources that an experiment's file states: key or group to text, in the file's order."""
-    content = read_yaml(configuration_folder() / EXPERIMENT / f"{option}.yaml")
+    content = read_yaml(option_file(EXPERIMENT, option))
     return dict((content or {}).get(SOURCES, {}))
 
 

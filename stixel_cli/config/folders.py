@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 EXPERIMENT = "experiment"
 """The group whose options set options and values of other groups; it has no keys of its own."""
 
+TRACKERS = "stixel.trackers"
+"""The group of entry points in which installed packages name their trackers."""
+
 _PACKAGE = Path(__file__).resolve().parents[1]
 _LINE = re.compile(r"^( *)([A-Za-z_]\w*):(.*)$", re.MULTILINE)
 _DEFAULTS = re.compile(r"^defaults:.*\n((?: *-.*\n)+)", re.MULTILINE)
@@ -48,15 +51,67 @@ def configuration_folder() -> Path:
     return shipped_folder("conf")
 
 
+_own: Path | None = None
+
+
+def own_presets() -> Path | None:
+    """The folder of the user's own presets, `--config-dir`; None without one."""
+    return _own
+
+
+def presets_option() -> list[str]:
+    """`--config-dir DIR` of a command line, if there are presets of the user's own."""
+    return [] if _own is None else ["--config-dir", str(_own)]
+
+
+def use_presets(folder: Path | None) -> None:
+    """Add the options in `folder`, laid out as `conf/`, to those of `conf/`; None for none.
+
+    Raises:
+        ConfigurationError: if a group is unknown, or an option of that name exists.
+    """
+    global _own
+    if _own is not None or folder is not None:
+        group_options.cache_clear()
+        installed_trackers.cache_clear()
+    _own = None
+    if folder is None:
+        return
+    if not folder.is_dir():
+        raise ConfigurationError(f"--config-dir: {folder}: no such folder")
+    groups = group_options()
+    for path in sorted(folder.rglob("*.yaml")):
+        group, option = path.parent.relative_to(folder).as_posix(), path.stem
+        if group not in groups:
+            raise ConfigurationError(
+                f"--config-dir: {path}: must be in a folder of a group's name, such as tracker/"
+            )
+        if option in groups[group]:
+            raise ConfigurationError(f"--config-dir: {path}: {group}={option} exists; rename it")
+    group_options.cache_clear()
+    _own = folder.resolve()
+
+
+def _roots() -> list[Path]:
+    return [configuration_folder(), *([] if _own is None else [_own])]
+
+
+def option_file(group: str, option: str) -> Path:
+    """The file of an option, in `conf/` or among the user's own presets."""
+    files = [root / group / f"{option}.yaml" for root in _roots()]
+    return next((file for file in files[1:] if file.is_file()), files[0])
+
+
 def conf_state() -> str:
-    """A digest of the names and contents of all files of `conf/`."""
+    """A digest of the names and contents of all files of `conf/` and of the user's own presets."""
     from hashlib import sha256
 
-    folder = configuration_folder()
     digest = sha256()
-    for path in sorted(folder.rglob("*.yaml")):
-        content = path.read_bytes()
-        digest.update(f"{path.relative_to(folder)}\n{len(content)}\n".encode() + content)
+    for folder in _roots():
+        digest.update(f"{folder if folder == _own else ''}\n".encode())
+        for path in sorted(folder.rglob("*.yaml")):
+            content = path.read_bytes()
+            digest.update(f"{path.relative_to(folder)}\n{len(content)}\n".encode() + content)
     return digest.hexdigest()
 
 
@@ -66,13 +121,24 @@ def group_options() -> dict[str, tuple[str, ...]]:
 
     An inner group, which some options of the outer group have, is named `outer/inner`.
     """
-    root = str(configuration_folder())
-    groups = {}
-    for folder, _, files in os.walk(root):
-        options = sorted(name[:-5] for name in files if name.endswith(".yaml"))
-        if options and folder != root:
-            groups[os.path.relpath(folder, root).replace(os.sep, "/")] = tuple(options)
-    return dict(sorted(groups.items()))
+    groups: dict[str, list[str]] = {}
+    for root in map(str, _roots()):
+        for folder, _, files in os.walk(root):
+            options = [name[:-5] for name in files if name.endswith(".yaml")]
+            if options and folder != root:
+                group = os.path.relpath(folder, root).replace(os.sep, "/")
+                groups.setdefault(group, []).extend(options)
+    return {group: tuple(sorted(options)) for group, options in sorted(groups.items())}
+
+
+@cache
+def installed_trackers() -> dict[str, str]:
+    """Trackers of installed packages: name to "module:function"; none of them is imported."""
+    # It takes a tenth of a second to import.
+    from importlib.metadata import entry_points
+
+    found = entry_points(group=TRACKERS)
+    return {one.name: one.value for one in found if one.name not in group_options()["tracker"]}
 
 
 def innermost_group(key: str) -> str:
@@ -86,7 +152,7 @@ def innermost_group(key: str) -> str:
 
 def inner_options(group: str, option: str) -> dict[str, str]:
     """The inner groups that an `option` of `group` has, with the option that it chooses of each."""
-    text = (configuration_folder() / group / f"{option}.yaml").read_text(encoding="utf-8")
+    text = option_file(group, option).read_text(encoding="utf-8")
     lists = "".join(_DEFAULTS.findall(text))
     return {f"{group}/{inner}": chosen for inner, chosen in _DEFAULT.findall(lists)}
 
@@ -126,7 +192,7 @@ def option_values(group: str, option: str) -> dict[str, str]:
     Keys of nested groups have dots; the list of defaults is left out. It reads only the YAML that
     `conf/` uses, in a hundredth of a parser's time.
     """
-    text = (configuration_folder() / group / f"{option}.yaml").read_text(encoding="utf-8")
+    text = option_file(group, option).read_text(encoding="utf-8")
     values: dict[str, str] = {}
     outer: list[tuple[int, str]] = []
     for indent, key, value in _LINE.findall(text):

@@ -43,6 +43,8 @@ class Stage:
         seed: passed as `seed` and part of the key; None for a stage that draws no random numbers.
         frames: the chosen frames of a `pick` stage.
         files: external files; the digest of their content is part of the key.
+        folders: searched for modules that the import path lacks; not part of the key.
+        own: whether `modules` are the user's own code: an error there is reported with its place.
         keys: argument name -> key of the setting in the configuration, if it differs from the
             argument. Used to explain changes; not part of the result's key.
     """
@@ -56,6 +58,8 @@ class Stage:
     seed: int | None = None
     frames: tuple[int, ...] = ()
     files: tuple[Path, ...] = ()
+    folders: tuple[Path, ...] = ()
+    own: bool = False
     keys: Mapping[str, str] = field(default_factory=dict)
 
     def check(self) -> None:
@@ -207,7 +211,8 @@ def stage_identity(stage: Stage, index: CodeIndex) -> Identity:
     """
     types = settings_types(dict(stage.settings))
     module = stage.function.partition(":")[0]
-    code = index.code({module, *stage.modules, *(kind.__module__ for kind in types)})
+    roots = {module, *stage.modules, *(kind.__module__ for kind in types)}
+    code = index.code(roots, stage.folders)
     content = {
         "layout": LAYOUT,
         "stage": stage.name,

@@ -20,7 +20,7 @@ from types import CodeType
 from typing import Any
 
 from stixel_cli import FIRST_IMPORT
-from stixel_cli.engine.code import Code, CodeIndex, same_files
+from stixel_cli.engine.code import Code, CodeIndex, same_files, search_also
 from stixel_cli.engine.errors import CodeChanged
 
 _started = FIRST_IMPORT
@@ -50,6 +50,8 @@ def planned_function(name: str, code: Code) -> Callable[..., Any]:
     """
     # Without the lock, another thread could see the module imported but not yet in `_imported`.
     with _lock:
+        if code.folders:
+            search_also(code.folders)
         if not may_run_here(code):
             raise _changed(name)
         check_bytecode({module: path for module, (path, _) in code.files.items()})
@@ -59,7 +61,9 @@ def planned_function(name: str, code: Code) -> Callable[..., Any]:
             raise LookupError(f"module {module} has no function {attribute}")
         new = {module: file for module, file in code.files.items() if module not in _imported}
         # Equal files are enough; if only a comment was edited, the digests of the code are equal.
-        if not (same_files(new) or CodeIndex().code(code.roots).digest == code.digest):
+        if not (
+            same_files(new) or CodeIndex().code(code.roots, code.folders).digest == code.digest
+        ):
             raise _changed(name)
         _imported.update(code.modules)
     return function
@@ -68,6 +72,34 @@ def planned_function(name: str, code: Code) -> Callable[..., Any]:
 def import_function(name: str, code: Code) -> None:
     """The same as `planned_function`, without a result that another process could not load."""
     planned_function(name, code)
+
+
+def current_function(name: str, folders: tuple[Path, ...]) -> Callable[..., Any]:
+    """Import the user's function "module:function" as it is on disk, for a check before a run.
+
+    If this process has imported an older version, as a notebook may have, its modules are imported
+    again. Modules that it finds only in `folders` are looked for there.
+
+    Raises:
+        LookupError: there is no such module or function.
+        Exception: whatever the user's module raises.
+    """
+    module = name.partition(":")[0]
+    code = CodeIndex().code([module], folders)
+    package = __name__.partition(".")[0]
+    files = {one: path for one, (path, _) in code.files.items() if one.partition(".")[0] != package}
+    elsewhere = any(
+        one in sys.modules and getattr(sys.modules[one], "__file__", None) != str(path)
+        for one, path in files.items()
+    )
+    if elsewhere or not may_run_here(code):
+        with _lock:
+            for one, path in files.items():
+                sys.modules.pop(one, None)
+                _imported.pop(one, None)
+                _checked.discard(path)
+    importlib.invalidate_caches()
+    return planned_function(name, code)
 
 
 def _changed(function: str) -> CodeChanged:

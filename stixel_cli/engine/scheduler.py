@@ -21,6 +21,7 @@ from stixel_cli.engine.errors import (
     StageFailure,
     WorkerDied,
 )
+from stixel_cli.engine.graph import Node
 from stixel_cli.engine.locks import Lease
 from stixel_cli.engine.plan import Plan, missing_nodes
 from stixel_cli.engine.pools import Pool, SerialPool, deferred_interrupts, error_of, no_interrupt
@@ -291,7 +292,7 @@ class Run:
             self._fatal = error
             return
         node = self.graph.nodes[key]
-        failure = StageFailure(node.stage.name, node.label, error, traceback_text)
+        failure = StageFailure(node.stage.name, node.label, error, traceback_text, _own_files(node))
         failure.__cause__ = error
         if not self.keep_going:
             self._fatal = failure
@@ -300,3 +301,12 @@ class Run:
         skipped = self.graph.dependents(key, self.planned.missing) - self._done - self._skipped
         self._skipped |= skipped
         self.progress.failed(node, failure, [self.graph.nodes[key] for key in sorted(skipped)])
+
+
+def _own_files(node: Node) -> frozenset[str]:
+    """The files of the user's own code that a node runs."""
+    if not node.stage.own:
+        return frozenset()
+    package = __name__.partition(".")[0]
+    files = node.identity.code.files.items()
+    return frozenset(str(path) for name, (path, _) in files if name.partition(".")[0] != package)

@@ -31,7 +31,9 @@ def areas(polygons: Contours) -> np.ndarray:
     points that it encloses an odd number of times.
     """
     empty = shapely.Polygon()
-    found = np.array([shapely.Polygon(p) if np.isfinite(p).all() else empty for p in polygons])
+    found = np.array(
+        [shapely.Polygon(p) if np.isfinite(p).all() else empty for p in polygons], dtype=object
+    )
     crossed = ~shapely.is_valid(found)
     if crossed.any():
         found[crossed] = shapely.make_valid(found[crossed])

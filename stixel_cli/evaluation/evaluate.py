@@ -2,8 +2,9 @@
 
 Conventions: K scans; poses (K, 3) = x m, y m, heading rad in the world; polygons (K, M, 2) m in the
 world, the first vertex not repeated; errors are estimated minus true. Errors count at every scan,
-also at empty ones. A missing value is NaN. The metrics are those of `metric_table.py`: a metric is
-None if one of its errors is not finite; NIS and NEES are averaged over the scans that have one.
+also at empty ones; where the truth is unknown they are left out. A missing value is NaN. The
+metrics are those of `metric_table.py`: a metric is None if one of its errors is not finite; NIS and
+NEES are averaged over the scans that have one.
 """
 
 from typing import Any
@@ -51,56 +52,67 @@ def evaluate(
 ) -> Scores:
     """Errors over time and their summary; see `Scores` for units.
 
-    `ceilings` are the greatest values that the overlaps can have.
+    `ceilings` are the greatest values that the overlaps can have. Where the truth is unknown,
+    errors over time are NaN and metrics leave them out. Without any truth there are only the
+    metrics that need none.
 
     Raises:
         ValueError: as `validate` does.
     """
     validate(track, scenario, scans)
-    truth = scenario.target_poses_world
+    known, truth = scenario.known, scenario.target_poses_world
     centre = centre_errors(track.means, truth)
     orientation = orientation_errors(track.means[:, 2], truth[:, 2])
     nees_position = normalised_errors(
         track.means[:, :2] - truth[:, :2], track.covariances[:, :2, :2]
     )
+    nees_orientation = normalised_errors(orientation[:, None], track.covariances[:, 2:3, 2:3])
     degrees = track.nis_degrees_of_freedom
     nis = np.divide(track.nis, degrees, out=np.full(len(degrees), np.nan), where=degrees > 0)
     rates = scenario.target_rates_world
+    speed = np.hypot(*track.means[:, 3:5].T) - np.hypot(*rates[:, :2].T)
     errors = ScanErrors(
-        times=scenario.times,
-        centre=centre,
-        orientation=np.degrees(orientation),
-        speed=np.hypot(*track.means[:, 3:5].T) - np.hypot(*rates[:, :2].T),
-        yaw_rate=np.degrees(track.means[:, 5] - rates[:, 2]),
-        nees_position=nees_position,
-        nees_orientation=normalised_errors(orientation[:, None], track.covariances[:, 2:3, 2:3]),
+        times=(scenario.times - scenario.times[0])[known],
+        centre=centre[known],
+        orientation=np.degrees(orientation[known]),
+        speed=speed[known],
+        yaw_rate=np.degrees(track.means[:, 5] - rates[:, 2])[known],
+        nees_position=nees_position[known],
+        nees_orientation=nees_orientation[known],
         nis=nis,
         points=np.diff(scans.offsets),
         points_used=np.diff(track.used_offsets),
-        **{name: np.full(len(centre), value) for name, value in vars(ceilings).items()},
+        **{name: np.full(known.sum(), value) for name, value in vars(ceilings).items()},
         **contour_errors(track, scenario),
     )
+    metrics = {name: metric.of_run(errors) for name, metric in METRICS.items()}
+    if not known.any():
+        metrics = {name: value for name, value in metrics.items() if value is not None}
     return Scores(
         times=np.array(scenario.times, dtype=np.float64),
         centre_error=centre,
         orientation_error=orientation,
-        iou=errors.iou,
-        iou_box=errors.iou_box,
+        iou=_over_time(errors.iou, known),
+        iou_box=_over_time(errors.iou_box, known),
         nees_position=nees_position,
         nis=nis,
-        metrics={name: metric.of_run(errors) for name, metric in METRICS.items()},
+        metrics=metrics,
     )
 
 
 def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
-    """The errors of the contour, each (K,), by field of `ScanErrors`."""
-    estimated = track.contours_world
-    poses, truth = track.means[:, :3], scenario.target_poses_world
-    true = scenario.contours_world
+    """The errors of the contour at the n scans with a known truth, each (n,).
+
+    The keys are fields of `ScanErrors`.
+    """
+    scans = np.flatnonzero(scenario.known)
+    estimated = track.contours_world[scans]
+    poses, truth = track.means[scans, :3], scenario.target_poses_world[scans]
+    true = scenario.contours_world[scans]
     estimated_areas, true_areas = areas(estimated), areas(true)
     estimated_boxes, estimated_sides = boxes(estimated, poses)
     # The box of all poses of the limbs: that of a label.
-    true_boxes, true_sides = boxes(scenario.boxes_world, truth)
+    true_boxes, true_sides = boxes(scenario.boxes_world[scans], truth)
     iou_box = overlaps(areas(estimated_boxes), areas(true_boxes))
     length, width = (estimated_sides - true_sides).T
     errors: dict[str, Any] = {
@@ -117,7 +129,7 @@ def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
     to_true = boundary_distances(even_points(estimated), true)
     to_estimated = boundary_distances(points, estimated)
     both = np.concatenate([to_true, to_estimated], axis=1)
-    seen = seen_points(points, true, scenario.ego_poses_world[:, :2])
+    seen = seen_points(points, true, scenario.ego_poses_world[scans, :2])
     hidden = np.ma.masked_array(to_estimated, ~seen)
     return errors | {
         "iou": overlaps(estimated_areas, true_areas),
@@ -126,7 +138,7 @@ def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
         "hausdorff": both.max(axis=1),
         "contour_distance": both.mean(axis=1),
         "seen_contour": hidden.mean(axis=1).filled(np.nan),
-        "band_coverage": band_coverage(track, points),
+        "band_coverage": band_coverage(track, scans, points),
     }
 
 
@@ -145,15 +157,15 @@ def off_target(centre: np.ndarray, iou_box: np.ndarray, length: np.ndarray) -> n
     return ~(near & (iou_box > 0.0))
 
 
-def band_coverage(track: Track, points_world: np.ndarray) -> np.ndarray:
-    """Share (K,) of points (K, S, 2) of the true contour in the track's 95 % band.
+def band_coverage(track: Track, scans: np.ndarray, points_world: np.ndarray) -> np.ndarray:
+    """Share (n,) of points (n, S, 2) of the true contour in the track's 95 % band at n `scans`.
 
     A point is in the band if its distance from the estimated contour, along the ray from the
     estimated centre, is at most `COVERED` times the standard deviation that the track states there.
     An estimate that is not finite covers no point.
     """
-    covered = np.zeros(len(points_world))
-    for k, points in enumerate(points_world):
+    covered = np.zeros(len(scans))
+    for i, (k, points) in enumerate(zip(scans, points_world, strict=True)):
         differences, std = differences_along_rays(
             track.means[k, :2],
             track.contour_directions[k],
@@ -161,8 +173,15 @@ def band_coverage(track: Track, points_world: np.ndarray) -> np.ndarray:
             track.contour_std[k],
             points,
         )
-        covered[k] = np.mean(np.abs(differences) <= COVERED * std)
+        covered[i] = np.mean(np.abs(differences) <= COVERED * std)
     return covered
+
+
+def _over_time(values: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """The values (n,) of the n scans that are `known` (K,), NaN at the others."""
+    result = np.full(len(known), np.nan)
+    result[known] = values
+    return result
 
 
 def centre_errors(estimated_world: np.ndarray, true_world: np.ndarray) -> np.ndarray:

@@ -148,7 +148,8 @@ _CONSISTENT = (1.0 / 3.0, 3.0)
 
 _TABLE = (
     Metric("track_lost", "track lost (1) or not (0)", "track lost", *_SHARE,
-           lambda e: int(time_to_loss(e.times, e.lost) is not None), over_runs="track_loss_rate"),
+           lambda e: int(time_to_loss(e.times, e.lost) is not None) if len(e.lost) else None,
+           over_runs="track_loss_rate"),
     Metric("time_to_loss_s", "time to track loss", "time to loss",
            "s", "more", (0.0, None), lambda e: time_to_loss(e.times, e.lost)),
     Metric("centre_rmse_m", "centre error, RMSE", "centre RMSE",

@@ -19,10 +19,13 @@ FARTHEST_CENTRE = 2.0
 
 @dataclass(frozen=True)
 class ScanErrors:
-    """Errors and counts of one track over its K scans, each (K,).
+    """Errors and counts of one track over its K scans.
+
+    The errors are (n,), at the n scans where the truth is known; `nis`, `points` and `points_used`
+    are (K,).
 
     Attributes:
-        times: s.
+        times: s since the first scan of the run.
         centre: m.
         orientation: degrees in (-180, 180], estimated minus true.
         iou, iou_hull, iou_box: intersection over union of the outlines, of their convex hulls, and
@@ -107,10 +110,10 @@ def low_overlap_share(iou: np.ndarray) -> float | None:
 
 
 def time_to_loss(times: np.ndarray, lost: np.ndarray) -> float | None:
-    """Seconds from the first scan to the first of those that lose the track; None if never.
+    """The time, s, of the first of the scans that lose the track; None if never.
 
-    `lost` (K,) is whether the estimate is off the target. The track is lost if that lasts for
-    `LOSS_DURATION`, from the first to the last of neighbouring scans.
+    `lost` (n,) is whether the estimate is off the target at `times` (n,). The track is lost if that
+    lasts for `LOSS_DURATION`, from the first to the last of neighbouring scans.
     """
     start = None
     for time, off in zip(times, lost, strict=True):
@@ -119,7 +122,7 @@ def time_to_loss(times: np.ndarray, lost: np.ndarray) -> float | None:
             continue
         start = time if start is None else start
         if time - start >= LOSS_DURATION - 1e-9:
-            return float(start - times[0])
+            return float(start)
     return None
 
 

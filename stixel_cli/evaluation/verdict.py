@@ -38,7 +38,8 @@ def verdict(metrics: Values) -> list[str]:
         share = metrics["band_coverage"]
         sentences.append(f"The 95 % band covers only {100.0 * share:.0f} % of the true outline.")
     if metrics.get("track_lost") is None:
-        return sentences or ["No verdict: the metrics are of an older version."]
+        why = "the metrics are of an older version" if "iou_mean" in metrics else "no truth"
+        return sentences or [f"No verdict: {why}."]
     if lost_at is None:
         iou = metrics.get("iou_box_mean")
         overlap = "" if iou is None else f" with a mean IoU of the box of {iou:.2f}"

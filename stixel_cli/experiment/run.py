@@ -11,6 +11,7 @@ from typing import Any
 
 from stixel_cli import __version__
 from stixel_cli.config.compose import Composition, compose, from_resolved
+from stixel_cli.config.own_options import check_parameters, functions_of, require_trust
 from stixel_cli.config.schema import Configuration
 from stixel_cli.engine.errors import CacheError, CodeChanged, ExecutorError, StageFailure
 from stixel_cli.engine.execute import execute
@@ -219,6 +220,17 @@ def targets(graph: Graph, pictures: bool = True, camera: bool | None = None) -> 
     if (pictures if camera is None else camera) and CAMERA in graph.stages:
         wanted.append(CAMERA)
     return wanted
+
+
+def trust_stored_run(run: RunResult, trusted: bool) -> None:
+    """Check that a run read from a folder may be computed: it may name the user's own functions.
+
+    Raises:
+        UserError: unless they are `trusted`, or if their parameters are not valid.
+    """
+    require_trust(run.settings, run.folder, trusted)
+    if functions_of(run.settings):
+        check_parameters(run.composition.configuration)
 
 
 def read_stored_run(path: Path, overrides: tuple[str, ...] = ()) -> RunResult:

@@ -15,7 +15,7 @@ import yaml
 
 from stixel_cli.errors import FolderTaken, UserError
 from stixel_cli.results import lineage
-from stixel_cli.results.result import RunResult, track_arrays
+from stixel_cli.results.result import RunResult, track_arrays, truth_arrays
 from stixel_cli.results.text import json_text
 
 PAGE = "index.html"
@@ -140,8 +140,11 @@ def _write_files(folder: Path, run: RunResult, page: str) -> None:
     }
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
+    tables = run.tables | {"track": track_arrays(run.track)}
+    if "truth" in tables:
+        tables["truth"] = truth_arrays(run.scenario)
     # Not compressed: that takes longer than all else here, and saves a third.
-    for stem, arrays in (run.tables | {"track": track_arrays(run.track)}).items():
+    for stem, arrays in tables.items():
         np.savez(folder / f"{stem}.npz", **arrays)
     for path, data in sorted(run.pictures.items()):
         file = folder / "figures" / path

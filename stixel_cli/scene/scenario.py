@@ -27,11 +27,12 @@ class Scenario:
     Attributes:
         times: (K,) s.
         ego_poses_world: (K, 3) x m, y m, heading rad.
-        target_poses_world: (K, 3) x m, y m, heading rad.
-        target_rates_world: (K, 3) m/s, m/s, rad/s: the poses' derivatives.
+        target_poses_world: (K, 3) x m, y m, heading rad; NaN where the truth is unknown, which
+            only scans from a file can have.
+        target_rates_world: (K, 3) m/s, m/s, rad/s: the poses' derivatives; NaN as the poses.
         contours_target: (L, M, 2) m, for each pose of the target's limbs the outline of the mesh's
             ground projection in the target frame: one simple polygon, counter-clockwise, the first
-            vertex not repeated. L is 1 if nothing moves.
+            vertex not repeated. L is 1 if nothing moves; M is 0 without any truth.
         limb_poses: (K,) int64, the pose of the limbs at each time, an index of `contours_target`.
         star_convex: whether every point of every contour is seen from the target's centre.
         only_box: whether only the target's box is known, as in labelled recordings. Then
@@ -56,6 +57,7 @@ class Scenario:
         target_rates_world: np.ndarray,
         contour_target: np.ndarray,
         star_convex: bool = True,
+        only_box: bool = False,
     ) -> "Scenario":
         """Ground truth of a target of which nothing moves, with one contour (M, 2) m."""
         still = np.zeros(len(times), dtype=np.int64)
@@ -67,7 +69,13 @@ class Scenario:
             contour_target[None],
             still,
             star_convex,
+            only_box,
         )
+
+    @property
+    def known(self) -> np.ndarray:
+        """Whether the target's pose is known, (K,)."""
+        return np.isfinite(self.target_poses_world).all(axis=1)
 
     def contour_target(self, k: int) -> np.ndarray:
         """The true contour (M, 2) m at k, in the target frame."""
@@ -86,9 +94,11 @@ class Scenario:
     def box_target(self) -> np.ndarray:
         """The true box, the same at all k: least and greatest x and y, (2, 2) m, in its frame.
 
-        It contains the contours of all poses of the limbs.
+        It contains the contours of all poses of the limbs. NaN without any truth.
         """
         points = self.contours_target
+        if not points.size:
+            return np.full((2, 2), np.nan)
         return np.array([points.min(axis=(0, 1)), points.max(axis=(0, 1))])
 
     @property
@@ -100,5 +110,17 @@ class Scenario:
 
     @property
     def radius_target(self) -> float:
-        """Greatest distance of the contours from the target's centre, m."""
-        return float(np.linalg.norm(self.contours_target, axis=2).max())
+        """Greatest distance of the contours from the target's centre, m; NaN without any truth."""
+        radii = np.linalg.norm(self.contours_target, axis=2)
+        return float(radii.max()) if radii.size else np.nan
+
+
+def is_star_convex(contour: np.ndarray) -> bool:
+    """Whether every point of the polygon `contour` (M, 2), ccw, is seen from the origin.
+
+    Exact: the origin must be on the inner side of the line through every edge, which is when the
+    cross product of each edge's ends is not negative.
+    """
+    following = np.roll(contour, -1, axis=0)
+    crosses = contour[:, 0] * following[:, 1] - contour[:, 1] * following[:, 0]
+    return bool(np.all(crosses >= 0.0))

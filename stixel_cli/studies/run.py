@@ -1,5 +1,6 @@
 """Run a study: the sweeps one after the other, then the report."""
 
+import os
 import shlex
 import shutil
 import time
@@ -207,6 +208,8 @@ class _Run:
                     self.visible,
                     label,
                     note=lambda text: self.tell(f"{name}: {text}"),
+                    # The user typed the names of own functions; the folder says where they are.
+                    trust_code=request.working_directory == os.getcwd(),
                 )
         # The folder is unfinished, or its axes were derived from other results.
         if path.exists():

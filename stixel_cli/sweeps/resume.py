@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config import messages
+from stixel_cli.config.folders import presets_option
 from stixel_cli.config.messages import override_text
 from stixel_cli.config.overrides import check_overrides, parse_overrides
 from stixel_cli.errors import ConfigurationError, UserError
@@ -75,7 +76,7 @@ def _replaced(text: str, names: set[str]) -> bool:
 
 def resume_command(path: Path, overrides: Sequence[str] = ()) -> str:
     """The command line that resumes a sweep."""
-    return shlex.join(["stixel", "sweep", "--resume", str(path), *overrides])
+    return shlex.join(["stixel", "sweep", "--resume", str(path), *overrides, *presets_option()])
 
 
 def note_resumed(

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from stixel_cli.config.folders import presets_option
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.execute import Execution, NodeRecord
 from stixel_cli.engine.store import Store
@@ -39,7 +40,7 @@ def run_files(
     """
     run = planned.run
     manifest = {
-        "command": shlex.join(["stixel", "run", *run.overrides]),
+        "command": shlex.join(["stixel", "run", *run.overrides, *presets_option()]),
         "overrides": list(run.overrides),
         "choices": run.composition.choices,
         "seed": run.seed,

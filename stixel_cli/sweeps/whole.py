@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from stixel_cli.config.compose import Composer
+from stixel_cli.config.folders import presets_option
+from stixel_cli.config.own_options import check_parameters, functions_of, require_trust
 from stixel_cli.engine.plan import probe
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import FolderTaken
@@ -121,6 +123,7 @@ def resumed_sweep(
     label: str = "",
     overrides: Sequence[str] = (),
     note: Callable[[str], Any] = lambda text: None,
+    trust_code: bool = False,
 ) -> SweepResult:
     """Resume the sweep in a folder: run what is missing, has failed, or is out of date.
 
@@ -130,6 +133,7 @@ def resumed_sweep(
         visible: show progress on stderr, with the prefix `label`.
         overrides: of executor and cache; they replace those of the sweep.
         note: called with the number of finished runs that are out of date, and why.
+        trust_code: run the user's own functions that the folder names.
 
     Raises:
         UserError: in one line, if the folder is not of a sweep or cannot be resumed.
@@ -139,7 +143,12 @@ def resumed_sweep(
     request = folder.request()
     overrides = [*overrides, *([] if workers is None else [f"executor.workers={workers}"])]
     texts = on_this_machine(request.runs, overrides)
-    runs = compose_runs(texts, request.keys, Composer(request.working_directory))
+    composer = Composer(request.working_directory, trusted=False)
+    runs = compose_runs(texts, request.keys, composer)
+    for one in runs:
+        require_trust(one.composition.resolved, path, trust_code)
+        if functions_of(one.composition.resolved):
+            check_parameters(one.composition.configuration)
     plan, _ = planned_sweep(runs, request.shuffle, request.pictures, request.nodes)
     origin = _origin(str(request.notes.get("command", path.name)), datetime.now(UTC))
     outdated = outdated_runs(folder, plan.runs)
@@ -215,4 +224,4 @@ def _command(
     options = [] if file is None else ["--from", file]
     options += [] if shuffle is None else ["--shuffle", str(shuffle)]
     options += ["--pictures"] if pictures else []
-    return shlex.join(["stixel", "sweep", *overrides, *options])
+    return shlex.join(["stixel", "sweep", *overrides, *options, *presets_option()])

@@ -61,4 +61,5 @@ def test_a_target_never_measured_has_that_verdict_alone():
 
 def test_metrics_of_older_folders_have_a_verdict():
     assert "older version" in verdict({"iou_mean": 0.5, "nis_mean": None, "scans": 3})[0]
+    assert verdict({"nis_mean": 1.0, "scans": 3}) == ["No verdict: no truth."]
     assert verdict({"nees_position_mean": 7.0}) == ["Over-confident: position NEES/2 7."]

@@ -11,7 +11,14 @@ from stixel_cli.config.compose import compose
 from stixel_cli.config.folders import group_options
 from stixel_cli.engine.code import CodeIndex
 from stixel_cli.engine.keys import GIVEN
-from stixel_cli.experiment.stages import TABLE, draws, pictured_frames, pipeline_stages, scan_count
+from stixel_cli.experiment.stages import (
+    OWN,
+    TABLE,
+    draws,
+    pictured_frames,
+    pipeline_stages,
+    scan_count,
+)
 from stixel_cli.results.pictures import Pictures
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
 
@@ -19,8 +26,22 @@ TRUTH = {"scenario", "render"}
 MAY_SEE_TRUTH = {"render", "add_sensor_noise", "start", "scores", "stage_errors", "point_errors"}
 
 
-def stages_of(measurement):
-    composed = compose([f"measurement={measurement}"])
+@pytest.fixture(autouse=True, scope="module")
+def scans_file(tmp_path_factory):
+    """Scans, which `measurement=file` needs, and own functions in the working directory."""
+    folder = tmp_path_factory.mktemp("files")
+    (folder / "scans.csv").write_text("k,t,x,y\n0,0,0,9\n")
+    (folder / "own_functions.py").write_text(
+        "def scans(scenario, seed): ...\ndef f(a, b, c): ...\n"
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        yield
+
+
+def stages_of(measurement, *words):
+    file = ["measurement.path=scans.csv"] if measurement == "file" else []
+    composed = compose([f"measurement={measurement}", *file, *words])
     return {stage.name: stage for stage in pipeline_stages(composed.configuration)}
 
 
@@ -45,18 +66,30 @@ def test_the_track_sees_no_truth_and_does_not_depend_on_pictures(measurement):
         assert not any(draws(stages[source]) for source in stage.inputs.values())
 
 
+@pytest.mark.parametrize("measurement", group_options()["measurement"])
+def test_a_start_from_the_scans_sees_scans_and_prior_only(measurement):
+    start = stages_of(measurement, "start=scans")["start"]
+    assert start.inputs == {"scans": "scans"}
+    assert set(start.settings) == {"start", "prior"}
+    assert start.seed is None
+
+
 def reached(function):
     """Modules that a stage's key holds, by its function."""
     return CodeIndex().code([function.partition(":")[0]]).modules.keys()
 
 
-FUNCTIONS = [function for stage in TABLE.values() for function in stage.functions.values()]
+STAGES = TABLE | {f"own_{name}": definition for name, definition in OWN.items()}
+FUNCTIONS = [function for stage in STAGES.values() for function in stage.functions.values()]
 
 
 @pytest.mark.parametrize("function", FUNCTIONS)
 def test_a_stage_reaches_neither_another_stage_nor_the_engine(function):
     own = function.partition(":")[0]
     holders = {other.partition(":")[0] for other in FUNCTIONS} - {own}
+    if own == "stixel_cli.evaluation.own_metrics":
+        # It adds to the scores of the stage that it replaces.
+        holders.remove("stixel_cli.evaluation.evaluate")
     assert not holders & reached(function)
     frame = ("engine", "experiment", "config", "cli", "sweeps", "studies")
     above = tuple(f"stixel_cli.{folder}" for folder in frame)
@@ -93,6 +126,10 @@ READER = "stixel_cli.files"
 DECLARED = {
     # The user's mesh and what it refers to: the stage's files, see `Definition.files`.
     "stixel_cli.scene.mesh_file": "files",
+    # The user's scans, sensor poses and truth: likewise.
+    "stixel_cli.measurements.tables": "files",
+    # The user's own functions: their modules, see `Definition.code`.
+    "stixel_cli.own_code": "code",
     # The child process runs filament_process, which the module imports; the files are its answers.
     "stixel_cli.rendering.filament": "stixel_cli.rendering.filament_process",
     "stixel_cli.rendering.filament_process": "stixel_cli.rendering.filament_process",
@@ -101,9 +138,9 @@ DECLARED = {
 }
 
 
-@pytest.mark.parametrize("name", TABLE)
+@pytest.mark.parametrize("name", STAGES)
 def test_what_imports_do_not_show_is_declared(name):
-    definition = TABLE[name]
+    definition = STAGES[name]
     for function in definition.functions.values():
         code = CodeIndex().code([function.partition(":")[0], *definition.modules])
         for module, (path, _) in code.files.items():
@@ -130,13 +167,15 @@ def _spelled(node):
     return ""
 
 
-@pytest.mark.parametrize("name", TABLE)
+@pytest.mark.parametrize("name", STAGES)
 def test_a_stages_arguments_are_those_of_every_function_it_may_call(name):
-    definition = TABLE[name]
+    definition = STAGES[name]
+    own = ("tracker=own_functions:f", "metrics=[own_functions:f]")
     wired = [
         stage
-        for measurement in group_options()["measurement"]
-        for stage in stages_of(measurement).values()
+        for measurement in (*group_options()["measurement"], "own_functions:scans")
+        for words in ((), ("start=scans",), own)
+        for stage in stages_of(measurement, *words).values()
         if stage.function in definition.functions.values()
     ]
     assert wired, "no pipeline uses this stage"

@@ -35,6 +35,8 @@ def test_the_folder_holds_what_the_readme_lists(results, capsys):
         "scores.npz",
         "ego.csv",
         "ego.npz",
+        "truth.csv",
+        "truth.npz",
         "scans.csv",
         "scans.npz",
         "track.csv",

@@ -1,0 +1,366 @@
+"""Trackers, measurements and metrics of the user's own, through the real command line."""
+
+import importlib.metadata
+import json
+import shutil
+import sys
+
+import numpy as np
+import pytest
+import yaml
+from run_cli import run_json
+
+from stixel_cli import compose, run
+from stixel_cli.cli.app import main
+from stixel_cli.cli.completion import complete_override
+from stixel_cli.cli.run import help_of_run
+from stixel_cli.config import folders
+from stixel_cli.config.messages import override_text
+from stixel_cli.engine.code import CodeIndex
+from stixel_cli.errors import ConfigurationError, UserError
+from stixel_cli.experiment.run import experiment_graph
+
+NAMES = iter(range(1000))
+
+TRACKER = """
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from annotated_types import Gt, Le
+
+import {helper}
+from stixel_cli.tracking.track import Track
+
+with open(__file__ + ".imported", "a") as file:
+    file.write("x")
+
+
+@dataclass(frozen=True)
+class Parameters:
+    alpha: Annotated[float, Gt(0), Le(1)] = 0.5
+    mode: Literal["near", "far"] = "near"
+
+
+def track(scans, initial, prior, tracker: Parameters):
+    count = len(scans)
+    means = np.tile(initial.mean, (count, 1))
+    means[:, 0] += {helper}.OFFSET * tracker.alpha
+    square = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
+    contours = means[:, None, :2] + square
+    return Track(
+        times=scans.times,
+        means=means,
+        covariances=np.tile(np.eye(6), (count, 1, 1)),
+        contours_world=contours,
+        contour_directions=np.tile(square / 2**0.5, (count, 1, 1)),
+        contour_std=np.ones((count, 4)),
+        used_offsets=np.zeros(count + 1, np.int64),
+        used_points=np.zeros(0, np.int64),
+        nis=np.full(count, np.nan),
+        nis_degrees_of_freedom=np.zeros(count, np.int64),
+    )
+
+
+def plain(scans, initial, prior, alpha=0.5):
+    return track(scans, initial, prior, Parameters(alpha))
+
+
+def fails(scans, initial, prior):
+    return np.zeros(3) + np.zeros(2)  # the line
+
+
+def wrong(scans, initial, prior):
+    return {{"means": 3}}
+
+
+def short(scans, initial, prior):
+    from dataclasses import replace
+
+    return replace(track(scans, initial, prior, Parameters()), nis=np.zeros(1))
+
+
+def dots(scenario, seed, spread=0.1):
+    from stixel_cli.measurements.scans import Scans
+    from stixel_cli.randomness import generator
+
+    scans = [
+        (pose[:2] + spread * generator(seed, "dots", k).standard_normal((3, 2)),
+         np.tile(spread**2 * np.eye(2), (3, 1, 1)))
+        for k, pose in enumerate(scenario.target_poses_world)
+    ]
+    return Scans.of_each(scenario.times, scenario.ego_poses_world, scans)
+
+
+def no_scans(scenario, seed):
+    return []
+
+
+def offset_m(track, scenario, scans):
+    return np.mean(track.means[:, 0] - scenario.target_poses_world[:, 0])
+
+
+def words(track, scenario, scans):
+    return "far"
+
+
+scans = 3
+"""
+
+
+@pytest.fixture
+def own(tmp_path, monkeypatch):
+    """A folder with a module of its own name, which is the working directory."""
+    number = next(NAMES)
+    name, helper = f"own_{number}", f"own_helper_{number}"
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    (folder / f"{name}.py").write_text(TRACKER.format(helper=helper))
+    (folder / f"{helper}.py").write_text("OFFSET = 1.0\n")
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    return Own(folder, name, helper)
+
+
+class Own:
+    def __init__(self, folder, name, helper):
+        self.folder, self.name, self.helper = folder, name, helper
+        self.results = folder.parent / "results"
+
+    def imports(self):
+        file = self.folder / f"{self.name}.py.imported"
+        return len(file.read_text()) if file.exists() else 0
+
+    def forget(self):
+        """As a new process: nothing is imported."""
+        (self.folder / f"{self.name}.py.imported").unlink(missing_ok=True)
+        for name in (self.name, self.helper):
+            sys.modules.pop(name, None)
+
+
+QUICK = ("measurement=fabricated", "path.duration=0.3", "pictures.frames=[]")
+THREADS = "executor=threads"
+
+
+def keys(*words):
+    graph = experiment_graph(compose([*QUICK, *words]).configuration)
+    return {name: nodes[0].key for name in graph.stages if (nodes := graph.of_stage(name))}
+
+
+@pytest.mark.parametrize("executor", ["threads", "local", "dask"])
+def test_every_kind_of_worker_finds_the_module(executor, own, capsys):
+    if executor == "dask":
+        pytest.importorskip("distributed")
+    words = (f"tracker={own.name}:track", "tracker.alpha=0.25", f"executor={executor}")
+    answer = run_json(capsys, own.results, *QUICK, *words, "executor.workers=1", "--name", "a")
+    assert answer["metrics"]["scans"] == 3
+    stored = yaml.safe_load((own.results / "a" / "config.yaml").read_text())
+    assert stored["tracker"] == {"kind": "own", "function": f"{own.name}:track", "alpha": 0.25}
+    assert stored["code_folders"] == [str(own.folder)]
+    manifest = json.loads((own.results / "a" / "manifest.json").read_text())
+    assert manifest["choices"]["tracker"] == f"{own.name}:track"
+
+
+def test_parameters_are_a_dataclass_or_plain_keys(own):
+    for function, words in ((f"{own.name}:track", ["tracker.mode=far"]), (f"{own.name}:plain", [])):
+        made = run([*QUICK, THREADS, f"tracker={function}", "tracker.alpha=0.2", *words])
+        base = run([*QUICK, THREADS, f"tracker={function}", "tracker.alpha=0.4", *words])
+        np.testing.assert_allclose(base.track.means[:, 0] - made.track.means[:, 0], 0.2)
+        assert made.record["tracker.alpha"] == 0.2
+
+
+@pytest.mark.parametrize(
+    ("words", "fault"),
+    [
+        (["track", "tracker.alpha=2"], "tracker.alpha: 2: must be a number > 0 and ≤ 1"),
+        (["track", "tracker.alpha=much"], "tracker.alpha: 'much': must be a number > 0"),
+        (["track", "tracker.mode=fa"], "tracker.mode: 'fa': must be one of near, far"),
+        (["track", "tracker.beta=1"], "tracker.beta: unknown parameter; it has alpha, mode"),
+        (["plain", "tracker.beta=1"], "tracker.beta: unknown parameter; it has alpha"),
+        (["track", "tracker.kind=1"], "tracker.kind: the name is reserved"),
+        (["nothing"], "has no function nothing"),
+        (["Parameters.x"], "must be module:function"),
+    ],
+)
+def test_wrong_parameters_and_names_are_one_line(words, fault, own):
+    with pytest.raises(ConfigurationError) as error:
+        compose([f"tracker={own.name}:{words[0]}", *words[1:]])
+    assert fault in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_modules_that_cannot_be_used_are_refused_in_one_line(own):
+    (own.folder / "json.py").write_text("def track(): pass\n")
+    (own.folder / "numba.py").write_text("def track(): pass\n")
+    (own.folder / "broken_tracker.py").write_text("import numpy\n1 / 0\n")
+    (own.folder / "odd_tracker.py").write_text("def track(:\n")
+    for function, fault in (
+        ("__main__:track", "a worker cannot import __main__"),
+        ("absent_module:track", "no module absent_module found in"),
+        (f"{own.name}.inner:track", f"no module {own.name}.inner found in"),
+        ("json:track", "rename the file"),
+        ("numba:track", "rename the file"),
+        (f"{own.name}:scans", "has no function scans|is not a function"),
+        ("broken_tracker:track", r"ZeroDivisionError.*broken_tracker.py, line 2: `1 / 0`"),
+        ("odd_tracker:track", r"odd_tracker.py.* line 1"),
+    ):
+        with pytest.raises(UserError, match=fault) as error:
+            compose([f"tracker={function}"])
+        assert "\n" not in str(error.value), function
+
+
+def test_the_code_of_all_modules_that_it_reaches_is_in_the_key(own):
+    words = (f"tracker={own.name}:track",)
+    before = keys(*words)
+    helper = own.folder / f"{own.helper}.py"
+    helper.write_text("# a comment\nOFFSET = 1.0\n")
+    assert keys(*words) == before
+    helper.write_text("OFFSET = 2.0\n")
+    after = keys(*words)
+    assert {name for name in before if before[name] != after[name]} == {
+        "track", "scores", "run_pictures",
+    }  # fmt: skip
+    assert keys(*words, "tracker.alpha=0.3")["track"] != after["track"]
+    assert keys("tracker=point") == keys("tracker=point")
+
+
+def test_an_edit_between_two_runs_of_one_process_takes_effect(own):
+    words = [*QUICK, THREADS, f"tracker={own.name}:track"]
+    first = run(words)
+    (own.folder / f"{own.helper}.py").write_text("OFFSET = 3.0\n")
+    second = run(words)
+    np.testing.assert_allclose(second.track.means[:, 0] - first.track.means[:, 0], 1.0)
+
+
+def test_a_module_of_the_same_name_in_another_folder_is_another_module(own, tmp_path, monkeypatch):
+    words = [*QUICK, THREADS, f"tracker={own.name}:track"]
+    first = run(words)
+    other = tmp_path / "other"
+    shutil.copytree(own.folder, other, ignore=shutil.ignore_patterns("__pycache__"))
+    (other / f"{own.helper}.py").write_text("OFFSET = 5.0\n")
+    monkeypatch.chdir(other)
+    second = run(words)
+    np.testing.assert_allclose(second.track.means[:, 0] - first.track.means[:, 0], 2.0)
+
+
+def test_the_folders_name_is_not_in_the_key(own, tmp_path, monkeypatch):
+    before = keys(f"tracker={own.name}:track")
+    own.folder.rename(tmp_path / "moved")
+    monkeypatch.chdir(tmp_path / "moved")
+    assert keys(f"tracker={own.name}:track") == before
+
+
+@pytest.mark.parametrize(
+    ("words", "fault"),
+    [
+        (["tracker={}:fails"], "np.zeros(3) + np.zeros(2)"),
+        (["tracker={}:wrong"], "must return a Track, returned a dict"),
+        (["tracker={}:short"], "nis of its track must have shape (3), got (1,)"),
+        (["measurement={}:no_scans"], "must return Scans, returned a list"),
+        (["metrics=[{}:words]"], "must return a number, returned a str"),
+    ],
+)
+def test_an_error_names_its_cause_and_the_users_line(words, fault, own, capsys, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(own.folder / "state"))
+    words = [word.format(own.name) for word in words]
+    base = [w for w in QUICK if not any(word.startswith(w.partition("=")[0]) for word in words)]
+    assert main(["run", "--results", str(own.results), *base, THREADS, *words]) != 0
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert fault in last
+    if "fails" in words[0]:
+        assert f"{own.name}.py, line " in last
+    assert not own.results.exists()
+
+
+def test_a_sweep_compares_it_with_the_trackers_of_stixel(own, capsys):
+    words = [*QUICK, THREADS, f"tracker=point,{own.name}:track", "seed=0,1"]
+    assert main(["sweep", "--results", str(own.results), "--name", "s", *words]) == 0
+    table = (own.results / "s" / "summary.md").read_text()
+    assert f"| {own.name}:track |" in table
+    both = [*QUICK, THREADS, f"tracker={own.name}:track", "tracker.alpha=0.1,0.2"]
+    assert main(["sweep", "--results", str(own.results), "--name", "t", *both]) == 0
+    assert main(["sweep", "--results", str(own.results), *both, "tracker.beta=1"]) == 2
+
+
+def test_a_source_of_measurements_and_a_metric_of_ones_own(own, capsys):
+    words = (f"measurement={own.name}:dots", "measurement.spread=0.2", "path.duration=0.4",
+             f"metrics=[{own.name}:offset_m]", THREADS, "pictures.frames=[1]", "start=scans",
+             "start.range=[5,60]", "prior=pedestrian")  # fmt: skip
+    answer = run_json(capsys, own.results, *words)
+    assert answer["metrics"]["points_per_scan_mean"] == 3.0
+    assert abs(answer["metrics"]["offset_m"]) < 2.0
+    again = run_json(capsys, own.results, *words, "--name", "again")
+    assert {stage["status"] for stage in again["stages"]} == {"cached"}
+
+
+@pytest.fixture
+def stored(own, capsys):
+    run_json(capsys, own.results, *QUICK, f"tracker={own.name}:track", THREADS, "--name", "run")
+    words = [*QUICK, THREADS, f"tracker={own.name}:track", "seed=0,1"]
+    assert main(["sweep", "--results", str(own.results), "--name", "sweep", *words]) == 0
+    own.forget()
+    return own
+
+
+@pytest.mark.parametrize(
+    "command", ["show", "ls", "compare", "report", "explain", "explain-sweep", "show-sweep"]
+)
+def test_commands_that_only_read_a_folder_import_nothing_from_it(command, stored, capsys):
+    (stored.folder / f"{stored.helper}.py").write_text("OFFSET = 7.0\n")
+    runs = [str(stored.results / "run"), str(stored.results / "sweep" / "runs" / "0001")]
+    arguments = {
+        "show": ["show", runs[0]],
+        "ls": ["ls", str(stored.results)],
+        "compare": ["compare", *runs],
+        "report": ["report", *runs, "--output", str(stored.folder / "page.html")],
+        "explain": ["explain", runs[0]],
+        "explain-sweep": ["explain", str(stored.results / "sweep")],
+        "show-sweep": ["show", str(stored.results / "sweep")],
+    }[command]
+    assert main(arguments) == 0, capsys.readouterr().err
+    assert stored.imports() == 0
+    if command.startswith("explain"):
+        assert stored.helper in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", ["rerun", "verify", "play", "sweep --resume"])
+def test_commands_that_compute_refuse_the_code_of_a_folder_unless_it_is_trusted(
+    command, stored, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    folder = stored.results / ("sweep" if "sweep" in command else "run")
+    line = [*command.split(), str(folder)]
+    line += ["--output", str(tmp_path / "page.html")] if command == "play" else []
+    line += ["--results", str(tmp_path / "new")] if command == "rerun" else []
+    assert main(line) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert f"{stored.name}:track: read it, and add --trust-code" in lines[0]
+    assert stored.imports() == 0
+    assert main([*line, "--trust-code"]) == 0, capsys.readouterr().err
+    assert stored.imports() > 0
+
+
+def test_trackers_of_installed_packages_are_options(own, monkeypatch, capsys):
+    point = importlib.metadata.EntryPoint("mine", f"{own.name}:plain", folders.TRACKERS)
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: [point])
+    folders.installed_trackers.cache_clear()
+    try:
+        assert "tracker=mine" in help_of_run()
+        assert complete_override("tracker=mi") == ["tracker=mine"]
+        answer = run_json(capsys, own.results, *QUICK, THREADS, "tracker=mine", "tracker.alpha=0.1",
+                          "--name", "a")  # fmt: skip
+        assert answer["metrics"]["scans"] == 3
+        with pytest.raises(ConfigurationError, match="tracker: unknown option 'min'"):
+            compose(["tracker=min"])
+    finally:
+        folders.installed_trackers.cache_clear()
+
+
+def test_a_keys_code_holds_the_modules_of_the_folder_only(own):
+    code = CodeIndex().code([own.name], (own.folder,))
+    assert {own.name, own.helper} <= set(code.modules)
+    assert "numpy" in code.versions
+    assert override_text("tracker", f"{own.name}:track") in (
+        f"tracker={own.name}:track", f"tracker='{own.name}:track'",
+    )  # fmt: skip
