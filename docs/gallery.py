@@ -109,6 +109,7 @@ def sections() -> dict[str, list[Entry]]:
                   [f"tracker={tracker}", "road_user=cyclist", "measurement=fabricated", *STREET],
                   "k0015/birds_eye.png", 640)
             for tracker in options["tracker"]
+            if tracker != "pyrecest"  # an extra
         ],
         "A whole run": [
             Entry("errors", "Errors over time, with their χ² bounds.", FABRICATED, "errors.png",

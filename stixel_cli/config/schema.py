@@ -39,6 +39,7 @@ from stixel_cli.stixels.free_space_parameters import (
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
 from stixel_cli.tracking.point import PointParameters
 from stixel_cli.tracking.prior import PriorShape
+from stixel_cli.tracking.pyrecest_parameters import PyRecEstParameters
 from stixel_cli.tracking.start import TruthStart
 from stixel_cli.tracking.start_scans import ScansStart
 
@@ -48,7 +49,7 @@ MeasurementParameters = (
     SimulatedParameters | FabricatedParameters | LidarParameters | FileParameters
 )
 Start = TruthStart | ScansStart
-Tracker = GpEkfParameters | PointParameters
+Tracker = GpEkfParameters | PointParameters | PyRecEstParameters
 
 _BY_KIND = Field(discriminator="kind")
 

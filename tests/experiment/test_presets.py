@@ -51,6 +51,8 @@ def test_every_preset_runs(group, option, results, capsys):
         reason = probe_filament(timeout=600)
         if reason is not None:
             pytest.skip(reason)
+    if option == "pyrecest":
+        pytest.importorskip("pyrecest")
     few = FEW[:-1] if group != "rig" else ("path.duration=0.2",)
     pictures = "pictures.frames=[1]" if group in PICTURED else "pictures.frames=[]"
     outer = group.rpartition("/")[0]
