@@ -108,11 +108,31 @@ class Composer:
         parsed = [self.parse(text) for text in texts]
         check_overrides(parsed)
         check_one_run(parsed)
-        resolved, choices = _resolved(parsed, self._state)
+        resolved, choices = self._with_recording(parsed)
         name_files_in_full(resolved, self._working_directory)
         configuration = _validate(resolved, [override.key_or_group for override in parsed])
         store_compositions()
         return Composition(self._shared(configuration, resolved), choices, texts, resolved)
+
+    def _with_recording(self, parsed: "list[Override]") -> tuple[dict[str, Any], dict[str, str]]:
+        """The resolved configuration and its choices, completed by its recording, if it has one."""
+        typed = {one.key_or_group: one.value() for one in parsed}
+        if not any(name.partition(".")[0] == "source" for name in typed):
+            return _resolved(parsed, self._state)
+        # Reads and checks files; imported only here, because most runs have no recording.
+        from stixel_cli.config import recorded
+
+        more = recorded.guessed_source(typed, self._working_directory)
+        parsed = [*parsed, *map(self.parse, more)]
+        resolved, choices = _resolved(parsed, self._state)
+        section = dict(resolved["source"])
+        recording = recorded.recording_in(section, typed, self._working_directory)
+        if recording is not None:
+            more = recorded.suitable_overrides(recording, typed)
+            resolved, choices = _resolved([*parsed, *map(self.parse, more)], self._state)
+            resolved["source"] = section
+            recorded.with_recording(resolved, choices, recording, typed)
+        return resolved, choices
 
     def _shared(self, configuration: Configuration, resolved: dict[str, Any]) -> Configuration:
         parts = {

@@ -2,8 +2,10 @@
 
 Conventions: K scans; poses (K, 3) = x m, y m, heading rad in the world; polygons (K, M, 2) m in the
 world, the first vertex not repeated; errors are estimated minus true. Errors count at every scan,
-also at empty ones. A missing value is NaN. The metrics are those of `metric_table.py`: a metric is
-None if one of its errors is not finite; NIS and NEES are averaged over the scans that have one.
+also at empty ones; for a recording, only at the scans that `Scenario.scored` names. A missing value
+is NaN, and so is an error at a scan without truth. The metrics are those of `metric_table.py`: a
+metric is None if one of its errors is not finite, or if no scan counts; NIS and NEES are averaged
+over the scans that have one.
 """
 
 import numpy as np
@@ -35,6 +37,8 @@ def evaluate(track: Track, scenario: Scenario, scans: Scans) -> Scores:
     """
     validate(track, scenario, scans)
     truth = scenario.target_poses_world
+    known = np.isfinite(truth).all(axis=1)
+    scored = known if scenario.scored is None else known & scenario.scored
     true_contours = np.stack([world_from_target(scenario.contour_target, pose) for pose in truth])
     centre = centre_errors(track.means, truth)
     orientation = orientation_errors(track.means[:, 2], truth[:, 2])
@@ -47,11 +51,11 @@ def evaluate(track: Track, scenario: Scenario, scans: Scans) -> Scores:
     nis = np.divide(track.nis, degrees, out=np.full(len(degrees), np.nan), where=degrees > 0)
 
     errors = ScanErrors(
-        centre=centre,
-        orientation=np.degrees(orientation),
-        iou=iou,
-        nees_position=nees_position,
-        nees_heading=nees_heading,
+        centre=centre[scored],
+        orientation=np.degrees(orientation)[scored],
+        iou=iou[scored],
+        nees_position=nees_position[scored],
+        nees_heading=nees_heading[scored],
         nis=nis,
         points=np.diff(scans.offsets),
         points_used=np.diff(track.used_offsets),
@@ -82,10 +86,12 @@ def intersections_over_unions(estimated_world: np.ndarray, true_world: np.ndarra
     """IoU (K,) of the areas inside the polygons (K, M, 2) and (K, N, 2) m.
 
     A polygon that crosses itself is repaired by shapely's `make_valid`: its area consists of the
-    points that it encloses an odd number of times. The IoU of a non-finite estimate is 0.
+    points that it encloses an odd number of times. The IoU of a non-finite estimate is 0; it is NaN
+    where the true polygon is not finite.
     """
-    finite = np.isfinite(estimated_world).all(axis=(1, 2))
-    overlap = np.zeros(len(estimated_world))
+    known = np.isfinite(true_world).all(axis=(1, 2))
+    finite = known & np.isfinite(estimated_world).all(axis=(1, 2))
+    overlap = np.where(known, 0.0, np.nan)
     estimated = _areas(estimated_world[finite])
     true = _areas(true_world[finite])
     common = shapely.area(shapely.intersection(estimated, true))

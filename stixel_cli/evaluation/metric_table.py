@@ -81,10 +81,10 @@ class ScanErrors:
     """Errors and counts of one track over its K scans.
 
     Attributes:
-        centre: (K,) m.
-        orientation: (K,) degrees in (-180, 180], estimated minus true.
-        iou: (K,) intersection over union of the contours, 0 … 1.
-        nees_position, nees_heading: (K,) NEES divided by its dimension; NaN without a valid
+        centre: (C,) m, at the C scans that count: all K, unless a recording lacks truth.
+        orientation: (C,) degrees in (-180, 180], estimated minus true.
+        iou: (C,) intersection over union of the contours, 0 … 1.
+        nees_position, nees_heading: (C,) NEES divided by its dimension; NaN without a valid
             covariance.
         nis: (K,) NIS divided by its degrees of freedom; NaN for an empty scan.
         points, points_used: (K,) points of the scan, and those that the tracker used.
@@ -186,6 +186,8 @@ _TABLE = (
     Metric("nis_mean", "NIS / degrees of freedom, mean (1 is consistent)", "mean NIS / d.o.f.",
            *_RATIO, lambda e: finite_mean(e.nis)),
     Metric("scans", "scans", "scans", *_COUNT, lambda e: len(e.points)),
+    Metric("scored_scans", "scans with a truth that counts", "scored scans",
+           *_COUNT, lambda e: len(e.centre)),
     Metric("empty_scans", "empty scans", "empty scans",
            *_COUNT, lambda e: int(np.sum(e.points == 0))),
     Metric("points_per_scan_mean", "points in a scan, mean", "points per scan",

@@ -46,6 +46,12 @@ def _true_contour(scenario: Scenario, k: int) -> np.ndarray:
     return world_from_target(scenario.contour_target, scenario.target_poses_world[k])
 
 
+def _shown_contour(track: Track, scenario: Scenario, k: int) -> np.ndarray:
+    """The contour that the limits are set by: the true one; without truth, the estimated one."""
+    contour = _true_contour(scenario, k)
+    return contour if np.isfinite(contour).all() else track.contours_world[k]
+
+
 def _draw_target(axes: Axes, track: Track, scenario: Scenario, k: int, linewidth: float) -> None:
     contour = track.contours_world[k]
     mean = track.means[k]
@@ -87,7 +93,7 @@ def _draw_surroundings(
 ) -> None:
     """Ego car, field of view, and the paths up to now; the limits include all visible things."""
     ego = scenario.ego_poses_world[k]
-    contour = _true_contour(scenario, k)
+    contour = _shown_contour(track, scenario, k)
     points = scans.points_world[scans.rows(k)]
     far = 5.0 + 1.6 * np.linalg.norm(contour - ego[:2], axis=1).max()
     shown = np.linalg.norm(points - ego[:2], axis=1) <= far
@@ -110,7 +116,7 @@ def _draw_surroundings(
 def _enlarge(axes: Axes, scans: Scans, track: Track, scenario: Scenario, k: int) -> None:
     """Limits round the two contours and the points that were used."""
     used = track.used_points[track.used_offsets[k] : track.used_offsets[k + 1]]
-    contour = _true_contour(scenario, k)
+    contour = _shown_contour(track, scenario, k)
     also = np.concatenate([track.contours_world[k], scans.points_world[used]])
     size = np.linalg.norm(scenario.contour_target, axis=1).max()
     ground.fit(axes, np.concatenate([contour, ground.near(also, contour)]), 0.3 * size)
@@ -134,6 +140,8 @@ def _mark_enlarged(wide: Axes, near: Axes) -> None:
 
 def _std(track: Track, scenario: Scenario, k: int) -> str:
     offset = track.means[k, :3] - scenario.target_poses_world[k]
+    if not np.isfinite(scenario.target_poses_world[k]).all():
+        return "Target, enlarged;  no truth"
     if not np.isfinite(offset).all():
         return "Target, enlarged;  no valid estimate"
     centre = float(np.hypot(*offset[:2]))

@@ -31,11 +31,14 @@ def path_figure(track: Track, scenario: Scenario, rig: Rig) -> Figure:
 
     Below, contours are in the frame of the true target: heading to the right, next to each other.
     """
-    poses, ego = scenario.target_poses_world, scenario.ego_poses_world
+    truth, ego = scenario.target_poses_world, scenario.ego_poses_world
+    # The figure is laid out by the true path; where a recording has no truth, by the estimated one.
+    poses = np.where(np.isfinite(truth), truth, track.means[:, :3])
     size = float(np.linalg.norm(scenario.contour_target, axis=1).max())
     chosen = spaced_frames(poses[:, :2], size)
-    contours = [world_from_target(scenario.contour_target, poses[k]) for k in chosen]
+    contours = [world_from_target(scenario.contour_target, truth[k]) for k in chosen]
     certain = np.concatenate([ego[:, :2], poses[:, :2], *contours])
+    certain = certain[np.isfinite(certain).all(axis=1)]
     estimated = ground.near(track.contours_world[list(chosen)].reshape(-1, 2), certain)
     points = np.concatenate([certain, estimated])
 
@@ -45,7 +48,7 @@ def path_figure(track: Track, scenario: Scenario, rig: Rig) -> Figure:
         ground.draw_field_of_view(axes, ego[k], rig.field_of_view)
         ground.draw_ego(axes, ego[k])
     axes.plot(*ego[:, :2].T, color=style.EGO, linewidth=1.2)
-    axes.plot(*poses[:, :2].T, color=style.TRUTH, linewidth=0.9, zorder=3)
+    axes.plot(*truth[:, :2].T, color=style.TRUTH, linewidth=0.9, zorder=3)
     axes.plot(*track.means[:, :2].T, color=style.ESTIMATE, linewidth=0.9, zorder=3)
     for k, contour in zip(chosen, contours, strict=True):
         ground.draw_contour(axes, contour, style.TRUTH, linewidth=1.2)
@@ -61,7 +64,7 @@ def path_figure(track: Track, scenario: Scenario, rig: Rig) -> Figure:
     axes.set(xlabel="x in the world (m)", ylabel="y in the world (m)")
     axes.set_title(f"Path of the target, {track.times[-1] - track.times[0]:.1f} s")
     _legend(figure, axes)
-    _draw_strip(strip, track, scenario, chosen, _room(track, poses, chosen, size))
+    _draw_strip(strip, track, scenario, poses, chosen, _room(track, poses, chosen, size))
     return figure
 
 
@@ -128,12 +131,13 @@ def _room(track: Track, poses: np.ndarray, chosen, size: float) -> float:
     return float(np.clip(np.nanmax(reach, initial=size), size, 2.0 * size))
 
 
-def _draw_strip(axes: Axes, track: Track, scenario: Scenario, chosen, size: float) -> None:
+def _draw_strip(axes: Axes, track: Track, scenario: Scenario, poses, chosen, size: float) -> None:
     """The contours at `chosen` in the true target's frame, next to each other."""
     width, height = CELL[0] * size, CELL[1] * size
     for i, k in enumerate(chosen):
-        pose, centre = scenario.target_poses_world[k], np.array([(i + 0.5) * width, 0.0])
-        ground.draw_contour(axes, scenario.contour_target + centre, style.TRUTH, linewidth=1.2)
+        pose, centre = poses[k], np.array([(i + 0.5) * width, 0.0])
+        if np.isfinite(scenario.target_poses_world[k]).all():
+            ground.draw_contour(axes, scenario.contour_target + centre, style.TRUTH, linewidth=1.2)
         drawn = len(axes.patches)
         contour = target_from_world(track.contours_world[k], pose) + centre
         ground.draw_contour(axes, contour, style.ESTIMATE, linewidth=1.2)

@@ -22,6 +22,8 @@ class EgoMotion:
 class Scenario:
     """Ground truth, read only by renderers, fabrication, the initialisation, scores and pictures.
 
+    A recording may have no truth at some times: the target's pose and rates are NaN there.
+
     Attributes:
         times: (K,) s.
         ego_poses_world: (K, 3) x m, y m, heading rad.
@@ -30,6 +32,7 @@ class Scenario:
         contour_target: (M, 2) m, the outline of the mesh's ground projection in the target frame:
             one simple polygon, counter-clockwise, the first vertex not repeated.
         star_convex: whether every point of the contour is seen from the target's centre.
+        scored: (K,) bool, the scans that count for the scores; None for all scans with a truth.
     """
 
     times: np.ndarray
@@ -38,3 +41,4 @@ class Scenario:
     target_rates_world: np.ndarray
     contour_target: np.ndarray
     star_convex: bool
+    scored: np.ndarray | None = None

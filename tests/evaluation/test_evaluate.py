@@ -98,6 +98,7 @@ def test_summary_matches_a_calculation_by_hand():
         "nees_heading_mean": 2 * 0.04 / 5,
         "nis_mean": 5.5 / 4,
         "scans": 5,
+        "scored_scans": 5,
         "empty_scans": 1,
         "points_per_scan_mean": 8 / 5,
         "points_used_mean": 7 / 5,
@@ -263,3 +264,28 @@ def test_iou_is_invariant_to_rigid_motions(seed, angle, shift):
     np.testing.assert_allclose(moved, plain, atol=1e-9)
     np.testing.assert_allclose(intersections_over_unions(second, first), plain, atol=1e-12)
     assert 0.0 <= plain[0] <= 1.0
+
+
+def test_only_scans_with_a_truth_that_counts_are_scored():
+    poses = SCENARIO.target_poses_world.copy()
+    poses[3] = np.nan
+    counted = np.array([True, True, True, True, False])
+    scores = evaluate(
+        track_with(SHIFTS),
+        dataclasses.replace(SCENARIO, target_poses_world=poses, scored=counted),
+        SCANS,
+    )
+    assert scores.metrics["scored_scans"] == 3 and scores.metrics["scans"] == 5
+    assert scores.metrics["centre_mean_m"] == pytest.approx(1 / 3)
+    assert np.isnan(scores.iou).tolist() == [False, False, False, True, False]
+
+
+def test_without_truth_there_are_no_scores():
+    poses = np.full_like(SCENARIO.target_poses_world, np.nan)
+    metrics = evaluate(
+        track_with(SHIFTS), dataclasses.replace(SCENARIO, target_poses_world=poses), SCANS
+    ).metrics
+    assert metrics["scored_scans"] == 0 and metrics["scans"] == 5
+    for name in ("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "low_overlap_share"):
+        assert metrics[name] is None
+    assert metrics["nis_mean"] == pytest.approx(5.5 / 4)
