@@ -102,6 +102,7 @@ def sections() -> dict[str, list[Entry]]:
             Entry(f"measurement_{measurement}", f"`measurement={measurement}`",
                   [f"measurement={measurement}", *STREET], "k0015/birds_eye.png", 640)
             for measurement in options["measurement"]
+            if measurement != "file"  # needs a file of the user's
         ],
         "Trackers": [
             Entry(f"tracker_{tracker}", f"`tracker={tracker}`",

@@ -8,6 +8,8 @@ from typing import Any
 
 from stixel_cli.config.schema import Configuration
 from stixel_cli.errors import ConfigurationError
+from stixel_cli.measurements.file_parameters import FileParameters
+from stixel_cli.tracking.start import NO_TRUTH, TruthStart
 
 _NEAREST_START = 1.0
 """Minimum distance between the camera and the target at its start, m."""
@@ -26,6 +28,7 @@ def check(configuration: Configuration) -> None:
         for field in dataclasses.fields(configuration):
             _check_part(configuration, getattr(configuration, field.name))
         _check_start(configuration)
+        _check_truth(configuration)
         _check_stereo(configuration)
     except ValueError as fault:
         raise ConfigurationError(" ".join(str(fault).split())) from None
@@ -82,6 +85,8 @@ def _check_times(configuration: Configuration) -> None:
             f"got {path.sample_time:g} s"
         )
     scans = round(path.duration / path.sample_time)
+    if isinstance(configuration.measurement, FileParameters):
+        return  # The file has the number of frames, see `experiment.stages.pictured_frames`.
     late = [k for k in configuration.pictures.frames or () if k >= scans]
     if late:
         raise ValueError(f"pictures.frames: must be <= {scans - 1}, the last frame, got {late[0]}")
@@ -102,6 +107,18 @@ def _check_start(configuration: Configuration) -> None:
             f"{key}: must be at least {_NEAREST_START + extent:.2g} m from the camera, "
             f"got {distance:.2g} m"
         )
+
+
+def _check_truth(configuration: Configuration) -> None:
+    """Refuse a start from the truth for scans from a file without truth."""
+    measurement = configuration.measurement
+    if (
+        isinstance(measurement, FileParameters)
+        and measurement.path is not None
+        and measurement.truth is None
+        and isinstance(configuration.start, TruthStart)
+    ):
+        raise ValueError(NO_TRUTH)
 
 
 def _check_stereo(configuration: Configuration) -> None:

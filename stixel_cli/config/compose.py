@@ -11,10 +11,20 @@ from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config import messages
 from stixel_cli.config.choose import choose, store_compositions
+from stixel_cli.config.file_runs import implied_by_file
 from stixel_cli.config.folders import conf_state, configuration_folder, group_options
 from stixel_cli.config.interpolation import NotPlain, interpolated, with_values
 from stixel_cli.config.keys import chosen_kinds, known_keys
 from stixel_cli.config.overrides import check_one_run, check_overrides, parse_overrides
+from stixel_cli.config.own_options import (
+    GIVEN,
+    check_parameters,
+    find_folders,
+    functions_of,
+    is_own,
+    nested,
+    own_sections,
+)
 from stixel_cli.config.schema import Configuration, adapter
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError
 from stixel_cli.files import read_yaml_text
@@ -78,10 +88,12 @@ class Composer:
     `conf/` are taken as they were when the composer was made. Equal groups of different
     configurations are one object, so that derived values can be cached by identity; do not change
     `resolved`, which they share too.
-    `working_directory` is as in `compose`.
+    `working_directory` is as in `compose`. The user's own modules are imported, to check their
+    parameters, only if the overrides are `trusted`: not if a result folder gives them.
     """
 
-    def __init__(self, working_directory: str = ""):
+    def __init__(self, working_directory: str = "", trusted: bool = True):
+        self._trusted = trusted
         group_options.cache_clear()  # the files may have changed since, as in a notebook
         self._working_directory = working_directory
         self._state = conf_state()
@@ -108,9 +120,17 @@ class Composer:
         parsed = [self.parse(text) for text in texts]
         check_overrides(parsed)
         check_one_run(parsed)
-        resolved, choices = self._with_recording(parsed)
+        parsed += [self.parse(text) for text in implied_by_file(parsed)]
+        own = own_sections(parsed)
+        others = [one for one in parsed if one.key_or_group.partition(".")[0] not in own]
+        resolved, choices = self._with_recording(others)
+        resolved |= own
+        choices |= {one.key_or_group: str(one.value()) for one in parsed if one.key_or_group in own}
+        resolved["code_folders"] = find_folders(resolved, self._working_directory)
         name_files_in_full(resolved, self._working_directory)
         configuration = _validate(resolved, [override.key_or_group for override in parsed])
+        if self._trusted and functions_of(resolved):
+            check_parameters(configuration)
         store_compositions()
         return Composition(self._shared(configuration, resolved), choices, texts, resolved)
 
@@ -148,8 +168,16 @@ def name_files_in_full(resolved: dict[str, Any], working_directory: str = "") ->
 
     They refer to `working_directory`; "" for the working directory of the process.
     """
-    for group, key in (("road_user", "mesh"), ("cache", "folder")):
-        name = resolved[group][key]
+    for group, key in (
+        ("road_user", "mesh"),
+        ("measurement", "path"),
+        ("measurement", "ego"),
+        ("measurement", "truth"),
+        ("cache", "folder"),
+    ):
+        name = resolved[group].get(key)
+        if resolved[group].get("kind") == "own":
+            continue
         # The checks refuse an empty name.
         if isinstance(name, str) and name:
             name = os.path.join(working_directory, os.path.expanduser(name))
@@ -173,6 +201,9 @@ def _validate(plain: dict[str, Any], typed: Iterable[str]) -> Configuration:
     from stixel_cli.config.checks import check
 
     try:
+        for group in GIVEN:
+            if is_own(plain.get(group)):
+                plain = plain | {group: nested(plain[group])}
         # Strict JSON validation fits YAML: it accepts lists for tuples and converts nothing else.
         configuration = adapter().validate_json(json.dumps(plain))
     except ValidationError as error:

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 from annotated_types import Ge, Gt, Interval, Le, Len, Lt, MaxLen, MinLen, MultipleOf
 
 from stixel_cli.config.schema import Configuration
+from stixel_cli.own_code import OwnCode
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,8 @@ def _alternatives(annotation: Any) -> list[Any]:
 
 def _dataclasses(annotation: Any) -> list[type]:
     members = [_bare(member) for member in _alternatives(annotation)]
-    return [member for member in members if dataclasses.is_dataclass(member)]
+    # The keys of the user's own code are not known here.
+    return [one for one in members if dataclasses.is_dataclass(one) and one is not OwnCode]
 
 
 def kind_of(schema: type) -> str | None:

@@ -5,7 +5,7 @@ Only this module uses Hydra's parser, which is not public: the project therefore
 
 import copy
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from decimal import Decimal
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from stixel_cli.config import folders, messages
 from stixel_cli.config.folders import group_options
 from stixel_cli.config.keys import known_keys
+from stixel_cli.config.own_options import check_option, is_parameter, own_groups
 from stixel_cli.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -122,17 +123,22 @@ def _unreadable(text: str) -> str:
     return f"""{shown}: cannot be read; quote text with special characters: KEY='"text"'"""
 
 
-def check_overrides(parsed: "Sequence[Override]") -> None:
+def check_overrides(parsed: "Sequence[Override]", own: Collection[str] = ()) -> None:
     """Refuse invalid overrides that Hydra accepts, or reports unclearly.
 
     Several values, and faults that depend on all overrides of a run, are checked by
     `check_one_run`.
 
+    Args:
+        parsed: the overrides.
+        own: groups whose option is the user's own function by an override that is not in `parsed`.
+
     Raises:
         ConfigurationError: for the first invalid override.
     """
+    own = own_groups(parsed) | set(own)
     for override in parsed:
-        _check_name(override)
+        _check_name(override, own)
         if override.is_delete():
             name = override.key_or_group
             what = "option" if name in group_options() else "value"
@@ -147,14 +153,14 @@ def check_overrides(parsed: "Sequence[Override]") -> None:
     _refuse_repeated(parsed)
 
 
-def _check_name(override: "Override") -> None:
+def _check_name(override: "Override", own: Collection[str]) -> None:
     name = override.key_or_group
     text = messages.printable(str(override.input_line))
     if override.package is not None:
         raise ConfigurationError(f"{text}: no package (@) can be given; write {name}=…")
     if name == "hydra" or override.is_hydra_override():
         raise ConfigurationError(f"{text}: Hydra's own settings have no effect here: leave it out")
-    if name in group_options() or name in known_keys():
+    if name in group_options() or name in known_keys() or is_parameter(name, own):
         return
     if "/" in name and name.replace("/", ".") in known_keys():
         raise ConfigurationError(f"{name}: unknown key; did you mean {name.replace('/', '.')}?")
@@ -179,7 +185,7 @@ def _check_group(override: "Override") -> None:
             f"{', '.join(options)}), or single keys as {example}=VALUE"
         )
     text = "null" if value is None else str(value)
-    if text not in options:
+    if text not in options and not check_option(group, text):
         raise ConfigurationError(messages.unknown_option(group, text))
 
 

@@ -4,17 +4,20 @@ The fields are the groups of `conf/`. No field has a default: the values are onl
 configuration with a missing or an unknown key is invalid.
 """
 
+import math
 from functools import cache
 from typing import Annotated
 
-from annotated_types import Ge, Le
+from annotated_types import Ge, Le, Len
 from pydantic import Field, TypeAdapter
 
 from stixel_cli.engine.parameters import CacheParameters, Executor
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import FabricatedParameters
+from stixel_cli.measurements.file_parameters import FileParameters
 from stixel_cli.measurements.lidar import LidarParameters
 from stixel_cli.measurements.simulated import SimulatedParameters
+from stixel_cli.own_code import OwnCode
 from stixel_cli.parameters import parameters
 from stixel_cli.recordings.parameters import Source
 from stixel_cli.rendering.filament_parameters import FilamentParameters
@@ -37,11 +40,15 @@ from stixel_cli.stixels.free_space_parameters import (
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
 from stixel_cli.tracking.point import PointParameters
 from stixel_cli.tracking.prior import PriorShape
-from stixel_cli.tracking.start import StartParameters
+from stixel_cli.tracking.start import TruthStart
+from stixel_cli.tracking.start_scans import ScansStart
 
 Renderer = RaycastParameters | FilamentParameters
 StereoParameters = SgmParameters | BmParameters
-MeasurementParameters = SimulatedParameters | FabricatedParameters | LidarParameters
+MeasurementParameters = (
+    SimulatedParameters | FabricatedParameters | LidarParameters | FileParameters
+)
+Start = TruthStart | ScansStart
 Tracker = GpEkfParameters | PointParameters
 
 _BY_KIND = Field(discriminator="kind")
@@ -53,6 +60,8 @@ class Configuration:
 
     Attributes:
         seed: of all random numbers.
+        metrics: further metrics, each a function of the user's own as "module:function".
+        code_folders: folders of the user's own modules. Their content matters, not their names.
         executor, cache: where it runs and where results are cached. No result depends on them.
         others: the parameters of one group each; see their classes.
     """
@@ -74,12 +83,24 @@ class Configuration:
     free_space: FreeSpaceParameters
     height: HeightParameters
     extraction: ExtractionParameters
-    measurement: Annotated[MeasurementParameters, _BY_KIND]
-    start: StartParameters
-    tracker: Annotated[Tracker, _BY_KIND]
+    measurement: Annotated[MeasurementParameters | OwnCode, _BY_KIND]
+    start: Annotated[Start, _BY_KIND]
+    tracker: Annotated[Tracker | OwnCode, _BY_KIND]
     pictures: PicturesParameters
+    metrics: Annotated[tuple[str, ...], Len(0, 64)]
+    code_folders: Annotated[tuple[str, ...], Len(0, 64)]
     executor: Annotated[Executor, _BY_KIND]
     cache: CacheParameters
+
+    @property
+    def field_of_view(self) -> tuple[float, float] | None:
+        """Bearings of the sensor's right and left border, rad; None if they are unknown."""
+        if isinstance(self.measurement, FileParameters):
+            return None
+        own = getattr(getattr(self.measurement, "scanner", None), "horizontal_fov", None)
+        if own is None:
+            return self.rig.field_of_view
+        return -math.radians(0.5 * own), math.radians(0.5 * own)
 
 
 @cache

@@ -15,7 +15,6 @@ imports included, makes the stage stale.
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
 from hashlib import sha256
 from importlib.machinery import EXTENSION_SUFFIXES
 from importlib.util import find_spec
@@ -38,6 +37,7 @@ class Code:
         files: module -> the file it was read from and the SHA-256 of its bytes.
         versions: distribution that the modules import from -> its version; None for an imported
             name that is not installed.
+        folders: searched for modules that the import path lacks.
     """
 
     roots: tuple[str, ...]
@@ -45,6 +45,7 @@ class Code:
     modules: dict[str, str]
     files: dict[str, tuple[Path, str]]
     versions: dict[str, str | None]
+    folders: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -77,20 +78,34 @@ class CodeIndex:
     def __init__(self, store_folder: Path | None = None):
         if store_folder is not None:
             load_digests(store_folder)
-        self._folders: dict[str, tuple[Path, ...]] = {}
-        self._modules: dict[str, _Module | None] = {}
-        self._codes: dict[tuple[str, ...], Code] = {}
+        self._walks: dict[tuple[Path, ...], _Walk] = {}
 
-    def code(self, roots: Iterable[str]) -> Code:
+    def code(self, roots: Iterable[str], folders: tuple[Path, ...] = ()) -> Code:
         """Find the code that the modules `roots` reach, including themselves.
+
+        Modules that the import path lacks are looked for in `folders`.
 
         Raises:
             LookupError: a root is not a module, or a module is not valid Python.
         """
-        key = tuple(sorted(set(roots)))
-        if key not in self._codes:
-            self._codes[key] = self._walk(key)
-        return self._codes[key]
+        if folders not in self._walks:
+            self._walks[folders] = _Walk(folders)
+        return self._walks[folders].code(tuple(sorted(set(roots))))
+
+
+class _Walk:
+    """Finds the code of stages with one list of further folders."""
+
+    def __init__(self, own: tuple[Path, ...]):
+        self._own = own
+        self._folders: dict[str, tuple[Path, ...]] = {}
+        self._modules: dict[str, _Module | None] = {}
+        self._codes: dict[tuple[str, ...], Code] = {}
+
+    def code(self, roots: tuple[str, ...]) -> Code:
+        if roots not in self._codes:
+            self._codes[roots] = self._walk(roots)
+        return self._codes[roots]
 
     def _walk(self, roots: tuple[str, ...]) -> Code:
         first_party = {OWN_PACKAGE, *(root.partition(".")[0] for root in roots)}
@@ -108,7 +123,7 @@ class CodeIndex:
             found[name] = module
             for target, attribute in module.imports:
                 top = target.partition(".")[0]
-                if top in first_party or _is_loose(top):
+                if top in first_party or self._is_loose(top):
                     pending += self._reached(target, attribute)
                 elif top not in sys.stdlib_module_names:
                     outside.add(top)
@@ -120,7 +135,25 @@ class CodeIndex:
             modules=modules,
             files={name: (found[name].path, found[name].file_digest) for name in sorted(found)},
             versions=versions_of(outside),
+            folders=self._own,
         )
+
+    def _is_loose(self, top: str) -> bool:
+        """Whether a top-level module belongs to no distribution, such as a user's own file."""
+        if top in sys.stdlib_module_names or top in providers():
+            return False
+        return bool(self._search(top))
+
+    def _search(self, top: str) -> tuple[Path, ...]:
+        """The folders that contain the top-level module; the import path comes first."""
+        if top not in self._folders:
+            own = (
+                folder
+                for folder in self._own
+                if (folder / f"{top}.py").is_file() or (folder / top).is_dir()
+            )
+            self._folders[top] = _search_folders(top) or tuple(own)[:1]
+        return self._folders[top]
 
     def _reached(self, target: str, attribute: str | None) -> Iterator[str]:
         """Modules that an import of `attribute` from `target` binds; None for `import target`."""
@@ -153,9 +186,7 @@ class CodeIndex:
 
     def _read(self, name: str) -> _Module | None:
         top, *parts = name.split(".")
-        if top not in self._folders:
-            self._folders[top] = _search_folders(top)
-        for folder in self._folders[top]:
+        for folder in self._search(top):
             base = folder.joinpath(top, *parts)
             for path, is_package in (
                 (base / "__init__.py", True),
@@ -203,11 +234,3 @@ def _absolute(level: int, module: str, package: list[str]) -> str:
         return module
     parents = package[: len(package) - level + 1]
     return ".".join((*parents, module) if module else parents)
-
-
-@cache
-def _is_loose(top: str) -> bool:
-    """Whether a top-level module belongs to no distribution, such as a user's own file."""
-    if top in sys.stdlib_module_names or top in providers():
-        return False
-    return bool(_search_folders(top))

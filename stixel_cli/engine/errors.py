@@ -55,10 +55,19 @@ class StageFailure(Exception):
         label: label of the node, such as `average[0:10]`.
         cause: the exception.
         traceback_text: traceback in the worker.
+        own_files: the user's own code that the stage runs.
     """
 
-    def __init__(self, stage: str, label: str, cause: BaseException, traceback_text: str):
-        super().__init__(stage, label, cause, traceback_text)
+    def __init__(
+        self,
+        stage: str,
+        label: str,
+        cause: BaseException,
+        traceback_text: str,
+        own_files: frozenset[str] = frozenset(),
+    ):
+        super().__init__(stage, label, cause, traceback_text, own_files)
+        self.own_files = own_files
         self.stage = stage
         self.label = label
         self.cause = cause
@@ -74,7 +83,8 @@ class StageFailure(Exception):
         "" if unknown.
         """
         frames = _FRAME.findall(self.traceback_text)
-        own = [frame for frame in frames if _is_own(frame[0])]
+        own = [frame for frame in frames if frame[0] in self.own_files]
+        own = own or [frame for frame in frames if _is_own(frame[0])]
         if not frames:
             return ""
         file, line, code = (own or frames)[-1]
@@ -83,6 +93,8 @@ class StageFailure(Exception):
     @property
     def is_about_input(self) -> bool:
         """Whether the message is about the stage's input or the machine, and not about code."""
+        if any(frame[0] in self.own_files for frame in _FRAME.findall(self.traceback_text)):
+            return False
         return isinstance(self.cause, ValueError) or hasattr(self.cause, "one_line")
 
     def __str__(self) -> str:

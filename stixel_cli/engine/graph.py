@@ -169,7 +169,7 @@ class GraphBuilder:
     def _identity(self, stage: Stage) -> Identity:
         # Pickles differ whenever keys do, also by types and by the last bit of floats.
         what = (stage.name, stage.function, stage.pattern, stage.modules, stage.seed)
-        files = [str(path) for path in stage.files]
+        files = [str(path) for path in (*stage.files, None, *stage.folders)]
         try:
             known = pickle.dumps((what, files, dict(stage.settings)))
         except Exception:

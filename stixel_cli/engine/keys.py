@@ -45,6 +45,8 @@ class Stage:
         files: external files; the digest of their content is part of the key.
         gives_files: whether `files` is passed as an argument of this name. Their paths are not
             part of the key.
+        folders: searched for modules that the import path lacks; not part of the key.
+        own: whether `modules` are the user's own code: an error there is reported with its place.
         keys: argument name -> key of the setting in the configuration, if it differs from the
             argument. Used to explain changes; not part of the result's key.
     """
@@ -59,6 +61,8 @@ class Stage:
     frames: tuple[int, ...] = ()
     files: tuple[Path, ...] = ()
     gives_files: bool = False
+    folders: tuple[Path, ...] = ()
+    own: bool = False
     keys: Mapping[str, str] = field(default_factory=dict)
 
     def check(self) -> None:
@@ -211,7 +215,8 @@ def stage_identity(stage: Stage, index: CodeIndex) -> Identity:
     """
     types = settings_types(dict(stage.settings))
     module = stage.function.partition(":")[0]
-    code = index.code({module, *stage.modules, *(kind.__module__ for kind in types)})
+    roots = {module, *stage.modules, *(kind.__module__ for kind in types)}
+    code = index.code(roots, stage.folders)
     content = {
         "layout": LAYOUT,
         "stage": stage.name,

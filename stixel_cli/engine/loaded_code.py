@@ -50,6 +50,10 @@ def planned_function(name: str, code: Code) -> Callable[..., Any]:
     """
     # Without the lock, another thread could see the module imported but not yet in `_imported`.
     with _lock:
+        for folder in map(str, code.folders):
+            if folder not in sys.path:
+                # Last, so that a file there hides no installed package.
+                sys.path.append(folder)
         if not may_run_here(code):
             raise _changed(name)
         check_bytecode({module: path for module, (path, _) in code.files.items()})
@@ -59,10 +63,36 @@ def planned_function(name: str, code: Code) -> Callable[..., Any]:
             raise LookupError(f"module {module} has no function {attribute}")
         new = {module: file for module, file in code.files.items() if module not in _imported}
         # Equal files are enough; if only a comment was edited, the digests of the code are equal.
-        if not (same_files(new) or CodeIndex().code(code.roots).digest == code.digest):
+        if not (
+            same_files(new) or CodeIndex().code(code.roots, code.folders).digest == code.digest
+        ):
             raise _changed(name)
         _imported.update(code.modules)
     return function
+
+
+def current_function(name: str, folders: tuple[Path, ...]) -> Callable[..., Any]:
+    """Import the user's function "module:function" as it is on disk, for a check before a run.
+
+    If this process has imported an older version, as a notebook may have, its modules are imported
+    again. Modules that it finds only in `folders` are looked for there.
+
+    Raises:
+        LookupError: there is no such module or function.
+        Exception: whatever the user's module raises.
+    """
+    module = name.partition(":")[0]
+    code = CodeIndex().code([module], folders)
+    if not may_run_here(code):
+        package = f"{__name__.partition('.')[0]}."
+        with _lock:
+            for own, (path, _) in code.files.items():
+                if not own.startswith(package):
+                    sys.modules.pop(own, None)
+                    _imported.pop(own, None)
+                    _checked.discard(path)
+    importlib.invalidate_caches()
+    return planned_function(name, code)
 
 
 def _changed(function: str) -> CodeChanged:

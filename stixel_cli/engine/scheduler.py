@@ -21,6 +21,7 @@ from stixel_cli.engine.errors import (
     StageFailure,
     WorkerDied,
 )
+from stixel_cli.engine.graph import Node
 from stixel_cli.engine.locks import Lease
 from stixel_cli.engine.plan import Plan, missing_nodes
 from stixel_cli.engine.pools import Pool, SerialPool, deferred_interrupts, no_interrupt
@@ -273,7 +274,7 @@ class Run:
             self._fatal = error
             return
         node = self.graph.nodes[key]
-        failure = StageFailure(node.stage.name, node.label, error, traceback_text)
+        failure = StageFailure(node.stage.name, node.label, error, traceback_text, _own_files(node))
         failure.__cause__ = error
         if not self.keep_going:
             self._fatal = failure
@@ -290,6 +291,15 @@ class Run:
             if not found.isdisjoint(self.graph.nodes[other].sources):
                 found.add(other)
         return found - {key} - self._done
+
+
+def _own_files(node: Node) -> frozenset[str]:
+    """The files of the user's own code that a node runs."""
+    if not node.stage.own:
+        return frozenset()
+    package = __name__.partition(".")[0]
+    files = node.identity.code.files.items()
+    return frozenset(str(path) for name, (path, _) in files if name.partition(".")[0] != package)
 
 
 def _error(future: Future) -> BaseException | None:

@@ -2,10 +2,9 @@
 
 Conventions: K scans; poses (K, 3) = x m, y m, heading rad in the world; polygons (K, M, 2) m in the
 world, the first vertex not repeated; errors are estimated minus true. Errors count at every scan,
-also at empty ones; for a recording, only at the scans that `Scenario.scored` names. A missing value
-is NaN, and so is an error at a scan without truth. The metrics are those of `metric_table.py`: a
-metric is None if one of its errors is not finite, or if no scan counts; NIS and NEES are averaged
-over the scans that have one.
+also at empty ones; where the truth is unknown, or `Scenario.scored` is false, they are left out. A
+missing value is NaN. The metrics are those of `metric_table.py`: a metric is None if one of its
+errors is not finite; NIS and NEES are averaged over the scans that have one.
 """
 
 import numpy as np
@@ -32,43 +31,58 @@ def validate(track: Track, scenario: Scenario, scans: Scans) -> None:
 def evaluate(track: Track, scenario: Scenario, scans: Scans) -> Scores:
     """Errors over time and their summary; see `Scores` for units.
 
+    Where the truth is unknown, errors over time are NaN and metrics leave them out. Without any
+    truth there are only the metrics that need none.
+
     Raises:
         ValueError: as `validate` does.
     """
     validate(track, scenario, scans)
-    truth = scenario.target_poses_world
-    known = np.isfinite(truth).all(axis=1)
-    scored = known if scenario.scored is None else known & scenario.scored
-    true_contours = np.stack([world_from_target(scenario.contour_target, pose) for pose in truth])
-    centre = centre_errors(track.means, truth)
-    orientation = orientation_errors(track.means[:, 2], truth[:, 2])
-    iou = intersections_over_unions(track.contours_world, true_contours)
-    nees_position = normalised_errors(
-        track.means[:, :2] - truth[:, :2], track.covariances[:, :2, :2]
+    known = scenario.known
+    truth, means, covariances = (
+        values[known] for values in (scenario.target_poses_world, track.means, track.covariances)
     )
-    nees_heading = normalised_errors(orientation[:, None], track.covariances[:, 2:3, 2:3])
+    true_contours = np.array(
+        [world_from_target(scenario.contour_target, pose) for pose in truth]
+    ).reshape(len(truth), *scenario.contour_target.shape)
+    centre = centre_errors(means, truth)
+    orientation = orientation_errors(means[:, 2], truth[:, 2])
+    iou = intersections_over_unions(track.contours_world[known], true_contours)
+    nees_position = normalised_errors(means[:, :2] - truth[:, :2], covariances[:, :2, :2])
+    nees_heading = normalised_errors(orientation[:, None], covariances[:, 2:3, 2:3])
     degrees = track.nis_degrees_of_freedom
     nis = np.divide(track.nis, degrees, out=np.full(len(degrees), np.nan), where=degrees > 0)
 
+    counted = np.ones(len(truth), bool) if scenario.scored is None else scenario.scored[known]
     errors = ScanErrors(
-        centre=centre[scored],
-        orientation=np.degrees(orientation)[scored],
-        iou=iou[scored],
-        nees_position=nees_position[scored],
-        nees_heading=nees_heading[scored],
+        centre=centre[counted],
+        orientation=np.degrees(orientation)[counted],
+        iou=iou[counted],
+        nees_position=nees_position[counted],
+        nees_heading=nees_heading[counted],
         nis=nis,
         points=np.diff(scans.offsets),
         points_used=np.diff(track.used_offsets),
     )
+    metrics = {name: metric.of_run(errors) for name, metric in METRICS.items()}
+    if not counted.any():
+        metrics = {name: value for name, value in metrics.items() if value is not None}
     return Scores(
         times=np.array(scenario.times, dtype=np.float64),
-        centre_error=centre,
-        orientation_error=orientation,
-        iou=iou,
-        nees_position=nees_position,
+        centre_error=_over_time(centre, known),
+        orientation_error=_over_time(orientation, known),
+        iou=_over_time(iou, known),
+        nees_position=_over_time(nees_position, known),
         nis=nis,
-        metrics={name: metric.of_run(errors) for name, metric in METRICS.items()},
+        metrics=metrics,
     )
+
+
+def _over_time(values: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """The values (n,) of the n scans that are `known` (K,), NaN at the others."""
+    result = np.full(len(known), np.nan)
+    result[known] = values
+    return result
 
 
 def centre_errors(estimated_world: np.ndarray, true_world: np.ndarray) -> np.ndarray:
@@ -86,12 +100,10 @@ def intersections_over_unions(estimated_world: np.ndarray, true_world: np.ndarra
     """IoU (K,) of the areas inside the polygons (K, M, 2) and (K, N, 2) m.
 
     A polygon that crosses itself is repaired by shapely's `make_valid`: its area consists of the
-    points that it encloses an odd number of times. The IoU of a non-finite estimate is 0; it is NaN
-    where the true polygon is not finite.
+    points that it encloses an odd number of times. The IoU of a non-finite estimate is 0.
     """
-    known = np.isfinite(true_world).all(axis=(1, 2))
-    finite = known & np.isfinite(estimated_world).all(axis=(1, 2))
-    overlap = np.where(known, 0.0, np.nan)
+    finite = np.isfinite(estimated_world).all(axis=(1, 2))
+    overlap = np.zeros(len(estimated_world))
     estimated = _areas(estimated_world[finite])
     true = _areas(true_world[finite])
     common = shapely.area(shapely.intersection(estimated, true))

@@ -15,7 +15,7 @@ from stixel_cli.results.result import RunResult
 from stixel_cli.results.text import listed
 
 SCENE = ("road_user", "path", "ego")
-"""The groups that define the scene."""
+"""The groups that define the scene; with scans from a file, those files do."""
 
 
 def folders_page(
@@ -73,13 +73,17 @@ def check_one_scene(stored: Sequence[RunResult], labels: Sequence[str]) -> None:
 
 
 def _scene_settings(stored: RunResult) -> dict[str, str]:
+    measurement = stored.settings["measurement"]
+    if measurement.get("kind") == "file":
+        return flat_settings({"measurement": measurement})
     return flat_settings({group: stored.settings[group] for group in SCENE})
 
 
 def _same_scene(one: RunResult, other: RunResult) -> bool:
     names = ("times", "ego_poses_world", "target_poses_world", "contour_target")
     return all(
-        np.array_equal(getattr(one.scenario, name), getattr(other.scenario, name)) for name in names
+        np.array_equal(getattr(one.scenario, name), getattr(other.scenario, name), equal_nan=True)
+        for name in names
     )
 
 

@@ -18,6 +18,9 @@ from stixel_cli.config.schema import Configuration, Renderer, StereoParameters, 
 from stixel_cli.engine.graph import Graph
 from stixel_cli.engine.keys import Stage
 from stixel_cli.errors import UserError
+from stixel_cli.experiment.user_scans import check_files, file_scans
+from stixel_cli.measurements.file_parameters import FileParameters
+from stixel_cli.own_code import OwnCode
 from stixel_cli.recordings.find import find_recording
 from stixel_cli.recordings.types import Recording
 from stixel_cli.scene.ego import Parked
@@ -45,6 +48,8 @@ class Definition:
         recorded: the files of the recording that the function gets as `files`, an attribute of
             `Recording`; "" for none.
         pictures: whether it draws: its result is a `Pictures`.
+        code: dotted paths of the settings that name the user's own functions: their code is part of
+            the key.
     """
 
     functions: Mapping[str, str]
@@ -56,6 +61,7 @@ class Definition:
     files: tuple[str, ...] = ()
     recorded: str = ""
     pictures: bool = False
+    code: tuple[str, ...] = ()
 
 
 def _only(function: str) -> dict[str, str]:
@@ -165,7 +171,35 @@ TABLE: dict[str, Definition] = {
     "lidar_scans": Definition(
         _only("measurements.lidar:lidar_scans"), "once", _same("measurement"), seeded=True
     ),
-    "start": Definition(_only("tracking.start:noisy_start"), "once", _same("start"), seeded=True),
+    "read_scans": Definition(
+        _only("measurements.file:read_scans"),
+        "once",
+        {
+            "path": "measurement.path",
+            "ego": "measurement.ego",
+            "range_std": "measurement.range_std",
+        },
+        files=("measurement.path", "measurement.ego"),
+    ),
+    "read_truth": Definition(
+        _only("measurements.file_truth:read_truth"),
+        "once",
+        {"truth": "measurement.truth"},
+        files=("measurement.truth",),
+    ),
+    "own_scans": Definition(
+        _only("measurements.own:own_scans"),
+        "once",
+        {"function": "measurement.function", "parameters": "measurement.parameters"},
+        seeded=True,
+        code=("measurement.function",),
+    ),
+    "truth_start": Definition(
+        _only("tracking.start:noisy_start"), "once", _same("start"), seeded=True
+    ),
+    "scans_start": Definition(
+        _only("tracking.start_scans:start_from_scans"), "once", _same("start", "prior")
+    ),
     "track": Definition(
         _by_kind(Tracker, "track"),
         "once",
@@ -197,16 +231,37 @@ TABLE: dict[str, Definition] = {
     "track_pictures": Definition(
         _only("report.birds_eye:track_pictures"),
         "pick",
-        _same("rig"),
+        _same("field_of_view"),
         pictures=True,
     ),
     "run_pictures": Definition(
         _only("report.over_time:run_pictures"),
         "once",
-        _same("rig"),
+        _same("field_of_view"),
         pictures=True,
     ),
 }
+
+
+OWN: dict[str, Definition] = {
+    "track": Definition(
+        _only("tracking.own:track"),
+        "once",
+        {
+            "prior": "prior",
+            "function": "tracker.function",
+            "parameters": "tracker.parameters",
+        },
+        code=("tracker.function",),
+    ),
+    "scores": Definition(
+        _only("evaluation.own_metrics:evaluate_with_own"),
+        "once",
+        _same("metrics"),
+        code=("metrics",),
+    ),
+}
+"""The stages that replace those of `TABLE` where the user chooses own functions."""
 
 
 _DRAWING = {f for stage in TABLE.values() if stage.pictures for f in stage.functions.values()}
@@ -233,6 +288,7 @@ def pipeline_stages(configuration: Configuration) -> list[Stage]:
         UserError: if the pipeline's file is missing or names an unknown stage, or if a file of the
             recording is missing or not valid.
     """
+    check_files(configuration.measurement)
     recording = recording_of(configuration)
     pipeline = configuration.measurement.kind if recording is None else "recording"
     path = shipped_folder("pipelines") / f"{pipeline}.yaml"
@@ -258,16 +314,26 @@ def recording_of(configuration: Configuration) -> Recording | None:
 
 
 def scan_count(configuration: Configuration) -> int:
-    """Number K of scans: duration / sample time, rounded, and at least one."""
+    """Number K of scans: of the file, or duration / sample time, rounded, and at least one.
+
+    Raises:
+        UserError: if the file of the scans is missing or not valid.
+    """
+    if isinstance(configuration.measurement, FileParameters):
+        return len(file_scans(configuration.measurement))
     return max(1, round(configuration.path.duration / configuration.path.sample_time))
 
 
 def pictured_frames(configuration: Configuration) -> tuple[int, ...]:
     """The frames to draw: those of the configuration, or four spread evenly over the run."""
     chosen = configuration.pictures.frames
-    if chosen is not None:
-        return tuple(sorted(set(chosen)))
     last = scan_count(configuration) - 1
+    if chosen is not None:
+        if chosen and max(chosen) > last:
+            raise UserError(
+                f"pictures.frames: must be <= {last}, the last frame, got {max(chosen)}"
+            )
+        return tuple(sorted(set(chosen)))
     return tuple(sorted({round(last * share / 4) for share in (0.5, 1.5, 2.5, 3.5)}))
 
 
@@ -295,10 +361,17 @@ def _stage(
     wiring: dict[str, str],
 ) -> Stage:
     inputs = dict(wiring)
+    if inputs and all(isinstance(value, dict) for value in inputs.values()):
+        inputs = dict(inputs[_value(configuration, f"{name}.kind")])
     stage = inputs.pop("stage", name)
     if stage not in TABLE:
         raise UserError(f"{path}: {name}: no stage {stage!r}; the table has {', '.join(TABLE)}")
-    definition = TABLE[stage]
+    own = (stage == "track" and isinstance(configuration.tracker, OwnCode)) or (
+        stage == "scores" and configuration.metrics
+    )
+    definition = OWN[stage] if own else TABLE[stage]
+    names = [_value(configuration, path) for path in definition.code]
+    functions = [f for name in names for f in ((name,) if isinstance(name, str) else name)]
     kind = _value(configuration, f"{definition.chosen_by}.kind") if definition.chosen_by else ""
     return Stage(
         name=name,
@@ -306,7 +379,9 @@ def _stage(
         pattern=definition.pattern,
         inputs=inputs,
         settings={a: _setting(configuration, recording, p) for a, p in definition.reads.items()},
-        modules=definition.modules,
+        modules=(*definition.modules, *(f.partition(":")[0] for f in functions)),
+        folders=tuple(map(Path, configuration.code_folders)) if functions else (),
+        own=bool(functions),
         seed=configuration.seed if definition.seeded else None,
         frames=pictured_frames(configuration) if definition.pattern == "pick" else (),
         files=(

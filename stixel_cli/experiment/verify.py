@@ -23,7 +23,13 @@ from stixel_cli.results.differences import (
 )
 from stixel_cli.results.ego_frame import pose_columns
 from stixel_cli.results.lineage import Lineage
-from stixel_cli.results.result import RunResult, scan_columns, score_columns, track_arrays
+from stixel_cli.results.result import (
+    RunResult,
+    scan_columns,
+    score_columns,
+    track_arrays,
+    truth_arrays,
+)
 
 
 @dataclass(frozen=True)
@@ -83,7 +89,7 @@ def verify_run(
         StageFailure: if a stage fails.
     """
     # Before the run, which may take long.
-    names = ("ego.npz", "scans.npz", "track.npz", "scores.npz")
+    names = ("ego.npz", "truth.npz", "scans.npz", "track.npz", "scores.npz")
     paths = {name: stored.folder / name for name in names}
     arrays = {name: read_arrays(path) for name, path in paths.items() if path.exists()}
     with one_line_errors():
@@ -121,6 +127,7 @@ def _compared_files(
             "scenario",
             pose_columns(new.scenario.times, new.scenario.ego_poses_world),
         ),
+        ("truth.npz", "scenario", truth_arrays(new.scenario)),
         ("scans.npz", "scans", scan_columns(new.scans)),
         ("track.npz", "track", track_arrays(new.track)),
         ("scores.npz", "scores", score_columns(new.scores)),

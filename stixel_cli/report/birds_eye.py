@@ -7,7 +7,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from stixel_cli.geometry.pose import world_from_target, wrap_angle
-from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.report import ground, style
 from stixel_cli.results.pictures import Pictures
@@ -16,13 +15,18 @@ from stixel_cli.tracking.track import Track
 
 
 def track_pictures(
-    scans: Scans, track: Track, scenario: Scenario, rig: Rig, frame: int
+    scans: Scans,
+    track: Track,
+    scenario: Scenario,
+    field_of_view: tuple[float, float] | None,
+    frame: int,
 ) -> Pictures:
     """The bird's eye view of scan `frame`: all that is seen, and the target enlarged.
 
     Gives `k0033/birds_eye.png`: the ego car and its field of view, the scan with ellipses of one
     standard deviation (points which the tracker used apart from the others), the true contour, the
-    estimated one with its band of ± 2 standard deviations of the radius, both headings.
+    estimated one with its band of ± 2 standard deviations of the radius, both headings. Where the
+    truth is unknown, only the estimate is drawn. `field_of_view` is in rad, None if unknown.
     """
     with style.drawing({"axes.grid": True}):
         figure = style.new_figure(10.4, 5.7)
@@ -33,32 +37,38 @@ def track_pictures(
             _draw_target(axes, track, scenario, frame, linewidth)
             _draw_scan(axes, scans, track, frame)
         _draw_centre(near, track, frame)
-        _draw_surroundings(wide, scans, track, scenario, rig, frame)
+        _draw_surroundings(wide, scans, track, scenario, field_of_view, frame)
         _enlarge(near, scans, track, scenario, frame)
         _mark_enlarged(wide, near)
         wide.set_title(style.title("Bird's eye view", frame, track.times[frame]))
         near.set_title(_std(track, scenario, frame))
-        _legend(figure)
+        _legend(figure, bool(scenario.known.any()), field_of_view is not None)
         return Pictures({f"k{frame:04d}/birds_eye.png": style.png(figure)})
 
 
-def _true_contour(scenario: Scenario, k: int) -> np.ndarray:
-    return world_from_target(scenario.contour_target, scenario.target_poses_world[k])
+def _outline(track: Track, scenario: Scenario, k: int) -> np.ndarray:
+    """The true contour (M, 2) m; the estimated one where the truth is unknown."""
+    if scenario.known[k]:
+        return world_from_target(scenario.contour_target, scenario.target_poses_world[k])
+    contour = track.contours_world[k]
+    finite = np.isfinite(contour).all()
+    return contour if finite else np.zeros((1, 2)) + scenario.ego_poses_world[k, :2]
 
 
-def _shown_contour(track: Track, scenario: Scenario, k: int) -> np.ndarray:
-    """The contour that the limits are set by: the true one; without truth, the estimated one."""
-    contour = _true_contour(scenario, k)
-    return contour if np.isfinite(contour).all() else track.contours_world[k]
+def _radius(contour: np.ndarray) -> float:
+    """Greatest distance from the middle of a contour (M, 2), m; at least 0.1 m."""
+    return max(0.1, float(np.linalg.norm(contour - contour.mean(axis=0), axis=1).max()))
 
 
 def _draw_target(axes: Axes, track: Track, scenario: Scenario, k: int, linewidth: float) -> None:
     contour = track.contours_world[k]
     mean = track.means[k]
-    ground.draw_contour(axes, _true_contour(scenario, k), style.TRUTH, linewidth=linewidth)
+    outline = _outline(track, scenario, k)
+    if scenario.known[k]:
+        ground.draw_contour(axes, outline, style.TRUTH, linewidth=linewidth)
     ground.draw_band(axes, mean[:2], contour, track.contour_directions[k], track.contour_std[k])
     ground.draw_contour(axes, contour, style.ESTIMATE, linewidth=linewidth)
-    reach = 0.75 * np.linalg.norm(scenario.contour_target, axis=1).max()
+    reach = 0.75 * _radius(outline)
     ground.draw_heading(axes, scenario.target_poses_world[k], reach, style.TRUTH)
     ground.draw_heading(axes, mean[:3], reach, style.ESTIMATE)
 
@@ -89,11 +99,11 @@ def _draw_scan(axes: Axes, scans: Scans, track: Track, k: int) -> None:
 
 
 def _draw_surroundings(
-    axes: Axes, scans: Scans, track: Track, scenario: Scenario, rig: Rig, k: int
+    axes: Axes, scans: Scans, track: Track, scenario: Scenario, field_of_view, k: int
 ) -> None:
     """Ego car, field of view, and the paths up to now; the limits include all visible things."""
     ego = scenario.ego_poses_world[k]
-    contour = _shown_contour(track, scenario, k)
+    contour = _outline(track, scenario, k)
     points = scans.points_world[scans.rows(k)]
     far = 5.0 + 1.6 * np.linalg.norm(contour - ego[:2], axis=1).max()
     shown = np.linalg.norm(points - ego[:2], axis=1) <= far
@@ -107,7 +117,8 @@ def _draw_surroundings(
         text = f"{hidden} point{'s' if hidden > 1 else ''} outside"
         place = {"ha": "right", "va": "bottom", "transform": axes.transAxes}
         axes.text(1.0, 1.015, text, size=7.5, color="#444444", **place)
-    ground.draw_field_of_view(axes, ego, rig.field_of_view)
+    if field_of_view is not None:
+        ground.draw_field_of_view(axes, ego, field_of_view)
     ground.draw_ego(axes, ego)
     axes.plot(*scenario.target_poses_world[: k + 1, :2].T, color=style.TRUTH, linewidth=0.9)
     axes.plot(*track.means[: k + 1, :2].T, color=style.ESTIMATE, linewidth=0.9)
@@ -116,10 +127,9 @@ def _draw_surroundings(
 def _enlarge(axes: Axes, scans: Scans, track: Track, scenario: Scenario, k: int) -> None:
     """Limits round the two contours and the points that were used."""
     used = track.used_points[track.used_offsets[k] : track.used_offsets[k + 1]]
-    contour = _shown_contour(track, scenario, k)
+    contour = _outline(track, scenario, k)
     also = np.concatenate([track.contours_world[k], scans.points_world[used]])
-    size = np.linalg.norm(scenario.contour_target, axis=1).max()
-    ground.fit(axes, np.concatenate([contour, ground.near(also, contour)]), 0.3 * size)
+    ground.fit(axes, np.concatenate([contour, ground.near(also, contour)]), 0.3 * _radius(contour))
 
 
 def _mark_enlarged(wide: Axes, near: Axes) -> None:
@@ -140,8 +150,8 @@ def _mark_enlarged(wide: Axes, near: Axes) -> None:
 
 def _std(track: Track, scenario: Scenario, k: int) -> str:
     offset = track.means[k, :3] - scenario.target_poses_world[k]
-    if not np.isfinite(scenario.target_poses_world[k]).all():
-        return "Target, enlarged;  no truth"
+    if not scenario.known[k]:
+        return "Target, enlarged"
     if not np.isfinite(offset).all():
         return "Target, enlarged;  no valid estimate"
     centre = float(np.hypot(*offset[:2]))
@@ -149,7 +159,7 @@ def _std(track: Track, scenario: Scenario, k: int) -> str:
     return f"Target, enlarged;  centre error {centre:.2f} m, heading error {abs(turn):.1f}°"
 
 
-def _legend(figure: Figure) -> None:
+def _legend(figure: Figure, with_truth: bool, with_view: bool) -> None:
     dot = {"linestyle": "none", "marker": "o"}
     handles = [
         Line2D([], [], color=style.TRUTH, label="truth: contour, heading, path"),
@@ -161,4 +171,6 @@ def _legend(figure: Figure) -> None:
         Line2D([], [], color=style.EGO, linestyle="none", marker="^", label="ego car's camera"),
         Patch(color=style.FIELD_OF_VIEW, alpha=0.25, linewidth=0, label="field of view"),
     ]
+    handles = handles if with_view else handles[:-1]
+    handles = handles if with_truth else handles[1:]
     figure.legend(handles=handles, loc="lower center", ncols=4, columnspacing=2.2)

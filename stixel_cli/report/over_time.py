@@ -6,7 +6,6 @@ from matplotlib.figure import Figure
 from scipy.special import gammaincinv
 
 from stixel_cli.evaluation.metric_table import LOW_OVERLAP, SERIES, Scores, metric
-from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.report import style
 from stixel_cli.report.path_figure import path_figure
@@ -16,45 +15,58 @@ from stixel_cli.tracking.track import Track
 
 
 def run_pictures(
-    scans: Scans, track: Track, scenario: Scenario, scores: Scores, rig: Rig
+    scans: Scans,
+    track: Track,
+    scenario: Scenario,
+    scores: Scores,
+    field_of_view: tuple[float, float] | None,
 ) -> Pictures:
-    """`path` (contours along the path) and `errors` (over time), each as `.png` and `.svg`."""
+    """`path` (contours along the path) and `errors` (over time), each as `.png` and `.svg`.
+
+    Without truth `errors` has only the panels that need none. `field_of_view` is in rad, None if
+    unknown.
+    """
     files = {}
     with style.drawing():
         for name, figure in (
-            ("path", path_figure(track, scenario, rig)),
-            ("errors", errors_figure(scans, track, scores)),
+            ("path", path_figure(track, scenario, field_of_view)),
+            ("errors", errors_figure(scans, track, scores, bool(scenario.known.any()))),
         ):
             files[f"{name}.png"] = style.png(figure)
             files[f"{name}.svg"] = style.svg(figure)
     return Pictures(files)
 
 
-def errors_figure(scans: Scans, track: Track, scores: Scores) -> Figure:
-    """Centre error, orientation error and IoU; NEES and NIS with χ² bounds; points of each scan."""
-    figure = style.new_figure(10.4, 6.0)
+def errors_figure(scans: Scans, track: Track, scores: Scores, with_truth: bool = True) -> Figure:
+    """Centre error, orientation error and IoU; NEES and NIS with χ² bounds; points of each scan.
+
+    Without truth: NIS and points only.
+    """
+    figure = style.new_figure(10.4, 6.0 if with_truth else 4.2)
+    used = np.diff(track.used_offsets)
     grid = figure.subplots(
-        3,
-        2,
+        3 if with_truth else 2,
+        2 if with_truth else 1,
         sharex=True,
+        squeeze=False,
         gridspec_kw={
             "left": 0.07,
             "right": 0.985,
-            "bottom": 0.08,
+            "bottom": 0.08 if with_truth else 0.12,
             "top": 0.95,
             "hspace": 0.32,
             "wspace": 0.18,
         },
     )
-    used = np.diff(track.used_offsets)
-    _draw_errors(grid[:, 0], scores)
-    _draw_consistency(grid[0, 1], scores, "nees_position", np.full(len(used), 2))
-    _draw_consistency(grid[1, 1], scores, "nis", track.nis_degrees_of_freedom)
-    _draw_counts(grid[2, 1], scores.times, np.diff(scans.offsets), used)
+    if with_truth:
+        _draw_errors(grid[:, 0], scores)
+        _draw_consistency(grid[0, 1], scores, "nees_position", np.full(len(used), 2))
+    _draw_consistency(grid[-2, -1], scores, "nis", track.nis_degrees_of_freedom)
+    _draw_counts(grid[-1, -1], scores.times, np.diff(scans.offsets), used)
     for axes in grid.flat:
         axes.grid(True)
         axes.margins(x=0.01)
-    for axes in grid[2]:
+    for axes in grid[-1]:
         axes.set_xlabel("t (s)")
     figure.align_ylabels()
     return figure

@@ -8,7 +8,6 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.patheffects import withStroke
 
 from stixel_cli.geometry.pose import target_from_world, world_from_target
-from stixel_cli.geometry.rig import Rig
 from stixel_cli.report import ground, style
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track
@@ -26,32 +25,36 @@ SCALE = 0.5
 """Width for the scale next to the contours, in cells."""
 
 
-def path_figure(track: Track, scenario: Scenario, rig: Rig) -> Figure:
+def path_figure(
+    track: Track, scenario: Scenario, field_of_view: tuple[float, float] | None
+) -> Figure:
     """Paths with contours at several times in the world, and the same contours enlarged below.
 
     Below, contours are in the frame of the true target: heading to the right, next to each other.
+    Where the truth is unknown, the estimate takes its place. `field_of_view` is in rad, None if
+    unknown.
     """
-    truth, ego = scenario.target_poses_world, scenario.ego_poses_world
-    # The figure is laid out by the true path; where a recording has no truth, by the estimated one.
-    poses = np.where(np.isfinite(truth), truth, track.means[:, :3])
-    size = float(np.linalg.norm(scenario.contour_target, axis=1).max())
+    known, ego = scenario.known, scenario.ego_poses_world
+    poses = _reference_poses(track, scenario)
+    size = _size(track, scenario)
     chosen = spaced_frames(poses[:, :2], size)
-    contours = [world_from_target(scenario.contour_target, truth[k]) for k in chosen]
-    certain = np.concatenate([ego[:, :2], poses[:, :2], *contours])
-    certain = certain[np.isfinite(certain).all(axis=1)]
+    contours = {k: world_from_target(scenario.contour_target, poses[k]) for k in chosen if known[k]}
+    certain = np.concatenate([ego[:, :2], poses[:, :2], *contours.values()])
     estimated = ground.near(track.contours_world[list(chosen)].reshape(-1, 2), certain)
     points = np.concatenate([certain, estimated])
 
     figure, axes, strip = _axes_for(points, 0.8 * size + 1.0, len(chosen) + SCALE)
     ground.fit(axes, points, 0.8 * size + 1.0)
     for k in sorted({0, len(ego) - 1}) if np.ptp(ego, axis=0).any() else (0,):
-        ground.draw_field_of_view(axes, ego[k], rig.field_of_view)
+        if field_of_view is not None:
+            ground.draw_field_of_view(axes, ego[k], field_of_view)
         ground.draw_ego(axes, ego[k])
     axes.plot(*ego[:, :2].T, color=style.EGO, linewidth=1.2)
-    axes.plot(*truth[:, :2].T, color=style.TRUTH, linewidth=0.9, zorder=3)
+    axes.plot(*scenario.target_poses_world[:, :2].T, color=style.TRUTH, linewidth=0.9, zorder=3)
     axes.plot(*track.means[:, :2].T, color=style.ESTIMATE, linewidth=0.9, zorder=3)
-    for k, contour in zip(chosen, contours, strict=True):
-        ground.draw_contour(axes, contour, style.TRUTH, linewidth=1.2)
+    for k in chosen:
+        if k in contours:
+            ground.draw_contour(axes, contours[k], style.TRUTH, linewidth=1.2)
         ground.draw_contour(axes, track.contours_world[k], style.ESTIMATE, linewidth=1.2)
         ground.draw_band(
             axes,
@@ -63,9 +66,24 @@ def path_figure(track: Track, scenario: Scenario, rig: Rig) -> Figure:
     _label_times(axes, track.times, poses, chosen, 1.25 * size)
     axes.set(xlabel="x in the world (m)", ylabel="y in the world (m)")
     axes.set_title(f"Path of the target, {track.times[-1] - track.times[0]:.1f} s")
-    _legend(figure, axes)
+    _legend(figure, axes, bool(known.any()), field_of_view is not None)
     _draw_strip(strip, track, scenario, poses, chosen, _room(track, poses, chosen, size))
     return figure
+
+
+def _reference_poses(track: Track, scenario: Scenario) -> np.ndarray:
+    """The true poses (K, 3); where one is unknown, the estimate; the ego's where both are."""
+    poses = np.where(scenario.known[:, None], scenario.target_poses_world, track.means[:, :3])
+    return np.where(np.isfinite(poses).all(axis=1)[:, None], poses, scenario.ego_poses_world)
+
+
+def _size(track: Track, scenario: Scenario) -> float:
+    """Greatest radius of the true contour, m; without one, the median of the estimated ones."""
+    if len(scenario.contour_target):
+        return float(np.linalg.norm(scenario.contour_target, axis=1).max())
+    radii = np.linalg.norm(track.contours_world - track.means[:, None, :2], axis=2).max(axis=1)
+    finite = radii[np.isfinite(radii)]
+    return float(np.clip(np.median(finite), 0.1, 30.0)) if len(finite) else 1.0
 
 
 def spaced_frames(positions_world: np.ndarray, size: float) -> tuple[int, ...]:
@@ -131,12 +149,14 @@ def _room(track: Track, poses: np.ndarray, chosen, size: float) -> float:
     return float(np.clip(np.nanmax(reach, initial=size), size, 2.0 * size))
 
 
-def _draw_strip(axes: Axes, track: Track, scenario: Scenario, poses, chosen, size: float) -> None:
-    """The contours at `chosen` in the true target's frame, next to each other."""
+def _draw_strip(
+    axes: Axes, track: Track, scenario: Scenario, poses: np.ndarray, chosen, size: float
+) -> None:
+    """The contours at `chosen` in the frame of the target at `poses` (K, 3), next to each other."""
     width, height = CELL[0] * size, CELL[1] * size
     for i, k in enumerate(chosen):
         pose, centre = poses[k], np.array([(i + 0.5) * width, 0.0])
-        if np.isfinite(scenario.target_poses_world[k]).all():
+        if scenario.known[k]:
             ground.draw_contour(axes, scenario.contour_target + centre, style.TRUTH, linewidth=1.2)
         drawn = len(axes.patches)
         contour = target_from_world(track.contours_world[k], pose) + centre
@@ -163,10 +183,11 @@ def _draw_strip(axes: Axes, track: Track, scenario: Scenario, poses, chosen, siz
     axes.set_ylim(-0.5 * height, 0.5 * height)
     axes.set_aspect("equal", anchor="W")
     axes.set_axis_off()
-    axes.set_title("In the true target's frame, heading to the right")
+    whose = "true" if scenario.known.any() else "estimated"
+    axes.set_title(f"In the {whose} target's frame, heading to the right")
 
 
-def _legend(figure: Figure, axes: Axes) -> None:
+def _legend(figure: Figure, axes: Axes, with_truth: bool, with_view: bool) -> None:
     handles = [
         Line2D([], [], color=style.TRUTH, label="truth"),
         Line2D([], [], color=style.ESTIMATE, label="estimate"),
@@ -174,5 +195,7 @@ def _legend(figure: Figure, axes: Axes) -> None:
         Line2D([], [], color=style.EGO, marker="^", markersize=7, label="ego car's camera"),
         Patch(color=style.FIELD_OF_VIEW, alpha=0.25, linewidth=0, label="field of view"),
     ]
+    handles = handles if with_view else handles[:-1]
+    handles = handles if with_truth else handles[1:]
     box = axes.get_position()
     figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(box.x1 + 0.01, box.y1))

@@ -7,7 +7,6 @@ a page, so this module imports neither Matplotlib nor OpenCV.
 import base64
 import html
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from importlib import resources
@@ -19,6 +18,13 @@ import numpy as np
 from stixel_cli.evaluation.metric_table import LOW_OVERLAP, SERIES, metric
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.report.metrics import format_value
+from stixel_cli.report.page_numbers import (
+    FARTHEST,
+    ellipses,
+    millimetres,
+    numbers,
+    rounded_poses,
+)
 from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.results.result import RunResult
 
@@ -43,8 +49,6 @@ FACTS = ("road_user", "path", "ego", "measurement", "tracker")
 
 SCRIPTS = ("paths", "map", "camera", "charts", "legend", "time")
 """The files `templates/playback_*.js`, in the order of the page's one function."""
-
-_FARTHEST = 1e7  # m; the page omits farther points
 
 
 def playback_html(
@@ -113,20 +117,39 @@ def playback_data(
             }
         )
     scenario = runs[0].scenario
+    with_truth = bool(scenario.known.any())
     return {
         "title": title,
         "notes": list(notes),
-        "times": _numbers(scenario.times, 6),
-        "ego": _poses(scenario.ego_poses_world),
-        "target": _poses(scenario.target_poses_world),
-        "contour": _millimetres(scenario.contour_target.ravel()),
+        "times": numbers(scenario.times, 6),
+        "ego": rounded_poses(scenario.ego_poses_world),
+        "target": rounded_poses(scenario.target_poses_world),
+        "contour": millimetres(scenario.contour_target.ravel()),
+        "extent": _extent(runs),
         "lowOverlap": LOW_OVERLAP,
-        "series": [asdict(series) | {"name": name} for name, series in SERIES.items()],
-        "neesBounds": _numbers(consistent_bounds(np.array([2])).ravel(), 4),
+        "series": [
+            asdict(series) | {"name": name}
+            for name, series in SERIES.items()
+            if with_truth or any(np.isfinite(getattr(run.scores, name)).any() for run in runs)
+        ],
+        "neesBounds": numbers(consistent_bounds(np.array([2])).ravel(), 4),
         "runs": played,
         "scans": [_scan(one) for one in scans],
         "cameras": [_camera(one) for one in cameras],
     }
+
+
+def _extent(runs: Sequence[RunResult]) -> int:
+    """Greatest radius of the true contour, mm; without one, the median of the estimated ones."""
+    contour = runs[0].scenario.contour_target
+    if len(contour):
+        radii = np.linalg.norm(contour, axis=1).max(keepdims=True)
+    else:
+        track = runs[0].track
+        away = track.contours_world - track.means[:, None, :2]
+        radii = np.linalg.norm(away, axis=2).max(axis=1)
+        radii = radii[radii < FARTHEST]
+    return max(100, round(1000.0 * float(np.median(radii)))) if len(radii) else 1000
 
 
 def consistent_bounds(degrees_of_freedom: np.ndarray) -> np.ndarray:
@@ -144,6 +167,14 @@ def consistent_bounds(degrees_of_freedom: np.ndarray) -> np.ndarray:
 
 def _facts(run: RunResult) -> list[tuple[str, str]]:
     """(name, value) pairs that describe the run."""
+    measurement = run.settings["measurement"]
+    if measurement.get("kind") == "file":
+        facts = [(group, run.choice(group)) for group in ("prior", "start", "tracker")]
+        return [
+            ("scans", Path(measurement["path"]).name),
+            *facts,
+            ("seed", str(run.settings["seed"])),
+        ]
     facts = [(group, run.choice(group)) for group in FACTS]
     mesh = run.settings["road_user"].get("mesh")
     if mesh is not None:
@@ -151,18 +182,9 @@ def _facts(run: RunResult) -> list[tuple[str, str]]:
     return [*facts, ("seed", str(run.settings["seed"]))]
 
 
-def _field_of_view(configuration: Any) -> tuple[float, float]:
-    """Bearings of the sensor's right and left border, rad: a lidar may have its own."""
-    measurement = configuration.measurement
-    own = measurement.scanner.horizontal_fov if measurement.kind == "lidar" else None
-    if own is None:
-        return configuration.rig.field_of_view
-    return -math.radians(0.5 * own), math.radians(0.5 * own)
-
-
 def _run(run: RunResult, facts: Sequence[tuple[str, str]]) -> dict[str, Any]:
     track, scores = run.track, run.scores
-    field_of_view = _field_of_view(run.composition.configuration)
+    field_of_view = run.composition.configuration.field_of_view
     used = [
         track.used_points[track.used_offsets[k] : track.used_offsets[k + 1]] - run.scans.offsets[k]
         for k in range(len(track.times))
@@ -171,18 +193,20 @@ def _run(run: RunResult, facts: Sequence[tuple[str, str]]) -> dict[str, Any]:
     return {
         "label": run.label,
         "facts": [list(fact) for fact in facts],
-        "fieldOfView": [round(bearing, 6) for bearing in field_of_view],
+        "fieldOfView": (
+            None if field_of_view is None else [round(bearing, 6) for bearing in field_of_view]
+        ),
         "summary": _summary(scores.metrics),
-        "poses": _poses(track.means),
-        "centre": _ellipses(track.covariances[:, :2, :2]),
-        "contours": [_millimetres(c.ravel()) for c in track.contours_world],
-        "std": [_millimetres(row) for row in track.contour_std],
+        "poses": rounded_poses(track.means),
+        "centre": ellipses(track.covariances[:, :2, :2]),
+        "contours": [millimetres(c.ravel()) for c in track.contours_world],
+        "std": [millimetres(row) for row in track.contour_std],
         "used": [rows.tolist() for rows in used],
         "errors": {
-            name: _numbers(series.factor * getattr(scores, name), 4)
+            name: numbers(series.factor * getattr(scores, name), 4)
             for name, series in SERIES.items()
         },
-        "nisBounds": [_numbers(low, 3), _numbers(high, 3)],
+        "nisBounds": [numbers(low, 3), numbers(high, 3)],
     }
 
 
@@ -201,9 +225,9 @@ def _scan(scans: Scans) -> dict[str, Any]:
     with_ellipses = len(scans.points_world) <= MOST_ELLIPSES
     rows = [scans.rows(k) for k in range(len(scans))]
     return {
-        "points": [_millimetres(scans.points_world[these].ravel()) or [] for these in rows],
+        "points": [millimetres(scans.points_world[these].ravel()) or [] for these in rows],
         "ellipses": (
-            [_ellipses(scans.covariances_world[these]) for these in rows] if with_ellipses else None
+            [ellipses(scans.covariances_world[these]) for these in rows] if with_ellipses else None
         ),
     }
 
@@ -257,38 +281,3 @@ def _same_camera(one: tuple[CameraFrames, ...], other: tuple[CameraFrames, ...])
         )
         for a, b in zip(one, other, strict=True)
     )
-
-
-def _ellipses(covariances: np.ndarray) -> list[int | None]:
-    """Semi-axes (mm) and angle (1e-3 rad) of each 1σ ellipse, in one list."""
-    a, b, c = covariances[:, 0, 0], covariances[:, 0, 1], covariances[:, 1, 1]
-    # The eigenvalues of a symmetric 2 × 2 matrix in closed form.
-    mean, spread = 0.5 * (a + c), np.hypot(0.5 * (a - c), b)
-    with np.errstate(invalid="ignore"):
-        axes = np.sqrt(np.maximum(np.stack([mean + spread, mean - spread]), 0.0))
-    angle = 0.5 * np.arctan2(2.0 * b, a - c)
-    return [_whole(value) for value in (1000.0 * np.stack([*axes, angle], axis=1)).ravel().tolist()]
-
-
-def _poses(poses: np.ndarray) -> list[list[int] | None]:
-    """x, y (mm) and heading (1e-4 rad) of poses (K, 3 or more)."""
-    return [_integers(pose[:3] * (1e3, 1e3, 1e4)) for pose in poses]
-
-
-def _millimetres(values: np.ndarray) -> list[int] | None:
-    return _integers(1000.0 * values)
-
-
-def _integers(values: np.ndarray) -> list[int] | None:
-    """The values rounded to integers; None if one is not finite or too large."""
-    if not (np.abs(values) < 1e3 * _FARTHEST).all():
-        return None
-    return np.rint(values).astype(np.int64).tolist()
-
-
-def _whole(value: float) -> int | None:
-    return round(value) if abs(value) < 1e3 * _FARTHEST else None
-
-
-def _numbers(values: np.ndarray, digits: int) -> list[float | None]:
-    return [round(v, digits) if np.isfinite(v) else None for v in np.asarray(values).tolist()]

@@ -15,7 +15,7 @@ import yaml
 
 from stixel_cli.errors import FolderTaken, UserError
 from stixel_cli.results import lineage
-from stixel_cli.results.result import RunResult, track_arrays
+from stixel_cli.results.result import RunResult, track_arrays, truth_arrays
 from stixel_cli.results.text import json_text
 
 PAGE = "index.html"
@@ -140,7 +140,10 @@ def _write_files(folder: Path, run: RunResult, page: str) -> None:
     }
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
-    for stem, arrays in (run.tables | {"track": track_arrays(run.track)}).items():
+    tables = run.tables | {"track": track_arrays(run.track)}
+    if "truth" in tables:
+        tables["truth"] = truth_arrays(run.scenario)
+    for stem, arrays in tables.items():
         np.savez_compressed(folder / f"{stem}.npz", **arrays)
     for path, data in sorted(run.pictures.items()):
         file = folder / "figures" / path

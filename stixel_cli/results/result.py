@@ -83,9 +83,10 @@ class RunResult:
 
     @property
     def tables(self) -> dict[str, dict[str, np.ndarray]]:
-        """Columns of `scans` (one row per point); `track`, `scores` and `ego` (one row per scan).
+        """Columns of `scans` (one row per point); `track`, `scores`, `ego`, `truth` (per scan).
 
-        `ego` has the poses of the ego car. All are in the world frame. They are the columns of the
+        `ego` has the poses of the ego car, `truth` those of the target; a run without truth has no
+        `truth`. All are in the world frame. They are the columns of the
         CSV files. `pandas.DataFrame(result.tables["track"])` is such a table.
         """
         return {
@@ -93,6 +94,7 @@ class RunResult:
             "track": track_columns(self.track),
             "scores": score_columns(self.scores),
             "ego": pose_columns(self.scenario.times, self.scenario.ego_poses_world),
+            **({"truth": truth_columns(self.scenario)} if self.scenario.known.any() else {}),
         }
 
     @property
@@ -177,16 +179,43 @@ def track_columns(track: Track) -> dict[str, np.ndarray]:
 
 
 def score_columns(scores: Scores) -> dict[str, np.ndarray]:
-    """The errors as a table, one row per scan; units as in `Scores`."""
+    """The errors as a table, one row per scan; units as in `Scores`.
+
+    Without any truth only the NIS.
+    """
+    with_truth = ("centre_error", "orientation_error", "iou", "nees_position")
+    known = np.isfinite(scores.iou).any()
     return {
         "k": np.arange(len(scores.times)),
         "t": scores.times,
-        "centre_error": scores.centre_error,
-        "orientation_error": scores.orientation_error,
-        "iou": scores.iou,
-        "nees_position": scores.nees_position,
+        **({name: getattr(scores, name) for name in with_truth} if known else {}),
         "nis": scores.nis,
     }
+
+
+def truth_columns(scenario: Scenario) -> dict[str, np.ndarray]:
+    """The truth as a table, one row per scan with a known pose: the pose, its rates, and the size.
+
+    length and width, m, are those of the contour's box along and across the heading.
+    """
+    k = np.flatnonzero(scenario.known)
+    x_rate, y_rate, heading_rate = scenario.target_rates_world[k].T
+    contour = scenario.contour_target
+    length, width = np.ptp(contour, axis=0) if len(contour) else np.zeros(2)
+    return {
+        **pose_columns(scenario.times[k], scenario.target_poses_world[k]),
+        "k": k,
+        "x_rate": x_rate,
+        "y_rate": y_rate,
+        "heading_rate": heading_rate,
+        "length": np.full(len(k), length),
+        "width": np.full(len(k), width),
+    }
+
+
+def truth_arrays(scenario: Scenario) -> dict[str, np.ndarray]:
+    """The columns of the truth, and the target's `contour` (M, 2) m in its own frame."""
+    return truth_columns(scenario) | {"contour": scenario.contour_target}
 
 
 def track_arrays(track: Track) -> dict[str, np.ndarray]:

@@ -11,7 +11,7 @@ from stixel_cli.scene.path import path_poses
 from stixel_cli.scene.path_parameters import Path
 from stixel_cli.scene.road_user import road_user_mesh
 from stixel_cli.scene.road_user_parameters import RoadUser
-from stixel_cli.scene.scenario import EgoMotion, Scenario
+from stixel_cli.scene.scenario import EgoMotion, Scenario, is_star_convex
 
 
 def build_scenario(ego_motion: EgoMotion, road_user: RoadUser, path: Path) -> Scenario:
@@ -63,17 +63,6 @@ def ground_contour(mesh: Mesh) -> np.ndarray:
         radius *= 2.0
     outline = shapely.orient_polygons(outline.simplify(SIMPLIFIED_BY))
     return np.array(outline.exterior.coords)[:-1]
-
-
-def is_star_convex(contour: np.ndarray) -> bool:
-    """Whether every point of the polygon `contour` (M, 2), ccw, is seen from the origin.
-
-    Exact: the origin must be on the inner side of the line through every edge, which is when the
-    cross product of each edge's ends is not negative.
-    """
-    following = np.roll(contour, -1, axis=0)
-    crosses = contour[:, 0] * following[:, 1] - contour[:, 1] * following[:, 0]
-    return bool(np.all(crosses >= 0.0))
 
 
 def _doubled_areas(flat: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ from stixel_cli.config import messages
 from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import group_options
 from stixel_cli.config.overrides import check_overrides, parse_overrides, single_overrides
+from stixel_cli.config.own_options import own_groups
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError
 from stixel_cli.results.text import listed
 from stixel_cli.sweeps.design import SEED, Axis, Design, check_each, same
@@ -47,7 +48,7 @@ def overridden(
     designs, notes = list(designs), []
     for override in parsed:
         texts = single_overrides(override, shuffled=False)
-        check_each(texts)
+        check_each(texts, own_groups(parsed))
         _refuse_distinguishing(
             override.key_or_group,
             {n: design for n, design in zip(names, designs, strict=True) if n not in derived},

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,7 @@ from stixel_cli.config.overrides import (
     parse_overrides,
     single_overrides,
 )
+from stixel_cli.config.own_options import own_groups
 from stixel_cli.errors import ConfigurationError
 
 SEED = "seed"
@@ -110,22 +111,22 @@ def design_from_line(overrides: Sequence[str], shuffled: bool) -> Design:
     for override in parsed:
         if override.is_sweep_override():
             texts = single_overrides(override, shuffled)
-            check_each(texts)
+            check_each(texts, own_groups(parsed))
             axes.append(Axis((override.key_or_group,), tuple((text,) for text in texts)))
         else:
             fixed.append(str(override.input_line))
     return Design(tuple(fixed), tuple(axes))
 
 
-def check_each(texts: Sequence[str]) -> None:
-    """Refuse invalid or repeated overrides of one value each.
+def check_each(texts: Sequence[str], own: Collection[str] = ()) -> None:
+    """Refuse invalid or repeated overrides of one value each; `own` as in `check_overrides`.
 
     Raises:
         ConfigurationError: for the first of them.
     """
     seen: set[Any] = set()
     for override in parse_overrides(texts):
-        check_overrides([override])
+        check_overrides([override], own)
         value = override.value()
         # In Python 1 == True, but here they are different values; 1 and 1.0 are the same.
         mark = (isinstance(value, bool), value if isinstance(value, Hashable) else str(value))

@@ -19,8 +19,19 @@ TRUTH = {"scenario", "render"}
 MAY_SEE_TRUTH = {"render", "add_sensor_noise", "start", "scores", "stage_errors", "point_errors"}
 
 
-def stages_of(measurement):
-    composed = compose([f"measurement={measurement}"])
+@pytest.fixture(autouse=True, scope="module")
+def scans_file(tmp_path_factory):
+    """A file of scans in the working directory, which `measurement=file` needs."""
+    folder = tmp_path_factory.mktemp("files")
+    (folder / "scans.csv").write_text("k,t,x,y\n0,0,0,9\n")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        yield
+
+
+def stages_of(measurement, *words):
+    file = ["measurement.path=scans.csv"] if measurement == "file" else []
+    composed = compose([f"measurement={measurement}", *file, *words])
     return {stage.name: stage for stage in pipeline_stages(composed.configuration)}
 
 
@@ -43,6 +54,14 @@ def test_the_track_sees_no_truth_and_does_not_depend_on_pictures(measurement):
     assert stages["track"].inputs == {"scans": "scans", "initial": "start"}
     for stage in stages.values():
         assert not any(draws(stages[source]) for source in stage.inputs.values())
+
+
+@pytest.mark.parametrize("measurement", group_options()["measurement"])
+def test_a_start_from_the_scans_sees_scans_and_prior_only(measurement):
+    start = stages_of(measurement, "start=scans")["start"]
+    assert start.inputs == {"scans": "scans"}
+    assert set(start.settings) == {"start", "prior"}
+    assert start.seed is None
 
 
 def reached(function):
@@ -96,6 +115,8 @@ DECLARED = {
     # The files of a recording: the stage gets their names, and its key has their digests.
     "stixel_cli.recordings.image_files": "recorded",
     "stixel_cli.recordings.rows": "recorded",
+    # The user's scans, sensor poses and truth: likewise.
+    "stixel_cli.measurements.tables": "files",
     # The child process runs filament_process, which the module imports; the files are its answers.
     "stixel_cli.rendering.filament": "stixel_cli.rendering.filament_process",
     "stixel_cli.rendering.filament_process": "stixel_cli.rendering.filament_process",
@@ -140,7 +161,8 @@ def test_a_stages_arguments_are_those_of_every_function_it_may_call(name):
     wired = [
         stage
         for measurement in group_options()["measurement"]
-        for stage in stages_of(measurement).values()
+        for start in ("default", "scans")
+        for stage in stages_of(measurement, *(["start=scans"] if start == "scans" else [])).values()
         if stage.function in definition.functions.values()
     ]
     assert wired, "no pipeline uses this stage"

@@ -19,8 +19,9 @@ PRESETS = [
     (group, option)
     for group, options in group_options().items()
     for option in options
-    if group not in OWN_PRESETS
+    if group not in OWN_PRESETS and (group, option) != ("measurement", "file")
 ]
+"""Scans from a file need a file: `test_file_run.py`."""
 
 
 @pytest.fixture(scope="module")

@@ -21,6 +21,8 @@ from stixel_cli.report.over_time import chi_square_bounds, run_pictures
 from stixel_cli.report.path_figure import spaced_frames
 from stixel_cli.stixels.types import OccupancyGrid
 
+VIEW = make_rig().field_of_view
+
 CAMERA = ("left", "disparity", "occupancy", "free_space", "height", "stixels", "camera")
 
 
@@ -30,7 +32,7 @@ def run():
     scenario = make_scenario()
     scans = make_scans(scenario, rng)
     track = make_track(scenario, scans, rng)
-    return {"scans": scans, "track": track, "scenario": scenario, "rig": make_rig()}
+    return {"scans": scans, "track": track, "scenario": scenario, "field_of_view": VIEW}
 
 
 def make_camera_inputs(rig, kind="polar"):
@@ -142,7 +144,7 @@ def test_run_pictures_accept_one_scan_and_a_stopped_target(run):
         scans = make_scans(scenario, rng)
         track = make_track(scenario, scans, rng)
         scores = make_scores(scenario, track)
-        check_pngs(run_pictures(scans, track, scenario, scores, run["rig"]).files)
+        check_pngs(run_pictures(scans, track, scenario, scores, VIEW).files)
 
 
 def test_pictures_have_repeatable_bytes(run, monkeypatch, tmp_path):

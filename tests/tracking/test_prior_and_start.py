@@ -7,7 +7,7 @@ from tracking_cases import CAR
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.motion import transition
 from stixel_cli.tracking.prior import PriorShape, prior_radii
-from stixel_cli.tracking.start import StartParameters, noisy_start
+from stixel_cli.tracking.start import TruthStart, noisy_start
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 721)
 
@@ -57,12 +57,12 @@ def scenario():
     return Scenario(times, np.zeros((5, 3)), poses, rates, outline, True)
 
 
-NOISE = StartParameters("truth", position=0.3, heading=0.1, velocity=0.5, heading_rate=0.05)
+NOISE = TruthStart("truth", "truth", position=0.3, heading=0.1, velocity=0.5, heading_rate=0.05)
 
 
 def test_start_without_noise_predicts_the_truth_at_the_first_scan():
-    quiet = StartParameters(
-        "truth", position=1e-12, heading=1e-12, velocity=1e-12, heading_rate=1e-12
+    quiet = TruthStart(
+        "truth", "truth", position=1e-12, heading=1e-12, velocity=1e-12, heading_rate=1e-12
     )
     start = noisy_start(scenario(), quiet, seed=3)
     first = transition(0.2) @ start.mean

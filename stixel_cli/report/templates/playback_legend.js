@@ -42,7 +42,7 @@ function describe() {
     const ring = svg("ellipse", { cx: 16, cy: 6, rx: 14, ry: 5.5, fill: "none" }, picture);
     Object.assign(ring.style, { stroke: colour, strokeOpacity: 0.5 });
   };
-  const entries = [[lineSwatch("var(--truth)"), "truth: contour, heading, path"]];
+  const entries = data.contour.length ? [[lineSwatch("var(--truth)"), "truth: contour, heading, path"]] : [];
   runs.forEach((run, r) => entries.push(
     [lineSwatch(colourOf(r), dashOf(r)), runs.length === 1 ? "estimate: contour, heading, path" : run.label]));
   entries.push(
@@ -51,9 +51,9 @@ function describe() {
     [dot("var(--used)"), "used point, with 1σ ellipse"],
     [dot("var(--unused)"), "unused point"],
     [(picture) => { svg("path", { d: "M16 0 22 12H10Z" }, picture).style.fill = "var(--ego)"; }, "ego car's sensor"],
-    [area("var(--field-of-view)", 0.35), "field of view"],
+    ...(runs.some((run) => run.fieldOfView) ? [[area("var(--field-of-view)", 0.35), "field of view"]] : []),
     [area("var(--consistent)", 1), "NEES, NIS: 95 % interval of a consistent filter"],
-    [lineSwatch("var(--unused)", "4 3", 1.5), `low overlap: IoU < ${data.lowOverlap}`],
+    ...(data.contour.length ? [[lineSwatch("var(--unused)", "4 3", 1.5), `low overlap: IoU < ${data.lowOverlap}`]] : []),
     [lineSwatch("var(--unused)", "", 3), runs.length === 1 ? "points in the scan" : "points in the scan of the chosen run"]);
   for (const [draw, text] of entries) {
     const item = html("li", {}, find("legend"));

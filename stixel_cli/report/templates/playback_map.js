@@ -1,16 +1,13 @@
 // The scene from above.
 const map = find("map");
-const extent = Math.max(...pairs(data.contour).map(([x, y]) => Math.hypot(x, y))) / 1e3;
+const extent = data.extent / 1e3;
 const view = { mode: "follow", zoom: 1, x: 0, y: 0, width: 1, height: 1 };
 
-function pairs(flat) {
-  const result = [];
-  for (let i = 0; i < flat.length; i += 2) result.push([flat[i], flat[i + 1]]);
-  return result;
-}
+// The true pose; the first run's estimate where the truth is unknown.
+const reference = (k) => data.target[k] || runs[0].poses[k];
 
 const box = (() => {
-  const points = data.ego.concat(data.target).filter(Boolean);
+  const points = data.ego.concat(times.map((_, k) => reference(k))).filter(Boolean);
   const range = (i) => [Math.min(...points.map((p) => p[i])) / 1e3, Math.max(...points.map((p) => p[i])) / 1e3];
   return { x: range(0), y: range(1) };
 })();
@@ -40,7 +37,7 @@ find("bands").style.fillRule = "evenodd";
 
 function base() {
   if (view.mode === "follow") {
-    const pose = data.target[frame] || [0, 0, 0];
+    const pose = reference(frame) || [0, 0, 0];
     const half = 2.1 * extent + 0.4;
     return { x: pose[0] / 1e3, y: pose[1] / 1e3, scale: Math.min(view.width, view.height) / 2 / half };
   }
@@ -136,11 +133,13 @@ function drawEgo(ego, fieldOfView, scale, viewX, viewY) {
   const x = ego[0] / 1e3, y = ego[1] / 1e3, angle = ego[2] / 1e4;
   const reach = Math.hypot(viewX - x, viewY - y) + Math.hypot(view.width, view.height) / scale;
   const at = (turn) => `${x + reach * Math.cos(angle + turn)} ${y + reach * Math.sin(angle + turn)}`;
-  const [right, left] = fieldOfView;
-  let wedge = `M${x} ${y}`;
-  for (let i = 0; i <= 16; i++) wedge += `L${at(right + (left - right) * i / 16)}`;
-  find("view").setAttribute("d", wedge + "Z");
-  find("view-edge").setAttribute("d", `M${at(right)}L${x} ${y}L${at(left)}`);
+  if (fieldOfView) {
+    const [right, left] = fieldOfView;
+    let wedge = `M${x} ${y}`;
+    for (let i = 0; i <= 16; i++) wedge += `L${at(right + (left - right) * i / 16)}`;
+    find("view").setAttribute("d", wedge + "Z");
+    find("view-edge").setAttribute("d", `M${at(right)}L${x} ${y}L${at(left)}`);
+  }
   const c = Math.cos(angle) * 11 / scale, s = Math.sin(angle) * 11 / scale;
   find("ego").setAttribute("d",
     `M${x + c} ${y + s}L${x - c - 0.7 * s} ${y - s + 0.7 * c}L${x - c + 0.7 * s} ${y - s - 0.7 * c}Z`);

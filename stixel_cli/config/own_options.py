@@ -1,0 +1,247 @@
+"""Options and metrics that are the user's own functions, `tracker=module:function`.
+
+Hydra composes the other groups. The keys (`tracker.alpha=0.5`) are the function's parameters.
+"""
+
+import os
+import sys
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from functools import cache
+from importlib.metadata import entry_points
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stixel_cli.config.folders import group_options
+from stixel_cli.config.keys import describe
+from stixel_cli.config.schema import Configuration
+from stixel_cli.engine.versions import providers
+from stixel_cli.errors import ConfigurationError, printable
+from stixel_cli.own_code import OwnCode, check_name, further_arguments, parameters_type
+
+if TYPE_CHECKING:
+    from hydra.core.override_parser.types import Override
+
+GIVEN = {"tracker": 3, "measurement": 2}
+"""Groups whose option can be a function, with its number of arguments before its parameters."""
+
+ENTRY_POINTS = "stixel.trackers"
+"""Installed packages name their trackers in this group of entry points."""
+
+RESERVED = ("kind", "function")
+
+
+@cache
+def installed_trackers() -> dict[str, str]:
+    """Trackers of installed packages: name to "module:function". Nothing is imported."""
+    found = entry_points(group=ENTRY_POINTS)
+    return {one.name: one.value for one in found if one.name not in group_options()["tracker"]}
+
+
+def own_function(group: str, option: Any) -> str | None:
+    """The "module:function" of an option that is the user's own; None for another option."""
+    if group not in GIVEN or not isinstance(option, str) or option in group_options()[group]:
+        return None
+    if ":" in option:
+        return option
+    return installed_trackers().get(option) if group == "tracker" else None
+
+
+def own_groups(parsed: "Iterable[Override]") -> set[str]:
+    """The groups for which an override has an option of the user's own, one of several too."""
+    found = set()
+    for one in parsed:
+        if one.key_or_group in GIVEN:
+            text = str(one.input_line).partition("=")[2]
+            words = [word.strip().strip("'\"") for word in text.split(",")]
+            if any(own_function(one.key_or_group, word) for word in words):
+                found.add(one.key_or_group)
+    return found
+
+
+def check_option(group: str, option: Any) -> bool:
+    """Whether the option is the user's own; ConfigurationError if its name is not valid."""
+    function = own_function(group, option)
+    if function is None:
+        return False
+    try:
+        check_name(function)
+    except ValueError as fault:
+        raise ConfigurationError(f"{group}: {fault}") from None
+    return True
+
+
+def is_parameter(name: str, groups: Collection[str]) -> bool:
+    """Whether the key is a parameter of the user's own option of one of `groups`."""
+    group, _, key = name.partition(".")
+    if group not in groups or not key.isidentifier():
+        return False
+    if key in RESERVED:
+        raise ConfigurationError(f"{name}: the name is reserved; rename the parameter")
+    return True
+
+
+def own_sections(parsed: "Sequence[Override]") -> dict[str, dict[str, Any]]:
+    """The sections of the configuration that are the user's own, by group; of one run."""
+    functions = {
+        one.key_or_group: own_function(one.key_or_group, one.value())
+        for one in parsed
+        if one.key_or_group in GIVEN
+    }
+    sections = {g: {"kind": "own", "function": f} for g, f in functions.items() if f is not None}
+    for one in parsed:
+        group, _, key = one.key_or_group.partition(".")
+        if group in sections and key:
+            sections[group][key] = one.value()
+    return sections
+
+
+def nested(section: Mapping[str, Any]) -> dict[str, Any]:
+    """A section of the user's own as `OwnCode` has it: the parameters in a mapping of their own."""
+    head = {name: value for name, value in section.items() if name in RESERVED}
+    rest = {name: value for name, value in section.items() if name not in RESERVED}
+    return head | {"parameters": rest}
+
+
+def is_own(section: Any) -> bool:
+    """Whether a section of a configuration in plain types is the user's own."""
+    return isinstance(section, Mapping) and section.get("kind") == "own"
+
+
+def functions_of(resolved: Mapping[str, Any]) -> dict[str, str]:
+    """The user's functions that a configuration in plain types names: key to "module:function"."""
+    found = {g: str(resolved[g].get("function")) for g in GIVEN if is_own(resolved.get(g))}
+    metrics = resolved.get("metrics")
+    for i, name in enumerate(metrics if isinstance(metrics, list) else ()):
+        found[f"metrics[{i}]"] = str(name)
+    return found
+
+
+def find_folders(resolved: Mapping[str, Any], working_directory: str) -> list[str]:
+    """The folders of the user's modules, those of `code_folders` first; nothing is imported.
+
+    Raises:
+        ConfigurationError: if a module is missing, or has the name of another one.
+    """
+    folders = [
+        os.path.abspath(os.path.join(working_directory, os.path.expanduser(str(folder))))
+        for folder in resolved["code_folders"]
+    ]
+    places = [*folders, os.path.abspath(working_directory or os.getcwd())]
+    for key, name in functions_of(resolved).items():
+        try:
+            check_name(name)
+        except ValueError as fault:
+            raise ConfigurationError(f"{key}: {fault}") from None
+        folder = _folder_of(key, name.partition(":")[0], places)
+        if folder is not None and folder not in folders:
+            folders.append(folder)
+    return folders
+
+
+def _folder_of(key: str, module: str, places: Sequence[str]) -> str | None:
+    """The folder of a module; None if a distribution provides it."""
+    top = module.partition(".")[0]
+    local = next(
+        (p for p in places if (Path(p) / f"{top}.py").is_file() or (Path(p) / top).is_dir()), None
+    )
+    try:
+        spec = find_spec(top)
+    except (ImportError, ValueError):
+        spec = None
+    where = None
+    if spec is not None:
+        locations = list(spec.submodule_search_locations or ())
+        where = str(Path(locations[0]).parent) if locations else str(Path(spec.origin or "").parent)
+    taken = top in sys.stdlib_module_names or (top in providers() and local != where)
+    if local is not None and taken:
+        raise ConfigurationError(
+            f"{key}: {local} has a module {top}, but this is the name of an installed one: "
+            "rename the file"
+        )
+    if local is None and where is None:
+        raise ConfigurationError(
+            f"{key}: no module {printable(top)} found in {places[-1]}, and no installed package "
+            "has it"
+        )
+    if local is None and top not in providers():
+        local = where
+    if local is not None and not _exists(Path(local), module):
+        raise ConfigurationError(f"{key}: no module {printable(module)} found in {local}")
+    return local
+
+
+def _exists(folder: Path, module: str) -> bool:
+    path = folder.joinpath(*module.split("."))
+    return path.is_dir() or path.with_name(f"{path.name}.py").is_file()
+
+
+def check_parameters(configuration: Configuration) -> None:
+    """Import the user's functions and check their parameters.
+
+    Raises:
+        ConfigurationError: in one line that names the key, or the file and line of a fault.
+    """
+    folders = [Path(folder) for folder in configuration.code_folders]
+    for group, given in GIVEN.items():
+        own = getattr(configuration, group)
+        if isinstance(own, OwnCode):
+            function = _imported(group, own.function, folders)
+            _check_values(group, function, given, own.parameters)
+    for i, name in enumerate(configuration.metrics):
+        _imported(f"metrics[{i}]", name, folders)
+
+
+def _imported(key: str, name: str, folders: Sequence[Path]) -> Any:
+    from stixel_cli.engine.errors import CodeChanged, StageFailure
+    from stixel_cli.engine.loaded_code import current_function
+
+    try:
+        function = current_function(name, tuple(folders))
+    except CodeChanged:
+        raise
+    except LookupError as fault:
+        raise ConfigurationError(f"{key}: {' '.join(str(fault).split())}") from None
+    except Exception as error:
+        import traceback
+
+        text = "".join(traceback.format_exception(error))
+        failure = StageFailure(key, key, error, text)
+        what = " ".join(f"{type(error).__name__}: {error}".split())
+        place = (
+            f" ({failure.place})" if failure.place and not isinstance(error, SyntaxError) else ""
+        )
+        raise ConfigurationError(f"{key}: {name} cannot be imported: {what}{place}") from None
+    if not callable(function):
+        raise ConfigurationError(f"{key}: {name} is not a function")
+    return function
+
+
+def _check_values(group: str, function: Any, given: int, values: Mapping[str, Any]) -> None:
+    from pydantic import ValidationError
+
+    try:
+        further_arguments(function, given, values)
+    except ValidationError as error:
+        fault = error.errors(include_url=False)[0]
+        name = ".".join(str(part) for part in fault["loc"])
+        raise ConfigurationError(f"{group}.{name}: {_reason(function, given, fault)}") from None
+    except (TypeError, ValueError) as fault:
+        raise ConfigurationError(f"{group}.{' '.join(str(fault).split())}") from None
+
+
+def _reason(function: Any, given: int, fault: Mapping[str, Any]) -> str:
+    import dataclasses
+    from typing import get_type_hints
+
+    from stixel_cli.config.messages import show
+
+    schema = parameters_type(function, given)
+    hints = get_type_hints(schema, include_extras=True)
+    name = str(fault["loc"][0])
+    if name not in hints:
+        names = [field.name for field in dataclasses.fields(schema)]
+        return f"unknown parameter; it has {', '.join(names) or 'no parameters'}"
+    if fault["type"] == "missing":
+        return f"is missing: must be {describe(hints[name])}"
+    return f"{show(fault['input'])}: must be {describe(hints[name])}"

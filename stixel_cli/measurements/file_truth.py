@@ -1,0 +1,102 @@
+"""The truth about scans from a file: the `truth.csv` or `truth.npz` that a run writes, or such a
+table of another source.
+
+One row per scan with a known pose: k, x, y (m), heading (rad), optionally x_rate, y_rate,
+heading_rate (m/s, rad/s). The size is in the columns length and width (m), the same in each row; or
+an `.npz` has the array `contour` (M, 2), m, in the target's frame.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from stixel_cli.errors import UserError
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.measurements.tables import read_table, row_name, scan_indices
+from stixel_cli.scene.scenario import Scenario, is_star_convex
+
+RATES = ("x_rate", "y_rate", "heading_rate")
+SIZE = ("length", "width")
+
+SAME_SIZE = 1e-3
+"""The size may differ between rows by this, m: files have rounded numbers."""
+
+MOST_CORNERS = 100_000
+
+
+def read_truth(scans: Scans, truth: str | None) -> Scenario:
+    """The truth in the file `truth` at the times of `scans`, and the sensor's poses.
+
+    Poses of scans that the file lacks are NaN; without a file (None), all of them. Rates that the
+    file lacks are differences of the poses over three known scans (two at the ends).
+
+    Raises:
+        UserError: in one line that names file, place and cause.
+    """
+    count = len(scans)
+    poses, rates = np.full((2, count, 3), np.nan)
+    contour = np.zeros((0, 2))
+    if truth is not None:
+        file = Path(truth)
+        table = read_table(file, ("k", "x", "y", "heading"), (RATES, SIZE), "contour")
+        k = _known_scans(file, table["k"], count)
+        poses[k] = np.stack([table[name] for name in ("x", "y", "heading")], axis=1)
+        if RATES[0] in table:
+            rates[k] = np.stack([table[name] for name in RATES], axis=1)
+        else:
+            known = np.sort(k)
+            rates[known] = differences(poses[known], scans.times[known])
+        contour = _contour(file, table)
+    return Scenario(
+        times=scans.times,
+        ego_poses_world=scans.sensor_poses_world,
+        target_poses_world=poses,
+        target_rates_world=rates,
+        contour_target=contour,
+        star_convex=is_star_convex(contour),
+    )
+
+
+def differences(poses_world: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Rates (n, 3) m/s, m/s, rad/s of poses (n, 3) at `times` (n,) s; zeros for a single pose."""
+    if len(times) < 2:
+        return np.zeros((len(times), 3))
+    unwound = np.column_stack([poses_world[:, :2], np.unwrap(poses_world[:, 2])])
+    return np.gradient(unwound, times, axis=0, edge_order=2 if len(times) > 2 else 1)
+
+
+def _known_scans(file: Path, column: np.ndarray, count: int) -> np.ndarray:
+    k = scan_indices(file, column)
+    late = np.flatnonzero(k >= count)
+    if len(late):
+        place = row_name(file, int(late[0]))
+        raise UserError(f"{file}: {place}: k = {k[late[0]]}, but the last scan is {count - 1}")
+    if len(np.unique(k)) < len(k):
+        raise UserError(f"{file}: k must be in one row only; give one target")
+    if len(k) == 0:
+        raise UserError(f"{file}: has no rows: leave out measurement.truth if there is no truth")
+    return k
+
+
+def _contour(file: Path, table: dict[str, np.ndarray]) -> np.ndarray:
+    """The contour (M, 2) m, counter-clockwise: the array of that name, else the box."""
+    if "contour" in table:
+        contour = table["contour"]
+        if contour.ndim != 2 or contour.shape[1] != 2 or not 3 <= len(contour) <= MOST_CORNERS:
+            raise UserError(f"{file}: contour has shape {contour.shape}, must be (M, 2), M ≥ 3")
+        if not np.isfinite(contour).all():
+            raise UserError(f"{file}: contour must have finite numbers only")
+        area = shapely.Polygon(contour)
+        if not area.is_valid or area.area <= 0.0:
+            raise UserError(f"{file}: contour must be a polygon that does not cross itself")
+        return contour if area.exterior.is_ccw else contour[::-1].copy()
+    if SIZE[0] not in table:
+        raise UserError(f"{file}: the columns length and width are missing (or an array contour)")
+    for name in SIZE:
+        if table[name].min() <= 0.0:
+            raise UserError(f"{file}: {name}: must be > 0 m, got {table[name].min():g}")
+        if np.ptp(table[name]) > SAME_SIZE:
+            raise UserError(f"{file}: {name}: must be the same in each row: the target is rigid")
+    half = 0.5 * np.array([table[name][0] for name in SIZE])
+    return half * np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])

@@ -1,0 +1,99 @@
+"""The user's own functions: `module:function`, outside of this package, and their parameters."""
+
+import dataclasses
+import inspect
+import re
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from typing import Any, Literal, get_type_hints
+
+from stixel_cli.parameters import parameters
+
+_NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
+
+
+@parameters
+class OwnCode:
+    """An option that is the user's own function.
+
+    Attributes:
+        function: "package.module:function".
+        parameters: keys of the group as typed, in plain types.
+    """
+
+    kind: Literal["own"]
+    function: str
+    parameters: dict[str, Any]
+
+    def check(self) -> None:
+        """Raise ValueError unless `function` has the form of a name."""
+        check_name(self.function)
+
+
+def check_name(function: str) -> None:
+    """Raise ValueError unless the text is `module:function` of a module that can be imported."""
+    if not _NAME.fullmatch(function):
+        raise ValueError(f"{function!r}: must be module:function, such as my_tracker:track")
+    if function.partition(":")[0] == "__main__":
+        raise ValueError(
+            f"{function}: a worker cannot import __main__: put the function into a file"
+        )
+
+
+def loaded(name: str) -> Callable[..., Any]:
+    """The function "module:function".
+
+    Raises:
+        ValueError: if the module has no such function.
+    """
+    module, _, attribute = name.partition(":")
+    function = getattr(import_module(module), attribute, None)
+    if not callable(function):
+        raise ValueError(f"{name}: the module {module} has no function {attribute}")
+    return function
+
+
+def parameters_type(function: Callable[..., Any], given: int) -> type | None:
+    """The dataclass that annotates the parameter after the first `given` ones; None without one."""
+    names = list(inspect.signature(function).parameters)[given:]
+    hint = get_type_hints(function).get(names[0]) if names else None
+    return hint if isinstance(hint, type) and dataclasses.is_dataclass(hint) else None
+
+
+def further_arguments(
+    function: Callable[..., Any], given: int, values: Mapping[str, Any]
+) -> dict[str, Any]:
+    """The keyword arguments of a function after its first `given` ones, from the user's keys.
+
+    If the next parameter is annotated with a dataclass, it is one object of it, validated as the
+    parameters of this package are; else each key is an argument.
+
+    Raises:
+        pydantic.ValidationError: if the values do not fit the dataclass.
+        ValueError: if an argument is unknown or missing; the text begins with its name.
+    """
+    signature = inspect.signature(function).parameters
+    further = dict(list(signature.items())[given:])
+    schema = parameters_type(function, given)
+    if schema is not None:
+        return {next(iter(further)): _validated(schema, values)}
+    kinds = {one.kind for one in further.values()}
+    for name in values:
+        if name not in further and inspect.Parameter.VAR_KEYWORD not in kinds:
+            known = f"it has {', '.join(further)}" if further else "it has no parameters"
+            raise ValueError(f"{name}: unknown parameter; {known}")
+    for name, one in further.items():
+        variable = one.kind in (inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL)
+        if one.default is one.empty and name not in values and not variable:
+            raise ValueError(f"{name}: is missing")
+    return dict(values)
+
+
+def _validated(schema: type, values: Mapping[str, Any]) -> Any:
+    import json
+
+    from pydantic import TypeAdapter
+
+    if not hasattr(schema, "__pydantic_config__"):
+        schema.__pydantic_config__ = {"extra": "forbid", "strict": True, "allow_inf_nan": False}
+    return TypeAdapter(schema).validate_json(json.dumps(dict(values)))

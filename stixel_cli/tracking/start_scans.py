@@ -1,0 +1,289 @@
+"""Initialisation of a tracker from the first scans alone: a cluster of points that is followed."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from stixel_cli.geometry.pose import rotation, wrap_angle
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.parameters import parameters
+from stixel_cli.tracking.motion import intervals, transition
+from stixel_cli.tracking.prior import PriorShape
+from stixel_cli.tracking.track import InitialState
+
+Degrees = Annotated[float, Ge(-180), Le(180)]
+Metres = Annotated[float, Ge(0), Le(1000)]
+
+
+@parameters
+class ScansStart:
+    """A start from the scans and the class prior; it sees no truth.
+
+    With `bearing` or `range` the target is the cluster inside them that is nearest to their middle,
+    in the first scan that has one. With neither it is the cluster that moves.
+
+    Attributes:
+        bearing: [lowest, highest] direction from the sensor, degrees, 0 ahead, positive to the
+            left; null: any.
+        range: [lowest, highest] distance from the sensor, m; null: any.
+        duration: the cluster is followed for this time, s.
+        cluster_distance, cluster_points: DBSCAN's radius, m, and its least number of points.
+        position: standard deviation of x and of y, m; the others are standard deviations too.
+        heading: rad.
+        velocity: of the rates of x and of y, m/s.
+        heading_rate: rad/s.
+    """
+
+    kind: Literal["scans"]
+    bearing: tuple[Degrees, Degrees] | None
+    range: tuple[Metres, Metres] | None
+    duration: Annotated[float, Gt(0), Le(60)]
+    cluster_distance: Annotated[float, Gt(0), Le(20)]
+    cluster_points: Annotated[int, Ge(1), Le(100)]
+    position: Annotated[float, Gt(0), Le(100)]
+    heading: Annotated[float, Gt(0), Le(3.2)]
+    velocity: Annotated[float, Gt(0), Le(100)]
+    heading_rate: Annotated[float, Gt(0), Le(10)]
+
+    def check(self) -> None:
+        """Raise ValueError for bounds that are not in order."""
+        for name in ("bearing", "range"):
+            bounds = getattr(self, name)
+            if bounds is not None and bounds[1] <= bounds[0]:
+                raise ValueError(
+                    f"start.{name}: the second must be greater than the first, got {list(bounds)}"
+                )
+
+
+FASTEST = 20.0
+"""Speed of a target, m/s: a cluster is not linked over a longer distance."""
+
+SLOWEST = 0.3
+"""A cluster moves if it is faster, m/s, and by `CERTAIN` standard errors of its speed."""
+
+CERTAIN = 6.0
+
+LEAST_SCANS = 3
+"""Scans of a cluster from which a motion can be seen."""
+
+HEADED = 0.5
+"""The heading is the velocity's direction above this speed, m/s."""
+
+LARGEST = 1.6
+"""A cluster of the target is at most this many times the class's diagonal long."""
+
+SEEN = 0.8
+"""A side is seen whole if the points extend over this share of it."""
+
+SLACK = 0.2
+"""Least standard deviation of a cluster's place in one scan, m."""
+
+UNKNOWN_HEADING, UNKNOWN_SPEED = 1.5, 10.0
+"""Standard deviations of what the scans do not show: rad and m/s."""
+
+
+@dataclass(frozen=True)
+class _Followed:
+    """A cluster over several scans: the scans' indices, and the points (n, 2) m of each."""
+
+    scans: tuple[int, ...]
+    points: tuple[np.ndarray, ...]
+
+
+def start_from_scans(scans: Scans, start: ScansStart, prior: PriorShape) -> InitialState:
+    """State one sample before the first scan: the class's rectangle on a cluster, and its motion.
+
+    The cluster gives a line of centres over time, whose place, direction and speed are the state in
+    the middle of its scans; it is moved back in time at constant velocity. The tracker then uses
+    these scans a second time.
+
+    Raises:
+        ValueError: if no cluster fits.
+    """
+    clusters = [
+        _clusters(scans.points_world[scans.rows(k)], start, prior) for k in range(len(scans))
+    ]
+    followed = (
+        _moving(scans, clusters, start)
+        if start.bearing is None and start.range is None
+        else _chosen(scans, clusters, start)
+    )
+    times = scans.times[list(followed.scans)]
+    _, velocity, _ = _line(times, np.array([points.mean(axis=0) for points in followed.points]))
+    headed = float(np.hypot(*velocity)) >= HEADED
+    heading = float(np.arctan2(velocity[1], velocity[0])) if headed else _longest(followed)
+    size = np.array([prior.length, prior.width])
+    centres = np.array(
+        [
+            _centre(points, scans.sensor_poses_world[k, :2], heading, size)
+            for k, points in zip(followed.scans, followed.points, strict=True)
+        ]
+    )
+    centre, velocity, error = _line(times, centres)
+    std = np.array(
+        [start.position] * 2 + [start.heading] + [start.velocity] * 2 + [start.heading_rate]
+    )
+    if not headed:
+        std[2] = max(start.heading, UNKNOWN_HEADING)
+    std[3:5] = min(float(np.hypot(start.velocity, error)), max(start.velocity, UNKNOWN_SPEED))
+    back = transition(scans.times[0] - intervals(scans.times)[0] - times.mean())
+    mean = back @ np.array([*centre, heading, *velocity, 0.0])
+    return InitialState(mean=mean, covariance=back @ np.diag(std**2) @ back.T)
+
+
+def _clusters(points: np.ndarray, start: ScansStart, prior: PriorShape) -> list[np.ndarray]:
+    """The clusters of one scan's points (n, 2) m, without those too large for the class."""
+    if len(points) == 0:
+        return []
+    # It takes a second to import, and every command imports this module.
+    from sklearn.cluster import DBSCAN
+
+    labels = DBSCAN(eps=start.cluster_distance, min_samples=start.cluster_points).fit_predict(
+        points
+    )
+    found = [points[labels == label] for label in range(labels.max() + 1)]
+    longest = LARGEST * float(np.hypot(prior.length, prior.width)) + 2.0 * SLACK
+    return [one for one in found if np.hypot(*np.ptp(one, axis=0)) <= longest]
+
+
+def _chosen(scans: Scans, clusters: Sequence[list[np.ndarray]], start: ScansStart) -> _Followed:
+    """The cluster nearest to the middle of the bounds, from the first scan that has one inside."""
+    for k in range(len(scans)):
+        best = None
+        for points in clusters[k]:
+            distance = _from_middle(points.mean(axis=0), scans.sensor_poses_world[k], start)
+            if distance is not None and (best is None or distance < best[0]):
+                best = (distance, points)
+        if best is not None:
+            return _follow(scans, clusters, k, best[1], start)
+    bounds = [
+        f"{name} {list(value)} {unit}"
+        for name, value, unit in (
+            ("bearing", start.bearing, "degrees"),
+            ("range", start.range, "m"),
+        )
+        if value is not None
+    ]
+    raise ValueError(
+        f"start: no scan has a cluster of the class's size in {' and '.join(bounds)}: widen them"
+    )
+
+
+def _from_middle(
+    place_world: np.ndarray, sensor_pose_world: np.ndarray, start: ScansStart
+) -> float | None:
+    """Distance from the middle of the bounds; None outside. Only the order of the values counts."""
+    offset = place_world - sensor_pose_world[:2]
+    distance = float(np.hypot(*offset))
+    bearing = np.degrees(wrap_angle(np.arctan2(offset[1], offset[0]) - sensor_pose_world[2]))
+    for value, bounds in ((bearing, start.bearing), (distance, start.range)):
+        if bounds is not None and not bounds[0] <= value <= bounds[1]:
+            return None
+    middle_bearing = bearing if start.bearing is None else 0.5 * sum(start.bearing)
+    middle_range = distance if start.range is None else 0.5 * sum(start.range)
+    return float(
+        np.abs(
+            distance * np.exp(1j * np.radians(bearing))
+            - middle_range * np.exp(1j * np.radians(middle_bearing))
+        )
+    )
+
+
+def _moving(scans: Scans, clusters: Sequence[list[np.ndarray]], start: ScansStart) -> _Followed:
+    """The cluster that moves with the least doubt, from the first scan that has a moving one."""
+    for k in range(len(scans)):
+        best = None
+        for followed in (_follow(scans, clusters, k, points, start) for points in clusters[k]):
+            if len(followed.scans) < LEAST_SCANS:
+                continue
+            places = np.array([points.mean(axis=0) for points in followed.points])
+            _, velocity, error = _line(scans.times[list(followed.scans)], places)
+            speed = float(np.hypot(*velocity))
+            moves = speed >= max(SLOWEST, CERTAIN * error)
+            if moves and (best is None or speed / error > best[0]):
+                best = (speed / error, followed)
+        if best is not None:
+            return best[1]
+    raise ValueError(
+        "start: no cluster of the class's size moves: give start.bearing=[LO,HI] (degrees) and "
+        "start.range=[LO,HI] (m)"
+    )
+
+
+def _follow(
+    scans: Scans,
+    clusters: Sequence[list[np.ndarray]],
+    first: int,
+    points: np.ndarray,
+    start: ScansStart,
+) -> _Followed:
+    """The cluster `points` of scan `first` in the scans of the next `duration` s."""
+    chain = [(first, points)]
+    for k in _until(scans.times, first, start.duration):
+        last, before = chain[-1][0], chain[-1][1].mean(axis=0)
+        elapsed = scans.times[k] - scans.times[last]
+        expected, reach = before, FASTEST * elapsed
+        if len(chain) > 1:
+            # Of the last links, so that noise of a single one does not decide.
+            other = chain[-min(len(chain), 4)]
+            rate = (before - other[1].mean(axis=0)) / (scans.times[last] - scans.times[other[0]])
+            expected, reach = before + elapsed * rate, 0.5 * FASTEST * elapsed
+        reach = min(reach, 2.0 * start.cluster_distance)
+        near = [
+            (float(np.hypot(*(one.mean(axis=0) - expected))), i)
+            for i, one in enumerate(clusters[k])
+        ]
+        if near and min(near)[0] <= reach:
+            chain.append((k, clusters[k][min(near)[1]]))
+    return _Followed(tuple(k for k, _ in chain), tuple(points for _, points in chain))
+
+
+def _until(times: np.ndarray, first: int, duration: float) -> Iterator[int]:
+    k = first + 1
+    while k < len(times) and times[k] <= times[first] + duration + 1e-9:
+        yield k
+        k += 1
+
+
+def _line(times: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Place (2,) at the mean of `times` (n,), velocity (2,) of a straight line, and its error.
+
+    The error is the standard error of the velocity along each axis, m/s; `inf` for one scan.
+    """
+    offsets = times - times.mean()
+    spread = float(offsets @ offsets)
+    centre = places.mean(axis=0)
+    if spread == 0.0:
+        return centre, np.zeros(2), np.inf
+    velocity = offsets @ places / spread
+    residuals = places - centre - offsets[:, None] * velocity
+    variance = np.sum(residuals**2) / max(1, 2 * (len(times) - 2))
+    return centre, velocity, float(np.sqrt(max(variance, SLACK**2 / 10.0) / spread))
+
+
+def _longest(followed: _Followed) -> float:
+    """Direction of the longest axis of the points, rad."""
+    points = np.concatenate([points - points.mean(axis=0) for points in followed.points])
+    _, axes = np.linalg.eigh(points.T @ points)
+    return float(np.arctan2(axes[1, 1], axes[0, 1]))
+
+
+def _centre(
+    points_world: np.ndarray, sensor_world: np.ndarray, heading: float, size: np.ndarray
+) -> np.ndarray:
+    """Centre (2,) m of a rectangle of `size` (2,) m whose sides to the sensor have the points.
+
+    Along each axis of the rectangle: in the middle of the points if they extend over the side, or
+    if the sensor is between them; else half a side behind the nearest points.
+    """
+    turn = rotation(heading)
+    points, sensor = points_world @ turn, sensor_world @ turn
+    low, high = np.quantile(points, [0.1, 0.9], axis=0)
+    whole = high - low >= SEEN * size
+    nearest_high, nearest_low = ~whole & (sensor > high), ~whole & (sensor < low)
+    centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    centre = np.where(nearest_high, high - 0.5 * size, centre)
+    return turn @ np.where(nearest_low, low + 0.5 * size, centre)

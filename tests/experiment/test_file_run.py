@@ -1,0 +1,224 @@
+"""Runs on scans from a file, through the real command line."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from run_cli import SMALL, run_json
+
+from stixel_cli.cli.app import main
+from stixel_cli.config.compose import compose
+from stixel_cli.errors import ConfigurationError, UserError
+from stixel_cli.experiment.run import experiment_graph
+from stixel_cli.experiment.stages import pictured_frames, scan_count
+from stixel_cli.results.result import read_scored_run
+
+QUICK = ("executor=threads", "seed=1003")
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory):
+    return tmp_path_factory.mktemp("results")
+
+
+@pytest.fixture(scope="module")
+def made(shared):
+    """The folder of a run of 15 scans, seen by a sensor that moves."""
+    words = ("measurement=fabricated", "measurement.rays=200")
+    path = ("path=crossing", "path.duration=1.5", "ego=straight", "pictures.frames=[3]")
+    arguments = ["run", "--results", str(shared), "--name", "made", *words, *path, *QUICK]
+    assert main(arguments) == 0
+    return shared / "made"
+
+
+def from_files(folder, truth="truth.npz"):
+    names = {"path": "scans.csv", "ego": "ego.csv", **({"truth": truth} if truth else {})}
+    files = [f"measurement.{key}={folder / name}" for key, name in names.items()]
+    return ["measurement=file", *files, *QUICK]
+
+
+def arrays(folder, name):
+    with np.load(folder / name) as found:
+        return dict(found)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("measurement=fabricated", "path=turn"),
+        ("measurement=lidar", "path=crossing", "ego=turning"),
+        ("road_user=pedestrian", "path=approach"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_run_from_the_files_of_any_run_gives_the_same_tracks_and_scores(words, shared, capsys):
+    name = words[0].partition("=")[2]
+    user = [word for word in words if word.startswith("road_user")]
+    run_json(capsys, shared, *words, "path.duration=0.4", *SMALL, *QUICK, "--name", name)
+    run_json(capsys, shared, *from_files(shared / name), *user, "pictures.frames=[1]",
+             "--name", f"{name}-back")  # fmt: skip
+    for file in ("scans.csv", "ego.csv", "truth.csv", "track.csv", "scores.csv", "metrics.json"):
+        before, after = shared / name / file, shared / f"{name}-back" / file
+        assert before.read_bytes() == after.read_bytes(), file
+
+
+def test_arrays_give_the_same_run_as_the_csv(made, shared, capsys):
+    for suffix in ("csv", "npz"):
+        words = ["measurement=file", f"measurement.path={made}/scans.{suffix}"]
+        words += [f"measurement.ego={made}/ego.{suffix}", *QUICK, "pictures.frames=[]"]
+        run_json(capsys, shared, *words, "--name", f"as-{suffix}")
+    tracks = [(shared / f"as-{suffix}" / "track.csv").read_bytes() for suffix in ("csv", "npz")]
+    assert tracks[0] == tracks[1]
+
+
+def test_the_truths_table_has_the_box_of_the_contour(made, shared, capsys):
+    answer = run_json(capsys, shared, *from_files(made, "truth.csv"), "pictures.frames=[]")
+    box = json.loads((made / "metrics.json").read_text())
+    assert answer["metrics"]["centre_rmse_m"] == box["centre_rmse_m"]
+    assert answer["metrics"]["iou_mean"] == pytest.approx(box["iou_mean"], abs=0.05)
+
+
+def test_scans_without_rows_are_empty_and_the_track_holds(made, tmp_path, shared, capsys):
+    rows = (made / "scans.csv").read_text().splitlines()
+    gap = [row for row in rows if row.partition(",")[0] not in {"5", "6", "14"}]
+    (tmp_path / "gap.csv").write_text("\n".join(gap))
+    words = [*from_files(made, "truth.npz"), f"measurement.path={tmp_path / 'gap.csv'}"]
+    del words[1]
+    answer = run_json(capsys, shared, *words, "pictures.frames=[5]")
+    assert (answer["metrics"]["scans"], answer["metrics"]["empty_scans"]) == (15, 3)
+    assert answer["metrics"]["centre_final_m"] < 0.5
+
+
+def test_without_truth_scores_are_left_out_and_the_start_comes_from_the_scans(made, shared, capsys):
+    words = from_files(made, None)
+    answer = run_json(capsys, shared, *words, "pictures.frames=[1]", "--name", "blind")
+    assert set(answer["metrics"]) == {
+        "nis_mean", "scans", "empty_scans", "points_per_scan_mean", "points_used_mean",
+    }  # fmt: skip
+    folder = shared / "blind"
+    assert json.loads((folder / "manifest.json").read_text())["choices"]["start"] == "scans"
+    assert (folder / "scores.csv").read_text().splitlines()[0] == "k,t,nis"
+    assert not (folder / "truth.csv").exists()
+    pictures = {file.name for file in (folder / "figures").rglob("*.*")}
+    assert {"birds_eye.png", "path.png", "errors.svg"} <= pictures
+    track, truth = arrays(folder, "track.npz"), arrays(made, "truth.npz")
+    error = np.hypot(track["means"][:, 0] - truth["x"], track["means"][:, 1] - truth["y"])
+    assert error[-1] < 1.0
+    assert np.isnan(read_scored_run(folder).scores.iou).all()
+
+
+@pytest.mark.parametrize("command", ["show", "ls", "verify --cached", "rerun", "explain"])
+def test_a_run_without_truth_is_a_run_like_any_other(command, made, shared, tmp_path, capsys):
+    name = f"blind-{command[:4]}"
+    run_json(capsys, shared, *from_files(made, None), "pictures.frames=[]", "--name", name)
+    extra = ["--results", str(tmp_path)] if command == "rerun" else []
+    assert main([*command.split(), *extra, str(shared / name)]) == 0, capsys.readouterr().err
+
+
+def test_runs_with_and_without_truth_are_compared_and_played(made, shared, tmp_path, capsys):
+    names = ("seen", "blind2", "blind3")
+    for name, truth, more in zip(
+        names, ("truth.csv", None, None), ((), (), ("tracker=point",)), strict=True
+    ):
+        run_json(capsys, shared, *from_files(made, truth), *more, "pictures.frames=[]",
+                 "--name", name)  # fmt: skip
+    folders = [str(shared / name) for name in names]
+    assert main(["compare", *folders]) == 0
+    assert main(["report", *folders, "--output", str(tmp_path / "a.html")]) == 0
+    assert main(["play", *folders[1:], "--output", str(tmp_path / "b.html")]) == 0
+    assert main(["play", *folders[:2], "--output", str(tmp_path / "c.html")]) == 2
+    assert "measurement.truth is" in capsys.readouterr().err
+
+
+def test_a_truth_of_some_scans_scores_those_scans(made, tmp_path, shared, capsys):
+    rows = (made / "truth.csv").read_text().splitlines()
+    (tmp_path / "some.csv").write_text("\n".join([rows[0], *rows[5:9]]) + "\n")
+    words = [*from_files(made, None), f"measurement.truth={tmp_path / 'some.csv'}"]
+    answer = run_json(capsys, shared, *words, "pictures.frames=[0,5]", "--name", "some")
+    assert answer["metrics"]["iou_mean"] > 0.0
+    iou = arrays(shared / "some", "scores.npz")["iou"]
+    assert np.array_equal(np.flatnonzero(np.isfinite(iou)), [4, 5, 6, 7])
+    assert answer["metrics"]["iou_mean"] == pytest.approx(iou[4:8].mean())
+    assert arrays(shared / "some", "truth.npz")["k"].tolist() == [4, 5, 6, 7]
+
+
+def test_a_sweep_of_files_without_truth_has_statistics_of_what_is_known(made, shared, capsys):
+    words = [*from_files(made, None), "tracker=gp_ekf,point"]
+    assert main(["sweep", "--results", str(shared), "--name", "sweep", *words]) == 0
+    assert "nis_mean" in (shared / "sweep" / "summary.csv").read_text()
+    assert "iou_mean" not in (shared / "sweep" / "summary.csv").read_text()
+
+
+def keys(words):
+    graph = experiment_graph(compose(words).configuration)
+    return {name: graph.of_stage(name)[0].key for name in graph.stage_names}
+
+
+def test_the_content_of_each_file_is_in_the_keys_that_need_it(made, tmp_path):
+    for name in ("scans.csv", "ego.csv", "truth.csv"):
+        shutil.copy(made / name, tmp_path)
+    words = from_files(tmp_path, "truth.csv")
+    before = keys(words)
+    truth = tmp_path / "truth.csv"
+    truth.write_text(truth.read_text().replace("\n0,", "\n0 ,", 1))
+    after = keys(words)
+    assert before["scans"] == after["scans"]
+    assert before["scenario"] != after["scenario"]
+    scans = tmp_path / "scans.csv"
+    scans.write_text(scans.read_text() + "\n")
+    assert keys(words)["scans"] != before["scans"]
+
+
+def test_the_number_of_scans_is_that_of_the_file(made):
+    configuration = compose(from_files(made)).configuration
+    assert scan_count(configuration) == 15
+    assert pictured_frames(configuration)[-1] < 15
+    late = compose([*from_files(made), "pictures.frames=[15]"]).configuration
+    with pytest.raises(UserError, match="must be <= 14, the last frame, got 15"):
+        pictured_frames(late)
+
+
+def test_names_are_relative_to_the_working_directory(made, monkeypatch):
+    monkeypatch.chdir(made)
+    resolved = compose(["measurement=file", "measurement.path=scans.csv"]).resolved
+    assert resolved["measurement"]["path"] == str(made / "scans.csv")
+
+
+@pytest.mark.parametrize(
+    "word", ["path=turn", "path.speed=3", "ego=straight", "rig=kitti", "renderer=raycast",
+             "stereo=bm", "rig.width=320", "road_user.length=3"],
+)  # fmt: skip
+def test_settings_of_a_scene_are_refused(word, made):
+    with pytest.raises(ConfigurationError, match=f"{word.partition('=')[0]}: has no effect"):
+        compose([*from_files(made), word])
+
+
+def test_a_class_and_a_start_are_chosen_as_ever(made):
+    composed = compose([*from_files(made, None), "road_user=cyclist"])
+    assert (composed.choices["prior"], composed.choices["start"]) == ("cyclist", "scans")
+    assert compose(from_files(made)).choices["start"] == "default"
+    with pytest.raises(ConfigurationError, match="start: there is no truth to start from"):
+        compose([*from_files(made, None), "start=default"])
+
+
+@pytest.mark.parametrize(
+    ("words", "fault"),
+    [
+        (["measurement=file"], "measurement.path: is missing"),
+        (["measurement=file", "measurement.path=''"], "measurement.path: is empty"),
+        (["measurement=file", "measurement.path=none.csv"], "none.csv is missing"),
+        (["measurement=file", "measurement.path=."], "must be a table with the suffix"),
+        (["start=scans", "start.bearing=[3,1]"], "start.bearing: the second must be greater"),
+        (["measurement=fabricated", "start=scans", "start.bearing=[1,2]", "path.duration=0.3"],
+         "widen them"),
+    ],
+)  # fmt: skip
+def test_wrong_input_is_one_line_and_writes_nothing(words, fault, tmp_path, capsys):
+    results = tmp_path / "results"
+    code = main(["run", "--results", str(results), "executor=threads", *words])
+    captured = capsys.readouterr()
+    lines = [line for line in captured.err.splitlines() if "done in" not in line]
+    assert (code, len(lines)) == (2, 1), captured.err
+    assert fault in lines[0]
+    assert not results.exists()

@@ -1,0 +1,107 @@
+"""Initial states from the first scans alone."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from stixel_cli.config.compose import compose
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD, world_from_target
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.tracking.motion import transition
+from stixel_cli.tracking.start_scans import start_from_scans
+
+CONFIGURATION = compose(["start=scans"]).configuration
+START, PRIOR = CONFIGURATION.start, CONFIGURATION.prior
+"""Of a car, 4.2 m × 1.7 m."""
+
+WALL = np.array([[-8.0, 14.0], [-7.6, 14.0], [-7.2, 14.0]])
+"""A thing that does not move, 30 degrees to the left."""
+
+
+def two_sides(pose):
+    """Points on the front and the right side of a car that comes towards the sensor, (n, 2) m."""
+    along, across = np.linspace(-2.1, 2.1, 15), np.linspace(-0.85, 0.85, 7)
+    front = np.stack([np.full(7, 2.1), across], axis=1)
+    left = np.stack([along, np.full(15, 0.85)], axis=1)
+    return world_from_target(np.concatenate([front, left]), pose)
+
+
+def scans_of(points_of_each):
+    count = len(points_of_each)
+    poses = np.tile([0.0, 0.0, STRAIGHT_AHEAD], (count, 1))
+    unit = [(points, np.tile(0.01 * np.eye(2), (len(points), 1, 1))) for points in points_of_each]
+    return Scans.of_each(0.1 * np.arange(count), poses, unit)
+
+
+def approaching(first=0, count=12):
+    """A car at 5 m/s, heading down and left, with the wall; the first scans are empty."""
+    rates = np.array([-1.5, -4.77, 0.0])
+    heading = np.arctan2(rates[1], rates[0])
+    poses = [np.array([-1.0, 24.0, heading]) + 0.1 * k * rates for k in range(count)]
+    points = [np.concatenate([WALL, two_sides(pose)]) for pose in poses]
+    return scans_of([np.zeros((0, 2))] * first + points[first:]), poses[0], rates
+
+
+@pytest.mark.parametrize("first", [0, 4])
+def test_the_cluster_that_moves_is_found_and_moved_back_to_before_the_first_scan(first):
+    scans, pose, rates = approaching(first)
+    state = start_from_scans(scans, START, PRIOR)
+    predicted = transition(0.1) @ state.mean
+    np.testing.assert_allclose(predicted[:3], pose, atol=0.2)
+    np.testing.assert_allclose(predicted[3:], rates, atol=0.15)
+    assert np.all(np.linalg.eigvalsh(state.covariance) > 0.0)
+
+
+def test_bearing_and_range_choose_a_cluster_that_stands():
+    scans, _, _ = approaching()
+    chosen = dataclasses.replace(START, bearing=(20.0, 40.0), range=(10.0, 20.0))
+    state = start_from_scans(scans, chosen, PRIOR)
+    assert np.hypot(*(state.mean[:2] - WALL.mean(axis=0))) < 2.1
+    assert np.hypot(*state.mean[3:5]) < 0.1
+    assert np.sqrt(state.covariance[2, 2]) > 1.0, "the heading is unknown"
+
+
+def test_of_several_clusters_inside_the_one_nearest_to_the_middle_is_taken():
+    places = [(-2.0, 10.0), (2.0, 10.0), (2.0, 14.0)]
+    offsets = np.array([[-0.2, 0.0], [0.0, 0.0], [0.2, 0.0]])
+    scans = scans_of([np.concatenate([np.array(place) + offsets for place in places])] * 3)
+    prior = compose(["road_user=pedestrian"]).configuration.prior
+    for bounds, place in (
+        ({"bearing": (0.0, 20.0)}, (-2.0, 10.0)),
+        ({"bearing": (-20.0, 0.0), "range": (12.0, 16.0)}, (2.0, 14.0)),
+        ({"bearing": (-20.0, 0.0), "range": (5.0, 15.0)}, (2.0, 10.0)),
+        ({"range": (12.0, 20.0)}, (2.0, 14.0)),
+    ):
+        state = start_from_scans(scans, dataclasses.replace(START, **bounds), prior)
+        assert np.hypot(*(state.mean[:2] - place)) < 0.5, bounds
+
+
+def test_a_single_point_in_a_single_scan_starts_a_track_with_unknown_motion():
+    start = dataclasses.replace(START, bearing=(-10.0, 10.0), cluster_points=1)
+    state = start_from_scans(scans_of([np.array([[0.0, 9.0]])]), start, PRIOR)
+    assert np.isfinite(state.mean).all()
+    assert np.sqrt(state.covariance[3, 3]) >= 10.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "fault"),
+    [
+        ({}, "no cluster of the class's size moves: give start.bearing"),
+        ({"bearing": (0.0, 5.0)}, r"no scan has a cluster .* in bearing \[0.0, 5.0\] degrees"),
+    ],
+)
+def test_without_a_cluster_the_message_names_the_keys(changes, fault):
+    scans = scans_of([WALL] * 5)
+    with pytest.raises(ValueError, match=fault):
+        start_from_scans(scans, dataclasses.replace(START, **changes), PRIOR)
+    with pytest.raises(ValueError, match="start: "):
+        start_from_scans(scans_of([np.zeros((0, 2))] * 5), START, PRIOR)
+
+
+def test_a_wall_larger_than_the_class_is_no_target():
+    wall = np.stack([np.linspace(-10.0, 10.0, 60), np.full(60, 15.0)], axis=1)
+    with pytest.raises(ValueError, match="no scan has a cluster"):
+        start_from_scans(
+            scans_of([wall] * 3), dataclasses.replace(START, bearing=(-30.0, 30.0)), PRIOR
+        )
