@@ -13,6 +13,7 @@ from typer.core import TyperGroup
 
 from stixel_cli import __version__
 from stixel_cli.cli import cache
+from stixel_cli.cli.calibrate import calibrate
 from stixel_cli.cli.compare import compare
 from stixel_cli.cli.doctor import doctor
 from stixel_cli.cli.errors import Interrupted, guarded, settle_streams, usage_line
@@ -102,7 +103,8 @@ def stixel(
 
 
 app.command(help=help_of_run())(run)
-for _command in (sweep, study, plan, explain, rerun, verify, ls, show, compare, report, play):
+_COMMANDS = (sweep, study, plan, explain, rerun, verify, ls, show, compare, report, play, calibrate)
+for _command in _COMMANDS:
     app.command()(_command)
 app.add_typer(cache.app, name="cache")
 app.command()(doctor)

@@ -213,6 +213,12 @@ TABLE: dict[str, Definition] = {
         _same("rig", "road", "occupancy", "free_space"),
     ),
     "point_errors": Definition(_only("validation.point_errors:point_errors"), "once", _same("rig")),
+    "label_errors": Definition(
+        _only("validation.label_errors:label_errors"),
+        "once",
+        {"rig": "rig", "first": "recording.first", "left_camera": "recording.left_camera"},
+        recorded="label_files",
+    ),
     "occupancy": Definition(
         _only("stixels.displayed_grid:picture_grid"),
         "pick",

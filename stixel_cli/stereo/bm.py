@@ -60,4 +60,4 @@ def match(pairs: StereoPairs, stereo: BmParameters, rig: Rig, frames: range) -> 
     matcher.setUniquenessRatio(stereo.uniqueness_ratio)
     matcher.setSpeckleWindowSize(stereo.speckle_window)
     matcher.setSpeckleRange(stereo.speckle_range)
-    return match_pairs(pairs, frames, matcher, stereo, count, margin=stereo.block_size // 2)
+    return match_pairs(pairs, frames, matcher, stereo, rig, count, margin=stereo.block_size // 2)

@@ -10,7 +10,12 @@ from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo import bm, sgm
 from stixel_cli.stereo.bm import BmParameters
 from stixel_cli.stereo.disparities import INVALID
-from stixel_cli.stereo.matching import cancel_errors, disparity_count, half_pixel_right
+from stixel_cli.stereo.matching import (
+    cancel_errors,
+    corrected,
+    disparity_count,
+    half_pixel_right,
+)
 from stixel_cli.stereo.sgm import SgmParameters
 
 SHIFT = 10
@@ -172,3 +177,20 @@ def test_error_cancellation_removes_the_bias_towards_whole_pixels():
             of_kind.append(np.abs(np.nanmedian(pixels) - quarters / 4))
     assert max(errors[True]) <= 1 / 16
     assert sum(errors[True]) < sum(errors[False])
+
+
+def test_the_errors_of_the_rig_are_taken_off_column_by_column(pairs):
+    plain = sgm.match(pairs, SGM, RIG, FRAMES).raw(1).astype(int)
+    wrong = replace(RIG, disparity_offset=-0.5, disparity_slope=0.01)
+    found = sgm.match(pairs, SGM, wrong, FRAMES).raw(1).astype(int)
+    errors = np.rint(16 * (-0.5 + 0.01 * (np.arange(160) - 79.5))).astype(int)
+    assert errors.min() < 0 < errors.max()
+    both = (plain != INVALID) & (found != INVALID)
+    assert both.mean() > 0.8 and ((found == INVALID) >= (plain == INVALID)).all()
+    assert (found == plain - errors)[both].all()
+
+
+def test_a_disparity_that_the_correction_takes_out_of_range_is_invalid():
+    raw = np.array([[0, 5, 500, INVALID]], dtype=np.int16)
+    found = corrected(raw, np.array([8, -8, -16, 0], dtype=np.int16), 32)
+    assert found.tolist() == [[INVALID, 13, INVALID, INVALID]]
