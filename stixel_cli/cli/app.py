@@ -18,6 +18,7 @@ from stixel_cli.cli.compare import compare
 from stixel_cli.cli.doctor import doctor
 from stixel_cli.cli.errors import Interrupted, guarded, settle_streams, usage_line
 from stixel_cli.cli.explain import explain
+from stixel_cli.cli.export import export
 from stixel_cli.cli.ls import ls
 from stixel_cli.cli.plan import plan
 from stixel_cli.cli.play import play
@@ -103,7 +104,10 @@ def stixel(
 
 
 app.command(help=help_of_run())(run)
-_COMMANDS = (sweep, study, plan, explain, rerun, verify, ls, show, compare, report, play, calibrate)
+_COMMANDS = (
+    *(sweep, study, plan, explain, rerun, verify, ls, show, compare, report, play),
+    *(export, calibrate),
+)
 for _command in _COMMANDS:
     app.command()(_command)
 app.add_typer(cache.app, name="cache")

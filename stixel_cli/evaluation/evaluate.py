@@ -65,6 +65,8 @@ def evaluate(track: Track, scenario: Scenario, scans: Scans) -> Scores:
         points_used=np.diff(track.used_offsets),
     )
     metrics = {name: metric.of_run(errors) for name, metric in METRICS.items()}
+    if scenario.scored is None:
+        del metrics["scored_scans"]
     if not counted.any():
         metrics = {name: value for name, value in metrics.items() if value is not None}
     return Scores(

@@ -98,7 +98,6 @@ def test_summary_matches_a_calculation_by_hand():
         "nees_heading_mean": 2 * 0.04 / 5,
         "nis_mean": 5.5 / 4,
         "scans": 5,
-        "scored_scans": 5,
         "empty_scans": 1,
         "points_per_scan_mean": 8 / 5,
         "points_used_mean": 7 / 5,
@@ -270,21 +269,17 @@ def test_only_scans_with_a_truth_that_counts_are_scored():
     poses = SCENARIO.target_poses_world.copy()
     poses[3] = np.nan
     counted = np.array([True, True, True, True, False])
-    scores = evaluate(
-        track_with(SHIFTS),
-        dataclasses.replace(SCENARIO, target_poses_world=poses, scored=counted),
-        SCANS,
-    )
+    scenario = dataclasses.replace(SCENARIO, target_poses_world=poses, scored=counted)
+    scores = evaluate(track_with(SHIFTS), scenario, SCANS)
     assert scores.metrics["scored_scans"] == 3 and scores.metrics["scans"] == 5
     assert scores.metrics["centre_mean_m"] == pytest.approx(1 / 3)
     assert np.isnan(scores.iou).tolist() == [False, False, False, True, False]
+    assert "scored_scans" not in evaluate(track_with(SHIFTS), SCENARIO, SCANS).metrics
 
 
-def test_without_truth_there_are_no_scores():
-    poses = np.full_like(SCENARIO.target_poses_world, np.nan)
-    metrics = evaluate(
-        track_with(SHIFTS), dataclasses.replace(SCENARIO, target_poses_world=poses), SCANS
-    ).metrics
+def test_if_no_scan_counts_there_are_no_scores():
+    scenario = dataclasses.replace(SCENARIO, scored=np.zeros(5, dtype=bool))
+    metrics = evaluate(track_with(SHIFTS), scenario, SCANS).metrics
     assert metrics["scored_scans"] == 0 and metrics["scans"] == 5
     for name in ("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "low_overlap_share"):
         assert metrics.get(name) is None
