@@ -21,6 +21,9 @@ OPTIONS = {"road": "estimated", "start": "label"}
 VALUES = {"road.pitch_range": 4.0, "stereo.nearest": 2.0, "occupancy.nearest": 2.0}
 """Values for real images, where the user sets none: the road may be steep, obstacles near."""
 
+FROM_SCANS = {"start.motion": "sensor", "start.velocity": 3.0}
+"""Values of start=scans, where the user sets none: a road user ahead mostly drives as the ego."""
+
 OF_THE_SCENE = ("path", "ego", "renderer", "world", "sensor")
 """Groups of the rendered scene, which a recording does not have."""
 
@@ -93,7 +96,11 @@ def suitable_overrides(recording: Recording, typed: Mapping[str, Any]) -> list[s
             )
         found.append(f"road_user={CLASSES[recording.label]}")
     chosen = {group: typed.get(group, option) for group, option in OPTIONS.items()}
-    for key, value in VALUES.items():
+    values: dict[str, Any] = dict(VALUES)
+    if chosen["start"] == "scans":
+        lowest, highest = recording.first_bearings
+        values |= FROM_SCANS | {"start.bearing": f"[{lowest:.3f},{highest:.3f}]"}
+    for key, value in values.items():
         if key not in typed and not (key.startswith("road.") and chosen["road"] != "estimated"):
             found.append(f"{key}={value}")
     return found

@@ -50,4 +50,5 @@ def labelled_recording(
         poses=poses if poses.exists() else None,
         labels=labels,
         label=target.kind,
+        first_box=tuple(target.boxes[target.frames == frames.start][0, [0, 2]].tolist()),
     )

@@ -1,5 +1,6 @@
 """What a recording has: its files, its calibration, its labels."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -42,7 +43,8 @@ class Recording:
         calibration: of the rig.
         poses: file of the ego poses; None without one.
         labels: file of the labels; None without one.
-        label: type of the target's label, such as `Car`; None without labels.
+        label: type of the target's label, such as `Car`.
+        first_box: left and right border, px, of the target's box in the first image.
     """
 
     layout: str
@@ -54,7 +56,8 @@ class Recording:
     calibration: Calibration
     poses: Path | None = None
     labels: Path | None = None
-    label: str | None = None
+    label: str = ""
+    first_box: tuple[float, float] = (0.0, 0.0)
 
     @property
     def first(self) -> int:
@@ -70,6 +73,15 @@ class Recording:
     def left_camera(self) -> tuple[float, float, float]:
         """The left camera's place in the frame of the labels, m."""
         return self.calibration.left_camera
+
+    @property
+    def first_bearings(self) -> tuple[float, float]:
+        """Lowest and highest bearing of the target's first box, degrees, positive to the left."""
+        calibration = self.calibration
+        return tuple(
+            math.degrees(math.atan((calibration.principal_u - u) / calibration.focal_length))
+            for u in reversed(self.first_box)
+        )
 
     @property
     def images(self) -> tuple[Path, ...]:

@@ -68,6 +68,20 @@ def test_what_the_user_sets_stays(clip):
     assert (chosen.configuration.path.sample_time, scan_count(chosen.configuration)) == (0.2, 3)
 
 
+def test_a_start_from_the_scans_uses_the_first_box_only(clip):
+    stages = {s.name: s for s in pipeline_stages(compose(of(clip, "start=scans")).configuration)}
+    assert stages["start"].inputs == {"scans": "scans"}
+    start = stages["start"].settings["start"]
+    assert start.motion == "sensor"
+    # The car is 0.4 m to the right, 0.9 m to each side of its middle, 6.9 m ahead.
+    lowest, highest = np.degrees(np.arctan([-1.35 / 6.9, 0.52 / 6.9]))
+    assert start.bearing == (pytest.approx(lowest, abs=2.0), pytest.approx(highest, abs=2.0))
+    assert compose(of(clip, "start=scans", "start.bearing=[-3,4]")).configuration.start.bearing == (
+        -3.0,
+        4.0,
+    )
+
+
 def test_the_layout_is_guessed_from_the_folder(clip):
     guessed = compose([one for one in of(clip) if one != "source=kitti_tracking"])
     assert guessed.choices["source"] == "kitti_tracking"
