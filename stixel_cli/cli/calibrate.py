@@ -16,7 +16,7 @@ def calibrate(
     overrides: Annotated[
         list[str],
         typer.Argument(
-            help="The recording, as for run: source.folder=DIR source.target=ID …",
+            help="The recording, as for run: source.folder=DIR …",
             metavar="OVERRIDE",
             autocompletion=complete_override,
             show_default=False,
@@ -32,12 +32,17 @@ def calibrate(
 
     \b
     Examples:
-      stixel calibrate source.folder=DIR source.sequence=0005 source.target=31
+      stixel calibrate source.folder=DIR source.sequence=0005 source.frames=0:8
     """
     from stixel_cli.config.compose import compose
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.experiment.calibrate import calibrate as estimate
 
+    names = {text.partition("=")[0] for text in overrides}
+    if "source.target" not in names:
+        # A recording without target needs these, and the stixels do not depend on them.
+        further = {"road_user": "car", "start": "scans", "start.bearing": "[-45,45]"}
+        overrides = [*overrides, *(f"{k}={v}" for k, v in further.items() if k not in names)]
     composition = compose(with_workers(overrides, workers))
     found = estimate(composition, make_progress())
     source = composition.configuration.source

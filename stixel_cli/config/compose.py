@@ -144,14 +144,16 @@ class Composer:
 
         more = recorded.guessed_source(typed, self._working_directory)
         parsed = [*parsed, *map(self.parse, more)]
-        resolved, choices = _resolved(parsed, self._state)
-        section = dict(resolved["source"])
+        # The other overrides may be of options that only the recording chooses.
+        own = [one for one in parsed if one.key_or_group.partition(".")[0] == "source"]
+        section = dict(_resolved(own, self._state)[0]["source"])
         recording = recorded.recording_in(section, typed, self._working_directory)
-        if recording is not None:
-            more = recorded.suitable_overrides(recording, typed)
-            resolved, choices = _resolved([*parsed, *map(self.parse, more)], self._state)
-            resolved["source"] = section
-            recorded.with_recording(resolved, choices, recording, typed)
+        if recording is None:
+            return _resolved(parsed, self._state)
+        more = recorded.suitable_overrides(recording, typed)
+        resolved, choices = _resolved([*parsed, *map(self.parse, more)], self._state)
+        resolved["source"] = section
+        recorded.with_recording(resolved, choices, recording, typed)
         return resolved, choices
 
     def _shared(self, configuration: Configuration, resolved: dict[str, Any]) -> Configuration:

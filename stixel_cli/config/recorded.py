@@ -16,7 +16,7 @@ from stixel_cli.recordings.parameters import Source
 from stixel_cli.recordings.types import Recording
 
 OPTIONS = {"road": "estimated", "start": "label"}
-"""Options for real images, where the user chooses none."""
+"""Options for real images, where the user chooses none; without a label, start=scans."""
 
 VALUES = {"road.pitch_range": 4.0, "stereo.nearest": 2.0, "occupancy.nearest": 2.0}
 """Values for real images, where the user sets none: the road may be steep, obstacles near."""
@@ -87,19 +87,31 @@ def suitable_overrides(recording: Recording, typed: Mapping[str, Any]) -> list[s
     Raises:
         ConfigurationError: if the label has no class of road user and none is chosen.
     """
-    found = [f"{group}={option}" for group, option in OPTIONS.items() if group not in typed]
+    options = OPTIONS | ({} if recording.label else {"start": "scans"})
+    found = [f"{group}={option}" for group, option in options.items() if group not in typed]
     if "road_user" not in typed:
+        if recording.label is None:
+            raise ConfigurationError(
+                "road_user: is required, because the recording has no labelled target "
+                "(source.target)"
+            )
         if recording.label not in CLASSES:
             raise ConfigurationError(
                 f"source.target: is a {messages.printable(str(recording.label))}, which no class "
                 f"suits; the classes are of {', '.join(CLASSES)}; or choose a road_user"
             )
         found.append(f"road_user={CLASSES[recording.label]}")
-    chosen = {group: typed.get(group, option) for group, option in OPTIONS.items()}
+    chosen = {group: typed.get(group, option) for group, option in options.items()}
     values: dict[str, Any] = dict(VALUES)
     if chosen["start"] == "scans":
-        lowest, highest = recording.first_bearings
-        values |= FROM_SCANS | {"start.bearing": f"[{lowest:.3f},{highest:.3f}]"}
+        values |= FROM_SCANS
+        if recording.label:
+            lowest, highest = recording.first_bearings
+            values["start.bearing"] = f"[{lowest:.3f},{highest:.3f}]"
+    elif recording.label is None:
+        raise ConfigurationError(
+            f"start: {chosen['start']} needs a label (source.target); else choose start=scans"
+        )
     for key, value in values.items():
         if key not in typed and not (key.startswith("road.") and chosen["road"] != "estimated"):
             found.append(f"{key}={value}")

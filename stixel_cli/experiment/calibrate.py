@@ -7,6 +7,7 @@ from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.run import experiment_graph, one_line_errors
+from stixel_cli.experiment.stages import recording_of
 from stixel_cli.validation.label_errors import DisparityFit, fit_disparity_error
 
 STAGE = "label_errors"
@@ -22,6 +23,8 @@ def calibrate(composition: Composition, progress: Progress | None = None) -> Dis
     configuration = composition.configuration
     if configuration.source.kind == "rendered":
         raise UserError("source: rendered is exact: choose a recording, source.folder=DIR")
+    if recording_of(configuration).labels is None:
+        raise UserError(f"{configuration.source.folder}: has no labels to compare with")
     store = open_store(configuration.cache)
     with one_line_errors():
         graph = experiment_graph(configuration)

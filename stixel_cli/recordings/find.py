@@ -3,11 +3,15 @@
 from pathlib import Path
 
 from stixel_cli.errors import UserError
-from stixel_cli.recordings import kitti_tracking, plain_folder
+from stixel_cli.recordings import kitti_odometry, kitti_tracking, plain_folder
 from stixel_cli.recordings.parameters import Source
 from stixel_cli.recordings.types import Recording
 
-LAYOUTS = {"kitti_tracking": kitti_tracking, "folder": plain_folder}
+LAYOUTS = {
+    "kitti_tracking": kitti_tracking,
+    "kitti_odometry": kitti_odometry,
+    "folder": plain_folder,
+}
 
 
 def find_recording(source: Source) -> Recording:
@@ -31,6 +35,6 @@ def guess_layout(folder: Path) -> str:
     if not folder.is_dir():
         raise UserError(f"source.folder: {folder}: no such folder")
     raise UserError(
-        f"source.folder: {folder}: not a known layout: image_02 (source=kitti_tracking) or "
-        "rig.yaml (source=folder) is missing"
+        f"source.folder: {folder}: not a known layout: image_02 (source=kitti_tracking), "
+        "image_0 and calib.txt (source=kitti_odometry) or rig.yaml (source=folder) is missing"
     )

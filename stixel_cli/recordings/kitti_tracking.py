@@ -9,8 +9,8 @@ the odometry benchmark.
 from pathlib import Path
 
 from stixel_cli.errors import UserError
+from stixel_cli.recordings.assembly import assembled_recording
 from stixel_cli.recordings.kitti_calibration import read_calibration
-from stixel_cli.recordings.labelled import labelled_recording
 from stixel_cli.recordings.parameters import KittiTracking
 from stixel_cli.recordings.types import Recording
 
@@ -35,11 +35,12 @@ def find_recording(source: KittiTracking) -> Recording:
     root, name = root_of(Path(source.folder)), f"{int(source.sequence):04d}"
     if not root.is_dir():
         raise UserError(f"source.folder: {root}: no such folder")
-    return labelled_recording(
+    return assembled_recording(
         source,
         read_calibration(root / "calib" / f"{name}.txt", "P2", "P3"),
         left_folder=root / "image_02" / name,
         right_folder=root / "image_03" / name,
         labels=root / "label_02" / f"{name}.txt",
         poses=root / "ego_poses" / f"{name}.txt",
+        target=source.target,
     )

@@ -19,7 +19,7 @@ class Rendered:
 
 
 @parameters(kw_only=True)
-class _Recorded:
+class Recorded:
     """A recording of a real stereo rig.
 
     Attributes:
@@ -42,12 +42,12 @@ class _Recorded:
 
 
 @dataclass(frozen=True, kw_only=True)
-class KittiTracking(_Recorded):
+class KittiTracking(Recorded):
     """KITTI's tracking benchmark.
 
     Attributes:
         sequence: number of the clip, such as 0005.
-        target: track id in the labels.
+        target: track id in the labels; null for no truth.
     """
 
     kind: Literal["kitti_tracking"]
@@ -57,9 +57,8 @@ class KittiTracking(_Recorded):
     def check(self) -> None:
         """Raise ValueError if a needed value is missing or not valid."""
         super().check()
-        for name in ("sequence", "target"):
-            if getattr(self, name) is None:
-                raise ValueError(f"source.{name}: is required with source={self.kind}")
+        if self.sequence is None:
+            raise ValueError(f"source.sequence: is required with source={self.kind}")
         if not re.fullmatch(r"\d{1,4}", self.sequence):
             raise ValueError(
                 f"source.sequence: must be a number such as 0005, got {self.sequence!r}"
@@ -67,24 +66,25 @@ class KittiTracking(_Recorded):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlainFolder(_Recorded):
+class PlainFolder(Recorded):
     """A folder with `rig.yaml`, the images in `left/` and `right/`, and optional truth.
 
     Attributes:
-        target: track id in the labels.
+        target: track id in the labels; null for no truth.
     """
 
     kind: Literal["folder"]
     target: Annotated[int, Ge(0)] | None
 
-    def check(self) -> None:
-        """Raise ValueError if a needed value is missing or not valid."""
-        super().check()
-        if self.target is None:
-            raise ValueError(f"source.target: is required with source={self.kind}")
+
+@dataclass(frozen=True, kw_only=True)
+class KittiOdometry(Recorded):
+    """KITTI's odometry benchmark, which has no labels."""
+
+    kind: Literal["kitti_odometry"]
 
 
-Source = Rendered | KittiTracking | PlainFolder
+Source = Rendered | KittiTracking | KittiOdometry | PlainFolder
 
 
 def chosen_frames(text: str | None) -> range | None:

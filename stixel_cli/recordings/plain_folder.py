@@ -1,4 +1,4 @@
-"""A plain folder: rig.yaml, left/000000.png, right/000000.png, labels.txt, and optional poses.txt.
+"""A plain folder: rig.yaml, left/000000.png, right/000000.png; optional labels.txt and poses.txt.
 
 `rig.yaml` has `focal_length`, `principal_u`, `principal_v` (px), `baseline` (m), and optionally
 `focal_length_v` (px) and `camera_height` (m). The images are rectified. `labels.txt` has the
@@ -10,7 +10,7 @@ from pathlib import Path
 
 from stixel_cli.errors import UserError, printable
 from stixel_cli.files import read_yaml
-from stixel_cli.recordings.labelled import labelled_recording
+from stixel_cli.recordings.assembly import assembled_recording
 from stixel_cli.recordings.parameters import PlainFolder
 from stixel_cli.recordings.types import Calibration, Recording
 
@@ -33,13 +33,14 @@ def find_recording(source: PlainFolder) -> Recording:
     root = Path(source.folder)
     if not root.is_dir():
         raise UserError(f"source.folder: {root}: no such folder")
-    return labelled_recording(
+    return assembled_recording(
         source,
         read_rig(root / RIG),
         left_folder=root / "left",
         right_folder=root / "right",
         labels=root / "labels.txt",
         poses=root / "poses.txt",
+        target=source.target,
     )
 
 

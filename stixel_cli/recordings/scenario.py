@@ -22,7 +22,7 @@ def recorded_scenario(
     rig: Rig,
     first: int,
     left_camera: tuple[float, float, float],
-    target: int,
+    target: int | None,
 ) -> Scenario:
     """Ground truth of one labelled target; NaN at the frames without its label.
 
@@ -31,19 +31,21 @@ def recorded_scenario(
 
     Args:
         ego_motion: at the frames of the recording.
-        files: the file of the labels.
+        files: the file of the labels; empty without target.
         rig: the ground plane is that of its level frame.
         first: number of the first frame.
         left_camera: place of the left camera in the frame of the labels, m.
-        target: its track id.
+        target: its track id; None for no truth.
 
     Raises:
         UserError: if the file is not valid, or has no such target.
     """
-    labels = labels_of(files[0], target)
     count = len(ego_motion.times)
     poses = np.full((count, 3), np.nan)
     scored = np.zeros(count, dtype=bool)
+    if target is None:
+        return _scenario(ego_motion, poses, np.zeros((0, 2)), scored)
+    labels = labels_of(files[0], target)
     inside = (labels.frames >= first) & (labels.frames < first + count)
     for k, row in zip(labels.frames[inside] - first, np.flatnonzero(inside), strict=True):
         place = rig.level_from_camera @ (labels.places[row] - left_camera)
@@ -52,12 +54,18 @@ def recorded_scenario(
     known = np.isfinite(poses[:, 2])
     poses[known, 2] = np.unwrap(poses[known, 2])
     _, width, length = np.median(labels.sizes[inside], axis=0)
+    return _scenario(ego_motion, poses, rectangle(length, width), scored)
+
+
+def _scenario(
+    ego_motion: EgoMotion, poses: np.ndarray, contour: np.ndarray, scored: np.ndarray
+) -> Scenario:
     return Scenario(
         times=ego_motion.times,
         ego_poses_world=ego_motion.poses_world,
         target_poses_world=poses,
         target_rates_world=slopes(ego_motion.times, poses),
-        contour_target=rectangle(length, width),
+        contour_target=contour,
         star_convex=True,
         scored=scored,
     )

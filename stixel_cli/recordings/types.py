@@ -43,8 +43,9 @@ class Recording:
         calibration: of the rig.
         poses: file of the ego poses; None without one.
         labels: file of the labels; None without one.
-        label: type of the target's label, such as `Car`.
-        first_box: left and right border, px, of the target's box in the first image.
+        target: track id in the labels; None for no truth.
+        label: type of the target's label, such as `Car`; None without target.
+        first_box: left and right border, px, of the target's box in the first image, or None.
     """
 
     layout: str
@@ -56,8 +57,9 @@ class Recording:
     calibration: Calibration
     poses: Path | None = None
     labels: Path | None = None
-    label: str = ""
-    first_box: tuple[float, float] = (0.0, 0.0)
+    target: int | None = None
+    label: str | None = None
+    first_box: tuple[float, float] | None = None
 
     @property
     def first(self) -> int:
@@ -75,12 +77,12 @@ class Recording:
         return self.calibration.left_camera
 
     @property
-    def first_bearings(self) -> tuple[float, float]:
-        """Lowest and highest bearing of the target's first box, degrees, positive to the left."""
+    def first_bearings(self) -> tuple[float, ...]:
+        """Lowest and highest bearing of `first_box`, degrees, positive to the left; () without."""
         calibration = self.calibration
         return tuple(
             math.degrees(math.atan((calibration.principal_u - u) / calibration.focal_length))
-            for u in reversed(self.first_box)
+            for u in reversed(self.first_box or ())
         )
 
     @property
@@ -92,6 +94,11 @@ class Recording:
     def pose_files(self) -> tuple[Path, ...]:
         """The file of the ego poses; empty without one."""
         return () if self.poses is None else (self.poses,)
+
+    @property
+    def truth_files(self) -> tuple[Path, ...]:
+        """The file of the labels; empty without target."""
+        return () if self.target is None else self.label_files
 
     @property
     def label_files(self) -> tuple[Path, ...]:

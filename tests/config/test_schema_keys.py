@@ -51,7 +51,9 @@ def named(key):
     return "-".join([key.name, *(kind for _, kind in key.owners)])
 
 
-OF_A_RECORDING = {("source", "kitti_tracking"), ("source", "folder"), ("path", "source")}
+OF_A_RECORDING = {("path", "source")} | {
+    ("source", kind) for kind in ("kitti_tracking", "kitti_odometry", "folder")
+}
 """Variants that need a folder: see tests/recordings."""
 
 KEYS = [

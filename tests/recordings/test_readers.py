@@ -39,7 +39,7 @@ def truth_of(recording, target=0, rig=None):
     rig = small_rig() if rig is None else rig
     motion = recorded_motion(recording.pose_files, rig, recording.first, recording.count, 0.1)
     return recorded_scenario(
-        motion, recording.label_files, rig, recording.first, recording.left_camera, target
+        motion, recording.truth_files, rig, recording.first, recording.left_camera, target
     )
 
 

@@ -123,11 +123,50 @@ def test_what_does_not_go_with_a_recording_is_refused(override, said, clip):
     assert said in str(caught.value) and "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("missing", ["folder", "sequence", "target"])
+@pytest.mark.parametrize("missing", ["folder", "sequence"])
 def test_what_a_recording_needs_is_named(missing, clip):
     given = [one for one in of(clip) if not one.startswith(f"source.{missing}=")]
     with pytest.raises(ConfigurationError, match=f"source.{missing}: is required with source=kit"):
         compose(given)
+
+
+def test_without_a_target_class_and_start_are_required(clip):
+    given = [one for one in of(clip) if not one.startswith("source.target=")]
+    for more, said in (
+        ([], r"road_user: is required, because the recording has no labelled target"),
+        (["road_user=car"], r"start\.bearing: start\.motion=sensor needs a bearing or a range"),
+        (["road_user=car", "start=default"], r"start: default needs a label"),
+    ):
+        with pytest.raises(ConfigurationError, match=said):
+            compose([*given, *more])
+
+
+def test_without_a_target_there_is_a_track_and_no_score(clip, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+    folder = odometry(clip, tmp_path / "odometry")
+    given = ("source=kitti_odometry", f"source.folder={folder}", "road_user=car")
+    chosen = (*given, "start.range=[4,12]", "pictures.frames=[1]")
+    answer = run(capsys, tmp_path, *chosen, "--name", "untold")
+    assert answer["metrics"]["scored_scans"] == 0 and answer["metrics"]["scans"] == 5
+    assert "iou_mean" not in answer["metrics"]
+    assert answer["metrics"]["points_used_mean"] > 5
+    # The middle of the car that is there.
+    with np.load(tmp_path / "untold" / "track.npz") as track:
+        np.testing.assert_allclose(
+            track["means"][-1, :2], small_scenario().target_poses_world[-1, :2], atol=1.0
+        )
+    guessed = compose([*given[1:], "start.range=[4,12]"])
+    assert guessed.choices["source"] == "kitti_odometry" and guessed.choices["start"] == "scans"
+
+
+def odometry(clip, folder):
+    """The clip in the layout of the odometry benchmark, its calibration without names."""
+    for camera, name in (("image_02", "image_0"), ("image_03", "image_1")):
+        shutil.copytree(clip / camera / "0003", folder / name)
+    shutil.copy(clip / "ego_poses" / "0003.txt", folder / "poses.txt")
+    rows = (clip / "calib" / "0003.txt").read_text().splitlines()
+    (folder / "calib.txt").write_text("\n".join(row.partition(": ")[2] for row in rows))
+    return folder
 
 
 def test_without_poses_the_ego_car_must_be_parked(clip, tmp_path):
