@@ -13,10 +13,12 @@ from typer.core import TyperCommand, TyperGroup
 
 from stixel_cli import __version__
 from stixel_cli.cli import cache
+from stixel_cli.cli.calibrate import calibrate
 from stixel_cli.cli.compare import compare
 from stixel_cli.cli.doctor import doctor
 from stixel_cli.cli.errors import Interrupted, guarded, settle_streams, usage_line
 from stixel_cli.cli.explain import explain
+from stixel_cli.cli.export import export
 from stixel_cli.cli.ls import ls
 from stixel_cli.cli.plan import plan
 from stixel_cli.cli.play import play
@@ -109,7 +111,11 @@ def stixel(
 
 
 app.command(cls=_Run, short_help="Run one experiment.")(run)
-for _command in (sweep, study, plan, explain, rerun, verify, ls, show, compare, report, play):
+_COMMANDS = (
+    *(sweep, study, plan, explain, rerun, verify, ls, show, compare, report, play),
+    *(export, calibrate),
+)
+for _command in _COMMANDS:
     app.command()(_command)
 app.add_typer(cache.app, name="cache")
 app.command()(doctor)

@@ -22,6 +22,7 @@ def check(configuration: Configuration) -> None:
         ConfigurationError: in one line that names the key.
     """
     try:
+        _check_source(configuration)
         _check_rig(configuration)
         _check_times(configuration)
         for field in dataclasses.fields(configuration):
@@ -44,6 +45,25 @@ def _check_part(configuration: Configuration, part: Any) -> None:
 def _groups_of(part: type) -> tuple[str, ...]:
     """The other groups that the check of a part needs."""
     return tuple(inspect.signature(part.check).parameters)[1:]
+
+
+def _check_source(configuration: Configuration) -> None:
+    """Refuse a recorded path with rendered images, and the other way round."""
+    recorded = configuration.source.kind != "rendered"
+    if recorded and configuration.measurement.kind != "simulated":
+        raise ValueError(
+            f"measurement: {configuration.measurement.kind} is of the rendered scene; "
+            f"with source={configuration.source.kind} only measurement=simulated"
+        )
+    for group in ("path", "ego"):
+        kind = getattr(configuration, group).kind
+        if kind == "source" and not recorded:
+            raise ValueError(f"{group}: source needs a recording, got source=rendered")
+        if recorded and kind not in ("source", "parked"):
+            raise ValueError(
+                f"{group}: {kind} is of the rendered scene; source={configuration.source.kind} "
+                "has its own"
+            )
 
 
 def _check_rig(configuration: Configuration) -> None:
@@ -75,6 +95,8 @@ def _check_times(configuration: Configuration) -> None:
 def _check_start(configuration: Configuration) -> None:
     """Refuse a target that starts at the camera; its heading is ignored."""
     path, user = configuration.path, configuration.road_user
+    if path.kind == "source":
+        return
     key, start = (
         ("path.start", path.start) if hasattr(path, "start") else ("path.points", path.points[0])
     )

@@ -128,7 +128,7 @@ class Composer:
         parsed += [self.parse(text) for text in implied_by_file(parsed)]
         own = own_sections(parsed)
         others = [one for one in parsed if one.key_or_group.partition(".")[0] not in own]
-        resolved, choices = _resolved(others, self._state)
+        resolved, choices = self._with_recording(others)
         resolved |= own
         choices |= {one.key_or_group: str(one.value()) for one in parsed if one.key_or_group in own}
         resolved["code_folders"] = find_folders(resolved, self._working_directory)
@@ -138,6 +138,28 @@ class Composer:
             check_parameters(configuration)
         store_compositions()
         return Composition(self._shared(configuration, resolved), choices, texts, resolved)
+
+    def _with_recording(self, parsed: "list[Override]") -> tuple[dict[str, Any], dict[str, str]]:
+        """The resolved configuration and its choices, completed by its recording, if it has one."""
+        typed = {one.key_or_group: one.value() for one in parsed}
+        if not any(name.partition(".")[0] == "source" for name in typed):
+            return _resolved(parsed, self._state)
+        # Reads and checks files; imported only here, because most runs have no recording.
+        from stixel_cli.config import recorded
+
+        more = recorded.guessed_source(typed, self._working_directory)
+        parsed = [*parsed, *map(self.parse, more)]
+        # The other overrides may be of options that only the recording chooses.
+        own = [one for one in parsed if one.key_or_group.partition(".")[0] == "source"]
+        section = dict(_resolved(own, self._state)[0]["source"])
+        recording = recorded.recording_in(section, typed, self._working_directory)
+        if recording is None:
+            return _resolved(parsed, self._state)
+        more = recorded.suitable_overrides(recording, typed)
+        resolved, choices = _resolved([*parsed, *map(self.parse, more)], self._state)
+        resolved["source"] = section
+        recorded.with_recording(resolved, choices, recording, typed)
+        return resolved, choices
 
     def _shared(self, configuration: Configuration, resolved: dict[str, Any]) -> Configuration:
         parts = {

@@ -19,6 +19,7 @@ from stixel_cli.measurements.lidar import LidarParameters
 from stixel_cli.measurements.simulated import SimulatedParameters
 from stixel_cli.own_code import OwnCode
 from stixel_cli.parameters import parameters
+from stixel_cli.recordings.parameters import Source
 from stixel_cli.rendering.filament_parameters import FilamentParameters
 from stixel_cli.rendering.raycast_parameters import RaycastParameters
 from stixel_cli.rendering.sensor_noise import Sensor
@@ -67,6 +68,7 @@ class Configuration:
     """
 
     seed: Annotated[int, Ge(0), Le(2**63 - 1)]
+    source: Annotated[Source, _BY_KIND]
     road_user: RoadUser
     pace: Pace
     prior: PriorShape

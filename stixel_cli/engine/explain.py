@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
+from pathlib import Path
 from typing import Any, Literal
 
 from stixel_cli.engine.cleanup import evicted
@@ -17,6 +18,9 @@ from stixel_cli.engine.store import Store
 Kind = Literal[
     "new", "evicted", "damaged", "needed", "setting", "seed", "file", "code", "version", "input"
 ]
+
+MOST_NAMED = 4
+"""Files of a stage that a cause names one by one."""
 
 WORDS = {"size": "to save space", "age": "by age", "cleared": "when it was cleared"}
 
@@ -189,8 +193,7 @@ def _identity_changes(node: Node, notes: Mapping[str, Any], memory: _Memory) -> 
     if notes.get("seed") != content["seed"]:
         changes.append(Change("seed", "seed", plain(notes.get("seed")), plain(content["seed"])))
     if notes.get("files") != content["files"]:
-        named = ", ".join(str(path) for path in node.stage.files) or "a file"
-        changes.append(Change("file", named))
+        changes.append(Change("file", _named(node.stage.files)))
     before, after = notes.get("versions", {}), content["versions"]
     # That only one of the two imports a distribution follows from their code.
     pairs = {
@@ -209,6 +212,12 @@ def _key(node: Node, path: str) -> str:
     """Key in the configuration for a dotted path that begins with the stage's argument."""
     argument, dot, rest = path.partition(".")
     return f"{node.stage.keys.get(argument, argument)}{dot}{rest}"
+
+
+def _named(files: tuple[Path, ...]) -> str:
+    if len(files) > MOST_NAMED:
+        return f"one of {len(files)} files, {files[0]} to {files[-1]}"
+    return ", ".join(map(str, files)) or "a file"
 
 
 def _code_changes(before: Mapping[str, str], code: Code, memory: _Memory) -> list[Change]:

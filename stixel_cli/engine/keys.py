@@ -43,6 +43,8 @@ class Stage:
         seed: passed as `seed` and part of the key; None for a stage that draws no random numbers.
         frames: the chosen frames of a `pick` stage.
         files: external files; the digest of their content is part of the key.
+        gives_files: whether `files` is passed as an argument of this name. Their paths are not
+            part of the key.
         folders: searched for modules that the import path lacks; not part of the key.
         own: whether `modules` are the user's own code: an error there is reported with its place.
         keys: argument name -> key of the setting in the configuration, if it differs from the
@@ -58,6 +60,7 @@ class Stage:
     seed: int | None = None
     frames: tuple[int, ...] = ()
     files: tuple[Path, ...] = ()
+    gives_files: bool = False
     folders: tuple[Path, ...] = ()
     own: bool = False
     keys: Mapping[str, str] = field(default_factory=dict)
@@ -72,6 +75,7 @@ class Stage:
         if not module or not function.isidentifier():
             raise ValueError(f"stage {self.name}: {self.function!r} is not package.module:function")
         given = {*GIVEN[self.pattern], *(("seed",) if self.seed is not None else ())}
+        given |= {"files"} if self.gives_files else set()
         for argument in (*self.inputs, *self.settings):
             if argument in given or (argument in self.inputs and argument in self.settings):
                 raise ValueError(f"stage {self.name}: argument {argument!r} is given twice")

@@ -77,6 +77,8 @@ def task_of(node: Node, limit: TimeLimit | None = None) -> Task:
         arguments["frame"] = node.first
     if stage.seed is not None:
         arguments["seed"] = stage.seed
+    if stage.gives_files:
+        arguments["files"] = stage.files
     notes = {
         **node.identity.content,
         "label": node.label,

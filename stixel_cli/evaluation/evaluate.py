@@ -2,9 +2,9 @@
 
 Conventions: K scans; poses (K, 3) = x m, y m, heading rad in the world; polygons (K, M, 2) m in the
 world, the first vertex not repeated; errors are estimated minus true. Errors count at every scan,
-also at empty ones; where the truth is unknown they are left out. A missing value is NaN. The
-metrics are those of `metric_table.py`: a metric is None if one of its errors is not finite; NIS and
-NEES are averaged over the scans that have one.
+also at empty ones; where the truth is unknown, or `Scenario.scored` is false, they are left out. A
+missing value is NaN. The metrics are those of `metric_table.py`: a metric is None if one of its
+errors is not finite; NIS and NEES are averaged over the scans that have one.
 """
 
 from typing import Any
@@ -61,6 +61,7 @@ def evaluate(
     """
     validate(track, scenario, scans)
     known, truth = scenario.known, scenario.target_poses_world
+    at_known = contour_errors(track, scenario)
     centre = centre_errors(track.means, truth)
     orientation = orientation_errors(track.means[:, 2], truth[:, 2])
     nees_position = normalised_errors(
@@ -69,31 +70,34 @@ def evaluate(
     nees_orientation = normalised_errors(orientation[:, None], track.covariances[:, 2:3, 2:3])
     degrees = track.nis_degrees_of_freedom
     nis = np.divide(track.nis, degrees, out=np.full(len(degrees), np.nan), where=degrees > 0)
+    counted = known if scenario.scored is None else known & scenario.scored
     rates = scenario.target_rates_world
     speed = np.hypot(*track.means[:, 3:5].T) - np.hypot(*rates[:, :2].T)
     errors = ScanErrors(
-        times=(scenario.times - scenario.times[0])[known],
-        centre=centre[known],
-        orientation=np.degrees(orientation[known]),
-        speed=speed[known],
-        yaw_rate=np.degrees(track.means[:, 5] - rates[:, 2])[known],
-        nees_position=nees_position[known],
-        nees_orientation=nees_orientation[known],
+        times=(scenario.times - scenario.times[0])[counted],
+        centre=centre[counted],
+        orientation=np.degrees(orientation[counted]),
+        speed=speed[counted],
+        yaw_rate=np.degrees(track.means[:, 5] - rates[:, 2])[counted],
+        nees_position=nees_position[counted],
+        nees_orientation=nees_orientation[counted],
         nis=nis,
         points=np.diff(scans.offsets),
         points_used=np.diff(track.used_offsets),
-        **{name: np.full(known.sum(), value) for name, value in vars(ceilings).items()},
-        **contour_errors(track, scenario),
+        **{name: np.full(counted.sum(), value) for name, value in vars(ceilings).items()},
+        **{name: values[counted[known]] for name, values in at_known.items()},
     )
     metrics = {name: metric.of_run(errors) for name, metric in METRICS.items()}
-    if not known.any():
+    if scenario.scored is None:
+        del metrics["scored_scans"]
+    if not counted.any():
         metrics = {name: value for name, value in metrics.items() if value is not None}
     return Scores(
         times=np.array(scenario.times, dtype=np.float64),
         centre_error=centre,
         orientation_error=orientation,
-        iou=_over_time(errors.iou, known),
-        iou_box=_over_time(errors.iou_box, known),
+        iou=_over_time(at_known["iou"], known),
+        iou_box=_over_time(at_known["iou_box"], known),
         nees_position=nees_position,
         nis=nis,
         metrics=metrics,

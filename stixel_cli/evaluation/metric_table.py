@@ -218,6 +218,9 @@ _TABLE = (
     Metric("nis_mean", "NIS / degrees of freedom, mean (1 is consistent)", "mean NIS / d.o.f.",
            *_RATIO, lambda e: finite_mean(e.nis), _CONSISTENT),
     Metric("scans", "scans", "scans", *_COUNT, lambda e: len(e.points)),
+    # Only of a recording: all scans of a rendered run count.
+    Metric("scored_scans", "scans with a truth that counts", "scored scans",
+           *_COUNT, lambda e: len(e.centre)),
     Metric("empty_scans", "empty scans", "empty scans",
            *_COUNT, lambda e: int(np.sum(e.points == 0))),
     Metric("points_per_scan_mean", "points in a scan, mean", "points per scan",

@@ -21,8 +21,8 @@ FARTHEST_CENTRE = 2.0
 class ScanErrors:
     """Errors and counts of one track over its K scans.
 
-    The errors are (n,), at the n scans where the truth is known; `nis`, `points` and `points_used`
-    are (K,).
+    The errors are (n,), at the n scans that count: those with a known truth, of a recording only
+    those with a good one. `nis`, `points` and `points_used` are (K,).
 
     Attributes:
         times: s since the first scan of the run.

@@ -5,7 +5,7 @@ runs over the frames. Each node of `pipelines/*.yaml` names its stage and its in
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -21,6 +21,9 @@ from stixel_cli.errors import UserError
 from stixel_cli.experiment.user_scans import check_files, file_scans
 from stixel_cli.measurements.file_parameters import FileParameters
 from stixel_cli.own_code import OwnCode
+from stixel_cli.recordings.find import find_recording
+from stixel_cli.recordings.types import Recording
+from stixel_cli.scene.ego import Parked
 from stixel_cli.scene.mesh_file import referred_files
 
 CHUNK_SIZE = 10
@@ -42,6 +45,8 @@ class Definition:
         seeded: whether it draws random numbers, and so needs the experiment's seed.
         files: dotted paths of the settings that are files. Their content, and that of the files
             they refer to, is part of the key.
+        recorded: the files of the recording that the function gets as `files`, an attribute of
+            `Recording`; "" for none.
         pictures: whether it draws: its result is a `Pictures`.
         code: dotted paths of the settings that name the user's own functions: their code is part of
             the key.
@@ -54,6 +59,7 @@ class Definition:
     chosen_by: str = ""
     seeded: bool = False
     files: tuple[str, ...] = ()
+    recorded: str = ""
     pictures: bool = False
     code: tuple[str, ...] = ()
 
@@ -102,6 +108,30 @@ TABLE: dict[str, Definition] = {
         _same("sensor"),
         seeded=True,
     ),
+    "recorded_motion": Definition(
+        _only("recordings.motion:recorded_motion"),
+        "once",
+        {
+            "rig": "rig",
+            "first": "recording.first",
+            "count": "recording.count",
+            "sample_time": "source.sample_time",
+        },
+        recorded="pose_files",
+    ),
+    "recorded_scenario": Definition(
+        _only("recordings.scenario:recorded_scenario"),
+        "once",
+        {
+            "rig": "rig",
+            "first": "recording.first",
+            "left_camera": "recording.left_camera",
+            "target": "recording.target",
+        },
+        recorded="truth_files",
+    ),
+    "read_pairs": Definition(_only("recordings.pairs:read_pairs"), "map", recorded="images"),
+    "read_left": Definition(_only("recordings.colour:read_left"), "pick", recorded="left"),
     "match": Definition(
         _by_kind(StereoParameters, "match"),
         "map",
@@ -189,6 +219,12 @@ TABLE: dict[str, Definition] = {
         _same("rig", "road", "occupancy", "free_space"),
     ),
     "point_errors": Definition(_only("validation.point_errors:point_errors"), "once", _same("rig")),
+    "label_errors": Definition(
+        _only("validation.label_errors:label_errors"),
+        "once",
+        {"rig": "rig", "first": "recording.first", "left_camera": "recording.left_camera"},
+        recorded="label_files",
+    ),
     "occupancy": Definition(
         _only("stixels.displayed_grid:picture_grid"),
         "pick",
@@ -261,11 +297,32 @@ def pipeline_stages(configuration: Configuration) -> list[Stage]:
     """The stages of one experiment, wired by the pipeline of its kind of measurement.
 
     Raises:
-        UserError: if the pipeline's file is missing or names an unknown stage.
+        UserError: if the pipeline's file is missing or names an unknown stage, or if a file of the
+            recording is missing or not valid.
     """
     check_files(configuration.measurement)
-    path = shipped_folder("pipelines") / f"{configuration.measurement.kind}.yaml"
-    return [_stage(configuration, path, name, wiring or {}) for name, wiring in _read(path).items()]
+    recording = recording_of(configuration)
+    pipeline = configuration.measurement.kind if recording is None else "recording"
+    path = shipped_folder("pipelines") / f"{pipeline}.yaml"
+    return [
+        _stage(configuration, recording, path, name, wiring or {})
+        for name, wiring in _read(path).items()
+    ]
+
+
+def recording_of(configuration: Configuration) -> Recording | None:
+    """The files that the configuration's `source` names; None if the images are rendered.
+
+    Raises:
+        UserError: if a file is missing or not valid.
+    """
+    source = configuration.source
+    if source.kind == "rendered":
+        return None
+    recording = find_recording(source)
+    if isinstance(configuration.ego, Parked):
+        recording = replace(recording, poses=None)
+    return recording
 
 
 def scan_count(configuration: Configuration) -> int:
@@ -308,7 +365,13 @@ def _parse(path: Path, *state: int) -> dict[str, dict[str, str] | None]:
     return yaml.safe_load(path.read_text(encoding="utf-8"))
 
 
-def _stage(configuration: Configuration, path: Path, name: str, wiring: dict[str, str]) -> Stage:
+def _stage(
+    configuration: Configuration,
+    recording: Recording | None,
+    path: Path,
+    name: str,
+    wiring: dict[str, str],
+) -> Stage:
     inputs = dict(wiring)
     if inputs and all(isinstance(value, dict) for value in inputs.values()):
         inputs = dict(inputs[_value(configuration, f"{name}.kind")])
@@ -327,13 +390,18 @@ def _stage(configuration: Configuration, path: Path, name: str, wiring: dict[str
         function=definition.functions[kind],
         pattern=definition.pattern,
         inputs=inputs,
-        settings={a: _value(configuration, p) for a, p in definition.reads.items()},
+        settings={a: _setting(configuration, recording, p) for a, p in definition.reads.items()},
         modules=(*definition.modules, *(f.partition(":")[0] for f in functions)),
         folders=tuple(map(Path, configuration.code_folders)) if functions else (),
         own=bool(functions),
         seed=configuration.seed if definition.seeded else None,
         frames=pictured_frames(configuration) if definition.pattern == "pick" else (),
-        files=_files(_value(configuration, p) for p in definition.files),
+        files=(
+            getattr(recording, definition.recorded)
+            if definition.recorded
+            else _files(_value(configuration, p) for p in definition.files)
+        ),
+        gives_files=bool(definition.recorded),
         keys=definition.reads,
     )
 
@@ -342,6 +410,12 @@ def _files(names: Iterable[str | None]) -> tuple[Path, ...]:
     """The files of these names and the files that they refer to."""
     files = [Path(name) for name in names if name is not None]
     return tuple(file for own in files for file in (own, *referred_files(own)))
+
+
+def _setting(configuration: Configuration, recording: Recording | None, path: str) -> Any:
+    """A value of the configuration, or one that the files of the recording give."""
+    name, _, attribute = path.partition(".")
+    return getattr(recording, attribute) if name == "recording" else _value(configuration, path)
 
 
 def _value(configuration: Configuration, path: str) -> Any:

@@ -28,6 +28,9 @@ class Rig:
         camera_height: height of the cameras above the road, m.
         pitch: rotation about the lateral axis, degrees, positive with the nose down.
         vertical_fov: vertical field of view, degrees; null for square pixels.
+        disparity_offset, disparity_slope: error of the measured disparity, px, and its change over
+            the columns, px per px: true d = measured d - offset - slope (u - u0). 0 for a rig
+            whose calibration is exact.
     """
 
     width: Annotated[int, Ge(64), Le(4096)]
@@ -40,6 +43,8 @@ class Rig:
     camera_height: Annotated[float, Gt(0), Le(5)]
     pitch: Annotated[float, Ge(-30), Le(30)]
     vertical_fov: Annotated[float, Ge(5), Lt(170)] | None
+    disparity_offset: Annotated[float, Ge(-16), Le(16)] = 0.0
+    disparity_slope: Annotated[float, Ge(-0.01), Le(0.01)] = 0.0
 
     @cached_property
     def focal(self) -> float:
@@ -94,6 +99,10 @@ class Rig:
     def disparity_from_depth(self, depth: float | np.ndarray) -> float | np.ndarray:
         """Disparity f_u B / z in px of depths z in m along the optical axis, any shape; (3)."""
         return self.focal * self.baseline / depth
+
+    def disparity_errors(self) -> np.ndarray:
+        """Error (W,) in px of the disparities that are measured in each column."""
+        return self.disparity_offset + self.disparity_slope * (np.arange(self.width) - self.u0)
 
     def depth_from_disparity(self, disparity: float | np.ndarray) -> float | np.ndarray:
         """Depth f_u B / d in m along the optical axis of disparities d in px, any shape; (5)."""

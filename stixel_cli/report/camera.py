@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from stixel_cli.geometry.rig import Rig
+from stixel_cli.recordings.types import LeftImage
 from stixel_cli.rendering.frames import RenderedFrames, StereoPairs
 from stixel_cli.report import camera_panels as panels
 from stixel_cli.report import style
@@ -39,7 +40,7 @@ class Panel:
 
 
 PANELS = (
-    Panel("left", "Left image, without noise", panels.draw_left),
+    Panel("left", "Left image", panels.draw_left),
     Panel("disparity", "Disparity", panels.draw_disparity, "disparity", ("invalid",)),
     Panel("occupancy", "Occupancy grid", panels.draw_occupancy, "likelihood", ("limit",)),
     Panel("free_space", "Free space", panels.draw_free_space, None, ("free",)),
@@ -49,7 +50,7 @@ PANELS = (
 
 
 def camera_pictures(
-    rendered: RenderedFrames,
+    rendered: RenderedFrames | LeftImage,
     pairs: StereoPairs,
     disparities: Disparities,
     grid: "OccupancyGrid",
@@ -61,9 +62,9 @@ def camera_pictures(
 ) -> Pictures:
     """Pictures of frame `frame`, at the resolution of the image; the chunks must contain the frame.
 
-    Gives `k0033/left.png` (as rendered), `disparity.png`, `occupancy.png`, `free_space.png`,
-    `height.png` and `stixels.png` (over the camera's noisy image), and `camera.png`, all of them
-    on one page. Only the times of `ego_motion` are used.
+    Gives `k0033/left.png` (in colour; as rendered, without noise), `disparity.png`,
+    `occupancy.png`, `free_space.png`, `height.png` and `stixels.png` (over the camera's grey
+    image), and `camera.png`, all of them on one page. Only the times of `ego_motion` are used.
     """
     view = _view(rendered, pairs, disparities, grid, free_space, stixels, rig, frame)
     time = float(ego_motion.times[frame])

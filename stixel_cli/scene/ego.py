@@ -43,7 +43,14 @@ class Turning:
     yaw_rate: Annotated[float, Ge(-90), Le(90)]
 
 
-Ego = Parked | Straight | Turning
+@parameters
+class RecordedEgo:
+    """The ego car moves as in the recording; composed for it, so no option has this kind."""
+
+    kind: Literal["source"]
+
+
+Ego = Parked | Straight | Turning | RecordedEgo
 
 
 def ego_motion(ego: Ego, duration: float, sample_time: float) -> EgoMotion:

@@ -237,4 +237,18 @@ class Waypoints(_Driven):
                 raise ValueError(f"path.points: the path turns back on itself at point {i}")
 
 
-Path = Approach | Depart | Crossing | Turn | SCurve | StopAndGo | Circle | Waypoints
+@parameters
+class RecordedPath:
+    """The target moves as in the recording; composed for it, so no option has this kind.
+
+    Attributes:
+        duration: of all frames, s.
+        sample_time: time from one frame to the next, s.
+    """
+
+    kind: Literal["source"]
+    duration: Duration
+    sample_time: SampleTime
+
+
+Path = Approach | Depart | Crossing | Turn | SCurve | StopAndGo | Circle | Waypoints | RecordedPath

@@ -28,7 +28,7 @@ class Scenario:
         times: (K,) s.
         ego_poses_world: (K, 3) x m, y m, heading rad.
         target_poses_world: (K, 3) x m, y m, heading rad; NaN where the truth is unknown, which
-            only scans from a file can have.
+            only scans from a file and recordings can have.
         target_rates_world: (K, 3) m/s, m/s, rad/s: the poses' derivatives; NaN as the poses.
         contours_target: (L, M, 2) m, for each pose of the target's limbs the outline of the mesh's
             ground projection in the target frame: one simple polygon, counter-clockwise, the first
@@ -37,6 +37,7 @@ class Scenario:
         star_convex: whether every point of every contour is seen from the target's centre.
         only_box: whether only the target's box is known, as in labelled recordings. Then
             `contours_target` has only that box.
+        scored: (K,) bool, the scans that count for the scores; None for all with a known truth.
     """
 
     times: np.ndarray
@@ -47,6 +48,7 @@ class Scenario:
     limb_poses: np.ndarray
     star_convex: bool
     only_box: bool = False
+    scored: np.ndarray | None = None
 
     @classmethod
     def rigid(
@@ -58,6 +60,7 @@ class Scenario:
         contour_target: np.ndarray,
         star_convex: bool = True,
         only_box: bool = False,
+        scored: np.ndarray | None = None,
     ) -> "Scenario":
         """Ground truth of a target of which nothing moves, with one contour (M, 2) m."""
         still = np.zeros(len(times), dtype=np.int64)
@@ -70,6 +73,7 @@ class Scenario:
             still,
             star_convex,
             only_box,
+            scored,
         )
 
     @property

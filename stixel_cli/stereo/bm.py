@@ -58,4 +58,4 @@ def match(pairs: StereoPairs, stereo: BmParameters, rig: Rig, frames: range) -> 
     matcher.setPreFilterCap(stereo.pre_filter_cap)
     matcher.setTextureThreshold(stereo.texture_threshold)
     matcher.setSpeckleRange(stereo.speckle_range)
-    return match_pairs(pairs, frames, matcher, stereo, count, margin=stereo.block_size // 2)
+    return match_pairs(pairs, frames, matcher, stereo, rig, count, margin=stereo.block_size // 2)

@@ -79,6 +79,7 @@ def match_pairs(
     frames: range,
     matcher: Any,
     stereo: MatchingParameters,
+    rig: Rig,
     count: int,
     margin: int,
 ) -> Disparities:
@@ -86,9 +87,11 @@ def match_pairs(
 
     The matcher reports nothing in the leftmost `stereo.minimum_disparity` + `count` + `margin`
     columns, so that much is put in front of the images and taken off again. `count` is the number
-    of disparities that it searches, `margin` half its window where it needs one, px.
+    of disparities that it searches, `margin` half its window where it needs one, px. The errors of
+    the `rig`'s disparities are taken off, rounded to 1/16 px.
     """
     minimum = stereo.minimum_disparity
+    errors = np.rint(SUBPIXELS * rig.disparity_errors()).astype(np.int16)
     border = minimum + count + margin
     checks = stereo.left_right_difference, stereo.uniqueness_ratio, stereo.speckle_window
     raw = []
@@ -106,7 +109,8 @@ def match_pairs(
                 found = correct_phases(found)
             # In the leftmost columns a large disparity points into the border, outside the image.
             beyond = found > np.arange(found.shape[1], dtype=np.int32) * SUBPIXELS
-            raw.append(np.where(beyond, np.int16(INVALID), found))
+            found = np.where(beyond, np.int16(INVALID), found)
+            raw.append(corrected(found, errors, minimum + count) if errors.any() else found)
     return Disparities.from_raw(frames.start, minimum + count, raw)
 
 
@@ -124,6 +128,16 @@ def _match(
     raw = matcher.compute(np.pad(left, widen, mode="edge"), np.pad(right, widen, mode="edge"))
     raw = raw[:, border:]
     return np.where(raw < minimum * SUBPIXELS, np.int16(INVALID), raw)
+
+
+def corrected(raw: np.ndarray, errors: np.ndarray, count: int) -> np.ndarray:
+    """Raw disparities (H, W) int16 without the `errors` (W,) of their columns, in 1/16 px.
+
+    Those that leave [0, `count`) px are invalid.
+    """
+    moved = raw - errors
+    inside = (raw != INVALID) & (moved >= 0) & (moved < count * SUBPIXELS)
+    return np.where(inside, moved, np.int16(INVALID)).astype(np.int16)
 
 
 def half_pixel_right(image: np.ndarray) -> np.ndarray:

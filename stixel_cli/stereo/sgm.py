@@ -61,4 +61,4 @@ def match(pairs: StereoPairs, stereo: SgmParameters, rig: Rig, frames: range) ->
         speckleRange=stereo.speckle_range,
         mode=modes[stereo.mode],
     )
-    return match_pairs(pairs, frames, matcher, stereo, count, margin=0)
+    return match_pairs(pairs, frames, matcher, stereo, rig, count, margin=0)

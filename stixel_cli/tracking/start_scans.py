@@ -29,6 +29,8 @@ class ScansStart:
         bearing: [lowest, highest] direction from the sensor, degrees, 0 ahead, positive to the
             left; null: any.
         range: [lowest, highest] distance from the sensor, m; null: any.
+        motion: `scans`: heading and velocity are those of the cluster over time; `sensor`: those of
+            the sensor, as of a car that drives ahead of it.
         duration: the cluster is followed for this time, s.
         cluster_distance, cluster_points: DBSCAN's radius, m, and its least number of points.
         position: standard deviation of x and of y, m; the others are standard deviations too.
@@ -40,6 +42,7 @@ class ScansStart:
     kind: Literal["scans"]
     bearing: tuple[Degrees, Degrees] | None
     range: tuple[Metres, Metres] | None
+    motion: Literal["scans", "sensor"]
     duration: Annotated[float, Gt(0), Le(60)]
     cluster_distance: Annotated[float, Gt(0), Le(20)]
     cluster_points: Annotated[int, Ge(1), Le(100)]
@@ -50,6 +53,8 @@ class ScansStart:
 
     def check(self) -> None:
         """Raise ValueError for bounds that are not in order."""
+        if self.motion == "sensor" and self.bearing is None and self.range is None:
+            raise ValueError("start.bearing: start.motion=sensor needs a bearing or a range")
         for name in ("bearing", "range"):
             bounds = getattr(self, name)
             if bounds is not None and bounds[1] <= bounds[0]:
@@ -111,11 +116,13 @@ def start_from_scans(scans: Scans, start: ScansStart, prior: PriorShape) -> Init
         if start.bearing is None and start.range is None
         else _chosen(scans, clusters, start)
     )
+    size = np.array([prior.length, prior.width])
+    if start.motion == "sensor":
+        return _like_the_sensor(scans, followed, start, size)
     times = scans.times[list(followed.scans)]
     _, velocity, _ = _line(times, np.array([points.mean(axis=0) for points in followed.points]))
     headed = float(np.hypot(*velocity)) >= HEADED
     heading = float(np.arctan2(velocity[1], velocity[0])) if headed else _longest(followed)
-    size = np.array([prior.length, prior.width])
     centres = np.array(
         [
             _centre(points, scans.sensor_poses_world[k, :2], heading, size)
@@ -132,6 +139,22 @@ def start_from_scans(scans: Scans, start: ScansStart, prior: PriorShape) -> Init
     back = transition(scans.times[0] - intervals(scans.times)[0] - times.mean())
     mean = back @ np.array([*centre, heading, *velocity, 0.0])
     return InitialState(mean=mean, covariance=back @ np.diag(std**2) @ back.T)
+
+
+def _like_the_sensor(
+    scans: Scans, followed: _Followed, start: ScansStart, size: np.ndarray
+) -> InitialState:
+    """The class's rectangle on the first scan of the cluster, with the sensor's motion there."""
+    k = followed.scans[0]
+    poses, times = scans.sensor_poses_world, scans.times
+    other = k + 1 if k + 1 < len(times) else k - 1
+    rates = (poses[other] - poses[k]) / (times[other] - times[k]) if len(times) > 1 else np.zeros(3)
+    heading = poses[k, 2]
+    centre = _centre(followed.points[0], poses[k, :2], heading, size)
+    std = [start.position] * 2 + [start.heading] + [start.velocity] * 2 + [start.heading_rate]
+    back = transition(times[0] - intervals(times)[0] - times[k])
+    mean = back @ np.array([*centre, heading, *rates[:2], 0.0])
+    return InitialState(mean=mean, covariance=back @ np.diag(np.square(std)) @ back.T)
 
 
 def _clusters(points: np.ndarray, start: ScansStart, prior: PriorShape) -> list[np.ndarray]:

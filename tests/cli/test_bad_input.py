@@ -96,7 +96,7 @@ SENTENCES = {
     "defaults=3": "defaults: unknown key",
     "_self_=3": "_self_: unknown key",
     "seed.x=3": "seed.x: unknown key; did you mean seed?",
-    "rig._target_=os.system": "rig._target_: unknown key; rig has width, height",
+    "rig._recursive_=true": "rig._recursive_: unknown key; rig has width, height",
     "seed=1\nrig.width=3": "seed=1\\nrig.width=3: cannot be read",
     "rig.width=\udcff": "is not UTF-8 text",
     "\x1b[31m=3": "\\x1b[31m",

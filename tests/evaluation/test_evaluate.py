@@ -338,3 +338,24 @@ def test_iou_is_invariant_to_rigid_motions(seed, angle, shift):
     np.testing.assert_allclose(moved, plain, atol=1e-9)
     np.testing.assert_allclose(intersections_over_unions(second, first), plain, atol=1e-12)
     assert 0.0 <= plain[0] <= 1.0
+
+
+def test_only_scans_with_a_truth_that_counts_are_scored():
+    poses = SCENARIO.target_poses_world.copy()
+    poses[3] = np.nan
+    counted = np.array([True, True, True, True, False])
+    scenario = dataclasses.replace(SCENARIO, target_poses_world=poses, scored=counted)
+    scores = evaluate(track_with(SHIFTS), scenario, SCANS)
+    assert scores.metrics["scored_scans"] == 3 and scores.metrics["scans"] == 5
+    assert scores.metrics["centre_mean_m"] == pytest.approx(1 / 3)
+    assert np.isnan(scores.iou).tolist() == [False, False, False, True, False]
+    assert "scored_scans" not in evaluate(track_with(SHIFTS), SCENARIO, SCANS).metrics
+
+
+def test_if_no_scan_counts_there_are_no_scores():
+    scenario = dataclasses.replace(SCENARIO, scored=np.zeros(5, dtype=bool))
+    metrics = evaluate(track_with(SHIFTS), scenario, SCANS).metrics
+    assert metrics["scored_scans"] == 0 and metrics["scans"] == 5
+    for name in ("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "low_overlap_share"):
+        assert metrics.get(name) is None
+    assert metrics["nis_mean"] == pytest.approx(5.5 / 4)

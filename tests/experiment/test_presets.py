@@ -14,7 +14,7 @@ IN_THIS_PROCESS = "executor=threads"
 PICTURED = {"rig", "renderer", "stereo", "road", "occupancy", "measurement", "measurement/noise"}
 """Groups whose options show in the pictures of a scan; paths are drawn in a test of their own."""
 
-OWN_PRESETS = {"road_user", "pace", "prior"}
+OWN_PRESETS = {"road_user", "pace", "prior", "source"}
 PRESETS = [
     (group, option)
     for group, options in group_options().items()

@@ -10,7 +10,12 @@ from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo import bm, sgm
 from stixel_cli.stereo.bm import BmParameters
 from stixel_cli.stereo.disparities import INVALID
-from stixel_cli.stereo.matching import cancel_errors, disparity_count, half_pixel_right
+from stixel_cli.stereo.matching import (
+    cancel_errors,
+    corrected,
+    disparity_count,
+    half_pixel_right,
+)
 from stixel_cli.stereo.phase_table import PHASE_TABLE, correct_phases
 from stixel_cli.stereo.sgm import SgmParameters
 
@@ -185,11 +190,11 @@ def test_phase_table_corrects_every_surface_and_keeps_edges_and_holes():
     raw = np.full((9, 24), 16 * 10 + 2, dtype=np.int16)
     raw[:, 12:] = 16 * 10 + 14
     raw[2, 3] = raw[6, 23] = INVALID
-    corrected = correct_phases(raw)
-    assert corrected.dtype == np.int16
+    found = correct_phases(raw)
+    assert found.dtype == np.int16
     expected = np.where(raw == INVALID, INVALID, raw - 2 + PHASE_TABLE[2])
     expected[:, 12:] = np.where(raw[:, 12:] == INVALID, INVALID, 16 * 10 + PHASE_TABLE[14])
-    assert np.array_equal(corrected, expected)
+    assert np.array_equal(found, expected)
 
 
 def test_phase_table_takes_the_median_of_near_disparities_only():
@@ -210,3 +215,20 @@ def test_the_first_match_decides_what_is_valid(pairs, stereo, match):
         single, mean = one.raw(i)[:, 32:] == INVALID, both.raw(i)[:, 32:] == INVALID
         assert np.array_equal(single, mean)
         assert np.any(single)
+
+
+def test_the_errors_of_the_rig_are_taken_off_column_by_column(pairs):
+    plain = sgm.match(pairs, SGM, RIG, FRAMES).raw(1).astype(int)
+    wrong = replace(RIG, disparity_offset=-0.5, disparity_slope=0.01)
+    found = sgm.match(pairs, SGM, wrong, FRAMES).raw(1).astype(int)
+    errors = np.rint(16 * (-0.5 + 0.01 * (np.arange(160) - 79.5))).astype(int)
+    assert errors.min() < 0 < errors.max()
+    both = (plain != INVALID) & (found != INVALID)
+    assert both.mean() > 0.8 and ((found == INVALID) >= (plain == INVALID)).all()
+    assert (found == plain - errors)[both].all()
+
+
+def test_a_disparity_that_the_correction_takes_out_of_range_is_invalid():
+    raw = np.array([[0, 5, 500, INVALID]], dtype=np.int16)
+    found = corrected(raw, np.array([8, -8, -16, 0], dtype=np.int16), 32)
+    assert found.tolist() == [[INVALID, 13, INVALID, INVALID]]

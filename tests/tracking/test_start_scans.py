@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.config.compose import compose
+from stixel_cli.errors import ConfigurationError
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, world_from_target
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.motion import transition
@@ -105,3 +106,20 @@ def test_a_wall_larger_than_the_class_is_no_target():
         start_from_scans(
             scans_of([wall] * 3), dataclasses.replace(START, bearing=(-30.0, 30.0)), PRIOR
         )
+
+
+def test_a_car_ahead_may_have_the_motion_of_the_sensor():
+    poses = np.array([[0.0, 1.5 * k, STRAIGHT_AHEAD] for k in range(4)])
+    rear = np.stack([np.linspace(-0.85, 0.85, 9), np.full(9, 20.0)], axis=1)
+    unit = np.tile(0.01 * np.eye(2), (9, 1, 1))
+    seen = [(rear + pose[:2], unit) for pose in poses]
+    scans = Scans.of_each(0.1 * np.arange(4), poses, seen)
+    chosen = dataclasses.replace(START, bearing=(-5.0, 5.0), motion="sensor")
+    predicted = transition(0.1) @ start_from_scans(scans, chosen, PRIOR).mean
+    expected = [0.0, 20.0 + 0.5 * PRIOR.length, STRAIGHT_AHEAD, 0.0, 15.0, 0.0]
+    np.testing.assert_allclose(predicted, expected, atol=1e-9)
+
+
+def test_the_motion_of_the_sensor_needs_a_choice_of_the_cluster():
+    with pytest.raises(ConfigurationError, match=r"start\.bearing: start\.motion=sensor needs"):
+        compose(["start=scans", "start.motion=sensor"])

@@ -1,0 +1,56 @@
+"""`stixel export`: write a run in the format of other tools."""
+
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from stixel_cli.cli.options import Folder, Workers
+from stixel_cli.cli.run import with_workers
+from stixel_cli.errors import UserError
+
+
+def export(
+    folder: Folder,
+    format: Annotated[
+        str,
+        typer.Option(
+            "--format",
+            help="kitti: images, calibration, labels, poses, disparity as a clip of KITTI's "
+            "tracking benchmark. tum: trajectories, as evo reads them.",
+            metavar="kitti|tum",
+            show_default=False,
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            help="New folder (default: named after the run and the format).", show_default=False
+        ),
+    ] = None,
+    workers: Workers = None,
+) -> int:
+    """Write a run in the format of other tools.
+
+    Missing results are computed.
+
+    \b
+    Examples:
+      stixel export results/wide-prior --format kitti --output clip
+      stixel export results/wide-prior --format tum
+    """
+    from stixel_cli.engine.progress import make_progress
+    from stixel_cli.experiment.export import FORMATS
+    from stixel_cli.experiment.run import read_stored_run
+
+    if format not in FORMATS:
+        raise UserError(f"--format: {format!r} is not known: must be one of {', '.join(FORMATS)}")
+    stored = read_stored_run(folder, tuple(with_workers((), workers)))
+    target = Path(f"{folder.resolve().name}-{format}") if output is None else output
+    answer = FORMATS[format](stored, target.absolute(), make_progress())
+    sys.stdout.write(f"{target}\n")
+    if format == "kitti":
+        sys.stdout.write(f"{shlex.join(['stixel', 'run', *answer])}\n")
+    return 0

@@ -1,0 +1,176 @@
+"""A recording completes the configuration: its rig, times and class, and what suits real images."""
+
+import json
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from stixel_cli.config import messages
+from stixel_cli.errors import ConfigurationError
+from stixel_cli.recordings.find import find_recording, guess_layout
+from stixel_cli.recordings.kitti_labels import CLASSES
+from stixel_cli.recordings.parameters import Source
+from stixel_cli.recordings.types import Recording
+
+OPTIONS = {"road": "estimated", "start": "label"}
+"""Options for real images, where the user chooses none; without a label, start=scans."""
+
+VALUES = {"road.pitch_range": 4.0, "stereo.nearest": 2.0, "occupancy.nearest": 2.0}
+"""Values for real images, where the user sets none: the road may be steep, obstacles near."""
+
+FROM_SCANS = {"start.motion": "sensor", "start.velocity": 3.0}
+"""Values of start=scans, where the user sets none: a road user ahead mostly drives as the ego."""
+
+OF_THE_SCENE = ("path", "ego", "renderer", "world", "sensor")
+"""Groups of the rendered scene, which a recording does not have."""
+
+
+def guessed_source(typed: Mapping[str, Any], working_directory: str) -> list[str]:
+    """The override of `source` that `source.folder` needs; [] where none is missing.
+
+    Args:
+        typed: names and values of the overrides.
+        working_directory: to which relative names of folders refer.
+
+    Raises:
+        ConfigurationError: if the folder has no known layout.
+    """
+    folder = typed.get("source.folder")
+    if "source" in typed or not isinstance(folder, str) or not folder:
+        return []
+    return [f"source={guess_layout(Path(_absolute(folder, working_directory)))}"]
+
+
+def recording_in(
+    section: dict[str, Any], typed: Iterable[str], working_directory: str
+) -> Recording | None:
+    """The recording that the section `source` of a resolved configuration names.
+
+    The folder's name in `section` is made absolute. None for rendered images, and for a section
+    that is not valid: the validation of the whole configuration reports it.
+
+    Raises:
+        ConfigurationError: if a needed value is missing, or a group of the rendered scene is set.
+        UserError: if a file of the recording is missing or not valid.
+    """
+    if section["kind"] == "rendered":
+        return None
+    if isinstance(section["folder"], str) and section["folder"]:
+        section["folder"] = _absolute(section["folder"], working_directory)
+    if type(section.get("sequence")) is int:
+        # A name: 0005 is text to Hydra, but 12 is a number.
+        section["sequence"] = str(section["sequence"])
+    try:
+        # As JSON, because strict validation of Python values takes only finished objects.
+        source = TypeAdapter(Source).validate_json(json.dumps(section))
+    except ValidationError:
+        return None
+    try:
+        source.check()
+    except ValueError as fault:
+        raise ConfigurationError(str(fault)) from None
+    for name in typed:
+        group = name.partition(".")[0]
+        if group in OF_THE_SCENE and (name, group) != ("ego", "ego"):
+            raise ConfigurationError(
+                f"{name}: is of the rendered scene; source={source.kind} has no {group} to set"
+            )
+    return find_recording(source)
+
+
+def suitable_overrides(recording: Recording, typed: Mapping[str, Any]) -> list[str]:
+    """The options and values that the recording needs and the user does not set.
+
+    Raises:
+        ConfigurationError: if the label has no class of road user and none is chosen.
+    """
+    options = OPTIONS | ({} if recording.label else {"start": "scans"})
+    found = [f"{group}={option}" for group, option in options.items() if group not in typed]
+    if "road_user" not in typed:
+        if recording.label is None:
+            raise ConfigurationError(
+                "road_user: is required, because the recording has no labelled target "
+                "(source.target)"
+            )
+        if recording.label not in CLASSES:
+            raise ConfigurationError(
+                f"source.target: is a {messages.printable(str(recording.label))}, which no class "
+                f"suits; the classes are of {', '.join(CLASSES)}; or choose a road_user"
+            )
+        found.append(f"road_user={CLASSES[recording.label]}")
+    chosen = {group: typed.get(group, option) for group, option in options.items()}
+    values: dict[str, Any] = dict(VALUES)
+    if chosen["start"] == "scans":
+        values |= FROM_SCANS
+        if recording.label:
+            lowest, highest = recording.first_bearings
+            values["start.bearing"] = f"[{lowest:.3f},{highest:.3f}]"
+    elif recording.label is None:
+        raise ConfigurationError(
+            f"start: {chosen['start']} needs a label (source.target); else choose start=scans"
+        )
+    for key, value in values.items():
+        if key not in typed and not (key.startswith("road.") and chosen["road"] != "estimated"):
+            found.append(f"{key}={value}")
+    return found
+
+
+def with_recording(
+    resolved: dict[str, Any], choices: dict[str, str], recording: Recording, typed: Iterable[str]
+) -> None:
+    """Set the sections that the files of the recording give: `rig`, `path`, `ego`, `source.frames`.
+
+    Values that the user sets stay.
+    """
+    typed = set(typed)
+    rig = rig_values(recording)
+    given = {name: value for name, value in rig.items() if f"rig.{name}" not in typed}
+    resolved["rig"] = resolved["rig"] | given
+    time = resolved["source"]["sample_time"]
+    resolved["path"] = {
+        "kind": "source",
+        "duration": round(recording.count * time, 9),
+        "sample_time": time,
+    }
+    frames = f"{recording.frames.start}:{recording.frames.stop}"
+    resolved["source"] = resolved["source"] | {"frames": frames}
+    if "ego" not in typed:
+        if recording.poses is None:
+            raise ConfigurationError(
+                "ego: the recording has no poses of the ego car; if it does not move, "
+                "choose ego=parked"
+            )
+        resolved["ego"] = {"kind": "source"}
+        choices["ego"] = "source"
+    choices["path"] = "source"
+    if "rig" not in typed:
+        choices["rig"] = "source"
+
+
+def rig_values(recording: Recording) -> dict[str, Any]:
+    """The values of the group `rig` that the calibration and the images give."""
+    import math
+
+    calibration = recording.calibration
+    square = math.isclose(calibration.focal_length, calibration.focal_length_v, rel_tol=1e-6)
+    angle = 2.0 * math.degrees(math.atan(recording.height / (2.0 * calibration.focal_length_v)))
+    height = calibration.camera_height
+    return {
+        "width": recording.width,
+        "height": recording.height,
+        "horizontal_fov": None,
+        "focal_length": calibration.focal_length,
+        "principal_u": calibration.principal_u,
+        "principal_v": calibration.principal_v,
+        "baseline": calibration.baseline,
+        "vertical_fov": None if square else angle,
+        "pitch": 0.0,
+        **({} if height is None else {"camera_height": height}),
+    }
+
+
+def _absolute(folder: str, working_directory: str) -> str:
+    return os.path.abspath(os.path.join(working_directory, os.path.expanduser(folder)))

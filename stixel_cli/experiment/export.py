@@ -1,0 +1,145 @@
+"""Export runs: a rendered clip in KITTI's layout, trajectories for evo."""
+
+import os
+import shutil
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+
+from stixel_cli.engine.execute import execute
+from stixel_cli.engine.locks import lease
+from stixel_cli.engine.progress import Progress
+from stixel_cli.engine.store import open_store
+from stixel_cli.errors import UserError
+from stixel_cli.experiment.run import experiment_graph, one_line_errors
+from stixel_cli.files import written
+from stixel_cli.images import encode_png
+from stixel_cli.recordings.write_kitti import LABELS, write_clip
+from stixel_cli.results.result import RunResult
+from stixel_cli.stereo.disparities import INVALID, SUBPIXELS, Disparities
+
+SEQUENCE = "0000"
+"""Name of an exported clip."""
+
+
+def export_kitti(stored: RunResult, folder: Path, progress: Progress | None = None) -> list[str]:
+    """Write the images, calibration, labels, ego poses and disparities of a run as a KITTI clip.
+
+    Results that the cache lacks are computed.
+
+    Returns:
+        The overrides with which `stixel run` reads the clip as this run does.
+
+    Raises:
+        UserError: if the run has no rendered images, or the folder exists or cannot be written.
+        StageFailure: if a stage fails.
+    """
+    configuration = stored.composition.configuration
+    store = open_store(configuration.cache)
+    with one_line_errors():
+        graph = experiment_graph(configuration)
+        wanted = ["add_sensor_noise", "match", "scenario"]
+        if not all(name in graph.stages for name in wanted):
+            raise UserError(f"{stored.folder}: has no rendered images to export")
+        with lease(store.folder, sorted(graph.ancestors(graph.expand(wanted)))):
+            execute(graph, wanted, store, executor=configuration.executor, progress=progress)
+            (scenario,) = (store.load(node.key) for node in graph.of_stage("scenario"))
+            pairs, disparities = (
+                (store.load(node.key) for node in graph.of_stage(name)) for name in wanted[:2]
+            )
+            user, rig = configuration.road_user, configuration.rig
+
+            def write(partial: Path) -> None:
+                label = LABELS[user.kind]
+                write_clip(partial, SEQUENCE, pairs, scenario, rig, label, user.height)
+                write_disparities(partial, disparities)
+
+            _write_folder(folder, write)
+    values = {
+        "rig.pitch": rig.pitch,
+        "rig.camera_height": rig.camera_height,
+        "stereo.nearest": configuration.stereo.nearest,
+        "occupancy.nearest": configuration.occupancy.nearest,
+        "source.sample_time": configuration.path.sample_time,
+    }
+    chosen = {"source": "kitti_tracking", "source.folder": folder, "source.sequence": SEQUENCE}
+    chosen |= {"source.target": 0, "road": configuration.road.kind}
+    return [f"{name}={value}" for name, value in (chosen | values).items()]
+
+
+def write_disparities(folder: Path, disparities: Iterable[Disparities]) -> None:
+    """Write the disparities of all frames as KITTI stores them: uint16, 256 per px, 0 is invalid.
+
+    Raises:
+        OSError: if a file cannot be written.
+    """
+    target = folder / "disparity" / SEQUENCE
+    target.mkdir(parents=True, exist_ok=True)
+    for chunk in disparities:
+        for i in range(len(chunk)):
+            raw = chunk.raw(i).astype(np.int64)
+            stored = np.where(raw == INVALID, 0, np.clip(raw * (256 // SUBPIXELS), 1, 65535))
+            file = target / f"{chunk.first + i:06d}.png"
+            file.write_bytes(encode_png(stored.astype(np.uint16)))
+
+
+def export_tum(stored: RunResult, folder: Path, progress: Progress | None = None) -> list[str]:
+    """Write the trajectories of the track, the truth and the ego car in TUM's format, as evo reads.
+
+    Each row has the time (s), the place (m, z = 0) and the heading as a quaternion (x, y, z, w).
+    Times without truth have no row. Returns the names of the files.
+
+    Raises:
+        UserError: if the folder exists or cannot be written, or the run cannot be repeated.
+        StageFailure: if a stage fails.
+    """
+    from stixel_cli.experiment.run import run_experiment
+
+    store = open_store(stored.composition.configuration.cache)
+    with one_line_errors():
+        run = run_experiment(stored.composition, store, progress, pictures=False)
+    scenario = run.scenario
+    poses = {
+        "track": run.track.means[:, :3],
+        "truth": scenario.target_poses_world,
+        "ego": scenario.ego_poses_world,
+    }
+    texts = {f"{name}.tum": tum_text(scenario.times, values) for name, values in poses.items()}
+
+    def write(partial: Path) -> None:
+        for name, text in texts.items():
+            (partial / name).write_text(text, encoding="utf-8")
+
+    _write_folder(folder, write)
+    return list(texts)
+
+
+def tum_text(times: np.ndarray, poses_world: np.ndarray) -> str:
+    """Rows of `times` (K,) s and poses (K, 3) in TUM's format; a pose of NaN has no row."""
+    rows = []
+    for time, (x, y, heading) in zip(times, poses_world, strict=True):
+        if np.isfinite([x, y, heading]).all():
+            half = 0.5 * heading
+            values = (time, x, y, 0.0, 0.0, 0.0, np.sin(half), np.cos(half))
+            rows.append(" ".join(f"{float(value):.9g}" for value in values))
+    return "".join(f"{row}\n" for row in rows)
+
+
+FORMATS: dict[str, Callable[..., list[str]]] = {"kitti": export_kitti, "tum": export_tum}
+
+
+def _write_folder(folder: Path, write: Callable[[Path], None]) -> None:
+    """Write a new folder: it appears complete, or not at all."""
+    if os.path.lexists(folder):
+        raise UserError(f"--output: {folder} exists; choose another folder")
+    partial = folder.with_name(f".{folder.name}.partial-{os.getpid()}")
+    with written(folder):
+        try:
+            partial.mkdir(parents=True)
+            write(partial)
+            partial.rename(folder)
+        finally:
+            with suppress(OSError):
+                shutil.rmtree(partial)

@@ -1,0 +1,1 @@
+"""Recordings of real cameras: images, calibration, labels, poses; one module per layout."""

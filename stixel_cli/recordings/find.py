@@ -1,0 +1,40 @@
+"""The recording of a configuration's `source`, in whichever layout it is."""
+
+from pathlib import Path
+
+from stixel_cli.errors import UserError
+from stixel_cli.recordings import kitti_odometry, kitti_tracking, plain_folder
+from stixel_cli.recordings.parameters import Source
+from stixel_cli.recordings.types import Recording
+
+LAYOUTS = {
+    "kitti_tracking": kitti_tracking,
+    "kitti_odometry": kitti_odometry,
+    "folder": plain_folder,
+}
+
+
+def find_recording(source: Source) -> Recording:
+    """The files of a recording, checked as far as their heads.
+
+    Raises:
+        UserError: if a file is missing or not valid; it names the file, the row and the cause.
+    """
+    return LAYOUTS[source.kind].find_recording(source)
+
+
+def guess_layout(folder: Path) -> str:
+    """The layout of a folder, as the option of `source`.
+
+    Raises:
+        UserError: if it has none of the known layouts.
+    """
+    for name, module in LAYOUTS.items():
+        if module.is_layout(folder):
+            return name
+    if not folder.is_dir():
+        raise UserError(f"source.folder: {folder}: no such folder")
+    raise UserError(
+        f"source.folder: {folder}: not a known layout: image_02 (source=kitti_tracking), "
+        "image_0 and calib.txt (source=kitti_odometry) or rig.yaml (source=folder) is missing"
+    )

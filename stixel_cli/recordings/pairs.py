@@ -1,0 +1,23 @@
+"""The stereo pairs of a recording: from here on they are treated as rendered ones."""
+
+from pathlib import Path
+
+from stixel_cli.images import ImageStack
+from stixel_cli.recordings.image_files import read_grey
+from stixel_cli.rendering.frames import StereoPairs
+
+
+def read_pairs(files: tuple[Path, ...], frames: range) -> StereoPairs:
+    """The grey images of `frames`.
+
+    Args:
+        files: the left images of all frames, then the right ones.
+        frames: indices k.
+
+    Raises:
+        UserError: if an image is missing or damaged.
+    """
+    count = len(files) // 2
+    left = ImageStack.from_images(read_grey(files[k]) for k in frames)
+    right = ImageStack.from_images(read_grey(files[count + k]) for k in frames)
+    return StereoPairs(frames.start, left, right)

@@ -1,0 +1,101 @@
+"""Schemas of the group `source`: where the images come from."""
+
+import re
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Le
+
+from stixel_cli.parameters import parameters
+
+_FRAMES = re.compile(r"(\d{1,7}):(\d{1,7})")
+
+
+@parameters
+class Rendered:
+    """The images are rendered."""
+
+    kind: Literal["rendered"]
+
+
+@parameters(kw_only=True)
+class Recorded:
+    """A recording of a real stereo rig.
+
+    Attributes:
+        kind: the layout of its folder.
+        folder: that folder.
+        frames: numbers of the frames, `first:stop`; null for all that the recording has.
+        sample_time: time from one frame to the next, s.
+    """
+
+    kind: str
+    folder: str | None
+    frames: str | None
+    sample_time: Annotated[float, Ge(0.001), Le(10)]
+
+    def check(self) -> None:
+        """Raise ValueError if a needed value is missing, or the frames are not a range."""
+        if not self.folder:
+            raise ValueError(f"source.folder: is required with source={self.kind}")
+        chosen_frames(self.frames)
+
+
+@dataclass(frozen=True, kw_only=True)
+class KittiTracking(Recorded):
+    """KITTI's tracking benchmark.
+
+    Attributes:
+        sequence: number of the clip, such as 0005.
+        target: track id in the labels; null for no truth.
+    """
+
+    kind: Literal["kitti_tracking"]
+    sequence: str | None
+    target: Annotated[int, Ge(0)] | None
+
+    def check(self) -> None:
+        """Raise ValueError if a needed value is missing or not valid."""
+        super().check()
+        if self.sequence is None:
+            raise ValueError(f"source.sequence: is required with source={self.kind}")
+        if not re.fullmatch(r"\d{1,4}", self.sequence):
+            raise ValueError(
+                f"source.sequence: must be a number such as 0005, got {self.sequence!r}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlainFolder(Recorded):
+    """A folder with `rig.yaml`, the images in `left/` and `right/`, and optional truth.
+
+    Attributes:
+        target: track id in the labels; null for no truth.
+    """
+
+    kind: Literal["folder"]
+    target: Annotated[int, Ge(0)] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class KittiOdometry(Recorded):
+    """KITTI's odometry benchmark, which has no labels."""
+
+    kind: Literal["kitti_odometry"]
+
+
+Source = Rendered | KittiTracking | KittiOdometry | PlainFolder
+
+
+def chosen_frames(text: str | None) -> range | None:
+    """The frames that `source.frames` names; None for all.
+
+    Raises:
+        ValueError: unless it is `first:stop` with first < stop.
+    """
+    if text is None:
+        return None
+    match = _FRAMES.fullmatch(text)
+    if match is None or int(match[1]) >= int(match[2]):
+        raise ValueError(f"source.frames: must be first:stop with first < stop, got {text!r}")
+    return range(int(match[1]), int(match[2]))

@@ -1,0 +1,71 @@
+"""A plain folder: rig.yaml, left/000000.png, right/000000.png; optional labels.txt and poses.txt.
+
+`rig.yaml` has `focal_length`, `principal_u`, `principal_v` (px), `baseline` (m), and optionally
+`focal_length_v` (px) and `camera_height` (m). The images are rectified. `labels.txt` has the
+columns of KITTI tracking, in the frame of the left camera, and `poses.txt` the rows of KITTI
+odometry.
+"""
+
+from pathlib import Path
+
+from stixel_cli.errors import UserError, printable
+from stixel_cli.files import read_yaml
+from stixel_cli.recordings.assembly import assembled_recording
+from stixel_cli.recordings.parameters import PlainFolder
+from stixel_cli.recordings.types import Calibration, Recording
+
+RIG = "rig.yaml"
+NEEDED = ("focal_length", "principal_u", "principal_v", "baseline")
+OPTIONAL = ("focal_length_v", "camera_height")
+
+
+def is_layout(folder: Path) -> bool:
+    """Whether the folder has this layout."""
+    return (folder / RIG).is_file()
+
+
+def find_recording(source: PlainFolder) -> Recording:
+    """The files of the folder, checked as far as their heads.
+
+    Raises:
+        UserError: if a file is missing or not valid.
+    """
+    root = Path(source.folder)
+    if not root.is_dir():
+        raise UserError(f"source.folder: {root}: no such folder")
+    return assembled_recording(
+        source,
+        read_rig(root / RIG),
+        left_folder=root / "left",
+        right_folder=root / "right",
+        labels=root / "labels.txt",
+        poses=root / "poses.txt",
+        target=source.target,
+    )
+
+
+def read_rig(file: Path) -> Calibration:
+    """The calibration in `rig.yaml`.
+
+    Raises:
+        UserError: if a value is missing, not a number, or unknown.
+    """
+    content = read_yaml(file)
+    if not isinstance(content, dict):
+        raise UserError(f"{file}: must map names to values")
+    for name in content:
+        if name not in NEEDED + OPTIONAL:
+            known = ", ".join(NEEDED + OPTIONAL)
+            raise UserError(f"{file}: {printable(str(name))}: unknown; it has {known}")
+    for name in NEEDED:
+        if name not in content:
+            raise UserError(f"{file}: {name} is missing")
+    for name, value in content.items():
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise UserError(f"{file}: {name}: must be a number")
+    if content["baseline"] < 0.001:
+        raise UserError(f"{file}: baseline: must be at least 0.001 m, got {content['baseline']:g}")
+    if content["focal_length"] <= 0:
+        raise UserError(f"{file}: focal_length: must be > 0, got {content['focal_length']:g}")
+    absent = {"focal_length_v": content["focal_length"], "camera_height": None}
+    return Calibration(**absent | content)

@@ -1,0 +1,97 @@
+"""The truth of a recording: its labels, moved into the world by the ego poses."""
+
+from pathlib import Path
+
+import numpy as np
+
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD, world_from_ego
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.recordings.kitti_labels import labels_of
+from stixel_cli.scene.scenario import EgoMotion, Scenario
+
+HALF_WINDOW = 2
+"""Rates are slopes over this many frames before and after, where they are labelled."""
+
+LEAST_FRAMES = 3
+"""Labelled frames that a rate needs: labels are keyframes joined by straight lines."""
+
+
+def recorded_scenario(
+    ego_motion: EgoMotion,
+    files: tuple[Path, ...],
+    rig: Rig,
+    first: int,
+    left_camera: tuple[float, float, float],
+    target: int | None,
+) -> Scenario:
+    """Ground truth of one labelled target; NaN at the frames without its label.
+
+    The contour is the rectangle of the label. A frame counts for the scores if the label is
+    neither truncated nor occluded.
+
+    Args:
+        ego_motion: at the frames of the recording.
+        files: the file of the labels; empty without target.
+        rig: the ground plane is that of its level frame.
+        first: number of the first frame.
+        left_camera: place of the left camera in the frame of the labels, m.
+        target: its track id; None for no truth.
+
+    Raises:
+        UserError: if the file is not valid, or has no such target.
+    """
+    count = len(ego_motion.times)
+    poses = np.full((count, 3), np.nan)
+    scored = np.zeros(count, dtype=bool)
+    if target is None:
+        return _scenario(ego_motion, poses, np.zeros((0, 2)), scored)
+    labels = labels_of(files[0], target)
+    inside = (labels.frames >= first) & (labels.frames < first + count)
+    for k, row in zip(labels.frames[inside] - first, np.flatnonzero(inside), strict=True):
+        place = rig.level_from_camera @ (labels.places[row] - left_camera)
+        poses[k] = _pose(place, labels.yaws[row], ego_motion.poses_world[k])
+        scored[k] = labels.truncated[row] == 0 and labels.occluded[row] == 0
+    known = np.isfinite(poses[:, 2])
+    poses[known, 2] = np.unwrap(poses[known, 2])
+    _, width, length = np.median(labels.sizes[inside], axis=0)
+    return _scenario(ego_motion, poses, rectangle(length, width), scored)
+
+
+def _scenario(
+    ego_motion: EgoMotion, poses: np.ndarray, contour: np.ndarray, scored: np.ndarray
+) -> Scenario:
+    return Scenario.rigid(
+        times=ego_motion.times,
+        ego_poses_world=ego_motion.poses_world,
+        target_poses_world=poses,
+        target_rates_world=slopes(ego_motion.times, poses),
+        contour_target=contour,
+        only_box=True,
+        scored=scored,
+    )
+
+
+def rectangle(length: float, width: float) -> np.ndarray:
+    """Corners (4, 2) m of a rectangle about the origin, counter-clockwise, x along its length."""
+    return 0.5 * np.array([[length, width], [-length, width], [-length, -width], [length, -width]])
+
+
+def slopes(times: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Slope (K, n) of each column of `values` (K, n) at `times` (K,), by least squares.
+
+    Over the rows without NaN among the `HALF_WINDOW` before and after; at an end of the labels,
+    over the nearest `LEAST_FRAMES`. Fewer rows give NaN, and a row of NaN has none.
+    """
+    found = np.full(values.shape, np.nan)
+    known = np.flatnonzero(np.isfinite(values).all(axis=1))
+    for k in known if len(known) >= LEAST_FRAMES else ():
+        away = np.abs(known - k)
+        near = known[(away <= HALF_WINDOW) | (away <= np.sort(away)[LEAST_FRAMES - 1])]
+        found[k] = np.polyfit(times[near] - times[k], values[near], 1)[0]
+    return found
+
+
+def _pose(place: np.ndarray, yaw: float, ego_pose: np.ndarray) -> np.ndarray:
+    """Pose (3,) in the world of a label at `place` (3,) m in the level frame, turned by `yaw`."""
+    x, y = world_from_ego(place[None, [0, 2]], ego_pose)[0]
+    return np.array([x, y, ego_pose[2] - STRAIGHT_AHEAD - yaw])

@@ -1,0 +1,143 @@
+"""What a recording has: its files, its calibration, its labels."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from stixel_cli.images import ImageStack
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A rectified stereo rig, as a recording's files state it.
+
+    Attributes:
+        focal_length: horizontal, px; and focal_length_v: vertical, px.
+        principal_u, principal_v: principal point of the left camera, px.
+        baseline: distance of the cameras, m.
+        camera_height: above the road, m; None if the files do not state it.
+        left_camera: (x, y, z) m, the left camera's place in the frame of the labels, whose axes are
+            the camera's (x right, y down, z forward).
+    """
+
+    focal_length: float
+    focal_length_v: float
+    principal_u: float
+    principal_v: float
+    baseline: float
+    camera_height: float | None
+    left_camera: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Recording:
+    """The files of a stretch of frames, and the calibration of the cameras.
+
+    Attributes:
+        layout: the option of the group `source`.
+        frames: numbers of the frames in the files, without gaps.
+        left, right: one image file per frame.
+        width, height: of the images, px.
+        calibration: of the rig.
+        poses: file of the ego poses; None without one.
+        labels: file of the labels; None without one.
+        target: track id in the labels; None for no truth.
+        label: type of the target's label, such as `Car`; None without target.
+        first_box: left and right border, px, of the target's box in the first image, or None.
+    """
+
+    layout: str
+    frames: range
+    left: tuple[Path, ...]
+    right: tuple[Path, ...]
+    width: int
+    height: int
+    calibration: Calibration
+    poses: Path | None = None
+    labels: Path | None = None
+    target: int | None = None
+    label: str | None = None
+    first_box: tuple[float, float] | None = None
+
+    @property
+    def first(self) -> int:
+        """Number of the first frame."""
+        return self.frames.start
+
+    @property
+    def count(self) -> int:
+        """Number of frames."""
+        return len(self.frames)
+
+    @property
+    def left_camera(self) -> tuple[float, float, float]:
+        """The left camera's place in the frame of the labels, m."""
+        return self.calibration.left_camera
+
+    @property
+    def first_bearings(self) -> tuple[float, ...]:
+        """Lowest and highest bearing of `first_box`, degrees, positive to the left; () without."""
+        calibration = self.calibration
+        return tuple(
+            math.degrees(math.atan((calibration.principal_u - u) / calibration.focal_length))
+            for u in reversed(self.first_box or ())
+        )
+
+    @property
+    def images(self) -> tuple[Path, ...]:
+        """The left images, then the right ones."""
+        return self.left + self.right
+
+    @property
+    def pose_files(self) -> tuple[Path, ...]:
+        """The file of the ego poses; empty without one."""
+        return () if self.poses is None else (self.poses,)
+
+    @property
+    def truth_files(self) -> tuple[Path, ...]:
+        """The file of the labels; empty without target."""
+        return () if self.target is None else self.label_files
+
+    @property
+    def label_files(self) -> tuple[Path, ...]:
+        """The file of the labels; empty without one."""
+        return () if self.labels is None else (self.labels,)
+
+
+@dataclass(frozen=True)
+class Labels:
+    """The labels of one target, one row a frame in which it is labelled.
+
+    Attributes:
+        frames: (n,) int64, increasing.
+        boxes: (n, 4) px: left, top, right, bottom in the left image.
+        sizes: (n, 3) m: height, width, length.
+        places: (n, 3) m: centre of the box's bottom in the frame of the labels.
+        yaws: (n,) rad about the y axis (down), 0 along x: `rotation_y` of KITTI.
+        truncated, occluded: (n,) int64: 0 for not at all.
+        kind: the label's type, such as `Car`.
+    """
+
+    frames: np.ndarray
+    boxes: np.ndarray
+    sizes: np.ndarray
+    places: np.ndarray
+    yaws: np.ndarray
+    truncated: np.ndarray
+    occluded: np.ndarray
+    kind: str
+
+
+@dataclass(frozen=True)
+class LeftImage:
+    """One image of the left camera, for pictures.
+
+    Attributes:
+        first: its index k.
+        left: one RGB image, (H, W, 3) uint8.
+    """
+
+    first: int
+    left: ImageStack

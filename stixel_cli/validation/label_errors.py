@@ -1,0 +1,178 @@
+"""Errors of stixel disparities against the labels of a recording, and the rig's error in them."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from stixel_cli.geometry.pose import world_from_target
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.measurements.rays import Rays, first_crossings, spread_rays
+from stixel_cli.recordings.kitti_labels import CLASSES, read_labels
+from stixel_cli.recordings.scenario import rectangle
+from stixel_cli.stixels.types import Stixels
+
+GREATEST_ERROR = 3.0
+"""A stixel farther from the label's face than this, px, is of another object."""
+
+INNER = 0.7
+"""Share of the columns of a label that is used: at its sides a stixel may be of the background."""
+
+LEAST_STIXELS = 3
+"""Per label."""
+
+LABEL_STD = 0.05
+"""Of a label's place, m."""
+
+DISPARITY_STD = 0.15
+"""Of the median over a label's stixels, px."""
+
+
+@dataclass(frozen=True)
+class LabelErrors:
+    """Disparity errors, one row per label of a car that is neither truncated nor occluded.
+
+    Attributes:
+        frames: (n,) numbers of the frames.
+        tracks: (n,) track ids.
+        columns: (n,) px, middle of the label's stixels.
+        depths: (n,) m, of the label's visible face there.
+        errors: (n,) px: measured minus that of the face, the median over the label's stixels.
+        stds: (n,) px, standard deviations that the fit assumes.
+    """
+
+    frames: np.ndarray
+    tracks: np.ndarray
+    columns: np.ndarray
+    depths: np.ndarray
+    errors: np.ndarray
+    stds: np.ndarray
+
+
+@dataclass(frozen=True)
+class DisparityFit:
+    """The rig's disparity error: offset + slope (u - u0).
+
+    Attributes:
+        offset: px; and slope: px per px.
+        labels, tracks: number of rows and of their targets.
+        median_before, median_after: of the errors' sizes, px.
+    """
+
+    offset: float
+    slope: float
+    labels: int
+    tracks: int
+    median_before: float
+    median_after: float
+
+
+def label_errors(
+    stixels: Iterable[Stixels],
+    files: tuple[Path, ...],
+    rig: Rig,
+    first: int,
+    left_camera: tuple[float, float, float],
+) -> LabelErrors:
+    """Errors at all labelled cars in the frames of `stixels`.
+
+    The true disparity of a stixel is that of the label's box where the ray of the stixel's middle
+    column enters it.
+
+    Args:
+        stixels: chunks in the order of their frames.
+        files: the file of the labels.
+        rig: of the stixels.
+        first: number of the first frame.
+        left_camera: place of the left camera in the frame of the labels, m.
+    """
+    rays = column_rays(rig)
+    cars = {t: one for t, one in read_labels(files[0]).items() if CLASSES.get(one.kind) == "car"}
+    rows = []
+    for chunk in stixels:
+        for i in range(len(chunk.offsets) - 1):
+            number = first + chunk.first + i
+            for track, labels in cars.items():
+                for row in np.flatnonzero(labels.frames == number):
+                    if labels.truncated[row] or labels.occluded[row]:
+                        continue
+                    place = rig.level_from_camera @ (labels.places[row] - left_camera)
+                    _, width, length = labels.sizes[row]
+                    # Frame of the rays: x ahead, y to the left.
+                    pose = np.array([place[2], -place[0], -labels.yaws[row] - 0.5 * np.pi])
+                    face = face_depths(world_from_target(rectangle(length, width), pose), rays, rig)
+                    found = _one_label(chunk, chunk.rows(i), face, rig)
+                    if found is not None:
+                        rows.append((number, track, *found))
+    columns = np.array(rows, dtype=np.float64).reshape(-1, 6).T
+    return LabelErrors(columns[0].astype(np.int64), columns[1].astype(np.int64), *columns[2:])
+
+
+def column_rays(rig: Rig) -> Rays:
+    """One ray per image column, the rightmost first."""
+    right = -np.arctan((rig.width - 1 - rig.u0) / rig.focal)
+    return spread_rays(rig.width, (float(right), float(np.arctan(rig.u0 / rig.focal))), True)
+
+
+def face_depths(contour: np.ndarray, rays: Rays, rig: Rig) -> np.ndarray:
+    """Depth (W,) m at which the ray of each column enters a contour (M, 2); NaN beside it."""
+    depths = np.full(rig.width, np.nan)
+    hit, ranges = first_crossings(contour, rays)
+    depths[rig.width - 1 - hit] = ranges * np.cos(rays.angles[hit])
+    return depths
+
+
+def fit_disparity_error(found: LabelErrors, rig: Rig) -> DisparityFit:
+    """The offset and slope of the rig's disparities that `found` shows, by robust least squares.
+
+    Residuals beyond two standard deviations count by their size, not its square (Huber). The slope
+    is 0 if the labels are of one target, which cannot show it. `rig` has the present offset and
+    slope, which the result includes.
+
+    Raises:
+        ValueError: without any label.
+    """
+    if len(found.errors) == 0:
+        raise ValueError("no car in these frames is labelled as fully visible and has stixels")
+    tracks = len(np.unique(found.tracks))
+    design = np.stack([np.ones_like(found.columns), found.columns - rig.u0], axis=1)
+    design = design[:, : 1 if tracks < 2 else 2]
+    weights = 1.0 / found.stds**2
+    values = np.zeros(design.shape[1])
+    for _ in range(30):
+        scaled = np.abs(found.errors - design @ values) / found.stds
+        root = np.sqrt(weights * np.minimum(1.0, 2.0 / np.maximum(scaled, 1e-12)))
+        values = np.linalg.lstsq(design * root[:, None], found.errors * root, rcond=None)[0]
+    after = found.errors - design @ values
+    offset, slope = (*values, 0.0)[:2]
+    return DisparityFit(
+        offset=rig.disparity_offset + float(offset),
+        slope=rig.disparity_slope + float(slope),
+        labels=len(found.errors),
+        tracks=tracks,
+        median_before=float(np.median(np.abs(found.errors))),
+        median_after=float(np.median(np.abs(after))),
+    )
+
+
+def _one_label(
+    chunk: Stixels, rows: slice, face: np.ndarray, rig: Rig
+) -> tuple[float, float, float, float] | None:
+    """Column, depth, error and its standard deviation at one label; None with too few stixels."""
+    seen = np.flatnonzero(np.isfinite(face))
+    if len(seen) == 0:
+        return None
+    margin = 0.5 * (1.0 - INNER) * (seen[-1] - seen[0] + 1)
+    columns = (chunk.left[rows] + chunk.right[rows] - 1) // 2
+    inside = (columns >= seen[0] + margin) & (columns <= seen[-1] - margin)
+    columns, measured = columns[inside], chunk.disparity[rows][inside]
+    depths = face[columns]
+    errors = measured - rig.disparity_from_depth(depths)
+    near = np.abs(errors) <= GREATEST_ERROR
+    if near.sum() < LEAST_STIXELS:
+        return None
+    depth = float(np.median(depths[near]))
+    per_metre = float(rig.disparity_from_depth(depth)) / depth
+    std = float(np.hypot(DISPARITY_STD, per_metre * LABEL_STD))
+    return float(np.median(columns[near])), depth, float(np.median(errors[near])), std

@@ -1,0 +1,279 @@
+"""The readers of recordings: what they find, and one line for each wrong folder."""
+
+import shutil
+
+import numpy as np
+import pytest
+from made_clip import LENGTH, WIDTH, make_clip, small_rig, small_scenario
+
+from stixel_cli.errors import UserError
+from stixel_cli.images import encode_png
+from stixel_cli.recordings.find import find_recording, guess_layout
+from stixel_cli.recordings.image_files import read_grey, read_rgb
+from stixel_cli.recordings.kitti_calibration import read_calibration
+from stixel_cli.recordings.motion import recorded_motion
+from stixel_cli.recordings.pairs import read_pairs
+from stixel_cli.recordings.parameters import KittiTracking, PlainFolder
+from stixel_cli.recordings.scenario import recorded_scenario, slopes
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("clip")
+    make_clip(folder)
+    return folder
+
+
+@pytest.fixture
+def copy(clip, tmp_path):
+    """A clip to damage."""
+    return shutil.copytree(clip, tmp_path / "clip")
+
+
+def source(folder, **changes):
+    values = {"sequence": "0003", "target": 0, "frames": None, "sample_time": 0.1}
+    return KittiTracking(kind="kitti_tracking", folder=str(folder), **values | changes)
+
+
+def truth_of(recording, target=0, rig=None):
+    rig = small_rig() if rig is None else rig
+    motion = recorded_motion(recording.pose_files, rig, recording.first, recording.count, 0.1)
+    return recorded_scenario(
+        motion, recording.truth_files, rig, recording.first, recording.left_camera, target
+    )
+
+
+def test_files_and_calibration_of_a_clip(clip):
+    recording = find_recording(source(clip))
+    assert recording.frames == range(5) and recording.label == "Car"
+    assert [file.name for file in recording.left] == [f"{k:06d}.png" for k in range(5)]
+    assert (recording.width, recording.height) == (160, 96)
+    calibration = recording.calibration
+    assert calibration.focal_length == 150.0 and calibration.principal_v == 40.0
+    assert calibration.baseline == pytest.approx(0.5, abs=1e-12)
+    assert recording.left_camera == (0.0, 0.0, 0.0)
+
+
+def test_the_folder_above_training_will_do(clip, tmp_path):
+    shutil.copytree(clip, tmp_path / "training")
+    assert find_recording(source(tmp_path)).count == 5
+    assert guess_layout(tmp_path) == guess_layout(clip) == "kitti_tracking"
+
+
+def test_frames_are_those_that_images_labels_and_poses_have(copy):
+    labels = copy / "label_02" / "0003.txt"
+    labels.write_text("".join(labels.read_text().splitlines(keepends=True)[1:]))
+    poses = copy / "ego_poses" / "0003.txt"
+    poses.write_text("".join(poses.read_text().splitlines(keepends=True)[:4]))
+    assert find_recording(source(copy)).frames == range(1, 4)
+    assert find_recording(source(copy, frames="2:4")).frames == range(2, 4)
+    with pytest.raises(UserError, match=r"source\.frames: 0:3 is not within 1:5, the frames of tr"):
+        find_recording(source(copy, frames="0:3"))
+
+
+@pytest.mark.parametrize("pitch", [0.0, 2.0])
+def test_truth_comes_back_in_the_world_of_the_first_frame(pitch, tmp_path):
+    scenario, rig = make_clip(tmp_path, rig=small_rig(pitch=pitch))
+    found = truth_of(find_recording(source(tmp_path)), rig=rig)
+    for name in ("times", "ego_poses_world", "target_poses_world"):
+        np.testing.assert_allclose(getattr(found, name), getattr(scenario, name), atol=1e-9)
+    np.testing.assert_allclose(found.target_rates_world, scenario.target_rates_world, atol=1e-7)
+    assert np.ptp(found.box_target, axis=0) == pytest.approx([LENGTH, WIDTH])
+    assert found.scored.all()
+
+
+def test_a_later_first_frame_is_the_world(clip):
+    whole = truth_of(find_recording(source(clip)))
+    part = truth_of(find_recording(source(clip, frames="2:5")))
+    np.testing.assert_allclose(part.ego_poses_world[0], [0.0, 0.0, np.pi / 2], atol=1e-12)
+    for found in (whole, part):
+        found.target_poses_world[:, :2] -= found.ego_poses_world[:, :2]
+    distances = [np.hypot(*found.target_poses_world[-3:, :2].T) for found in (whole, part)]
+    np.testing.assert_allclose(*distances, atol=1e-9)
+
+
+def test_labels_are_in_the_frame_of_camera_0_and_the_rig_is_camera_2(copy):
+    calibration = copy / "calib" / "0003.txt"
+    rows = calibration.read_text().splitlines()
+    # Camera 2 is 0.06 m to the left of camera 0, camera 3 is 0.44 m to the right of it.
+    for i, shift in ((2, 0.06), (3, -0.44)):
+        words = rows[i].split()
+        words[4] = repr(150.0 * shift)
+        rows[i] = " ".join(words)
+    calibration.write_text("\n".join(rows))
+    found = read_calibration(calibration, "P2", "P3")
+    assert found.baseline == pytest.approx(0.5)
+    assert found.left_camera == pytest.approx((-0.06, 0.0, 0.0))
+    moved = truth_of(find_recording(source(copy))).target_poses_world[0]
+    assert moved[0] == pytest.approx(small_scenario().target_poses_world[0, 0] + 0.06)
+
+
+def test_occluded_truncated_and_missing_labels_do_not_count(copy):
+    labels = copy / "label_02" / "0003.txt"
+    rows = [row.split() for row in labels.read_text().splitlines()]
+    rows[0][3], rows[3][4] = "1", "2"
+    labels.write_text("\n".join(" ".join(row) for i, row in enumerate(rows) if i != 2))
+    found = truth_of(find_recording(source(copy)))
+    assert found.scored.tolist() == [False, True, False, False, True]
+    assert np.isnan(found.target_poses_world[2]).all() and np.isnan(found.target_rates_world[2, 0])
+    assert np.isfinite(np.delete(found.target_rates_world, 2, axis=0)).all()
+
+
+def test_slopes_need_three_rows():
+    times = 0.1 * np.arange(6)
+    line = 3.0 * times[:, None]
+    assert slopes(times, line) == pytest.approx(np.full((6, 1), 3.0))
+    line[2:] = np.nan
+    assert np.isnan(slopes(times, line)).all()
+
+
+def test_a_parked_ego_car_needs_no_poses():
+    motion = recorded_motion((), small_rig(), 7, 3, 0.2)
+    assert motion.times == pytest.approx([0.0, 0.2, 0.4])
+    assert (motion.poses_world == [0.0, 0.0, np.pi / 2]).all()
+
+
+def test_colour_becomes_grey(tmp_path):
+    colour = np.zeros((64, 70, 3), dtype=np.uint8)
+    colour[..., 0], colour[..., 2] = 200, 50
+    (tmp_path / "a.png").write_bytes(encode_png(colour))
+    (tmp_path / "b.png").write_bytes(encode_png(colour[..., 0]))
+    assert (read_rgb(tmp_path / "a.png") == colour).all()
+    assert np.ptp(read_grey(tmp_path / "a.png")) == 0
+    assert read_grey(tmp_path / "a.png")[0, 0] == round(0.299 * 200 + 0.114 * 50)
+    assert (read_rgb(tmp_path / "b.png") == 200).all()
+
+
+def test_pairs_are_those_of_their_frames(clip):
+    recording = find_recording(source(clip))
+    pairs = read_pairs(recording.images, range(2, 4))
+    assert pairs.first == 2 and len(pairs) == 2
+    assert (pairs.left[1] == read_grey(recording.left[3])).all()
+    assert (pairs.right[0] == read_grey(recording.right[2])).all()
+
+
+def _put(path, row, column, word):
+    rows = [line.split() for line in path.read_text().splitlines()]
+    rows[row][column] = word
+    path.write_text("\n".join(" ".join(words) for words in rows))
+
+
+def _cut(path, row):
+    lines = path.read_text().splitlines()
+    lines[row] = " ".join(lines[row].split()[:-3])
+    path.write_text("\n".join(lines))
+
+
+def _swap(path):
+    lines = path.read_text().splitlines()
+    first = lines[0].split()
+    first[11] = "40.0"
+    path.write_text("\n".join([*lines[:3], " ".join(first), *lines[3:]]))
+
+
+RIGHT, LABELS = "image_03/0003/000003.png", "label_02/0003.txt"
+CALIBRATION, POSES = "calib/0003.txt", "ego_poses/0003.txt"
+PIXELS = np.zeros((96, 160), dtype=np.uint8)
+DAMAGE = {
+    "no right image": (RIGHT, lambda f: f.unlink(), "the image of frame 3 is missing"),
+    "no right images": ("image_03", shutil.rmtree, "image_03/0003: no such folder"),
+    "Git LFS pointer": (
+        RIGHT,
+        lambda f: f.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:00\n"),
+        "000003.png: a Git LFS pointer",
+    ),
+    "16 bits": (
+        RIGHT,
+        lambda f: f.write_bytes(encode_png(PIXELS.astype(np.uint16))),
+        "000003.png: 16 bits per channel: 8 are needed",
+    ),
+    "other size": (
+        RIGHT,
+        lambda f: f.write_bytes(encode_png(PIXELS[:90])),
+        "000003.png: 160 × 90 px, but the images before have 160 × 96 px",
+    ),
+    "text": (RIGHT, lambda f: f.write_text("an image"), "000003.png: not a PNG image"),
+    "empty image": (RIGHT, lambda f: f.write_bytes(b""), "000003.png: not a PNG image"),
+    "short label": (LABELS, lambda f: _cut(f, 2), "row 3: 17 columns are needed, got 14"),
+    "label of words": (LABELS, lambda f: _put(f, 1, 13, "near"), "row 2: 'near' is not a number"),
+    "label NaN": (LABELS, lambda f: _put(f, 1, 13, "nan"), "row 2: nan is not finite"),
+    "label size": (LABELS, lambda f: _put(f, 0, 11, "0"), "row 1: height, width and length must"),
+    "label twice": (LABELS, lambda f: _put(f, 1, 0, "0"), "row 2: track 0 is labelled twice"),
+    "no labels": (LABELS, lambda f: f.unlink(), "0003.txt is missing"),
+    "binary labels": (LABELS, lambda f: f.write_bytes(b"\xff\xfe\x00"), "not a text in UTF-8"),
+    "other target": (LABELS, lambda f: f.write_text(""), "has no track 0"),
+    "short pose": (POSES, lambda f: _cut(f, 2), "row 3: 12 columns are needed, got 9"),
+    "pose NaN": (POSES, lambda f: _put(f, 2, 3, "inf"), "row 3: inf is not finite"),
+    "pose out of order": (POSES, _swap, "row 4: out of order: 39."),
+    "no rotation": (POSES, lambda f: _put(f, 2, 0, "0.2"), "row 3: not a rigid pose"),
+    "no pose": (POSES, lambda f: f.write_text("\n"), "0003.txt: has no poses"),
+    "no baseline": (
+        CALIBRATION,
+        lambda f: _put(f, 3, 4, "0.0"),
+        "no baseline: P3 is 0 m to the right of P2",
+    ),
+    "not rectified": (CALIBRATION, lambda f: _put(f, 3, 1, "151"), "P2 and P3 are not rectified"),
+    "short calibration": (CALIBRATION, lambda f: _cut(f, 2), "row 3: 12 columns are needed, got 9"),
+    "no projection": (CALIBRATION, lambda f: f.write_text("P2: 1"), "row 1: 12 columns are needed"),
+    "no calibration": (CALIBRATION, lambda f: f.unlink(), "0003.txt is missing"),
+}
+
+
+@pytest.mark.parametrize(("file", "damage", "said"), DAMAGE.values(), ids=DAMAGE)
+def test_a_wrong_folder_is_refused_in_one_line_that_names_the_file(file, damage, said, copy):
+    damage(copy / file)
+    with pytest.raises(UserError) as caught:
+        find_recording(source(copy))
+    text = str(caught.value)
+    assert said in text and "\n" not in text
+    assert str(copy / file.split("/")[0]) in text
+
+
+@pytest.mark.parametrize("kept", [0.3, 0.9])
+def test_a_cut_off_image_is_refused_when_it_is_read(kept, copy, capfd):
+    file = copy / RIGHT
+    data = file.read_bytes()
+    file.write_bytes(data[: int(kept * len(data))])
+    recording = find_recording(source(copy))
+    with pytest.raises(UserError, match=r"000003\.png: a damaged or incomplete PNG image"):
+        read_pairs(recording.images, range(5))
+    assert capfd.readouterr().err == ""
+
+
+def plain_folder(clip, folder):
+    """The clip in the plain layout."""
+    for camera, name in (("image_02", "left"), ("image_03", "right")):
+        shutil.copytree(clip / camera / "0003", folder / name)
+    for kind, name in (("label_02", "labels"), ("ego_poses", "poses")):
+        shutil.copy(clip / kind / "0003.txt", folder / f"{name}.txt")
+    (folder / "rig.yaml").write_text(
+        "focal_length: 150\nprincipal_u: 78\nprincipal_v: 40\nbaseline: 0.5\ncamera_height: 1.65\n"
+    )
+    return PlainFolder(kind="folder", folder=str(folder), target=0, frames=None, sample_time=0.1)
+
+
+def test_a_plain_folder_has_the_same_recording(clip, tmp_path):
+    recording = find_recording(plain_folder(clip, tmp_path))
+    assert guess_layout(tmp_path) == "folder"
+    there = find_recording(source(clip))
+    assert recording.frames == there.frames and recording.label == there.label
+    assert recording.calibration.focal_length_v == 150
+    found, expected = truth_of(recording), truth_of(there)
+    np.testing.assert_array_equal(found.target_poses_world, expected.target_poses_world)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("focal_length: 150\n", "principal_u is missing"),
+        ("focus: 150\n", "focus: unknown"),
+        ("[1, 2]", "must map names to values"),
+        ("focal_length: x\nprincipal_u: 1\nprincipal_v: 1\nbaseline: 1\n", "focal_length: must be"),
+        ("focal_length: 9\nprincipal_u: 1\nprincipal_v: 1\nbaseline: 0\n", "baseline: must be"),
+    ],
+)
+def test_a_wrong_rig_is_refused(text, said, clip, tmp_path):
+    wrong = plain_folder(clip, tmp_path)
+    (tmp_path / "rig.yaml").write_text(text)
+    with pytest.raises(UserError, match=said):
+        find_recording(wrong)

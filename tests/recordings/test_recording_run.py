@@ -1,0 +1,271 @@
+"""A recording through the pipeline: the real command line on a look-alike, and the real clip."""
+
+import inspect
+import json
+import os
+import shutil
+from pathlib import Path
+from pkgutil import resolve_name
+
+import numpy as np
+import pytest
+from made_clip import make_clip, small_scenario
+
+from stixel_cli import compose
+from stixel_cli.cli.app import main
+from stixel_cli.config.compose import from_resolved
+from stixel_cli.config.keys import known_keys
+from stixel_cli.engine.keys import GIVEN
+from stixel_cli.errors import ConfigurationError, UserError
+from stixel_cli.experiment.stages import pipeline_stages, recording_of, scan_count
+
+SMALL = ("stereo.disparities=48", "stereo.nearest=6", "occupancy.nearest=3")
+HERE = "executor=threads"
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("clip")
+    make_clip(folder)
+    return folder
+
+
+def of(folder, *more):
+    given = ("source=kitti_tracking", f"source.folder={folder}", "source.sequence=0003")
+    return [*given, "source.target=0", *more]
+
+
+def run(capsys, results, *overrides):
+    capsys.readouterr()
+    code = main(["run", "--json", "--results", str(results), HERE, *SMALL, *overrides])
+    said = capsys.readouterr()
+    assert code == 0, said.err
+    return json.loads(said.out)
+
+
+def test_the_recording_gives_rig_times_class_and_what_suits_real_images(clip):
+    made = compose(of(clip))
+    chosen = made.configuration
+    rig = chosen.rig
+    assert (rig.width, rig.height, rig.focal, rig.u0, rig.v0) == (160, 96, 150.0, 78.0, 40.0)
+    assert (rig.baseline, rig.camera_height, rig.pitch) == (0.5, 1.65, 0.0)
+    assert rig.focal_v == rig.focal
+    assert scan_count(chosen) == 5 and chosen.path.sample_time == 0.1
+    assert made.choices["road_user"] == made.choices["prior"] == "car"
+    assert made.choices["road"] == "estimated" and chosen.road.pitch_range == 4.0
+    assert chosen.stereo.nearest == chosen.occupancy.nearest == 2.0
+    assert made.resolved["source"]["frames"] == "0:5"
+    assert [made.choices[group] for group in ("path", "ego", "rig")] == ["source"] * 3
+
+
+def test_what_the_user_sets_stays(clip):
+    own = ("road=rig", "rig.pitch=1", "stereo.nearest=4", "road_user=pedestrian")
+    chosen = compose(of(clip, *own, "source.sample_time=0.2", "source.frames=1:4"))
+    assert chosen.configuration.road.kind == "rig"
+    assert chosen.configuration.rig.pitch == 1.0 and chosen.configuration.rig.focal == 150.0
+    assert chosen.configuration.stereo.nearest == 4.0
+    assert chosen.choices["prior"] == "pedestrian"
+    assert (chosen.configuration.path.sample_time, scan_count(chosen.configuration)) == (0.2, 3)
+
+
+def test_a_start_from_the_scans_uses_the_first_box_only(clip):
+    stages = {s.name: s for s in pipeline_stages(compose(of(clip, "start=scans")).configuration)}
+    assert stages["start"].inputs == {"scans": "scans"}
+    start = stages["start"].settings["start"]
+    assert start.motion == "sensor"
+    # The car is 0.4 m to the right, 0.9 m to each side of its middle, 6.9 m ahead.
+    lowest, highest = np.degrees(np.arctan([-1.35 / 6.9, 0.52 / 6.9]))
+    assert start.bearing == (pytest.approx(lowest, abs=2.0), pytest.approx(highest, abs=2.0))
+    assert compose(of(clip, "start=scans", "start.bearing=[-3,4]")).configuration.start.bearing == (
+        -3.0,
+        4.0,
+    )
+
+
+def test_the_layout_is_guessed_from_the_folder(clip):
+    guessed = compose([one for one in of(clip) if one != "source=kitti_tracking"])
+    assert guessed.choices["source"] == "kitti_tracking"
+    assert guessed.configuration == compose(of(clip)).configuration
+
+
+@pytest.mark.parametrize(
+    ("label", "road_user"),
+    [("Van", "car"), ("Cyclist", "cyclist"), ("Person_sitting", "pedestrian"), ("Tram", None)],
+)
+def test_the_class_follows_the_label(label, road_user, tmp_path):
+    make_clip(tmp_path, small_scenario(3), label=label)
+    if road_user is None:
+        with pytest.raises(ConfigurationError, match=r"source\.target: is a Tram, which no class"):
+            compose(of(tmp_path))
+        assert compose(of(tmp_path, "road_user=car")).choices["prior"] == "car"
+    else:
+        assert compose(of(tmp_path)).choices["prior"] == road_user
+
+
+WRONG = {
+    "path=turn": "path: is of the rendered scene",
+    "path.duration=2": "path.duration: is of the rendered scene",
+    "ego=straight": "ego: straight is of the rendered scene",
+    "renderer=raycast": "renderer: is of the rendered scene",
+    "sensor.read_noise=1": "sensor.read_noise: is of the rendered scene",
+    "measurement=lidar": "measurement: lidar is of the rendered scene",
+    "measurement=fabricated": "measurement: fabricated is of the rendered scene",
+    "source.frames=3": "source.frames: 3 is a whole number",
+    "source.frames=3:1": "source.frames: must be first:stop with first < stop, got '3:1'",
+    "source.frames=3:9": "source.frames: 3:9 is not within 0:5",
+}
+
+
+@pytest.mark.parametrize(("override", "said"), WRONG.items())
+def test_what_does_not_go_with_a_recording_is_refused(override, said, clip):
+    with pytest.raises(UserError) as caught:
+        compose(of(clip, override))
+    assert said in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("missing", ["folder", "sequence"])
+def test_what_a_recording_needs_is_named(missing, clip):
+    given = [one for one in of(clip) if not one.startswith(f"source.{missing}=")]
+    with pytest.raises(ConfigurationError, match=f"source.{missing}: is required with source=kit"):
+        compose(given)
+
+
+def test_without_a_target_class_and_start_are_required(clip):
+    given = [one for one in of(clip) if not one.startswith("source.target=")]
+    for more, said in (
+        ([], r"road_user: is required, because the recording has no labelled target"),
+        (["road_user=car"], r"start\.bearing: start\.motion=sensor needs a bearing or a range"),
+        (["road_user=car", "start=default"], r"start: default needs a label"),
+    ):
+        with pytest.raises(ConfigurationError, match=said):
+            compose([*given, *more])
+
+
+def test_without_a_target_there_is_a_track_and_no_score(clip, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+    folder = odometry(clip, tmp_path / "odometry")
+    given = ("source=kitti_odometry", f"source.folder={folder}", "road_user=car")
+    chosen = (*given, "start.range=[4,12]", "pictures.frames=[1]")
+    answer = run(capsys, tmp_path, *chosen, "--name", "untold")
+    assert answer["metrics"]["scored_scans"] == 0 and answer["metrics"]["scans"] == 5
+    assert "iou_mean" not in answer["metrics"]
+    assert answer["metrics"]["points_used_mean"] > 5
+    # The middle of the car that is there.
+    with np.load(tmp_path / "untold" / "track.npz") as track:
+        np.testing.assert_allclose(
+            track["means"][-1, :2], small_scenario().target_poses_world[-1, :2], atol=1.0
+        )
+    guessed = compose([*given[1:], "start.range=[4,12]"])
+    assert guessed.choices["source"] == "kitti_odometry" and guessed.choices["start"] == "scans"
+
+
+def odometry(clip, folder):
+    """The clip in the layout of the odometry benchmark, its calibration without names."""
+    for camera, name in (("image_02", "image_0"), ("image_03", "image_1")):
+        shutil.copytree(clip / camera / "0003", folder / name)
+    shutil.copy(clip / "ego_poses" / "0003.txt", folder / "poses.txt")
+    rows = (clip / "calib" / "0003.txt").read_text().splitlines()
+    (folder / "calib.txt").write_text("\n".join(row.partition(": ")[2] for row in rows))
+    return folder
+
+
+def test_without_poses_the_ego_car_must_be_parked(clip, tmp_path):
+    shutil.copytree(clip, tmp_path / "clip")
+    shutil.rmtree(tmp_path / "clip" / "ego_poses")
+    with pytest.raises(ConfigurationError, match="ego: the recording has no poses"):
+        compose(of(tmp_path / "clip"))
+    parked = compose(of(tmp_path / "clip", "ego=parked")).configuration
+    assert recording_of(parked).pose_files == ()
+
+
+def test_a_recorded_path_needs_a_recording():
+    resolved = compose([]).resolved
+    resolved["path"] = {"kind": "source", "duration": 1.0, "sample_time": 0.1}
+    with pytest.raises(ConfigurationError, match="path: source needs a recording"):
+        from_resolved(resolved)
+
+
+def test_a_clip_is_tracked_and_scored_and_keys_hold_no_path(clip, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+    own = tmp_path / "own"
+    shutil.copytree(clip, own)
+    answer = run(capsys, tmp_path, *of(own), "pictures.frames=[1]", "--name", "one")
+    metrics = answer["metrics"]
+    assert metrics["scans"] == metrics["scored_scans"] == 5
+    assert metrics["points_used_mean"] > 5 and metrics["iou_mean"] > 0.5
+    figures = {str(file.relative_to(tmp_path / "one")) for file in tmp_path.rglob("one/figures/*")}
+    assert "figures/path.png" in figures and "figures/k0001" in figures
+    assert not list((tmp_path / "one").rglob("00000*.png"))
+    # Another place of the same files: nothing is computed again.
+    own.rename(tmp_path / "moved")
+    moved = run(capsys, tmp_path, *of(tmp_path / "moved"), "pictures.frames=[1]", "--name", "two")
+    assert {stage["status"] for stage in moved["stages"]} == {"cached"}
+    assert moved["metrics"] == metrics
+    # Another image: the images are read again, the truth is not.
+    (tmp_path / "moved/image_02/0003/000004.png").unlink()
+    shutil.copy(
+        tmp_path / "moved/image_02/0003/000003.png", tmp_path / "moved/image_02/0003/000004.png"
+    )
+    other = run(capsys, tmp_path, *of(tmp_path / "moved"), "pictures.frames=[1]", "--name", "three")
+    status = {stage["name"]: stage["status"] for stage in other["stages"]}
+    assert status["pairs"] == status["track"] == "computed"
+    assert status["ego_motion"] == status["scenario"] == "cached"
+
+
+def test_a_gap_in_the_labels_leaves_scores_out(clip, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+    shutil.copytree(clip, tmp_path / "clip")
+    labels = tmp_path / "clip" / "label_02" / "0003.txt"
+    rows = labels.read_text().splitlines()
+    rows[1] = " ".join([*rows[1].split()[:4], "1", *rows[1].split()[5:]])
+    labels.write_text("\n".join([*rows[:2], *rows[3:]]))
+    answer = run(capsys, tmp_path, *of(tmp_path / "clip"), "pictures.frames=[2]", "--name", "gap")
+    assert (answer["metrics"]["scans"], answer["metrics"]["scored_scans"]) == (5, 3)
+    assert answer["metrics"]["centre_rmse_m"] < 1.0
+    with np.load(tmp_path / "gap" / "scores.npz") as scores:
+        assert np.isnan(scores["iou"]).tolist() == [False, False, True, False, False]
+
+
+def test_no_stage_from_matching_to_the_track_gets_labels(clip):
+    stages = {one.name: one for one in pipeline_stages(compose(of(clip)).configuration)}
+    for name in ("match", "free_space", "stixels", "scans", "track"):
+        assert "scenario" not in stages[name].inputs.values()
+        assert not stages[name].gives_files
+
+
+def test_a_stage_gets_the_arguments_of_its_function(clip):
+    stages = pipeline_stages(compose(of(clip)).configuration)
+    own = {stage.function: stage for stage in stages if stage.gives_files}
+    assert len(own) == 5
+    for function, stage in own.items():
+        given = {*stage.inputs, *stage.settings, *GIVEN[stage.pattern], "files"}
+        assert given == set(inspect.signature(resolve_name(function)).parameters), function
+
+
+@pytest.mark.parametrize("name", [name for name in known_keys() if name.startswith("source.")])
+def test_a_wrong_type_is_named(name, clip):
+    with pytest.raises(ConfigurationError, match=rf"{name}: .*must be"):
+        compose([one for one in of(clip) if not one.startswith(f"{name}=")] + [f"{name}={{a: 1}}"])
+
+
+@pytest.fixture(scope="module")
+def real():
+    folder = Path(os.environ.get("STIXEL_DATA", Path(__file__).parents[2] / "../shared/data"))
+    clip = folder / "kitti_tracking"
+    if not clip.is_dir():
+        pytest.skip(f"no real clip: STIXEL_DATA names no folder with kitti_tracking ({folder})")
+    return clip
+
+
+def test_the_real_clip_is_tracked(real, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+    given = ("source=kitti_tracking", f"source.folder={real}", "source.sequence=0005")
+    capsys.readouterr()
+    few = ("source.frames=0:3", "pictures.frames=[]", "stereo.subpixel=parabola")
+    chosen = (*given, "source.target=31", *few)
+    code = main(["run", "--json", "--results", str(tmp_path), HERE, *chosen])
+    said = capsys.readouterr()
+    assert code == 0, said.err
+    metrics = json.loads(said.out)["metrics"]
+    assert metrics["scored_scans"] == 3
+    assert metrics["points_used_mean"] > 5 and metrics["centre_rmse_m"] < 2.0
