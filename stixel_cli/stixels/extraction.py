@@ -82,6 +82,9 @@ def stixels_of_frame(
         BINS_PER_PIXEL,
         smoothing_kernel(extraction.smoothing),
         extraction.least_pixels,
+        # A height h has f_v h / z = (f_v / f) h d / B rows.
+        extraction.front_height / rig.baseline * rig.focal_v / rig.focal,
+        extraction.front_margin,
     )
     measured = values.copy()
     # Pixels of a match are not independent, and part of the error is common to them all.

@@ -32,6 +32,9 @@ class ExtractionParameters:
         least_height: pixels lower above the road than this do not count, m: at the foot of an
             obstacle a matcher blends it with the road.
         least_pixels: fewer pixels of the obstacle's disparity make no stixel.
+        front_height: the front face is the nearest part of the stixel that is this high, m.
+        front_margin: pixels more than this behind the front face are another surface, px: a
+            windscreen behind a bonnet does not move the stixel.
         least_std: part of the disparity's standard deviation that no averaging removes, px.
         correlated_pixels: that many neighbouring pixels count as one independent measurement.
         relief: standard deviation of an object's surface round the flat stixel, in depth, m.
@@ -41,6 +44,8 @@ class ExtractionParameters:
     smoothing: Annotated[float, Ge(0.1), Le(4)]
     least_height: Annotated[float, Ge(0), Le(20)]
     least_pixels: Annotated[int, Ge(1), Le(10000)]
+    front_height: Annotated[float, Gt(0), Le(20)]
+    front_margin: Annotated[float, Gt(0), Le(64)]
     least_std: Annotated[float, Ge(0), Le(5)]
     correlated_pixels: Annotated[float, Ge(1), Le(10000)]
     relief: Annotated[float, Ge(0), Le(5)]

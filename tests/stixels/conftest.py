@@ -124,6 +124,8 @@ def extraction():
         smoothing=0.35,
         least_height=0.25,
         least_pixels=10,
+        front_height=0.5,
+        front_margin=0.3,
         least_std=0.1,
         correlated_pixels=25.0,
         relief=0.05,

@@ -14,7 +14,7 @@ from stixel_cli.stixels.extraction import (
     smoothing_kernel,
 )
 from stixel_cli.stixels.free_space import find_free_space
-from stixel_cli.stixels.grouping import group_columns, histogram_peak
+from stixel_cli.stixels.grouping import LEAST_ROWS, front_face, group_columns, histogram_peak
 from stixel_cli.stixels.road import base_rows, road_line
 
 BOXES = [(-2.0, 9.0, 1.6, 1.5), (2.5, 16.0, 2.0, 1.7)]
@@ -122,7 +122,7 @@ def test_correlated_pixels_limit_the_reduction_of_the_variance(
     raw = np.where(raw < 0, raw, raw + np.rint(rng.normal(0.0, 6.0, raw.shape))).astype(np.int16)
     variances = {}
     for correlated in (10.0, 20.0, 1e9):
-        changed = replace(extraction, correlated_pixels=correlated)
+        changed = replace(extraction, correlated_pixels=correlated, front_margin=10.0)
         stixels = pipeline(as_disparities(raw), rig, extraction=changed)
         variances[correlated] = stixels.disparity_variance - extraction.least_std**2
     assert len(variances[10.0]) > 5
@@ -183,6 +183,8 @@ GROUPING = {
     "bins_per_pixel": BINS_PER_PIXEL,
     "kernel": smoothing_kernel(0.35),
     "least_pixels": 10,
+    "front_rows": 0.6,
+    "front_margin": 0.3,
 }
 
 
@@ -202,6 +204,19 @@ def test_group_follows_its_median_column():
     obstacle[1:4] = np.nan
     few, _ = group_columns(columns, obstacle, window, base - 20, base, base, **GROUPING)
     assert len(few) == 0
+
+
+def brute_front(pixels, columns, extent):
+    """The nearest mean disparity of all windows of rows, of those that are at least half full."""
+    rows = [v for _, v in pixels]
+    face = max(LEAST_ROWS, int(extent + 0.5))
+    extent = min(face, max(rows) - min(rows) + 1)
+    inside = [
+        [d for d, v in pixels if start <= v < start + extent]
+        for start in range(min(rows), max(rows) - extent + 2)
+    ]
+    full = [np.mean(window) for window in inside if 2 * len(window) >= extent * columns]
+    return (max(full) if full else np.mean([d for d, _ in pixels])), face
 
 
 def brute_groups(columns, obstacle, window, tops, foot, base, grouping):
@@ -224,6 +239,11 @@ def brute_groups(columns, obstacle, window, tops, foot, base, grouping):
         pixels = [(d, v) for d, v in pixels if abs(d - obstacle[middle]) < window[middle]]
         if len(pixels) < grouping["least_pixels"]:
             continue
+        front = brute_front(pixels, len(members), obstacle[middle] * grouping["front_rows"])
+        rows = [v for _, v in pixels]
+        start = int(np.ceil((front[0] - grouping["front_margin"]) * BINS_PER_PIXEL))
+        near = [(d, v) for d, v in pixels if int(d * BINS_PER_PIXEL + 0.5) >= start]
+        pixels = near if 2 * len(near) >= front[1] * len(members) else pixels
         bins = np.array([int(d * BINS_PER_PIXEL + 0.5) for d, _ in pixels])
         histogram = np.bincount(bins - bins.min()).astype(np.int32)
         disparity = (histogram_peak(histogram, grouping["kernel"]) + bins.min()) / BINS_PER_PIXEL
@@ -233,7 +253,7 @@ def brute_groups(columns, obstacle, window, tops, foot, base, grouping):
         variance = np.mean((about / BINS_PER_PIXEL - disparity) ** 2) if len(about) else 0.0
         top = sorted(tops[members])[len(members) // 2]
         area = (group[0], group[-1] + 1, top, base[middle])
-        mean_row = np.mean([v for _, v in pixels])
+        mean_row = np.mean(rows)
         found.append((area, (disparity, variance, len(pixels), mean_row)))
     return found
 
@@ -287,3 +307,38 @@ def test_blended_foot_does_not_move_the_stixel(pipeline, rig, render, as_dispari
     sharp, soft = (pipeline(as_disparities(image), rig) for image in (raw, blended))
     assert np.array_equal(sharp.left, soft.left)
     np.testing.assert_allclose(soft.depth, sharp.depth, rtol=1e-3)
+
+
+def stepped(rows_near, rows_far, near=20.0, far=18.0, width=5):
+    """Columns (W, H) of a bonnet below a cabin, and the arguments of `group_columns`."""
+    columns = np.full((width, 60), -1, dtype=np.int16)
+    columns[:, 50 - rows_near : 50] = round(16 * near)
+    columns[:, 50 - rows_near - rows_far : 50 - rows_near] = round(16 * far)
+    tops = np.full(width, 50 - rows_near - rows_far, dtype=np.int32)
+    base = np.full(width, 49, dtype=np.int32)
+    window = np.full(width, 4.0, dtype=np.float32)
+    obstacle = np.full(width, near, dtype=np.float32)
+    grouping = {**GROUPING, "scale": np.full(60, 1 / 16, dtype=np.float32)}
+    return columns, obstacle, window, tops, base, base, grouping
+
+
+@pytest.mark.parametrize(("rows_near", "expected"), [(30, 20.0), (13, 20.0), (4, 18.67)])
+def test_stixel_is_split_where_its_relief_shows(rows_near, expected):
+    """The bonnet decides, though the cabin behind it has more pixels, if it is high enough."""
+    *arrays, grouping = stepped(rows_near, rows_far=20)
+    areas, values = group_columns(*arrays, **grouping)
+    assert len(areas) == 1 and areas[0, 2] == arrays[3][0]
+    if rows_near >= 12:
+        assert values[0, 0] == pytest.approx(expected, abs=1e-3)
+        assert values[0, 2] == 5 * rows_near
+    else:
+        # 12 rows are a front face here: a kerb of 4 rows does not make one.
+        assert values[0, 0] < 19.0
+
+
+def test_front_face_of_a_flat_stixel_is_its_mean():
+    count = np.array([3, 3, 0, 3, 3, 3])
+    assert front_face(count, 7.5 * count, 3, 4) == pytest.approx(7.5)
+    # Too few disparities in every window: the mean of all.
+    few = np.array([1, 0, 0, 0, 1, 0])
+    assert front_face(few, few * np.arange(6.0), 3, 4) == pytest.approx(2.0)
