@@ -18,6 +18,10 @@ class Scans:
         offsets: (K + 1,) int64, the points of scan k are rows offsets[k]:offsets[k + 1].
         points_world: (P, 2) m.
         covariances_world: (P, 2, 2) m².
+        correlations: (P,) correlation, 0 … 1, of a point's error along the ray with that of the row
+            before; 0 for the first row of a scan, and where errors are independent. The correlation
+            of any two rows is the product of those between them. With all equal to c, n points
+            are worth n (1 - c) / (1 + c) independent ones.
     """
 
     times: np.ndarray
@@ -25,6 +29,12 @@ class Scans:
     offsets: np.ndarray
     points_world: np.ndarray
     covariances_world: np.ndarray
+    correlations: np.ndarray = None
+
+    def __post_init__(self) -> None:
+        """By default the points' errors are independent."""
+        if self.correlations is None:
+            object.__setattr__(self, "correlations", np.zeros(len(self.points_world)))
 
     @classmethod
     def of_each(
@@ -32,10 +42,12 @@ class Scans:
         times: np.ndarray,
         sensor_poses_world: np.ndarray,
         scans: Sequence[tuple[np.ndarray, np.ndarray]],
+        correlations: Sequence[np.ndarray] | None = None,
     ) -> "Scans":
         """From `times` (K,) s, poses (K, 3), and points (n_k, 2) m and covariances (n_k, 2, 2) m².
 
-        The last two are given for each scan, in order; all are in the world.
+        The last two are given for each scan, in order; all are in the world. `correlations` (n_k,)
+        likewise; None if the points' errors are independent.
         """
         return cls(
             times=np.array(times, dtype=np.float64),
@@ -45,6 +57,9 @@ class Scans:
             covariances_world=np.concatenate(
                 [np.zeros((0, 2, 2)), *(covariances for _, covariances in scans)]
             ),
+            correlations=None
+            if correlations is None
+            else np.concatenate([np.zeros(0), *correlations]),
         )
 
     def __len__(self) -> int:

@@ -9,7 +9,7 @@ from stixel_cli.stixels.extraction_parameters import ExtractionParameters, Heigh
 from stixel_cli.stixels.grouping import group_columns
 from stixel_cli.stixels.height import depth_windows, top_rows
 from stixel_cli.stixels.road import base_rows, pitch_and_height, pitch_factors
-from stixel_cli.stixels.types import FreeSpace, Stixels
+from stixel_cli.stixels.types import SAME_OBJECT, FreeSpace, Stixels
 
 BINS_PER_PIXEL = 8
 """Resolution of the stixels' histograms of disparities."""
@@ -41,7 +41,7 @@ def extract_stixels(
             )
         )
     offsets = np.cumsum([0] + [len(f["left"]) for f in found], dtype=np.int64)
-    empty = group_fields(np.zeros((0, 4)), np.zeros((0, 4)), np.array([1.0, 0.0]), rig, 0.0)
+    empty = group_fields(np.zeros((0, 4)), np.zeros((0, 2)), np.array([1.0, 0.0]), rig, extraction)
     arrays = {
         name: np.concatenate([zero, *(f[name] for f in found)]) for name, zero in empty.items()
     }
@@ -86,11 +86,7 @@ def stixels_of_frame(
         extraction.front_height / rig.baseline * rig.focal_v / rig.focal,
         extraction.front_margin,
     )
-    measured = values.copy()
-    # Pixels of a match are not independent, and part of the error is common to them all.
-    share = np.minimum(1.0, extraction.correlated_pixels / np.maximum(values[:, 2], 1.0))
-    measured[:, 1] = extraction.least_std**2 + values[:, 1] * share
-    return group_fields(areas, measured, line, rig, extraction.relief)
+    return group_fields(areas, values, line, rig, extraction)
 
 
 def foot_rows(
@@ -113,18 +109,21 @@ def smoothing_kernel(std: float) -> np.ndarray:
 
 
 def group_fields(
-    areas: np.ndarray, measured: np.ndarray, line: np.ndarray, rig: Rig, relief: float
+    areas: np.ndarray,
+    measured: np.ndarray,
+    line: np.ndarray,
+    rig: Rig,
+    extraction: ExtractionParameters,
 ) -> dict[str, np.ndarray]:
     """Fields of `Stixels` from column ranges, tops and disparities.
 
     Args:
         areas: (S, 4) left, right (exclusive), top and base row.
-        measured: (S, 4) pitch-compensated disparity px, its variance px², pixels, their mean row.
+        measured: (S, 2) pitch-compensated disparity px, mean row of the pixels.
         line: (2,) the road's disparity a v + b, px.
-        relief: standard deviation of the surface in depth, m.
     """
     left, right, top = areas[:, 0], areas[:, 1], areas[:, 2].astype(np.float64)
-    disparity, variance, mean_row = measured[:, 0], measured[:, 1], measured[:, 3]
+    disparity, mean_row = measured[:, 0], measured[:, 1]
     pitch, camera_height = pitch_and_height(line, rig)
     focal_baseline = rig.focal * rig.baseline
     depth = focal_baseline / disparity
@@ -133,7 +132,9 @@ def group_fields(
     bearing = (0.5 * (left + right - 1) - rig.u0) / rig.focal
     points = np.stack([bearing * depth_camera, depth], axis=1)
     # Depth along the ray, and the place within the columns across it (even over them: w²/12).
-    depth_variance = (depth / disparity) ** 2 * variance + relief**2
+    neighbours, scatter = surroundings(left, depth, extraction.width)
+    variance = np.where(neighbours < 3, extraction.edge_std**2, 0.0) + extraction.least_std**2
+    depth_variance = (depth / disparity) ** 2 * variance + scatter + extraction.relief**2
     ray = np.stack([bearing / upright, np.ones_like(depth)], axis=1)
     covariances = depth_variance[:, None, None] * ray[:, :, None] * ray[:, None, :]
     covariances[:, 0, 0] += (depth_camera * (right - left) / rig.focal) ** 2 / 12.0
@@ -153,3 +154,30 @@ def group_fields(
         "points_ego": points,
         "covariances_ego": covariances,
     }
+
+
+def surroundings(left: np.ndarray, depth: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
+    """How many of the two stixels on either side are on the same object, and the depth's scatter.
+
+    Args:
+        left: (S,) first columns, ascending, multiples of `width`.
+        depth: (S,) m.
+
+    Returns:
+        Neighbours (S,) int64, 0 … 4, nearer than `SAME_OBJECT`; and half the mean square of their
+        differences of depth (S,) m², the variance of one of them about a flat surface. It is 0
+        without a neighbour.
+    """
+    count = np.zeros(len(left), dtype=np.int64)
+    squares = np.zeros(len(left))
+    for apart in (1, 2):
+        near, far = np.arange(len(left) - apart), np.arange(apart, len(left))
+        # Not across a gap of two stixels or more.
+        within = left[far] - left[near] <= 2 * width
+        within &= np.abs(depth[far] - depth[near]) < SAME_OBJECT
+        near, far = near[within], far[within]
+        squared = (depth[far] - depth[near]) ** 2
+        for side in (near, far):
+            count[side] += 1
+            squares[side] += squared
+    return count, 0.5 * squares / np.maximum(count, 1)

@@ -35,9 +35,11 @@ class ExtractionParameters:
         front_height: the front face is the nearest part of the stixel that is this high, m.
         front_margin: pixels more than this behind the front face are another surface, px: a
             windscreen behind a bonnet does not move the stixel.
-        least_std: part of the disparity's standard deviation that no averaging removes, px.
-        correlated_pixels: that many neighbouring pixels count as one independent measurement.
-        relief: standard deviation of an object's surface round the flat stixel, in depth, m.
+        least_std: standard deviation of a stixel's disparity amid others of its object, px.
+        edge_std: what is added to it, in square, with fewer than three of the two neighbours on
+            either side: at an object's edge a matcher blends it with what is behind, px.
+        relief: standard deviation of a flat surface's depth, m. That of other surfaces is added:
+            half the mean square of the differences of depth between a stixel and these neighbours.
     """
 
     width: Annotated[int, Ge(1), Le(64)]
@@ -47,5 +49,5 @@ class ExtractionParameters:
     front_height: Annotated[float, Gt(0), Le(20)]
     front_margin: Annotated[float, Gt(0), Le(64)]
     least_std: Annotated[float, Ge(0), Le(5)]
-    correlated_pixels: Annotated[float, Ge(1), Le(10000)]
+    edge_std: Annotated[float, Ge(0), Le(5)]
     relief: Annotated[float, Ge(0), Le(5)]

@@ -49,14 +49,13 @@ def group_columns(
         front_margin: px.
 
     Returns:
-        areas (S, 4) int64: left, right (exclusive), top, base; values (S, 4) float64: disparity
-        px, variance of one pixel's disparity round it px², number of pixels that are not behind
-        the front face, mean row of all.
+        areas (S, 4) int64: left, right (exclusive), top, base; values (S, 2) float64: disparity
+        px, mean row of the pixels in the window.
     """
     width, height = columns.shape
     groups = (width + stixel_width - 1) // stixel_width
     areas = np.empty((groups, 4), dtype=np.int64)
-    values = np.empty((groups, 4), dtype=np.float64)
+    values = np.empty((groups, 2), dtype=np.float64)
     histogram = np.zeros(bins, dtype=np.int32)
     members = np.empty(stixel_width, dtype=np.int64)
     row_count = np.zeros(height, dtype=np.int64)
@@ -81,15 +80,13 @@ def group_columns(
             votes = histogram[start : most + 1].sum()
             # So few pixels are no face: noise, or something small in front of it.
             if 2 * votes < extent * kept:
-                start, votes = least, pixels
+                start = least
             peak = histogram_peak(histogram[start : most + 1], kernel)
-            spread = _spread(histogram, start, most, peak, len(kernel) // 2)
             areas[found, 0], areas[found, 1] = left, right
             areas[found, 2] = tops[_median_column(tops, members, kept)]
             areas[found, 3] = base_row[middle]
             values[found, 0] = (peak + start) / bins_per_pixel
-            values[found, 1] = spread / bins_per_pixel**2
-            values[found, 2], values[found, 3] = votes, rows / pixels
+            values[found, 1] = rows / pixels
             found += 1
         for b in range(least, most + 1):
             histogram[b] = 0
@@ -198,19 +195,6 @@ def _vote(
                 first, last = min(first, v), max(last, v)
                 rows += v
     return least, most, first, last, rows
-
-
-@njit(cache=True, nogil=True)
-def _spread(histogram, least, most, peak, reach):
-    """Variance, bins², about `peak`, counted from `least`, of the votes within `reach` of it."""
-    low = max(least, int(peak + least - reach))
-    high = min(most, int(peak + least + reach))
-    votes = spread = 0.0
-    for b in range(low, high + 1):
-        votes += histogram[b]
-        away = b - peak - least
-        spread += histogram[b] * (away * away)
-    return spread / max(votes, 1.0)
 
 
 @njit(cache=True, nogil=True)

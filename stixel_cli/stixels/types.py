@@ -8,6 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+SAME_OBJECT = 1.5
+"""Neighbouring stixels less than this apart in depth are on one object, m."""
+
 
 @dataclass(frozen=True)
 class FreeSpace:

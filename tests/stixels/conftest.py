@@ -127,6 +127,6 @@ def extraction():
         front_height=0.5,
         front_margin=0.3,
         least_std=0.1,
-        correlated_pixels=25.0,
+        edge_std=0.1,
         relief=0.05,
     )
