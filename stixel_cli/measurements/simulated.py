@@ -42,7 +42,8 @@ def gather_scans(
 ) -> Scans:
     """Scans of the stixels inside the gates of height and range, in the world frame.
 
-    Free space is a gate already: a stixel is the nearest obstacle of its columns. `stixels` are
+    Free space is a gate already: a stixel is the nearest obstacle of its columns. Where that is not
+    certain, for lack of disparities, the bearings are unknown. `stixels` are
     chunks in the order of their frames.
 
     Raises:
@@ -50,6 +51,7 @@ def gather_scans(
     """
     scans: list[tuple[np.ndarray, np.ndarray]] = []
     correlations: list[np.ndarray] = []
+    unknown: list[np.ndarray] = []
     for chunk in stixels:
         if chunk.first != len(scans):
             raise ValueError(f"stixels of frame {len(scans)} expected, got {chunk.first}")
@@ -63,10 +65,11 @@ def gather_scans(
             points = world_from_ego(chunk.points_ego[chosen], pose)
             turn = pose[2] - STRAIGHT_AHEAD
             scans.append((points, rotate_covariances(chunk.covariances_ego[chosen], turn)))
+            unknown.append(chunk.unknown_ego[slice(*chunk.unknown_offsets[i : i + 2])] + turn)
             correlations.append(_correlations(chunk, chosen, measurement.correlation_columns))
     if len(scans) != len(ego_motion.times):
         raise ValueError(f"stixels of {len(scans)} frames, but {len(ego_motion.times)} scans")
-    return Scans.of_each(ego_motion.times, ego_motion.poses_world, scans, correlations)
+    return Scans.of_each(ego_motion.times, ego_motion.poses_world, scans, correlations, unknown)
 
 
 def _correlations(chunk: Stixels, chosen: np.ndarray, columns: float) -> np.ndarray:

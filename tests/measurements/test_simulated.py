@@ -104,3 +104,18 @@ def test_errors_of_neighbours_on_one_object_are_correlated():
     independent = dataclasses.replace(GATES, correlation_columns=0.0)
     scans = gather_scans([chunk], ego([[0, 0, np.pi / 2]] * 2), independent)
     assert not scans.correlations.any()
+
+
+def test_unknown_bearings_turn_with_the_ego_car():
+    chunk = dataclasses.replace(
+        stixels(0, [0, 1], [[0, 10]], [1]),
+        unknown_offsets=np.array([0, 1, 3]),
+        unknown_ego=np.array([[1.0, 1.1], [1.2, 1.3], [1.6, 1.8]]),
+    )
+    scans = gather_scans([chunk], ego([[0, 0, np.pi / 2], [3, 4, np.pi / 2 + 0.4]]), GATES)
+    assert scans.unknown_offsets.tolist() == [0, 1, 3]
+    expected = [[1.0, 1.1], [1.6, 1.7], [2.0, 2.2]]
+    np.testing.assert_allclose(scans.unknown_bearings, expected)
+    # By default all is known.
+    known = gather_scans([stixels(0, [1], [[0, 10]], [1])], ego([[0, 0, np.pi / 2]]), GATES)
+    assert known.unknown_offsets.tolist() == [0, 0] and known.unknown_bearings.shape == (0, 2)

@@ -109,6 +109,8 @@ def free_space():
         spatial_limit=5.0,
         temporal_cost=0.1,
         temporal_limit=3.0,
+        unknown_height=1.0,
+        least_density=0.5,
     )
 
 
