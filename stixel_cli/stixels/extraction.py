@@ -109,6 +109,7 @@ def stixels_of_frame(
         extraction.front_height / rig.baseline * rig.focal_v / rig.focal,
         extraction.front_margin,
     )
+    areas[:, 2] = np.maximum(areas[:, 2] - height.hidden_rows, 0)
     return group_fields(areas, values, line, rig, extraction)
 
 

@@ -15,11 +15,14 @@ class HeightParameters:
         depth_margin: surfaces this much behind the obstacle do not belong to it, m (ΔZ).
         smoothness: cost of one row's step of the top between neighbouring columns (C_s).
         depth_scale: neighbours this far apart in depth are not tied to each other, m (N_Z).
+        hidden_rows: rows at an obstacle's upper edge to which a matcher gives the disparity of what
+            is behind, about half of its block, px. They are added to the stixels' tops.
     """
 
     depth_margin: Annotated[float, Gt(0), Le(100)]
     smoothness: Annotated[float, Ge(0), Le(1000)]
     depth_scale: Annotated[float, Gt(0), Le(500)]
+    hidden_rows: Annotated[int, Ge(0), Le(64)]
 
 
 @parameters

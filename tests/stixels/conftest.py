@@ -116,7 +116,7 @@ def free_space():
 
 @pytest.fixture(scope="session")
 def height():
-    return HeightParameters(depth_margin=3.0, smoothness=3.0, depth_scale=5.0)
+    return HeightParameters(depth_margin=3.0, smoothness=3.0, depth_scale=5.0, hidden_rows=0)
 
 
 @pytest.fixture(scope="session")

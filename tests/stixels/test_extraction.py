@@ -24,7 +24,7 @@ BOXES = [(-2.0, 9.0, 1.6, 1.5), (2.5, 16.0, 2.0, 1.7)]
 
 @pytest.fixture
 def pipeline(road, occupancies, free_space, height, extraction):
-    def run(disparities, rig, extraction=extraction):
+    def run(disparities, rig, extraction=extraction, height=height):
         frames = range(disparities.first, disparities.first + len(disparities))
         poses = np.tile([0.0, 0.0, np.pi / 2], (frames.stop, 1))
         found = find_free_space(
@@ -328,3 +328,14 @@ def test_front_face_of_a_flat_stixel_is_its_mean():
     # Too few disparities in every window: the mean of all.
     few = np.array([1, 0, 0, 0, 1, 0])
     assert front_face(few, few * np.arange(6.0), 3, 4) == pytest.approx(2.0)
+
+
+def test_hidden_rows_raise_the_tops(pipeline, rig, render, as_disparities, height):
+    disparities = as_disparities(render(rig, boxes=BOXES))
+    low = pipeline(disparities, rig)
+    high = pipeline(disparities, rig, height=replace(height, hidden_rows=2))
+    assert np.array_equal(high.top, np.maximum(low.top - 2, 0))
+    assert np.array_equal(high.depth, low.depth) and np.array_equal(high.base, low.base)
+    # Two rows at that depth; the camera looks along the road.
+    rise = (low.top - high.top) * low.depth / rig.focal
+    np.testing.assert_allclose(high.height - low.height, rise, rtol=1e-6)
