@@ -20,6 +20,8 @@ class PriorShape:
         sigma_f, sigma_r: the kernel's standard deviations that suit the class, m, and
         measurement_std: of a point, m: noise, and error of the shape that neighbouring points
             share. A tracker's configuration refers to the three, or sets its own.
+        road_user: the class. The tracker `contour` takes the class's outline, with this length and
+            width, instead of `shape`.
     """
 
     length: Annotated[float, Gt(0), Le(30)]
@@ -29,6 +31,7 @@ class PriorShape:
     sigma_f: Annotated[float, Gt(0), Le(20)]
     sigma_r: Annotated[float, Ge(0), Le(20)]
     measurement_std: Annotated[float, Ge(1e-6), Le(10)]
+    road_user: Literal["car", "cyclist", "pedestrian"]
 
     def check(self) -> None:
         """Raise ValueError if the rounded corners do not fit."""

@@ -19,6 +19,7 @@ CAR = PriorShape(
     sigma_f=1.0,
     sigma_r=0.4,
     measurement_std=0.1,
+    road_user="car",
 )
 
 TRACKER = GpEkfParameters(
