@@ -33,6 +33,7 @@ from stixel_cli.stixels.free_space_parameters import (
     OccupancyParameters,
     RoadParameters,
 )
+from stixel_cli.tracking.contour_parameters import ContourParameters
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
 from stixel_cli.tracking.point import PointParameters
 from stixel_cli.tracking.prior import PriorShape
@@ -41,7 +42,7 @@ from stixel_cli.tracking.start import StartParameters
 Renderer = RaycastParameters | FilamentParameters
 StereoParameters = SgmParameters | BmParameters
 MeasurementParameters = SimulatedParameters | FabricatedParameters | LidarParameters
-Tracker = GpEkfParameters | PointParameters
+Tracker = ContourParameters | GpEkfParameters | PointParameters
 
 _BY_KIND = Field(discriminator="kind")
 
