@@ -37,6 +37,7 @@ from stixel_cli.stixels.free_space_parameters import (
     OccupancyParameters,
     RoadParameters,
 )
+from stixel_cli.tracking.contour_parameters import ContourParameters
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
 from stixel_cli.tracking.point import PointParameters
 from stixel_cli.tracking.prior import PriorShape
@@ -50,7 +51,7 @@ MeasurementParameters = (
     SimulatedParameters | FabricatedParameters | LidarParameters | FileParameters
 )
 Start = TruthStart | ScansStart
-Tracker = GpEkfParameters | PointParameters | PyRecEstParameters
+Tracker = ContourParameters | GpEkfParameters | PointParameters | PyRecEstParameters
 
 _BY_KIND = Field(discriminator="kind")
 

@@ -19,6 +19,7 @@ from stixel_cli.scene.ego import ego_motion
 from stixel_cli.stereo.disparities import Disparities
 from stixel_cli.stixels.extraction import extract_stixels
 from stixel_cli.stixels.free_space import find_free_space
+from stixel_cli.tracking.ray_table import expected, outline_table
 
 TINY = ("rig.width=96", "rig.height=64", "stereo.disparities=16", "path.duration=0.2")
 TINY += ("pictures.frames=[0]",)
@@ -46,7 +47,14 @@ def call_stixel_kernels() -> None:
         extract_stixels(disparities, free_space, p.rig, p.height, p.extraction, frames)
 
 
-CALLS = (call_rendering_kernels, call_stixel_kernels)
+def call_tracking_kernels() -> None:
+    """Call every kernel of `stixel_cli.tracking`."""
+    table = outline_table(np.array([[1.0, -1.0], [1.0, 1.0], [-1.0, 0.0]]), 0.1)
+    rays = np.array([[1.0, 0.0]])
+    expected(np.zeros((1, 5)), np.array([-9.0, 0.0]), rays, 0, 0, *table.arrays())
+
+
+CALLS = (call_rendering_kernels, call_stixel_kernels, call_tracking_kernels)
 
 
 def main() -> None:

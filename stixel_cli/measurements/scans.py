@@ -18,6 +18,14 @@ class Scans:
         offsets: (K + 1,) int64, the points of scan k are rows offsets[k]:offsets[k + 1].
         points_world: (P, 2) m.
         covariances_world: (P, 2, 2) m².
+        correlations: (P,) correlation, 0 … 1, of a point's error along the ray with that of the row
+            before; 0 for the first row of a scan, and where errors are independent. The correlation
+            of any two rows is the product of those between them. With all equal to c, n points
+            are worth n (1 - c) / (1 + c) independent ones.
+        unknown_offsets: (K + 1,) int64, scan k's rows of `unknown_bearings`.
+        unknown_bearings: (U, 2) rad in the world, least and greatest, counter-clockwise and not
+            wrapped: between them something may be nearer than the points, or be there without a
+            point. That no point is there is no evidence that nothing is. By default there are none.
     """
 
     times: np.ndarray
@@ -25,6 +33,16 @@ class Scans:
     offsets: np.ndarray
     points_world: np.ndarray
     covariances_world: np.ndarray
+    correlations: np.ndarray = None
+    unknown_offsets: np.ndarray = None
+    unknown_bearings: np.ndarray = None
+
+    def __post_init__(self) -> None:
+        if self.unknown_bearings is None:
+            object.__setattr__(self, "unknown_offsets", np.zeros_like(self.offsets))
+            object.__setattr__(self, "unknown_bearings", np.zeros((0, 2)))
+        if self.correlations is None:
+            object.__setattr__(self, "correlations", np.zeros(len(self.points_world)))
 
     @classmethod
     def of_each(
@@ -32,10 +50,14 @@ class Scans:
         times: np.ndarray,
         sensor_poses_world: np.ndarray,
         scans: Sequence[tuple[np.ndarray, np.ndarray]],
+        correlations: Sequence[np.ndarray] | None = None,
+        unknown_bearings: Sequence[np.ndarray] | None = None,
     ) -> "Scans":
         """From `times` (K,) s, poses (K, 3), and points (n_k, 2) m and covariances (n_k, 2, 2) m².
 
-        The last two are given for each scan, in order; all are in the world.
+        The last two are given for each scan, in order; all are in the world. `correlations` (n_k,)
+        likewise; None if the points' errors are independent. `unknown_bearings` (u_k, 2) rad
+        likewise; None if there are none.
         """
         return cls(
             times=np.array(times, dtype=np.float64),
@@ -45,6 +67,15 @@ class Scans:
             covariances_world=np.concatenate(
                 [np.zeros((0, 2, 2)), *(covariances for _, covariances in scans)]
             ),
+            correlations=None
+            if correlations is None
+            else np.concatenate([np.zeros(0), *correlations]),
+            unknown_offsets=None
+            if unknown_bearings is None
+            else np.cumsum([0, *map(len, unknown_bearings)], dtype=np.int64),
+            unknown_bearings=None
+            if unknown_bearings is None
+            else np.concatenate([np.zeros((0, 2)), *unknown_bearings]),
         )
 
     def __len__(self) -> int:

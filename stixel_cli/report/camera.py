@@ -43,8 +43,10 @@ PANELS = (
     Panel("left", "Left image", panels.draw_left),
     Panel("disparity", "Disparity", panels.draw_disparity, "disparity", ("invalid",)),
     Panel("occupancy", "Occupancy grid", panels.draw_occupancy, "likelihood", ("limit",)),
-    Panel("free_space", "Free space", panels.draw_free_space, None, ("free",)),
-    Panel("height", "Free space and height", panels.draw_height, None, ("free", "obstacle")),
+    Panel("free_space", "Free space", panels.draw_free_space, None, ("free", "unknown")),
+    Panel(
+        "height", "Free space and height", panels.draw_height, None, ("free", "unknown", "obstacle")
+    ),
     Panel("stixels", "Stixels", panels.draw_stixels, "depth"),
 )
 
@@ -93,6 +95,7 @@ def _view(rendered, pairs, disparities, grid, free_space, stixels, rig, frame) -
         grid_laterals=grid.laterals,
         obstacle_disparity=free_space.disparity[i],
         base_row=free_space.base_row[i],
+        unknown_row=free_space.unknown_row[i],
         horizon_row=int(np.clip(np.ceil(horizon), 0, rig.height)),
         left=stixels.left[rows],
         right=stixels.right[rows],
@@ -141,7 +144,7 @@ def _overview(view: FrameView, frame: int, time: float) -> Figure:
         axes.set_title(panel.title + (", seen from above: depth in m" if is_grid else ""))
     bar = _axes_at(figure, size, columns * across + 24, LEGEND + 26, 12, count * down - 30)
     _colour_bar(figure, bar, "depth", view)
-    _legend(figure, ("invalid", "limit", "free", "obstacle"), 40 / size[0])
+    _legend(figure, ("invalid", "limit", "free", "unknown", "obstacle"), 40 / size[0])
     figure.text(40 / size[0], 1.0 - 14 / size[1], style.title("Camera", frame, time), va="center")
     return figure
 
@@ -180,6 +183,7 @@ def _legend(figure: Figure, names: tuple[str, ...], left: float) -> None:
         "invalid": Patch(color=style.INVALID, label="no disparity found"),
         "limit": Line2D([], [], color=style.FREE, linewidth=1.8, label="end of free space"),
         "free": Patch(color=style.FREE, alpha=0.6, label="free space"),
+        "unknown": Patch(color=style.UNKNOWN, alpha=0.6, label="unknown: no disparity"),
         "obstacle": Patch(color=style.OBSTACLE, alpha=0.6, label="obstacle"),
     }
     figure.legend(

@@ -34,7 +34,8 @@ class FrameView:
         grid_kind: kind of the occupancy grid.
         grid: (R, C) likelihood; grid_depth: (R,) m, depth of its rows, ascending.
         grid_laterals: (C,) lateral positions: m to the right (Cartesian), else image columns.
-        obstacle_disparity: (W,) px, NaN where the column is free; base_row: (W,).
+        obstacle_disparity: (W,) px, NaN where the column is free; base_row, unknown_row: (W,) as in
+            `FreeSpace`.
         horizon_row: the first image row of the road in the grid.
         left, right, top, base: (S,) px, the stixels' columns left … right - 1, rows top … base.
         depth: (S,) m, the stixels' depth.
@@ -50,6 +51,7 @@ class FrameView:
     grid_laterals: np.ndarray
     obstacle_disparity: np.ndarray
     base_row: np.ndarray
+    unknown_row: np.ndarray
     horizon_row: int
     left: np.ndarray
     right: np.ndarray
@@ -155,13 +157,19 @@ def _grey_rgb(view: FrameView) -> np.ndarray:
 
 
 def _tint_free(image: np.ndarray, view: FrameView) -> np.ndarray:
-    """Tint each column of an RGB image from its obstacle's base, or the horizon, down."""
+    """Tint each column of an RGB image from its obstacle's base, or the horizon, down.
+
+    In the colour of free space, but above the unknown row in that of the unknown.
+    """
     free = np.isnan(view.obstacle_disparity) | (view.base_row < 0)
     first = np.where(free, view.horizon_row, view.base_row + 1)
     below = np.arange(len(image))[:, None] >= first[None, :]
     tinted = image.copy()
     _tint(tinted, style.FREE)
-    return np.where(below[..., None], tinted, image)
+    hidden = image.copy()
+    _tint(hidden, style.UNKNOWN)
+    known = np.arange(len(image))[:, None] > view.unknown_row[None, :]
+    return np.where(below[..., None], np.where(known[..., None], tinted, hidden), image)
 
 
 def _tint(image: np.ndarray, colour: str) -> None:

@@ -3,13 +3,14 @@
 import cv2
 import numpy as np
 
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.stereo.disparities import SUBPIXELS, Disparities
 from stixel_cli.stixels.extraction_parameters import ExtractionParameters, HeightParameters
 from stixel_cli.stixels.grouping import group_columns
 from stixel_cli.stixels.height import depth_windows, top_rows
 from stixel_cli.stixels.road import base_rows, pitch_and_height, pitch_factors
-from stixel_cli.stixels.types import FreeSpace, Stixels
+from stixel_cli.stixels.types import SAME_OBJECT, FreeSpace, Stixels
 
 BINS_PER_PIXEL = 8
 """Resolution of the stixels' histograms of disparities."""
@@ -41,11 +42,33 @@ def extract_stixels(
             )
         )
     offsets = np.cumsum([0] + [len(f["left"]) for f in found], dtype=np.int64)
-    empty = group_fields(np.zeros((0, 4)), np.zeros((0, 4)), np.array([1.0, 0.0]), rig, 0.0)
+    empty = group_fields(np.zeros((0, 4)), np.zeros((0, 2)), np.array([1.0, 0.0]), rig, extraction)
     arrays = {
         name: np.concatenate([zero, *(f[name] for f in found)]) for name, zero in empty.items()
     }
-    return Stixels(first=frames.start, offsets=offsets, **arrays)
+    unknown = [
+        unknown_bearings(free_space.unknown_row[k - free_space.first] >= 0, rig) for k in frames
+    ]
+    return Stixels(
+        first=frames.start,
+        offsets=offsets,
+        unknown_offsets=np.cumsum([0, *map(len, unknown)], dtype=np.int64),
+        unknown_ego=np.concatenate([np.zeros((0, 2)), *unknown]),
+        **arrays,
+    )
+
+
+def unknown_bearings(unknown: np.ndarray, rig: Rig) -> np.ndarray:
+    """Least and greatest bearings (U, 2) rad, in the ego frame, of runs of `unknown` (W,) columns.
+
+    In ascending order. Bearings are of level rays, along which a column's u is
+    u0 + f tan(bearing from straight ahead) / cos p.
+    """
+    steps = np.diff(np.concatenate([[0], unknown.astype(np.int8), [0]]))
+    edges = np.stack([np.flatnonzero(steps > 0), np.flatnonzero(steps < 0)], axis=1) - 0.5
+    right = (edges - rig.u0) / rig.focal * np.cos(rig.pitch_radians)
+    # Columns run to the right, bearings to the left.
+    return (STRAIGHT_AHEAD - np.arctan(right))[::-1, ::-1]
 
 
 def stixels_of_frame(
@@ -82,12 +105,12 @@ def stixels_of_frame(
         BINS_PER_PIXEL,
         smoothing_kernel(extraction.smoothing),
         extraction.least_pixels,
+        # A height h has f_v h / z = (f_v / f) h d / B rows.
+        extraction.front_height / rig.baseline * rig.focal_v / rig.focal,
+        extraction.front_margin,
     )
-    measured = values.copy()
-    # Pixels of a match are not independent, and part of the error is common to them all.
-    share = np.minimum(1.0, extraction.correlated_pixels / np.maximum(values[:, 2], 1.0))
-    measured[:, 1] = extraction.least_std**2 + values[:, 1] * share
-    return group_fields(areas, measured, line, rig, extraction.relief)
+    areas[:, 2] = np.maximum(areas[:, 2] - height.hidden_rows, 0)
+    return group_fields(areas, values, line, rig, extraction)
 
 
 def foot_rows(
@@ -110,18 +133,21 @@ def smoothing_kernel(std: float) -> np.ndarray:
 
 
 def group_fields(
-    areas: np.ndarray, measured: np.ndarray, line: np.ndarray, rig: Rig, relief: float
+    areas: np.ndarray,
+    measured: np.ndarray,
+    line: np.ndarray,
+    rig: Rig,
+    extraction: ExtractionParameters,
 ) -> dict[str, np.ndarray]:
     """Fields of `Stixels` from column ranges, tops and disparities.
 
     Args:
         areas: (S, 4) left, right (exclusive), top and base row.
-        measured: (S, 4) pitch-compensated disparity px, its variance px², pixels, their mean row.
+        measured: (S, 2) pitch-compensated disparity px, mean row of the pixels.
         line: (2,) the road's disparity a v + b, px.
-        relief: standard deviation of the surface in depth, m.
     """
     left, right, top = areas[:, 0], areas[:, 1], areas[:, 2].astype(np.float64)
-    disparity, variance, mean_row = measured[:, 0], measured[:, 1], measured[:, 3]
+    disparity, mean_row = measured[:, 0], measured[:, 1]
     pitch, camera_height = pitch_and_height(line, rig)
     focal_baseline = rig.focal * rig.baseline
     depth = focal_baseline / disparity
@@ -130,7 +156,9 @@ def group_fields(
     bearing = (0.5 * (left + right - 1) - rig.u0) / rig.focal
     points = np.stack([bearing * depth_camera, depth], axis=1)
     # Depth along the ray, and the place within the columns across it (even over them: w²/12).
-    depth_variance = (depth / disparity) ** 2 * variance + relief**2
+    neighbours, scatter = surroundings(left, depth, extraction.width)
+    variance = np.where(neighbours < 3, extraction.edge_std**2, 0.0) + extraction.least_std**2
+    depth_variance = (depth / disparity) ** 2 * variance + scatter + extraction.relief**2
     ray = np.stack([bearing / upright, np.ones_like(depth)], axis=1)
     covariances = depth_variance[:, None, None] * ray[:, :, None] * ray[:, None, :]
     covariances[:, 0, 0] += (depth_camera * (right - left) / rig.focal) ** 2 / 12.0
@@ -150,3 +178,30 @@ def group_fields(
         "points_ego": points,
         "covariances_ego": covariances,
     }
+
+
+def surroundings(left: np.ndarray, depth: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
+    """How many of the two stixels on either side are on the same object, and the depth's scatter.
+
+    Args:
+        left: (S,) first columns, ascending, multiples of `width`.
+        depth: (S,) m.
+
+    Returns:
+        Neighbours (S,) int64, 0 … 4, nearer than `SAME_OBJECT`; and half the mean square of their
+        differences of depth (S,) m², the variance of one of them about a flat surface. It is 0
+        without a neighbour.
+    """
+    count = np.zeros(len(left), dtype=np.int64)
+    squares = np.zeros(len(left))
+    for apart in (1, 2):
+        near, far = np.arange(len(left) - apart), np.arange(apart, len(left))
+        # Not across a gap of two stixels or more.
+        within = left[far] - left[near] <= 2 * width
+        within &= np.abs(depth[far] - depth[near]) < SAME_OBJECT
+        near, far = near[within], far[within]
+        squared = (depth[far] - depth[near]) ** 2
+        for side in (near, far):
+            count[side] += 1
+            squares[side] += squared
+    return count, 0.5 * squares / np.maximum(count, 1)

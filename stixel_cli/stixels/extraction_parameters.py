@@ -15,11 +15,14 @@ class HeightParameters:
         depth_margin: surfaces this much behind the obstacle do not belong to it, m (ΔZ).
         smoothness: cost of one row's step of the top between neighbouring columns (C_s).
         depth_scale: neighbours this far apart in depth are not tied to each other, m (N_Z).
+        hidden_rows: rows at an obstacle's upper edge to which a matcher gives the disparity of what
+            is behind, about half of its block, px. They are added to the stixels' tops.
     """
 
     depth_margin: Annotated[float, Gt(0), Le(100)]
     smoothness: Annotated[float, Ge(0), Le(1000)]
     depth_scale: Annotated[float, Gt(0), Le(500)]
+    hidden_rows: Annotated[int, Ge(0), Le(64)]
 
 
 @parameters
@@ -32,15 +35,22 @@ class ExtractionParameters:
         least_height: pixels lower above the road than this do not count, m: at the foot of an
             obstacle a matcher blends it with the road.
         least_pixels: fewer pixels of the obstacle's disparity make no stixel.
-        least_std: part of the disparity's standard deviation that no averaging removes, px.
-        correlated_pixels: that many neighbouring pixels count as one independent measurement.
-        relief: standard deviation of an object's surface round the flat stixel, in depth, m.
+        front_height: the front face is the nearest part of the stixel that is this high, m.
+        front_margin: pixels more than this behind the front face are another surface, px: a
+            windscreen behind a bonnet does not move the stixel.
+        least_std: standard deviation of a stixel's disparity amid others of its object, px.
+        edge_std: what is added to it, in square, with fewer than three of the two neighbours on
+            either side: at an object's edge a matcher blends it with what is behind, px.
+        relief: standard deviation of a flat surface's depth, m. That of other surfaces is added:
+            half the mean square of the differences of depth between a stixel and these neighbours.
     """
 
     width: Annotated[int, Ge(1), Le(64)]
     smoothing: Annotated[float, Ge(0.1), Le(4)]
     least_height: Annotated[float, Ge(0), Le(20)]
     least_pixels: Annotated[int, Ge(1), Le(10000)]
+    front_height: Annotated[float, Gt(0), Le(20)]
+    front_margin: Annotated[float, Gt(0), Le(64)]
     least_std: Annotated[float, Ge(0), Le(5)]
-    correlated_pixels: Annotated[float, Ge(1), Le(10000)]
+    edge_std: Annotated[float, Ge(0), Le(5)]
     relief: Annotated[float, Ge(0), Le(5)]

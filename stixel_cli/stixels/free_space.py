@@ -16,6 +16,7 @@ from stixel_cli.stixels.nearest_obstacle import nearest_obstacle
 from stixel_cli.stixels.occupancy import layout
 from stixel_cli.stixels.road import base_rows, find_road, pitch_factors
 from stixel_cli.stixels.types import FreeSpace
+from stixel_cli.stixels.unknown import unknown_rows
 
 
 def find_free_space(
@@ -36,6 +37,7 @@ def find_free_space(
     """
     grid = layout(occupancy, rig, disparities.count)
     found: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+    unknown: list[np.ndarray] = []
     if previous is not None:
         last = (previous.disparity[-1], previous.base_row[-1], previous.road[-1])
     for k in frames:
@@ -46,13 +48,16 @@ def find_free_space(
             before = found[-1] if found else last
             expected = expected_depth(*before, rig, *ego_motion.poses_world[[k - 1, k]])
         obstacle = nearest_obstacle(columns, line, expected, rig, road, grid, occupancy, free_space)
-        found.append((obstacle, obstacle_base(obstacle, line, rig), line))
+        base_row = obstacle_base(obstacle, line, rig)
+        found.append((obstacle, base_row, line))
+        unknown.append(unknown_rows(columns, base_row, line, rig, occupancy, free_space))
     width = rig.width
     return FreeSpace(
         first=frames.start,
         disparity=np.array([f[0] for f in found], dtype=np.float32).reshape(-1, width),
         base_row=np.array([f[1] for f in found], dtype=np.int32).reshape(-1, width),
         road=np.array([f[2] for f in found], dtype=np.float64).reshape(-1, 2),
+        unknown_row=np.array(unknown, dtype=np.int32).reshape(-1, width),
     )
 
 

@@ -162,6 +162,9 @@ class FreeSpaceParameters:
         spatial_limit: greater steps cost no more, m (T_s).
         temporal_cost: cost of a step in depth since the last frame, 1/m (C_t); 0: no cost.
         temporal_limit: greater steps cost no more, m (T_t).
+        unknown_height: a place of the road is unknown if, from there up to this height, m, less
+            than `least_density` of the pixels have a disparity.
+        least_density: share of the pixels; 0: all is known.
     """
 
     obstacle_height: Annotated[float, Gt(0), Le(5)]
@@ -172,6 +175,8 @@ class FreeSpaceParameters:
     spatial_limit: Annotated[float, Gt(0), Le(500)]
     temporal_cost: Annotated[float, Ge(0), Le(1000)]
     temporal_limit: Annotated[float, Gt(0), Le(500)]
+    unknown_height: Annotated[float, Gt(0), Le(20)]
+    least_density: Annotated[float, Ge(0), Le(1)]
 
     def check(self) -> None:
         """Raise ValueError if the parameters contradict each other."""

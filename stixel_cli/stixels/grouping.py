@@ -6,6 +6,9 @@ Loops stand in for NumPy's sort, argmax and slices: Numba would compile those fo
 import numpy as np
 from numba import njit
 
+LEAST_ROWS = 5
+"""A front face has at least this many rows."""
+
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def group_columns(
@@ -21,13 +24,16 @@ def group_columns(
     bins_per_pixel,
     kernel,
     least_pixels,
+    front_rows,
+    front_margin,
 ):
     """Areas and disparities of one frame's stixels.
 
     A group of columns is a stixel if at least half of them have an obstacle. The columns of the
     group whose obstacle is within `window` of the median one's, in disparity, make it up: its
-    top is the median of theirs, its disparity the maximum of the histogram of the disparities
-    within the window in their areas, from the top down to `foot`.
+    top is the median of theirs. The disparities within the window in their areas, from the top
+    down to `foot`, make a histogram. It is split: what is more than `front_margin` behind the
+    front face (`front_face`) is another surface. The disparity is the maximum of the rest.
 
     Args:
         columns: (W, H) int16 raw disparities; pitch-compensated disparity is raw * scale[v] px.
@@ -38,18 +44,22 @@ def group_columns(
         stixel_width: columns of a group.
         bins, bins_per_pixel: of the histogram.
         kernel: (2 r + 1,) float64 that the histogram is smoothed with.
-        least_pixels: groups with fewer pixels in the histogram are no stixel.
+        least_pixels: groups with fewer pixels in the window are no stixel.
+        front_rows: rows of a front face for each px of its disparity.
+        front_margin: px.
 
     Returns:
-        areas (S, 4) int64: left, right (exclusive), top, base; values (S, 4) float64: disparity
-        px, variance of one pixel's disparity round it px², number of pixels, their mean row.
+        areas (S, 4) int64: left, right (exclusive), top, base; values (S, 2) float64: disparity
+        px, mean row of the pixels in the window.
     """
-    width = columns.shape[0]
+    width, height = columns.shape
     groups = (width + stixel_width - 1) // stixel_width
     areas = np.empty((groups, 4), dtype=np.int64)
-    values = np.empty((groups, 4), dtype=np.float64)
+    values = np.empty((groups, 2), dtype=np.float64)
     histogram = np.zeros(bins, dtype=np.int32)
     members = np.empty(stixel_width, dtype=np.int64)
+    row_count = np.zeros(height, dtype=np.int64)
+    row_total = np.zeros(height, dtype=np.float64)
     found = 0
     for left in range(0, width, stixel_width):
         right = min(left + stixel_width, width)
@@ -57,21 +67,31 @@ def group_columns(
         if kept == 0:
             continue
         centre, reach = obstacle[middle], window[middle]
-        least, most, pixels, rows = _vote(
-            columns, members, kept, tops, foot, scale, centre, reach, bins_per_pixel, histogram
-        )
+        least, most, first, last, rows = _vote(
+            columns, members, kept, tops, foot, scale, centre, reach, bins_per_pixel, histogram,
+            row_count, row_total,
+        )  # fmt: skip
+        of_row, sum_of_row = row_count[first : last + 1], row_total[first : last + 1]
+        pixels = of_row.sum()
         if pixels >= least_pixels:
-            peak = histogram_peak(histogram[least : most + 1], kernel)
-            spread = _spread(histogram, least, most, peak, len(kernel) // 2)
+            extent = max(LEAST_ROWS, int(front_rows * centre + 0.5))
+            front = front_face(of_row, sum_of_row, kept, extent)
+            start = max(least, int(np.ceil((front - front_margin) * bins_per_pixel)))
+            votes = histogram[start : most + 1].sum()
+            # So few pixels are no face: noise, or something small in front of it.
+            if 2 * votes < extent * kept:
+                start = least
+            peak = histogram_peak(histogram[start : most + 1], kernel)
             areas[found, 0], areas[found, 1] = left, right
             areas[found, 2] = tops[_median_column(tops, members, kept)]
             areas[found, 3] = base_row[middle]
-            values[found, 0] = (peak + least) / bins_per_pixel
-            values[found, 1] = spread / bins_per_pixel**2
-            values[found, 2], values[found, 3] = pixels, rows / pixels
+            values[found, 0] = (peak + start) / bins_per_pixel
+            values[found, 1] = rows / pixels
             found += 1
         for b in range(least, most + 1):
             histogram[b] = 0
+        of_row[:] = 0
+        sum_of_row[:] = 0.0
     return areas[:found], values[:found]
 
 
@@ -116,14 +136,49 @@ def _median_column(values, members, n):
 
 
 @njit(cache=True, nogil=True)
-def _vote(columns, members, n, tops, foot, scale, centre, reach, bins_per_pixel, histogram):
-    """Add a stixel's disparities to the empty `histogram`: of the first `n` columns in `members`.
+def front_face(count, total, columns, extent):
+    """Disparity, px, of the nearest face: the greatest mean over `extent` rows next to each other.
+
+    Only where at least half of the pixels there have a disparity. Without such rows, the mean of
+    all: then nothing is known of a relief.
+
+    Args:
+        count, total: (n,) number and sum of the disparities of each row.
+        columns: pixels of a row.
+        extent: rows of the face; at most n count.
+    """
+    extent = min(extent, len(count))
+    found, pixels, summed = False, 0, 0.0
+    nearest = 0.0
+    for v in range(len(count)):
+        pixels += count[v]
+        summed += total[v]
+        if v >= extent:
+            pixels -= count[v - extent]
+            summed -= total[v - extent]
+        if v >= extent - 1 and 2 * pixels >= extent * columns and pixels > 0:
+            mean = summed / pixels
+            if not found or mean > nearest:
+                found, nearest = True, mean
+    if found:
+        return nearest
+    return total.sum() / max(count.sum(), 1)
+
+
+@njit(cache=True, nogil=True)
+def _vote(
+    columns, members, n, tops, foot, scale, centre, reach, bins_per_pixel, histogram, count, total
+):
+    """Add up a stixel's disparities: of the first `n` columns in `members`.
+
+    They are added to the empty `histogram` and, row by row, to the empty `count` and `total` (H,).
 
     Returns:
-        The first and the last bin that is not empty, the number of pixels, the sum of their rows.
+        The first and the last bin, the first and the last row that are not empty, and the sum of
+        the pixels' rows.
     """
     bins = len(histogram)
-    least, most, pixels, rows = bins, -1, 0, 0
+    least, most, first, last, rows = bins, -1, len(count), -1, 0
     for i in range(n):
         u = members[i]
         for v in range(tops[u], foot[u] + 1):
@@ -134,23 +189,12 @@ def _vote(columns, members, n, tops, foot, scale, centre, reach, bins_per_pixel,
             if abs(disparity - centre) < reach:
                 b = min(int(disparity * bins_per_pixel + np.float32(0.5)), bins - 1)
                 histogram[b] += 1
+                count[v] += 1
+                total[v] += disparity
                 least, most = min(least, b), max(most, b)
-                pixels += 1
+                first, last = min(first, v), max(last, v)
                 rows += v
-    return least, most, pixels, rows
-
-
-@njit(cache=True, nogil=True)
-def _spread(histogram, least, most, peak, reach):
-    """Variance, bins², about `peak`, counted from `least`, of the votes within `reach` of it."""
-    low = max(least, int(peak + least - reach))
-    high = min(most, int(peak + least + reach))
-    votes = spread = 0.0
-    for b in range(low, high + 1):
-        votes += histogram[b]
-        away = b - peak - least
-        spread += histogram[b] * (away * away)
-    return spread / max(votes, 1.0)
+    return least, most, first, last, rows
 
 
 @njit(cache=True, nogil=True)

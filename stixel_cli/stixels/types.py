@@ -8,6 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+SAME_OBJECT = 1.5
+"""Neighbouring stixels less than this apart in depth are on one object, m."""
+
 
 @dataclass(frozen=True)
 class FreeSpace:
@@ -18,12 +21,19 @@ class FreeSpace:
         disparity: (n, W) float32, disparity of the obstacle in px; NaN where the column is free.
         base_row: (n, W) int32, image row where that obstacle meets the road; -1 where free.
         road: (n, 2) float64, the road's disparity in row v: road[0] * v + road[1], px.
+        unknown_row: (n, W) int32, nothing is known of the column from this row upwards to its
+            obstacle; -1 where all is known. By default, all is.
     """
 
     first: int
     disparity: np.ndarray
     base_row: np.ndarray
     road: np.ndarray
+    unknown_row: np.ndarray = None
+
+    def __post_init__(self) -> None:
+        if self.unknown_row is None:
+            object.__setattr__(self, "unknown_row", np.full_like(self.base_row, -1))
 
 
 @dataclass(frozen=True)
@@ -40,6 +50,10 @@ class Stixels:
         height: (S,) float64 m, of the top above the road.
         points_ego: (S, 2) float64 m on the ego car's ground plane.
         covariances_ego: (S, 2, 2) float64 m².
+        unknown_offsets: (n + 1,) int64, frame i's rows of `unknown_ego`.
+        unknown_ego: (U, 2) float64 rad, least and greatest bearing, counter-clockwise from the ego
+            frame's +x, of columns next to each other in which something may be nearer than what is
+            found; ascending. By default, there are no such columns.
     """
 
     first: int
@@ -54,6 +68,13 @@ class Stixels:
     height: np.ndarray
     points_ego: np.ndarray
     covariances_ego: np.ndarray
+    unknown_offsets: np.ndarray = None
+    unknown_ego: np.ndarray = None
+
+    def __post_init__(self) -> None:
+        if self.unknown_ego is None:
+            object.__setattr__(self, "unknown_offsets", np.zeros_like(self.offsets))
+            object.__setattr__(self, "unknown_ego", np.zeros((0, 2)))
 
     def rows(self, index: int) -> slice:
         """The rows of the `index`-th frame here."""

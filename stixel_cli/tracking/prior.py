@@ -21,6 +21,8 @@ class PriorShape:
         measurement_std: of a point, m: noise, and error of the shape that neighbouring points
             share. A tracker's configuration refers to the three, or sets its own.
         start_position: standard deviation of x and of y at the start, m, for `start.position`.
+        road_user: the class. The tracker `contour` takes the class's outline, with this length and
+            width, instead of `shape`.
     """
 
     length: Annotated[float, Gt(0), Le(30)]
@@ -31,6 +33,7 @@ class PriorShape:
     sigma_r: Annotated[float, Ge(0), Le(20)]
     measurement_std: Annotated[float, Ge(1e-6), Le(10)]
     start_position: Annotated[float, Gt(0), Le(100)]
+    road_user: Literal["car", "cyclist", "pedestrian"]
 
     def check(self) -> None:
         """Raise ValueError if the rounded corners do not fit."""

@@ -10,21 +10,29 @@ from stixel_cli.stixels.road import base_rows, road_line
 from stixel_cli.stixels.types import Stixels
 from stixel_cli.validation.stage_truth import FrameTruth
 
+SQUARE = 0.2
+"""The depths of a square face's pixels are within this, m, from the 10 % to the 90 % quantile."""
+
 
 @dataclass(frozen=True)
 class StixelErrors:
     """The stixels on the target, n frames concatenated, and how the target's columns are covered.
 
-    A stixel is on the target if the target is the nearest obstacle in at least half of its columns;
-    its truth is the median over those. Errors are found minus true.
+    A stixel is on the target if the target is the nearest obstacle in at least half of its columns.
+    Errors are found minus true. A depth is compared with two truths, never with a mixture of them:
+
+    - the *front face*: the nearest obstacle of a column (`stage_truth.frame_truth`), the median
+      over the stixel's columns on the target;
+    - its *own pixels*: the median depth of the target's pixels in the stixel's area. If their
+      depths are within `SQUARE` the face is square, else slanted (or stepped).
 
     Attributes:
         offsets: (n + 1,) int64, frame i has the rows offsets[i]:offsets[i + 1].
-        true_depth: (S,) m along the road, of the nearest surface.
-        disparity: (S,) px, error of the pitch-compensated disparity.
-        depth: (S,) m, error against the nearest surface.
-        area_depth: (S,) m, error against the median depth of the target's pixels in the stixel's
-            area, which a slanted or stepped surface sets apart; NaN without such pixels.
+        true_depth: (S,) m along the road, of the front face.
+        disparity: (S,) px, error of the pitch-compensated disparity against the front face.
+        depth: (S,) m, error against the front face.
+        own_depth: (S,) m, error against the own pixels; NaN without such pixels.
+        own_spread: (S,) m, from the 10 % to the 90 % quantile of the own pixels' true depths.
         sigma: (S,) m, the stixel's stated standard deviation in depth.
         lateral: (S,) m, error of the point to the right.
         top, base: (S,) px, errors of the rows, downwards. The true top is the target's topmost row
@@ -42,7 +50,8 @@ class StixelErrors:
     true_depth: np.ndarray
     disparity: np.ndarray
     depth: np.ndarray
-    area_depth: np.ndarray
+    own_depth: np.ndarray
+    own_spread: np.ndarray
     sigma: np.ndarray
     lateral: np.ndarray
     top: np.ndarray
@@ -53,6 +62,16 @@ class StixelErrors:
     matched: np.ndarray
     overhang: np.ndarray
     hanging: np.ndarray
+
+    @property
+    def square(self) -> np.ndarray:
+        """Which stixels (S,) bool have own pixels on a square face."""
+        return self.own_spread <= SQUARE
+
+    @property
+    def slanted(self) -> np.ndarray:
+        """Which stixels (S,) bool have own pixels on a slanted or stepped face."""
+        return self.own_spread > SQUARE
 
     @classmethod
     def joined(cls, parts: "list[StixelErrors]") -> "StixelErrors":
@@ -70,7 +89,8 @@ ROW_FIELDS = (
     "true_depth",
     "disparity",
     "depth",
-    "area_depth",
+    "own_depth",
+    "own_spread",
     "sigma",
     "lateral",
     "top",
@@ -159,6 +179,7 @@ def _errors_of(stixels: Stixels, s: int, truth: FrameTruth, on_target, true, lin
         stixels.disparity[s] - disparity,
         stixels.depth[s] - depth,
         stixels.depth[s] - np.median(surface) if surface.size else np.nan,
+        np.subtract(*np.percentile(surface, [90, 10])) if surface.size else np.nan,
         np.sqrt(stixels.covariances_ego[s, 1, 1]),
         stixels.points_ego[s, 0] - truth.nearest_lateral[u].mean(),
         stixels.top[s] - np.median(tops),

@@ -139,8 +139,9 @@ def stixel_summary(
 
     Returns:
         stixels; gross: share whose disparity is off by more than `GROSS` px; of the others: bias,
-        rms, spread (standard deviation round the bias), median_abs: m in depth; bias_px, rms_px;
-        area_bias, area_rms: m against the stixel's own area; sigma: mean stated, m; nees: mean
+        rms, spread (standard deviation round the bias), median_abs: m in depth, bias_px, rms_px,
+        all against the front face; square_bias, square_rms, slanted_bias, slanted_rms: m against
+        the own pixels, by face; sigma: mean stated, m; nees: mean
         square of error / σ (1 is consistent); within_1, within_2: share within one and two σ;
         lateral_bias, lateral_rms: m; top_bias, top_rms, base_bias, base_rms: px; height_bias,
         height_rms: m.
@@ -149,7 +150,10 @@ def stixel_summary(
     fine = chosen & (np.abs(errors.disparity) <= GROSS)
     depth, sigma = errors.depth[fine], errors.sigma[fine]
     ratio = depth / sigma
-    area = errors.area_depth[fine & np.isfinite(errors.area_depth)]
+    square, slanted = (
+        errors.own_depth[fine & errors.square],
+        errors.own_depth[fine & errors.slanted],
+    )
     return {
         "stixels": float(chosen.sum()),
         "gross": _ratio(chosen.sum() - fine.sum(), chosen.sum()),
@@ -159,8 +163,10 @@ def stixel_summary(
         "median_abs": float(np.median(np.abs(depth))) if len(depth) else float("nan"),
         "bias_px": _mean(errors.disparity[fine]),
         "rms_px": _root_mean_square(errors.disparity[fine]),
-        "area_bias": _mean(area),
-        "area_rms": _root_mean_square(area),
+        "square_bias": _mean(square),
+        "square_rms": _root_mean_square(square),
+        "slanted_bias": _mean(slanted),
+        "slanted_rms": _root_mean_square(slanted),
         "sigma": _mean(sigma),
         "nees": _mean(ratio**2),
         "within_1": _mean(np.abs(ratio) <= 1.0),

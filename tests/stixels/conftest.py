@@ -109,12 +109,14 @@ def free_space():
         spatial_limit=5.0,
         temporal_cost=0.1,
         temporal_limit=3.0,
+        unknown_height=1.0,
+        least_density=0.5,
     )
 
 
 @pytest.fixture(scope="session")
 def height():
-    return HeightParameters(depth_margin=3.0, smoothness=3.0, depth_scale=5.0)
+    return HeightParameters(depth_margin=3.0, smoothness=3.0, depth_scale=5.0, hidden_rows=0)
 
 
 @pytest.fixture(scope="session")
@@ -124,7 +126,9 @@ def extraction():
         smoothing=0.35,
         least_height=0.25,
         least_pixels=10,
+        front_height=0.5,
+        front_margin=0.3,
         least_std=0.1,
-        correlated_pixels=25.0,
+        edge_std=0.1,
         relief=0.05,
     )

@@ -12,17 +12,19 @@ from stixel_cli.stixels.extraction import (
     extract_stixels,
     foot_rows,
     smoothing_kernel,
+    surroundings,
 )
 from stixel_cli.stixels.free_space import find_free_space
-from stixel_cli.stixels.grouping import group_columns, histogram_peak
+from stixel_cli.stixels.grouping import LEAST_ROWS, front_face, group_columns, histogram_peak
 from stixel_cli.stixels.road import base_rows, road_line
+from stixel_cli.stixels.types import SAME_OBJECT
 
 BOXES = [(-2.0, 9.0, 1.6, 1.5), (2.5, 16.0, 2.0, 1.7)]
 
 
 @pytest.fixture
 def pipeline(road, occupancies, free_space, height, extraction):
-    def run(disparities, rig, extraction=extraction):
+    def run(disparities, rig, extraction=extraction, height=height):
         frames = range(disparities.first, disparities.first + len(disparities))
         poses = np.tile([0.0, 0.0, np.pi / 2], (frames.stop, 1))
         found = find_free_space(
@@ -82,14 +84,18 @@ def test_free_columns_have_no_stixel(pipeline, rig, render, as_disparities):
     assert len(stixels.depth) == pytest.approx(2.0 * rig.focal / 10.0 / 5, abs=2)
 
 
-def test_covariances_follow_from_disparity_variance_and_width(
+def test_covariances_follow_from_disparity_variance_surroundings_and_width(
     pipeline, rig, render, as_disparities
 ):
     stixels = pipeline(as_disparities(render(rig, boxes=BOXES, wall=30.0)), rig)
     assert np.all(np.linalg.eigvalsh(stixels.covariances_ego) > 0)
-    assert np.all(stixels.disparity_variance >= 0.1**2)
+    count, scatter = surroundings(stixels.left, stixels.depth, 5)
+    # Stixels at the edge of an object add `edge_std`, here as large as `least_std`.
+    edge = stixels.disparity_variance > 1.5 * 0.1**2
+    assert np.array_equal(edge, count < 3) and edge.any() and not edge.all()
+    np.testing.assert_allclose(stixels.disparity_variance, np.where(edge, 2, 1) * 0.1**2)
     sigma = stixels.depth**2 * np.sqrt(stixels.disparity_variance) / (rig.focal * rig.baseline)
-    sigma = np.hypot(sigma, 0.05)
+    sigma = np.sqrt(sigma**2 + 0.05**2 + scatter)
     np.testing.assert_allclose(stixels.covariances_ego[:, 1, 1], sigma**2, rtol=1e-9)
     bearing = stixels.points_ego[:, 0] / stixels.points_ego[:, 1]
     width = stixels.depth * (stixels.right - stixels.left) / rig.focal
@@ -113,45 +119,30 @@ def test_points_are_in_the_middle_of_their_columns(pipeline, rig, render, as_dis
     np.testing.assert_allclose(columns, middles, atol=1e-6 if pitch == 0.0 else 0.3)
 
 
-def test_correlated_pixels_limit_the_reduction_of_the_variance(
-    pipeline, rig, render, as_disparities, extraction
-):
-    """Of n pixels, each as good as its neighbours over `correlated_pixels`, n / that many count."""
+def test_surroundings_match_a_brute_force_search():
     rng = np.random.default_rng(2)
-    raw = render(rig, boxes=[(0.0, 10.0, 12.0, 1.5)], wall=30.0)
-    raw = np.where(raw < 0, raw, raw + np.rint(rng.normal(0.0, 6.0, raw.shape))).astype(np.int16)
-    variances = {}
-    for correlated in (10.0, 20.0, 1e9):
-        changed = replace(extraction, correlated_pixels=correlated)
-        stixels = pipeline(as_disparities(raw), rig, extraction=changed)
-        variances[correlated] = stixels.disparity_variance - extraction.least_std**2
-    assert len(variances[10.0]) > 5
-    np.testing.assert_allclose(variances[20.0], 2.0 * variances[10.0])
-    pixels = 10.0 * variances[1e9] / variances[10.0]
-    # Five columns, from the top to `least_height` above the base.
-    rows = stixels.base - stixels.top + 1 - 0.25 * rig.focal / 10.0
-    np.testing.assert_allclose(pixels, 5.0 * rows, rtol=0.05)
+    for _ in range(20):
+        left = 3 * np.flatnonzero(rng.random(30) < 0.7)
+        depth = rng.choice([10.0, 12.0], len(left)) + rng.normal(0.0, 0.5, len(left))
+        count, scatter = surroundings(left, depth, 3)
+        for i in range(len(left)):
+            apart = [
+                depth[j] - depth[i]
+                for j in range(len(left))
+                if 0 < abs(left[j] - left[i]) <= 6 and abs(depth[j] - depth[i]) < SAME_OBJECT
+            ]
+            assert count[i] == len(apart)
+            expected = 0.5 * np.mean(np.square(apart)) if apart else 0.0
+            assert scatter[i] == pytest.approx(expected)
 
 
-def test_stixels_belong_to_their_frame_number(pipeline, rig, render, as_disparities):
-    images = [render(rig, boxes=[(x, 12.0, 2.0, 1.5)]) for x in (-1.0, 1.0)]
-    first = pipeline(as_disparities(*images), rig)
-    later = pipeline(as_disparities(*images, first=3), rig)
-    assert later.first == 3
-    np.testing.assert_array_equal(later.points_ego, first.points_ego)
-    np.testing.assert_array_equal(later.offsets, first.offsets)
-    assert np.mean(first.points_ego[first.rows(0), 0]) == pytest.approx(-1.0, abs=0.1)
-
-
-def test_empty_result_has_arrays_of_the_right_shape(pipeline, rig, as_disparities):
-    nothing = np.full((rig.height, rig.width), -1, dtype=np.int16)
-    for disparities in (as_disparities(), as_disparities(nothing, nothing)):
-        stixels = pipeline(disparities, rig)
-        assert stixels.points_ego.shape == (0, 2)
-        assert stixels.covariances_ego.shape == (0, 2, 2)
-        assert np.all(stixels.offsets == 0)
-        assert len(stixels.offsets) == len(disparities) + 1
-        assert stixels.left.dtype == np.int32
+def test_uneven_surface_states_more_relief_than_a_flat_one():
+    left = np.arange(0, 300, 3)
+    noise = np.random.default_rng(1).normal(0.0, 0.2, 100)
+    _, scatter = surroundings(left, 20.0 + noise, 3)
+    assert np.mean(scatter) == pytest.approx(0.2**2, rel=0.3)
+    count, flat = surroundings(left, np.full(100, 20.0), 3)
+    assert np.all(flat == 0.0) and count.tolist() == [2, 3, *[4] * 96, 3, 2]
 
 
 @pytest.mark.parametrize("fraction", [0.0, 0.1, 0.25, 0.4, 0.5, 0.8])
@@ -183,6 +174,8 @@ GROUPING = {
     "bins_per_pixel": BINS_PER_PIXEL,
     "kernel": smoothing_kernel(0.35),
     "least_pixels": 10,
+    "front_rows": 0.6,
+    "front_margin": 0.3,
 }
 
 
@@ -197,11 +190,24 @@ def test_group_follows_its_median_column():
     areas, values = group_columns(columns, obstacle, window, tops, base, base, **GROUPING)
     assert areas.tolist() == [[0, 5, 8, 29]]
     assert values[0, 0] == pytest.approx(10.25, abs=1e-3)
-    assert values[0, 2] == 22 + 21 + 22
+    assert values[0, 1] == pytest.approx((22 * 18.5 + 21 * 19 + 22 * 18.5) / 65)
     base[1:4] = -1
     obstacle[1:4] = np.nan
     few, _ = group_columns(columns, obstacle, window, base - 20, base, base, **GROUPING)
     assert len(few) == 0
+
+
+def brute_front(pixels, columns, extent):
+    """The nearest mean disparity of all windows of rows, of those that are at least half full."""
+    rows = [v for _, v in pixels]
+    face = max(LEAST_ROWS, int(extent + 0.5))
+    extent = min(face, max(rows) - min(rows) + 1)
+    inside = [
+        [d for d, v in pixels if start <= v < start + extent]
+        for start in range(min(rows), max(rows) - extent + 2)
+    ]
+    full = [np.mean(window) for window in inside if 2 * len(window) >= extent * columns]
+    return (max(full) if full else np.mean([d for d, _ in pixels])), face
 
 
 def brute_groups(columns, obstacle, window, tops, foot, base, grouping):
@@ -224,17 +230,18 @@ def brute_groups(columns, obstacle, window, tops, foot, base, grouping):
         pixels = [(d, v) for d, v in pixels if abs(d - obstacle[middle]) < window[middle]]
         if len(pixels) < grouping["least_pixels"]:
             continue
+        front = brute_front(pixels, len(members), obstacle[middle] * grouping["front_rows"])
+        rows = [v for _, v in pixels]
+        start = int(np.ceil((front[0] - grouping["front_margin"]) * BINS_PER_PIXEL))
+        near = [(d, v) for d, v in pixels if int(d * BINS_PER_PIXEL + 0.5) >= start]
+        pixels = near if 2 * len(near) >= front[1] * len(members) else pixels
         bins = np.array([int(d * BINS_PER_PIXEL + 0.5) for d, _ in pixels])
         histogram = np.bincount(bins - bins.min()).astype(np.int32)
         disparity = (histogram_peak(histogram, grouping["kernel"]) + bins.min()) / BINS_PER_PIXEL
-        # One pixel's variance: of the bins that the smoothing's kernel covers about the peak.
-        peak, reach = disparity * BINS_PER_PIXEL, len(grouping["kernel"]) // 2
-        about = bins[(bins >= int(peak - reach)) & (bins <= int(peak + reach))]
-        variance = np.mean((about / BINS_PER_PIXEL - disparity) ** 2) if len(about) else 0.0
         top = sorted(tops[members])[len(members) // 2]
         area = (group[0], group[-1] + 1, top, base[middle])
-        mean_row = np.mean([v for _, v in pixels])
-        found.append((area, (disparity, variance, len(pixels), mean_row)))
+        mean_row = np.mean(rows)
+        found.append((area, (disparity, mean_row)))
     return found
 
 
@@ -255,7 +262,7 @@ def test_groups_match_a_brute_force_search(seed, stixel_width, width):
     areas, values = group_columns(columns, obstacle, window, tops, foot, base, **grouping)
     expected = brute_groups(columns, obstacle, window, tops, foot, base, grouping)
     assert areas.tolist() == [list(area) for area, _ in expected]
-    np.testing.assert_allclose(values, np.reshape([v for _, v in expected], (-1, 4)), rtol=1e-6)
+    np.testing.assert_allclose(values, np.reshape([v for _, v in expected], (-1, 2)), rtol=1e-6)
 
 
 @pytest.mark.parametrize("pitch", [0.0, 3.0])
@@ -287,3 +294,48 @@ def test_blended_foot_does_not_move_the_stixel(pipeline, rig, render, as_dispari
     sharp, soft = (pipeline(as_disparities(image), rig) for image in (raw, blended))
     assert np.array_equal(sharp.left, soft.left)
     np.testing.assert_allclose(soft.depth, sharp.depth, rtol=1e-3)
+
+
+def stepped(rows_near, rows_far, near=20.0, far=18.0, width=5):
+    """Columns (W, H) of a bonnet below a cabin, and the arguments of `group_columns`."""
+    columns = np.full((width, 60), -1, dtype=np.int16)
+    columns[:, 50 - rows_near : 50] = round(16 * near)
+    columns[:, 50 - rows_near - rows_far : 50 - rows_near] = round(16 * far)
+    tops = np.full(width, 50 - rows_near - rows_far, dtype=np.int32)
+    base = np.full(width, 49, dtype=np.int32)
+    window = np.full(width, 4.0, dtype=np.float32)
+    obstacle = np.full(width, near, dtype=np.float32)
+    grouping = {**GROUPING, "scale": np.full(60, 1 / 16, dtype=np.float32)}
+    return columns, obstacle, window, tops, base, base, grouping
+
+
+@pytest.mark.parametrize(("rows_near", "expected"), [(30, 20.0), (13, 20.0), (4, 18.67)])
+def test_stixel_is_split_where_its_relief_shows(rows_near, expected):
+    """The bonnet decides, though the cabin behind it has more pixels, if it is high enough."""
+    *arrays, grouping = stepped(rows_near, rows_far=20)
+    areas, values = group_columns(*arrays, **grouping)
+    assert len(areas) == 1 and areas[0, 2] == arrays[3][0]
+    if rows_near >= 12:
+        assert values[0, 0] == pytest.approx(expected, abs=1e-3)
+    else:
+        # 12 rows are a front face here: a kerb of 4 rows does not make one.
+        assert values[0, 0] < 19.0
+
+
+def test_front_face_of_a_flat_stixel_is_its_mean():
+    count = np.array([3, 3, 0, 3, 3, 3])
+    assert front_face(count, 7.5 * count, 3, 4) == pytest.approx(7.5)
+    # Too few disparities in every window: the mean of all.
+    few = np.array([1, 0, 0, 0, 1, 0])
+    assert front_face(few, few * np.arange(6.0), 3, 4) == pytest.approx(2.0)
+
+
+def test_hidden_rows_raise_the_tops(pipeline, rig, render, as_disparities, height):
+    disparities = as_disparities(render(rig, boxes=BOXES))
+    low = pipeline(disparities, rig)
+    high = pipeline(disparities, rig, height=replace(height, hidden_rows=2))
+    assert np.array_equal(high.top, np.maximum(low.top - 2, 0))
+    assert np.array_equal(high.depth, low.depth) and np.array_equal(high.base, low.base)
+    # Two rows at that depth; the camera looks along the road.
+    rise = (low.top - high.top) * low.depth / rig.focal
+    np.testing.assert_allclose(high.height - low.height, rise, rtol=1e-6)

@@ -43,6 +43,11 @@ def data():
 
 
 def stixels_of(rig, left, right, road="rig"):
+    return processed(rig, left, right, road)[1]
+
+
+def processed(rig, left, right, road="rig"):
+    """Free space and stixels of a pair of files."""
     grey = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in (left, right)]
     pairs = StereoPairs(0, *(ImageStack.from_images([image]) for image in grey))
     frames = range(1)
@@ -57,7 +62,7 @@ def stixels_of(rig, left, right, road="rig"):
         frames,
         None,
     )
-    return extract_stixels(
+    return free_space, extract_stixels(
         disparities,
         free_space,
         rig,
@@ -95,8 +100,8 @@ def test_stixels_agree_with_the_labelled_disparity(data, road):
     assert np.mean(np.abs(errors) > 3) < 0.15
 
 
-def test_stixels_agree_with_the_lidar(data):
-    folder = data / "kitti_object"
+def object_rig(folder):
+    """The rig of kitti_object, and its calibration matrices by name."""
     matrices = {}
     for line in (folder / "calib.txt").read_text().splitlines():
         name, _, numbers = line.partition(":")
@@ -115,6 +120,27 @@ def test_stixels_agree_with_the_lidar(data):
         0.0,
         None,
     )
+    return rig, left, matrices
+
+
+def test_dark_car_beside_the_camera_is_unknown_and_not_free(data):
+    folder = data / "kitti_object"
+    rig, _, _ = object_rig(folder)
+    images = folder / "left.png", folder / "right.png"
+    free_space, stixels = processed(rig, *images, road="estimated")
+    unknown = free_space.unknown_row[0] >= 0
+    # The car is in the last 400 columns, from the bottom of the image on; 80 % of its pixels have
+    # no disparity. The road ahead is known.
+    assert np.mean(unknown[-400:]) > 0.6
+    assert np.mean(unknown[100:800]) < 0.02
+    # What the right image does not show of the left border is unknown as well.
+    assert unknown[:20].all()
+    assert len(stixels.unknown_ego) > 1 and np.all(np.diff(stixels.unknown_ego.ravel()) > 0)
+
+
+def test_stixels_agree_with_the_lidar(data):
+    folder = data / "kitti_object"
+    rig, left, matrices = object_rig(folder)
     stixels = stixels_of(rig, folder / "left.png", folder / "right.png")
     scan = np.fromfile(folder / "lidar.bin", dtype=np.float32).reshape(-1, 4)[:, :3]
     turn, to_camera = matrices["R0_rect"].reshape(3, 3), matrices["Tr_velo_to_cam"].reshape(3, 4)

@@ -10,8 +10,6 @@ from stage_summaries import column_summary, coverage_summary
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.studies.rq1 import figures
 from stixel_cli.studies.rq1.intervals import (
-    AREA_BIAS,
-    AREA_RMS,
     BASE_BIAS,
     BASE_RMS,
     COLUMN_BELOW_THRESHOLD,
@@ -28,6 +26,10 @@ from stixel_cli.studies.rq1.intervals import (
     NEES,
     NONE,
     OVERHANG,
+    SLANTED_BIAS,
+    SLANTED_RMS,
+    SQUARE_BIAS,
+    SQUARE_RMS,
     STIXEL_BIAS,
     STIXEL_RMS,
     STIXEL_RMS_PX,
@@ -110,7 +112,9 @@ def test_sums_of_stixels_exclude_gross_errors_and_other_ranges():
         true_depth=np.array([10.0, 60.0, 20.0, 20.0, 20.0]),
         disparity=np.array([0.1, 0.1, 3.0, 0.2, -0.2]),
         depth=np.array([0.5, 9.0, 9.0, 1.0, -2.0]),
-        area_depth=np.array([0.4, 9.0, 9.0, np.nan, 1.0]),
+        own_depth=np.array([0.4, 9.0, 9.0, np.nan, 1.0]),
+        square=np.array([True, True, True, False, False]),
+        slanted=np.array([False, False, False, False, True]),
         sigma=np.array([0.5, 1.0, 1.0, 2.0, 1.6]),
         height=np.array([0.3, 9.0, 9.0, -0.1, 0.2]),
         lateral=np.full(5, 0.1),
@@ -129,11 +133,12 @@ def test_sums_of_stixels_exclude_gross_errors_and_other_ranges():
     assert (WITHIN_1(total), WITHIN_2(total)) == pytest.approx((2 / 3, 1.0))
     assert HEIGHT_BIAS(total) == pytest.approx(0.4 / 3)
     assert HEIGHT_RMS(total) == pytest.approx(np.sqrt((0.09 + 0.01 + 0.04) / 3))
-    assert AREA_RMS(total) == pytest.approx(np.sqrt((0.16 + 1.0) / 2))
+    assert (SQUARE_BIAS(total), SQUARE_RMS(total)) == pytest.approx((0.4, 0.4))
+    assert (SLANTED_BIAS(total), SLANTED_RMS(total)) == pytest.approx((1.0, 1.0))
     assert LATERAL_RMS(total) == pytest.approx(0.1)
     assert (TOP_BIAS(total), TOP_RMS(total), BASE_RMS(total)) == pytest.approx((-2.0, 2.0, 3.0))
-    assert (total[4], total[5]) == (2.0, pytest.approx(0.16 + 1.0))
-    assert (AREA_BIAS(total), BASE_BIAS(total)) == pytest.approx((0.7, 3.0))
+    assert (total[4], total[17]) == (1.0, 1.0)
+    assert BASE_BIAS(total) == pytest.approx(3.0)
     assert gross_sums(made, 5.0, 50.0).tolist() == [[1.0, 0.0], [0.0, 0.0], [3.0, 1.0]]
 
 

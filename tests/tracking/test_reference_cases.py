@@ -116,6 +116,7 @@ def test_whole_track_matches_the_reference(case):
         sigma_r=1.0,
         measurement_std=0.1,
         start_position=0.3,
+        road_user="car",
     )
     points = points_of(case)
     scans = scans_of(points, times=float(case["T"]) * np.arange(len(points)))

@@ -20,6 +20,7 @@ CAR = PriorShape(
     sigma_r=0.4,
     measurement_std=0.1,
     start_position=0.3,
+    road_user="car",
 )
 
 TRACKER = GpEkfParameters(

@@ -20,7 +20,7 @@ GRID = PolarOccupancy(
     disparity_std=0.5,
     relief=0.25,
 )
-PATH = FreeSpaceParameters(0.3, 5.0, 1.5, 1.0, 0.2, 5.0, 0.0, 3.0)
+PATH = FreeSpaceParameters(0.3, 5.0, 1.5, 1.0, 0.2, 5.0, 0.0, 3.0, 1.0, 0.5)
 DISPARITY = 10.0
 """Pitch-compensated, of the target: a whole number, so the stored disparities are exact."""
 

@@ -138,6 +138,8 @@ def test_perfect_inputs_give_no_errors():
     assert stixels.pop("stixels") == np.diff(errors.stixels.offsets)[0] > 3
     assert stixels.pop("sigma") == 0.5
     assert stixels.pop("within_1") == stixels.pop("within_2") == 1.0
+    # The target is one square face.
+    assert np.isnan([stixels.pop("slanted_bias"), stixels.pop("slanted_rms")]).all()
     assert all(abs(value) < 1e-3 for value in stixels.values()), stixels
     cover = coverage_summary(errors.stixels, frames)
     assert cover["columns"] == truth.of_target.sum() and cover["elsewhere"] == 0.0
@@ -258,7 +260,7 @@ def test_injected_stixel_errors_are_measured():
         "bias": -0.5,
         "rms": 0.5,
         "spread": 0.0,
-        "area_bias": -0.5,
+        "square_bias": -0.5,
         "nees": 1.0,
         "lateral_bias": 0.0625,
         "top_bias": -2.0,
@@ -295,7 +297,13 @@ def test_stixel_with_half_its_columns_on_the_target_belongs_to_it():
     depth = truth.depth.copy()
     depth[rows[-len(rows) // 3] :] -= 1.0
     stepped = stixel_errors(good, 0, replace(truth, depth=depth), rig, GROSS)
-    assert stepped.area_depth == pytest.approx(0.0, abs=1e-9)
+    assert stepped.own_depth == pytest.approx(0.0, abs=1e-9)
+    # Its front face is the step, and the own pixels are on two depths: a face that is not square.
+    assert stepped.own_spread == pytest.approx(1.0) and stepped.slanted.all()
+    flat = stixel_errors(good, 0, truth, rig, GROSS)
+    assert flat.own_spread == pytest.approx(0.0, abs=1e-9) and flat.square.all()
+    assert np.isnan(stixel_summary(flat)["slanted_rms"])
+    assert stixel_summary(stepped)["slanted_rms"] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_stixel_overhang_is_measured_on_its_side():
@@ -394,7 +402,8 @@ def test_pooling_adds_frames_and_duplicates_do_not_change_means():
     both = disparity_summary(twice.disparity, np.array([True, True]), 2)
     assert both.pop("pixels") == 2 * one.pop("pixels") and both == pytest.approx(one)
     of_one, of_both = stixel_summary(errors.stixels), stixel_summary(twice.stixels)
-    assert of_both.pop("stixels") == 2 * of_one.pop("stixels") and of_both == pytest.approx(of_one)
+    assert of_both.pop("stixels") == 2 * of_one.pop("stixels")
+    assert of_both == pytest.approx(of_one, nan_ok=True)
     assert stixel_summary(twice.stixels, 20.0, 30.0)["stixels"] == 0.0
     centres, mean, count = phase_bias(twice.disparity, 0)
     assert centres[0] == pytest.approx(0.05) and count.sum() > 0

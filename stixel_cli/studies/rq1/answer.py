@@ -90,7 +90,10 @@ def _near(every: Group) -> dict[str, Any] | None:
         "ratio": rms.scaled(1.0 / SW_STD),
         "rms_px": estimate(every, sums, by_pose.STIXEL_RMS_PX),
         "needed": needed_disparity(every.rig, SW_STD, SW_DEPTH),
-        "area_rms": estimate(every, sums, by_pose.AREA_RMS),
+        "own": {
+            "square": estimate(every, sums, by_pose.SQUARE_RMS),
+            "slanted or stepped": estimate(every, sums, by_pose.SLANTED_RMS),
+        },
     }
 
 
@@ -170,8 +173,13 @@ def _stages(every: Group) -> Iterator[tuple[str, str, str, Estimate]]:
     yield "stixels", "gross errors", "%", estimate(every, gross, by_pose.STIXEL_GROSS)
     stixels = _stixels(every)
     yield "stixels", "disparity, RMS", "px", estimate(every, stixels, by_pose.STIXEL_RMS_PX)
-    yield "stixels", "depth, bias", "m", estimate(every, stixels, by_pose.STIXEL_BIAS)
-    yield "stixels", "depth, RMS", "m", estimate(every, stixels, by_pose.STIXEL_RMS)
+    for truth, bias, rms in (
+        ("front face", by_pose.STIXEL_BIAS, by_pose.STIXEL_RMS),
+        ("own pixels, square", by_pose.SQUARE_BIAS, by_pose.SQUARE_RMS),
+        ("own pixels, slanted", by_pose.SLANTED_BIAS, by_pose.SLANTED_RMS),
+    ):
+        yield "stixels", f"depth, {truth}, bias", "m", estimate(every, stixels, bias)
+        yield "stixels", f"depth, {truth}, RMS", "m", estimate(every, stixels, rms)
     yield "stixels", "height, bias", "m", estimate(every, stixels, by_pose.HEIGHT_BIAS)
     yield "stixels", "height, RMS", "m", estimate(every, stixels, by_pose.HEIGHT_RMS)
     yield "stated σ", "mean square of error / σ", "", estimate(every, stixels, by_pose.NEES)

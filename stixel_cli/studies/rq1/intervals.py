@@ -117,29 +117,29 @@ def _by_pose(group: Group, sums: np.ndarray) -> dict[tuple, np.ndarray]:
     return found
 
 
-STIXEL_SUMS = ("count", "depth", "depth²", "disparity²", "areas", "area²")
+STIXEL_SUMS = ("count", "depth", "depth²", "disparity²", "square", "square²")
 STIXEL_SUMS += ("ratio²", "in 1", "in 2", "height", "height²", "lateral²", "top", "top²", "base²")
-STIXEL_SUMS += ("area", "base")
+STIXEL_SUMS += ("square depth", "base", "slanted", "slanted depth", "slanted²")
 
 
 def stixel_sums(group: Group, low: float, high: float) -> np.ndarray:
-    """`STIXEL_SUMS` (n, 17) of the stixels of a true depth in [low, high) m, without gross errors.
+    """`STIXEL_SUMS` (n, 20) of the stixels of a true depth in [low, high) m, without gross errors.
 
-    `areas` counts the stixels with pixels of the target in their own area.
+    `square` and `slanted` count the stixels whose own pixels are on such a face.
     """
     errors = group.errors.stixels
     fine = in_range(errors.true_depth, low, high) & (np.abs(errors.disparity) <= GROSS)
     frame = np.repeat(np.arange(len(errors.offsets) - 1), np.diff(errors.offsets))[fine]
     depth, ratio = errors.depth[fine], errors.depth[fine] / errors.sigma[fine]
-    area = errors.area_depth[fine]
+    own, square, slanted = errors.own_depth[fine], errors.square[fine], errors.slanted[fine]
     rows = np.stack(
         [
             np.ones(len(depth)),
             depth,
             depth**2,
             errors.disparity[fine] ** 2,
-            np.isfinite(area),
-            np.nan_to_num(area) ** 2,
+            square,
+            np.where(square, own, 0.0) ** 2,
             ratio**2,
             np.abs(ratio) <= 1.0,
             np.abs(ratio) <= 2.0,
@@ -149,8 +149,11 @@ def stixel_sums(group: Group, low: float, high: float) -> np.ndarray:
             errors.top[fine],
             errors.top[fine] ** 2,
             errors.base[fine] ** 2,
-            np.nan_to_num(area),
+            np.where(square, own, 0.0),
             errors.base[fine],
+            slanted,
+            np.where(slanted, own, 0.0),
+            np.where(slanted, own, 0.0) ** 2,
         ],
         axis=-1,
     )
@@ -287,8 +290,9 @@ PIXEL_RMS = root(4, 1, less=2)
 PIXEL_GROSS = ratio(2, 1)
 PIXEL_DENSITY = ratio(1, 0)
 STIXEL_BIAS, STIXEL_RMS, STIXEL_RMS_PX = ratio(1), root(2), root(3)
-AREA_BIAS, STIXEL_GROSS = ratio(15, 4), ratio(1)
-AREA_RMS, NEES, WITHIN_1, WITHIN_2 = root(5, 4), ratio(6), ratio(7), ratio(8)
+SQUARE_BIAS, SQUARE_RMS = ratio(15, 4), root(5, 4)
+SLANTED_BIAS, SLANTED_RMS = ratio(18, 17), root(19, 17)
+STIXEL_GROSS, NEES, WITHIN_1, WITHIN_2 = ratio(1), ratio(6), ratio(7), ratio(8)
 HEIGHT_BIAS, HEIGHT_RMS, LATERAL_RMS = ratio(9), root(10), root(11)
 TOP_BIAS, TOP_RMS, BASE_BIAS, BASE_RMS = ratio(12), root(13), ratio(16), root(14)
 COLUMN_MISSED, COLUMN_BIAS = ratio(1, 0), ratio(3, 2)

@@ -27,6 +27,9 @@ SW_DEPTH, SW_STD = 28.0, 0.1
 ROUND = (25.0, 31.0)
 """Range in which their value is compared, m."""
 
+DEPTHS = {8.0: (6.0, 10.0), 15.0: (12.0, 18.0), 28.0: ROUND, 40.0: (36.0, 44.0)}
+"""Depths at which rigs are compared, m, each with the ends of its range."""
+
 LEAST = 5
 """A mean of fewer values is not shown."""
 

@@ -39,6 +39,7 @@ from stixel_cli.studies.rq1.setup import setup_values
 from stixel_cli.studies.rq1.widths import width_table, width_values
 from stixel_cli.studies.types import Material, Picture
 from stixel_cli.validation.stage_errors import BORDER, GROSS
+from stixel_cli.validation.stage_stixels import SQUARE
 
 PANELS = ("left", "disparity", "occupancy", "free_space", "height", "stixels")
 WIDTH = 1080
@@ -52,6 +53,11 @@ def report(data: StudyData) -> Material:
     users = groups(sweeps["ranges"], road_user)
     every = pool("all", [run for group in users for run in group.runs])
     by_contrast = contrast_lines(sweeps["contrast"])
+    by_rig = {
+        label: [pool(user, own) for user, own in by_label(runs, road_user).items()]
+        + [pool("all", runs)]
+        for label, runs in by_label(sweeps["rigs"].runs, rig).items()
+    }
     lines = {
         "users": users,
         "rigs": groups(sweeps["rigs"], rig),
@@ -81,6 +87,7 @@ def report(data: StudyData) -> Material:
             "least": LEAST,
             "gross": GROSS,
             "border": BORDER,
+            "square": SQUARE,
             "counts": {name: counts(own) for name, own in lines.items()}
             | {"contrast": counts(group for own in by_contrast.values() for _, group in own)},
             "seeds_per_pose": {name: seeds(own) for name, own in lines.items()},
@@ -108,6 +115,7 @@ def report(data: StudyData) -> Material:
                 "height": tables.height_table(users),
                 "stixels": tables.stixel_table(users),
                 "rigs": tables.rig_table(lines["rigs"]),
+                "depths": tables.depth_table(by_rig),
                 "contrast": tables.contrast_table(by_contrast),
             },
             "widths": by_width,

@@ -1,12 +1,13 @@
 """RQ1: the tables of the chapters."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from stixel_cli.studies.rq1 import intervals as by_pose
 from stixel_cli.studies.rq1.intervals import cells, estimate
 from stixel_cli.studies.rq1.pool import (
     AT_BORDER,
     COARSE,
+    DEPTHS,
     EDGES,
     INSIDE,
     ROUND,
@@ -48,16 +49,23 @@ _OF_HEIGHT = {
     "height bias m": by_pose.HEIGHT_BIAS,
     "height RMS m": by_pose.HEIGHT_RMS,
 }
+_OF_DEPTH = {
+    "front face bias m": by_pose.STIXEL_BIAS,
+    "front face RMS m": by_pose.STIXEL_RMS,
+    "own pixels, square, bias m": by_pose.SQUARE_BIAS,
+    "own pixels, square, RMS m": by_pose.SQUARE_RMS,
+    "own pixels, slanted, bias m": by_pose.SLANTED_BIAS,
+    "own pixels, slanted, RMS m": by_pose.SLANTED_RMS,
+}
+_OF_OWN = {name: of for name, of in _OF_DEPTH.items() if name.startswith("own")}
 _OF_GROSS = {"gross %": by_pose.STIXEL_GROSS}
 _OF_STIXELS = {
-    "bias m": by_pose.STIXEL_BIAS,
-    "RMS m": by_pose.STIXEL_RMS,
-    "area bias m": by_pose.AREA_BIAS,
-    "area RMS m": by_pose.AREA_RMS,
+    **_OF_DEPTH,
     "error²/σ²": by_pose.NEES,
     "within σ %": by_pose.WITHIN_1,
     "lateral RMS m": by_pose.LATERAL_RMS,
 }
+_AT_DEPTH = {**_OF_DEPTH, "height bias m": by_pose.HEIGHT_BIAS, "error²/σ²": by_pose.NEES}
 _BY_RANGE = ("road user", "range m", "poses", "stixels")
 
 
@@ -163,7 +171,7 @@ def rig_table(rigs: Sequence[Group]) -> Table:
                 cell(found["rms_px"] / needed),
                 *estimate(group, near, by_pose.STIXEL_BIAS).cells,
                 *estimate(group, near, by_pose.STIXEL_RMS).cells,
-                *estimate(group, near, by_pose.AREA_RMS).cells,
+                *cells(group, near, _OF_OWN),
                 _poses(group, near),
                 int(found["stixels"]),
             )
@@ -172,12 +180,25 @@ def rig_table(rigs: Sequence[Group]) -> Table:
         *("rig", "image px", "f px", "B m", "disparity there px", "needed px"),
         *interval_columns("achieved RMS px", "RMS px"),
         "achieved / needed",
-        *interval_columns("depth bias m", "bias"),
-        *interval_columns("depth RMS m", "RMS m"),
-        *interval_columns("area RMS m", "area"),
+        *interval_columns("front face bias m", "bias"),
+        *interval_columns("front face RMS m", "RMS m"),
+        *with_ends(_OF_OWN),
         *("poses", "stixels"),
     )
     return Table("rigs", "", columns, tuple(rows))
+
+
+def depth_table(rigs: Mapping[str, Sequence[Group]]) -> Table:
+    """Stixels of each rig and road user at `DEPTHS`; `rigs` has the groups of a rig by user."""
+    rows = []
+    for rig, groups in rigs.items():
+        for group in groups:
+            for depth, ends in DEPTHS.items():
+                sums = by_pose.stixel_sums(group, *ends)
+                begin = (rig, group.label, depth, _poses(group, sums), int(sums[:, 0].sum()))
+                rows.append((*begin, *cells(group, sums, _AT_DEPTH)))
+    columns = ("rig", "road user", "depth m", "poses", "stixels", *with_ends(_AT_DEPTH))
+    return Table("depths", "", columns, tuple(rows))
 
 
 def _poses(group: Group, sums) -> int:

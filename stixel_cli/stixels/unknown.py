@@ -1,0 +1,66 @@
+"""Columns in which nothing is known beyond a place: no disparity where the road should be."""
+
+import numpy as np
+from numba import njit
+
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.stixels.free_space_parameters import FreeSpaceParameters, OccupancyParameters
+
+LEAST_ROWS = 10
+"""The share of fewer pixels means nothing."""
+
+
+def unknown_rows(
+    columns: np.ndarray,
+    base_row: np.ndarray,
+    line: np.ndarray,
+    rig: Rig,
+    occupancy: OccupancyParameters,
+    free_space: FreeSpaceParameters,
+) -> np.ndarray:
+    """Lowest row (W,) int32 above which nothing is known of a column; -1 where all is known.
+
+    Something may stand on the road of a row if, over `free_space.unknown_height` m from there
+    upwards, less than `free_space.least_density` of the pixels have a disparity: a road and an
+    obstacle that are seen would have one. Rows count from the bottom of the image up to the
+    column's obstacle, or to the road at `occupancy.farthest` m.
+
+    Args:
+        columns: (W, H) int16 raw disparities, column by column.
+        base_row: (W,) a frame of `FreeSpace`.
+        line: (2,) the road's disparity a v + b, px.
+    """
+    of_road = line[0] * np.arange(rig.height) + line[1]
+    # A height h has f_v h / z = (f_v / f) h d / B rows.
+    heights = free_space.unknown_height / rig.baseline * (rig.focal_v / rig.focal) * of_road
+    extents = np.maximum(np.rint(heights), LEAST_ROWS).astype(np.int32)
+    far = of_road < rig.disparity_from_depth(occupancy.farthest)
+    end = np.flatnonzero(far)[-1] + 1 if far.any() else 0
+    return _unknown_rows(columns, base_row, extents, end, free_space.least_density)
+
+
+@njit(cache=True, nogil=True)
+def _unknown_rows(columns, base_row, extents, end, least_density):
+    """Lowest row (W,) int32 with too few disparities in the `extents` (H,) rows that end in it.
+
+    Of those rows, the lowest without a disparity. Only rows below `base_row` and from `end` on
+    count. Where fewer than `LEAST_ROWS` or half of the rows do, there are too few to judge.
+    """
+    width, height = columns.shape
+    rows = np.full(width, -1, dtype=np.int32)
+    before = np.zeros(height + 1, dtype=np.int32)
+    for u in range(width):
+        first = max(base_row[u] + 1, end)
+        for v in range(first, height):
+            before[v + 1] = (before[v] if v > first else 0) + (columns[u, v] >= 0)
+        for v in range(height - 1, first - 1, -1):
+            start = max(v - extents[v] + 1, first)
+            seen = before[v + 1] - (before[start] if start > first else 0)
+            looked = v - start + 1
+            if looked < LEAST_ROWS or 2 * looked < extents[v] or seen >= least_density * looked:
+                continue
+            while columns[u, v] >= 0:
+                v -= 1
+            rows[u] = v
+            break
+    return rows

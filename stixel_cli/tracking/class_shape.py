@@ -1,0 +1,108 @@
+"""What is known of a class of road users: its mean outline, and what stixels see of it.
+
+The numbers are in `class_shapes.py`, which is generated. They differ from the prior's rectangle or
+ellipse in two ways. The outline is the class's own. And it comes with the *seen* shape: for
+every aspect and offset of a ray (see `ray_table.py`), how far behind the outline a stixel measures,
+and where the sensor sees the road user begin and end. Thin parts at the edge, such as a wheel seen
+from the front or a hand, are no obstacle of their column, so a stixel shows what is behind them.
+
+Frame: target, x along the heading, y left; m and rad.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from stixel_cli.tracking import class_shapes
+from stixel_cli.tracking.ray_table import COARSE, RayTable, outline_table
+
+RoadUserClass = Literal["car", "cyclist", "pedestrian"]
+
+NODES = (24, 9)
+"""Even aspects over a full turn, and even offsets over the table's width, of the seen shape."""
+
+
+@dataclass(frozen=True)
+class ClassShape:
+    """The knowledge of a class.
+
+    Attributes:
+        outline: (N, 2) m, the mean outline: counter-clockwise, at even angles from the heading on.
+        outline_stds: (N,) m, standard deviation of the radius of the class's outlines, scaled to
+            the mean length and width.
+        depth_biases: (24, 9) m, how far behind the outline a point is measured, by aspect and
+            offset.
+        bias_per_std: the same, in standard deviations of the point's range: added to it.
+        depth_stds: (24, 9) m, standard deviation of that distance beyond the point's own, and
+        std_factor: the factor on the point's own.
+        insets: (2, 24) m, how far inside the outline the seen shape begins (low) and ends (high).
+        inset_stds: (2, 24) m.
+    """
+
+    outline: np.ndarray
+    outline_stds: np.ndarray
+    depth_biases: np.ndarray
+    bias_per_std: float
+    depth_stds: np.ndarray
+    std_factor: float
+    insets: np.ndarray
+    inset_stds: np.ndarray
+
+    @property
+    def size(self) -> np.ndarray:
+        """Length and width (2,) m of the mean outline."""
+        return np.ptp(self.outline, axis=0)
+
+
+def class_shape(road_user: RoadUserClass) -> ClassShape:
+    """The knowledge of `road_user` from `class_shapes.py`."""
+    known = class_shapes.SHAPES[road_user]
+    radii = _metres(known["radii"])
+    angles = 2.0 * np.pi * np.arange(len(radii)) / len(radii)
+    return ClassShape(
+        outline=radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1),
+        outline_stds=_metres(known["radius_stds"]),
+        depth_biases=_metres(known["depth_biases"]).reshape(NODES),
+        bias_per_std=known["bias_per_std"],
+        depth_stds=_metres(known["depth_stds"]).reshape(NODES),
+        std_factor=known["std_factor"],
+        insets=_metres(known["insets"]).reshape(2, NODES[0]),
+        inset_stds=_metres(known["inset_stds"]).reshape(2, NODES[0]),
+    )
+
+
+def seen_table(shape: ClassShape) -> RayTable:
+    """The table of what stixels see of `shape`: its outline's, corrected by the seen shape."""
+    table = outline_table(shape.outline, 0.0, COARSE)
+    row = np.arange(COARSE[0]) * (NODES[0] / COARSE[0])
+    column = np.linspace(0.0, NODES[1] - 1.0, COARSE[1])
+    inset = [_interpolated(values[:, None], row)[:, 0] for values in shape.insets]
+    inset_std = [_interpolated(values[:, None], row)[:, 0] for values in shape.inset_stds]
+    return RayTable(
+        lowest=table.lowest,
+        highest=table.highest,
+        depths=table.depths + _interpolated(shape.depth_biases, row, column),
+        stds=_interpolated(shape.depth_stds, row, column),
+        low=table.low + inset[0],
+        high=table.high - inset[1],
+        low_stds=inset_std[0],
+        high_stds=inset_std[1],
+    )
+
+
+def _interpolated(
+    nodes: np.ndarray, row: np.ndarray, column: np.ndarray | None = None
+) -> np.ndarray:
+    """Bilinear values (n, m) of `nodes` (R, C), whose rows close a circle, at real indices."""
+    lower = np.floor(row).astype(int)
+    share = (row - lower)[:, None]
+    rows = nodes[lower % len(nodes)] * (1.0 - share) + nodes[(lower + 1) % len(nodes)] * share
+    if column is None:
+        return rows
+    return np.stack([np.interp(column, np.arange(nodes.shape[1]), values) for values in rows])
+
+
+def _metres(millimetres: str) -> np.ndarray:
+    """Numbers in m of a text of whole millimetres."""
+    return np.array(millimetres.split(), dtype=np.float64) / 1000.0

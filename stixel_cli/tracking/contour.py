@@ -1,0 +1,237 @@
+"""An extended Kalman filter on pose and size that casts the scan's rays on the class's shape.
+
+State: x, y, heading psi, speed v along the heading, turn rate omega, and the logarithms of the
+factors on the class's length and width; world frame, m, rad, s. The heading is tied to the
+velocity, as a road user does not slide sideways: x' = v cos psi, y' = v sin psi, psi' = omega
+(Bar-Shalom, Li & Kirubarajan 2001, 11.7).
+
+A point is the range r along its ray, whose direction is known well. The measurement is
+
+    r = h(state, ray) + shared error + neighbours' error + own error
+
+where h casts the ray on the shape that the sensor sees (`ray_table.py`). Its Jacobian is a central
+difference over about a standard deviation of the state, as the shape has edges. The covariance of a
+scan's errors is R = D + s sᵀ + C: D the points' own; s the part that all points share, such as the
+matcher's error on one surface; C_ij = c² exp(-d_ij² / 2 l²) what neighbours share, such as a shape
+that is not the class's. So n points are not n independent ones.
+
+The first and the last ray that meet the target give two more measurements, the silhouette: how far
+inside the limits of the seen shape they pass. Nothing else holds the target across the rays.
+
+Errors have heavy tails, so D is divided by the weights (nu + 1) / (nu + e²) ≤ 1 of a Student
+distribution, e the normalised error at the current iterate (Lange, Little, Taylor 1989, *Robust
+statistical modeling using the t distribution*). The update is iterated (Bell, Cathey 1993, *The
+iterated Kalman filter update as a Gauss-Newton method*).
+"""
+
+import numpy as np
+
+from stixel_cli.geometry.pose import rotation
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.tracking.class_shape import ClassShape, class_shape
+from stixel_cli.tracking.contour_parameters import ContourParameters
+from stixel_cli.tracking.contour_rays import (
+    Rays,
+    Sight,
+    associate,
+    rays_of,
+    sampling_inset,
+    shared_covariance,
+    sight_of,
+    uncut,
+)
+from stixel_cli.tracking.contour_report import contours_of, reported
+from stixel_cli.tracking.motion import intervals
+from stixel_cli.tracking.prior import PriorShape
+from stixel_cli.tracking.ray_table import expected
+from stixel_cli.tracking.track import InitialState, Track, used_rows
+
+SEEN = np.array([0, 1, 2, 5, 6])
+"""Indices of the states that a ray sees: the pose and the two sizes."""
+
+LEAST_STEP = np.array([0.02, 0.02, 0.01, 0.01, 0.01])
+GREATEST_STEP = np.array([0.3, 0.3, 0.2, 0.1, 0.1])
+"""Bounds of the steps of the central differences, in the units of the states seen."""
+
+CONVERGED = 2e-3
+"""The iteration ends when no state moves by more than this."""
+
+
+def track(
+    scans: Scans, initial: InitialState, prior: PriorShape, tracker: ContourParameters
+) -> Track:
+    """Track one target through `scans`: predict, associate, update at every scan, the first too.
+
+    The state starts as `initial`, one sample before the first scan, with the size of the class's
+    `prior`. Reads no truth. The reported states are x, y, heading, their rates, and the two
+    logarithms of size; the velocity is along the heading. A scan with n points has n degrees of
+    freedom, and one for each silhouette that is used. `contour_std` is that of the reported contour
+    along the ray from the estimated centre: pose, size and shape together.
+    """
+    shape = class_shape(prior.road_user)
+    sight = sight_of(shape, tracker)
+    mean, covariance = start(initial, prior, shape, tracker)
+
+    count = len(scans)
+    means, covariances = np.empty((count, 7)), np.empty((count, 7, 7))
+    used: list[np.ndarray] = []
+    nis, degrees = np.full(count, np.nan), np.zeros(count, np.int64)
+    for k, interval in enumerate(intervals(scans.times)):
+        mean, covariance = predict(mean, covariance, interval, tracker)
+        rows = scans.rows(k)
+        rays = rays_of(
+            scans.points_world[rows], scans.covariances_world[rows], scans.sensor_poses_world[k]
+        )
+        indices = associate(rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], sight, tracker)
+        used.append(indices + rows.start)
+        if len(indices):
+            mean, covariance, nis[k], degrees[k] = update(
+                mean, covariance, rays.subset(indices), sight, tracker
+            )
+        means[k], covariances[k] = mean, covariance
+
+    used_offsets, used_points = used_rows(used)
+    contours, directions, std = contours_of(means, covariances, shape, tracker.contour_points)
+    states, spreads = reported(means, covariances, tracker.slip)
+    return Track(
+        times=np.array(scans.times, dtype=np.float64),
+        means=states,
+        covariances=spreads,
+        contours_world=contours,
+        contour_directions=directions,
+        contour_std=std,
+        used_offsets=used_offsets,
+        used_points=used_points,
+        nis=nis,
+        nis_degrees_of_freedom=degrees,
+    )
+
+
+def start(
+    initial: InitialState, prior: PriorShape, shape: ClassShape, tracker: ContourParameters
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (7,) and covariance (7, 7) from an initial state and the prior's size.
+
+    The velocity is split along and across the heading. The part across is measured as zero: that
+    turns the heading towards the velocity.
+    """
+    heading = initial.mean[2]
+    turn = np.eye(6)
+    turn[3:5, 3:5] = rotation(-heading)
+    mean, covariance = turn @ initial.mean, turn @ initial.covariance @ turn.T
+    # The velocity across the heading, v_y - v_x (psi - heading), is 0 ± slip.
+    row = np.zeros(6)
+    row[2], row[4] = -mean[3], 1.0
+    gain = covariance @ row / (row @ covariance @ row + tracker.slip**2)
+    mean, covariance = mean - gain * mean[4], covariance - np.outer(gain, row @ covariance)
+    kept = [0, 1, 2, 3, 5]
+    whole, spread = np.zeros(7), np.zeros((7, 7))
+    whole[:5], spread[:5, :5] = mean[kept], covariance[np.ix_(kept, kept)]
+    whole[5:] = np.log(np.array([prior.length, prior.width]) / shape.size)
+    spread[5, 5], spread[6, 6] = tracker.length_std**2, tracker.width_std**2
+    return whole, spread
+
+
+def predict(
+    mean: np.ndarray, covariance: np.ndarray, interval: float, tracker: ContourParameters
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (7,) and covariance (7, 7) one `interval` in s later: a turn at constant rate.
+
+    The displacement has the heading of the middle of the interval.
+    """
+    speed, rate = mean[3], mean[4]
+    middle = mean[2] + 0.5 * rate * interval
+    forward = interval * np.array([np.cos(middle), np.sin(middle)])
+    left = speed * np.array([-forward[1], forward[0]])
+    predicted = mean.copy()
+    predicted[:2] += speed * forward
+    predicted[2] += rate * interval
+    matrix = np.eye(7)
+    matrix[:2, 2], matrix[:2, 3], matrix[:2, 4] = left, forward, 0.5 * interval * left
+    matrix[2, 4] = interval
+    noise = np.zeros((7, 7))
+    noise[0, 0] = noise[1, 1] = tracker.slip**2 * interval
+    # The heading's noise keeps its covariance away from zero.
+    noise[2, 2] = tracker.turn_acceleration**2 * interval**3 / 3.0 + 1e-4 * interval
+    noise[2, 4] = noise[4, 2] = tracker.turn_acceleration**2 * interval**2 / 2.0
+    noise[4, 4] = tracker.turn_acceleration**2 * interval
+    noise[3, 3] = tracker.acceleration**2 * interval
+    return predicted, matrix @ covariance @ matrix.T + noise
+
+
+def update(
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    rays: Rays,
+    sight: Sight,
+    tracker: ContourParameters,
+) -> tuple[np.ndarray, np.ndarray, float, int]:
+    """Posterior mean (7,) and covariance (7, 7), NIS and its degrees of freedom, of n > 0 rays."""
+    count = len(rays.ranges)
+    first, last = int(np.argmin(rays.bearings)), int(np.argmax(rays.bearings))
+    inset, inset_variance = sampling_inset(rays, sight)
+    silhouettes = uncut(rays.bearings[[first, last]], tracker.horizontal_fov)
+    rows = np.concatenate([np.ones(count, bool), silhouettes])
+    correlated = shared_covariance(rays, tracker)
+    spread = covariance
+    iterate = mean
+    for _ in range(tracker.iterations):
+        predicted, slopes, stds = _linearise(iterate, spread, rays, first, last, sight)
+        matrix = np.zeros((count + 2, 7))
+        matrix[:, SEEN] = slopes.T
+        errors = -predicted
+        errors[:count] += rays.ranges - sight.bias_per_std * rays.stds
+        errors[count:] -= inset
+        variances = np.empty(count + 2)
+        variances[:count] = tracker.noise_factor**2 * (
+            (sight.std_factor * rays.stds) ** 2 + stds[:count] ** 2
+        )
+        # Where the ray grazes the shape, a small error across it is a large one of the range.
+        across = (
+            slopes[1, :count] * rays.directions[:, 0] - slopes[0, :count] * rays.directions[:, 1]
+        )
+        variances[:count] += across**2 * (rays.across_variances + tracker.offset_std**2)
+        variances[count:] = tracker.silhouette_factor**2 * (stds[count:] ** 2 + inset_variance)
+        total = variances.copy()
+        total[:count] += np.diag(correlated)
+        freedom = tracker.degrees_of_freedom
+        weights = np.minimum((freedom + 1.0) / (freedom + errors**2 / total), 1.0)
+        noise = np.diag(variances / weights)
+        noise[:count, :count] += correlated
+
+        matrix, errors, noise = matrix[rows], errors[rows], noise[np.ix_(rows, rows)]
+        innovation = errors + matrix @ (iterate - mean)
+        innovation_covariance = matrix @ covariance @ matrix.T + noise
+        gain = np.linalg.solve(innovation_covariance, matrix @ covariance).T
+        moved = mean + gain @ innovation
+        spread = covariance - gain @ matrix @ covariance
+        spread = 0.5 * (spread + spread.T)
+        change = np.abs(moved - iterate).max()
+        iterate = moved
+        if change < CONVERGED:
+            break
+    nis = innovation @ np.linalg.solve(innovation_covariance, innovation)
+    return iterate, spread, float(nis), len(innovation)
+
+
+def _linearise(
+    state: np.ndarray, covariance: np.ndarray, rays: Rays, first: int, last: int, sight: Sight
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Predictions (n + 2,) m, their slopes (5, n + 2) by the states seen, and stds (n + 2,) m.
+
+    The last two are minus the insets of the silhouette. The slopes are central differences along
+    the target's axes, over about a standard deviation: so no frame of the world matters.
+    """
+    axes = np.eye(5)
+    axes[:2, :2] = rotation(state[2])
+    variances = np.diag(axes.T @ covariance[np.ix_(SEEN, SEEN)] @ axes)
+    steps = np.clip(np.sqrt(np.maximum(variances, 0.0)), LEAST_STEP, GREATEST_STEP)
+    moved = np.repeat(state[None, SEEN], 11, axis=0)
+    moved[1:6] += (axes * steps).T
+    moved[6:] -= (axes * steps).T
+    ranges, insets, _, range_stds, inset_stds = expected(
+        moved, rays.sensor[:2], rays.directions, first, last, *sight.table.arrays()
+    )
+    predicted = np.hstack([ranges, -insets])
+    slopes = axes @ ((predicted[1:6] - predicted[6:]) / (2.0 * steps[:, None]))
+    return predicted[0], slopes, np.concatenate([range_stds, inset_stds])

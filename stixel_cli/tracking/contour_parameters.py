@@ -1,0 +1,58 @@
+"""Parameters of the tracker `contour`; its module needs Numba."""
+
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Gt, Le, Lt
+
+from stixel_cli.parameters import parameters
+
+
+@parameters
+class ContourParameters:
+    """A filter that casts the scan's rays on the class's shape.
+
+    Attributes:
+        seen_by: kind of measurement, which decides what of the shape is seen: stixels
+            (`simulated`) see less than the outline.
+        horizontal_fov: field of view in degrees, symmetric to the sensor's heading; a silhouette at
+            its border is not used. null: unknown.
+        acceleration: process noise of the speed, a white acceleration's root density, m/s^1.5.
+        turn_acceleration: process noise of the turn rate, rad/s^1.5.
+        slip: process noise of the position, m/s^0.5: motion that is not along the heading.
+        length_std, width_std: standard deviation of the factors on the class's length and width,
+            relative to the prior's.
+        noise_factor: factor on the standard deviation of a point's range. The errors of
+            successive scans are correlated, which the filter does not model; a factor above 1
+            stands for that.
+        shared_std, shared_factor: standard deviation of the error along the ray that all points of
+            a scan share: a constant, m, and a factor on the point's standard deviation.
+        neighbour_std, neighbour_distance: standard deviation, m, of an error along the ray that
+            neighbours share, and the distance across the rays at which it is uncorrelated, m.
+        offset_std: standard deviation, m, of the shape across the rays: where a ray grazes the
+            shape it makes the range uncertain.
+        silhouette_factor: factor on the standard deviation of the silhouette.
+        degrees_of_freedom: of the Student distribution of an error.
+        iterations: most iterations of the update.
+        gate_std: width of the association's gate in standard deviations.
+        contour_points: number M of points of the contour that is reported.
+    """
+
+    kind: Literal["contour"]
+    seen_by: Literal["simulated", "fabricated", "lidar"]
+    horizontal_fov: Annotated[float, Gt(0), Lt(180)] | None
+    acceleration: Annotated[float, Ge(0), Le(100)]
+    turn_acceleration: Annotated[float, Ge(0), Le(100)]
+    slip: Annotated[float, Ge(0), Le(10)]
+    length_std: Annotated[float, Gt(0), Le(1)]
+    width_std: Annotated[float, Gt(0), Le(1)]
+    noise_factor: Annotated[float, Gt(0), Le(100)]
+    shared_std: Annotated[float, Ge(0), Le(10)]
+    shared_factor: Annotated[float, Ge(0), Le(10)]
+    neighbour_std: Annotated[float, Ge(0), Le(10)]
+    neighbour_distance: Annotated[float, Gt(0), Le(10)]
+    offset_std: Annotated[float, Ge(0), Le(10)]
+    silhouette_factor: Annotated[float, Gt(0), Le(100)]
+    degrees_of_freedom: Annotated[float, Gt(0), Le(1000)]
+    iterations: Annotated[int, Ge(1), Le(50)]
+    gate_std: Annotated[float, Gt(0), Le(20)]
+    contour_points: Annotated[int, Ge(8), Le(1000)]

@@ -1,0 +1,191 @@
+"""What is known of a class, estimated from simulated scans and their ground truth.
+
+The result is a `ClassShape`. The outline is the mean over the scenarios' outlines. The seen shape
+is a regression of the points' distance behind the outline, along their rays, on aspect and offset:
+bilinear between nodes, with a penalty on differences of neighbouring nodes, which fills aspects
+without points; mirrored, as road users have two equal sides; and with weights that fall for
+outliers (Cauchy), since points of the background are among the scans.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from stixel_cli.geometry.pose import target_from_world
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.scene.scenario import Scenario
+from stixel_cli.tracking.class_shape import NODES, ClassShape
+from stixel_cli.tracking.ray_table import REACH, first_depths, widths
+
+RADII = 360
+"""Even angles at which the mean outline is given: a wheel's width is seen under 3 degrees."""
+
+NEAR_OFFSET, NEAR_DEPTH = 0.3, 1.0
+"""A point within this of the outline, m, across and along its ray, is taken as the target's."""
+
+SMOOTHNESS, PULL = 10.0, 3.0
+"""Weights, in points, of the difference of neighbouring nodes and of a node from the mean."""
+
+LEAST_DEPTH_STD, LEAST_INSET_STD = 0.03, 0.015
+"""Least standard deviations, m."""
+
+ROUNDS = 4
+
+
+def class_shape_of(samples: Sequence[tuple[Scenario, Scans]]) -> ClassShape:
+    """The knowledge of a class from scenarios with its road users, and their scans."""
+    outlines = [contour for scenario, _ in samples for contour in scenario.contours_target]
+    radii, stds = mean_radii(outlines)
+    scenes = [_points(scenario, scans, k) for scenario, scans in samples for k in range(len(scans))]
+    seen = [points for points in scenes if len(points)]
+    rows = np.concatenate(seen)
+    biases, per_std, depth_stds, factor = _depths(np.concatenate([rows, _mirrored(rows)]))
+    low = np.stack([points[np.argmin(points[:, 1])] for points in seen])
+    high = np.stack([points[np.argmax(points[:, 1])] for points in seen])
+    ends = np.concatenate([low, _mirrored(high)])
+    inset, inset_std = _insets(ends[:, 0], ends[:, 1] - ends[:, 2])
+    other_side = -np.arange(NODES[0]) % NODES[0]
+    angles = 2.0 * np.pi * np.arange(RADII) / RADII
+    return ClassShape(
+        outline=radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1),
+        outline_stds=stds,
+        depth_biases=biases,
+        bias_per_std=per_std,
+        depth_stds=depth_stds,
+        std_factor=factor,
+        insets=np.stack([inset, inset[other_side]]),
+        inset_stds=np.stack([inset_std, inset_std[other_side]]),
+    )
+
+
+def mean_radii(outlines: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Mean radii (360,) m of outlines (M, 2) m, and their std (360,) m when scaled to one size."""
+    sizes = np.stack([np.ptp(outline, axis=0) for outline in outlines])
+    mean_size = sizes.mean(axis=0)
+    angles = 2.0 * np.pi * np.arange(RADII) / RADII
+    radii = np.stack(
+        [
+            _radii(outline * (mean_size / size), angles)
+            for outline, size in zip(outlines, sizes, strict=True)
+        ]
+    )
+    return radii.mean(axis=0), radii.std(axis=0)
+
+
+def _radii(outline: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Radius (n,) m at which rays from the centre leave a polygon for the last time."""
+    following = np.roll(outline, -1, axis=0)
+    along = np.stack([np.cos(angles), np.sin(angles)], axis=-1)[:, None, :]
+    across = np.stack([-np.sin(angles), np.cos(angles)], axis=-1)[:, None, :]
+    here, there = (outline * across).sum(-1), (following * across).sum(-1)
+    ahead, next_ahead = (outline * along).sum(-1), (following * along).sum(-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = here / (here - there)
+        radius = ahead + share * (next_ahead - ahead)
+    crossed = (share >= 0.0) & (share <= 1.0)
+    return np.where(crossed, radius, 0.0).max(axis=1)
+
+
+def _points(scenario: Scenario, scans: Scans, k: int) -> np.ndarray:
+    """The target's points of scan k: rows (n, 7).
+
+    Aspect rad; offset m; the outline's least and greatest offset m at that aspect; distance behind
+    the outline m; standard deviation of the range m; offset in halves of the outline's width from
+    its middle.
+    """
+    pose, sensor = scenario.target_poses_world[k], scans.sensor_poses_world[k]
+    points = scans.points_world[scans.rows(k)]
+    covariances = scans.covariances_world[scans.rows(k)]
+    sight = points - sensor[:2]
+    ranges = np.hypot(*sight.T)
+    sight = sight / ranges[:, None]
+    stds = np.sqrt(np.einsum("ni,nij,nj->n", sight, covariances, sight))
+    origin = target_from_world(sensor[None, :2], pose)[0]
+    body = target_from_world(points, pose)
+    along = (body - origin) / ranges[:, None]
+    aspect = np.arctan2(-along[:, 1], -along[:, 0])
+    offset = along[:, 0] * origin[1] - along[:, 1] * origin[0]
+    depth = np.einsum("ni,ni->n", body, along)
+    low, high = widths(scenario.contour_target(k), aspect)
+    outline = first_depths(scenario.contour_target(k), aspect, offset[:, None])[:, 0]
+    behind = depth - outline
+    place = (2.0 * offset - low - high) / (high - low)
+    near = (
+        (offset > low - NEAR_OFFSET)
+        & (offset < high + NEAR_OFFSET)
+        & (np.abs(behind) < np.maximum(NEAR_DEPTH, 3.0 * stds))
+    )
+    return np.stack([aspect, offset, low, high, behind, stds, place], axis=-1)[near]
+
+
+def _mirrored(rows: np.ndarray) -> np.ndarray:
+    """The rows of `_points` as seen of the mirrored target."""
+    aspect, offset, low, high, behind, stds, place = rows.T
+    return np.stack([-aspect, -offset, -high, -low, behind, stds, -place], axis=-1)
+
+
+def _aspect_weights(aspect: np.ndarray) -> np.ndarray:
+    """Weights (n, 24) of the aspects' nodes, linear between two of them."""
+    position = (aspect / (2.0 * np.pi) * NODES[0]) % NODES[0]
+    gap = np.abs(position[:, None] - np.arange(NODES[0]))
+    return np.maximum(1.0 - np.minimum(gap, NODES[0] - gap), 0.0)
+
+
+def _offset_weights(place: np.ndarray) -> np.ndarray:
+    """Weights (n, 9) of the offsets' nodes, linear between two of them."""
+    position = np.clip((place / REACH + 1.0) * 0.5 * (NODES[1] - 1), 0.0, NODES[1] - 1)
+    return np.maximum(1.0 - np.abs(position[:, None] - np.arange(NODES[1])), 0.0)
+
+
+def _penalty(aspects: int, offsets: int) -> np.ndarray:
+    """Sum of squared differences of neighbouring nodes as a matrix."""
+    turn = 2.0 * np.eye(aspects) - np.roll(np.eye(aspects), 1, 0) - np.roll(np.eye(aspects), -1, 0)
+    steps = np.diff(np.eye(offsets), axis=0)
+    return np.kron(turn, np.eye(offsets)) + np.kron(np.eye(aspects), steps.T @ steps)
+
+
+def _regression(matrix: np.ndarray, weights: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Coefficients of nodes, a constant and one more column, with the penalty on the nodes."""
+    penalty = np.zeros((matrix.shape[1],) * 2)
+    nodes = NODES[0] * NODES[1]
+    penalty[:nodes, :nodes] = SMOOTHNESS * _penalty(*NODES) + PULL * np.eye(nodes)
+    weighted = matrix * (weights / weights.mean())[:, None]
+    return np.linalg.solve(weighted.T @ matrix + penalty, weighted.T @ values)
+
+
+def _depths(rows: np.ndarray) -> tuple[np.ndarray, float, np.ndarray, float]:
+    """`depth_biases`, `bias_per_std`, `depth_stds` and `std_factor` of rows as of `_points`."""
+    behind, stds = rows[:, 4], rows[:, 5]
+    nodes = np.einsum("ni,nj->nij", _aspect_weights(rows[:, 0]), _offset_weights(rows[:, 6]))
+    nodes = nodes.reshape(len(rows), -1)
+    size = nodes.shape[1]
+    matrix = np.column_stack([nodes, np.ones(len(rows)), stds])
+    weights = 1.0 / (stds**2 + 0.1**2)
+    for _ in range(ROUNDS):
+        found = _regression(matrix, weights, behind)
+        left = behind - matrix @ found
+        scale = 0.5 * stds**2 + 0.1**2
+        weights = 1.0 / (scale * (1.0 + left**2 / (4.0 * scale)))
+    biases = (found[:size] + found[size]).reshape(NODES)
+
+    # The variance of what is left: the nodes' own, and a share of the point's.
+    matrix[:, -1] = stds**2
+    squares = np.minimum(left**2, (0.25 + 2.0 * stds) ** 2)
+    spread = _regression(matrix, 1.0 / (stds**2 + 0.1**2) ** 2, squares)
+    variances = np.maximum((spread[:size] + spread[size]).reshape(NODES), LEAST_DEPTH_STD**2)
+    return biases, float(found[-1]), np.sqrt(variances), float(np.sqrt(max(spread[-1], 0.1)))
+
+
+def _insets(aspect: np.ndarray, inset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and standard deviation (24,) m of the insets (n,) m of ends seen at `aspect` (n,)."""
+    nodes = _aspect_weights(aspect)
+    penalty = 2.0 * _penalty(NODES[0], 1) + 0.3 * np.eye(NODES[0])
+    weights = np.ones(len(nodes))
+    for _ in range(ROUNDS + 2):
+        weighted = nodes * weights[:, None]
+        inverse = np.linalg.inv(weighted.T @ nodes + penalty)
+        found = inverse @ (weighted.T @ inset + 0.3 * np.median(inset))
+        left = inset - nodes @ found
+        weights = 1.0 / (1.0 + (left / 0.08) ** 2)
+    squares = inverse @ (weighted.T @ np.minimum(left**2, 0.3**2) + 0.3 * 0.06**2)
+    return found, np.sqrt(np.maximum(squares, LEAST_INSET_STD**2))

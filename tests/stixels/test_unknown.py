@@ -1,0 +1,84 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stixel_cli.scene.scenario import EgoMotion
+from stixel_cli.stixels.extraction import unknown_bearings
+from stixel_cli.stixels.free_space import find_free_space
+from stixel_cli.stixels.road import base_rows, road_line
+from stixel_cli.stixels.unknown import LEAST_ROWS, _unknown_rows
+
+
+@pytest.fixture
+def find(rig, road, occupancies, free_space):
+    def run(disparities, **changed):
+        ego = EgoMotion(np.zeros(1), np.array([[0.0, 0.0, np.pi / 2]]))
+        parameters = replace(free_space, **changed)
+        args = (road, occupancies["polar"], parameters, range(1), None)
+        return find_free_space(disparities, ego, rig, *args)
+
+    return run
+
+
+def test_all_is_known_where_road_and_obstacles_have_disparities(find, render, rig, as_disparities):
+    raw = render(rig, boxes=[(0.0, 10.0, 2.0, 1.5)], wall=30.0)
+    found = find(as_disparities(raw))
+    assert np.all(found.unknown_row == -1)
+    # A few missing pixels do not matter.
+    raw[np.random.default_rng(1).random(raw.shape) < 0.05] = -1
+    assert np.all(find(as_disparities(raw)).unknown_row == -1)
+
+
+def test_object_without_disparity_is_unknown_and_not_free(find, render, rig, as_disparities):
+    """A dark box is not found, but the place where it meets the road is."""
+    raw = render(rig, wall=30.0)
+    line = road_line(rig.pitch_radians, rig.camera_height, rig)
+    disparity = rig.disparity_from_depth(8.0)
+    base = round(float(base_rows(np.float64(disparity), line, rig)))
+    raw[base - 40 : base, 100:140] = -1
+    found = find(as_disparities(raw))
+    unknown = found.unknown_row[0] >= 0
+    assert np.array_equal(np.flatnonzero(unknown), np.arange(100, 140))
+    assert np.all(found.unknown_row[0, 100:140] == base - 1)
+    assert np.all(find(as_disparities(raw), least_density=0.0).unknown_row == -1)
+    # Nothing behind an obstacle is unknown: it is not free anyway.
+    hidden = render(rig, boxes=[(0.0, 6.0, 12.0, 1.5)], wall=30.0)
+    hidden[: base - 20, 100:140] = -1
+    assert np.all(find(as_disparities(hidden)).unknown_row == -1)
+
+
+def test_unknown_rows_match_a_brute_force_search():
+    rng = np.random.default_rng(4)
+    for _ in range(30):
+        columns = np.where(rng.random((8, 30)) < rng.uniform(0.2, 0.9), 5, -1).astype(np.int16)
+        base = rng.integers(-1, 30, 8).astype(np.int32)
+        extents = rng.integers(5, 25, 30).astype(np.int32)
+        end = int(rng.integers(0, 15))
+        expected = np.full(8, -1)
+        for u in range(8):
+            first = max(base[u] + 1, end)
+            for v in range(first, 30):
+                window = columns[u, max(v - extents[v] + 1, first) : v + 1]
+                if len(window) < LEAST_ROWS or 2 * len(window) < extents[v]:
+                    continue
+                if np.sum(window >= 0) < 0.5 * len(window):
+                    expected[u] = max(w for w in range(v + 1) if columns[u, w] < 0)
+        assert _unknown_rows(columns, base, extents, end, 0.5).tolist() == expected.tolist()
+
+
+@pytest.mark.parametrize("pitch", [0.0, 3.0])
+def test_bearings_of_unknown_columns_are_those_of_level_rays(rig, pitch):
+    rig = replace(rig, pitch=pitch, principal_u=140.25)
+    unknown = np.zeros(rig.width, dtype=bool)
+    unknown[:4] = unknown[100:120] = True
+    found = unknown_bearings(unknown, rig)
+    assert found.shape == (2, 2) and np.all(np.diff(found.ravel()) > 0)
+    # A point ahead at the camera's height, in the frame of the level camera.
+    edges = np.array([[119.5, 99.5], [3.5, -0.5]])
+    x, z = np.cos(found), np.sin(found)
+    level = np.stack([x, 0 * x, z], axis=-1)
+    camera = level @ rig.level_from_camera
+    columns = rig.u0 + rig.focal * camera[..., 0] / camera[..., 2]
+    np.testing.assert_allclose(columns, edges, atol=1e-9)
+    assert len(unknown_bearings(np.zeros(rig.width, dtype=bool), rig)) == 0

@@ -1,0 +1,288 @@
+import dataclasses
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tracking_cases import CAR, START, scans_of
+
+from stixel_cli.config.compose import compose
+from stixel_cli.geometry.pose import rotation, world_from_target, wrap_angle
+from stixel_cli.measurements.rays import first_crossings, spread_rays
+from stixel_cli.measurements.scans import points_along
+from stixel_cli.tracking.class_shape import class_shape, seen_table
+from stixel_cli.tracking.contour import predict, start, track
+from stixel_cli.tracking.contour_rays import rays_of, uncut
+from stixel_cli.tracking.contour_report import contours_of, reported
+from stixel_cli.tracking.prior import PriorShape
+from stixel_cli.tracking.track import InitialState
+
+TRACKER = dataclasses.replace(
+    compose(["tracker=contour"]).configuration.tracker, seen_by="fabricated"
+)
+STIXELS = dataclasses.replace(TRACKER, seen_by="simulated")
+SENSOR = np.array([0.0, 0.0, np.pi / 2])
+SHAPES = {name: class_shape(name) for name in ("car", "cyclist", "pedestrian")}
+PRIORS = {
+    name: dataclasses.replace(
+        CAR, road_user=name, length=float(shape.size[0]), width=float(shape.size[1])
+    )
+    for name, shape in SHAPES.items()
+}
+SEEDS = st.integers(0, 2**31)
+
+
+def seen(poses, name="car", noise=0.0, seed=0, rays=240):
+    """Points and covariances of the class's outline at `poses` (K, 3), seen from `SENSOR`."""
+    random = np.random.default_rng(seed)
+    fan = spread_rays(rays, (-0.52, 0.52), False)
+    points, covariances = [], []
+    for pose in poses:
+        outline = world_from_target(SHAPES[name].outline, pose)
+        hit, ranges = first_crossings((outline - SENSOR[:2]) @ rotation(SENSOR[2]), fan)
+        ranges = ranges + noise * random.standard_normal(len(ranges))
+        across = (ranges * fan.steps[hit]) ** 2 / 12.0
+        pair = points_along(SENSOR, fan.angles[hit], ranges, np.full(len(hit), 0.05**2), across)
+        points.append(pair[0])
+        covariances.append(pair[1])
+    return points, covariances
+
+
+def scans_seen(*arguments, **options):
+    points, covariances = seen(*arguments, **options)
+    return scans_of(points, covariances=np.concatenate(covariances))
+
+
+def start_at(poses, offset=(0.15, -0.1, 0.05)):
+    """An initial state one sample before `poses`, off by `offset`."""
+    rates = (poses[1] - poses[0]) / 0.1
+    mean = np.concatenate([poses[0] - 0.1 * rates + offset, rates])
+    return InitialState(mean, np.diag([0.04, 0.04, 0.01, 0.1, 0.1, 0.01]))
+
+
+def turning(count, speed, rate, place=(1.0, 13.0)):
+    """Poses (count, 3) of a road user that drives a circle."""
+    headings = 0.3 + rate * 0.1 * np.arange(count)
+    steps = 0.1 * speed * np.stack([np.cos(headings), np.sin(headings)], axis=-1)
+    return np.column_stack([np.array(place) + np.cumsum(steps, axis=0), headings])
+
+
+@pytest.mark.parametrize(("name", "speed"), [("car", 4.0), ("cyclist", 3.0), ("pedestrian", 1.3)])
+def test_contour_follows_a_turn_of_each_class(name, speed):
+    poses = turning(40, speed, 0.3)
+    result = track(scans_seen(poses, name, 0.03), start_at(poses), PRIORS[name], TRACKER)
+    late = slice(20, None)
+    errors = np.hypot(*(result.means[late, :2] - poses[late, :2]).T)
+    assert errors.max() < 0.1
+    assert np.abs(wrap_angle(result.means[late, 2] - poses[late, 2])).max() < np.radians(12)
+    np.testing.assert_array_equal(result.nis_degrees_of_freedom, np.diff(result.used_offsets) + 2)
+    assert result.means.shape == (40, 8)
+    assert result.contours_world.shape == (40, TRACKER.contour_points, 2)
+
+
+def test_contour_estimates_the_size():
+    poses = turning(60, 4.0, 0.5)
+    small = dataclasses.replace(PRIORS["car"], length=0.93 * PRIORS["car"].length)
+    result = track(scans_seen(poses, noise=0.02), start_at(poses), small, TRACKER)
+    assert abs(result.means[-1, 6]) < 0.02
+    assert result.covariances[-1, 6, 6] < TRACKER.length_std**2
+
+
+def test_contour_predicts_at_empty_scans_and_at_scans_with_only_clutter():
+    far = np.array([[60.0, 60.0], [-40.0, 2.0]])
+    empty = track(scans_of([np.zeros((0, 2))] * 4), START, CAR, TRACKER)
+    clutter = track(scans_of([far, far[:1], far, np.zeros((0, 2))]), START, CAR, TRACKER)
+    np.testing.assert_array_equal(clutter.means, empty.means)
+    np.testing.assert_array_equal(clutter.covariances, empty.covariances)
+    assert np.isnan(empty.nis).all()
+    assert not empty.nis_degrees_of_freedom.any()
+    mean, covariance = start(START, CAR, SHAPES["car"], TRACKER)
+    for k in range(4):
+        mean, covariance = predict(mean, covariance, 0.1, TRACKER)
+        np.testing.assert_allclose(empty.means[k, :3], mean[:3])
+    assert np.all(np.diff(np.trace(empty.covariances[:, :2, :2], axis1=1, axis2=2)) > 0)
+
+
+def test_contour_holds_through_a_second_without_points():
+    poses = turning(40, 4.0, 0.2)
+    points, covariances = seen(poses, noise=0.03)
+    for k in range(15, 25):
+        points[k], covariances[k] = np.zeros((0, 2)), np.zeros((0, 2, 2))
+    scans = scans_of(points, covariances=np.concatenate(covariances))
+    result = track(scans, start_at(poses), PRIORS["car"], TRACKER)
+    assert np.hypot(*(result.means[-1, :2] - poses[-1, :2])) < 0.1
+
+
+def test_contour_does_not_use_points_far_from_the_target():
+    poses = turning(20, 4.0, 0.2)
+    points, covariances = seen(poses, noise=0.03)
+    clutter = np.array([[-6.0, 14.0], [1.0, 25.0]])
+    mixed = [np.concatenate([clutter, scan]) for scan in points]
+    noises = [np.concatenate([np.tile(0.01 * np.eye(2), (2, 1, 1)), c]) for c in covariances]
+    alone = track(
+        scans_of(points, covariances=np.concatenate(covariances)),
+        start_at(poses),
+        PRIORS["car"],
+        TRACKER,
+    )
+    among = track(
+        scans_of(mixed, covariances=np.concatenate(noises)), start_at(poses), PRIORS["car"], TRACKER
+    )
+    np.testing.assert_allclose(among.means, alone.means, atol=1e-12)
+    assert len(among.used_points) == len(alone.used_points)
+
+
+@pytest.mark.parametrize("parameters", [TRACKER, STIXELS])
+def test_contour_is_invariant_to_rigid_motions_and_to_the_points_order(parameters):
+    angle, shift = 0.8, np.array([20.0, -7.0])
+    turn, poses = rotation(angle), turning(10, 4.0, 0.3)
+    points, covariances = seen(poses, noise=0.05)
+    initial = start_at(poses)
+    plain = track(
+        scans_of(points, covariances=np.concatenate(covariances)), initial, CAR, parameters
+    )
+    both = np.eye(6)
+    both[:2, :2] = both[3:5, 3:5] = turn
+    moved_start = InitialState(
+        both @ initial.mean + np.array([*shift, angle, 0, 0, 0]),
+        both @ initial.covariance @ both.T,
+    )
+    sensors = np.tile([*(turn @ SENSOR[:2] + shift), SENSOR[2] + angle], (10, 1))
+    moved = track(
+        scans_of(
+            [scan[::-1] @ turn.T + shift for scan in points],
+            covariances=turn @ np.concatenate([c[::-1] for c in covariances]) @ turn.T,
+            sensor_poses=sensors,
+        ),
+        moved_start,
+        CAR,
+        parameters,
+    )
+    np.testing.assert_allclose(moved.means[:, :2], plain.means[:, :2] @ turn.T + shift, atol=1e-6)
+    np.testing.assert_allclose(moved.means[:, 5:], plain.means[:, 5:], atol=1e-6)
+    np.testing.assert_allclose(moved.nis, plain.nis, rtol=1e-5)
+    np.testing.assert_allclose(moved.contour_std, plain.contour_std, atol=1e-6)
+
+
+def test_contour_gives_the_same_bytes_twice():
+    poses = turning(8, 4.0, 0.3)
+    first, second = (
+        track(scans_seen(poses, noise=0.05), start_at(poses), CAR, STIXELS) for _ in range(2)
+    )
+    for field in dataclasses.fields(first):
+        a, b = getattr(first, field.name), getattr(second, field.name)
+        assert a.tobytes() == b.tobytes()
+
+
+@settings(derandomize=True, deadline=None, max_examples=20)
+@given(seed=SEEDS)
+def test_prediction_and_report_match_their_linearisations(seed):
+    random = np.random.default_rng(seed)
+    mean = random.uniform([-5, 5, -3, 0.5, -1, -0.1, -0.1], [5, 15, 3, 6, 1, 0.1, 0.1])
+    quiet = dataclasses.replace(TRACKER, acceleration=0.0, turn_acceleration=0.0, slip=0.0)
+    step, still = 1e-6, np.zeros((7, 7))
+    jacobians = []
+    for function in (
+        lambda m: predict(m, still, 0.1, quiet)[0],
+        lambda m: reported(m[None], still[None], 0.0)[0][0],
+    ):
+        columns = [
+            (function(mean + step * unit) - function(mean - step * unit)) / (2 * step)
+            for unit in np.eye(7)
+        ]
+        jacobians.append(np.stack(columns, axis=1))
+    root = random.standard_normal((7, 7))
+    covariance = root @ root.T
+    predicted = predict(mean, covariance, 0.1, quiet)[1]
+    wanted = jacobians[0] @ covariance @ jacobians[0].T
+    wanted[2, 2] += 1e-5
+    np.testing.assert_allclose(predicted, wanted, atol=1e-6)
+    np.testing.assert_allclose(
+        reported(mean[None], covariance[None], 0.0)[1][0],
+        jacobians[1] @ covariance @ jacobians[1].T,
+        atol=1e-6,
+    )
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_stated_deviation_of_the_contour_is_that_of_random_states(name):
+    """Along the ray from the estimated centre, over the states of the stated covariance."""
+    shape = dataclasses.replace(SHAPES[name], outline_stds=np.zeros(len(SHAPES[name].outline)))
+    mean = np.array([3.0, 9.0, 0.7, 2.0, 0.0, 0.05, -0.05])
+    root = np.diag([0.02, 0.015, 0.03, 0.0, 0.0, 0.02, 0.02])
+    _, directions, std = contours_of(mean[None], (root @ root)[None], shape, 90)
+    random = np.random.default_rng(1)
+    radii = []
+    for state in mean + random.standard_normal((400, 7)) @ root:
+        contour = contours_of(state[None], (root @ root)[None], shape, 360)[0][0] - mean[:2]
+        bearing = np.arctan2(contour[:, 1], contour[:, 0])
+        wanted = np.arctan2(directions[0, :, 1], directions[0, :, 0])
+        radii.append(np.interp(wanted, bearing, np.hypot(*contour.T), period=2.0 * np.pi))
+    ratio = np.std(radii, axis=0) / std[0]
+    assert 0.9 < np.median(ratio) < 1.1
+    assert np.mean((ratio > 0.5) & (ratio < 1.6)) > 0.8
+
+
+def test_start_turns_the_heading_towards_the_velocity():
+    initial = InitialState(
+        np.array([0.0, 10.0, 0.0, 5.0, 0.5, 0.0]), np.diag([0.1, 0.1, 0.04, 0.01, 0.01, 0.01])
+    )
+    mean, covariance = start(initial, CAR, SHAPES["car"], TRACKER)
+    assert mean[2] == pytest.approx(0.1, abs=0.01)
+    assert covariance[2, 2] < 0.002
+    np.testing.assert_allclose(mean[5:], np.log([CAR.length, CAR.width] / SHAPES["car"].size))
+    # Without a velocity the heading is as good as it was.
+    resting = InitialState(initial.mean * [1, 1, 1, 0, 0, 1], initial.covariance)
+    assert start(resting, CAR, SHAPES["car"], TRACKER)[1][2, 2] == pytest.approx(0.04)
+
+
+def test_silhouettes_at_the_border_of_the_field_of_view_are_not_used():
+    bearings = np.radians([-29.8, 10.0])
+    np.testing.assert_array_equal(uncut(bearings, 60.0), [False, True])
+    np.testing.assert_array_equal(uncut(-bearings[::-1], 60.0), [True, False])
+    np.testing.assert_array_equal(uncut(bearings, None), [True, True])
+
+
+def test_deviation_of_a_range_is_that_along_the_ray():
+    points = np.array([[0.0, 10.0], [6.0, 8.0]])
+    along = points / 10.0
+    covariances = 0.01 * np.eye(2) + 0.08 * along[:, :, None] * along[:, None, :]
+    rays = rays_of(points, covariances, SENSOR)
+    np.testing.assert_allclose(rays.ranges, 10.0)
+    np.testing.assert_allclose(rays.stds, 0.3)
+    np.testing.assert_allclose(rays.bearings, [0.0, -np.arctan2(6.0, 8.0)])
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_stixels_see_a_class_behind_its_outline_and_within_it(name):
+    shape = SHAPES[name]
+    table = seen_table(shape)
+    seen_width, width = table.high - table.low, (table.highest - table.lowest) / 1.25
+    assert np.all(seen_width < width + 0.15)
+    assert np.all(seen_width > 0.4 * width)
+    assert shape.depth_biases.mean() > 0.0
+    assert shape.bias_per_std > 0.0
+    assert shapely.polygons(shape.outline).area > 0.3 * np.prod(shape.size)
+    assert shapely.linearrings(shape.outline).is_ccw
+
+
+def test_one_point_is_enough_for_an_update():
+    poses = turning(5, 4.0, 0.2)
+    points, covariances = seen(poses)
+    middle = [scan[len(scan) // 2][None] for scan in points]
+    noises = np.concatenate([c[len(c) // 2][None] for c in covariances])
+    result = track(scans_of(middle, covariances=noises), start_at(poses), CAR, STIXELS)
+    np.testing.assert_array_equal(np.diff(result.used_offsets), 1)
+    assert np.isfinite(result.means).all()
+
+
+def test_wrong_class_is_refused_by_the_schema():
+    with pytest.raises(Exception, match=r"prior\.road_user"):
+        compose(["prior.road_user=truck"])
+
+
+def test_prior_names_its_class():
+    for name in SHAPES:
+        assert compose([f"road_user={name}"]).configuration.prior.road_user == name
+    assert isinstance(CAR, PriorShape)

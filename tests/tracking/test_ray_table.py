@@ -1,0 +1,98 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stixel_cli.geometry.pose import rotation, world_from_target
+from stixel_cli.measurements.rays import first_crossings, spread_rays
+from stixel_cli.tracking.ray_table import (
+    expected,
+    first_depths,
+    outline_table,
+    widths,
+)
+
+RECTANGLE = np.array([[2.0, -0.8], [2.0, 0.8], [-2.0, 0.8], [-2.0, -0.8]])
+NOTCHED = np.array(
+    [[2, -1], [2, 1], [0.5, 1], [0.5, 0.2], [-0.5, 0.2], [-0.5, 1], [-2, 1], [-2, -1]]
+)
+SEEDS = st.integers(0, 2**31)
+
+
+def rays_at(outline, state, sensor):
+    """Directions (n, 2) and ranges (n,) of the rays that meet the scaled outline at `state`."""
+    body = outline * np.exp(state[3:])
+    world = world_from_target(body, state[:3])
+    rays = spread_rays(200, (-0.6, 0.6), False)
+    seen = (world - sensor[:2]) @ rotation(sensor[2])
+    hit, ranges = first_crossings(seen, rays)
+    return rays.directions[hit] @ rotation(sensor[2]).T, ranges
+
+
+def some_state(random):
+    """A state at 8 to 20 m in front of a sensor, and the sensor's pose."""
+    sensor = np.array([*random.uniform(-3, 3, 2), random.uniform(-np.pi, np.pi)])
+    ahead = sensor[2] + random.uniform(-0.3, 0.3)
+    away = random.uniform(8, 20) * np.array([np.cos(ahead), np.sin(ahead)])
+    heading = random.uniform(-np.pi, np.pi)
+    return np.array([*(sensor[:2] + away), heading, *random.uniform(-0.2, 0.2, 2)]), sensor
+
+
+@settings(derandomize=True, deadline=None, max_examples=30)
+@given(seed=SEEDS)
+def test_expected_ranges_are_those_of_rays_cast_on_the_scaled_outline(seed):
+    state, sensor = some_state(np.random.default_rng(seed))
+    directions, ranges = rays_at(RECTANGLE, state, sensor)
+    table = outline_table(RECTANGLE, 0.02).arrays()
+    found, _, misses, stds, _ = expected(state[None], sensor[:2], directions, 0, -1, *table)
+    # The table is linear between its nodes, so it is coarse at the corners.
+    errors = np.abs(found[0] - ranges)
+    assert np.median(errors) < 0.02
+    assert np.mean(errors > 0.1) < 0.05
+    assert misses.max() < 0.05
+    np.testing.assert_allclose(stds, 0.02)
+
+
+def test_rays_of_one_aspect_meet_a_notch_at_its_floor():
+    depths = first_depths(NOTCHED, np.array([np.pi / 2]), np.array([[-1.0, 0.0, 1.0, 9.0]]))[0]
+    np.testing.assert_allclose(depths, [-1.0, -0.2, -1.0, -1.0], atol=1e-6)
+    low, high = widths(NOTCHED, np.array([0.0, np.pi / 2]))
+    np.testing.assert_allclose(low, [-1.0, -2.0], atol=1e-12)
+    np.testing.assert_allclose(high, [1.0, 2.0], atol=1e-12)
+
+
+@pytest.mark.parametrize(("name", "index"), [("low", -1), ("high", 1)])
+def test_a_ray_through_an_end_of_the_shape_has_no_inset(name, index):
+    # From the front the ends are at the sides: the left one, +y, is the high one.
+    table = outline_table(RECTANGLE, 0.02)
+    state, sensor = np.array([0.0, 0.0, np.pi, 0.0, 0.0]), np.array([-10.0, 0.0])
+    across = 0.8 * index
+    ray = np.array([[10.0, across]]) / np.hypot(10.0, across)
+    which = (0, -1) if name == "low" else (-1, 0)
+    _, insets, misses, _, _ = expected(state[None], sensor, ray, *which, *table.arrays())
+    assert insets[0, int(index > 0)] == pytest.approx(0.0, abs=0.16)
+    assert misses[0, 0] == pytest.approx(-insets[0, int(index > 0)])
+
+
+@settings(derandomize=True, deadline=None, max_examples=20)
+@given(seed=SEEDS, angle=st.floats(-3, 3))
+def test_expectation_is_invariant_to_rigid_motions_of_the_world(seed, angle):
+    random = np.random.default_rng(seed)
+    state, sensor = some_state(random)
+    directions, _ = rays_at(RECTANGLE, state, sensor)
+    table = outline_table(RECTANGLE, 0.02).arrays()
+    turn, shift = rotation(angle), random.uniform(-20, 20, 2)
+    moved = np.array([*(turn @ state[:2] + shift), state[2] + angle, *state[3:]])
+    last = len(directions) - 1
+    plain = expected(state[None], sensor[:2], directions, 0, last, *table)
+    other = expected(moved[None], turn @ sensor[:2] + shift, directions @ turn.T, 0, last, *table)
+    for a, b in zip(plain, other, strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-6)
+
+
+def test_table_covers_a_full_turn_evenly():
+    table = outline_table(RECTANGLE, 0.02)
+    # Half a turn on, a symmetric shape looks the same.
+    np.testing.assert_allclose(
+        table.depths, np.roll(table.depths, len(table.depths) // 2, 0), atol=1e-9
+    )

@@ -1,0 +1,82 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from stixel_cli.config.compose import compose
+from stixel_cli.experiment.class_shapes import SEEDS, entry
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD
+from stixel_cli.measurements.fabricated import fabricate_scans
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.scene.scenario import Scenario
+from stixel_cli.validation.seen_shape import class_shape_of, mean_radii
+
+BOX = np.array([[2.0, -0.9], [2.0, 0.9], [-2.0, 0.9], [-2.0, -0.9]])
+BEHIND, PER_STD = 0.2, 0.5
+
+
+@pytest.fixture(scope="module")
+def sample():
+    """A box that turns, seen from all sides, `BEHIND` m + `PER_STD` std behind its outline."""
+    count = 60
+    sensor = np.tile([0.0, 0.0, STRAIGHT_AHEAD], (count, 1))
+    headings = np.linspace(0.0, 2.0 * np.pi, count)
+    away = 10.0 + 4.0 * np.cos(7.0 * headings)
+    scenario = Scenario(
+        times=0.1 * np.arange(count),
+        ego_poses_world=sensor,
+        target_poses_world=np.column_stack([np.zeros(count), away, headings]),
+        target_rates_world=np.zeros((count, 3)),
+        contour_target=BOX,
+        star_convex=True,
+    )
+    p = compose(["measurement=fabricated", "measurement/noise=stereo"]).configuration
+    scans = fabricate_scans(scenario, p.rig, dataclasses.replace(p.measurement, rays=320), 1000)
+    along = scans.points_world / np.hypot(*scans.points_world.T)[:, None]
+    stds = np.sqrt(np.einsum("ni,nij,nj->n", along, scans.covariances_world, along))
+    behind = scans.points_world + (BEHIND + PER_STD * stds)[:, None] * along
+    return scenario, dataclasses.replace(scans, points_world=behind)
+
+
+def test_seen_shape_is_found_behind_the_outline(sample):
+    shape = class_shape_of([sample])
+    assert np.abs(shape.depth_biases[:, 2:-2] - BEHIND).max() < 0.06
+    assert shape.bias_per_std == pytest.approx(PER_STD, abs=0.3)
+    assert 0.7 < shape.std_factor < 1.3
+    assert np.abs(shape.insets).max() < 0.08
+    np.testing.assert_allclose(shape.size, [4.0, 1.8], rtol=0.02)
+    np.testing.assert_array_equal(shape.outline_stds, 0.0)
+
+
+def test_points_of_the_background_do_not_change_the_seen_shape(sample):
+    scenario, scans = sample
+    wall = np.array([[0.0, 40.0], [3.0, 40.0]])
+    parts = [
+        (
+            np.concatenate([scans.points_world[scans.rows(k)], wall]),
+            np.concatenate([scans.covariances_world[scans.rows(k)], np.tile(np.eye(2), (2, 1, 1))]),
+        )
+        for k in range(len(scans))
+    ]
+    mixed = Scans.of_each(scans.times, scans.sensor_poses_world, parts)
+    plain, among = class_shape_of([sample]), class_shape_of([(scenario, mixed)])
+    np.testing.assert_allclose(among.depth_biases, plain.depth_biases, atol=1e-9)
+
+
+def test_mean_outline_of_two_sizes_has_the_mean_size():
+    radii, stds = mean_radii([BOX, 1.2 * BOX])
+    assert radii[0] == pytest.approx(2.2)
+    assert radii[len(radii) // 4] == pytest.approx(0.99)
+    np.testing.assert_allclose(stds, 0.0, atol=1e-12)
+    _, stds = mean_radii([BOX, np.array([[2.0, 0.0], [0.0, 0.9], [-2.0, 0.0], [0.0, -0.9]])])
+    assert stds.max() > 0.1
+
+
+def test_knowledge_comes_from_tuning_seeds_and_survives_its_text(sample):
+    assert min(SEEDS) >= 1000
+    shape = class_shape_of([sample])
+    text = entry("car", shape)
+    known = eval("{" + text + "}", {})["car"]
+    radii = np.array(known["radii"].split(), dtype=float) / 1000.0
+    np.testing.assert_allclose(radii, np.hypot(*shape.outline.T), atol=5.1e-4)
+    assert max(map(len, text.splitlines())) <= 100
