@@ -294,12 +294,12 @@ def test_touch_targets_are_large_enough(open_page, pages):
 
 def test_charts_are_aligned_and_bands_have_no_gaps(one):
     page = one.page
-    for width in (1206, 1280, 1400):
+    for width in (1206, 1280, 1400, 1500):
         page.set_viewport_size({"width": width, "height": 900})
         tops = [plot.bounding_box()["y"] for plot in page.locator(".plot").all()]
-        assert len(tops) == 6
+        assert len(tops) == 7
         assert max(tops) - min(tops) < 1.0, width
-    band = page.locator(".plot").nth(3).locator(".consistent").get_attribute("d")
+    band = page.locator(".plot").nth(4).locator(".consistent").get_attribute("d")
     steps = np.array(re.findall(r"M(\S+) \S+H([\d.]+)V", band), dtype=float)
     assert len(steps) == SCANS
     assert (steps[1:, 0] <= steps[:-1, 1]).all()
