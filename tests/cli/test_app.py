@@ -110,8 +110,8 @@ def test_run_hands_over_what_was_typed(stand_in, tmp_path):
     assert not defaults[0]
     assert defaults[1] is None
     assert str(defaults[2]) == "results"
-    assert defaults[3:] == (None, False, False)
-    assert given == (["seed=1", "rig=kitti"], "a", tmp_path, 3, True, True)
+    assert defaults[3:] == (None, False, False, None)
+    assert given == (["seed=1", "rig=kitti"], "a", tmp_path, 3, True, True, None)
 
 
 def test_exit_code_of_the_body_is_the_command_s(stand_in):

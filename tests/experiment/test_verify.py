@@ -180,7 +180,7 @@ def test_a_folder_of_an_older_version(folder, capsys, tmp_path):
 
 
 def test_a_small_folder_is_compared_by_its_files(folder, capsys):
-    for name in ("scans.npz", "track.npz"):
+    for name in ("scans.npz", "track.npz", "truth.npz"):
         (folder / name).unlink()
     shutil.rmtree(folder / "figures")
     code, found = verified(capsys, folder)
