@@ -192,7 +192,7 @@ def test_a_clip_is_tracked_and_scored_and_keys_hold_no_path(clip, tmp_path, monk
     answer = run(capsys, tmp_path, *of(own), "pictures.frames=[1]", "--name", "one")
     metrics = answer["metrics"]
     assert metrics["scans"] == metrics["scored_scans"] == 5
-    assert metrics["points_used_mean"] > 5 and metrics["iou_mean"] > 0.5
+    assert metrics["points_used_mean"] > 5 and metrics["iou_box_mean"] > 0.5
     figures = {str(file.relative_to(tmp_path / "one")) for file in tmp_path.rglob("one/figures/*")}
     assert "figures/path.png" in figures and "figures/k0001" in figures
     assert not list((tmp_path / "one").rglob("00000*.png"))
@@ -223,7 +223,7 @@ def test_a_gap_in_the_labels_leaves_scores_out(clip, tmp_path, monkeypatch, caps
     assert (answer["metrics"]["scans"], answer["metrics"]["scored_scans"]) == (5, 3)
     assert answer["metrics"]["centre_rmse_m"] < 1.0
     with np.load(tmp_path / "gap" / "scores.npz") as scores:
-        assert np.isnan(scores["iou"]).tolist() == [False, False, True, False, False]
+        assert np.isnan(scores["iou_box"]).tolist() == [False, False, True, False, False]
 
 
 def test_no_stage_from_matching_to_the_track_gets_labels(clip):
