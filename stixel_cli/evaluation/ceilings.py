@@ -1,14 +1,14 @@
 """The greatest overlaps with a road user that a tracker can have, whatever it estimates."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import shapely
 
 from stixel_cli.evaluation.contour_errors import areas, boxes, overlaps
-from stixel_cli.scene.build import outline
+from stixel_cli.evaluation.scan_errors import Ceilings
 from stixel_cli.scene.mesh import corners
+from stixel_cli.scene.outline import outline
 from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.scenario import Scenario
@@ -18,26 +18,6 @@ RAYS = 720
 
 LIMB_SAMPLES = 4
 """Poses of the limbs, even in their cycle, that a ceiling is the mean over."""
-
-
-@dataclass(frozen=True)
-class Ceilings:
-    """IoUs with the true target, 0 … 1; NaN where they are not known.
-
-    Attributes:
-        star_convex_ceiling: the outline's, of the best contour that is star-convex about the
-            target's centre. Its hull and its box can be exact.
-        heights_ceiling, hull_heights_ceiling, box_heights_ceiling: of outline, convex hull and box
-            of the target's part within the gated heights, the only part that is measured.
-    """
-
-    star_convex_ceiling: float
-    heights_ceiling: float
-    hull_heights_ceiling: float
-    box_heights_ceiling: float
-
-
-NO_CEILINGS = Ceilings(np.nan, np.nan, np.nan, np.nan)
 
 
 def find_ceilings(scenario: Scenario, road_user: RoadUser, measurement: Any) -> Ceilings:

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import shapely
 
-from stixel_cli.evaluation.ceilings import NO_CEILINGS, Ceilings
 from stixel_cli.evaluation.contour_errors import (
     COVERED,
     Contours,
@@ -26,7 +25,7 @@ from stixel_cli.evaluation.contour_errors import (
     seen_points,
 )
 from stixel_cli.evaluation.metric_table import METRICS, Scores
-from stixel_cli.evaluation.scan_errors import ScanErrors
+from stixel_cli.evaluation.scan_errors import NO_CEILINGS, Ceilings, ScanErrors
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario

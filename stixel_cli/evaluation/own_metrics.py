@@ -5,9 +5,9 @@ from numbers import Real
 
 import numpy as np
 
-from stixel_cli.evaluation.ceilings import NO_CEILINGS, Ceilings
 from stixel_cli.evaluation.evaluate import evaluate
 from stixel_cli.evaluation.metric_table import Scores
+from stixel_cli.evaluation.scan_errors import NO_CEILINGS, Ceilings
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.own_code import loaded
 from stixel_cli.scene.scenario import Scenario

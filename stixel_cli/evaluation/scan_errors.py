@@ -18,6 +18,26 @@ FARTHEST_CENTRE = 2.0
 
 
 @dataclass(frozen=True)
+class Ceilings:
+    """IoUs with the true target, 0 … 1; NaN where they are not known.
+
+    Attributes:
+        star_convex_ceiling: the outline's, of the best contour that is star-convex about the
+            target's centre. Its hull and its box can be exact.
+        heights_ceiling, hull_heights_ceiling, box_heights_ceiling: of outline, convex hull and box
+            of the target's part within the gated heights, the only part that is measured.
+    """
+
+    star_convex_ceiling: float
+    heights_ceiling: float
+    hull_heights_ceiling: float
+    box_heights_ceiling: float
+
+
+NO_CEILINGS = Ceilings(np.nan, np.nan, np.nan, np.nan)
+
+
+@dataclass(frozen=True)
 class ScanErrors:
     """Errors and counts of one track over its K scans.
 

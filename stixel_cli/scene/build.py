@@ -7,7 +7,7 @@ limbs: every pose of theirs has its own.
 import numpy as np
 import shapely
 
-from stixel_cli.scene.mesh import Mesh, Part, corners
+from stixel_cli.scene.outline import GRID, ground_contour, polygon_of, seen_from_above
 from stixel_cli.scene.path import distance_travelled, path_poses
 from stixel_cli.scene.path_parameters import Path
 from stixel_cli.scene.road_user import limb_poses, moving_parts, road_user_meshes
@@ -34,13 +34,6 @@ def build_scenario(ego_motion: EgoMotion, road_user: RoadUser, path: Path) -> Sc
     )
 
 
-SIMPLIFIED_BY = 1e-3
-"""The contour may differ from the outline by this much, m."""
-
-GRID = 1e-6
-"""Projected corners are rounded to this, m, so that slivers cannot break the union."""
-
-
 def road_user_contours(road_user: RoadUser) -> np.ndarray:
     """The outlines (L, M, 2) m of `road_user_meshes`, as `ground_contour` states them.
 
@@ -54,11 +47,11 @@ def road_user_contours(road_user: RoadUser) -> np.ndarray:
         return ground_contour(meshes[0])[None]
     # What does not move is projected once.
     moving = moving_parts(road_user)
-    rest = _seen_from_above([p for p in meshes[0].parts if p.name not in moving])
+    rest = seen_from_above([p for p in meshes[0].parts if p.name not in moving])
     contours = []
     for mesh in meshes:
-        limbs = _seen_from_above([p for p in mesh.parts if p.name in moving])
-        contours.append(_outline(_without_holes(shapely.union(rest, limbs, grid_size=GRID))))
+        limbs = seen_from_above([p for p in mesh.parts if p.name in moving])
+        contours.append(polygon_of(shapely.union(rest, limbs, grid_size=GRID)))
     count = max(len(contour) for contour in contours)
     return np.stack([_with_vertices(contour, count) for contour in contours])
 
@@ -71,54 +64,3 @@ def _with_vertices(contour: np.ndarray, count: int) -> np.ndarray:
         middle = 0.5 * (contour[longest] + following[longest])
         contour = np.insert(contour, longest + 1, middle, axis=0)
     return contour
-
-
-def _seen_from_above(parts: list[Part]) -> shapely.Geometry:
-    """Ground projection of closed surfaces: its upward triangles cover all of it."""
-    flat = corners(Mesh(tuple(parts)))[:, :, :2]
-    return shapely.union_all(shapely.polygons(flat[_doubled_areas(flat) > 1e-10]))
-
-
-def ground_contour(mesh: Mesh) -> np.ndarray:
-    """Outline (M, 2) m of the ground projection of `mesh`, in its own frame; see `outline`."""
-    return outline(corners(mesh))
-
-
-def outline(triangles: np.ndarray) -> np.ndarray:
-    """Outline (M, 2) m of the ground projection of `triangles` (T, 3, 3) m.
-
-    One simple polygon, counter-clockwise, the first vertex not repeated. Holes are filled, because
-    a sensor on the ground can only see the outline. Parts that do not touch in the projection are
-    joined by a morphological closing with the smallest sufficient radius of 1, 2, 4 … mm. This
-    fills gaps and notches narrower than twice that radius, and changes nothing else. The outline is
-    then simplified by `SIMPLIFIED_BY` at most.
-
-    Raises:
-        ValueError: if the projection has no area.
-    """
-    flat = triangles[:, :, :2]
-    flat = flat[np.abs(_doubled_areas(flat)) > 1e-10]
-    if len(flat) == 0:
-        raise ValueError("the mesh's ground projection has no area")
-    return _outline(_without_holes(shapely.union_all(shapely.polygons(flat), grid_size=GRID)))
-
-
-def _outline(shape: shapely.Geometry) -> np.ndarray:
-    """The pieces of a projection without holes as one polygon (M, 2), see `ground_contour`."""
-    radius = 1e-3
-    while shape.geom_type != "Polygon":
-        closed = shape.buffer(radius, join_style="mitre").buffer(-radius, join_style="mitre")
-        shape = _without_holes(shapely.union(closed, shape))
-        radius *= 2.0
-    shape = shapely.orient_polygons(shape.simplify(SIMPLIFIED_BY))
-    return np.array(shape.exterior.coords)[:-1]
-
-
-def _doubled_areas(flat: np.ndarray) -> np.ndarray:
-    a, b = flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-
-
-def _without_holes(shape: shapely.Geometry) -> shapely.Geometry:
-    pieces = [shapely.Polygon(piece.exterior) for piece in shapely.get_parts(shape)]
-    return shapely.union_all([piece for piece in pieces if piece.area > 0.0])

@@ -9,8 +9,9 @@ from stixel_cli.evaluation.ceilings import (
     between_heights,
     find_ceilings,
 )
-from stixel_cli.scene.build import build_scenario, is_star_convex
+from stixel_cli.scene.build import build_scenario
 from stixel_cli.scene.ego import ego_motion
+from stixel_cli.scene.scenario import is_star_convex
 
 SQUARE = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]], float)
 

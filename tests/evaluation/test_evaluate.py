@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stixel_cli.evaluation.ceilings import Ceilings
 from stixel_cli.evaluation.evaluate import (
     centre_errors,
     evaluate,
@@ -14,6 +13,7 @@ from stixel_cli.evaluation.evaluate import (
     normalised_errors,
     orientation_errors,
 )
+from stixel_cli.evaluation.scan_errors import Ceilings
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario

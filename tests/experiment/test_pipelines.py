@@ -23,7 +23,8 @@ from stixel_cli.results.pictures import Pictures
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
 
 TRUTH = {"scenario", "render"}
-MAY_SEE_TRUTH = {"render", "add_sensor_noise", "start", "scores", "stage_errors", "point_errors"}
+MAY_SEE_TRUTH = {"render", "add_sensor_noise", "start", "ceilings", "scores"}
+MAY_SEE_TRUTH |= {"stage_errors", "point_errors"}
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -83,7 +83,7 @@ def test_every_road_user_is_rendered_and_measured(road_user, results, capsys):
 
 def test_json_is_all_that_is_on_stdout_and_the_manifest_agrees(results, capsys):
     answer = run_json(capsys, results, *FEW, IN_THIS_PROCESS)
-    assert set(answer) == {"folder", "metrics", "stages"}
+    assert set(answer) == {"folder", "metrics", "verdict", "stages"}
     folder = results / answer["folder"].rpartition("/")[2]
     manifest = json.loads((folder / "manifest.json").read_text())
     assert manifest["stages"] == answer["stages"]

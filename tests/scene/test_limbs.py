@@ -8,10 +8,11 @@ import scene_presets
 import shapely
 
 from stixel_cli.geometry.pose import target_from_world
-from stixel_cli.scene.build import build_scenario, ground_contour, road_user_contours
+from stixel_cli.scene.build import build_scenario, road_user_contours
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.limbs import knee
 from stixel_cli.scene.mesh import bounding_box
+from stixel_cli.scene.outline import ground_contour
 from stixel_cli.scene.road_user import LIMB_POSES, limb_poses, moving_parts, road_user_meshes
 
 WALKERS = ("cyclist", "pedestrian")

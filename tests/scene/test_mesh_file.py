@@ -8,9 +8,9 @@ import pytest
 from stixel_cli.config.compose import compose
 from stixel_cli.engine.graph import build_graph
 from stixel_cli.experiment.stages import pipeline_stages, scan_count
-from stixel_cli.scene.build import ground_contour
 from stixel_cli.scene.mesh import bounding_box
 from stixel_cli.scene.mesh_file import load_mesh, referred_files
+from stixel_cli.scene.outline import ground_contour
 from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.road_user_parameters import RoadUser
 
