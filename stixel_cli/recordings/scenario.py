@@ -6,6 +6,7 @@ import numpy as np
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, world_from_ego
 from stixel_cli.geometry.rig import Rig
+from stixel_cli.recordings.box import rectangle
 from stixel_cli.recordings.kitti_labels import labels_of
 from stixel_cli.scene.scenario import EgoMotion, Scenario
 
@@ -69,11 +70,6 @@ def _scenario(
         only_box=True,
         scored=scored,
     )
-
-
-def rectangle(length: float, width: float) -> np.ndarray:
-    """Corners (4, 2) m of a rectangle about the origin, counter-clockwise, x along its length."""
-    return 0.5 * np.array([[length, width], [-length, width], [-length, -width], [length, -width]])
 
 
 def slopes(times: np.ndarray, values: np.ndarray) -> np.ndarray:

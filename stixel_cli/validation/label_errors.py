@@ -9,8 +9,8 @@ import numpy as np
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.rays import Rays, first_crossings, spread_rays
+from stixel_cli.recordings.box import rectangle
 from stixel_cli.recordings.kitti_labels import CLASSES, read_labels
-from stixel_cli.recordings.scenario import rectangle
 from stixel_cli.stixels.types import Stixels
 
 GREATEST_ERROR = 3.0

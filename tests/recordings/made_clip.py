@@ -5,7 +5,7 @@ import numpy as np
 from stixel_cli.geometry.pose import ego_from_world
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
-from stixel_cli.recordings.scenario import rectangle
+from stixel_cli.recordings.box import rectangle
 from stixel_cli.recordings.write_kitti import write_clip
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.scene.ego import Turning, ego_motion

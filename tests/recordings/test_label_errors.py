@@ -8,7 +8,7 @@ import pytest
 from made_clip import make_clip, small_rig, small_scenario
 
 from stixel_cli.cli.app import main
-from stixel_cli.recordings.scenario import rectangle
+from stixel_cli.recordings.box import rectangle
 from stixel_cli.validation.label_errors import (
     LabelErrors,
     column_rays,
