@@ -22,7 +22,7 @@ def sample():
     sensor = np.tile([0.0, 0.0, STRAIGHT_AHEAD], (count, 1))
     headings = np.linspace(0.0, 2.0 * np.pi, count)
     away = 10.0 + 4.0 * np.cos(7.0 * headings)
-    scenario = Scenario(
+    scenario = Scenario.rigid(
         times=0.1 * np.arange(count),
         ego_poses_world=sensor,
         target_poses_world=np.column_stack([np.zeros(count), away, headings]),
