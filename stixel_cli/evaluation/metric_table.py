@@ -177,7 +177,7 @@ _TABLE = (
     Metric("iou_second_half", "IoU, mean of the second half", "mean IoU, second half",
            *_OVERLAP, lambda e: mean(second_half(e.iou))),
     Metric("iou_final", "IoU, last scan", "IoU, last scan", *_OVERLAP, lambda e: mean(e.iou[-1:])),
-    Metric("low_overlap_share", f"share of low overlap, IoU < {LOW_OVERLAP}",
+    Metric("low_overlap_share", f"share of scans with IoU < {LOW_OVERLAP}",
            "share of low overlap", *_SHARE, lambda e: mean(e.iou < LOW_OVERLAP)),
     Metric("nees_position_mean", "NEES of the position / 2, mean (1 is consistent)",
            "mean NEES / 2", *_RATIO, lambda e: finite_mean(e.nees_position)),
@@ -188,9 +188,9 @@ _TABLE = (
     Metric("scans", "scans", "scans", *_COUNT, lambda e: len(e.points)),
     Metric("empty_scans", "empty scans", "empty scans",
            *_COUNT, lambda e: int(np.sum(e.points == 0))),
-    Metric("points_per_scan_mean", "points in a scan, mean", "points per scan",
+    Metric("points_per_scan_mean", "points per scan, mean", "points per scan",
            *_COUNT, lambda e: mean(e.points)),
-    Metric("points_used_mean", "points used of a scan, mean", "points used per scan",
+    Metric("points_used_mean", "points used per scan, mean", "points used per scan",
            *_COUNT, lambda e: mean(e.points_used)),
 )  # fmt: skip
 

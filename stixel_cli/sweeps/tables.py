@@ -12,8 +12,9 @@ from stixel_cli.sweeps.results import IncompleteSetting
 from stixel_cli.sweeps.statistics import Statistic
 
 _EXPLANATION = (
-    "Over the seeds of each setting: n values, their mean, standard deviation, and the 95 % "
-    "interval of the mean (Student's t)."
+    "One row per setting: n seeds with a value, their mean, standard deviation, and the 95 % "
+    "interval of the mean (Student's t; its ends can be beyond the possible values). Settings have "
+    "the same seeds: to compare two settings, take the differences seed by seed, from runs.csv."
 )
 _LATEX = {
     "\\": r"\textbackslash{}",
