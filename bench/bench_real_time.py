@@ -53,7 +53,9 @@ def follow(recorded, cores):
                 disparities, ego, p.rig, p.road, p.occupancy, p.free_space, frames, free_space
             )
             stixels.append(
-                extract_stixels(disparities, free_space, p.rig, p.height, p.extraction, frames)
+                extract_stixels(
+                    disparities, free_space, pairs[k], p.rig, p.height, p.extraction, frames
+                )
             )
     track = gp_ekf.track(gather_scans(stixels, ego, p.measurement), initial, p.prior, p.tracker)
     return (time.perf_counter() - started) / len(pairs), track.means

@@ -34,6 +34,7 @@ from stixel_cli.stixels.height import top_rows
 from stixel_cli.stixels.nearest_obstacle import cell_costs, cheapest_path, nearest_obstacle
 from stixel_cli.stixels.occupancy import column_histograms, fill, layout
 from stixel_cli.stixels.road import find_road, obstacle_limits, road_line
+from stixel_cli.stixels.unknown import unknown_rows
 
 ROOT = Path(__file__).parents[1]
 COUNT = 128
@@ -98,14 +99,18 @@ def raw(pairs):
     return sgm.match(pairs, STEREO, RIG, range(1)).raw(0)
 
 
-def segment(raw, expected, road, occupancy, grid):
+def segment(raw, expected, road, occupancy, grid, images=None):
     """One frame from disparity to stixels, as the two stages do it."""
     columns = cv2.transpose(raw)
     line = find_road(columns, COUNT, RIG, road)
     obstacle = nearest_obstacle(columns, line, expected, RIG, road, grid, occupancy, FREE_SPACE)
     base = obstacle_base(obstacle, line, RIG)
     columns = cv2.transpose(raw)
-    stixels = stixels_of_frame(columns, obstacle, base, line, COUNT, RIG, HEIGHT, EXTRACTION)
+    extraction = EXTRACTION if images is not None else replace(EXTRACTION, refinement=0.0)
+    unknown_rows(columns, base, line, RIG, occupancy, FREE_SPACE)
+    stixels = stixels_of_frame(
+        columns, obstacle, base, line, COUNT, RIG, HEIGHT, extraction, images
+    )
     return obstacle, base, line, stixels
 
 
@@ -121,18 +126,20 @@ def prepared(raw, road="rig", occupancy="polar"):
 
 @pytest.mark.parametrize("occupancy", ["polar", "column_disparity", "cartesian"])
 @pytest.mark.parametrize("road", ["rig", "estimated"])
-def test_disparity_to_stixels(benchmark, raw, road, occupancy):
+def test_disparity_to_stixels(benchmark, raw, pairs, road, occupancy):
     benchmark.group = "disparity to stixels"
     road, occupancy, grid, expected = prepared(raw, road, occupancy)
-    obstacle, *_ = benchmark(segment, raw, expected, road, occupancy, grid)
+    obstacle, *_ = benchmark(
+        segment, raw, expected, road, occupancy, grid, (pairs.left[0], pairs.right[0])
+    )
     assert np.isfinite(obstacle).mean() > 0.3
 
 
-STEPS = ("histogram", "grid", "costs", "path", "height", "stixels")
+STEPS = ("histogram", "grid", "costs", "path", "unknown", "height", "stixels", "refined stixels")
 
 
 @pytest.mark.parametrize("step", STEPS)
-def test_step(benchmark, raw, step):
+def test_step(benchmark, raw, pairs, step):
     benchmark.group = "steps, polar grid"
     road, occupancy, grid, expected = prepared(raw)
     columns = cv2.transpose(raw)
@@ -146,15 +153,17 @@ def test_step(benchmark, raw, step):
     weigh = (fill(*fill_grid), (1 / need).astype(np.float32), *bounds)
     depths = np.append(grid.depths, 2 * grid.depths[-1] - grid.depths[-2])
     limits = np.float32(FREE_SPACE.spatial_cost), np.float32(FREE_SPACE.spatial_limit)
+    frame = columns, obstacle, base, line, COUNT, RIG, HEIGHT
+    images = pairs.left[0], pairs.right[0]
     work = {
         "histogram": lambda: column_histograms(*count),
         "grid": lambda: fill(*fill_grid),
         "costs": lambda: cell_costs(*weigh),
         "path": (lambda costs: lambda: cheapest_path(costs, depths, *limits))(cell_costs(*weigh)),
         "height": lambda: top_rows(columns, obstacle, base, line, RIG, HEIGHT),
-        "stixels": lambda: stixels_of_frame(
-            columns, obstacle, base, line, COUNT, RIG, HEIGHT, EXTRACTION
-        ),
+        "unknown": lambda: unknown_rows(columns, base, line, RIG, occupancy, FREE_SPACE),
+        "stixels": lambda: stixels_of_frame(*frame, replace(EXTRACTION, refinement=0.0)),
+        "refined stixels": lambda: stixels_of_frame(*frame, EXTRACTION, images),
     }
     benchmark(work[step])
 

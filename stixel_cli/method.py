@@ -41,7 +41,7 @@ def follow_road_user(p, seed: int) -> tuple[Scans, Track, Scores]:
     free_space = find_free_space(
         disparities, ego, p.rig, p.road, p.occupancy, p.free_space, frames, previous=None
     )
-    stixels = extract_stixels(disparities, free_space, p.rig, p.height, p.extraction, frames)
+    stixels = extract_stixels(disparities, free_space, pairs, p.rig, p.height, p.extraction, frames)
     scans = gather_scans([stixels], ego, p.measurement)
 
     # The tracker starts at the noisy truth. Its track is compared with the truth, and with the

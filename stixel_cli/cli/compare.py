@@ -46,6 +46,10 @@ def compare(folders: Folders, json: Json = False) -> int:
     ]
     if rows:
         print_table(("metric (* is the best)", *labels), rows, right=range(1, 1 + len(runs)))
+        sys.stdout.write(
+            "One run per column: a difference may be due to chance. NEES, NIS: the best is nearest "
+            "to 1 (0.5 and 2 are equally near)\n"
+        )
     else:
         sys.stdout.write("the metrics are the same\n")
     return 0

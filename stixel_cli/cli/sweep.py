@@ -172,7 +172,7 @@ def _print_statistics(console: Any, result: "SweepResult") -> None:
     more = len(by_setting) - 2 * _MOST_SHOWN
     console.print(
         (
-            "Mean over seeds ± half the 95 % interval"
+            "Mean over n seeds ± half the 95 % interval (Student's t)"
             if spread
             else "One seed per setting: no interval"
         )

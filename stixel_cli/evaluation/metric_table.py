@@ -187,7 +187,7 @@ _TABLE = (
            *_OVERLAP, lambda e: mean(e.iou_box)),
     Metric("iou_box_heights_ceiling", "IoU of the box, ceiling: part within the gated heights",
            "box ceiling, heights", *_CEILING, lambda e: mean(e.box_heights_ceiling)),
-    Metric("low_overlap_share", f"share of low overlap, IoU of the outline < {LOW_OVERLAP}",
+    Metric("low_overlap_share", f"share of scans with IoU of the outline < {LOW_OVERLAP}",
            "share of low overlap", *_SHARE, lambda e: low_overlap_share(e.iou)),
     Metric("success", "success, area under the curve of the box's IoU", "success",
            *_OVERLAP, lambda e: success(e.iou_box), percent=True),
@@ -223,9 +223,9 @@ _TABLE = (
            *_COUNT, lambda e: len(e.centre)),
     Metric("empty_scans", "empty scans", "empty scans",
            *_COUNT, lambda e: int(np.sum(e.points == 0))),
-    Metric("points_per_scan_mean", "points in a scan, mean", "points per scan",
+    Metric("points_per_scan_mean", "points per scan, mean", "points per scan",
            *_COUNT, lambda e: mean(e.points)),
-    Metric("points_used_mean", "points used of a scan, mean", "points used per scan",
+    Metric("points_used_mean", "points used per scan, mean", "points used per scan",
            *_COUNT, lambda e: mean(e.points_used)),
 )  # fmt: skip
 

@@ -2,24 +2,32 @@
 
     python -m stixel_cli.experiment.class_shapes
 
-runs the classes on four paths with tuning seeds (1000 and above) and fits their seen shapes. Run it
+runs the classes on four paths with tuning seeds (1000 and above) and fits what stixels and lidars
+see of them. Run it
 again when the renderer, the matcher, the stixels or the road users' shapes have changed.
 """
 
+import dataclasses
 import sys
+from collections.abc import Mapping
+from itertools import product
 from pathlib import Path
-from textwrap import fill
+from textwrap import wrap
 
 import numpy as np
 
 from stixel_cli.config.compose import compose
 from stixel_cli.experiment.run import record_run
-from stixel_cli.tracking.class_shape import ClassShape
-from stixel_cli.validation.seen_shape import class_shape_of
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.scene.scenario import Scenario
+from stixel_cli.tracking.class_shape import ClassShape, SeenShape
+from stixel_cli.validation.seen_shape import class_shape_of, seen_shape_of
 
 CLASSES = ("car", "cyclist", "pedestrian")
 PATHS = ("turn", "crossing", "approach", "s_curve")
 SEEDS = (1000, 1001, 1002)
+MEASUREMENTS = {"simulated": ("simulated",), "lidar": ("lidar", "lidar_64")}
+"""Options of `measurement` for each kind of sensor."""
 
 HEADER = '''"""Generated: what is known of each class of road user; `class_shape.py` explains it.
 
@@ -35,42 +43,54 @@ def main() -> None:
     """Run the experiments that are not cached, fit, and write the module."""
     text = HEADER.format(paths=", ".join(PATHS), seeds=", ".join(map(str, SEEDS)))
     for road_user in CLASSES:
-        samples = []
-        for path in PATHS:
-            for seed in SEEDS:
-                overrides = (f"road_user={road_user}", f"path={path}", f"seed={seed}")
-                result = record_run(
-                    compose((*overrides, "tracker=point", "pictures.frames=[]")),
-                    ["stixel", "run", *overrides],
-                    results=None,
-                    name=None,
-                )
-                samples.append((result.scenario, result.scans))
-                print(*overrides, file=sys.stderr)  # noqa: T201
-        text += entry(road_user, class_shape_of(samples))
+        samples = {sensor: _samples(road_user, sensor) for sensor in MEASUREMENTS}
+        shape = class_shape_of([scenario for scenario, _ in samples["simulated"]])
+        seen = {sensor: seen_shape_of(pairs) for sensor, pairs in samples.items()}
+        text += entry(road_user, shape, seen)
     target = Path(__file__).parents[1] / "tracking" / "class_shapes.py"
     target.write_text(text + "}\n", encoding="utf-8")
     print(target)  # noqa: T201
 
 
-def entry(road_user: str, shape: ClassShape) -> str:
+def _samples(road_user: str, sensor: str) -> list[tuple[Scenario, Scans]]:
+    """Ground truth and scans of a class on all paths and seeds."""
+    found = []
+    for measurement, path, seed in product(MEASUREMENTS[sensor], PATHS, SEEDS):
+        overrides = (
+            f"road_user={road_user}",
+            f"measurement={measurement}",
+            f"path={path}",
+            f"seed={seed}",
+        )
+        print(*overrides, file=sys.stderr)  # noqa: T201
+        composition = compose((*overrides, "tracker=point", "pictures.frames=[]"))
+        command = ["stixel", "run", *overrides]
+        result = record_run(composition, command, results=None, name=None)
+        found.append((result.scenario, result.scans))
+    return found
+
+
+def entry(road_user: str, shape: ClassShape, seen: Mapping[str, SeenShape]) -> str:
     """The text of one class in the generated module."""
-    lengths = {
-        "radii": np.hypot(*shape.outline.T),
-        "radius_stds": shape.outline_stds,
-        "depth_biases": shape.depth_biases,
-        "depth_stds": shape.depth_stds,
-        "insets": shape.insets,
-        "inset_stds": shape.inset_stds,
-    }
-    numbers = {"bias_per_std": shape.bias_per_std, "std_factor": shape.std_factor}
     lines = [f'    "{road_user}": {{']
-    lines += [f'        "{name}": {value:.4f},' for name, value in numbers.items()]
-    for name, values in lengths.items():
-        lines.append(f'        "{name}": """')
-        lines.append(fill(" ".join(f"{1000.0 * value:.0f}" for value in values.ravel()), 100))
-        lines.append('        """,')
+    lines += _lengths("radii", np.hypot(*shape.outline.T))
+    lines += _lengths("radius_stds", shape.outline_stds)
+    for sensor, values in seen.items():
+        lines.append(f'        "{sensor}": {{')
+        for field in dataclasses.fields(values):
+            value = getattr(values, field.name)
+            if isinstance(value, float):
+                lines.append(f'        "{field.name}": {value:.4f},')
+            else:
+                lines += _lengths(field.name, value)
+        lines.append("        },")
     return "\n".join([*lines, "    },\n"])
+
+
+def _lengths(name: str, values: np.ndarray) -> list[str]:
+    """The lines of one entry: lengths in m as whole millimetres."""
+    numbers = " ".join(f"{1000.0 * value:.0f}" for value in values.ravel())
+    return [f'        "{name}": """', *wrap(numbers, 100), '        """,']
 
 
 if __name__ == "__main__":

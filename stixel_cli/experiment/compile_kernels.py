@@ -13,6 +13,8 @@ from time import perf_counter
 import numpy as np
 
 from stixel_cli.config.compose import compose
+from stixel_cli.images import ImageStack
+from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.rendering.raycast import render
 from stixel_cli.scene.build import build_scenario
 from stixel_cli.scene.ego import ego_motion
@@ -44,7 +46,9 @@ def call_stixel_kernels() -> None:
         free_space = find_free_space(
             disparities, ego, p.rig, p.road, p.occupancy, p.free_space, frames, None
         )
-        extract_stixels(disparities, free_space, p.rig, p.height, p.extraction, frames)
+        views = random.integers(0, 256, (2, 2, p.rig.height, p.rig.width)).astype(np.uint8)
+        pairs = StereoPairs(0, *(ImageStack.from_images(list(view)) for view in views))
+        extract_stixels(disparities, free_space, pairs, p.rig, p.height, p.extraction, frames)
 
 
 def call_tracking_kernels() -> None:

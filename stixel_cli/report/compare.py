@@ -71,6 +71,7 @@ def page_html(runs: Sequence[RunResult], command: Sequence[str]) -> str:
         same=same,
         verdicts=[verdict(run.metrics) for run in runs],
         metrics=metric_rows(runs),
+        low_overlap=LOW_OVERLAP,
         curves=[(title, Markup(svg)) for title, svg in error_curves(runs)],
         pictures=[_data_uri(run.pictures.get("path.png")) for run in runs],
         provenance=_provenance(runs),
@@ -151,7 +152,7 @@ def _provenance(runs: Sequence[RunResult]) -> list[tuple[str, list[str]]]:
     rows = [("folder", [str(run.folder) for run in runs])]
     for name in ("command", "seed", "created"):
         rows.append((name, [_text(manifest.get(name)) for manifest in manifests]))
-    rows.append(("seconds", [_text(manifest.get("seconds")) for manifest in manifests]))
+    rows.append(("run time (s)", [_text(manifest.get("seconds")) for manifest in manifests]))
     rows.append(("git revision", [_revision(manifest.get("git")) for manifest in manifests]))
     for group, title in (("versions", ""), ("machine", "machine, ")):
         tables = [m.get(group) if isinstance(m.get(group), dict) else {} for m in manifests]

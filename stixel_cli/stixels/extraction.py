@@ -5,10 +5,12 @@ import numpy as np
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.geometry.rig import Rig
+from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo.disparities import SUBPIXELS, Disparities
 from stixel_cli.stixels.extraction_parameters import ExtractionParameters, HeightParameters
 from stixel_cli.stixels.grouping import group_columns
 from stixel_cli.stixels.height import depth_windows, top_rows
+from stixel_cli.stixels.refinement import aligned
 from stixel_cli.stixels.road import base_rows, pitch_and_height, pitch_factors
 from stixel_cli.stixels.types import SAME_OBJECT, FreeSpace, Stixels
 
@@ -19,6 +21,7 @@ BINS_PER_PIXEL = 8
 def extract_stixels(
     disparities: Disparities,
     free_space: FreeSpace,
+    pairs: StereoPairs,
     rig: Rig,
     height: HeightParameters,
     extraction: ExtractionParameters,
@@ -29,6 +32,9 @@ def extract_stixels(
     for k in frames:
         i = k - free_space.first
         columns = cv2.transpose(disparities.raw(k - disparities.first))
+        images = None
+        if extraction.refinement > 0:
+            images = pairs.left[k - pairs.first], pairs.right[k - pairs.first]
         found.append(
             stixels_of_frame(
                 columns,
@@ -39,6 +45,7 @@ def extract_stixels(
                 rig,
                 height,
                 extraction,
+                images,
             )
         )
     offsets = np.cumsum([0] + [len(f["left"]) for f in found], dtype=np.int64)
@@ -80,6 +87,7 @@ def stixels_of_frame(
     rig: Rig,
     height: HeightParameters,
     extraction: ExtractionParameters,
+    images: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> dict[str, np.ndarray]:
     """Stixels of one frame: the fields of `Stixels` by name.
 
@@ -88,6 +96,7 @@ def stixels_of_frame(
         obstacle, base_row: (W,) a frame of `FreeSpace`.
         line: (2,) the road's disparity a v + b, px.
         count: number of disparities searched.
+        images: left and right (H, W) uint8, read where `extraction.refinement` is not 0.
     """
     tops = top_rows(columns, obstacle, base_row, line, rig, height)
     window = depth_windows(obstacle, rig, height.depth_margin)
@@ -109,6 +118,9 @@ def stixels_of_frame(
         extraction.front_height / rig.baseline * rig.focal_v / rig.focal,
         extraction.front_margin,
     )
+    if extraction.refinement > 0:
+        found = aligned(*images, columns, areas, values[:, 0], scale)
+        values[:, 0] += extraction.refinement * (found - values[:, 0])
     areas[:, 2] = np.maximum(areas[:, 2] - height.hidden_rows, 0)
     return group_fields(areas, values, line, rig, extraction)
 

@@ -38,6 +38,8 @@ class ExtractionParameters:
         front_height: the front face is the nearest part of the stixel that is this high, m.
         front_margin: pixels more than this behind the front face are another surface, px: a
             windscreen behind a bonnet does not move the stixel.
+        refinement: weight of the disparity that aligns the stixel's patches in both images; the
+            matcher's has the rest. 0: no alignment.
         least_std: standard deviation of a stixel's disparity amid others of its object, px.
         edge_std: what is added to it, in square, with fewer than three of the two neighbours on
             either side: at an object's edge a matcher blends it with what is behind, px.
@@ -51,6 +53,7 @@ class ExtractionParameters:
     least_pixels: Annotated[int, Ge(1), Le(10000)]
     front_height: Annotated[float, Gt(0), Le(20)]
     front_margin: Annotated[float, Gt(0), Le(64)]
+    refinement: Annotated[float, Ge(0), Le(1)]
     least_std: Annotated[float, Ge(0), Le(5)]
     edge_std: Annotated[float, Ge(0), Le(5)]
     relief: Annotated[float, Ge(0), Le(5)]

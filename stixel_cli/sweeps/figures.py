@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -86,7 +86,7 @@ def _figure(
         numbers = sorted(numbers)
     places = list(range(len(values))) if numbers is None else numbers
     steps = dodges(places, max(1, len(others)))
-    clipped = False
+    clipped, counts = False, set()
     with style.drawing():
         figure = style.new_figure(9.0, 2.9 * math.ceil(len(names) / 2), layout="constrained")
         for number, name in enumerate(names):
@@ -102,6 +102,7 @@ def _figure(
                     ]
                     values_of = [metrics[i].get(name) for i in members]
                     rows.append(statistic({}, over_runs(name), values_of))
+                counts |= {row.n for row in rows}
                 shifted = [place + steps[line] for place in places]
                 drawn = Line(shifted, rows, style.RUNS[line], other, numbers is not None)
                 clipped |= drawn.draw(axes)
@@ -122,19 +123,24 @@ def _figure(
         if len(legend) > 1:
             columns = max(1, _LEGEND_WIDTH // (8 + max(map(len, legend))))
             figure.legend(legend.values(), legend, loc="outside lower center", ncols=columns)
-        text = caption(not others, len(others), clipped, left_out)
+        text = caption(not others, len(others), clipped, left_out, counts)
         figure.suptitle(text, fontsize=9.0, x=0.01, ha="left")
         return style.png(figure)
 
 
-def caption(together: bool, lines: int, clipped: bool, left_out: int) -> str:
-    """What a figure shows, and how it was made readable."""
-    what = "mean over seeds" + (" and all other axes" if together else "")
+def caption(
+    together: bool, lines: int, clipped: bool, left_out: int, counts: Collection[int]
+) -> str:
+    """What a figure shows, and how it was made readable; `counts` are the n of its means."""
+    least, most = min(counts, default=0), max(counts, default=0)
+    n = f"{most}" if least == most else f"{least} to {most}"
+    what = f"mean over n = {n} " + ("runs (seeds and all other axes)" if together else "seeds")
+    what += ", with the 95 % interval (Student's t)" if most > 1 else ", no interval"
     notes = ["lines shifted sideways"] if lines > 1 else []
     notes += ["intervals clipped to possible values"] if clipped else []
     settings = "setting" if left_out == 1 else "settings"
     notes += [f"without {left_out} incomplete {settings}"] if left_out else []
-    return "; ".join([f"{what}, with the 95 % interval", *notes])
+    return "; ".join([what, *notes])
 
 
 def dodges(places: Sequence[float], lines: int) -> list[float]:

@@ -12,10 +12,12 @@ from stixel_cli.sweeps.results import IncompleteSetting
 from stixel_cli.sweeps.statistics import Statistic, consistent_bounds
 
 _EXPLANATION = (
-    "Over the seeds of each setting: n values, their mean, standard deviation, and the 95 % "
-    "interval of the mean (Student's t; for a share of runs Wilson's). The column 'consistent' of "
-    "a NEES is the 95 % interval of its mean for a consistent filter (χ²; each run counts as one "
-    "scan, because the errors of its scans are alike)."
+    "One row per setting: n seeds with a value, their mean, standard deviation, and the 95 % "
+    "interval of the mean (Student's t; for a share of runs Wilson's; its ends can be beyond the "
+    "possible values). The column 'consistent' of a NEES is the 95 % interval of its mean for a "
+    "consistent filter (χ²; each run counts as one scan, because the errors of its scans are "
+    "alike). Settings have the same seeds: to compare two settings, take the differences seed by "
+    "seed, from runs.csv."
 )
 _LATEX = {
     "\\": r"\textbackslash{}",

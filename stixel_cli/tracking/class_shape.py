@@ -1,10 +1,11 @@
-"""What is known of a class of road users: its mean outline, and what stixels see of it.
+"""What is known of a class of road users: its mean outline, and what a sensor sees of it.
 
 The numbers are in `class_shapes.py`, which is generated. They differ from the prior's rectangle or
-ellipse in two ways. The outline is the class's own. And it comes with the *seen* shape: for
-every aspect and offset of a ray (see `ray_table.py`), how far behind the outline a stixel measures,
-and where the sensor sees the road user begin and end. Thin parts at the edge, such as a wheel seen
-from the front or a hand, are no obstacle of their column, so a stixel shows what is behind them.
+ellipse in two ways. The outline is the class's own. And it comes with *seen* shapes, one for
+stixels and one for lidars: for every aspect and offset of a ray (see `ray_table.py`), how far
+behind the outline a point is measured, and where the sensor sees the road user begin and end. Thin
+parts at the edge, such as a wheel seen from the front or a hand, are no obstacle of their column of
+the image, so a stixel shows what is behind them; a lidar's beams miss them.
 
 Frame: target, x along the heading, y left; m and rad.
 """
@@ -15,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from stixel_cli.tracking import class_shapes
-from stixel_cli.tracking.ray_table import COARSE, RayTable, outline_table
+from stixel_cli.tracking.ray_table import COARSE, FINE, RayTable, outline_table
 
 RoadUserClass = Literal["car", "cyclist", "pedestrian"]
 
@@ -25,12 +26,28 @@ NODES = (24, 9)
 
 @dataclass(frozen=True)
 class ClassShape:
-    """The knowledge of a class.
+    """The outlines of a class.
 
     Attributes:
         outline: (N, 2) m, the mean outline: counter-clockwise, at even angles from the heading on.
         outline_stds: (N,) m, standard deviation of the radius of the class's outlines, scaled to
             the mean length and width.
+    """
+
+    outline: np.ndarray
+    outline_stds: np.ndarray
+
+    @property
+    def size(self) -> np.ndarray:
+        """Length and width (2,) m of the mean outline."""
+        return np.ptp(self.outline, axis=0)
+
+
+@dataclass(frozen=True)
+class SeenShape:
+    """What a kind of sensor sees of a class.
+
+    Attributes:
         depth_biases: (24, 9) m, how far behind the outline a point is measured, by aspect and
             offset.
         bias_per_std: the same, in standard deviations of the point's range: added to it.
@@ -40,8 +57,6 @@ class ClassShape:
         inset_stds: (2, 24) m.
     """
 
-    outline: np.ndarray
-    outline_stds: np.ndarray
     depth_biases: np.ndarray
     bias_per_std: float
     depth_stds: np.ndarray
@@ -49,20 +64,22 @@ class ClassShape:
     insets: np.ndarray
     inset_stds: np.ndarray
 
-    @property
-    def size(self) -> np.ndarray:
-        """Length and width (2,) m of the mean outline."""
-        return np.ptp(self.outline, axis=0)
-
 
 def class_shape(road_user: RoadUserClass) -> ClassShape:
-    """The knowledge of `road_user` from `class_shapes.py`."""
+    """The outlines of `road_user` from `class_shapes.py`."""
     known = class_shapes.SHAPES[road_user]
     radii = _metres(known["radii"])
     angles = 2.0 * np.pi * np.arange(len(radii)) / len(radii)
     return ClassShape(
         outline=radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1),
         outline_stds=_metres(known["radius_stds"]),
+    )
+
+
+def seen_shape(road_user: RoadUserClass, sensor: Literal["simulated", "lidar"]) -> SeenShape:
+    """What stixels (`simulated`) or a `lidar` see of `road_user`, from `class_shapes.py`."""
+    known = class_shapes.SHAPES[road_user][sensor]
+    return SeenShape(
         depth_biases=_metres(known["depth_biases"]).reshape(NODES),
         bias_per_std=known["bias_per_std"],
         depth_stds=_metres(known["depth_stds"]).reshape(NODES),
@@ -72,18 +89,19 @@ def class_shape(road_user: RoadUserClass) -> ClassShape:
     )
 
 
-def seen_table(shape: ClassShape) -> RayTable:
-    """The table of what stixels see of `shape`: its outline's, corrected by the seen shape."""
-    table = outline_table(shape.outline, 0.0, COARSE)
-    row = np.arange(COARSE[0]) * (NODES[0] / COARSE[0])
-    column = np.linspace(0.0, NODES[1] - 1.0, COARSE[1])
-    inset = [_interpolated(values[:, None], row)[:, 0] for values in shape.insets]
-    inset_std = [_interpolated(values[:, None], row)[:, 0] for values in shape.inset_stds]
+def seen_table(outline: np.ndarray, seen: SeenShape, blurred: bool) -> RayTable:
+    """The table of what a sensor sees of an `outline` (N, 2) m; stixels see it `blurred`."""
+    size = COARSE if blurred else FINE
+    table = outline_table(outline, 0.0, size)
+    row = np.arange(size[0]) * (NODES[0] / size[0])
+    column = np.linspace(0.0, NODES[1] - 1.0, size[1])
+    inset = [_interpolated(values[:, None], row)[:, 0] for values in seen.insets]
+    inset_std = [_interpolated(values[:, None], row)[:, 0] for values in seen.inset_stds]
     return RayTable(
         lowest=table.lowest,
         highest=table.highest,
-        depths=table.depths + _interpolated(shape.depth_biases, row, column),
-        stds=_interpolated(shape.depth_stds, row, column),
+        depths=table.depths + _interpolated(seen.depth_biases, row, column),
+        stds=_interpolated(seen.depth_stds, row, column),
         low=table.low + inset[0],
         high=table.high - inset[1],
         low_stds=inset_std[0],

@@ -69,7 +69,7 @@ def track(
     along the ray from the estimated centre: pose, size and shape together.
     """
     shape = class_shape(prior.road_user)
-    sight = sight_of(shape, tracker)
+    sight = sight_of(prior.road_user, tracker)
     mean, covariance = start(initial, prior, shape, tracker)
 
     count = len(scans)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stixel_cli.geometry.pose import wrap_angle
-from stixel_cli.tracking.class_shape import ClassShape, seen_table
+from stixel_cli.tracking.class_shape import RoadUserClass, class_shape, seen_shape, seen_table
 from stixel_cli.tracking.contour_parameters import ContourParameters
 from stixel_cli.tracking.ray_table import RayTable, expected, outline_table
 
@@ -25,7 +25,7 @@ class Sight:
 
     Attributes:
         table: the seen shape.
-        bias_per_std, std_factor: see `ClassShape`.
+        bias_per_std, std_factor: see `SeenShape`.
         outline: whether the sensor sees the outline itself, between whose ends the first and last
             ray fall at random.
     """
@@ -73,11 +73,14 @@ class Rays:
         )
 
 
-def sight_of(shape: ClassShape, tracker: ContourParameters) -> Sight:
-    """What the sensor sees of `shape`: stixels see the seen shape, other sensors the outline."""
-    if tracker.seen_by == "simulated":
-        return Sight(seen_table(shape), shape.bias_per_std, shape.std_factor, False)
-    return Sight(outline_table(shape.outline, OUTLINE_STD), 0.0, 1.0, True)
+def sight_of(road_user: RoadUserClass, tracker: ContourParameters) -> Sight:
+    """What the sensor sees of a class: the seen shape; for fabricated scans the outline."""
+    outline = class_shape(road_user).outline
+    if tracker.seen_by == "fabricated":
+        return Sight(outline_table(outline, OUTLINE_STD), 0.0, 1.0, True)
+    seen = seen_shape(road_user, tracker.seen_by)
+    table = seen_table(outline, seen, blurred=tracker.seen_by == "simulated")
+    return Sight(table, seen.bias_per_std, seen.std_factor, False)
 
 
 def rays_of(points_world: np.ndarray, covariances: np.ndarray, sensor: np.ndarray) -> Rays:

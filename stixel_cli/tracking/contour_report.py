@@ -6,6 +6,9 @@ from stixel_cli.geometry.pose import rotation
 from stixel_cli.tracking.class_shape import ClassShape
 from stixel_cli.tracking.track import contour_directions
 
+LEAST_OUTLINE_STD = 0.03
+"""How well at least the class's outline, scaled, fits one road user, m."""
+
 
 def contours_of(
     means: np.ndarray, covariances: np.ndarray, shape: ClassShape, points: int
@@ -33,7 +36,9 @@ def contours_of(
         moves[:, 0, 5], moves[:, 1, 6] = body[:, 0], body[:, 1]
         slopes = np.einsum("mi,mij->mj", normals, moves) / facing[:, None]
         variances = np.einsum("mi,ij,mj->m", slopes, covariance, slopes)
-        std[k] = np.sqrt(np.maximum(variances, 0.0) + shape_stds**2)
+        std[k] = np.sqrt(
+            np.maximum(variances, 0.0) + np.maximum(shape_stds, LEAST_OUTLINE_STD) ** 2
+        )
         contours[k] = mean[:2] + body @ turn.T
     return contours, directions, std
 

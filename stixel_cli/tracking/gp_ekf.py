@@ -48,7 +48,8 @@ class GpEkfParameters:
         jitter: variance, m², added to K's diagonal where K is inverted, and nowhere else.
         sigma_q: process noise of the position, a white acceleration's root density, m/s^1.5.
         sigma_q_psi: process noise of the heading, rad/s^1.5.
-        measurement_covariance: R of a point is `isotropic`, or taken from the scan's `points`.
+        measurement_covariance: R of a point is `isotropic`, or taken from the scan's `points`, or
+            `projected`: that of the radial innovation alone, from the scan's points; see `project`.
         measurement_std: standard deviation of the isotropic R along each axis, m.
         gate_probability: chi-square probability of the association's gate; null takes every point.
         contour_points: number M of points of the contour that is reported.
@@ -64,7 +65,7 @@ class GpEkfParameters:
     jitter: Annotated[float, Gt(0), Le(1)]
     sigma_q: Annotated[float, Ge(0), Le(100)]
     sigma_q_psi: Annotated[float, Ge(0), Le(100)]
-    measurement_covariance: Literal["isotropic", "points"]
+    measurement_covariance: Literal["isotropic", "points", "projected"]
     measurement_std: Annotated[float, Ge(1e-6), Le(10)]
     gate_probability: Annotated[float, Gt(0), Lt(1)] | None
     contour_points: Annotated[int, Ge(8), Le(1000)]
@@ -89,6 +90,7 @@ class Linearisation:
         tangential_slopes: (n,) 1 - f / r: the tangential component's derivative by x^c is this
             times t = (-p_y, p_x).
         radius_variances: (n,) R^f in m².
+        turns: (n,) f' / r, the slope of the radius over the point's distance, 1/rad.
     """
 
     directions: np.ndarray
@@ -96,6 +98,7 @@ class Linearisation:
     radial_matrix: np.ndarray
     tangential_slopes: np.ndarray
     radius_variances: np.ndarray
+    turns: np.ndarray
 
 
 def linearise(points_world: np.ndarray, mean: np.ndarray, process: ContourProcess) -> Linearisation:
@@ -125,6 +128,7 @@ def linearise(points_world: np.ndarray, mean: np.ndarray, process: ContourProces
         radial_matrix=matrix,
         tangential_slopes=1.0 - expected / distances,
         radius_variances=variances,
+        turns=turn,
     )
 
 
@@ -154,6 +158,22 @@ def information(
     return matrix, rows.T @ residuals, float(residuals @ residuals)
 
 
+def project(model: Linearisation, covariances: np.ndarray) -> np.ndarray:
+    """R (n, 2, 2) m² = (gᵀ R g) I of the points' own `covariances` R (n, 2, 2) m².
+
+    The innovation of a point z is v = ‖z - x^c‖ - f(∠(z - x^c) - psi), a scalar: it has no
+    component along t. Its gradient in z is g = p - (f' / r) t, so its variance is gᵀ R g. With R
+    itself, thesis (68c) takes the tangential component, which is zero by construction, for a
+    measured error of zero, and conditions the radial error on it: with an elongated R the filter
+    becomes over-confident and diverges. With a multiple of I there is nothing to condition on.
+    """
+    px, py = model.directions.T
+    tangents = np.stack([-py, px], axis=-1)
+    gradients = model.directions - model.turns[:, None] * tangents
+    variances = np.einsum("ni,nij,nj->n", gradients, covariances, gradients)
+    return variances[:, None, None] * np.eye(2)
+
+
 def factor(covariance: np.ndarray) -> np.ndarray:
     """L (D, D) with L Lᵀ = `covariance`, which may be semi-definite; rows in the state's order.
 
@@ -175,15 +195,20 @@ def update(
     points_world: np.ndarray,
     covariances: np.ndarray,
     process: ContourProcess,
+    projected: bool = False,
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Posterior mean (6 + N,), covariance, and NIS of a scan; thesis (76) in information form.
 
     `mean` and `covariance` are the *predicted* ones; `points_world` (n, 2) m; `covariances` R
-    (2, 2) or (n, 2, 2) m². The NIS by Woodbury: vᵀ S⁻¹ v = vᵀ R⁻¹ v - (Hᵀ R⁻¹ v)ᵀ P⁺ (Hᵀ R⁻¹ v).
+    (2, 2) or (n, 2, 2) m², `projected` or as they are. The NIS by Woodbury:
+    vᵀ S⁻¹ v = vᵀ R⁻¹ v - (Hᵀ R⁻¹ v)ᵀ P⁺ (Hᵀ R⁻¹ v).
     """
     from scipy.linalg.lapack import dpotrf, dtrtrs
 
-    matrix, vector, norm = information(linearise(points_world, mean, process), covariances)
+    model = linearise(points_world, mean, process)
+    if projected:
+        covariances = project(model, covariances)
+    matrix, vector, norm = information(model, covariances)
     lower = factor(covariance)
     seen = np.concatenate([lower[:SEEN], lower[2 * SEEN :]])
     inner = seen.T @ (matrix @ seen)
@@ -242,7 +267,10 @@ def track(
         used.append(indices + rows.start)
         if len(indices):
             chosen = noises if noises.ndim == 2 else noises[indices]
-            mean, covariance, nis[k] = update(mean, covariance, points[indices], chosen, process)
+            projected = tracker.measurement_covariance == "projected"
+            mean, covariance, nis[k] = update(
+                mean, covariance, points[indices], chosen, process, projected
+            )
         means[k], covariances[k] = mean, covariance
 
     used_offsets, used_points = used_rows(used)

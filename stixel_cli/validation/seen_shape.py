@@ -1,10 +1,10 @@
 """What is known of a class, estimated from simulated scans and their ground truth.
 
-The result is a `ClassShape`. The outline is the mean over the scenarios' outlines. The seen shape
-is a regression of the points' distance behind the outline, along their rays, on aspect and offset:
-bilinear between nodes, with a penalty on differences of neighbouring nodes, which fills aspects
-without points; mirrored, as road users have two equal sides; and with weights that fall for
-outliers (Cauchy), since points of the background are among the scans.
+The outline is the mean over the scenarios' outlines. The seen shape is a regression of the points'
+distance behind the outline, along their rays, on aspect and offset: bilinear between nodes, with a
+penalty on differences of neighbouring nodes, which fills aspects without points; mirrored, as road
+users have two equal sides; and with weights that fall for outliers (Cauchy), since points of the
+background are among the scans.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ import numpy as np
 from stixel_cli.geometry.pose import target_from_world
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.tracking.class_shape import NODES, ClassShape
+from stixel_cli.tracking.class_shape import NODES, ClassShape, SeenShape
 from stixel_cli.tracking.ray_table import REACH, first_depths, widths
 
 RADII = 360
@@ -32,10 +32,18 @@ LEAST_DEPTH_STD, LEAST_INSET_STD = 0.03, 0.015
 ROUNDS = 4
 
 
-def class_shape_of(samples: Sequence[tuple[Scenario, Scans]]) -> ClassShape:
-    """The knowledge of a class from scenarios with its road users, and their scans."""
-    outlines = [contour for scenario, _ in samples for contour in scenario.contours_target]
-    radii, stds = mean_radii(outlines)
+def class_shape_of(scenarios: Sequence[Scenario]) -> ClassShape:
+    """The mean outline of the road users of `scenarios`."""
+    radii, stds = mean_radii(
+        [contour for scenario in scenarios for contour in scenario.contours_target]
+    )
+    angles = 2.0 * np.pi * np.arange(RADII) / RADII
+    outline = radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    return ClassShape(outline=outline, outline_stds=stds)
+
+
+def seen_shape_of(samples: Sequence[tuple[Scenario, Scans]]) -> SeenShape:
+    """What a sensor sees of a class, from scenarios with its road users, and their scans."""
     scenes = [_points(scenario, scans, k) for scenario, scans in samples for k in range(len(scans))]
     seen = [points for points in scenes if len(points)]
     rows = np.concatenate(seen)
@@ -45,10 +53,7 @@ def class_shape_of(samples: Sequence[tuple[Scenario, Scans]]) -> ClassShape:
     ends = np.concatenate([low, _mirrored(high)])
     inset, inset_std = _insets(ends[:, 0], ends[:, 1] - ends[:, 2])
     other_side = -np.arange(NODES[0]) % NODES[0]
-    angles = 2.0 * np.pi * np.arange(RADII) / RADII
-    return ClassShape(
-        outline=radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1),
-        outline_stds=stds,
+    return SeenShape(
         depth_biases=biases,
         bias_per_std=per_std,
         depth_stds=depth_stds,
@@ -148,6 +153,8 @@ def _regression(matrix: np.ndarray, weights: np.ndarray, values: np.ndarray) -> 
     """Coefficients of nodes, a constant and one more column, with the penalty on the nodes."""
     penalty = np.zeros((matrix.shape[1],) * 2)
     nodes = NODES[0] * NODES[1]
+    # A sensor with one deviation for all points does not tell the last two apart.
+    penalty[-1, -1] = PULL * np.mean(matrix[:, -1] ** 2)
     penalty[:nodes, :nodes] = SMOOTHNESS * _penalty(*NODES) + PULL * np.eye(nodes)
     weighted = matrix * (weights / weights.mean())[:, None]
     return np.linalg.solve(weighted.T @ matrix + penalty, weighted.T @ values)

@@ -128,6 +128,7 @@ def extraction():
         least_pixels=10,
         front_height=0.5,
         front_margin=0.3,
+        refinement=0.0,
         least_std=0.1,
         edge_std=0.1,
         relief=0.05,

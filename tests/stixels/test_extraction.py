@@ -37,7 +37,7 @@ def pipeline(road, occupancies, free_space, height, extraction):
             frames,
             None,
         )
-        return extract_stixels(disparities, found, rig, height, extraction, frames)
+        return extract_stixels(disparities, found, None, rig, height, extraction, frames)
 
     return run
 

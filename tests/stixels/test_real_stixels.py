@@ -65,6 +65,7 @@ def processed(rig, left, right, road="rig"):
     return free_space, extract_stixels(
         disparities,
         free_space,
+        pairs,
         rig,
         shipped(HeightParameters, "height/default"),
         shipped(ExtractionParameters, "extraction/default"),

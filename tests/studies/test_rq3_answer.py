@@ -62,7 +62,7 @@ def test_few_pairs_allow_no_test():
 
 
 def test_effects_come_before_tests():
-    first, _, tests, *rest = said(15)
+    first, _, _, tests, *rest = said(15)
     assert first.startswith(
         "Points: mean difference, fabricated minus simulated [95 %]. Car: bias along "
     )

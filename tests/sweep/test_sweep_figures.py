@@ -49,8 +49,11 @@ def test_drawn_means_and_intervals():
 
 
 def test_the_caption_names_every_change_of_the_drawing():
-    assert caption(False, 1, False, 0) == "mean over seeds, with the 95 % interval"
-    text = caption(False, 3, True, 2)
+    text = caption(False, 1, False, 0, {2})
+    assert text == "mean over n = 2 seeds, with the 95 % interval (Student's t)"
+    assert caption(False, 1, False, 0, {1}) == "mean over n = 1 seeds, no interval"
+    text = caption(False, 3, True, 2, {4, 5})
+    assert "n = 4 to 5 seeds" in text
     assert "shifted" in text
     assert "intervals clipped" in text
     assert "without 2 incomplete settings" in text

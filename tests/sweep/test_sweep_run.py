@@ -198,7 +198,7 @@ def test_the_printed_summary(sweeps, capsys):
     said = capsys.readouterr().out
     assert "4 of 4 runs done" in said
     assert said.splitlines()[-1] == str(sweeps.results / "mine")
-    assert "Mean over seeds" in said
+    assert "Mean over n seeds" in said
     assert main(["sweep", *FEW, "tracker.sigma_q=1,2", "--results", str(sweeps.results)]) == 0
     assert "One seed per setting: no interval; all metrics: summary.csv" in capsys.readouterr().out
 

@@ -9,7 +9,7 @@ from tracking_cases import CAR, START, TRACKER, poses_of_turn, scans_of, seen_ca
 
 from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.tracking import gp_ekf
-from stixel_cli.tracking.gp_ekf import contours_of, factor, linearise, track, update
+from stixel_cli.tracking.gp_ekf import contours_of, factor, linearise, project, track, update
 from stixel_cli.tracking.kernel import contour_process
 from stixel_cli.tracking.prior import PriorShape, mean_radius, prior_radii
 from stixel_cli.tracking.track import InitialState
@@ -91,6 +91,49 @@ def test_update_matches_the_textbook(seed, each, rank):
     np.testing.assert_allclose(found[1], covariance - gain @ spread @ gain.T, atol=1e-7)
     np.testing.assert_array_equal(found[1], found[1].T)
     assert found[2] == pytest.approx(innovation @ np.linalg.solve(spread, innovation), rel=1e-6)
+
+
+@settings(derandomize=True, deadline=None, max_examples=20)
+@given(seed=SEEDS)
+def test_projected_covariance_is_the_variance_of_the_radial_innovation(seed):
+    random = np.random.default_rng(seed)
+    mean, points = some_state(random)
+    roots = 0.2 * random.standard_normal((len(points), 2, 2))
+    noises = roots @ np.swapaxes(roots, 1, 2)
+    model, step = linearise(points, mean, PROCESS), 1e-6
+    gradients = np.stack(
+        [
+            linearise(points + step * axis, mean, PROCESS).residuals
+            - linearise(points - step * axis, mean, PROCESS).residuals
+            for axis in np.eye(2)
+        ],
+        axis=-1,
+    ) / (2.0 * step)
+    variances = np.einsum("ni,nij,nj->n", gradients, noises, gradients)
+    np.testing.assert_allclose(
+        project(model, noises), variances[:, None, None] * np.eye(2), rtol=1e-4, atol=1e-9
+    )
+
+
+def test_projected_covariance_does_not_diverge_with_elongated_noise():
+    """Points of the side of a car that faces the origin, with an error along the ray from there."""
+    random = np.random.default_rng(3)
+    scans, noises = [], []
+    for points, pose in zip(seen_car(40, 60, noise=0.0), poses_of_turn(40), strict=True):
+        points = points[np.hypot(*points.T) < np.hypot(*pose[:2])]
+        along = points / np.linalg.norm(points, axis=1, keepdims=True)
+        noises.append(0.1**2 * along[:, :, None] * along[:, None, :] + 0.003**2 * np.eye(2))
+        scans.append(points + 0.1 * random.standard_normal((len(points), 1)) * along)
+    errors = {}
+    for name in ("points", "projected"):
+        parameters = dataclasses.replace(
+            TRACKER, measurement_covariance=name, gate_probability=None
+        )
+        result = track(scans_of(scans, covariances=np.concatenate(noises)), START, CAR, parameters)
+        offsets = result.means[:, :2] - poses_of_turn(40)[:, :2]
+        errors[name] = np.hypot(*offsets.T).mean()
+    assert errors["projected"] < 0.3
+    assert errors["points"] > 2.0 * errors["projected"]
 
 
 @settings(derandomize=True, deadline=None, max_examples=20)

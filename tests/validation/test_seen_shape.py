@@ -9,7 +9,7 @@ from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.fabricated import fabricate_scans
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.validation.seen_shape import class_shape_of, mean_radii
+from stixel_cli.validation.seen_shape import class_shape_of, mean_radii, seen_shape_of
 
 BOX = np.array([[2.0, -0.9], [2.0, 0.9], [-2.0, 0.9], [-2.0, -0.9]])
 BEHIND, PER_STD = 0.2, 0.5
@@ -22,7 +22,7 @@ def sample():
     sensor = np.tile([0.0, 0.0, STRAIGHT_AHEAD], (count, 1))
     headings = np.linspace(0.0, 2.0 * np.pi, count)
     away = 10.0 + 4.0 * np.cos(7.0 * headings)
-    scenario = Scenario(
+    scenario = Scenario.rigid(
         times=0.1 * np.arange(count),
         ego_poses_world=sensor,
         target_poses_world=np.column_stack([np.zeros(count), away, headings]),
@@ -39,11 +39,15 @@ def sample():
 
 
 def test_seen_shape_is_found_behind_the_outline(sample):
-    shape = class_shape_of([sample])
+    shape = seen_shape_of([sample])
     assert np.abs(shape.depth_biases[:, 2:-2] - BEHIND).max() < 0.06
     assert shape.bias_per_std == pytest.approx(PER_STD, abs=0.3)
     assert 0.7 < shape.std_factor < 1.3
     assert np.abs(shape.insets).max() < 0.08
+
+
+def test_outline_of_one_road_user_is_its_own(sample):
+    shape = class_shape_of([sample[0]])
     np.testing.assert_allclose(shape.size, [4.0, 1.8], rtol=0.02)
     np.testing.assert_array_equal(shape.outline_stds, 0.0)
 
@@ -59,7 +63,7 @@ def test_points_of_the_background_do_not_change_the_seen_shape(sample):
         for k in range(len(scans))
     ]
     mixed = Scans.of_each(scans.times, scans.sensor_poses_world, parts)
-    plain, among = class_shape_of([sample]), class_shape_of([(scenario, mixed)])
+    plain, among = seen_shape_of([sample]), seen_shape_of([(scenario, mixed)])
     np.testing.assert_allclose(among.depth_biases, plain.depth_biases, atol=1e-9)
 
 
@@ -74,9 +78,11 @@ def test_mean_outline_of_two_sizes_has_the_mean_size():
 
 def test_knowledge_comes_from_tuning_seeds_and_survives_its_text(sample):
     assert min(SEEDS) >= 1000
-    shape = class_shape_of([sample])
-    text = entry("car", shape)
+    shape, seen = class_shape_of([sample[0]]), seen_shape_of([sample])
+    text = entry("car", shape, {"lidar": seen})
     known = eval("{" + text + "}", {})["car"]
     radii = np.array(known["radii"].split(), dtype=float) / 1000.0
     np.testing.assert_allclose(radii, np.hypot(*shape.outline.T), atol=5.1e-4)
+    depths = np.array(known["lidar"]["depth_stds"].split(), dtype=float) / 1000.0
+    np.testing.assert_allclose(depths, seen.depth_stds.ravel(), atol=5.1e-4)
     assert max(map(len, text.splitlines())) <= 100

@@ -1,1 +1,1 @@
-"""RQ2: how does the tracker do on stixels against lidar?"""
+"""RQ2: how accurate is the tracker on stixels, compared with lidar?"""

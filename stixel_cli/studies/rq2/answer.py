@@ -133,7 +133,7 @@ def _lidar_table(
     stixels: str,
     lidars: Sequence[str],
 ) -> Table:
-    columns: list[str | Column] = ["road user", "tracker", "mean over paths and seeds", stixels]
+    columns: list[str | Column] = ["road user", "tracker", "metric", stixels]
     for lidar in lidars:
         columns += [lidar, *interval_columns(f"{stixels} {MINUS} {lidar}", lidar)]
     rows = []
@@ -179,9 +179,9 @@ def _baseline_table(on_stixels: "pd.DataFrame", pairs: Sequence[tuple[str, str]]
             "road user",
             "tracker",
             "baseline",
-            "mean over paths and seeds",
-            "of the tracker",
-            "of the baseline",
+            "metric",
+            "mean of the tracker",
+            "mean of the baseline",
             *interval_columns("difference", "difference"),
         ),
         tuple(rows),
@@ -208,9 +208,9 @@ def baseline_difference(
 def _of_interval(iou: Statistic) -> str:
     """Verdict by the interval of the tracker's IoU minus the baseline's."""
     if iou.low is None:
-        return "not known"
+        return "not comparable (no interval)"
     if iou.low <= 0.0 <= iou.high:
-        return "not clear"
+        return "not shown to differ"
     return "better" if iou.low > 0.0 else "worse"
 
 

@@ -1,4 +1,4 @@
-"""RQ2: how does the tracker do on stixels against lidar?
+"""RQ2: how accurate is the tracker on stixels, compared with lidar?
 
 Everything follows from the study's runs: the trackers, measurements, road users and paths that
 they have. The question names kinds of measurement and tracker.
@@ -145,9 +145,9 @@ def _scans(user: str, kind: str, runs: "pd.DataFrame", scans: "pd.DataFrame") ->
             "path",
             "range from (m)",
             "range to (m)",
-            "points a scan",
+            "points per scan",
             *std_columns("points on the target", "points"),
-            "share of scans without",
+            "share of scans without points on the target",
             *std_columns("mean distance from the contour (m)", "mean distance"),
             *std_columns("RMS distance (m)", "RMS distance"),
         ),

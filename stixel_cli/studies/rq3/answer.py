@@ -104,6 +104,7 @@ def answer_table(points: Sequence[Comparison], tracks: Sequence[Comparison]) -> 
         row = rows.setdefault((one.tracker or "points", _called(one.measure)), {})
         row[one.road_user] = _values(one)
     pairs = sorted({one.apart[FABRICATED].n for one in (*listed_points, *tracks)})
+    fewer = "n is smaller where a run lacks the measure. " if len(pairs) > 1 else ""
     starred = (
         f"; * where the corrected test distinguishes {FABRICATED} from {SIMULATED}"
         if any(one.differs(FABRICATED) for one in (*listed_points, *tracks))
@@ -112,8 +113,8 @@ def answer_table(points: Sequence[Comparison], tracks: Sequence[Comparison]) -> 
     return Table(
         "answer",
         f"{capital(SIMULATED)} / {FABRICATED} / {FITTED}, means over n = {listed(pairs)} runs"
-        f"{starred}. Intervals and effect sizes are in the tables below.",
-        ("of", "measure", *users),
+        f"{starred}. {fewer}Intervals, effect sizes and each n are in the tables below.",
+        ("points or tracker", "measure", *users),
         tuple((*key, *(row.get(user) for user in users)) for key, row in rows.items()),
     )
 

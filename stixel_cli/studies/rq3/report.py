@@ -127,6 +127,7 @@ def report(data: StudyData) -> Material:
             "noise_table": noise_table(runs, levels),
             "shared_stages": SHARED,
             "cost_table": cost_table(cost, sweeps),
+            "sample_time": runs["run"].iloc[0].configuration.path.sample_time,
         },
         {
             f"noise/fitted_{user}.yaml": preset(noise, _what(training, user), COMMAND)

@@ -130,7 +130,7 @@ def cost_table(cost: dict[str, Any], runs: "dict[str, pd.DataFrame]") -> Table:
         (stage, simulated.get(stage), fabricated.get(stage))
         for stage in dict.fromkeys((*simulated, *fabricated))
     ]
-    rows.append(("all that is not shared", cost["simulated_total"], cost["fabricated_total"]))
+    rows.append(("sum without shared stages", cost["simulated_total"], cost["fabricated_total"]))
     for tracker in names(runs[SIMULATED], "tracker"):
         own = [
             chosen(runs[kind], tracker=tracker)["run"].tolist() for kind in (SIMULATED, FABRICATED)

@@ -1,0 +1,147 @@
+"""The report of `stixel study accuracy`: trackers, road users, measurements and paths."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stixel_cli.evaluation.metric_table import metric as metric_row
+from stixel_cli.evaluation.metric_table import over_runs
+from stixel_cli.studies.data import StudyData, StudyRun, chosen, names, run_frame
+from stixel_cli.studies.rq2.runs import metric_over_seeds
+from stixel_cli.studies.tables import interval_columns, with_unit
+from stixel_cli.studies.types import Material, Table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MEASURES = (
+    "iou_mean",
+    "iou_hull_mean",
+    "iou_box_mean",
+    "centre_rmse_m",
+    "orientation_rmse_deg",
+    "nees_position_mean",
+    "band_coverage",
+    "track_lost",
+)
+"""Metrics of the tables, in this order."""
+APART = "s_curve"
+"""A path that is reported on its own: the means are over the others."""
+NEAR = 30.0
+"""With the rig `long_range`, scans with the true centre within this range count, m."""
+
+
+def report(data: StudyData) -> Material:
+    """Values and tables of the template."""
+    import pandas as pd
+
+    frames = {name: run_frame(sweep.runs) for name, sweep in data.sweeps.items()}
+    frames["long_range"] = _within(frames["long_range"])
+    fabricated = pd.concat([frames.pop("fabricated_car"), frames["fabricated"]])
+    frames["fabricated"] = fabricated.assign(measurement="fabricated")
+    simulated = frames["simulated"]
+    users = names(simulated, "road_user")
+    return Material(
+        {
+            "users": users,
+            "answers": [_answer(user, chosen(simulated, road_user=user)) for user in users],
+            "seeds": sorted(names(simulated, "seed")),
+            "apart": APART,
+            "near": NEAR,
+            "tables": {
+                name: accuracy_table(name, frame, ("road_user", "measurement", "tracker"))
+                for name, frame in frames.items()
+            },
+            "by_path": accuracy_table(
+                "by_path", simulated, ("road_user", "path", "tracker"), apart=False
+            ),
+        }
+    )
+
+
+def _answer(user: str, runs: "pd.DataFrame") -> dict[str, Any]:
+    """Mean box IoU, centre error and NEES of each tracker over the seeds."""
+    runs = _together(runs)
+    return {
+        "user": user,
+        "trackers": {
+            tracker: {
+                name: metric_over_seeds(chosen(runs, tracker=tracker), name) for name in MEASURES
+            }
+            for tracker in names(runs, "tracker")
+        },
+    }
+
+
+def _together(runs: "pd.DataFrame") -> "pd.DataFrame":
+    """The runs on the paths that the means are over."""
+    return runs[runs["path"] != APART] if (runs["path"] != APART).any() else runs
+
+
+def accuracy_table(
+    name: str, runs: "pd.DataFrame", keys: Sequence[str], apart: bool = True
+) -> Table:
+    """One row for each combination of `keys`, with the `MEASURES` and their intervals.
+
+    The value of a seed is its mean over the paths but `APART`, if `apart`, which has rows of its
+    own below.
+    """
+    rows = []
+    if apart:
+        rows += _rows(_together(runs), keys, ("mean of paths",))
+        if APART in names(runs, "path"):
+            rows += _rows(chosen(runs, path=APART), keys, (APART,))
+        columns = (*keys, "path")
+    else:
+        rows += _rows(runs, keys, ())
+        columns = tuple(keys)
+    measured = [
+        column
+        for one in (metric_row(over_runs(name)) for name in MEASURES)
+        for column in interval_columns(with_unit(one), one.short_label)
+    ]
+    return Table(
+        name, "", (*(key.replace("_", " ") for key in columns), "n", *measured), tuple(rows)
+    )
+
+
+def _rows(runs: "pd.DataFrame", keys: Sequence[str], label: tuple[str, ...]) -> list[tuple]:
+    rows = []
+    for values, own in runs.groupby(list(keys), sort=False):
+        found = [metric_over_seeds(own, name) for name in MEASURES]
+        cells = [cell for one in found for cell in (one.mean, one.low, one.high)]
+        rows.append((*values, *label, own["seed"].nunique(), *cells))
+    return rows
+
+
+def _within(runs: "pd.DataFrame") -> "pd.DataFrame":
+    """The runs with the errors of the scans within `NEAR` only.
+
+    The hull's IoU and the coverage are missing: their errors over time are not kept. A lost track
+    is one of all scans.
+    """
+    columns: dict[str, list[float]] = {name: [] for name in MEASURES if name != "track_lost"}
+    for run in runs["run"]:
+        near = _near(run)
+        scores = run.scores
+        columns["iou_mean"].append(_mean(scores.iou[near]))
+        columns["iou_box_mean"].append(_mean(scores.iou_box[near]))
+        columns["centre_rmse_m"].append(_mean(scores.centre_error[near] ** 2) ** 0.5)
+        degrees = np.degrees(scores.orientation_error[near])
+        columns["orientation_rmse_deg"].append(_mean(degrees**2) ** 0.5)
+        columns["nees_position_mean"].append(_mean(scores.nees_position[near]))
+        for name in ("iou_hull_mean", "band_coverage"):
+            columns[name].append(float("nan"))
+    return runs.assign(**columns)
+
+
+def _mean(values: np.ndarray) -> float:
+    return float(values.mean()) if len(values) else float("nan")
+
+
+def _near(run: StudyRun) -> np.ndarray:
+    """Whether the target is within `NEAR` at each scan, (K,)."""
+    scenario = run.load("scenario")
+    away = scenario.target_poses_world[:, :2] - scenario.ego_poses_world[:, :2]
+    return np.hypot(*away.T) <= NEAR
