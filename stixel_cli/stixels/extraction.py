@@ -119,7 +119,7 @@ def stixels_of_frame(
         extraction.front_margin,
     )
     if extraction.refinement > 0:
-        found = aligned(*images, columns, areas, values[:, 0], scale)
+        found = aligned(*images, columns, areas, values[:, 0], scale, rig.disparity_errors())
         values[:, 0] += extraction.refinement * (found - values[:, 0])
     areas[:, 2] = np.maximum(areas[:, 2] - height.hidden_rows, 0)
     return group_fields(areas, values, line, rig, extraction)

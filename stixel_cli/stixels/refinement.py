@@ -17,7 +17,7 @@ MOST_ROWS = 32
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def aligned(left, right, columns, areas, disparities, scale):
+def aligned(left, right, columns, areas, disparities, scale, errors):
     """Disparities (S,) float64 px for which the stixels' patches in both images agree best.
 
     Gauss-Newton on the sum of squared differences, without their mean, with one disparity for the
@@ -32,6 +32,7 @@ def aligned(left, right, columns, areas, disparities, scale):
         areas: (S, 4) left, right (exclusive), top and base row.
         disparities: (S,) pitch-compensated, px.
         scale: (H,) float32.
+        errors: (W,) px, by which disparities in the images are greater; see `Rig.disparity_errors`.
     """
     width, height = columns.shape
     found = disparities.copy()
@@ -51,10 +52,13 @@ def aligned(left, right, columns, areas, disparities, scale):
             for i in range(MOST_ROWS):
                 rows[i] = rows[i * count // MOST_ROWS]
             count = MOST_ROWS
+        error = errors[(areas[s, 0] + areas[s, 1]) // 2]
         first, last = max(areas[s, 0] - PAD, 0), min(areas[s, 1] + PAD, width)
         now, least = start, np.inf
         for _ in range(STEPS):
-            n, squares, step = _normal_equation(left, right, rows, count, first, last, now, scale)
+            n, squares, step = _normal_equation(
+                left, right, rows, count, first, last, now, scale, error
+            )
             if n < 3 * (last - first):
                 break
             if squares / n < least:
@@ -66,7 +70,7 @@ def aligned(left, right, columns, areas, disparities, scale):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _normal_equation(left, right, rows, count, first, last, disparity, scale):
+def _normal_equation(left, right, rows, count, first, last, disparity, scale, error):
     """Pixels, sum of squared differences without their mean, and the step to a better disparity.
 
     Of columns `first` … `last` - 1 in the first `count` of `rows`; NaN or 0 for a step without
@@ -78,7 +82,7 @@ def _normal_equation(left, right, rows, count, first, last, disparity, scale):
         # Raw disparities are 16 times those of the image.
         per_px = 1.0 / (16.0 * scale[v])
         # All pixels of a row have the same fraction, and so the same weights of four neighbours.
-        start = first - disparity * per_px
+        start = first - disparity * per_px - error
         k = int(np.floor(start)) - first
         t = start - np.floor(start)
         w0, w1 = 0.5 * t * (-1.0 + t * (2.0 - t)), 1.0 + 0.5 * t * t * (-5.0 + 3.0 * t)

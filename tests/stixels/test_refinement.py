@@ -23,11 +23,11 @@ def shifted(disparity, seed=0, noise=0.0):
     return images
 
 
-def align(left, right, start, scale=None, columns=None):
+def align(left, right, start, scale=None, columns=None, error=0.0):
     scale = np.full(HEIGHT, 1 / 16, dtype=np.float32) if scale is None else scale
     if columns is None:
         columns = np.rint(start / scale).astype(np.int16)[None, :].repeat(WIDTH, axis=0)
-    return aligned(left, right, columns, AREA, np.array([start]), scale)[0]
+    return aligned(left, right, columns, AREA, np.array([start]), scale, np.full(WIDTH, error))[0]
 
 
 @pytest.mark.parametrize("fraction", [0.0, 0.13, 0.3, 0.5, 0.77])
@@ -80,4 +80,13 @@ def test_disparity_stays_where_the_images_say_nothing_better():
     left_most = np.array([[0, 3, 10, 49]])
     scale = np.full(HEIGHT, 1 / 16, dtype=np.float32)
     columns = np.full((WIDTH, HEIGHT), 115, dtype=np.int16)
-    assert aligned(left, right, columns, left_most, np.array([7.2]), scale)[0] == 7.2
+    assert (
+        aligned(left, right, columns, left_most, np.array([7.2]), scale, np.zeros(WIDTH))[0] == 7.2
+    )
+
+
+def test_the_errors_of_the_rig_are_not_in_the_disparity():
+    left, right = shifted(7.5)
+    assert align(left, right, 6.9, error=0.5) == pytest.approx(
+        align(left, right, 7.4) - 0.5, abs=0.02
+    )
