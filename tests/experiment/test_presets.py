@@ -34,9 +34,9 @@ def executor(group: str, option: str) -> tuple[str, ...]:
     return () if group == "executor" or option == "filament" else (IN_THIS_PROCESS,)
 
 
-def few_seconds(path: str) -> tuple[str, ...]:
-    """What a path of a few frames needs besides: a circle cannot close in so short a time."""
-    return ("path.radius=6",) if path == "circle" else ()
+def few_seconds(option: str) -> tuple[str, ...]:
+    """What an option needs in a few frames: no time to close a circle, few points on the target."""
+    return {"circle": ("path.radius=6",), "scans": ("measurement=fabricated",)}.get(option, ())
 
 
 def check(answer: dict) -> None:
