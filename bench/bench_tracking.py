@@ -16,7 +16,7 @@ from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
 
 POINTS, SCANS, INTERVAL, STD = 600, 30, 0.1, 0.1
-CAR = PriorShape(4.2, 1.7, "rectangle", 0.3, 2.0, 0.8, 0.1, 0.3, "car")
+CAR = PriorShape(4.2, 1.7, "rectangle", 0.3, 2.0, 0.8, 0.1, 0.3, "car", 0.06, 0.06)
 TRACKER = GpEkfParameters(
     kind="gp_ekf",
     basis_points=50,

@@ -2,9 +2,9 @@
 
     python -m stixel_cli.experiment.class_shapes
 
-runs the classes on four paths with tuning seeds (1000 and above) and fits what stixels and lidars
-see of them. Run it
-again when the renderer, the matcher, the stixels or the road users' shapes have changed.
+takes the mean outline of drawn shapes, runs the classes on four paths with tuning seeds and shapes
+(1000 and above), and fits what stixels and lidars see of them. Run it again when the renderer, the
+matcher, the stixels or the road users' shapes have changed.
 """
 
 import dataclasses
@@ -19,6 +19,8 @@ import numpy as np
 from stixel_cli.config.compose import compose
 from stixel_cli.experiment.run import record_run
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.scene.build import build_scenario
+from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.class_shape import ClassShape, SeenShape
 from stixel_cli.validation.seen_shape import class_shape_of, seen_shape_of
@@ -26,13 +28,16 @@ from stixel_cli.validation.seen_shape import class_shape_of, seen_shape_of
 CLASSES = ("car", "cyclist", "pedestrian")
 PATHS = ("turn", "crossing", "approach", "s_curve")
 SEEDS = (1000, 1001, 1002)
+OUTLINES = range(1000, 1020)
+"""Shape seeds of the mean outline."""
 MEASUREMENTS = {"simulated": ("simulated",), "lidar": ("lidar", "lidar_64")}
 """Options of `measurement` for each kind of sensor."""
 
 HEADER = '''"""Generated: what is known of each class of road user; `class_shape.py` explains it.
 
 Made by: python -m stixel_cli.experiment.class_shapes
-Paths {paths}; seeds {seeds}. Lengths are whole millimetres.
+Outlines of shape seeds {outlines}; scans of paths {paths}, seeds and shape seeds {seeds}. Lengths
+are whole millimetres.
 """
 
 SHAPES = {{
@@ -41,15 +46,30 @@ SHAPES = {{
 
 def main() -> None:
     """Run the experiments that are not cached, fit, and write the module."""
-    text = HEADER.format(paths=", ".join(PATHS), seeds=", ".join(map(str, SEEDS)))
+    text = HEADER.format(
+        paths=", ".join(PATHS),
+        seeds=", ".join(map(str, SEEDS)),
+        outlines=f"{OUTLINES[0]} to {OUTLINES[-1]}",
+    )
     for road_user in CLASSES:
         samples = {sensor: _samples(road_user, sensor) for sensor in MEASUREMENTS}
-        shape = class_shape_of([scenario for scenario, _ in samples["simulated"]])
+        drawn = [_scenario(road_user, seed) for seed in OUTLINES]
+        shape = class_shape_of(drawn)
+        sizes = np.array([np.ptp(scenario.box_target, axis=0) for scenario in drawn])
+        mean, std = sizes.mean(axis=0), sizes.std(axis=0)
+        # For conf/prior.
+        print(f"{road_user}: length and width {mean} m, relative std {std / mean}")  # noqa: T201
         seen = {sensor: seen_shape_of(pairs) for sensor, pairs in samples.items()}
         text += entry(road_user, shape, seen)
     target = Path(__file__).parents[1] / "tracking" / "class_shapes.py"
     target.write_text(text + "}\n", encoding="utf-8")
     print(target)  # noqa: T201
+
+
+def _scenario(road_user: str, seed: int) -> Scenario:
+    """Ground truth of a drawn shape; its motion does not matter."""
+    p = compose((f"road_user={road_user}", f"road_user.shape_seed={seed}")).configuration
+    return build_scenario(ego_motion(p.ego, 1.0, 0.5), p.road_user, p.path)
 
 
 def _samples(road_user: str, sensor: str) -> list[tuple[Scenario, Scans]]:
@@ -61,6 +81,7 @@ def _samples(road_user: str, sensor: str) -> list[tuple[Scenario, Scans]]:
             f"measurement={measurement}",
             f"path={path}",
             f"seed={seed}",
+            f"road_user.shape_seed={seed}",
         )
         print(*overrides, file=sys.stderr)  # noqa: T201
         composition = compose((*overrides, "tracker=point", "pictures.frames=[]"))

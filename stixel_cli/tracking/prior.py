@@ -23,6 +23,7 @@ class PriorShape:
         start_position: standard deviation of x and of y at the start, m, for `start.position`.
         road_user: the class. The tracker `contour` takes the class's outline, with this length and
             width, instead of `shape`.
+        length_std, width_std: of the class's length and width, relative to them.
     """
 
     length: Annotated[float, Gt(0), Le(30)]
@@ -34,6 +35,8 @@ class PriorShape:
     measurement_std: Annotated[float, Ge(1e-6), Le(10)]
     start_position: Annotated[float, Gt(0), Le(100)]
     road_user: Literal["car", "cyclist", "pedestrian"]
+    length_std: Annotated[float, Gt(0), Le(1)]
+    width_std: Annotated[float, Gt(0), Le(1)]
 
     def check(self) -> None:
         """Raise ValueError if the rounded corners do not fit."""

@@ -117,6 +117,8 @@ def test_whole_track_matches_the_reference(case):
         measurement_std=0.1,
         start_position=0.3,
         road_user="car",
+        length_std=0.06,
+        width_std=0.06,
     )
     points = points_of(case)
     scans = scans_of(points, times=float(case["T"]) * np.arange(len(points)))

@@ -21,6 +21,8 @@ CAR = PriorShape(
     measurement_std=0.1,
     start_position=0.3,
     road_user="car",
+    length_std=0.06,
+    width_std=0.06,
 )
 
 TRACKER = GpEkfParameters(
