@@ -13,7 +13,8 @@ class ContourParameters:
 
     Attributes:
         seen_by: kind of measurement, which decides what of the shape is seen: stixels
-            (`simulated`) see less than the outline.
+            (`simulated`) see less than the outline. Points of a `file` or of the user's `own`
+            source are taken to be on the outline, as fabricated ones are.
         horizontal_fov: field of view in degrees, symmetric to the sensor's heading; a silhouette at
             its border is not used. null: unknown.
         acceleration: process noise of the speed, a white acceleration's root density, m/s^1.5.
@@ -38,7 +39,7 @@ class ContourParameters:
     """
 
     kind: Literal["contour"]
-    seen_by: Literal["simulated", "fabricated", "lidar"]
+    seen_by: Literal["simulated", "fabricated", "lidar", "file", "own"]
     horizontal_fov: Annotated[float, Gt(0), Lt(180)] | None
     acceleration: Annotated[float, Ge(0), Le(100)]
     turn_acceleration: Annotated[float, Ge(0), Le(100)]

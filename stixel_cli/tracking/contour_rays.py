@@ -76,7 +76,7 @@ class Rays:
 def sight_of(road_user: RoadUserClass, tracker: ContourParameters) -> Sight:
     """What the sensor sees of a class: the seen shape; for fabricated scans the outline."""
     outline = class_shape(road_user).outline
-    if tracker.seen_by == "fabricated":
+    if tracker.seen_by not in ("simulated", "lidar"):
         return Sight(outline_table(outline, OUTLINE_STD), 0.0, 1.0, True)
     seen = seen_shape(road_user, tracker.seen_by)
     table = seen_table(outline, seen, blurred=tracker.seen_by == "simulated")
