@@ -40,11 +40,11 @@ def study(
     """Run a study and write its report, tables and figures.
 
     \b
+    accuracy  How accurate are the trackers, for each road user, measurement and path?
     rq1  Are these stixels like those of The Stixel World?
     rq2  How well does the tracker work on stixels, compared with lidar?
     rq3  What do fabricated measurements miss?
     thesis  The experiment of the thesis, chapters 8 and 9.
-    accuracy  How accurate are the trackers, for each road user, measurement and path?
     all  All studies, one after the other.
 
     Run the same command again to resume a study. Statistics appear once all runs are complete;

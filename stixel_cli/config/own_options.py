@@ -127,9 +127,12 @@ def find_folders(resolved: Mapping[str, Any], working_directory: str) -> list[st
     Raises:
         ConfigurationError: if a module is missing, or has the name of another one.
     """
+    given = resolved["code_folders"]
+    if not isinstance(given, list):
+        return given  # The validation of the whole configuration reports it.
     folders = [
         os.path.abspath(os.path.join(working_directory, os.path.expanduser(str(folder))))
-        for folder in resolved["code_folders"]
+        for folder in given
     ]
     places = [*folders, os.path.abspath(working_directory or os.getcwd())]
     for key, name in functions_of(resolved).items():
