@@ -58,7 +58,7 @@ def test_bearing_and_range_choose_a_cluster_that_stands():
     scans, _, _ = approaching()
     chosen = dataclasses.replace(START, bearing=(20.0, 40.0), range=(10.0, 20.0))
     state = start_from_scans(scans, chosen, PRIOR)
-    assert np.hypot(*(state.mean[:2] - WALL.mean(axis=0))) < 2.1
+    assert np.hypot(*(state.mean[:2] - WALL.mean(axis=0))) < 0.5 * PRIOR.length
     assert np.hypot(*state.mean[3:5]) < 0.1
     assert np.sqrt(state.covariance[2, 2]) > 1.0, "the heading is unknown"
 
