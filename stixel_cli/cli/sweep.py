@@ -148,6 +148,7 @@ def _answer(result: "SweepResult") -> dict[str, Any]:
 
 def _print_statistics(console: Any, result: "SweepResult") -> None:
     """Print the main metrics of the first settings; all of them are in the summary."""
+    from stixel_cli.evaluation.metric_table import LOSS_RATE, over_runs
     from stixel_cli.report.metrics import format_value
     from stixel_cli.sweeps.figures import SHOWN
     from stixel_cli.sweeps.tables import heading
@@ -155,8 +156,11 @@ def _print_statistics(console: Any, result: "SweepResult") -> None:
     by_setting: dict[tuple, dict[str, Any]] = {}
     for one in result.statistics:
         by_setting.setdefault(tuple(one.setting.items()), {})[one.metric] = one
-    names = [name for name in SHOWN if any(name in row for row in by_setting.values())]
-    spread = any(one.low is not None for one in result.statistics)
+    shown = [over_runs(name) for name in SHOWN]
+    names = [name for name in shown if any(name in row for row in by_setting.values())]
+    # The interval of a share of runs is not symmetric: it is in the summary only.
+    means = [one for one in result.statistics if one.metric != LOSS_RATE]
+    spread = any(one.low is not None for one in means)
     keys = list(result.runs[0].planned.run.setting)
     header = [*keys, "n", *(heading(name) for name in names)]
     rows = []
@@ -164,7 +168,8 @@ def _print_statistics(console: Any, result: "SweepResult") -> None:
         cells = []
         for name in names:
             one = row[name]
-            half = "" if one.low is None else f" ± {format_value(one.mean - one.low)}"
+            plain = one.low is None or name == LOSS_RATE
+            half = "" if plain else f" ± {format_value(one.mean - one.low)}"
             cells.append(f"{format_value(one.mean)}{half}")
         n = max((row[name].n for name in names), default=0)
         rows.append((*(value for _, value in setting), str(n), *cells))

@@ -117,7 +117,8 @@ def test_each_sweep_of_the_shipped_study_changes_one_setting():
     sweeps = {sweep.name: sweep for sweep in study.sweeps}
     assert list(sweeps) == ["ranges", "matchers", "grids", "rigs", "contrast", "widths", "gallery"]
     approach = sweeps["ranges"].content["fixed"]
-    assert sweeps.pop("widths").content["fixed"] == {"road_user": "car", "path": "turn"}
+    shapes = {"road_user.shape_seed": "${seed}"}
+    assert sweeps.pop("widths").content["fixed"] == {"road_user": "car", "path": "turn"} | shapes
     for sweep in sweeps.values():
         fixed = dict(sweep.content["fixed"])
         fixed.pop("pictures.frames", None)

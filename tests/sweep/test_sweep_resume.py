@@ -50,7 +50,7 @@ def test_another_executor_and_another_cache(sweeps, folder, tmp_path):
     again = sweeps.run("--resume", folder, *words, "--workers", "1")
     assert again["complete"]
     # The cache is empty, and the first run is in the folder.
-    assert again["nodes"] == {"computed": 6, "cached": 0}
+    assert again["nodes"] == {"computed": 7, "cached": 0}
     config = yaml.safe_load((folder / "runs/0001/config.yaml").read_text())
     assert config["executor"] == {"kind": "threads", "workers": 1}
     manifest = json.loads((folder / "runs/0001/manifest.json").read_text())
@@ -91,7 +91,7 @@ def test_resume_refuses_overrides_that_affect_results(sweeps, folder, words, sai
 
 
 def test_nodes_are_counted_as_they_are_in_the_cache(sweeps, folder, tmp_path, monkeypatch):
-    assert sweeps.run("--resume", folder)["nodes"] == {"computed": 0, "cached": 10}
+    assert sweeps.run("--resume", folder)["nodes"] == {"computed": 0, "cached": 11}
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "empty"))
     assert sweeps.run("--resume", folder)["nodes"] == {"computed": 0, "cached": 0}
 
@@ -221,7 +221,7 @@ def test_runs_refer_to_one_file_of_code(folder, sweeps):
         lineage = json.loads((run / "lineage.json").read_text())
         assert lineage["code"] == code.stem
         assert all(digest for stage in lineage["stages"].values() for digest in stage["digests"])
-        assert (run / "lineage.json").stat().st_size < 2000
+        assert (run / "lineage.json").stat().st_size < 2500
     text = (folder / "runs/0000/lineage.json").read_text()
     for strange in ("../../../etc/passwd", "0" * 15, "Z" * 16):
         (folder / "runs/0000/lineage.json").write_text(text.replace(code.stem, strange))

@@ -12,6 +12,7 @@ import yaml
 
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import compose, from_resolved
+from stixel_cli.evaluation.metric_table import LOSS_RATE
 from stixel_cli.results.result import read_scored_run
 from stixel_cli.sweeps import figures
 from stixel_cli.sweeps.statistics import statistic
@@ -29,12 +30,12 @@ def test_runs_share_what_they_have_in_common(sweeps, capsys):
     line = [*FEW, "seed=0,1", "tracker.sigma_q=0.5,0.6,0.7"]
     assert main(["plan", "--json", *line]) == 0
     planned = json.loads(capsys.readouterr().out)
-    shared = {"ego_motion": 1, "scenario": 1, "scans": 2, "start": 2}
+    shared = {"ego_motion": 1, "scenario": 1, "ceilings": 1, "scans": 2, "start": 2}
     assert stages_of(planned) == shared | {"track": 6, "scores": 6}
     assert planned["runs"] == 6
-    assert planned["nodes"] == {"all": 18, "cached": 0, "to_run": 18}
+    assert planned["nodes"] == {"all": 19, "cached": 0, "to_run": 19}
     swept = sweeps.run(*line, "--name", "a")
-    assert swept["nodes"] == {"computed": 18, "cached": 0}
+    assert swept["nodes"] == {"computed": 19, "cached": 0}
     assert swept["complete"]
     # One more value computes only its own nodes; the same values again compute nothing.
     more = sweeps.run(*FEW, "seed=0,1", "tracker.sigma_q=0.5,0.6,0.7,0.8")
@@ -42,7 +43,7 @@ def test_runs_share_what_they_have_in_common(sweeps, capsys):
     assert sweeps.run(*line)["nodes"]["computed"] == 0
     assert main(["plan", "--json", *line]) == 0
     planned = json.loads(capsys.readouterr().out)
-    assert planned["nodes"] == {"all": 18, "cached": 18, "to_run": 0}
+    assert planned["nodes"] == {"all": 19, "cached": 19, "to_run": 0}
     assert planned["runs_cached"] == 6
 
 
@@ -88,7 +89,8 @@ def test_the_folder(sweeps):
         assert row["folder"] == f"runs/{index:04d}"
         run = folder / row["folder"]
         metrics = json.loads((run / "metrics.json").read_text())
-        assert {name: float(row[name]) for name in metrics} == metrics
+        known = {name: value for name, value in metrics.items() if value is not None}
+        assert {name: float(row[name]) for name in metrics if row[name]} == known
         configuration = from_resolved(yaml.safe_load((run / "config.yaml").read_text()))
         assert configuration == compose(row["overrides"].split()).configuration
         assert configuration.seed == int(row["seed"]) == index % 3
@@ -108,8 +110,10 @@ def test_the_statistics_are_those_of_the_seeds(sweeps):
     swept = sweeps.run(*FEW, "tracker.sigma_f=0.1,0.3", "seed=0,1,2", "--name", "mine")
     with (sweeps.results / "mine" / "summary.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == len(swept["summary"]) == 2 * 17
-    for row in rows:
+    metrics = json.loads((sweeps.results / "mine/runs/0000/metrics.json").read_text())
+    assert len(rows) == len(swept["summary"]) == 2 * len(metrics)
+    # A rate has Wilson's interval; an unknown value has none.
+    for row in [row for row in rows if row["metric"] != LOSS_RATE and row["n"] != "0"]:
         values = [
             float(run[row["metric"]])
             for run in sweeps.rows("mine")
@@ -126,7 +130,7 @@ def test_the_statistics_are_those_of_the_seeds(sweeps):
     assert "## centre error, RMSE (m)" in markdown
     assert re.search(r"^\| 0\.1 \| 3 \| [\d.]+ \| [\d.]+ \| [\d.]+ … [\d.]+ \|$", markdown, re.M)
     latex = (sweeps.results / "mine" / "summary.tex").read_text()
-    assert latex.count(r"\begin{tabular}") == latex.count(r"\end{tabular}") == 17
+    assert latex.count(r"\begin{tabular}") == latex.count(r"\end{tabular}") == len(metrics)
     assert r"tracker.sigma\_f & n & mean" in latex
 
 
@@ -215,7 +219,7 @@ def test_tables_are_not_cut_without_a_terminal(sweeps, capsys, monkeypatch, colu
     assert len(heads) == 1
     assert "start.position" in heads[0]
     assert "orientation error, RMSE (°)" in heads[0]
-    assert sum(row.count("±") == 4 for row in said.splitlines()) == 4
+    assert sum(row.count("±") == 5 for row in said.splitlines()) == 4
 
 
 def test_json_has_the_full_folder_and_show_fits_the_terminal(sweeps, tmp_path, capsys, monkeypatch):
