@@ -83,7 +83,8 @@ def wilson_interval(share: float, n: int) -> tuple[float, float]:
     z = float(ndtri(0.5 + CONFIDENCE / 2))
     middle = (share + z**2 / (2 * n)) / (1 + z**2 / n)
     half = z / (1 + z**2 / n) * math.sqrt(share * (1 - share) / n + (z / (2 * n)) ** 2)
-    return max(0.0, middle - half), min(1.0, middle + half)
+    # Without rounding, the interval contains the share: for 0 of n its low end is 0.
+    return min(share, max(0.0, middle - half)), max(share, min(1.0, middle + half))
 
 
 def consistent_bounds(one: Statistic) -> tuple[float, float] | tuple[None, None]:

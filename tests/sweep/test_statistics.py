@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from stixel_cli.sweeps.statistics import consistent_bounds, statistic, summarise
+from stixel_cli.sweeps.statistics import consistent_bounds, statistic, summarise, wilson_interval
 from stixel_cli.sweeps.tables import summary_files, summary_records
 
 
@@ -48,3 +48,10 @@ def test_summaries_have_the_bounds_and_leave_out_metrics_without_a_value():
     for name in ("summary.md", "summary.tex"):
         assert "0.121" in tables[name] and "2.786" in tables[name]
         assert "50.0" in tables[name] and "time to track loss" not in tables[name]
+
+
+@pytest.mark.parametrize("n", range(1, 40))
+def test_the_interval_of_a_share_contains_it(n):
+    for count in range(n + 1):
+        low, high = wilson_interval(count / n, n)
+        assert 0.0 <= low <= count / n <= high <= 1.0
