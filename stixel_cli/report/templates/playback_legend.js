@@ -47,7 +47,7 @@ function describe() {
   runs.forEach((run, r) => entries.push(
     [lineSwatch(colourOf(r), dashOf(r)), runs.length === 1 ? "estimate: contour, heading, path" : run.label]));
   entries.push(
-    [area(runs.length === 1 ? "var(--estimate)" : "var(--faint)", 0.25), "± 2σ of the contour's radius"],
+    [area(runs.length === 1 ? "var(--estimate)" : "var(--faint)", 0.25), "± 2σ of the contour"],
     [lineSwatch(runs.length === 1 ? "var(--estimate)" : "var(--faint)", "4 3", 1.5), "2σ ellipse of the centre"],
     [dot("var(--used)"), "used point, with 1σ ellipse"],
     [dot("var(--unused)"), "unused point"],
