@@ -37,7 +37,8 @@ def coverage_summary(errors: StixelErrors, frames: np.ndarray) -> dict[str, floa
 
     Returns:
         columns: the target's, a frame; stixels: on it, a frame; missed: share of its columns in no
-        stixel; elsewhere: share in a stixel that is off by more than `GROSS` px; overhang: columns
+        stixel; elsewhere: share in a stixel that is off by more than `GROSS` px; unseen: share of
+        the columns that show any of it in no stixel of it; overhang: columns
         beside all that is seen of it a frame that get its disparity; hanging: stixels a frame that
         cover such.
     """
@@ -49,6 +50,7 @@ def coverage_summary(errors: StixelErrors, frames: np.ndarray) -> dict[str, floa
         "stixels": _ratio(float(np.diff(errors.offsets)[seen].sum()), count),
         "missed": _ratio(columns - covered, columns),
         "elsewhere": _ratio(covered - matched, columns),
+        "unseen": _ratio(float(errors.unseen[seen].sum()), float(errors.shown[seen].sum())),
         "overhang": _ratio(float(errors.overhang[seen].sum()), count),
         "hanging": _ratio(float(errors.hanging[seen].sum()), count),
     }

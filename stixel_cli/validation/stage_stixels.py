@@ -40,6 +40,9 @@ class StixelErrors:
         height: (S,) m, error of the top's height above the road.
         columns, covered, matched: (n,) int64, columns whose nearest obstacle is the target; those
             of them in a stixel; those in a stixel whose disparity is not off by a gross error.
+        shown, unseen: (n,) int64, columns that show the target at all, even too little of it for
+            an obstacle (a wheel, a handlebar); those of them in no stixel within a gross error of
+            the target's disparities in the column: the width of the target that no stixel covers.
         overhang: (n, 2) int64, columns next to the target, on its left and right, that a stixel
             with the target's disparity covers although they show no part of the target and have
             another depth.
@@ -60,6 +63,8 @@ class StixelErrors:
     columns: np.ndarray
     covered: np.ndarray
     matched: np.ndarray
+    shown: np.ndarray
+    unseen: np.ndarray
     overhang: np.ndarray
     hanging: np.ndarray
 
@@ -118,7 +123,8 @@ def stixel_errors(
         if 2 * truth.of_target[stixels.left[s] : stixels.right[s]].sum()
         >= stixels.right[s] - stixels.left[s]
     ]
-    sides = overhang(found, true, truth.of_target, on_target.any(axis=0), gross)
+    shown = on_target.any(axis=0)
+    sides = overhang(found, true, truth.of_target, shown, gross)
     with np.errstate(invalid="ignore"):
         matched = truth.of_target & (np.abs(found - true) <= gross)
     return StixelErrors(
@@ -127,9 +133,22 @@ def stixel_errors(
         columns=np.array([truth.of_target.sum()]),
         covered=np.array([np.sum(truth.of_target & np.isfinite(found))]),
         matched=np.array([matched.sum()]),
+        shown=np.array([shown.sum()]),
+        unseen=np.array([np.sum(shown & ~_on_surface(found, truth, on_target, rig, gross))]),
         overhang=np.array([[len(side) for side in sides]]),
         hanging=np.array([len({int(owner[u]) for side in sides for u in side})]),
     )
+
+
+def _on_surface(
+    found: np.ndarray, truth: FrameTruth, on_target: np.ndarray, rig: Rig, gross: float
+) -> np.ndarray:
+    """Whether `found` (W,) px is among the target's disparities in the column, up to `gross` px."""
+    nearest = np.where(on_target, truth.depth, np.inf).min(axis=0)
+    farthest = np.where(on_target, truth.depth, 0.0).max(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        most, least = rig.disparity_from_depth(nearest), rig.disparity_from_depth(farthest)
+        return (found >= least - gross) & (found <= most + gross)
 
 
 def overhang(

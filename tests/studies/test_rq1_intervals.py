@@ -37,6 +37,7 @@ from stixel_cli.studies.rq1.intervals import (
     TOP_BIAS,
     TOP_RMS,
     UNCOVERED,
+    UNSEEN,
     WITHIN_1,
     WITHIN_2,
     Estimate,
@@ -163,6 +164,8 @@ def seen_group(frames=8, columns=30):
             matched=covered - np.arange(frames) % 3,
             overhang=random.integers(0, 3, (frames, 2)),
             hanging=np.zeros(frames),
+            shown=np.full(frames, 12),
+            unseen=random.integers(0, 4, frames),
         ),
     )
     return Group(
@@ -202,7 +205,7 @@ def test_estimates_are_equal_to_the_summaries():
     cover = coverage_summary(made.errors.stixels, chosen)
     named = {
         "missed": UNCOVERED, "elsewhere": ELSEWHERE, "stixels": STIXELS_A_FRAME,
-        "overhang": OVERHANG,
+        "overhang": OVERHANG, "unseen": UNSEEN,
     }  # fmt: skip
     for name, statistic in named.items():
         assert over_range(cover_sums, statistic, 1)(made, 5.0, 15.0).value == cover[name], name

@@ -343,6 +343,26 @@ def test_wheel_below_the_obstacle_threshold_is_not_overhang():
     assert errors.overhang.tolist() == [[2, 0]] and errors.hanging[0] == 1
 
 
+def test_width_that_no_stixel_covers_counts_thin_parts():
+    rig = make_rig()
+    depth, ids = scene(rig, rig.depth_from_disparity(DISPARITY))
+    # Four columns on the left in which two rows show the target: a wheel.
+    ids[44:46, 36:40], depth[44:46, 36:40] = TARGET_ID, rig.depth_from_disparity(DISPARITY)
+    truth = frame_truth(depth, ids, rig, ROAD, GRID, PATH)
+    good = perfect_stixels(rig, truth)
+    covered = np.sum(good.right - good.left)
+    errors = stixel_errors(good, 0, truth, rig, GROSS)
+    assert errors.shown.tolist() == [22] and errors.unseen.tolist() == [22 - covered]
+    # The first stixel also covers the wheel; then it has the disparity of what is behind.
+    left, disparity = good.left.copy(), good.disparity.copy()
+    left[0], gained = 36, good.left[0] - 36
+    errors = stixel_errors(replace(good, left=left), 0, truth, rig, GROSS)
+    assert errors.unseen.tolist() == [22 - covered - gained]
+    disparity[0] -= 2.0
+    errors = stixel_errors(replace(good, left=left, disparity=disparity), 0, truth, rig, GROSS)
+    assert errors.unseen.tolist() == [22 - covered + good.right[0] - good.left[0]]
+
+
 def test_choice_of_the_grid_ignores_smoothness_and_time():
     rig = make_rig()
     line = road_line(0.0, rig.camera_height, rig)

@@ -167,6 +167,8 @@ def _stages(every: Group) -> Iterator[tuple[str, str, str, Estimate]]:
     cover = by_pose.cover_sums(every)
     uncovered = estimate(every, cover, by_pose.UNCOVERED)
     yield "stixels", "target's columns without a stixel", "%", uncovered
+    unseen = estimate(every, cover, by_pose.UNSEEN)
+    yield "stixels", "target's width that no stixel covers", "%", unseen
     overhang = estimate(every, cover, by_pose.OVERHANG)
     yield "stixels", "columns next to the target, per frame", "", overhang
     gross = by_pose.gross_sums(every, EDGES[0], EDGES[-1])

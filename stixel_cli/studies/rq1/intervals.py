@@ -222,10 +222,11 @@ def column_sums(
 
 
 def cover_sums(group: Group, low: float = EDGES[0], high: float = EDGES[-1]) -> np.ndarray:
-    """Coverage of the target (n, 6), of the frames that see it.
+    """Coverage of the target (n, 8), of the frames that see it.
 
     Frames; columns of the target; those in no stixel; those in a stixel elsewhere; stixels on the
-    target; columns next to the target with its disparity.
+    target; columns next to the target with its disparity; columns that show any of the target;
+    those of them in no stixel of it.
     """
     errors = group.errors.stixels
     found = np.stack(
@@ -236,6 +237,8 @@ def cover_sums(group: Group, low: float = EDGES[0], high: float = EDGES[-1]) -> 
             errors.covered - errors.matched,
             np.diff(errors.offsets),
             errors.overhang.sum(axis=1),
+            errors.shown,
+            errors.unseen,
         ],
         axis=-1,
     )
@@ -298,6 +301,6 @@ TOP_BIAS, TOP_RMS, BASE_BIAS, BASE_RMS = ratio(12), root(13), ratio(16), root(14
 COLUMN_MISSED, COLUMN_BIAS = ratio(1, 0), ratio(3, 2)
 COLUMN_RMS, COLUMN_RMS_M, COLUMN_BIAS_M = root(4, 2), root(5, 2), ratio(6, 2)
 COLUMN_BELOW_THRESHOLD, COLUMN_FALSE_POSITIVE = ratio(8, 7), ratio(9, 7)
-UNCOVERED, ELSEWHERE = ratio(2, 1), ratio(3, 1)
+UNCOVERED, ELSEWHERE, UNSEEN = ratio(2, 1), ratio(3, 1), ratio(7, 6)
 STIXELS_A_FRAME, OVERHANG = ratio(4), ratio(5)
 PHASE_BIAS = ratio(1)

@@ -66,6 +66,7 @@ _OF_STIXELS = {
     "lateral RMS m": by_pose.LATERAL_RMS,
 }
 _AT_DEPTH = {**_OF_DEPTH, "height bias m": by_pose.HEIGHT_BIAS, "error²/σ²": by_pose.NEES}
+_OF_WIDTH = {"width in no stixel %": by_pose.UNSEEN}
 _BY_RANGE = ("road user", "range m", "poses", "stixels")
 
 
@@ -196,8 +197,10 @@ def depth_table(rigs: Mapping[str, Sequence[Group]]) -> Table:
             for depth, ends in DEPTHS.items():
                 sums = by_pose.stixel_sums(group, *ends)
                 begin = (rig, group.label, depth, _poses(group, sums), int(sums[:, 0].sum()))
-                rows.append((*begin, *cells(group, sums, _AT_DEPTH)))
-    columns = ("rig", "road user", "depth m", "poses", "stixels", *with_ends(_AT_DEPTH))
+                width = cells(group, by_pose.cover_sums(group, *ends), _OF_WIDTH)
+                rows.append((*begin, *cells(group, sums, _AT_DEPTH), *width))
+    own = with_ends((*_AT_DEPTH, *_OF_WIDTH))
+    columns = ("rig", "road user", "depth m", "poses", "stixels", *own)
     return Table("depths", "", columns, tuple(rows))
 
 
