@@ -30,7 +30,9 @@ class ExtractionParameters:
     """How columns become stixels.
 
     Attributes:
-        width: columns of a stixel, px.
+        width: columns of a stixel, px. A part of an object that is narrower (`width` z / f metres)
+            may make no stixel, such as a wheel seen end-on or a handlebar: half of a stixel's
+            columns must have an obstacle, which is `free_space.obstacle_height` high.
         smoothing: standard deviation of the kernel that smooths the histogram, px.
         least_height: pixels lower above the road than this do not count, m: at the foot of an
             obstacle a matcher blends it with the road.
@@ -43,8 +45,8 @@ class ExtractionParameters:
         least_std: standard deviation of a stixel's disparity amid others of its object, px.
         edge_std: what is added to it, in square, with fewer than three of the two neighbours on
             either side: at an object's edge a matcher blends it with what is behind, px.
-        relief: standard deviation of a flat surface's depth, m. That of other surfaces is added:
-            half the mean square of the differences of depth between a stixel and these neighbours.
+        relief: standard deviation of a flat surface's depth, m. That of other surfaces is added: how
+            uneven the depths around a stixel are, and half of the step to its neighbours.
     """
 
     width: Annotated[int, Ge(1), Le(64)]

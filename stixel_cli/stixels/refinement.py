@@ -6,9 +6,12 @@ from numba import njit
 PAD = 2
 """Columns of the patch on either side of the stixel: a few columns have too little texture."""
 
+FACE = 0.15
+"""Pixels whose disparity is as near to the stixel's as this belong to its face, px. Others, such as
+what is behind an edge, would move the alignment away from the camera."""
+
 TOLERANCE = 0.3
-"""Rows whose disparity is as near to the stixel's as this belong to its face, px. The alignment
-does not go farther either: beyond, it has locked to something else."""
+"""The alignment does not go farther, px: beyond, it has locked to something else."""
 
 STEPS = 4
 
@@ -22,9 +25,10 @@ def aligned(left, right, columns, areas, disparities, scale, errors):
 
     Gauss-Newton on the sum of squared differences, without their mean, with one disparity for the
     whole patch (Lucas, Kanade 1981); the right image is interpolated by a cubic (Catmull, Rom
-    1974). A patch has the rows of the stixel in which at least half of the columns have about its
-    disparity, at most `MOST_ROWS` of them. Where the patch is too small, the images do not agree
-    better than before, or the result is more than `TOLERANCE` away, the given disparity stays.
+    1974). A patch has the rows of the stixel in which at least half of the columns are of its face,
+    at most `MOST_ROWS` of them, and of these rows the pixels that are (`FACE`). Where the patch is
+    too small, the images do not agree better than before, or the result is more than `TOLERANCE`
+    away, the given disparity stays.
 
     Args:
         left, right: (H, W) uint8.
@@ -43,7 +47,7 @@ def aligned(left, right, columns, areas, disparities, scale, errors):
         for v in range(areas[s, 2], areas[s, 3] + 1):
             near = 0
             for u in range(areas[s, 0], areas[s, 1]):
-                if columns[u, v] >= 0 and abs(columns[u, v] * scale[v] - start) < TOLERANCE:
+                if columns[u, v] >= 0 and abs(columns[u, v] * scale[v] - start) < FACE:
                     near += 1
             if 2 * near >= areas[s, 1] - areas[s, 0]:
                 rows[count] = v
@@ -57,7 +61,7 @@ def aligned(left, right, columns, areas, disparities, scale, errors):
         now, least = start, np.inf
         for _ in range(STEPS):
             n, squares, step = _normal_equation(
-                left, right, rows, count, first, last, now, scale, error
+                left, right, columns, rows, count, first, last, start, now, scale, error
             )
             if n < 3 * (last - first):
                 break
@@ -70,11 +74,13 @@ def aligned(left, right, columns, areas, disparities, scale, errors):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _normal_equation(left, right, rows, count, first, last, disparity, scale, error):
+def _normal_equation(
+    left, right, columns, rows, count, first, last, given, disparity, scale, error
+):
     """Pixels, sum of squared differences without their mean, and the step to a better disparity.
 
-    Of columns `first` … `last` - 1 in the first `count` of `rows`; NaN or 0 for a step without
-    texture.
+    Of the pixels in columns `first` … `last` - 1 and the first `count` of `rows` whose disparity is
+    about the `given` one; NaN or 0 for a step without texture.
     """
     n = g = e = gg = ge = ee = 0.0
     for i in range(count):
@@ -91,6 +97,9 @@ def _normal_equation(left, right, rows, count, first, last, disparity, scale, er
         s2, s3 = 0.5 + t * (4.0 - 4.5 * t), t * (-1.0 + 1.5 * t)
         one, other = left[v], right[v]
         for u in range(max(first, 1 - k), min(last, right.shape[1] - 2 - k)):
+            # Without a disparity, it is far below the given one.
+            if abs(columns[u, v] * scale[v] - given) >= FACE:
+                continue
             a, b, c, d = other[u + k - 1], other[u + k], other[u + k + 1], other[u + k + 2]
             difference = one[u] - (w0 * a + w1 * b + w2 * c + w3 * d)
             slope = -(s0 * a + s1 * b + s2 * c + s3 * d) * per_px

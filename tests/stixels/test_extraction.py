@@ -9,10 +9,12 @@ from projection import project
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stixels.extraction import (
     BINS_PER_PIXEL,
+    UNEVEN_REACH,
     extract_stixels,
     foot_rows,
     smoothing_kernel,
     surroundings,
+    unevenness,
 )
 from stixel_cli.stixels.free_space import find_free_space
 from stixel_cli.stixels.grouping import LEAST_ROWS, front_face, group_columns, histogram_peak
@@ -90,6 +92,7 @@ def test_covariances_follow_from_disparity_variance_surroundings_and_width(
     stixels = pipeline(as_disparities(render(rig, boxes=BOXES, wall=30.0)), rig)
     assert np.all(np.linalg.eigvalsh(stixels.covariances_ego) > 0)
     count, scatter = surroundings(stixels.left, stixels.depth, 5)
+    scatter = scatter + unevenness(stixels.left, stixels.depth, 5)
     # Stixels at the edge of an object add `edge_std`, here as large as `least_std`.
     edge = stixels.disparity_variance > 1.5 * 0.1**2
     assert np.array_equal(edge, count < 3) and edge.any() and not edge.all()
@@ -132,17 +135,44 @@ def test_surroundings_match_a_brute_force_search():
                 if 0 < abs(left[j] - left[i]) <= 6 and abs(depth[j] - depth[i]) < SAME_OBJECT
             ]
             assert count[i] == len(apart)
-            expected = 0.5 * np.mean(np.square(apart)) if apart else 0.0
+            expected = 0.125 * np.mean(np.square(apart)) if apart else 0.0
             assert scatter[i] == pytest.approx(expected)
 
 
-def test_uneven_surface_states_more_relief_than_a_flat_one():
-    left = np.arange(0, 300, 3)
-    noise = np.random.default_rng(1).normal(0.0, 0.2, 100)
-    _, scatter = surroundings(left, 20.0 + noise, 3)
-    assert np.mean(scatter) == pytest.approx(0.2**2, rel=0.3)
-    count, flat = surroundings(left, np.full(100, 20.0), 3)
-    assert np.all(flat == 0.0) and count.tolist() == [2, 3, *[4] * 96, 3, 2]
+def test_unevenness_is_the_variance_about_a_slope():
+    left = np.arange(0, 3000, 3)
+    slope = 20.0 + 0.1 * np.arange(1000)
+    assert unevenness(left, slope, 3) == pytest.approx(0.0, abs=1e-12)
+    count, step = surroundings(left, slope, 3)
+    assert count.tolist() == [2, 3, *[4] * 996, 3, 2]
+    # Half of a step of 0.1 m.
+    assert np.sqrt(step[50]) == pytest.approx(0.05, rel=0.2)
+    noise = np.random.default_rng(1).normal(0.0, 0.2, 1000)
+    assert np.mean(unevenness(left, slope + noise, 3)) == pytest.approx(0.2**2, rel=0.2)
+
+
+def test_unevenness_matches_a_brute_force_search():
+    rng = np.random.default_rng(3)
+    for n in (0, 1, 2, 3, 40, 40, 40):
+        left = 3 * np.sort(rng.choice(60, n, replace=False))
+        depth = rng.choice([10.0, 14.0], n) + np.sort(rng.normal(0.0, 0.5, n))
+        tied = [
+            left[i + 1] - left[i] <= 6 and abs(depth[i + 1] - depth[i]) < SAME_OBJECT
+            for i in range(n - 1)
+        ]
+        found = unevenness(left, depth, 3)
+        for i in range(n):
+            first = last = i
+            while first > max(i - UNEVEN_REACH, 0) and tied[first - 1]:
+                first -= 1
+            while last < min(i + UNEVEN_REACH, n - 1) and tied[last]:
+                last += 1
+            bent = [
+                (depth[j - 1] - 2 * depth[j] + depth[j + 1]) ** 2 / 6
+                for j in range(max(first, 1), min(last, n - 2) + 1)
+                if tied[j - 1] and tied[j]
+            ]
+            assert found[i] == pytest.approx(np.mean(bent) if bent else 0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("fraction", [0.0, 0.1, 0.25, 0.4, 0.5, 0.8])

@@ -68,6 +68,16 @@ def test_pitch_compensated_disparities_are_those_of_the_image_times_the_factor()
     assert align(left, right, 7.2 * 1.25, scale) == pytest.approx(7.3 * 1.25, abs=0.03)
 
 
+def test_what_is_behind_the_face_does_not_count():
+    """The stixel's own columns show a face; those next to it what is 0.6 px behind."""
+    for seed in range(3):
+        (left, right), (_, behind) = shifted(7.4, seed), shifted(6.8, seed)
+        right[:, 36:], right[:, :31] = behind[:, 36:], behind[:, :31]
+        columns = np.full((WIDTH, HEIGHT), round(16 * 6.8), dtype=np.int16)
+        columns[40:43] = round(16 * 7.4)
+        assert align(left, right, 7.35, columns=columns) == pytest.approx(7.4, abs=0.06)
+
+
 def test_disparity_stays_where_the_images_say_nothing_better():
     left, right = shifted(7.3)
     # No texture; no row with the disparity; and a shift that is too far away to be reached.
