@@ -45,8 +45,8 @@ class ExtractionParameters:
         least_std: standard deviation of a stixel's disparity amid others of its object, px.
         edge_std: what is added to it, in square, with fewer than three of the two neighbours on
             either side: at an object's edge a matcher blends it with what is behind, px.
-        relief: standard deviation of a flat surface's depth, m. That of other surfaces is added: how
-            uneven the depths around a stixel are, and half of the step to its neighbours.
+        relief: standard deviation of a flat surface's depth, m. That of other surfaces is added:
+            how uneven the depths around a stixel are, and half of the step to its neighbours.
     """
 
     width: Annotated[int, Ge(1), Le(64)]
