@@ -1,16 +1,17 @@
 """An extended Kalman filter on an oriented rectangle, with the sides that the sensor sees.
 
 State: x, y, heading psi, their rates, length and width; world frame, m, rad, s. The pose moves as
-thesis (62) states, the size stays. The predicted rectangle shows the sensor one or two of its
-sides. Each point belongs to the nearest of these; with n the side's outward normal in the target's
-frame, q the point there and h half the length or width, the measurement is
+in thesis (62), the size stays. The sensor sees one or two sides of the predicted rectangle. Each
+point belongs to the nearest of them. With the side's outward normal n and the point q, both in the
+target's frame, and half the length or width h, the measurement is
 
-    nᵀ q - h = 0 + error of the side + error of the point
+    nᵀ q - f h = 0 + error of the side + error of the point
 
-The error of a side, such as a bent one, is the same for all its points in a scan, so n points are
-not n independent ones. The first and the last point from right to left are near the corners where
-the rectangle begins and ends for the sensor. With a the unit vector across the ray through such a
-point, towards the outside, and c the corner in the world,
+f is the area of the class's shape over that of its box: the sides of a shape that is not a
+rectangle are on average nearer to its middle. The error of a side, such as a bent one, is the same
+for all its points in a scan, so n points are not n independent ones. The first and the last point
+from right to left are near the corners where the rectangle ends for the sensor. With the unit
+vector a across the ray through such a point z, towards the outside, and the corner c in the world,
 
     aᵀ (c - z) = half the distance of neighbouring rays + error
 
@@ -29,7 +30,7 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.association import associate
 from stixel_cli.tracking.motion import intervals, process_noise, transition
-from stixel_cli.tracking.prior import PriorShape, prior_radii
+from stixel_cli.tracking.prior import PriorShape, fullness_of, prior_radii
 from stixel_cli.tracking.rectangle_sides import (
     NORMALS,
     Rows,
@@ -83,7 +84,7 @@ def track(
     heading, their rates, length and width. Each point has one degree of freedom, each end of the
     target that is used has one, and so has the velocity across the heading.
     """
-    size = np.array([prior.length, prior.width])
+    size, fullness = np.array([prior.length, prior.width]), fullness_of(prior)
     mean = np.concatenate([initial.mean, size])
     covariance = np.zeros((8, 8))
     covariance[:6, :6] = initial.covariance
@@ -110,6 +111,7 @@ def track(
                     points[indices],
                     noises[indices],
                     scans.sensor_poses_world[k],
+                    fullness,
                     tracker.corner_std,
                     tracker.horizontal_fov,
                 ),

@@ -54,26 +54,29 @@ def measure(
     points_world: np.ndarray,
     noises: np.ndarray,
     sensor_pose: np.ndarray,
+    fullness: float,
     corner_std: float,
     horizontal_fov: float | None,
 ) -> Rows:
     """The rows of points (n, 2) m with covariances (n, 2, 2) m², n > 0, at the state `mean` (8,).
 
     First one for each point, then the two ends of the target where they can be used.
-    `sensor_pose` (3,) is that of the sensor in the world, `horizontal_fov` in degrees.
+    `sensor_pose` (3,) is that of the sensor in the world, `fullness` the area of the class's shape
+    over that of its box, `horizontal_fov` in degrees.
     """
     turn = rotation(mean[2])
     body = target_from_world(points_world, mean[:3])
     sides = sides_of(body, mean[6:], visible_sides(mean, sensor_pose[:2]))
     normals = NORMALS[sides]
-    half = 0.5 * mean[6 + sides // 2]
+    # The mean distance of a shape's side from its middle is this part of that of its box.
+    half = 0.5 * fullness
     points = np.zeros((len(body), 12))
     points[:, :2] = -normals @ turn.T
     # The point in the target's frame turns back where the heading turns.
     points[:, 2] = normals[:, 0] * body[:, 1] - normals[:, 1] * body[:, 0]
-    points[np.arange(len(body)), 6 + sides // 2] = -0.5
+    points[np.arange(len(body)), 6 + sides // 2] = -half
     points[np.arange(len(body)), 8 + sides] = -1.0
-    distances = np.einsum("ni,ni->n", normals, body) - half
+    distances = np.einsum("ni,ni->n", normals, body) - half * mean[6 + sides // 2]
     across = normals @ turn.T
     variances = np.einsum("ni,nij,nj->n", across, noises, across)
 

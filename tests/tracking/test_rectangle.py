@@ -10,6 +10,7 @@ from tracking_cases import CAR, START, scans_of
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rotation, target_from_world, wrap_angle
+from stixel_cli.tracking.prior import fullness_of
 from stixel_cli.tracking.rectangle import contours_of, track, update
 from stixel_cli.tracking.rectangle_sides import (
     CORNERS,
@@ -23,6 +24,7 @@ from stixel_cli.tracking.rectangle_sides import (
 TRACKER = compose(["tracker=rectangle"]).configuration.tracker
 EXACT = dataclasses.replace(TRACKER, measurement_std=0.05, side_std=0.02, corner_std=0.03)
 OUTLINE = 0.5 * CORNERS * [CAR.length, CAR.width]
+OVAL = dataclasses.replace(CAR, shape="ellipse", corner_radius=0.0, length=1.8, width=0.6)
 EMPTY = np.zeros((0, 2))
 SEEDS = st.integers(0, 2**31)
 FRONT, REAR, LEFT, RIGHT = range(4)
@@ -54,7 +56,7 @@ def test_points_belong_to_the_nearest_side_that_is_seen():
 
 
 def rows_at(state, points, noises):
-    return joined(measure(state, points, noises, SENSOR, 0.1, None), slip_row(state, 0.2))
+    return joined(measure(state, points, noises, SENSOR, 0.9, 0.1, None), slip_row(state, 0.2))
 
 
 @settings(derandomize=True, deadline=None, max_examples=40)
@@ -124,6 +126,22 @@ def test_the_size_is_estimated():
     assert result.covariances[-1, 6, 6] < (0.5 * CAR.length_std * CAR.length) ** 2
 
 
+def test_the_sides_of_an_oval_class_are_nearer_to_its_middle_than_those_of_its_box():
+    assert fullness_of(OVAL) == pytest.approx(np.pi / 4.0)
+    assert fullness_of(dataclasses.replace(CAR, corner_radius=0.0)) == pytest.approx(1.0, abs=1e-3)
+    angles = 2.0 * np.pi * np.arange(90) / 90
+    outline = np.stack([0.9 * np.cos(angles), 0.3 * np.sin(angles)], axis=1)
+    # It passes by, and shows its right side.
+    poses = np.column_stack([np.linspace(-1.5, 1.5, 30), np.full(30, 12.0), np.zeros(30)])
+    scans, errors = scans_seen(outline, poses, noise=0.02), []
+    for prior in (OVAL, dataclasses.replace(OVAL, shape="rectangle")):
+        result = track(scans, start_at(poses, (0.0, 0.0, 0.0)), prior, TRACKER)
+        errors.append(result.means[15:, 1].mean() - 12.0)
+    assert abs(errors[0]) < 0.03
+    # A box of the same size is put where its side is on the points: too far away.
+    assert errors[1] - errors[0] == pytest.approx(0.3 * (1.0 - np.pi / 4.0), rel=0.3)
+
+
 @pytest.mark.parametrize("count", [1, 2])
 def test_few_points_move_the_pose_and_hardly_the_size(count):
     poses = turning(15, 4.0, 0.2)
@@ -185,7 +203,7 @@ def test_an_end_at_the_border_of_the_field_of_view_is_not_used():
     mean = np.array([*poses[0], 4.0, 0.0, 0.0, 4.2, 1.7])
     seen_angle = 2.0 * np.degrees(np.arctan2(2.1, 9.15))
     counts = [
-        len(measure(mean, points, noises, SENSOR, 0.1, fov).innovations) - len(points)
+        len(measure(mean, points, noises, SENSOR, 1.0, 0.1, fov).innovations) - len(points)
         for fov in (None, seen_angle + 10.0, seen_angle)
     ]
     assert counts == [2, 2, 0]
