@@ -153,7 +153,7 @@ _TABLE = (
            over_runs="track_loss_rate"),
     Metric("time_to_loss_s", "time to track loss", "time to loss",
            "s", "more", (0.0, None), lambda e: time_to_loss(e.times, e.lost)),
-    Metric("diverged", "diverged (1) or not (0), by the tracker's own output", "diverged", *_SHARE,
+    Metric("diverged", "diverged (1) or not (0)", "diverged", *_SHARE,
            lambda e: int(time_to_divergence(e) is not None), (None, 0.0)),
     Metric("time_to_divergence_s", "time to divergence", "time to divergence",
            "s", "more", (0.0, None), time_to_divergence),

@@ -52,10 +52,10 @@ def verdict(metrics: Values) -> list[str]:
 
 
 def _diverged(time: float | int | None) -> str:
-    at = "" if time is None else f" at {time:.1f} s"
+    since = "" if time is None else f" from {time:.1f} s on"
     return (
-        f"WARNING: the tracker diverged{at}: its state is not finite, its residuals are far larger "
-        "than it assumes, or it used no point for a second. Do not rely on what it estimates then."
+        f"WARNING: the tracker diverged{since}: its state is not finite, its residuals are far "
+        "larger than it assumes, or it used no point for a second. Do not use these estimates."
     )
 
 
