@@ -42,6 +42,8 @@ from stixel_cli.tracking.gp_ekf import GpEkfParameters
 from stixel_cli.tracking.point import PointParameters
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.pyrecest_parameters import PyRecEstParameters
+from stixel_cli.tracking.random_matrix import RandomMatrixParameters
+from stixel_cli.tracking.rectangle import RectangleParameters
 from stixel_cli.tracking.start import TruthStart
 from stixel_cli.tracking.start_scans import ScansStart
 
@@ -51,7 +53,14 @@ MeasurementParameters = (
     SimulatedParameters | FabricatedParameters | LidarParameters | FileParameters
 )
 Start = TruthStart | ScansStart
-Tracker = ContourParameters | GpEkfParameters | PointParameters | PyRecEstParameters
+Tracker = (
+    ContourParameters
+    | GpEkfParameters
+    | PointParameters
+    | PyRecEstParameters
+    | RandomMatrixParameters
+    | RectangleParameters
+)
 
 _BY_KIND = Field(discriminator="kind")
 

@@ -72,6 +72,9 @@ def evaluate(
     counted = known if scenario.scored is None else known & scenario.scored
     rates = scenario.target_rates_world
     speed = np.hypot(*track.means[:, 3:5].T) - np.hypot(*rates[:, :2].T)
+    finite = np.ones(len(track.times), dtype=bool)
+    for values in (track.means, track.covariances, track.contours_world):
+        finite &= np.isfinite(values).reshape(len(finite), -1).all(axis=1)
     errors = ScanErrors(
         times=(scenario.times - scenario.times[0])[counted],
         centre=centre[counted],
@@ -83,6 +86,8 @@ def evaluate(
         nis=nis,
         points=np.diff(scans.offsets),
         points_used=np.diff(track.used_offsets),
+        scan_times=scenario.times - scenario.times[0],
+        finite=finite,
         **{name: np.full(counted.sum(), value) for name, value in vars(ceilings).items()},
         **{name: values[counted[known]] for name, values in at_known.items()},
     )

@@ -22,6 +22,7 @@ from stixel_cli.evaluation.scan_errors import (
     root_mean_square,
     second_half,
     success,
+    time_to_divergence,
     time_to_loss,
 )
 
@@ -152,6 +153,10 @@ _TABLE = (
            over_runs="track_loss_rate"),
     Metric("time_to_loss_s", "time to track loss", "time to loss",
            "s", "more", (0.0, None), lambda e: time_to_loss(e.times, e.lost)),
+    Metric("diverged", "diverged (1) or not (0)", "diverged", *_SHARE,
+           lambda e: int(time_to_divergence(e) is not None), (None, 0.0)),
+    Metric("time_to_divergence_s", "time to divergence", "time to divergence",
+           "s", "more", (0.0, None), time_to_divergence),
     Metric("centre_rmse_m", "centre error, RMSE", "centre RMSE",
            *_METRE, lambda e: root_mean_square(e.centre)),
     Metric("centre_mean_m", "centre error, mean", "mean centre error",

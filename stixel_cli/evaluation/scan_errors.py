@@ -10,6 +10,9 @@ LOW_OVERLAP = 0.2
 LOSS_DURATION = 1.0
 """A track is lost once it has been off the target for this long, s."""
 
+DIVERGED_NIS = 9.0
+"""A tracker has diverged where the mean NIS / degrees of freedom of a second is above this."""
+
 THRESHOLDS = 21
 """Thresholds of the curves of success and of precision, as in lidar single-object tracking."""
 
@@ -42,7 +45,7 @@ class ScanErrors:
     """Errors and counts of one track over its K scans.
 
     The errors are (n,), at the n scans that count: those with a known truth, of a recording only
-    those with a good one. `nis`, `points` and `points_used` are (K,).
+    those with a good one. `nis` and what follows it are (K,).
 
     Attributes:
         times: s since the first scan of the run.
@@ -67,6 +70,8 @@ class ScanErrors:
             covariance.
         nis: NIS divided by its degrees of freedom; NaN for an empty scan.
         points, points_used: points of the scan, and those that the tracker used.
+        scan_times: s since the first scan of the run.
+        finite: whether state, covariance and contour are finite.
     """
 
     times: np.ndarray
@@ -94,6 +99,8 @@ class ScanErrors:
     nis: np.ndarray
     points: np.ndarray
     points_used: np.ndarray
+    scan_times: np.ndarray
+    finite: np.ndarray
 
 
 def mean(values: np.ndarray) -> float | None:
@@ -144,6 +151,26 @@ def time_to_loss(times: np.ndarray, lost: np.ndarray) -> float | None:
         if time - start >= LOSS_DURATION - 1e-9:
             return float(start)
     return None
+
+
+def time_to_divergence(errors: ScanErrors) -> float | None:
+    """The time, s, at which the tracker's own output shows that it has diverged; None if never.
+
+    It reads no truth. The track has diverged from the first scan whose state is not finite, or from
+    the first of neighbouring scans with points that are not used over `LOSS_DURATION`, or from the
+    first second whose mean NIS over the degrees of freedom is above `DIVERGED_NIS`, far above χ².
+    """
+    times, measured = errors.scan_times, errors.points > 0
+    found = [*times[errors.finite == 0.0][:1]]
+    found.append(time_to_loss(times[measured], errors.points_used[measured] == 0))
+    known = np.isfinite(errors.nis)
+    nis, at = errors.nis[known], times[known]
+    sums = np.concatenate([[0.0], np.cumsum(nis)])
+    last = np.searchsorted(at, at + LOSS_DURATION - 1e-9)
+    whole = np.flatnonzero(last < len(at))
+    means = (sums[last[whole] + 1] - sums[whole]) / (last[whole] + 1 - whole)
+    found += [*at[whole[means > DIVERGED_NIS]][:1]]
+    return min((float(time) for time in found if time is not None), default=None)
 
 
 def success(iou: np.ndarray) -> float | None:

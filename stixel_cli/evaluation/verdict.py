@@ -37,15 +37,26 @@ def verdict(metrics: Values) -> list[str]:
     if _beyond(metrics, "band_coverage"):
         share = metrics["band_coverage"]
         sentences.append(f"The 95 % band covers only {100.0 * share:.0f} % of the true outline.")
+    if _beyond(metrics, "diverged"):
+        sentences.insert(0, _diverged(metrics.get("time_to_divergence_s")))
     if metrics.get("track_lost") is None:
         why = "the metrics are of an older version" if "iou_mean" in metrics else "no truth"
         return sentences or [f"No verdict: {why}."]
     if lost_at is None:
+        place = int(_beyond(metrics, "diverged"))
         iou = metrics.get("iou_box_mean")
         overlap = "" if iou is None else f" with a mean IoU of the box of {iou:.2f}"
         calm = "" if sentences else "; the stated uncertainty is consistent with the errors"
-        sentences.insert(0, f"Tracked to the end{overlap}{calm}.")
+        sentences.insert(place, f"Tracked to the end{overlap}{calm}.")
     return sentences
+
+
+def _diverged(time: float | int | None) -> str:
+    since = "" if time is None else f" from {time:.1f} s on"
+    return (
+        f"WARNING: the tracker diverged{since}: its state is not finite, its residuals are far "
+        "larger than it assumes, or it used no point for a second. Do not use these estimates."
+    )
 
 
 def _beyond(metrics: Values, name: str, above: bool = False) -> bool:

@@ -9,6 +9,9 @@ of any rectangle has the squared distance 6, an ellipse's outline 4, while the c
 
 import numpy as np
 
+BORDER = np.radians(1.2)
+"""A silhouette nearer than this to the border of the field of view, rad, may be cut off."""
+
 
 def contour_moments(angles: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Centroid (2,) in m and second central moments (2, 2) in m² of the area inside a contour.
@@ -47,3 +50,11 @@ def associate(
     xx, xy, yy = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
     distance = (yy * x**2 - 2.0 * xy * x * y + xx * y**2) / (xx * yy - xy**2)
     return np.flatnonzero(distance <= chdtri(2, 1.0 - probability))
+
+
+def uncut(bearings: np.ndarray, horizontal_fov: float | None) -> np.ndarray:
+    """Which of the two silhouettes (2,) are inside of the field of view's border."""
+    if horizontal_fov is None:
+        return np.ones(2, bool)
+    half = 0.5 * np.radians(horizontal_fov) - BORDER
+    return np.array([bearings[0] > -half, bearings[1] < half])

@@ -28,6 +28,7 @@ import numpy as np
 
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.class_shape import ClassShape, class_shape
 from stixel_cli.tracking.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour_rays import (
@@ -38,13 +39,12 @@ from stixel_cli.tracking.contour_rays import (
     sampling_inset,
     shared_covariance,
     sight_of,
-    uncut,
 )
 from stixel_cli.tracking.contour_report import contours_of, reported
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.ray_table import expected
-from stixel_cli.tracking.track import InitialState, Track, used_rows
+from stixel_cli.tracking.track import InitialState, Track
 
 SEEN = np.array([0, 1, 2, 5, 6])
 """Indices of the states that a ray sees: the pose and the two sizes."""
@@ -90,21 +90,9 @@ def track(
             )
         means[k], covariances[k] = mean, covariance
 
-    used_offsets, used_points = used_rows(used)
-    contours, directions, std = contours_of(means, covariances, shape, tracker.contour_points)
-    states, spreads = reported(means, covariances, tracker.slip)
-    return Track(
-        times=np.array(scans.times, dtype=np.float64),
-        means=states,
-        covariances=spreads,
-        contours_world=contours,
-        contour_directions=directions,
-        contour_std=std,
-        used_offsets=used_offsets,
-        used_points=used_points,
-        nis=nis,
-        nis_degrees_of_freedom=degrees,
-    )
+    contours = contours_of(means, covariances, shape, tracker.contour_points)
+    states = reported(means, covariances, tracker.slip)
+    return Track.of_scans(scans.times, states, contours, used, nis, degrees)
 
 
 def start(

@@ -12,9 +12,6 @@ from stixel_cli.tracking.ray_table import RayTable, expected, outline_table
 OUTLINE_STD = 0.02
 """How well the class's outline fits one road user where the sensor sees the outline itself, m."""
 
-BORDER = np.radians(1.2)
-"""A silhouette nearer than this to the border of the field of view, rad, may be cut off."""
-
 NEAR_RANGE, NEAR_ACROSS = 0.3, 0.15
 """A point this near to the expected one, m, along the ray and across, is in every gate."""
 
@@ -139,14 +136,6 @@ def sampling_inset(rays: Rays, sight: Sight) -> tuple[float, float]:
         return 0.0, 0.0
     gap = float(np.median(np.diff(np.sort(rays.bearings))) * rays.ranges.mean())
     return 0.5 * gap, gap**2 / 12.0
-
-
-def uncut(bearings: np.ndarray, horizontal_fov: float | None) -> np.ndarray:
-    """Which of the two silhouettes (2,) are inside of the field of view's border."""
-    if horizontal_fov is None:
-        return np.ones(2, bool)
-    half = 0.5 * np.radians(horizontal_fov) - BORDER
-    return np.array([bearings[0] > -half, bearings[1] < half])
 
 
 def shared_covariance(rays: Rays, tracker: ContourParameters) -> np.ndarray:

@@ -30,7 +30,7 @@ from stixel_cli.tracking.association import associate, contour_moments
 from stixel_cli.tracking.kernel import ContourProcess, contour_process
 from stixel_cli.tracking.motion import intervals, predict, process_noise
 from stixel_cli.tracking.prior import PriorShape, mean_radius, prior_radii
-from stixel_cli.tracking.track import InitialState, Track, contour_directions, used_rows
+from stixel_cli.tracking.track import InitialState, Track, contour_directions
 
 
 @parameters
@@ -273,20 +273,8 @@ def track(
             )
         means[k], covariances[k] = mean, covariance
 
-    used_offsets, used_points = used_rows(used)
-    contours, directions, std = contours_of(means, covariances, process, tracker.contour_points)
-    return Track(
-        times=np.array(scans.times, dtype=np.float64),
-        means=means,
-        covariances=covariances,
-        contours_world=contours,
-        contour_directions=directions,
-        contour_std=std,
-        used_offsets=used_offsets,
-        used_points=used_points,
-        nis=nis,
-        nis_degrees_of_freedom=np.diff(used_offsets),
-    )
+    contours = contours_of(means, covariances, process, tracker.contour_points)
+    return Track.of_scans(scans.times, (means, covariances), contours, used, nis)
 
 
 def contours_of(

@@ -52,6 +52,12 @@ def mean_radius(prior: PriorShape) -> float:
     return float(prior_radii(prior, np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)).mean())
 
 
+def fullness_of(prior: PriorShape) -> float:
+    """Area of the class's shape over that of its box: 1 for a rectangle, pi / 4 for an ellipse."""
+    radii = prior_radii(prior, np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False))
+    return float(np.pi * np.mean(radii**2) / (prior.length * prior.width))
+
+
 def prior_radii(prior: PriorShape, angles: np.ndarray) -> np.ndarray:
     """Radius in m of the class's shape at `angles` (n,) rad in the target's frame, shape (n,).
 

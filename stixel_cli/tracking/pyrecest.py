@@ -20,7 +20,7 @@ from stixel_cli.tracking.association import associate
 from stixel_cli.tracking.motion import intervals, process_noise, transition
 from stixel_cli.tracking.prior import PriorShape, prior_radii
 from stixel_cli.tracking.pyrecest_parameters import PyRecEstParameters
-from stixel_cli.tracking.track import InitialState, Track, contour_directions, used_rows
+from stixel_cli.tracking.track import InitialState, Track, contour_directions
 
 PLANE = np.array([0, 1, 3, 4])
 """Indices of x, y and their rates in the six states."""
@@ -97,19 +97,15 @@ def track(
     contours = np.array([one.contour for one in estimates])
     arms = contours - means[:, None, :2]
     lengths = np.linalg.norm(arms, axis=2, keepdims=True)
-    offsets, points_used = used_rows(used)
-    count = len(scans)
-    return Track(
-        times=np.array(scans.times, dtype=np.float64),
-        means=means,
-        covariances=np.array([one.covariance for one in estimates]),
-        contours_world=contours,
-        contour_directions=np.divide(arms, lengths, out=np.zeros_like(arms), where=lengths > 0.0),
-        contour_std=np.full(contours.shape[:2], np.hypot(prior.sigma_f, prior.sigma_r)),
-        used_offsets=offsets,
-        used_points=points_used,
-        nis=np.full(count, np.nan),
-        nis_degrees_of_freedom=np.zeros(count, dtype=np.int64),
+    directions = np.divide(arms, lengths, out=np.zeros_like(arms), where=lengths > 0.0)
+    std = np.full(contours.shape[:2], np.hypot(prior.sigma_f, prior.sigma_r))
+    return Track.of_scans(
+        scans.times,
+        (means, np.array([one.covariance for one in estimates])),
+        (contours, directions, std),
+        used,
+        nis=np.full(len(scans), np.nan),
+        nis_degrees_of_freedom=np.zeros(len(scans), dtype=np.int64),
     )
 
 

@@ -50,6 +50,36 @@ class Track:
     nis: np.ndarray
     nis_degrees_of_freedom: np.ndarray
 
+    @classmethod
+    def of_scans(
+        cls,
+        times: np.ndarray,
+        states: tuple[np.ndarray, np.ndarray],
+        contours: tuple[np.ndarray, np.ndarray, np.ndarray],
+        used: Sequence[np.ndarray],
+        nis: np.ndarray,
+        nis_degrees_of_freedom: np.ndarray | None = None,
+    ) -> "Track":
+        """From what a tracker has after its last scan.
+
+        `states` are means and covariances, `contours` the contours with directions and standard
+        deviations; both and `times`, `nis` are as the attributes. `used` has, for each scan, the
+        rows (n_k,) that updated it. Without `nis_degrees_of_freedom`, each such row has one.
+        """
+        used_offsets, used_points = used_rows(used)
+        degrees = (
+            np.diff(used_offsets) if nis_degrees_of_freedom is None else nis_degrees_of_freedom
+        )
+        return cls(
+            np.array(times, dtype=np.float64),
+            *states,
+            *contours,
+            used_offsets,
+            used_points,
+            nis,
+            degrees,
+        )
+
 
 def used_rows(used: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """`used_offsets` (K + 1,) and `used_points` (U,) of a `Track`.

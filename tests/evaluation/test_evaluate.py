@@ -75,6 +75,8 @@ def test_summary_matches_a_calculation_by_hand():
     expected = {
         "track_lost": 0,
         "time_to_loss_s": None,
+        "diverged": 0,
+        "time_to_divergence_s": None,
         "centre_rmse_m": np.sqrt(101 / 5),
         "centre_mean_m": 11 / 5,
         "centre_rmse_second_half_m": np.sqrt(100 / 3),
@@ -223,6 +225,15 @@ def test_non_finite_track_has_low_overlap_and_no_mean_errors():
     assert scores.metrics["centre_rmse_m"] is None
     assert scores.metrics["low_overlap_share"] == pytest.approx(0.4)
     assert scores.metrics["centre_final_m"] == pytest.approx(10.0)
+    assert scores.metrics["time_to_divergence_s"] == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize("field", ["means", "covariances", "contours_world"])
+def test_track_has_diverged_where_it_is_not_finite(field):
+    track = track_with(SHIFTS)
+    getattr(track, field)[2] = np.nan
+    metrics = evaluate(track, SCENARIO, SCANS).metrics
+    assert (metrics["diverged"], metrics["time_to_divergence_s"]) == (1, pytest.approx(0.2))
 
 
 def test_evaluate_rejects_scans_of_other_times():

@@ -1,12 +1,17 @@
+from dataclasses import fields
+
 import numpy as np
 import pytest
 
 from stixel_cli.evaluation.evaluate import off_target
 from stixel_cli.evaluation.scan_errors import (
+    DIVERGED_NIS,
+    ScanErrors,
     finite_median,
     low_overlap_share,
     precision,
     success,
+    time_to_divergence,
     time_to_loss,
 )
 
@@ -35,6 +40,44 @@ def off(*spans):
 )
 def test_a_track_is_lost_after_a_second_off_the_target(lost, time):
     assert time_to_loss(TIMES, lost) == (None if time is None else pytest.approx(time))
+
+
+def output(**changes):
+    """Errors of 40 scans of a tracker that is consistent by its own output."""
+    errors = {field.name: np.zeros(40) for field in fields(ScanErrors)}
+    usual = {"scan_times": TIMES, "nis": np.ones(40), "points": np.full(40, 9), "finite": ~off()}
+    return ScanErrors(**(errors | usual | {"points_used": np.full(40, 8)} | changes))
+
+
+ABOVE = DIVERGED_NIS + 0.1
+
+
+@pytest.mark.parametrize(
+    ("changes", "time"),
+    [
+        ({}, None),
+        ({"nis": np.full(40, np.nan)}, None),
+        ({"finite": ~off((7, 7))}, 0.7),
+        ({"finite": ~off((39, 39))}, 3.9),
+        # Points that are not used, for a second; an empty scan tells nothing.
+        ({"points_used": 8 * ~off((3, 13))}, 0.3),
+        ({"points_used": 8 * ~off((3, 12))}, None),
+        ({"points_used": 8 * ~off((3, 30)), "points": 9 * ~off((3, 30))}, None),
+        # The mean NIS of a second, far above its expectation.
+        ({"nis": np.where(off((5, 39)), ABOVE, DIVERGED_NIS)}, 0.0),
+        ({"nis": np.where(off((20, 39)), 2.0 * ABOVE, 1.0)}, 1.5),
+        ({"nis": np.where(off((20, 22)), 15.0, 1.0)}, None),
+        ({"nis": np.where(off((20, 39)), 50.0, np.nan), "points_used": off((20, 39))}, 0.0),
+    ],
+)
+def test_a_tracker_diverges_by_its_own_output(changes, time):
+    found = time_to_divergence(output(**changes))
+    assert found == (None if time is None else pytest.approx(time))
+
+
+def test_less_than_a_second_is_too_short_to_diverge():
+    short = output(nis=np.where(off((0, 9)), 1e6, np.nan))
+    assert time_to_divergence(short) is None
 
 
 def test_off_target_is_far_or_without_overlap():

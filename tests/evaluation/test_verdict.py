@@ -8,6 +8,8 @@ GOOD = {
     "empty_scans": 3,
     "track_lost": 0,
     "time_to_loss_s": None,
+    "diverged": 0,
+    "time_to_divergence_s": None,
     "iou_box_mean": 0.81,
     "nees_position_mean": 1.2,
     "nees_orientation_mean": 0.7,
@@ -63,3 +65,14 @@ def test_metrics_of_older_folders_have_a_verdict():
     assert "older version" in verdict({"iou_mean": 0.5, "nis_mean": None, "scans": 3})[0]
     assert verdict({"nis_mean": 1.0, "scans": 3}) == ["No verdict: no truth."]
     assert verdict({"nees_position_mean": 7.0}) == ["Over-confident: position NEES/2 7."]
+
+
+def test_a_diverged_tracker_is_warned_of_first():
+    diverged = {"diverged": 1, "time_to_divergence_s": 2.34}
+    warning, *others = verdict(GOOD | diverged)
+    assert warning.startswith("WARNING") and "2.3 s" in warning
+    assert not any("consistent" in one for one in others)
+    lost = verdict(GOOD | diverged | {"track_lost": 1, "time_to_loss_s": 3.0})
+    assert lost[0] == warning and lost[1] == "Track lost at 3.0 s."
+    # It needs no truth.
+    assert verdict({"scans": 3, **diverged}) == [warning]

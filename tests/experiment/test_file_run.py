@@ -103,6 +103,7 @@ def test_without_truth_scores_are_left_out_and_the_start_comes_from_the_scans(ma
     words = from_files(made, None)
     answer = run_json(capsys, shared, *words, "pictures.frames=[1]", "--name", "blind")
     assert set(answer["metrics"]) == {
+        "diverged",
         "nis_mean", "scans", "empty_scans", "points_per_scan_mean", "points_used_mean",
     }  # fmt: skip
     folder = shared / "blind"

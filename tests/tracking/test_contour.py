@@ -2,18 +2,19 @@ import dataclasses
 
 import numpy as np
 import pytest
+import seen_targets
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from seen_targets import SENSOR, start_at, turning
 from tracking_cases import CAR, START, scans_of
 
 from stixel_cli.config.compose import compose
-from stixel_cli.geometry.pose import rotation, world_from_target, wrap_angle
-from stixel_cli.measurements.rays import first_crossings, spread_rays
-from stixel_cli.measurements.scans import points_along
+from stixel_cli.geometry.pose import rotation, wrap_angle
+from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.class_shape import class_shape, seen_shape, seen_table
 from stixel_cli.tracking.contour import predict, start, track
-from stixel_cli.tracking.contour_rays import rays_of, uncut
+from stixel_cli.tracking.contour_rays import rays_of
 from stixel_cli.tracking.contour_report import LEAST_OUTLINE_STD, contours_of, reported
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
@@ -22,7 +23,6 @@ TRACKER = dataclasses.replace(
     compose(["tracker=contour"]).configuration.tracker, seen_by="fabricated"
 )
 STIXELS = dataclasses.replace(TRACKER, seen_by="simulated")
-SENSOR = np.array([0.0, 0.0, np.pi / 2])
 SHAPES = {name: class_shape(name) for name in ("car", "cyclist", "pedestrian")}
 PRIORS = {
     name: dataclasses.replace(
@@ -33,45 +33,18 @@ PRIORS = {
 SEEDS = st.integers(0, 2**31)
 
 
-def seen(poses, name="car", noise=0.0, seed=0, rays=240):
-    """Points and covariances of the class's outline at `poses` (K, 3), seen from `SENSOR`."""
-    random = np.random.default_rng(seed)
-    fan = spread_rays(rays, (-0.52, 0.52), False)
-    points, covariances = [], []
-    for pose in poses:
-        outline = world_from_target(SHAPES[name].outline, pose)
-        hit, ranges = first_crossings((outline - SENSOR[:2]) @ rotation(SENSOR[2]), fan)
-        ranges = ranges + noise * random.standard_normal(len(ranges))
-        across = (ranges * fan.steps[hit]) ** 2 / 12.0
-        pair = points_along(SENSOR, fan.angles[hit], ranges, np.full(len(hit), 0.05**2), across)
-        points.append(pair[0])
-        covariances.append(pair[1])
-    return points, covariances
+def seen(poses, name="car", **options):
+    return seen_targets.seen(SHAPES[name].outline, poses, **options)
 
 
-def scans_seen(*arguments, **options):
-    points, covariances = seen(*arguments, **options)
-    return scans_of(points, covariances=np.concatenate(covariances))
-
-
-def start_at(poses, offset=(0.15, -0.1, 0.05)):
-    """An initial state one sample before `poses`, off by `offset`."""
-    rates = (poses[1] - poses[0]) / 0.1
-    mean = np.concatenate([poses[0] - 0.1 * rates + offset, rates])
-    return InitialState(mean, np.diag([0.04, 0.04, 0.01, 0.1, 0.1, 0.01]))
-
-
-def turning(count, speed, rate, place=(1.0, 13.0)):
-    """Poses (count, 3) of a road user that drives a circle."""
-    headings = 0.3 + rate * 0.1 * np.arange(count)
-    steps = 0.1 * speed * np.stack([np.cos(headings), np.sin(headings)], axis=-1)
-    return np.column_stack([np.array(place) + np.cumsum(steps, axis=0), headings])
+def scans_seen(poses, name="car", **options):
+    return seen_targets.scans_seen(SHAPES[name].outline, poses, **options)
 
 
 @pytest.mark.parametrize(("name", "speed"), [("car", 4.0), ("cyclist", 3.0), ("pedestrian", 1.3)])
 def test_contour_follows_a_turn_of_each_class(name, speed):
     poses = turning(40, speed, 0.3)
-    result = track(scans_seen(poses, name, 0.03), start_at(poses), PRIORS[name], TRACKER)
+    result = track(scans_seen(poses, name, noise=0.03), start_at(poses), PRIORS[name], TRACKER)
     late = slice(20, None)
     errors = np.hypot(*(result.means[late, :2] - poses[late, :2]).T)
     assert errors.max() < 0.1

@@ -7,7 +7,10 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 from tracking_cases import CAR, START, TRACKER, poses_of_turn, scans_of, seen_car
 
+from stixel_cli.evaluation.evaluate import evaluate
+from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.geometry.pose import rotation, world_from_target
+from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking import gp_ekf
 from stixel_cli.tracking.gp_ekf import contours_of, factor, linearise, project, track, update
 from stixel_cli.tracking.kernel import contour_process
@@ -115,8 +118,9 @@ def test_projected_covariance_is_the_variance_of_the_radial_innovation(seed):
     )
 
 
-def test_projected_covariance_does_not_diverge_with_elongated_noise():
-    """Points of the side of a car that faces the origin, with an error along the ray from there."""
+@pytest.fixture(scope="module")
+def elongated():
+    """Tracks, by their R, of the side of a car that faces the origin, with noise along the rays."""
     random = np.random.default_rng(3)
     scans, noises = [], []
     for points, pose in zip(seen_car(40, 60, noise=0.0), poses_of_turn(40), strict=True):
@@ -124,16 +128,32 @@ def test_projected_covariance_does_not_diverge_with_elongated_noise():
         along = points / np.linalg.norm(points, axis=1, keepdims=True)
         noises.append(0.1**2 * along[:, :, None] * along[:, None, :] + 0.003**2 * np.eye(2))
         scans.append(points + 0.1 * random.standard_normal((len(points), 1)) * along)
-    errors = {}
-    for name in ("points", "projected"):
-        parameters = dataclasses.replace(
-            TRACKER, measurement_covariance=name, gate_probability=None
-        )
-        result = track(scans_of(scans, covariances=np.concatenate(noises)), START, CAR, parameters)
-        offsets = result.means[:, :2] - poses_of_turn(40)[:, :2]
-        errors[name] = np.hypot(*offsets.T).mean()
+    scans = scans_of(scans, covariances=np.concatenate(noises))
+    ungated = dataclasses.replace(TRACKER, gate_probability=None)
+    return scans, {
+        name: track(scans, START, CAR, dataclasses.replace(ungated, measurement_covariance=name))
+        for name in ("points", "projected", "isotropic")
+    }
+
+
+def test_projected_covariance_does_not_diverge_with_elongated_noise(elongated):
+    errors = {
+        name: np.hypot(*(result.means[:, :2] - poses_of_turn(40)[:, :2]).T).mean()
+        for name, result in elongated[1].items()
+    }
     assert errors["projected"] < 0.3
     assert errors["points"] > 2.0 * errors["projected"]
+
+
+def test_verdict_warns_of_divergence_with_the_points_own_elongated_covariance(elongated):
+    scans, tracks = elongated
+    outline = np.array([[2.25, 0.9], [-2.25, 0.9], [-2.25, -0.9], [2.25, -0.9]])
+    rates = np.tile(START.mean[3:], (40, 1))
+    truth = Scenario.rigid(scans.times, scans.sensor_poses_world, poses_of_turn(40), rates, outline)
+    for name, result in tracks.items():
+        metrics = evaluate(result, truth, scans).metrics
+        assert metrics["diverged"] == int(name == "points")
+        assert verdict(metrics)[0].startswith("WARNING") == (name == "points")
 
 
 @settings(derandomize=True, deadline=None, max_examples=20)

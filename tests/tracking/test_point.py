@@ -9,15 +9,8 @@ from scipy.linalg import expm
 from tracking_cases import CAR, START, poses_of_turn, scans_of, seen_car
 
 from stixel_cli.geometry.pose import rotation, wrap_angle
-from stixel_cli.tracking.point import (
-    GREATEST_VARIANCE,
-    MOVING,
-    PointParameters,
-    class_circle,
-    predict,
-    six_states,
-    track,
-)
+from stixel_cli.tracking.centre import GREATEST_VARIANCE, MOVING, predict, six_states
+from stixel_cli.tracking.point import PointParameters, class_circle, track
 from stixel_cli.tracking.prior import prior_radii
 from stixel_cli.tracking.track import InitialState
 
@@ -31,6 +24,7 @@ TRACKER = PointParameters(
     least_speed=0.5,
     contour_points=90,
 )
+NOISE = TRACKER.sigma_q, TRACKER.least_speed
 
 
 def textbook(scans, initial, radius, tracker):
@@ -192,7 +186,7 @@ def test_heading_variance_matches_its_linearisation(seed):
     random = np.random.default_rng(seed)
     root = 0.05 * random.standard_normal((4, 4))
     mean = np.concatenate([random.uniform(-9, 9, 2), random.uniform(1, 6, 2)])
-    states, spread = six_states(mean, root @ root.T, (0.3, 0.1), 0.1, TRACKER)
+    states, spread = six_states(mean, root @ root.T, (0.3, 0.1), 0.1, *NOISE)
     velocities = mean[2:] + 1e-6 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
     angles = np.arctan2(velocities[:, 1], velocities[:, 0])
     slope = np.array([angles[0] - angles[1], angles[2] - angles[3]]) / 2e-6
@@ -203,16 +197,16 @@ def test_heading_variance_matches_its_linearisation(seed):
 
 
 def test_stopped_target_keeps_its_heading_with_bounded_variance():
-    states, spread = six_states(np.array([1.0, 2.0, 0.1, 0.2]), np.eye(4), (4.0, 0.2), 0.1, TRACKER)
+    states, spread = six_states(np.array([1.0, 2.0, 0.1, 0.2]), np.eye(4), (4.0, 0.2), 0.1, *NOISE)
     assert states.tolist() == [1.0, 2.0, 4.0, 0.1, 0.2, 0.0]
     assert spread[2].tolist() == [0.0, 0.0, 0.2, 0.0, 0.0, 0.0]
-    unsure = six_states(np.array([0.0, 0.0, 1.0, 0.0]), 1e4 * np.eye(4), (0.0, 0.1), 0.1, TRACKER)
+    unsure = six_states(np.array([0.0, 0.0, 1.0, 0.0]), 1e4 * np.eye(4), (0.0, 0.1), 0.1, *NOISE)
     even = np.linspace(-np.pi, np.pi, 100_001)
     np.testing.assert_allclose(GREATEST_VARIANCE, np.mean(even**2), rtol=1e-4)
     np.testing.assert_allclose(unsure[1][2, 2], GREATEST_VARIANCE)
     assert np.linalg.eigvalsh(unsure[1]).min() > -1e-9
     assert spread[5, 5] == GREATEST_VARIANCE
-    fast = six_states(np.array([0.0, 0.0, 20.0, 0.0]), np.eye(4), (0.0, 0.1), 0.1, TRACKER)[1]
+    fast = six_states(np.array([0.0, 0.0, 20.0, 0.0]), np.eye(4), (0.0, 0.1), 0.1, *NOISE)[1]
     np.testing.assert_allclose(fast[5, 5], TRACKER.sigma_q**2 / (0.1 * 20.0**2))
 
 

@@ -1,0 +1,63 @@
+"""Scans of a moving outline as one sensor sees it."""
+
+import numpy as np
+from tracking_cases import scans_of
+
+from stixel_cli.geometry.pose import rotation, world_from_target
+from stixel_cli.measurements.rays import first_crossings, spread_rays
+from stixel_cli.measurements.scans import Scans, points_along
+from stixel_cli.tracking.track import InitialState
+
+SENSOR = np.array([0.0, 0.0, np.pi / 2])
+
+
+def seen(outline, poses, noise=0.0, seed=0, rays=240):
+    """Points and covariances of an `outline` (M, 2) m at `poses` (K, 3), seen from `SENSOR`."""
+    random = np.random.default_rng(seed)
+    fan = spread_rays(rays, (-0.52, 0.52), False)
+    points, covariances = [], []
+    for pose in poses:
+        body = (world_from_target(outline, pose) - SENSOR[:2]) @ rotation(SENSOR[2])
+        hit, ranges = first_crossings(body, fan)
+        ranges = ranges + noise * random.standard_normal(len(ranges))
+        across = (ranges * fan.steps[hit]) ** 2 / 12.0
+        pair = points_along(SENSOR, fan.angles[hit], ranges, np.full(len(hit), 0.05**2), across)
+        points.append(pair[0])
+        covariances.append(pair[1])
+    return points, covariances
+
+
+def scans_seen(*arguments, **options) -> Scans:
+    """`seen` as scans; the same arguments."""
+    points, covariances = seen(*arguments, **options)
+    return scans_of(points, covariances=np.concatenate(covariances))
+
+
+def start_at(poses, offset=(0.15, -0.1, 0.05)) -> InitialState:
+    """An initial state one sample before `poses`, off by `offset`."""
+    rates = (poses[1] - poses[0]) / 0.1
+    mean = np.concatenate([poses[0] - 0.1 * rates + offset, rates])
+    return InitialState(mean, np.diag([0.04, 0.04, 0.01, 0.1, 0.1, 0.01]))
+
+
+def turning(count, speed, rate, place=(1.0, 13.0)):
+    """Poses (count, 3) of a road user that drives a circle."""
+    headings = 0.3 + rate * 0.1 * np.arange(count)
+    steps = 0.1 * speed * np.stack([np.cos(headings), np.sin(headings)], axis=-1)
+    return np.column_stack([np.array(place) + np.cumsum(steps, axis=0), headings])
+
+
+def moved(scans, initial, angle, shift):
+    """The scans and the initial state in a world that is turned by `angle` rad, then shifted."""
+    turn, poses = rotation(angle), scans.sensor_poses_world
+    whole = np.eye(6)
+    whole[:2, :2] = whole[3:5, 3:5] = turn
+    turned = Scans(
+        times=scans.times,
+        sensor_poses_world=np.column_stack([poses[:, :2] @ turn.T + shift, poses[:, 2] + angle]),
+        offsets=scans.offsets,
+        points_world=scans.points_world @ turn.T + shift,
+        covariances_world=turn @ scans.covariances_world @ turn.T,
+    )
+    mean = whole @ initial.mean + np.array([*shift, angle, 0.0, 0.0, 0.0])
+    return turned, InitialState(mean, whole @ initial.covariance @ whole.T)
