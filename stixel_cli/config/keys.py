@@ -87,7 +87,9 @@ def _alternatives(annotation: Any) -> list[Any]:
 def _dataclasses(annotation: Any) -> list[type]:
     members = [_bare(member) for member in _alternatives(annotation)]
     # The keys of the user's own code are not known here.
-    return [one for one in members if dataclasses.is_dataclass(one) and one is not OwnCode]
+    return [
+        one for one in members if dataclasses.is_dataclass(one) and not issubclass(one, OwnCode)
+    ]
 
 
 def kind_of(schema: type) -> str | None:
