@@ -42,7 +42,7 @@ class ScanErrors:
     """Errors and counts of one track over its K scans.
 
     The errors are (n,), at the n scans that count: those with a known truth, of a recording only
-    those with a good one. `nis`, `points` and `points_used` are (K,).
+    those with a good one. `nis` and what follows are (K,).
 
     Attributes:
         times: s since the first scan of the run.
@@ -67,6 +67,9 @@ class ScanErrors:
             covariance.
         nis: NIS divided by its degrees of freedom; NaN for an empty scan.
         points, points_used: points of the scan, and those that the tracker used.
+        points_beside: points near a used one that the tracker did not use, and
+        size_deviations: see `Track`; both (K,), NaN if the tracker does not estimate a class's
+            size.
     """
 
     times: np.ndarray
@@ -94,6 +97,8 @@ class ScanErrors:
     nis: np.ndarray
     points: np.ndarray
     points_used: np.ndarray
+    points_beside: np.ndarray
+    size_deviations: np.ndarray
 
 
 def mean(values: np.ndarray) -> float | None:
@@ -122,6 +127,12 @@ def finite_median(values: np.ndarray) -> float | None:
 def second_half(values: np.ndarray) -> np.ndarray:
     """The values from scan K // 2 on."""
     return values[len(values) // 2 :]
+
+
+def share_of(part: np.ndarray, rest: np.ndarray) -> float | None:
+    """Sum of `part` (K,) as a share of both sums; None if both are 0 or one is NaN."""
+    total = part.sum() + rest.sum()
+    return float(part.sum() / total) if total > 0.0 else None
 
 
 def low_overlap_share(iou: np.ndarray) -> float | None:

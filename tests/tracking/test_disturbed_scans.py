@@ -1,5 +1,6 @@
-"""`tracker=contour` through a dropout, empty scans and clutter, from both kinds of start."""
+"""`tracker=contour` through a dropout, empty scans and clutter, and with the prior of another class."""
 
+import dataclasses
 from functools import cache
 
 import numpy as np
@@ -7,6 +8,8 @@ import pytest
 
 from stixel_cli.config.compose import compose
 from stixel_cli.evaluation.evaluate import evaluate
+from stixel_cli.evaluation.metric_table import OF_CLASS
+from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.measurements.disturbance import disturb_scans
 from stixel_cli.measurements.fabricated import fabricate_scans
 from stixel_cli.measurements.scans import Scans
@@ -73,3 +76,27 @@ def test_dropout_empty_scans_and_clutter_cost_little(user, start):
     # The outline of a cyclist is so thin that a few centimetres across it cost more.
     assert user == "cyclist" or after["iou_mean"] > before["iou_mean"] - 0.05
     assert after["iou_box_mean"] > before["iou_box_mean"] - 0.05
+
+
+@pytest.mark.parametrize(
+    ("user", "prior", "fits"),
+    [
+        *((user, user, True) for user in USERS),
+        ("car", "cyclist", False),
+        ("cyclist", "pedestrian", False),
+        ("pedestrian", "car", False),
+    ],
+)
+def test_a_wrong_class_is_reported_without_the_truth(user, prior, fits):
+    p, scenario, scans = clean(user)
+    wrong = compose([f"prior={prior}", "tracker=contour", "measurement=fabricated"]).configuration
+    initial = start_from_scans(scans, compose(["start=scans"]).configuration.start, p.prior)
+    result = track(scans, initial, wrong.prior, wrong.tracker)
+    metrics = evaluate(result, scenario, scans).metrics
+    assert any("do not fit the class" in text for text in verdict(metrics)) != fits
+    # Of the scans alone: a truth elsewhere changes nothing.
+    moved = dataclasses.replace(
+        scenario, target_poses_world=scenario.target_poses_world + [30.0, 0.0, 1.0]
+    )
+    for name in OF_CLASS:
+        assert evaluate(result, moved, scans).metrics[name] == metrics[name]
