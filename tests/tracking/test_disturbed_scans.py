@@ -1,4 +1,4 @@
-"""`tracker=contour` through a dropout, empty scans and clutter, and with the prior of another class."""
+"""`tracker=contour` through dropout, empty scans and clutter, and with another class's prior."""
 
 import dataclasses
 from functools import cache
@@ -95,8 +95,7 @@ def test_a_wrong_class_is_reported_without_the_truth(user, prior, fits):
     metrics = evaluate(result, scenario, scans).metrics
     assert any("do not fit the class" in text for text in verdict(metrics)) != fits
     # Of the scans alone: a truth elsewhere changes nothing.
-    moved = dataclasses.replace(
-        scenario, target_poses_world=scenario.target_poses_world + [30.0, 0.0, 1.0]
-    )
+    away = scenario.target_poses_world + np.array([30.0, 0.0, 1.0])
+    moved = dataclasses.replace(scenario, target_poses_world=away)
     for name in OF_CLASS:
         assert evaluate(result, moved, scans).metrics[name] == metrics[name]
