@@ -112,6 +112,8 @@ def locate(path: tuple[str | int, ...]) -> tuple[str, Any]:
         if len(schemas) > 1 and variants:
             annotation = variants[0]
             continue
+        if len(schemas) > 1 and part == "own":
+            continue  # The keys that the user's own code shares with the others.
         if isinstance(part, int):
             name += f"[{part}]"
             annotation = _element(annotation, part)

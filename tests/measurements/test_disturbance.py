@@ -109,6 +109,9 @@ def test_scans_without_any_point_have_no_clutter():
         ("measurement.clutter_rate=-1", r"measurement\.clutter_rate"),
     ],
 )
-def test_wrong_values_are_refused_with_their_key(text, fault):
+@pytest.mark.parametrize("kind", ["lidar", "own_scans_here:scans"])
+def test_wrong_values_are_refused_with_their_key(kind, text, fault, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own_scans_here.py").write_text("def scans(scenario, seed): ...\n")
     with pytest.raises(ConfigurationError, match=fault):
-        compose(["measurement=lidar", text])
+        compose([f"measurement={kind}", text])
