@@ -21,6 +21,7 @@ STEREO = FabricatedParameters(
     rays=None,
     spacing="tangent",
     noise=StereoNoise("stereo", disparity_std=0.1),
+    dropout=None,
     clutter_rate=0.0,
     missed_probability=0.0,
     range_max=80.0,

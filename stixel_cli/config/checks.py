@@ -8,6 +8,7 @@ from typing import Any
 
 from stixel_cli.config.schema import Configuration
 from stixel_cli.errors import ConfigurationError
+from stixel_cli.measurements.disturbance_parameters import check_dropout
 from stixel_cli.measurements.file_parameters import FileParameters
 from stixel_cli.tracking.start import NO_TRUTH, TruthStart
 
@@ -27,6 +28,7 @@ def check(configuration: Configuration) -> None:
         _check_times(configuration)
         for field in dataclasses.fields(configuration):
             _check_part(configuration, getattr(configuration, field.name))
+        check_dropout(configuration.measurement)
         _check_start(configuration)
         _check_truth(configuration)
         _check_stereo(configuration)

@@ -210,7 +210,7 @@ def _validate(plain: dict[str, Any], typed: Iterable[str]) -> Configuration:
     try:
         for group in GIVEN:
             if is_own(plain.get(group)):
-                plain = plain | {group: nested(plain[group])}
+                plain = plain | {group: nested(group, plain[group])}
         # Strict JSON validation fits YAML: it accepts lists for tuples and converts nothing else.
         configuration = adapter().validate_json(json.dumps(plain))
     except ValidationError as error:

@@ -87,7 +87,9 @@ def _alternatives(annotation: Any) -> list[Any]:
 def _dataclasses(annotation: Any) -> list[type]:
     members = [_bare(member) for member in _alternatives(annotation)]
     # The keys of the user's own code are not known here.
-    return [one for one in members if dataclasses.is_dataclass(one) and one is not OwnCode]
+    return [
+        one for one in members if dataclasses.is_dataclass(one) and not issubclass(one, OwnCode)
+    ]
 
 
 def kind_of(schema: type) -> str | None:
@@ -110,6 +112,8 @@ def locate(path: tuple[str | int, ...]) -> tuple[str, Any]:
         if len(schemas) > 1 and variants:
             annotation = variants[0]
             continue
+        if len(schemas) > 1 and part == "own":
+            continue  # The keys that the user's own code shares with the others.
         if isinstance(part, int):
             name += f"[{part}]"
             annotation = _element(annotation, part)

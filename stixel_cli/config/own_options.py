@@ -26,6 +26,9 @@ GIVEN = {"tracker": 3, "measurement": 2}
 
 RESERVED = ("kind", "function")
 
+COMMON = {"measurement": {"dropout": None, "clutter_rate": 0.0}}
+"""Keys that every option of a group has, with their values if they are not typed."""
+
 
 def own_function(group: str, option: Any) -> str | None:
     """The "module:function" of an option that is the user's own; None for another option."""
@@ -77,7 +80,11 @@ def own_sections(parsed: "Sequence[Override]") -> dict[str, dict[str, Any]]:
         for one in parsed
         if one.key_or_group in GIVEN
     }
-    sections = {g: {"kind": "own", "function": f} for g, f in functions.items() if f is not None}
+    sections = {
+        g: {"kind": "own", "function": f, **COMMON.get(g, {})}
+        for g, f in functions.items()
+        if f is not None
+    }
     for one in parsed:
         group, _, key = one.key_or_group.partition(".")
         if group in sections and key:
@@ -85,10 +92,11 @@ def own_sections(parsed: "Sequence[Override]") -> dict[str, dict[str, Any]]:
     return sections
 
 
-def nested(section: Mapping[str, Any]) -> dict[str, Any]:
+def nested(group: str, section: Mapping[str, Any]) -> dict[str, Any]:
     """A section of the user's own as `OwnCode` has it: the parameters in a mapping of their own."""
-    head = {name: value for name, value in section.items() if name in RESERVED}
-    rest = {name: value for name, value in section.items() if name not in RESERVED}
+    known = (*RESERVED, *COMMON.get(group, ()))
+    head = {name: value for name, value in section.items() if name in known}
+    rest = {name: value for name, value in section.items() if name not in known}
     return head | {"parameters": rest}
 
 

@@ -16,6 +16,7 @@ from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import FabricatedParameters
 from stixel_cli.measurements.file_parameters import FileParameters
 from stixel_cli.measurements.lidar import LidarParameters
+from stixel_cli.measurements.own import OwnMeasurement
 from stixel_cli.measurements.simulated import SimulatedParameters
 from stixel_cli.own_code import OwnCode
 from stixel_cli.parameters import parameters
@@ -94,7 +95,7 @@ class Configuration:
     free_space: FreeSpaceParameters
     height: HeightParameters
     extraction: ExtractionParameters
-    measurement: Annotated[MeasurementParameters | OwnCode, _BY_KIND]
+    measurement: Annotated[MeasurementParameters | OwnMeasurement, _BY_KIND]
     start: Annotated[Start, _BY_KIND]
     tracker: Annotated[Tracker | OwnCode, _BY_KIND]
     pictures: PicturesParameters
@@ -112,6 +113,11 @@ class Configuration:
         if own is None:
             return self.rig.field_of_view
         return -math.radians(0.5 * own), math.radians(0.5 * own)
+
+    @property
+    def range_max(self) -> float | None:
+        """The sensor's greatest range, m; None if it is unknown."""
+        return getattr(self.measurement, "range_max", None)
 
 
 @cache

@@ -24,7 +24,7 @@ from stixel_cli.evaluation.contour_errors import (
     overlaps,
     seen_points,
 )
-from stixel_cli.evaluation.metric_table import METRICS, Scores
+from stixel_cli.evaluation.metric_table import METRICS, OF_CLASS, Scores
 from stixel_cli.evaluation.scan_errors import NO_CEILINGS, Ceilings, ScanErrors
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
@@ -33,6 +33,9 @@ from stixel_cli.tracking.track import Track
 
 LEAST_OFF = 1.0
 """A centre error up to this, m, is never off the target."""
+
+BESIDE = 0.5
+"""A point this near to a used one, m, is likely to be of the same road user."""
 
 
 def validate(track: Track, scenario: Scenario, scans: Scans) -> None:
@@ -88,12 +91,16 @@ def evaluate(
         points_used=np.diff(track.used_offsets),
         scan_times=scenario.times - scenario.times[0],
         finite=finite,
+        **class_errors(track, scans),
         **{name: np.full(counted.sum(), value) for name, value in vars(ceilings).items()},
         **{name: values[counted[known]] for name, values in at_known.items()},
     )
     metrics = {name: metric.of_run(errors) for name, metric in METRICS.items()}
     if scenario.scored is None:
         del metrics["scored_scans"]
+    if track.size_deviations is None:
+        for name in OF_CLASS:
+            del metrics[name]
     if not counted.any():
         metrics = {name: value for name, value in metrics.items() if value is not None}
     return Scores(
@@ -106,6 +113,27 @@ def evaluate(
         nis=nis,
         metrics=metrics,
     )
+
+
+def class_errors(track: Track, scans: Scans) -> dict[str, np.ndarray]:
+    """What shows that the points do not fit the class, without any truth: fields of `ScanErrors`.
+
+    Of a class that is too large, the estimated size falls far below the class's; of one that is too
+    small, many points next to the used ones do not fit.
+    """
+    count = len(scans)
+    if track.size_deviations is None:
+        return {name: np.full(count, np.nan) for name in ("size_deviations", "points_beside")}
+    beside = np.zeros(count)
+    for k in range(count):
+        rows = scans.rows(k)
+        used = np.zeros(rows.stop - rows.start, bool)
+        used[track.used_points[slice(*track.used_offsets[k : k + 2])] - rows.start] = True
+        points = scans.points_world[rows]
+        if used.any() and not used.all():
+            apart = points[~used, None] - points[None, used]
+            beside[k] = np.sum(np.hypot(apart[..., 0], apart[..., 1]).min(axis=1) < BESIDE)
+    return {"size_deviations": track.size_deviations, "points_beside": beside}
 
 
 def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:

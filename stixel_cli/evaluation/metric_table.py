@@ -21,6 +21,7 @@ from stixel_cli.evaluation.scan_errors import (
     precision,
     root_mean_square,
     second_half,
+    share_of,
     success,
     time_to_divergence,
     time_to_loss,
@@ -232,7 +233,17 @@ _TABLE = (
            *_COUNT, lambda e: mean(e.points)),
     Metric("points_used_mean", "points used per scan, mean", "points used per scan",
            *_COUNT, lambda e: mean(e.points_used)),
+    # Only of a tracker that estimates the size of a class.
+    Metric("size_deviation", "size minus the class's, standard deviations of the class, median",
+           "size deviation", "", "less", (0.0, None),
+           lambda e: finite_median(second_half(e.size_deviations)), (None, 5.0)),
+    Metric("points_beside_share", "points next to the used ones that were not used, share",
+           "points beside", "", None, (0.0, 1.0),
+           lambda e: share_of(e.points_beside, e.points_used), (None, 0.1)),
 )  # fmt: skip
+
+OF_CLASS = ("size_deviation", "points_beside_share")
+"""The metrics that only a tracker of a class's size has."""
 
 METRICS = {metric.name: metric for metric in _TABLE}
 """Name to row, in the order in which tables show them."""

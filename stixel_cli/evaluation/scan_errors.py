@@ -72,6 +72,9 @@ class ScanErrors:
         points, points_used: points of the scan, and those that the tracker used.
         scan_times: s since the first scan of the run.
         finite: whether state, covariance and contour are finite.
+        points_beside: points near a used one that the tracker did not use, and
+        size_deviations: see `Track`; both (K,), NaN if the tracker does not estimate a class's
+            size.
     """
 
     times: np.ndarray
@@ -101,6 +104,8 @@ class ScanErrors:
     points_used: np.ndarray
     scan_times: np.ndarray
     finite: np.ndarray
+    points_beside: np.ndarray
+    size_deviations: np.ndarray
 
 
 def mean(values: np.ndarray) -> float | None:
@@ -129,6 +134,12 @@ def finite_median(values: np.ndarray) -> float | None:
 def second_half(values: np.ndarray) -> np.ndarray:
     """The values from scan K // 2 on."""
     return values[len(values) // 2 :]
+
+
+def share_of(part: np.ndarray, rest: np.ndarray) -> float | None:
+    """Sum of `part` (K,) as a share of both sums; None if both are 0 or one is NaN."""
+    total = part.sum() + rest.sum()
+    return float(part.sum() / total) if total > 0.0 else None
 
 
 def low_overlap_share(iou: np.ndarray) -> float | None:

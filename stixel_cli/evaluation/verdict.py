@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from stixel_cli.evaluation.metric_table import METRICS
+from stixel_cli.evaluation.metric_table import METRICS, OF_CLASS
 
 Values = Mapping[str, float | int | None]
 
@@ -39,6 +39,8 @@ def verdict(metrics: Values) -> list[str]:
         sentences.append(f"The 95 % band covers only {100.0 * share:.0f} % of the true outline.")
     if _beyond(metrics, "diverged"):
         sentences.insert(0, _diverged(metrics.get("time_to_divergence_s")))
+    if any(_beyond(metrics, name) for name in OF_CLASS):
+        sentences.append("The points do not fit the class of the prior: is it another road user?")
     if metrics.get("track_lost") is None:
         why = "the metrics are of an older version" if "iou_mean" in metrics else "no truth"
         return sentences or [f"No verdict: {why}."]

@@ -19,6 +19,11 @@ from stixel_cli.engine.graph import Graph
 from stixel_cli.engine.keys import Stage
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.user_scans import check_files, file_scans
+from stixel_cli.measurements.disturbance_parameters import (
+    Disturbance,
+    is_disturbed,
+    undisturbed,
+)
 from stixel_cli.measurements.file_parameters import FileParameters
 from stixel_cli.own_code import OwnCode
 from stixel_cli.recordings.find import find_recording
@@ -194,6 +199,17 @@ TABLE: dict[str, Definition] = {
         seeded=True,
         code=("measurement.function",),
     ),
+    "disturb_scans": Definition(
+        _only("measurements.disturbance:disturb_scans"),
+        "once",
+        {
+            "dropout": "measurement.dropout",
+            "clutter_rate": "measurement.clutter_rate",
+            "field_of_view": "field_of_view",
+            "range_max": "range_max",
+        },
+        seeded=True,
+    ),
     "truth_start": Definition(
         _only("tracking.start:noisy_start"), "once", _same("start"), seeded=True
     ),
@@ -302,12 +318,23 @@ def pipeline_stages(configuration: Configuration) -> list[Stage]:
     """
     check_files(configuration.measurement)
     recording = recording_of(configuration)
-    pipeline = configuration.measurement.kind if recording is None else "recording"
-    path = shipped_folder("pipelines") / f"{pipeline}.yaml"
+    kind = configuration.measurement.kind if recording is None else "recording"
+    path = shipped_folder("pipelines") / f"{kind}.yaml"
+    pipeline = _read(path)
+    if is_disturbed(configuration.measurement):
+        pipeline = _with_disturbance(pipeline)
     return [
         _stage(configuration, recording, path, name, wiring or {})
-        for name, wiring in _read(path).items()
+        for name, wiring in pipeline.items()
     ]
+
+
+def _with_disturbance(
+    pipeline: Mapping[str, dict[str, str] | None],
+) -> dict[str, dict[str, str] | None]:
+    """The pipeline with `disturb_scans` between the sensor's scans and all that use them."""
+    clean = {("clean_scans" if name == "scans" else name): own for name, own in pipeline.items()}
+    return clean | {"scans": {"stage": "disturb_scans", "scans": "clean_scans"}}
 
 
 def recording_of(configuration: Configuration) -> Recording | None:
@@ -415,7 +442,10 @@ def _files(names: Iterable[str | None]) -> tuple[Path, ...]:
 def _setting(configuration: Configuration, recording: Recording | None, path: str) -> Any:
     """A value of the configuration, or one that the files of the recording give."""
     name, _, attribute = path.partition(".")
-    return getattr(recording, attribute) if name == "recording" else _value(configuration, path)
+    if name == "recording":
+        return getattr(recording, attribute)
+    value = _value(configuration, path)
+    return undisturbed(value) if isinstance(value, Disturbance) else value
 
 
 def _value(configuration: Configuration, path: str) -> Any:

@@ -7,6 +7,7 @@ from annotated_types import Ge, Gt, Le
 
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.geometry.rig import Rig
+from stixel_cli.measurements.disturbance_parameters import Disturbance
 from stixel_cli.measurements.noise import Noise, columns_per_point, measure, range_std
 from stixel_cli.measurements.rays import Rays, first_crossings, spread_rays
 from stixel_cli.measurements.scans import Scans, points_along
@@ -28,14 +29,13 @@ class _ByKind:
 
 
 @parameters
-class FabricatedParameters:
+class FabricatedParameters(Disturbance):
     """Scans computed from the true contour, without images, thesis (16)-(17).
 
     Attributes:
         rays: number of rays n_a over the field of view; null is the image's width.
         spacing: rays even in the `angle`, or even in its `tangent` as a pinhole's columns are.
         noise: the noise model of the points, the inner group `measurement/noise`.
-        clutter_rate: mean number of clutter points a scan, uniform over field of view and range.
         missed_probability: probability that a ray which hits gives no point.
         range_max: farthest range that is measured, m.
     """
@@ -44,7 +44,6 @@ class FabricatedParameters:
     rays: Annotated[int, Ge(2), Le(4096)] | None
     spacing: Literal["angle", "tangent"]
     noise: Annotated[Noise, _ByKind()]
-    clutter_rate: Annotated[float, Ge(0), Le(1000)]
     missed_probability: Annotated[float, Ge(0), Le(1)]
     range_max: Annotated[float, Gt(0), Le(1000)]
 
@@ -66,7 +65,7 @@ def fabricate_scans(
     sigma_z / cos(theta - tau) along the ray; or it is fitted to simulated points, see
     `FittedNoise`. Across the ray the variance is (r dtheta)² / 12, dtheta the angle that belongs
     to one point. The covariance of a point is one that a sensor could know: it comes from the
-    measured range. Clutter points follow the target's.
+    measured range.
 
     Raises:
         ValueError: if there are more rays than columns.
@@ -108,16 +107,6 @@ def fabricate_scan(
     if measurement.missed_probability > 0.0:
         keep &= random.random(len(ray)) >= measurement.missed_probability
     angles, steps, measured = rays.angles[ray][keep], rays.steps[ray][keep], measured[keep]
-    if measurement.clutter_rate > 0.0:
-        count = random.poisson(measurement.clutter_rate)
-        clutter = random.uniform(*rays.field_of_view, count)
-        # Even over the area of the field of view, so the range is a square root.
-        far = measurement.range_max * np.sqrt(random.random(count))
-        nearest_ray = np.minimum(np.searchsorted(rays.angles, clutter), len(rays.angles) - 1)
-        angles = np.concatenate([angles, clutter])
-        steps = np.concatenate([steps, rays.steps[nearest_ray]])
-        measured = np.concatenate([measured, far])
-
     along_variance = range_std(measurement.noise, measured, angles, rig) ** 2
     across_variance = (measured * steps * columns_per_point(measurement.noise)) ** 2 / 12.0
     return points_along(sensor_pose_world, angles, measured, along_variance, across_variance)

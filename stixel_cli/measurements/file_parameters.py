@@ -4,11 +4,12 @@ from typing import Annotated, Literal
 
 from annotated_types import Gt, Le
 
+from stixel_cli.measurements.disturbance_parameters import Disturbance
 from stixel_cli.parameters import parameters
 
 
 @parameters
-class FileParameters:
+class FileParameters(Disturbance):
     """Scans of any sensor, read from a table. `file.py` and `file_truth.py` describe the columns.
 
     Attributes:

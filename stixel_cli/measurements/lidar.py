@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
+from stixel_cli.measurements.disturbance_parameters import Disturbance
 from stixel_cli.measurements.scanner import LidarReturns, Scanner
 from stixel_cli.measurements.scans import Scans, check_gates, points_along
 from stixel_cli.parameters import parameters
@@ -18,7 +19,7 @@ from stixel_cli.scene.scenario import EgoMotion
 
 
 @parameters
-class LidarParameters:
+class LidarParameters(Disturbance):
     """Scans from a lidar. The gates see only the return: no tracker and no truth.
 
     Attributes:

@@ -5,12 +5,19 @@ from typing import Any
 
 import numpy as np
 
+from stixel_cli.measurements.disturbance_parameters import Disturbance
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.own_code import further_arguments, loaded
+from stixel_cli.own_code import OwnCode, further_arguments, loaded
+from stixel_cli.parameters import parameters
 from stixel_cli.scene.scenario import Scenario
 
 GIVEN = 2
 """Arguments of the function before its parameters: scenario, seed."""
+
+
+@parameters
+class OwnMeasurement(OwnCode, Disturbance):
+    """Scans of the user's own function."""
 
 
 def own_scans(scenario: Scenario, function: str, parameters: Mapping[str, Any], seed: int) -> Scans:

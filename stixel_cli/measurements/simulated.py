@@ -7,6 +7,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotate_covariances, world_from_ego
+from stixel_cli.measurements.disturbance_parameters import Disturbance
 from stixel_cli.measurements.scans import Scans, check_gates
 from stixel_cli.parameters import parameters
 from stixel_cli.scene.scenario import EgoMotion
@@ -14,7 +15,7 @@ from stixel_cli.stixels.types import SAME_OBJECT, Stixels
 
 
 @parameters
-class SimulatedParameters:
+class SimulatedParameters(Disturbance):
     """Scans from stixels. The gates see only the stixel: no tracker and no truth.
 
     Attributes:

@@ -24,6 +24,8 @@ statistical modeling using the t distribution*). The update is iterated (Bell, C
 iterated Kalman filter update as a Gauss-Newton method*).
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
@@ -76,6 +78,7 @@ def track(
     means, covariances = np.empty((count, 7)), np.empty((count, 7, 7))
     used: list[np.ndarray] = []
     nis, degrees = np.full(count, np.nan), np.zeros(count, np.int64)
+    likelihoods = np.zeros(count)
     for k, interval in enumerate(intervals(scans.times)):
         mean, covariance = predict(mean, covariance, interval, tracker)
         rows = scans.rows(k)
@@ -85,14 +88,20 @@ def track(
         indices = associate(rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], sight, tracker)
         used.append(indices + rows.start)
         if len(indices):
-            mean, covariance, nis[k], degrees[k] = update(
+            mean, covariance, nis[k], degrees[k], likelihoods[k] = update(
                 mean, covariance, rays.subset(indices), sight, tracker
             )
         means[k], covariances[k] = mean, covariance
 
     contours = contours_of(means, covariances, shape, tracker.contour_points)
     states = reported(means, covariances, tracker.slip)
-    return Track.of_scans(scans.times, states, contours, used, nis, degrees)
+    of_class = np.log(np.array([prior.length, prior.width]) / shape.size)
+    deviations = (means[:, 5:] - of_class) / [tracker.length_std, tracker.width_std]
+    return replace(
+        Track.of_scans(scans.times, states, contours, used, nis, degrees),
+        log_likelihoods=likelihoods,
+        size_deviations=np.abs(deviations).max(axis=1),
+    )
 
 
 def start(
@@ -153,8 +162,11 @@ def update(
     rays: Rays,
     sight: Sight,
     tracker: ContourParameters,
-) -> tuple[np.ndarray, np.ndarray, float, int]:
-    """Posterior mean (7,) and covariance (7, 7), NIS and its degrees of freedom, of n > 0 rays."""
+) -> tuple[np.ndarray, np.ndarray, float, int, float]:
+    """Posterior mean (7,) and covariance (7, 7), of n > 0 rays; NIS and its degrees of freedom.
+
+    Last the log likelihood: of the innovation, with the weighted noise, at the last iterate.
+    """
     count = len(rays.ranges)
     first, last = int(np.argmin(rays.bearings)), int(np.argmax(rays.bearings))
     inset, inset_variance = sampling_inset(rays, sight)
@@ -199,7 +211,9 @@ def update(
         if change < CONVERGED:
             break
     nis = innovation @ np.linalg.solve(innovation_covariance, innovation)
-    return iterate, spread, float(nis), len(innovation)
+    determinant = np.linalg.slogdet(innovation_covariance)[1]
+    likelihood = -0.5 * (nis + determinant + len(innovation) * np.log(2.0 * np.pi))
+    return iterate, spread, float(nis), len(innovation), float(likelihood)
 
 
 def _linearise(

@@ -37,6 +37,10 @@ class Track:
             used_points[used_offsets[k]:used_offsets[k + 1]] of the scans' arrays.
         nis: (K,) normalised innovation squared; NaN where no point was used.
         nis_degrees_of_freedom: (K,) int64.
+        size_deviations: (K,) how far length or width, the farther one, is from the mean of the
+            class, in the class's standard deviations; None if the tracker does not estimate them.
+        log_likelihoods: (K,) of the points of each scan, given those before; 0 at a scan without
+            points; None if the tracker does not report them.
     """
 
     times: np.ndarray
@@ -49,6 +53,8 @@ class Track:
     used_points: np.ndarray
     nis: np.ndarray
     nis_degrees_of_freedom: np.ndarray
+    size_deviations: np.ndarray | None = None
+    log_likelihoods: np.ndarray | None = None
 
     @classmethod
     def of_scans(

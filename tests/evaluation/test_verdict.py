@@ -38,6 +38,14 @@ def test_a_consistent_track_has_one_sentence():
             "share an error.",
         ),
         ({"band_coverage": 0.41}, "The 95 % band covers only 41 % of the true outline."),
+        (
+            {"size_deviation": 5.8},
+            "The points do not fit the class of the prior: is it another road user?",
+        ),
+        (
+            {"points_beside_share": 0.3, "size_deviation": 0.2},
+            "The points do not fit the class of the prior: is it another road user?",
+        ),
     ],
 )
 def test_verdict_names_what_is_wrong(changes, expected):

@@ -3,6 +3,7 @@
 import ast
 import inspect
 import re
+from dataclasses import replace
 from pkgutil import resolve_name
 
 import pytest
@@ -179,7 +180,7 @@ def test_a_stages_arguments_are_those_of_every_function_it_may_call(name):
     wired = [
         stage
         for measurement in (*group_options()["measurement"], "own_functions:scans")
-        for words in ((), ("start=scans",), own)
+        for words in ((), ("start=scans", "measurement.clutter_rate=1.0"), own)
         for stage in stages_of(measurement, *words).values()
         if stage.function in definition.functions.values()
     ]
@@ -191,6 +192,20 @@ def test_a_stages_arguments_are_those_of_every_function_it_may_call(name):
         needed = {p.name for p in parameters if p.default is p.empty}
         assert needed <= given, function
         assert given <= {p.name for p in parameters}, function
+
+
+@pytest.mark.parametrize("kind", [*group_options()["measurement"], "own_functions:scans"])
+def test_every_kind_of_measurement_has_dropout_and_clutter_after_its_own_stages(kind):
+    plain = stages_of(kind)
+    stages = stages_of(kind, "measurement.dropout=[1,2]", "measurement.clutter_rate=3.0")
+    assert "clean_scans" not in plain
+    assert stages["scans"].inputs == {"scans": "clean_scans"}
+    assert stages["scans"].settings["dropout"] == (1.0, 2.0)
+    assert stages["scans"].settings["clutter_rate"] == 3.0
+    # The sensor's own stages do not see the options, so such runs share their results.
+    assert replace(stages["clean_scans"], name="scans") == plain["scans"]
+    for name, one in plain.items():
+        assert name == "scans" or stages[name] == one
 
 
 def test_the_stages_that_draw_are_marked():

@@ -36,6 +36,8 @@ SCANNER = Scanner(
 )
 EXACT = LidarParameters(
     kind="lidar",
+    dropout=None,
+    clutter_rate=0.0,
     scanner=SCANNER,
     range_std=0.0,
     missed_probability=0.0,

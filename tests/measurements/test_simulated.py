@@ -10,6 +10,8 @@ from stixel_cli.stixels.types import Stixels
 
 GATES = SimulatedParameters(
     kind="simulated",
+    dropout=None,
+    clutter_rate=0.0,
     height_min=0.3,
     height_max=2.5,
     range_min=1.0,

@@ -1,12 +1,16 @@
 """The study of the trackers' accuracy: tiny, by the real command line."""
 
 import csv
+import importlib.util
 import re
+import shutil
 from pathlib import Path
 
 import pytest
 import yaml
 
+from stixel_cli.config.compose import compose
+from stixel_cli.studies.accuracy.ablation import TERMS
 from stixel_cli.studies.file import find_study, read_study
 
 SMALL = {
@@ -22,7 +26,14 @@ SMALL = {
 def tiny(tmp_path):
     """The file of the shipped study with fewer values, frames and pixels."""
     content = yaml.safe_load(find_study("accuracy").read_text(encoding="utf-8"))
+    ablation = content["sweeps"]["ablation"]
+    (zipped,) = ablation["zipped"]
+    ablation["zipped"] = [{key: values[:2] for key, values in zipped.items()}]
+    ablation["axes"], ablation["seeds"] = {"road_user": ["pedestrian"], "path": ["turn"]}, [0, 1]
+    ablation["fixed"] |= SMALL
     for name, sweep in content["sweeps"].items():
+        if name == "ablation":
+            continue
         sweep["fixed"] = {**sweep["fixed"], **SMALL}
         if name == "long_range":
             del sweep["fixed"]["rig"]
@@ -41,12 +52,22 @@ def tiny(tmp_path):
     return file
 
 
+def load_page(folder):
+    """The script docs/accuracy.py with a copy of its page in `folder`."""
+    script = Path(__file__).parents[2] / "docs" / "accuracy.py"
+    spec = importlib.util.spec_from_file_location("accuracy_page", script)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    module.PAGE = Path(shutil.copy(module.PAGE, folder))
+    return module
+
+
 def table(folder, name):
     with (folder / "tables" / f"{name}.csv").open(encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
 
-def test_a_tiny_study_gives_a_complete_report(studies, tiny):
+def test_a_tiny_study_gives_a_complete_report(studies, tiny, tmp_path):
     answer = studies.run(tiny)
     folder = Path(answer["folder"])
     assert answer["complete"], answer
@@ -60,12 +81,45 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny):
     assert {row["measurement"] for row in table(folder, "fabricated")} == {"fabricated"}
     assert {row["road user"] for row in table(folder, "fabricated")} == {"car", "pedestrian"}
     near = table(folder, "long_range")
-    assert all(row["mean IoU, hull"] == "" and row["mean IoU, box"] != "" for row in near)
+    assert all(row["mean IoU, hull"] != "" and row["mean IoU, box"] != "" for row in near)
+    assert [(row["road user"], row["without"]) for row in table(folder, "ablation")] == [
+        ("pedestrian", "–"),
+        ("pedestrian", "error that all points share"),
+    ]
+    goals = table(folder, "goals")
+    assert {row["met"] for row in goals} <= {"yes", "no"}
+    assert {row["measurement"] for row in goals} == {"simulated", "long range", "fabricated"}
+    assert all(row["value"] != "" for row in goals)
+    page = load_page(tmp_path)
+    page.main(folder)
+    text = page.PAGE.read_text(encoding="utf-8")
+    assert "| pedestrian | error that all points share |" in text
+    assert "Not measured yet" not in text and text.count("<!--") == 2
+
+
+def test_each_variant_of_the_ablation_switches_one_known_term_off():
+    (axis,) = [
+        axis
+        for sweep in read_study(find_study("accuracy")).sweeps
+        if sweep.name == "ablation"
+        for axis in sweep.design().axes
+        if len(axis.keys) > 1
+    ]
+    keys = [key.removeprefix("tracker.") for key in axis.keys]
+    whole, *others = axis.steps
+    left_out = [
+        tuple(k for k, a, b in zip(keys, whole, step, strict=True) if a != b) for step in others
+    ]
+    assert sorted(left_out) == sorted(TERMS.values())
+    # The first is the tracker as it is.
+    plain = ["tracker=contour", "road_user=cyclist"]
+    assert compose([*plain, *whole]).configuration == compose(plain).configuration
 
 
 def test_the_shipped_study_has_ten_seeds_with_a_shape_each():
     study = read_study(find_study("accuracy"))
+    fewer = {"long_range": 2, "one_mesh": 3}
     for sweep in study.sweeps:
-        assert sweep.content["seeds"] == 10
+        assert sweep.content["seeds"] == fewer.get(sweep.name, 10)
         linked = sweep.content["fixed"].get("road_user.shape_seed")
         assert linked == (None if sweep.name == "one_mesh" else "${seed}")

@@ -20,7 +20,7 @@ from stixel_cli.studies.rq2.answer import answer_tables, answer_values
 from stixel_cli.studies.rq2.conditions import CONDITIONS, condition_statistics
 from stixel_cli.studies.rq2.contrasts import family, least_effect, p_value
 from stixel_cli.studies.rq2.figures import by_condition
-from stixel_cli.studies.rq2.runs import contour_distances, paired_difference, within_bounds
+from stixel_cli.studies.runs import contour_distances, paired_difference, within_bounds
 from stixel_cli.studies.tables import shown_table
 
 TINY = (

@@ -31,7 +31,9 @@ def errors_of(noise, seed, count=60, nearest=7.0):
     target = np.stack([0.0 * times, nearest + 3.0 * times, 1.3 * times], axis=-1)
     ego = np.tile([0.0, 0.0, 0.5 * np.pi], (count, 1))
     truth = Scenario.rigid(times, ego, target, np.tile([0.0, 3.0, 1.3], (count, 1)), BOX)
-    measurement = FabricatedParameters("fabricated", None, "tangent", noise, 0.0, 0.0, 80.0)
+    measurement = FabricatedParameters(
+        "fabricated", None, "tangent", noise, 0.0, 80.0, dropout=None, clutter_rate=0.0
+    )
     return point_errors(fabricate_scans(truth, RIG, measurement, seed), truth, RIG)
 
 

@@ -10,7 +10,7 @@ import yaml
 
 from stixel_cli.studies.file import find_study, read_study
 from stixel_cli.studies.real_time import on_cores
-from stixel_cli.studies.rq2.runs import CEILINGS, ceilings_table
+from stixel_cli.studies.runs import CEILINGS, ceilings_table
 from stixel_cli.studies.thesis.runs import consistency_table, settings_table, tracking_table
 
 USERS = ["car", "cyclist", "pedestrian"]

@@ -14,7 +14,14 @@ from stixel_cli.validation.point_errors import point_errors, ranges_along
 RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.5, 0.0, None)
 BOX = np.array([[2.25, -0.9], [2.25, 0.9], [-2.25, 0.9], [-2.25, -0.9]])
 EXACT = FabricatedParameters(
-    "fabricated", None, "tangent", ConstantNoise("constant", 0.0), 0.0, 0.0, 80.0
+    "fabricated",
+    None,
+    "tangent",
+    ConstantNoise("constant", 0.0),
+    0.0,
+    80.0,
+    dropout=None,
+    clutter_rate=0.0,
 )
 
 

@@ -5,10 +5,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stixel_cli.evaluation.evaluate import contour_errors
 from stixel_cli.evaluation.metric_table import metric as metric_row
 from stixel_cli.evaluation.metric_table import over_runs
+from stixel_cli.studies.accuracy.ablation import ablation_table
+from stixel_cli.studies.accuracy.goals import goals_table
 from stixel_cli.studies.data import StudyData, StudyRun, chosen, names, run_frame
-from stixel_cli.studies.rq2.runs import metric_over_seeds
+from stixel_cli.studies.runs import metric_over_seeds
 from stixel_cli.studies.tables import interval_columns, with_unit
 from stixel_cli.studies.types import Material, Table
 
@@ -36,7 +39,9 @@ def report(data: StudyData) -> Material:
     """Values and tables of the template."""
     import pandas as pd
 
-    frames = {name: run_frame(sweep.runs) for name, sweep in data.sweeps.items()}
+    ablation = ablation_table(data.sweeps["ablation"].runs)
+    sweeps = {name: sweep for name, sweep in data.sweeps.items() if name != "ablation"}
+    frames = {name: run_frame(sweep.runs) for name, sweep in sweeps.items()}
     frames["long_range"] = _within(frames["long_range"])
     fabricated = pd.concat([frames.pop("fabricated_car"), frames["fabricated"]])
     frames["fabricated"] = fabricated.assign(measurement="fabricated")
@@ -53,6 +58,8 @@ def report(data: StudyData) -> Material:
                 name: accuracy_table(name, frame, ("road_user", "measurement", "tracker"))
                 for name, frame in frames.items()
             },
+            "ablation": ablation,
+            "goals": goals_table({name: together(frame) for name, frame in frames.items()}),
             "by_path": accuracy_table(
                 "by_path", simulated, ("road_user", "path", "tracker"), apart=False
             ),
@@ -62,7 +69,7 @@ def report(data: StudyData) -> Material:
 
 def _answer(user: str, runs: "pd.DataFrame") -> dict[str, Any]:
     """Mean box IoU, centre error and NEES of each tracker over the seeds."""
-    runs = _together(runs)
+    runs = together(runs)
     return {
         "user": user,
         "trackers": {
@@ -74,7 +81,7 @@ def _answer(user: str, runs: "pd.DataFrame") -> dict[str, Any]:
     }
 
 
-def _together(runs: "pd.DataFrame") -> "pd.DataFrame":
+def together(runs: "pd.DataFrame") -> "pd.DataFrame":
     """The runs on the paths that the means are over."""
     return runs[runs["path"] != APART] if (runs["path"] != APART).any() else runs
 
@@ -89,7 +96,7 @@ def accuracy_table(
     """
     rows = []
     if apart:
-        rows += _rows(_together(runs), keys, ("mean of paths",))
+        rows += _rows(together(runs), keys, ("mean of paths",))
         if APART in names(runs, "path"):
             rows += _rows(chosen(runs, path=APART), keys, (APART,))
         columns = (*keys, "path")
@@ -118,8 +125,7 @@ def _rows(runs: "pd.DataFrame", keys: Sequence[str], label: tuple[str, ...]) -> 
 def _within(runs: "pd.DataFrame") -> "pd.DataFrame":
     """The runs with the errors of the scans within `NEAR` only.
 
-    The hull's IoU and the coverage are missing: their errors over time are not kept. A lost track
-    is one of all scans.
+    A lost track is one of all scans.
     """
     columns: dict[str, list[float]] = {name: [] for name in MEASURES if name != "track_lost"}
     for run in runs["run"]:
@@ -131,8 +137,11 @@ def _within(runs: "pd.DataFrame") -> "pd.DataFrame":
         degrees = np.degrees(scores.orientation_error[near])
         columns["orientation_rmse_deg"].append(_mean(degrees**2) ** 0.5)
         columns["nees_position_mean"].append(_mean(scores.nees_position[near]))
-        for name in ("iou_hull_mean", "band_coverage"):
-            columns[name].append(float("nan"))
+        # Not among the scores over time.
+        scenario, track = run.load("scenario"), run.load("track")
+        found = contour_errors(track, scenario)
+        columns["iou_hull_mean"].append(_mean(found["iou_hull"][near]))
+        columns["band_coverage"].append(_mean(found["band_coverage"][near]))
     return runs.assign(**columns)
 
 

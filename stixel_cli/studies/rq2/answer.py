@@ -16,7 +16,7 @@ from stixel_cli.studies.rq2.contrasts import (
     least_effect,
     of_kind,
 )
-from stixel_cli.studies.rq2.runs import metric_over_seeds, paired_difference, quantity
+from stixel_cli.studies.runs import metric_over_seeds, paired_difference, quantity
 from stixel_cli.studies.tables import MINUS, interval_columns, with_unit
 from stixel_cli.studies.types import Column, Table
 from stixel_cli.sweeps.statistics import Statistic

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stixel_cli.evaluation.metric_table import Metric
-from stixel_cli.studies.rq2.runs import SCAN_ERRORS, quantity
+from stixel_cli.studies.runs import SCAN_ERRORS, quantity
 from stixel_cli.studies.tables import over_seeds, std_columns
 from stixel_cli.studies.types import Table
 from stixel_cli.sweeps.statistics import Statistic

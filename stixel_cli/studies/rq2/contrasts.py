@@ -10,7 +10,7 @@ from scipy.stats import t as student
 from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.studies.data import BASELINE, LIDAR, STIXELS, chosen, names
 from stixel_cli.studies.inference import SIGNIFICANT, holm
-from stixel_cli.studies.rq2.runs import metric_over_seeds, paired_difference, quantity
+from stixel_cli.studies.runs import metric_over_seeds, paired_difference, quantity
 from stixel_cli.studies.tables import MINUS, interval_columns, with_unit
 from stixel_cli.studies.types import Column, Table
 from stixel_cli.sweeps.statistics import Statistic

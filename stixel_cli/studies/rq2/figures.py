@@ -10,7 +10,7 @@ from stixel_cli.report import style
 from stixel_cli.report.compare import LINE_STYLES
 from stixel_cli.studies.data import StudyRun, chosen, names
 from stixel_cli.studies.rq2.conditions import Condition, condition_statistics
-from stixel_cli.studies.rq2.runs import SCAN_ERRORS, chi_square_bounds, quantity
+from stixel_cli.studies.runs import SCAN_ERRORS, chi_square_bounds, quantity
 from stixel_cli.studies.tables import capital, with_unit
 from stixel_cli.studies.types import Figure
 from stixel_cli.sweeps.statistics import Statistic, student_t

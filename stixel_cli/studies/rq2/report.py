@@ -23,7 +23,7 @@ from stixel_cli.studies.rq2.answer import answer_values
 from stixel_cli.studies.rq2.conditions import CONDITIONS, condition_table
 from stixel_cli.studies.rq2.contrasts import contrasts_table
 from stixel_cli.studies.rq2.figures import boxes, by_condition, example_scans, over_time
-from stixel_cli.studies.rq2.runs import (
+from stixel_cli.studies.runs import (
     ceilings_table,
     contour_distances,
     metric_over_seeds,

@@ -8,7 +8,7 @@ from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.rays import first_crossings, spread_rays
 from stixel_cli.report import ground, style
 from stixel_cli.studies.data import StudyRun, chosen, names
-from stixel_cli.studies.rq2.runs import metric_over_seeds
+from stixel_cli.studies.runs import metric_over_seeds
 from stixel_cli.studies.tables import with_unit
 from stixel_cli.studies.thesis.runs import MEASURES
 from stixel_cli.studies.types import Figure

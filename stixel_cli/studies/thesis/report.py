@@ -7,7 +7,7 @@ from stixel_cli.studies.data import StudyData, StudyRun, chosen, names
 from stixel_cli.studies.real_time import on_cores, real_time_table, seconds_a_scan
 from stixel_cli.studies.rq1.report import PANELS, by_frame, contact_sheet
 from stixel_cli.studies.rq2.figures import over_time
-from stixel_cli.studies.rq2.runs import ceilings_table, scan_frame
+from stixel_cli.studies.runs import ceilings_table, scan_frame
 from stixel_cli.studies.thesis import figures
 from stixel_cli.studies.thesis.runs import (
     MEASURES,

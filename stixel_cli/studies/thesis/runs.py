@@ -10,7 +10,7 @@ from stixel_cli.config.experiments import experiment_sources
 from stixel_cli.config.folders import EXPERIMENT
 from stixel_cli.evaluation.metric_table import METRICS, Metric
 from stixel_cli.studies.data import GROUPS, StudySweep, chosen, names, run_frame
-from stixel_cli.studies.rq2.runs import contour_distances, metric_over_seeds, of_runs, quantity
+from stixel_cli.studies.runs import contour_distances, metric_over_seeds, of_runs, quantity
 from stixel_cli.studies.tables import over_seeds, std_columns, with_ends
 from stixel_cli.studies.types import Table
 from stixel_cli.sweeps.statistics import Statistic

@@ -1,4 +1,4 @@
-"""RQ2: the frame of the scans, and statistics of runs and scans.
+"""The frame of the scans, and statistics of runs and scans, that several studies share.
 
 A frame of runs is that of `data.run_frame`.
 """

@@ -1,0 +1,100 @@
+"""Scans with clutter, and without points for a while: of any sensor, after its own stages."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from stixel_cli.geometry.pose import wrap_angle
+from stixel_cli.measurements.scans import Scans, points_along
+from stixel_cli.randomness import generator
+
+
+def disturb_scans(
+    scans: Scans,
+    dropout: tuple[float, float] | None,
+    clutter_rate: float,
+    field_of_view: tuple[float, float] | None,
+    range_max: float | None,
+    seed: int,
+) -> Scans:
+    """The scans with clutter points after their own, and empty during the dropout.
+
+    The number of clutter points of a scan is Poisson distributed; their places are uniform over the
+    area of field of view and range. A clutter point has the variances, along and across its ray, of
+    the measured point of any scan whose range is nearest, the variance across scaled to its range;
+    so scans without any point have no clutter. Its error is independent of its neighbours'.
+
+    Args:
+        scans: of any sensor.
+        dropout: first and last time without points, s since the first scan; None for none.
+        clutter_rate: mean number of clutter points per scan.
+        field_of_view: bearings of the sensor's borders, rad from its heading; None: those of the
+            outermost points of all scans.
+        range_max: m; None: the range of the farthest point of all scans.
+        seed: of the random numbers, drawn from (seed, "clutter", k).
+    """
+    elapsed = scans.times - scans.times[0]
+    hidden = np.zeros(len(scans), bool)
+    if dropout is not None:
+        # Times are multiples of the sample time, up to rounding.
+        hidden = (elapsed >= dropout[0] - 1e-9) & (elapsed <= dropout[1] + 1e-9)
+    clutter = _clutter(scans, clutter_rate, field_of_view, range_max, seed)
+    own, correlations = [], []
+    for k, (points, covariances) in enumerate(clutter):
+        rows = slice(0, 0) if hidden[k] else scans.rows(k)
+        points, covariances = (points[:0], covariances[:0]) if hidden[k] else (points, covariances)
+        own.append(
+            (
+                np.concatenate([scans.points_world[rows], points]),
+                np.concatenate([scans.covariances_world[rows], covariances]),
+            )
+        )
+        correlations.append(np.concatenate([scans.correlations[rows], np.zeros(len(points))]))
+    whole = Scans.of_each(scans.times, scans.sensor_poses_world, own, correlations)
+    # An object that hides the target also hides what is known of the space behind it; but no
+    # tracker uses the bearings of an empty scan.
+    return replace(
+        whole, unknown_offsets=scans.unknown_offsets, unknown_bearings=scans.unknown_bearings
+    )
+
+
+def _clutter(
+    scans: Scans,
+    rate: float,
+    field_of_view: tuple[float, float] | None,
+    range_max: float | None,
+    seed: int,
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Points (n, 2) m and covariances (n, 2, 2) m² of the clutter of each scan, in the world."""
+    if rate == 0.0 or len(scans.points_world) == 0:
+        return [(np.zeros((0, 2)), np.zeros((0, 2, 2)))] * len(scans)
+    poses = np.repeat(scans.sensor_poses_world, np.diff(scans.offsets), axis=0)
+    offsets = scans.points_world - poses[:, :2]
+    ranges = np.maximum(np.hypot(offsets[:, 0], offsets[:, 1]), 1e-9)
+    along = offsets / ranges[:, None]
+    along_variances = np.einsum("ni,nij,nj->n", along, scans.covariances_world, along)
+    across = np.trace(scans.covariances_world, axis1=1, axis2=2) - along_variances
+    if field_of_view is None:
+        bearings = wrap_angle(np.arctan2(offsets[:, 1], offsets[:, 0]) - poses[:, 2])
+        field_of_view = (float(bearings.min()), float(bearings.max()))
+    farthest = float(ranges.max()) if range_max is None else range_max
+    order = np.argsort(ranges, kind="stable")
+    middles = 0.5 * (ranges[order][1:] + ranges[order][:-1])
+    found = []
+    for k, pose in enumerate(scans.sensor_poses_world):
+        random = generator(seed, "clutter", k)
+        count = random.poisson(rate)
+        angles = random.uniform(*field_of_view, count)
+        # Even over the area, so the range is a square root.
+        distances = farthest * np.sqrt(random.random(count))
+        like = order[np.searchsorted(middles, distances)]
+        found.append(
+            points_along(
+                pose,
+                angles,
+                distances,
+                along_variances[like],
+                across[like] * (distances / ranges[like]) ** 2,
+            )
+        )
+    return found

@@ -1,0 +1,117 @@
+"""Dropout and clutter, after the scans of any sensor."""
+
+import numpy as np
+import pytest
+
+from stixel_cli.config.compose import compose
+from stixel_cli.errors import ConfigurationError
+from stixel_cli.measurements.disturbance import disturb_scans
+from stixel_cli.measurements.scans import Scans, points_along
+
+FIELD = (-0.5, 0.4)
+
+
+def scans(count=30):
+    """Three points per scan of a sensor that moves and turns; correlated; from 5.0 s on."""
+    times = 5.0 + 0.1 * np.arange(count)
+    poses = np.stack([times, 2.0 * times, 0.5 * np.pi + 0.05 * times], axis=-1)
+    angles, ranges = np.array([-0.2, 0.0, 0.1]), np.array([10.0, 20.0, 30.0])
+    along, across = 0.01 * ranges, 1e-6 * ranges**2
+    return Scans.of_each(
+        times,
+        poses,
+        [points_along(pose, angles, ranges, along, across) for pose in poses],
+        [np.array([0.0, 0.5, 0.5])] * count,
+        [np.array([[0.1, 0.2]])] * count,
+    )
+
+
+SCANS = scans()
+
+
+def test_scans_are_empty_in_the_dropout_and_as_before_elsewhere():
+    found = disturb_scans(SCANS, (0.5, 1.5), 0.0, FIELD, 40.0, seed=0)
+    empty = np.flatnonzero(np.diff(found.offsets) == 0)
+    np.testing.assert_array_equal(empty, np.arange(5, 16))
+    for k in set(range(30)) - set(empty):
+        for name in ("points_world", "covariances_world", "correlations"):
+            own, before = getattr(found, name), getattr(SCANS, name)
+            np.testing.assert_array_equal(own[found.rows(k)], before[SCANS.rows(k)])
+    np.testing.assert_array_equal(found.unknown_bearings, SCANS.unknown_bearings)
+
+
+def test_clutter_is_even_over_field_of_view_and_range_and_follows_the_points():
+    found = disturb_scans(SCANS, (0.0, 0.0), 20.0, FIELD, 40.0, seed=0)
+    assert len(found.points_world[found.rows(0)]) == 0
+    distances, angles, correlations = [], [], []
+    for k in range(1, 30):
+        points = found.points_world[found.rows(k)]
+        np.testing.assert_array_equal(points[:3], SCANS.points_world[SCANS.rows(k)])
+        correlations.append(found.correlations[found.rows(k)][3:])
+        pose = SCANS.sensor_poses_world[k]
+        offsets = points[3:] - pose[:2]
+        distances.append(np.hypot(*offsets.T))
+        angles.append(np.arctan2(offsets[:, 1], offsets[:, 0]) - pose[2])
+    distances, angles = np.concatenate(distances), np.concatenate(angles)
+    angles = (angles + np.pi) % (2.0 * np.pi) - np.pi
+    assert 500 < len(distances) < 660
+    assert not np.concatenate(correlations).any()
+    assert distances.max() <= 40.0
+    assert abs(np.mean(distances < 20.0) - 0.25) < 0.06
+    assert angles.min() >= FIELD[0] and angles.max() <= FIELD[1]
+    assert abs(angles.mean() - np.mean(FIELD)) < 0.05
+
+
+def test_clutter_has_the_variances_of_the_point_of_nearest_range():
+    found = disturb_scans(SCANS, None, 20.0, FIELD, 40.0, seed=0)
+    points, covariances = found.points_world[3:10], found.covariances_world[3:10]
+    offsets = points - SCANS.sensor_poses_world[0, :2]
+    ranges = np.hypot(*offsets.T)
+    along = np.einsum("ni,nij,nj->n", offsets, covariances, offsets) / ranges**2
+    like = np.array([10.0, 20.0, 30.0])[np.clip(np.rint(ranges / 10.0), 1, 3).astype(int) - 1]
+    np.testing.assert_allclose(along, 0.01 * like, rtol=1e-6)
+    across = np.trace(covariances, axis1=1, axis2=2) - along
+    np.testing.assert_allclose(across, 1e-6 * ranges**2, rtol=1e-6)
+
+
+def test_without_a_field_of_view_clutter_is_where_points_are():
+    found = disturb_scans(SCANS, None, 20.0, None, None, seed=0)
+    pose = SCANS.sensor_poses_world[0]
+    offsets = found.points_world[found.rows(0)] - pose[:2]
+    angles = np.arctan2(offsets[:, 1], offsets[:, 0]) - pose[2]
+    assert np.hypot(*offsets.T).max() <= 30.0 + 1e-9
+    assert angles.min() >= -0.2 - 1e-9 and angles.max() <= 0.1 + 1e-9
+
+
+def test_clutter_depends_only_on_seed_and_scan():
+    whole, again = (disturb_scans(SCANS, None, 3.0, FIELD, 40.0, seed=1) for _ in range(2))
+    other = disturb_scans(SCANS, None, 3.0, FIELD, 40.0, seed=2)
+    part = disturb_scans(SCANS, (0.0, 1.0), 3.0, FIELD, 40.0, seed=1)
+    assert whole.points_world.tobytes() == again.points_world.tobytes()
+    assert not np.array_equal(whole.offsets, other.offsets)
+    np.testing.assert_array_equal(
+        part.points_world[part.rows(20)], whole.points_world[whole.rows(20)]
+    )
+
+
+def test_scans_without_any_point_have_no_clutter():
+    empty = Scans.of_each(
+        SCANS.times, SCANS.sensor_poses_world, [(np.zeros((0, 2)), np.zeros((0, 2, 2)))] * 30
+    )
+    assert len(disturb_scans(empty, None, 5.0, FIELD, 40.0, seed=0).points_world) == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("measurement.dropout=[2,1]", r"measurement\.dropout: the second must be at least"),
+        ("measurement.dropout=[-1,1]", r"measurement\.dropout"),
+        ("measurement.clutter_rate=-1", r"measurement\.clutter_rate"),
+    ],
+)
+@pytest.mark.parametrize("kind", ["lidar", "own_scans_here:scans"])
+def test_wrong_values_are_refused_with_their_key(kind, text, fault, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own_scans_here.py").write_text("def scans(scenario, seed): ...\n")
+    with pytest.raises(ConfigurationError, match=fault):
+        compose([f"measurement={kind}", text])
