@@ -164,7 +164,9 @@ def execute(
         save_digests(store.folder)
         check_bytecode({name: file for name, _, file in files})
         here = not nodes or _runs_here(chosen, nodes, durations)
-        pool = SerialPool() if here else make_pool(chosen)
+        # A copy of this process must not run modules that were edited after their import.
+        copies = all(may_run_here(node.identity.code) for node in nodes)
+        pool = SerialPool() if here else make_pool(chosen, copies)
         progress.expect(durations.by_stage(nodes), 1 if here else chosen.workers)
         time_limit = getattr(chosen, "time_limit", None)
         run = Run(planned, store, pool, progress, time_limit, keep_going, lease)
@@ -208,14 +210,14 @@ def _records(run: Run) -> dict[str, NodeRecord]:
     }
 
 
-def make_pool(executor: Executor) -> Pool:
-    """Make the pool of an executor.
+def make_pool(executor: Executor, may_fork: bool = False) -> Pool:
+    """Make the pool of an executor; `may_fork`: its workers may be copies of this process.
 
     Raises:
         ExecutorError: its workers cannot be started or reached; one line.
     """
     if isinstance(executor, LocalExecutor):
-        return ProcessPool(executor.workers)
+        return ProcessPool(executor.workers, may_fork)
     if isinstance(executor, ThreadsExecutor):
         return ThreadPool(executor.workers)
     from stixel_cli.engine.dask_pool import make_dask_pool
