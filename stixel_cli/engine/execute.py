@@ -1,6 +1,7 @@
 """Compute the missing results with any pool of workers, and record what was done."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from typing import Any
@@ -175,8 +176,8 @@ def execute(
         run.first, run.on_first = frozenset(node.key for node in nodes_first), on_first
         if nodes_first and not here and _runs_here(chosen, nodes_first, durations):
             run.here = run.first
-            # The workers start, and load libraries, while this process computes the first nodes.
-            for node in [node for node in nodes if node.key not in run.here][: chosen.workers]:
+        if not here and isinstance(chosen, LocalExecutor):
+            for node in _to_import(nodes, run.here, chosen.workers):
                 pool.submit(import_function, node.stage.function, node.identity.code)
         try:
             # In this process the calling thread limits the libraries for the whole run, because it
@@ -193,6 +194,20 @@ def execute(
     finally:
         lease.end()
     return Execution(graph, _records(run), run.failures)
+
+
+def _to_import(nodes: Sequence[Node], here: Collection[str], workers: int) -> list[Node]:
+    """Nodes whose code the workers import that have nothing to compute at first.
+
+    They are of different stages, those with most nodes first.
+    """
+    missing = {node.key for node in nodes}
+    given = [node for node in nodes if node.key not in here]
+    ready = {node.key for node in given if missing.isdisjoint(node.sources)}
+    later = {node.stage.function: node for node in given if node.key not in ready}
+    counts = Counter(node.stage.function for node in nodes)
+    chosen = sorted(later, key=lambda function: -counts[function])
+    return [later[function] for function in chosen[: max(0, workers - len(ready))]]
 
 
 def _records(run: Run) -> dict[str, NodeRecord]:
