@@ -7,11 +7,11 @@ from importlib import resources
 from typing import Any
 
 import jinja2
+import yaml
 from markupsafe import Markup
 
 from stixel_cli.report import style
 from stixel_cli.report.metrics import format_value
-from stixel_cli.results.text import yaml_text
 from stixel_cli.studies.tables import INTERVAL, shown_table
 from stixel_cli.studies.types import (
     Block,
@@ -76,7 +76,9 @@ def study_page(
         stages=[(name, format_value(s)) for name, s in origin.stage_cpu_seconds.items()],
         all_seconds=format_value(sum(origin.stage_cpu_seconds.values())),
         provenance=_provenance(origin.provenance),
-        configuration=yaml_text(dict(origin.configuration)),
+        configuration=yaml.safe_dump(
+            dict(origin.configuration), sort_keys=False, allow_unicode=True
+        ),
         run_colours=style.RUNS,
     )
 
