@@ -21,6 +21,7 @@ from stixel_cli.engine.pools import (
     SerialPool,
     ThreadPool,
     executor_of,
+    fork_is_safe,
 )
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.scheduler import Run, Status
@@ -111,8 +112,8 @@ class Execution:
         return [vars(self.of_stage(name)) for name in self.graph.stage_names if name in needed]
 
 
-SMALL = 1.5
-"""Seconds of work that are done in this process: starting workers would take as long."""
+SMALL, SMALL_FOR_COPIES = 1.5, 0.5
+"""Seconds of work that are done in this process: starting workers, or copies, takes as long."""
 
 
 def execute(
@@ -249,7 +250,7 @@ def _runs_here(executor: Executor | None, nodes: Sequence[Node], durations: Dura
     estimate = durations.estimate(nodes)
     return (
         estimate is not None
-        and estimate < SMALL
+        and estimate < (SMALL_FOR_COPIES if fork_is_safe() else SMALL)
         and (executor.time_limit is None or can_interrupt())
         and all(may_run_here(node.identity.code) for node in nodes)
     )
