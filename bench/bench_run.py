@@ -1,8 +1,9 @@
-"""The whole process: a cold, a warm and a changed run; processor time and memory of all processes.
+"""Whole commands: cold, warm and changed runs, and a study; processor time and memory.
 
 `pytest bench/bench_run.py -o python_files='bench_*.py'`. The figures are in the benchmark's
 `extra_info` and printed at the end of each; the memory is the greatest sum over all processes of
-the proportional set size, looked at every 0.1 s.
+the proportional set size, looked at every 0.3 s. Python keeps its bytecode, and the kernels are
+compiled, as after `make setup` and a first run.
 """
 
 import os
@@ -14,14 +15,20 @@ import time
 import psutil
 import pytest
 
+RUN = "`stixel run`, whole process"
+STUDY = "`stixel study`, whole process"
+TINY_STUDY = ("study", "rq2", "road_user=car", "path=turn", "measurement=fabricated,lidar")
+TINY_STUDY += ("seed=range(0,2)", "path.duration=2", "--name", "tiny")
 
-def stixel_run(cache, results, *overrides):
-    """Seconds to the scores on the screen and to the end, CPU seconds and memory (MB) of a run."""
+
+def process(cache, results, *arguments):
+    """Seconds to the first of stdout and to the end, CPU seconds and memory (MB) of a command."""
     environment = os.environ | {"STIXEL_CACHE": str(cache), "PYTHONUNBUFFERED": "1"}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
     before = os.times()
     started = time.perf_counter()
     process = subprocess.Popen(
-        [sys.executable, "-m", "stixel_cli", "run", "--results", str(results), *overrides],
+        [sys.executable, "-m", "stixel_cli", *arguments, "--results", str(results)],
         env=environment,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
@@ -66,19 +73,20 @@ def watch(pid: int, peak: list[float]) -> None:
         peak[0] = max(peak[0], total)
         if root.status() == psutil.STATUS_ZOMBIE:
             return
-        time.sleep(0.1)
+        time.sleep(0.3)
 
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory):
-    """A results folder and a cache that a default run has filled."""
+    """A results folder and a cache that a default run has filled, and the record of that run."""
     results, cache = tmp_path_factory.mktemp("results"), tmp_path_factory.mktemp("cache")
-    stixel_run(cache, results)
-    return results, cache
+    process(tmp_path_factory.mktemp("first"), results, "run", "measurement=fabricated")
+    return results, cache, process(cache, results, "run")
 
 
-def measure(benchmark, run, rounds):
-    benchmark.group = "`stixel run`, whole process"
+def measure(benchmark, group, run, rounds):
+    """Record the round of median wall time of `run()`, which returns what `process` does."""
+    benchmark.group = group
     records = []
     benchmark.pedantic(lambda: records.append(run()), rounds=rounds, iterations=1)
     middle = sorted(records, key=lambda record: record["wall_s"])[len(records) // 2]
@@ -86,40 +94,47 @@ def measure(benchmark, run, rounds):
     print("\n", benchmark.extra_info)
 
 
-def test_cold_default_run(benchmark, folders, tmp_path_factory):
+def test_cold_default_run(benchmark, folders):
     """All computed; compiled kernels are there."""
-    results, _ = folders
-    measure(benchmark, lambda: stixel_run(tmp_path_factory.mktemp("cold"), results), rounds=3)
+    measure(benchmark, RUN, lambda: folders[2], rounds=1)
 
 
-def test_cold_run_with_a_moving_ego(benchmark, folders, tmp_path_factory):
-    results, _ = folders
-    measure(
-        benchmark,
-        lambda: stixel_run(tmp_path_factory.mktemp("cold"), results, "ego=straight"),
-        rounds=1,
-    )
+def test_cold_run_with_a_moving_ego(benchmark, folders, tmp_path):
+    measure(benchmark, RUN, lambda: process(tmp_path, folders[0], "run", "ego=straight"), rounds=1)
 
 
 def test_cold_fabricated_run(benchmark, folders, tmp_path_factory):
-    results, _ = folders
     measure(
         benchmark,
-        lambda: stixel_run(tmp_path_factory.mktemp("cold"), results, "measurement=fabricated"),
+        RUN,
+        lambda: process(
+            tmp_path_factory.mktemp("cold"), folders[0], "run", "measurement=fabricated"
+        ),
         rounds=3,
     )
 
 
 def test_warm_default_run(benchmark, folders):
-    results, cache = folders
-    measure(benchmark, lambda: stixel_run(cache, results), rounds=5)
+    results, cache, _ = folders
+    measure(benchmark, RUN, lambda: process(cache, results, "run"), rounds=7)
 
 
 def test_changed_tracker_parameter(benchmark, folders):
-    results, cache = folders
+    results, cache, _ = folders
     values = iter(range(100))
     measure(
         benchmark,
-        lambda: stixel_run(cache, results, f"tracker.sigma_q={1.5 + next(values) / 100}"),
-        rounds=5,
+        RUN,
+        lambda: process(cache, results, "run", f"tracker.sigma_q={1.5 + next(values) / 100}"),
+        rounds=7,
     )
+
+
+def test_cold_tiny_study(benchmark, folders, tmp_path):
+    """Eight fabricated and lidar runs of two seconds, and the report."""
+    measure(benchmark, STUDY, lambda: process(tmp_path, tmp_path / "1", *TINY_STUDY), rounds=1)
+
+
+def test_report_again_from_the_cache(benchmark, folders, tmp_path):
+    process(tmp_path, tmp_path / "1", *TINY_STUDY)
+    measure(benchmark, STUDY, lambda: process(tmp_path, tmp_path / "1", *TINY_STUDY), rounds=3)

@@ -11,6 +11,7 @@ import tempfile
 from importlib.metadata import version
 from pathlib import Path
 
+from bench_run import RUN, STUDY
 from phase_table import DATA, FAR, WAYS, accuracy
 
 ROOT = Path(__file__).parents[1]
@@ -28,7 +29,6 @@ SELECTED = (
     "bench_sweep.py::test_tracker_runs",
 )
 REAL = (DATA / "kitti2015").is_dir()
-PROCESSES = "`stixel run`, whole process"
 INTRODUCTION = """# Benchmark
 
 `make bench` writes this page: do not edit it. All numbers are of one run on one machine, except the
@@ -96,7 +96,7 @@ def sections(benchmarks: list[dict]) -> list[str]:
             groups.setdefault(one["group"], []).append(one)
     wholes = []
     for title, found in groups.items():
-        if title == PROCESSES:
+        if title in (RUN, STUDY):
             wholes.append(f"## {title}\n\n{processes(found)}")
             continue
         # The reference first: the plain one, else the slowest.

@@ -66,6 +66,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments is None:
         # This is a process of its own, and NumPy, which reads these, is not imported yet.
         os.environ.update(ENVIRONMENT)
+        # Pydantic would look for plugins in all installed packages.
+        os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")
         settle_streams()
         # `kill` ends the process as Ctrl-C does: first the workers, then one line.
         signal.signal(signal.SIGTERM, signal.default_int_handler)

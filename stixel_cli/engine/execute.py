@@ -1,6 +1,7 @@
 """Compute the missing results with any pool of workers, and record what was done."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from typing import Any
@@ -20,6 +21,7 @@ from stixel_cli.engine.pools import (
     SerialPool,
     ThreadPool,
     executor_of,
+    fork_is_safe,
 )
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.scheduler import Run, Status
@@ -110,8 +112,8 @@ class Execution:
         return [vars(self.of_stage(name)) for name in self.graph.stage_names if name in needed]
 
 
-SMALL = 1.5
-"""Seconds of work that are done in this process: starting workers would take as long."""
+SMALL, SMALL_FOR_COPIES = 1.5, 0.5
+"""Seconds of work that are done in this process: starting workers, or copies, takes as long."""
 
 
 def execute(
@@ -164,7 +166,9 @@ def execute(
         save_digests(store.folder)
         check_bytecode({name: file for name, _, file in files})
         here = not nodes or _runs_here(chosen, nodes, durations)
-        pool = SerialPool() if here else make_pool(chosen)
+        # A copy of this process must not run modules that were edited after their import.
+        copies = all(may_run_here(node.identity.code) for node in nodes)
+        pool = SerialPool() if here else make_pool(chosen, copies)
         progress.expect(durations.by_stage(nodes), 1 if here else chosen.workers)
         time_limit = getattr(chosen, "time_limit", None)
         run = Run(planned, store, pool, progress, time_limit, keep_going, lease)
@@ -173,8 +177,8 @@ def execute(
         run.first, run.on_first = frozenset(node.key for node in nodes_first), on_first
         if nodes_first and not here and _runs_here(chosen, nodes_first, durations):
             run.here = run.first
-            # The workers start, and load libraries, while this process computes the first nodes.
-            for node in [node for node in nodes if node.key not in run.here][: chosen.workers]:
+        if not here and isinstance(chosen, LocalExecutor):
+            for node in _to_import(nodes, run.here, chosen.workers):
                 pool.submit(import_function, node.stage.function, node.identity.code)
         try:
             # In this process the calling thread limits the libraries for the whole run, because it
@@ -193,6 +197,20 @@ def execute(
     return Execution(graph, _records(run), run.failures)
 
 
+def _to_import(nodes: Sequence[Node], here: Collection[str], workers: int) -> list[Node]:
+    """Nodes whose code the workers import that have nothing to compute at first.
+
+    They are of different stages, those with most nodes first.
+    """
+    missing = {node.key for node in nodes}
+    given = [node for node in nodes if node.key not in here]
+    ready = {node.key for node in given if missing.isdisjoint(node.sources)}
+    later = {node.stage.function: node for node in given if node.key not in ready}
+    counts = Counter(node.stage.function for node in nodes)
+    chosen = sorted(later, key=lambda function: -counts[function])
+    return [later[function] for function in chosen[: max(0, workers - len(ready))]]
+
+
 def _records(run: Run) -> dict[str, NodeRecord]:
     """One record for each node that the targets need."""
     nodes = [node for key, node in run.graph.nodes.items() if key in run.planned.needed]
@@ -208,14 +226,14 @@ def _records(run: Run) -> dict[str, NodeRecord]:
     }
 
 
-def make_pool(executor: Executor) -> Pool:
-    """Make the pool of an executor.
+def make_pool(executor: Executor, may_fork: bool = False) -> Pool:
+    """Make the pool of an executor; `may_fork`: its workers may be copies of this process.
 
     Raises:
         ExecutorError: its workers cannot be started or reached; one line.
     """
     if isinstance(executor, LocalExecutor):
-        return ProcessPool(executor.workers)
+        return ProcessPool(executor.workers, may_fork)
     if isinstance(executor, ThreadsExecutor):
         return ThreadPool(executor.workers)
     from stixel_cli.engine.dask_pool import make_dask_pool
@@ -232,7 +250,7 @@ def _runs_here(executor: Executor | None, nodes: Sequence[Node], durations: Dura
     estimate = durations.estimate(nodes)
     return (
         estimate is not None
-        and estimate < SMALL
+        and estimate < (SMALL_FOR_COPIES if fork_is_safe() else SMALL)
         and (executor.time_limit is None or can_interrupt())
         and all(may_run_here(node.identity.code) for node in nodes)
     )

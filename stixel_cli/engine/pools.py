@@ -57,33 +57,25 @@ class Pool(Protocol):
 
 
 class ProcessPool(Pool):
-    """Processes of loky, started with the first task. If one crashes, all running tasks fail."""
+    """Processes of loky, started with the first task. If one crashes, all running tasks fail.
+
+    With `may_fork` they are copies of this process, if a copy is safe: that is ready at once, while
+    a new process imports Python, NumPy and the engine first.
+    """
 
     all_die_together = True
     kills = True
 
-    def __init__(self, workers: int):
+    def __init__(self, workers: int, may_fork: bool = False):
         self.limit = workers + 1
         self._workers = workers
+        self._may_fork = may_fork
         self._executor = None
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
         """Run `function` in a process."""
         if self._executor is None:
-            from multiprocessing import resource_tracker
-
-            from joblib.externals.loky import ProcessPoolExecutor
-            from joblib.externals.loky.backend import resource_tracker as loky_tracker
-
-            # Starting these unblocks Ctrl-C, so start them before it is blocked below.
-            resource_tracker.ensure_running()
-            loky_tracker.ensure_running()
-            self._executor = ProcessPoolExecutor(
-                self._workers,
-                initializer=_prepare_worker,
-                initargs=(os.getpid(),),
-                env=ENVIRONMENT,
-            )
+            self._executor = self._start()
         try:
             with _without_interrupts():
                 return self._executor.submit(function, *arguments)
@@ -92,6 +84,21 @@ class ProcessPool(Pool):
             future: Future = Future()
             future.set_exception(error)
             return future
+
+    def _start(self) -> Any:
+        from multiprocessing import get_context, resource_tracker
+
+        from joblib.externals.loky import ProcessPoolExecutor
+
+        options = {"initializer": _prepare_worker, "initargs": (os.getpid(),), "env": ENVIRONMENT}
+        if self._may_fork and fork_is_safe():
+            return ProcessPoolExecutor(self._workers, context=get_context("fork"), **options)
+        from joblib.externals.loky.backend import resource_tracker as loky_tracker
+
+        # Starting these unblocks Ctrl-C, so start them before it is blocked in `submit`.
+        resource_tracker.ensure_running()
+        loky_tracker.ensure_running()
+        return ProcessPoolExecutor(self._workers, **options)
 
     def died(self, error: BaseException | None) -> bool:
         """Whether a process crashed."""
@@ -165,6 +172,19 @@ def executor_of(executor: Executor | ExecutorName, workers: int) -> Executor | N
     return DaskExecutor("dask", workers, None, None) if executor == "dask" else None
 
 
+def fork_is_safe() -> bool:
+    """Whether this process has one thread and was started with `ENVIRONMENT`, as by `stixel`.
+
+    In a copy of a process with several threads, the locks of the others stay locked for ever.
+    """
+    try:
+        threads = len(os.listdir("/proc/self/task"))
+    except OSError:
+        # Not Linux.
+        return False
+    return threads == 1 and all(os.environ.get(name) == n for name, n in ENVIRONMENT.items())
+
+
 def _settle(future: Future, function: Callable[..., Any], arguments: tuple) -> None:
     try:
         future.set_result(function(*arguments))
@@ -231,6 +251,8 @@ def _without_interrupts() -> Iterator[None]:
 def _prepare_worker(parent: int) -> None:
     # Ctrl-C reaches the whole process group. Only the parent handles it, and ends the workers.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # A copy of the parent has its handler.
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     Thread(target=_end_with, args=(parent,), daemon=True).start()
     from joblib.externals.loky import process_executor
 

@@ -6,7 +6,7 @@ import socket
 import sys
 from collections.abc import Iterable, Mapping
 from functools import cache
-from importlib.metadata import Distribution, PackageNotFoundError, distributions, version
+from importlib.metadata import Distribution, PackageNotFoundError, distributions
 from typing import Any
 
 from stixel_cli.engine.errors import CodeChanged
@@ -21,9 +21,18 @@ def python_version() -> str:
 def installed_version(name: str) -> str | None:
     """Version of a distribution; None if it is not installed. Cached for the process."""
     try:
-        return version(name)
+        distribution = Distribution.from_name(name)
     except PackageNotFoundError:
         return None
+    return _field(distribution, "Version")
+
+
+def _field(distribution: Distribution, name: str) -> str:
+    """A field of a distribution's metadata; a parser takes longer than a whole search here."""
+    notes = distribution.read_text("METADATA") or ""
+    # The description may follow after an empty line.
+    found = re.search(rf"^{name}: *(\S+)", notes.partition("\n\n")[0], re.MULTILINE)
+    return found[1] if found else distribution.metadata[name]
 
 
 def versions_of(tops: Iterable[str]) -> dict[str, str | None]:
@@ -44,9 +53,7 @@ def providers() -> dict[str, list[str]]:
     """
     found: dict[str, list[str]] = {}
     for distribution in distributions():
-        notes = distribution.read_text("METADATA") or ""
-        named = re.search(r"^Name: *(\S+)", notes, re.MULTILINE)
-        name = named[1] if named else distribution.metadata["Name"]
+        name = _field(distribution, "Name")
         for top in _top_levels(distribution):
             found.setdefault(top, []).append(name)
     return found

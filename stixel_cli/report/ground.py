@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection
 from matplotlib.markers import MarkerStyle
-from matplotlib.patches import PathPatch, Polygon
+from matplotlib.patches import Patch, PathPatch, Polygon
 from matplotlib.path import Path
 from matplotlib.typing import ColorType
 
@@ -18,7 +18,7 @@ def draw_contour(axes: Axes, contour_world: np.ndarray, colour: str, **options) 
     """The outline of a polygon (M, 2) m; nothing if it is not finite."""
     if np.isfinite(contour_world).all():
         options = {"linewidth": 1.6, "zorder": 4.0, "joinstyle": "round"} | options
-        axes.add_patch(Polygon(contour_world, closed=True, fill=False, edgecolor=colour, **options))
+        _add(axes, Polygon(contour_world, closed=True, fill=False, edgecolor=colour, **options))
 
 
 def draw_band(
@@ -40,9 +40,15 @@ def draw_band(
     ring = np.concatenate([outer, outer[:1], inner[::-1], inner[-1:]])
     codes = np.full(len(ring), Path.LINETO, dtype=np.uint8)
     codes[[0, len(outer) + 1]] = Path.MOVETO
-    axes.add_patch(
-        PathPatch(Path(ring, codes), facecolor=style.ESTIMATE, alpha=0.2, linewidth=0, zorder=2.0)
+    _add(
+        axes,
+        PathPatch(Path(ring, codes), facecolor=style.ESTIMATE, alpha=0.2, linewidth=0, zorder=2.0),
     )
+
+
+def _add(axes: Axes, patch: Patch) -> None:
+    """Add a patch that does not affect the limits: to find its extent takes longer than it."""
+    axes.add_artist(patch)
 
 
 def draw_points(
@@ -118,7 +124,7 @@ def draw_field_of_view(axes: Axes, pose_world: np.ndarray, bearings: tuple[float
     angles = pose_world[2] + np.linspace(*bearings, 25)
     arc = pose_world[:2] + reach * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     wedge = np.concatenate([[pose_world[:2]], arc])
-    axes.add_patch(Polygon(wedge, facecolor=style.FIELD_OF_VIEW, alpha=0.09, linewidth=0, zorder=0))
+    _add(axes, Polygon(wedge, facecolor=style.FIELD_OF_VIEW, alpha=0.09, linewidth=0, zorder=0))
     axes.plot(
         *np.stack([arc[0], pose_world[:2], arc[-1]]).T,
         color=style.FIELD_OF_VIEW,

@@ -3,12 +3,12 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy.special import gammaincinv
 
 from stixel_cli.evaluation.metric_table import SERIES, Scores, metric
 from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.report import style
+from stixel_cli.report.consistency import consistent_bounds
 from stixel_cli.report.path_figure import path_figure
 from stixel_cli.results.pictures import Pictures
 from stixel_cli.scene.scenario import Scenario
@@ -73,12 +73,6 @@ def errors_figure(scans: Scans, track: Track, scores: Scores, with_truth: bool =
     return figure
 
 
-def chi_square_bounds(degrees_of_freedom: np.ndarray) -> np.ndarray:
-    """Bounds (2, K) of the central 95 % of χ² / degrees of freedom (K,); NaN for 0 degrees."""
-    n = np.where(degrees_of_freedom > 0, degrees_of_freedom, np.nan).astype(np.float64)
-    return np.stack([2.0 * gammaincinv(0.5 * n, p) / n for p in (0.025, 0.975)])
-
-
 def _draw_errors(column, scores: Scores) -> None:
     overlap = "iou" if np.isfinite(scores.iou).any() else "iou_box"
     names = ("centre_error", "orientation_error", overlap)
@@ -104,7 +98,7 @@ def _draw_errors(column, scores: Scores) -> None:
 def _draw_consistency(axes: Axes, scores: Scores, name: str, degrees_of_freedom) -> None:
     """A statistic divided by its degrees of freedom, on a logarithmic axis."""
     series, ratio = SERIES[name], getattr(scores, name)
-    low, high = chi_square_bounds(np.asarray(degrees_of_freedom))
+    low, high = consistent_bounds(np.asarray(degrees_of_freedom))
     ratio = np.where(ratio > 0.0, ratio, np.nan)
     axes.set_yscale("log")
     # A decade to each side at least, so that a small scatter does not look like a great one.

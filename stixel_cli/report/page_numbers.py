@@ -13,7 +13,10 @@ def ellipses(covariances: np.ndarray) -> list[int | None]:
     with np.errstate(invalid="ignore"):
         axes = np.sqrt(np.maximum(np.stack([mean + spread, mean - spread]), 0.0))
     angle = 0.5 * np.arctan2(2.0 * b, a - c)
-    return [_whole(value) for value in (1000.0 * np.stack([*axes, angle], axis=1)).ravel().tolist()]
+    values = 1000.0 * np.stack([*axes, angle], axis=1).ravel()
+    known = np.abs(values) < 1e3 * FARTHEST
+    whole = np.rint(np.where(known, values, 0.0)).astype(np.int64).tolist()
+    return whole if known.all() else [w if k else None for w, k in zip(whole, known, strict=True)]
 
 
 def rounded_poses(poses: np.ndarray) -> list[list[int] | None]:
@@ -31,10 +34,6 @@ def _integers(values: np.ndarray) -> list[int] | None:
     if not (np.abs(values) < 1e3 * FARTHEST).all():
         return None
     return np.rint(values).astype(np.int64).tolist()
-
-
-def _whole(value: float) -> int | None:
-    return round(value) if abs(value) < 1e3 * FARTHEST else None
 
 
 def numbers(values: np.ndarray, digits: int) -> list[float | None]:

@@ -19,6 +19,7 @@ from stixel_cli.evaluation.metric_table import SERIES, metric
 from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
 from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.report.consistency import consistent_bounds
 from stixel_cli.report.metrics import shown_value
 from stixel_cli.report.page_numbers import (
     FARTHEST,
@@ -157,19 +158,6 @@ def _extent(runs: Sequence[RunResult]) -> int:
         radii = np.linalg.norm(away, axis=2).max(axis=1)
         radii = radii[radii < FARTHEST]
     return max(100, round(1000.0 * float(np.median(radii)))) if len(radii) else 1000
-
-
-def consistent_bounds(degrees_of_freedom: np.ndarray) -> np.ndarray:
-    """Approximate bounds (2, K) of the central 95 % of χ² / degrees of freedom (K,).
-
-    Exact for two degrees of freedom, else by Wilson & Hilferty (1931): the error is below 0.1 for
-    four degrees and 0.01 for twenty. Importing SciPy would take longer than the whole page.
-    """
-    n = np.where(degrees_of_freedom > 0, degrees_of_freedom, np.nan).astype(np.float64)
-    spread = 2.0 / (9.0 * n)
-    bounds = [np.maximum(1.0 - spread + z * np.sqrt(spread), 0.0) ** 3 for z in (-1.96, 1.96)]
-    exact = -np.log([0.975, 0.025])
-    return np.where(n == 2.0, exact[:, None], np.stack(bounds))
 
 
 def _facts(run: RunResult) -> list[tuple[str, str]]:

@@ -2,10 +2,12 @@
 
 import os
 import platform
+import re
 import subprocess
-from importlib import metadata
 from pathlib import Path
 from typing import Any
+
+from stixel_cli.engine.versions import installed_version
 
 PACKAGES = (
     "stixel",
@@ -30,12 +32,8 @@ def provenance() -> dict[str, Any]:
 def package_versions() -> dict[str, str]:
     """Versions of Python and of the installed packages that results depend on."""
     versions = {"python": platform.python_version()}
-    for package in PACKAGES:
-        try:
-            versions[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            continue
-    return versions
+    installed = {package: installed_version(package) for package in PACKAGES}
+    return versions | {name: version for name, version in installed.items() if version is not None}
 
 
 def git_state() -> dict[str, Any]:
@@ -46,9 +44,12 @@ def git_state() -> dict[str, Any]:
     folder = Path(__file__).resolve().parents[2]
     if not (folder / ".git").exists():
         return {"revision": None, "dirty": None}
-    revision = _git(folder, "rev-parse", "HEAD")
-    changes = _git(folder, "status", "--porcelain", "--untracked-files=no")
-    return {"revision": revision or None, "dirty": None if changes is None else bool(changes)}
+    state = _git(folder, "status", "--porcelain=v2", "--branch", "--untracked-files=no")
+    if state is None:
+        return {"revision": None, "dirty": None}
+    found = re.search(r"^# branch\.oid ([0-9a-f]+)$", state, re.MULTILINE)
+    changes = any(not line.startswith("#") for line in state.splitlines())
+    return {"revision": found[1] if found else None, "dirty": changes}
 
 
 def machine() -> dict[str, Any]:

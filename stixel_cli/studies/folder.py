@@ -18,10 +18,10 @@ from stixel_cli.errors import UserError
 from stixel_cli.files import read_yaml, write_whole, written
 from stixel_cli.results.folder import check_plain_name
 from stixel_cli.results.provenance import provenance
+from stixel_cli.results.text import yaml_text
 from stixel_cli.studies.plan import StudyPlan
 from stixel_cli.studies.tables import figures_of, table_csv, table_latex, table_markdown, tables_of
 from stixel_cli.studies.types import Findings
-from stixel_cli.sweeps.folder import yaml_text
 
 FILE, PAGE = "study.yaml", "report.html"
 UNSET = "not set"

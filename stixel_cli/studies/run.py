@@ -17,6 +17,7 @@ from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
 from stixel_cli.results.provenance import provenance
 from stixel_cli.studies.data import NodeSeconds, StudyData, StudySweep, study_sweep
+from stixel_cli.studies.findings import findings_of_study
 from stixel_cli.studies.folder import StudyFolder
 from stixel_cli.studies.page import study_page
 from stixel_cli.studies.plan import PlannedSweep, StudyPlan, derived_design, of_the_machine
@@ -145,7 +146,9 @@ class _Run:
         findings = None
         if all(state.complete for state in states):
             with self._leased():
-                findings = self.plan.study.findings(self._data())
+                findings = findings_of_study(
+                    self.plan.study, self._data(), self.results, self.store
+                )
         origin = Origin(
             command=self.command,
             overrides=self.plan.overrides,

@@ -17,18 +17,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from stixel_cli.errors import FolderTaken, UserError, printable_path
 from stixel_cli.files import read_yaml, write_whole, written
 from stixel_cli.results.reader import read_manifest, read_metrics
+from stixel_cli.results.text import yaml_text
 
 PLAN = "sweep.yaml"
 TABLE = "runs.csv"
 SUMMARIES = ("summary.csv", "summary.md", "summary.tex")
 RUNS, FAILED, FIGURES = "runs", "failed", "figures"
-
-_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 
 @dataclass(frozen=True)
@@ -214,8 +211,3 @@ class SweepFolder:
         finally:
             if partial.exists():
                 shutil.rmtree(partial, ignore_errors=True)
-
-
-def yaml_text(content: Any) -> str:
-    """YAML in the order of the keys."""
-    return yaml.dump(content, Dumper=_DUMPER, sort_keys=False, allow_unicode=True)

@@ -9,6 +9,7 @@ from typing import Any
 from stixel_cli.engine.errors import MissingEntry, StageFailure
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.plan import Durations
+from stixel_cli.engine.remembered import remembered
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.run import one_line_errors
@@ -222,11 +223,22 @@ class _Sweep:
         return runs, records, summary
 
     def _write_figures(self, summary: Summary, axes: Sequence[Sequence[str]]) -> None:
-        from stixel_cli.sweeps.figures import axis_figures
-
         settings = [run.planned.run.setting for run in summary.complete]
         metrics = [run.metrics for run in summary.complete]
-        figures = axis_figures(settings, metrics, axes, len(summary.incomplete))
+        left_out = len(summary.incomplete)
+
+        def draw() -> dict[str, bytes]:
+            from stixel_cli.sweeps.figures import axis_figures
+
+            return axis_figures(settings, metrics, axes, left_out)
+
+        content = [
+            [[list(of_run.items()) for of_run in given] for given in (settings, metrics)],
+            [list(keys) for keys in axes],
+            left_out,
+        ]
+        code = ["stixel_cli.sweeps.figures"]
+        figures = remembered(self.store, "sweep_figures", code, content, draw)
         if figures:
             self.folder.write_figures(figures)
 

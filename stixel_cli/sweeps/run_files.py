@@ -15,8 +15,8 @@ from stixel_cli.engine.store import Store
 from stixel_cli.evaluation.metric_table import Scores
 from stixel_cli.results import lineage
 from stixel_cli.results.result import score_columns
-from stixel_cli.results.text import json_text
-from stixel_cli.sweeps.folder import RUNS, SweepFolder, yaml_text
+from stixel_cli.results.text import json_text, yaml_text
+from stixel_cli.sweeps.folder import RUNS, SweepFolder
 from stixel_cli.sweeps.graphs import PlannedRun
 from stixel_cli.sweeps.results import FAILED, SKIPPED
 from stixel_cli.sweeps.runs import SweepRun

@@ -13,7 +13,7 @@ from textwrap import dedent
 
 import pytest
 
-from stixel_cli.engine import scheduler
+from stixel_cli.engine import pools, scheduler
 from stixel_cli.engine.cleanup import collect
 from stixel_cli.engine.entries import entries, verify_all
 from stixel_cli.engine.errors import CacheError, StageFailure, WorkerDied
@@ -342,3 +342,26 @@ def test_ctrl_c_does_not_reach_workers_that_are_being_started():
         assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
         """
     subprocess.run([sys.executable, "-c", dedent(script)], check=True, timeout=600)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_worker_is_a_copy_of_a_process_with_one_thread(threads):
+    """A lock that another thread has would stay locked in a copy."""
+    script = f"""
+        import os, signal, threading
+        from stixel_cli.engine import pools
+        pools.MARK = "set by the parent"
+        end = threading.Event()
+        for _ in range({threads} - 1):
+            threading.Thread(target=end.wait).start()
+        pool = pools.ProcessPool(1, may_fork=True)
+        code = "hasattr(__import__('sys').modules.get('stixel_cli.engine.pools'), 'MARK')"
+        assert pool.submit(eval, code).result() == ({threads} == 1)
+        assert signal.SIGINT in pool.submit(signal.pthread_sigmask, signal.SIG_BLOCK, ()).result()
+        assert pool.submit(signal.getsignal, signal.SIGTERM).result() == signal.SIG_DFL
+        assert pool.submit(os.getppid).result() == os.getpid()
+        pool.close()
+        end.set()
+        """
+    environment = os.environ | pools.ENVIRONMENT
+    subprocess.run([sys.executable, "-c", dedent(script)], env=environment, check=True, timeout=600)

@@ -17,7 +17,7 @@ from report_nouns import (
 from stixel_cli.images import decode_png
 from stixel_cli.report.birds_eye import track_pictures
 from stixel_cli.report.camera import camera_pictures
-from stixel_cli.report.over_time import chi_square_bounds, run_pictures
+from stixel_cli.report.over_time import run_pictures
 from stixel_cli.report.path_figure import spaced_frames
 from stixel_cli.stixels.types import OccupancyGrid
 
@@ -174,13 +174,3 @@ def test_spaced_frames_keep_their_distance():
     assert np.diff(places[list(chosen), 0]).min() > 3.0
     assert spaced_frames(np.zeros((7, 2)), size=1.0) == (6,)
     assert spaced_frames(np.zeros((1, 2)), size=1.0) == (0,)
-
-
-def test_chi_square_bounds_of_known_degrees():
-    low, high = chi_square_bounds(np.array([2, 80, 0]))
-    # With two degrees of freedom the distribution is exponential.
-    assert np.isclose(low[0], -np.log(0.975))
-    assert np.isclose(high[0], -np.log(0.025))
-    assert 0.7 < low[1] < 1 < high[1] < 1.35
-    assert np.isnan(low[2])
-    assert np.isnan(high[2])

@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 from playback_runs import SCANS, make_run
 from report_nouns import make_camera_nouns, make_rig
+from scipy.stats import chi2
 
 from stixel_cli.report import playback, style
 from stixel_cli.report.camera_frames import WIDEST, camera_frames
-from stixel_cli.report.over_time import chi_square_bounds
-from stixel_cli.report.playback import consistent_bounds, json_in_html, playback_data, playback_html
+from stixel_cli.report.consistency import consistent_bounds
+from stixel_cli.report.playback import json_in_html, playback_data, playback_html
 
 
 def data_of(page):
@@ -144,7 +145,8 @@ def test_camera_frames_contain_small_images_and_stixels():
 
 def test_consistent_bounds_approximate_chi_square():
     n = np.array([2, 4, 20, 180])
-    exact, near = chi_square_bounds(n), consistent_bounds(n)
+    exact = np.stack([chi2.ppf(p, n) / n for p in (0.025, 0.975)])
+    near = consistent_bounds(n)
     assert np.allclose(near[:, 0], exact[:, 0])
     assert np.allclose(near[:, 1], exact[:, 1], rtol=0.1)
     assert np.allclose(near[:, 2:], exact[:, 2:], rtol=0.01)

@@ -323,6 +323,21 @@ def test_a_tiny_study_from_the_command_line(tiny):
     } <= names_of_figures
 
 
+def test_the_report_is_read_from_the_cache_unless_its_code_or_template_changes(
+    tiny, studies, monkeypatch
+):
+    def report(data):
+        raise AssertionError("computed again")
+
+    before = {path: path.read_bytes() for path in tiny.glob("[ft]*/*")}
+    monkeypatch.setattr("stixel_cli.studies.rq2.report.report", report)
+    studies.run("rq2", *TINY)
+    assert before == {path: path.read_bytes() for path in tiny.glob("[ft]*/*")}
+    monkeypatch.setattr("stixel_cli.studies.findings._files", lambda folder: {"a": "changed"})
+    with pytest.raises(AssertionError, match="computed again"):
+        studies.run("rq2", *TINY)
+
+
 def test_the_page_of_a_tiny_study_fits_its_screen(tiny, open_page):
     for width, dark in ((1280, False), (390, True)):
         opened = open_page(tiny / "report.html", width=width, height=844, dark=dark)
