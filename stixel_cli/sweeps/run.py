@@ -11,6 +11,7 @@ from stixel_cli.engine.execute import execute
 from stixel_cli.engine.plan import Durations
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
+from stixel_cli.experiment.kernels import uncompiled
 from stixel_cli.experiment.run import one_line_errors
 from stixel_cli.sweeps.folder import FIGURES, RUNS, SUMMARIES, TABLE, SweepFolder
 from stixel_cli.sweeps.graphs import PlannedRun, SweepPlan
@@ -133,6 +134,7 @@ class _Sweep:
             self.take,
             visible,
             label,
+            uncompiled() if visible else (),
         )
         execution = execute(
             self.plan.graph,
