@@ -155,7 +155,7 @@ class Progress:
     def text(self) -> str:
         """What is running, and the time left, in one line."""
         running = ", ".join(map(self._stage_text, dict.fromkeys(self.running.values())))
-        return running + self.text_left
+        return (running + self.text_left).removeprefix("; ")
 
     def _stage_text(self, name: str) -> str:
         """`match 20/100 frames`; only the name of a stage that does not run over frames."""

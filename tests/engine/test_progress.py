@@ -167,6 +167,7 @@ def test_a_stage_that_compiles_says_so(project, clock):
     progress.started(first)
     assert progress.text == "double: compiling (first run only)"
     progress.finished(first, 2.0)
+    assert progress.text == "about 2 s left"
     progress.started(second)
     assert progress.text.startswith("double ") and "compiling" not in progress.text
 
