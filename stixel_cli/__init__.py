@@ -1,6 +1,6 @@
 """Experiments in extended target tracking on stixels.
 
-From Python: `from stixel_cli import compose, run, sweep`, see `stixel_cli.api`.
+From Python: `from stixel_cli import compose, plot, run, sweep`, see `stixel_cli.api`.
 """
 
 import time
@@ -9,7 +9,7 @@ __version__ = "0.1.0"
 FIRST_IMPORT = time.time()
 """When this process imported the package; whatever it has of it was read from the disk later."""
 
-__all__ = ["__version__", "compose", "run", "sweep"]
+__all__ = ["__version__", "compose", "plot", "run", "sweep"]
 
 
 def __getattr__(name):

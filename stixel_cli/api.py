@@ -1,66 +1,86 @@
-"""The same as the command line, from Python: `from stixel_cli import compose, run, sweep`.
+"""The same as the command line, from Python: `from stixel_cli import compose, plot, run, sweep`.
 
 Calls leave no state in the process and may follow each other in any order. Errors that the user
 can correct are raised as `stixel_cli.errors.UserError`, in one line.
 """
 
 import dataclasses
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stixel_cli.config.compose import Composition, from_resolved
 from stixel_cli.config.compose import compose as compose_overrides
+from stixel_cli.engine.displays import in_notebook
+from stixel_cli.engine.progress import Progress, make_progress
+from stixel_cli.errors import UserError
+from stixel_cli.experiment.kernels import uncompiled
 from stixel_cli.experiment.run import record_run
 from stixel_cli.results.result import RunResult
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from stixel_cli.sweeps.run import SweepResult
 
 
-def compose(overrides: Sequence[str] | str = ()) -> Composition:
+def compose(*overrides: Sequence[str] | str, last_wins: bool = False) -> Composition:
     """The default configuration with overrides in Hydra's grammar, such as `rig=kitti`, `seed=3`.
+
+    Args:
+        overrides: texts, and lists of texts.
+        last_wins: of several overrides of one key, take the last; else they are refused.
 
     Raises:
         ConfigurationError: in one line, for any fault of the overrides.
     """
-    return compose_overrides((overrides,) if isinstance(overrides, str) else tuple(overrides))
+    return compose_overrides(_texts(overrides, last_wins))
 
 
 def run(
-    experiment: Sequence[str] | str | Composition = (),
-    *,
+    *experiment: Sequence[str] | str | Composition,
     results: Path | str | None = None,
     name: str | None = None,
     workers: int | None = None,
     cache: Path | str | None = None,
+    last_wins: bool = False,
 ) -> RunResult:
     """Run one experiment; cached results are not computed again.
 
+    `run(BASE, "measurement=lidar", last_wins=True)` changes one setting of a list of overrides. A
+    notebook and a terminal show the progress.
+
     Args:
-        experiment: overrides, or the result of `compose`.
+        experiment: overrides as in `compose`, or one result of `compose`.
         results: parent of the result folder; None to write nothing.
         name: of the result folder; None for a name from choices and time.
         workers: None for the number in the configuration.
         cache: folder of the cache; None for the one in the configuration.
+        last_wins: as in `compose`.
 
     Raises:
         UserError: for errors that the user can correct.
         StageFailure: if a stage fails for another reason.
     """
-    composition = experiment if isinstance(experiment, Composition) else compose(experiment)
+    if any(isinstance(one, Composition) for one in experiment):
+        if len(experiment) > 1:
+            raise UserError("run: give overrides, or one composition without overrides")
+        (composition,) = experiment
+    else:
+        composition = compose(*experiment, last_wins=last_wins)
     composition = _on_this_machine(composition, workers, cache)
     return record_run(
         composition,
         ["stixel", "run", *composition.overrides],
         results=None if results is None else Path(results),
         name=name,
+        progress=make_progress(uncompiled()) if _visible() else Progress(),
     )
 
 
 def sweep(
-    overrides: Sequence[str] | str = (),
-    *,
+    *overrides: Sequence[str] | str,
     file: Path | str | None = None,
     results: Path | str | None = None,
     name: str | None = None,
@@ -68,14 +88,15 @@ def sweep(
     pictures: bool = False,
     workers: int | None = None,
     cache: Path | str | None = None,
+    last_wins: bool = False,
 ) -> "SweepResult":
     """Run all combinations of several values; stages that runs share are computed once.
 
-    `pandas.DataFrame(sweep(…).records)` has one row per run. A failing run does not stop the
+    `sweep(…).frame()` is a pandas table with one row per run. A failing run does not stop the
     others; see its `status`.
 
     Args:
-        overrides: in Hydra's grammar, including several values, such as `seed=range(0,5)`.
+        overrides: as in `compose`, including several values, such as `seed=range(0,5)`.
         file: with axes, seeds and excluded runs: a path, or the name of a shipped file.
         results: parent of the sweep's folder; None to write nothing.
         name: of that folder; None for a name from the file's name and the time.
@@ -83,6 +104,7 @@ def sweep(
         pictures: draw the pictures of every run.
         workers: None for the number in the configuration.
         cache: folder of the cache; None for the one in the configuration.
+        last_wins: as in `compose`.
 
     Raises:
         UserError: for errors that the user can correct, before anything is computed.
@@ -90,7 +112,7 @@ def sweep(
     from stixel_cli.config.messages import override_text
     from stixel_cli.sweeps.whole import new_sweep
 
-    texts = [overrides] if isinstance(overrides, str) else list(overrides)
+    texts = list(_texts(overrides, last_wins))
     if workers is not None:
         texts.append(override_text("executor.workers", workers))
     if cache is not None:
@@ -102,7 +124,32 @@ def sweep(
         name,
         shuffle,
         pictures,
+        visible=_visible(),
     )
+
+
+def plot(result: RunResult) -> "Figure":
+    """The run from above: paths with contours at several times, and the contours enlarged.
+
+    Raises:
+        UserError: if the result has no track, because it was read from a folder.
+    """
+    from stixel_cli.report.notebook import plot as plot_result
+
+    return plot_result(result)
+
+
+def _texts(given: Sequence[Sequence[str] | str], last_wins: bool) -> tuple[str, ...]:
+    """The overrides in one tuple; of several of one key only the last if `last_wins`."""
+    texts = [text for one in given for text in ((one,) if isinstance(one, str) else one)]
+    if not last_wins:
+        return tuple(texts)
+    return tuple({text.lstrip("+").partition("=")[0].strip(): text for text in texts}.values())
+
+
+def _visible() -> bool:
+    """Whether progress is shown: not in a script whose output goes to a file."""
+    return in_notebook() or sys.stderr.isatty()
 
 
 def _on_this_machine(

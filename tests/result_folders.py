@@ -16,8 +16,8 @@ CONFIG = {
 }
 
 
-def make_folder(folder, seed=0, config=None, metrics=None, series=None):
-    """Write the result folder `folder`; `config`, `metrics` and `series` replace what is plain."""
+def make_folder(folder, seed=0, config=None, metrics=None, series=None, manifest=None):
+    """Write the result folder `folder`; the other arguments replace what is plain."""
     rng = np.random.default_rng(seed)
     folder.mkdir(parents=True)
     scans = 40
@@ -44,7 +44,7 @@ def make_folder(folder, seed=0, config=None, metrics=None, series=None):
         "scans": scans,
     } | (metrics or {})
     (folder / "metrics.json").write_text(json.dumps(summary))
-    manifest = {
+    content = {
         "command": "stixel run seed=0",
         "seed": seed,
         "created": "2026-01-01T00:00:00+00:00",
@@ -53,8 +53,8 @@ def make_folder(folder, seed=0, config=None, metrics=None, series=None):
         "versions": {"python": "3.11.7", "numpy": "2.0.0"},
         "machine": {"system": "Linux", "processors": 2},
         "stages": [],
-    }
-    (folder / "manifest.json").write_text(json.dumps(manifest))
+    } | (manifest or {})
+    (folder / "manifest.json").write_text(json.dumps(content))
     (folder / "figures").mkdir()
     picture = encode_png(np.full((60, 80, 3), 200, np.uint8))
     (folder / "figures" / "path.png").write_bytes(picture)

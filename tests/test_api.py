@@ -1,5 +1,6 @@
-"""`from stixel_cli import compose, run, sweep`: as from a notebook."""
+"""`from stixel_cli import compose, plot, run, sweep`: as from a notebook."""
 
+import dataclasses
 import json
 import os
 import subprocess
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 import stixel_cli
-from stixel_cli import compose, run, sweep
+from stixel_cli import compose, plot, run, sweep
 from stixel_cli.errors import ConfigurationError, UserError
 
 FABRICATED = ["measurement=fabricated", "path.duration=0.5", "pictures.frames=[0]"]
@@ -24,7 +25,7 @@ def test_the_package_imports_nothing():
     assert done.returncode == 0, done.stderr
     with pytest.raises(AttributeError, match="no attribute 'walk'"):
         stixel_cli.walk  # noqa: B018
-    assert {"compose", "run", "sweep"} <= set(stixel_cli.__all__)
+    assert {"compose", "plot", "run", "sweep"} <= set(stixel_cli.__all__)
 
 
 def test_run_gives_nouns_records_and_tables(tmp_path):
@@ -94,3 +95,35 @@ def test_a_sweep_gives_a_record_a_point(tmp_path):
     assert result.records[1]["centre_rmse_m"] == alone.metrics["centre_rmse_m"]
     with pytest.raises(UserError):
         sweep([*FABRICATED, "tracker.sigma_f=0.1,wide"])
+    table = result.frame()
+    assert list(table["tracker.sigma_f"]) == [0.1, 0.2] and table.shape[0] == 2
+    assert "tracker.sigma_f" in result._repr_html_()
+    assert len(repr(result)) < 200 and "2 of 2 runs done" in repr(result)
+
+
+def test_a_result_is_short_in_a_terminal_and_a_picture_in_a_notebook():
+    result = run(FABRICATED, "seed=1")
+    assert len(repr(result)) < 500
+    assert "car turn fabricated gp_ekf seed 1: " in repr(result)
+    html = result._repr_html_()
+    assert "data:image/png;base64," in html and "IoU of the outline, mean" in html
+    assert "Tracked" in html or "lost" in html
+    assert "<img" not in dataclasses.replace(result, pictures={})._repr_html_()
+
+
+def test_plot_draws_the_run_from_above():
+    figure = plot(run(FABRICATED))
+    assert figure.axes[0].get_xlabel() == "x in the world (m)"
+    with pytest.raises(UserError, match="no track"):
+        plot(dataclasses.replace(run(FABRICATED), track=None))
+
+
+def test_later_overrides_win_only_if_asked_for():
+    base = ["measurement=fabricated", "seed=1"]
+    with pytest.raises(ConfigurationError, match="given twice"):
+        compose(base, "seed=2")
+    composition = compose(base, "seed=2", ["rig=kitti"], last_wins=True)
+    assert composition.overrides == ("measurement=fabricated", "seed=2", "rig=kitti")
+    assert compose(base, "rig=kitti").choices["rig"] == "kitti"
+    with pytest.raises(UserError, match="one composition"):
+        run(composition, "seed=3")

@@ -9,10 +9,12 @@ import pytest
 
 from stixel_cli import compose
 from stixel_cli.cli.app import main
-from stixel_cli.config.folders import group_options
+from stixel_cli.config.overrides import check_overrides, parse_overrides
 from stixel_cli.studies.file import shipped_studies
 
-README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = sorted((ROOT / "docs").glob("*.md"))
 RUNS = [
     shlex.split(line, comments=True)[1:]
     for line in re.findall(r"^stixel (?:run|sweep) .*$", README, flags=re.MULTILINE)
@@ -46,10 +48,20 @@ def test_python_example_is_valid():
         compose(ast.literal_eval(overrides))
 
 
-def test_options_in_the_readme_are_complete():
-    table = re.findall(r"^\| `([\w/]+)` \| (`.*) \|$", README, flags=re.MULTILINE)
-    named = {group: set(re.findall(r"`(\w+)`", options)) for group, options in table}
-    known = group_options()
-    assert named.keys() <= known.keys()
-    for group, options in named.items():
-        assert options == set(known[group]), group
+def test_no_example_takes_other_runs_along():
+    """Each result folder that is used was named before, and no name is given twice."""
+    made = re.findall(r"^stixel (?:run|sweep) .*--name (\S+)", README, flags=re.MULTILINE)
+    used = re.findall(r"\bresults/(\S+)", README)
+    assert len(made) == len(set(made))
+    assert set(used) <= set(made)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_commands_of_the_docs_are_valid(page, capsys):
+    """Verbs and overrides; the tutorials' commands run in tests/docs."""
+    text = page.read_text(encoding="utf-8")
+    for line in set(re.findall(r"^stixel .*$", text, flags=re.MULTILINE)):
+        verb, *words = shlex.split(line.removesuffix("\\"), comments=True)[1:]
+        assert main([verb, "--help"]) == 0, line
+        given = [word for word in words if re.match(r"[a-z_./]+=", word)]
+        check_overrides(parse_overrides(given))

@@ -15,6 +15,7 @@ from stixel_cli import __version__
 from stixel_cli.cli import cache
 from stixel_cli.cli.calibrate import calibrate
 from stixel_cli.cli.compare import compare
+from stixel_cli.cli.describe import describe
 from stixel_cli.cli.doctor import doctor
 from stixel_cli.cli.errors import Interrupted, guarded, settle_streams, usage_line
 from stixel_cli.cli.explain import explain
@@ -114,7 +115,7 @@ def stixel(
 
 app.command(cls=_Run, short_help="Run one experiment.")(run)
 _COMMANDS = (
-    *(sweep, study, plan, explain, rerun, verify, ls, show, compare, report, play),
+    *(sweep, study, describe, plan, explain, rerun, verify, ls, show, compare, report, play),
     *(export, calibrate),
 )
 for _command in _COMMANDS:

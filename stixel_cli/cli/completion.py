@@ -46,6 +46,12 @@ def complete_sweep(incomplete: str) -> list[str]:
     return [f"{before},{o}" for o in options if o.startswith(last) and o not in given]
 
 
+def complete_setting(incomplete: str) -> list[str]:
+    """Complete to groups, options and keys, without values."""
+    found = complete_override(incomplete)
+    return [word.removesuffix("=") for word in found if word.endswith("=") or "." not in word]
+
+
 def complete_study(incomplete: str) -> list[str]:
     """Complete to names of studies, and to overrides as in a sweep."""
     folder = shipped_folder("pipelines") / "studies"

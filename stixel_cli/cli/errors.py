@@ -15,6 +15,9 @@ CRASHED = 1
 LONGEST_USAGE = 300
 """Characters of a usage error: it repeats the words that were typed."""
 
+MULTIRUN = ("-m", "--multirun")
+"""Hydra's options for several runs."""
+
 _OF_THE_USER = (errno.ENAMETOOLONG, errno.EACCES)
 """Errors that any access to a typed path may raise."""
 
@@ -170,6 +173,8 @@ def _near_option(wrong: str, context: Any) -> str:
     from difflib import get_close_matches
 
     key = wrong.lstrip("-")
+    if wrong in MULTIRUN:
+        return "; `stixel sweep KEY=1,2,3` runs all combinations of several values"
     if key == "seed" or key.partition(".")[0] in group_options():
         return f"; did you mean {key}=… without the dashes?"
     options = [name for one in context.command.params for name in one.opts] if context else []

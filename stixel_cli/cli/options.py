@@ -59,7 +59,8 @@ Folders = Annotated[
     ),
 ]
 Name = Annotated[
-    str | None, typer.Option(help="Name of the result folder (default: time and choices).")
+    str | None,
+    typer.Option(help="Name of the result folder (default: the changed settings, and the time)."),
 ]
 StudyName = Annotated[
     str | None,
@@ -80,6 +81,9 @@ Workers = Annotated[
     typer.Option(min=1, max=4096, help="Number of workers; short for executor.workers=…"),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON only.")]
+Verbose = Annotated[
+    bool, typer.Option("--verbose", "-v", help="Print all scores, not only the main ones.")
+]
 DryRun = Annotated[
     bool, typer.Option("--dry-run", help="Print what would be computed; compute nothing.")
 ]

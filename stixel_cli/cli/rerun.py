@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from stixel_cli.cli.options import Folder, Json, Name, Results, TrustCode, Workers
-from stixel_cli.cli.run import print_run, print_scores, with_workers
+from stixel_cli.cli.options import Folder, Json, Name, Results, TrustCode, Verbose, Workers
+from stixel_cli.cli.run import print_run, printer_of_scores, with_workers
 
 
 def rerun(
@@ -13,6 +13,7 @@ def rerun(
     workers: Workers = None,
     trust_code: TrustCode = False,
     json: Json = False,
+    verbose: Verbose = False,
 ) -> int:
     """Repeat a run with the configuration of its folder.
 
@@ -22,6 +23,7 @@ def rerun(
     Example: stixel rerun results/wide-prior
     """
     from stixel_cli.engine.progress import make_progress
+    from stixel_cli.experiment.kernels import uncompiled
     from stixel_cli.experiment.run import read_stored_run, record_run, trust_stored_run
 
     stored = read_stored_run(folder, tuple(with_workers((), workers)))
@@ -32,9 +34,9 @@ def rerun(
         results=results,
         name=name,
         stem=f"{folder.resolve().name.lstrip('.')[:100]}-rerun",
-        progress=make_progress(),
+        progress=make_progress(uncompiled()),
         notes={"rerun_of": str(folder)},
-        on_scores=None if json else print_scores,
+        on_scores=None if json else printer_of_scores(verbose),
     )
     print_run(made, json)
     return 0

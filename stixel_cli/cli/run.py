@@ -2,13 +2,21 @@
 
 import sys
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from stixel_cli.cli.options import ConfigDir, Json, Name, Overrides, Results, Workers
+from stixel_cli.cli.options import (
+    ConfigDir,
+    Json,
+    Name,
+    Overrides,
+    Results,
+    Verbose,
+    Workers,
+)
 from stixel_cli.cli.terminal import print_json, print_table
 from stixel_cli.config.folders import group_options, installed_trackers, presets_option
 from stixel_cli.errors import UserError
@@ -27,6 +35,7 @@ def run(
     results: Results = Path("results"),
     workers: Workers = None,
     json: Json = False,
+    verbose: Verbose = False,
     dry_run: Annotated[
         bool,
         typer.Option(
@@ -39,6 +48,7 @@ def run(
     from stixel_cli.config.compose import compose
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.engine.store import open_store
+    from stixel_cli.experiment.kernels import uncompiled
     from stixel_cli.experiment.run import record_run
     from stixel_cli.results.folder import check_name
 
@@ -53,8 +63,8 @@ def run(
         command,
         results,
         name,
-        progress=make_progress(),
-        on_scores=None if json else print_scores,
+        progress=make_progress(uncompiled()),
+        on_scores=None if json else printer_of_scores(verbose),
     )
     print_run(made, json)
     return 0
@@ -94,7 +104,7 @@ def help_of_run() -> str:
             "Keys of the chosen options, for example:",
             "  rig.width rig.horizontal_fov rig.baseline path.speed path.duration",
             "  tracker.basis_points tracker.length_scale tracker.sigma_f seed",
-            "  (stixel run --dry-run prints all of them)",
+            "  (stixel describe KEY explains one, stixel run --dry-run prints all of them)",
             "",
             "\b",
             "Examples:",
@@ -126,22 +136,34 @@ def print_run(made: "RunResult", json: bool) -> None:
     typer.echo(made.folder)
 
 
-def print_scores(scenario: "Scenario", scores: "Scores") -> None:
-    """Print the scores of a run at once, before its pictures are drawn."""
-    from rich.console import Console
+def printer_of_scores(verbose: bool) -> Callable[["Scenario", "Scores"], None]:
+    """The function that prints the scores of a run at once, before its pictures are drawn.
 
-    from stixel_cli.evaluation.verdict import verdict
-    from stixel_cli.report.metrics import scores_table
+    It prints the verdict and a table: of the main metrics, or of all if `verbose`.
+    """
 
-    console = Console(highlight=False, soft_wrap=True)
-    console.print(scores_table(scores.metrics))
-    if not scenario.star_convex:
-        console.print(
-            "The true contour is not star-convex about its centre: no track can match it exactly."
-        )
-    for sentence in verdict(scores.metrics):
-        console.print(sentence)
-    sys.stdout.flush()
+    def print_scores(scenario: "Scenario", scores: "Scores") -> None:
+        from rich.console import Console
+
+        from stixel_cli.evaluation.verdict import verdict
+        from stixel_cli.report.metrics import main_metrics, scores_table
+
+        console = Console(highlight=False, soft_wrap=True)
+        for sentence in verdict(scores.metrics):
+            console.print(sentence, style=_colour(sentence))
+        console.print()
+        console.print(scores_table(scores.metrics if verbose else main_metrics(scores.metrics)))
+        console.print()
+        sys.stdout.flush()
+
+    return print_scores
+
+
+def _colour(sentence: str) -> str:
+    """Green for a track that was kept, red for one that was lost, yellow for what limits it."""
+    if sentence.startswith("Tracked"):
+        return "bold green"
+    return "bold red" if sentence.startswith(("Track lost", "The road user")) else "yellow"
 
 
 def _print_plan(composition: "Composition", store: "Store", json: bool) -> None:

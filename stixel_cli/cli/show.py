@@ -42,12 +42,12 @@ def show(folder: Folder, json: Json = False) -> int:
         return 0
     print_table(("run", str(folder)), _provenance(manifest), width=WIDTH)
     sys.stdout.write("\n")
+    sys.stdout.write("\n".join(verdict(metrics)) + "\n\n")
     rows = [
         (metric(name).label, shown_value(name, value), metric(name).shown_unit)
         for name, value in with_value(metrics).items()
     ]
     print_table(("score", "value", "unit"), rows, right=(1,))
-    sys.stdout.write("\n" + "\n".join(verdict(metrics)) + "\n")
     sys.stdout.write("\n")
     print_table(("stage", "status", "nodes", "seconds", "key"), _stages(manifest), right=(2, 3))
     return 0

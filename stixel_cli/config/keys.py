@@ -22,11 +22,13 @@ class Key:
         annotation: the type with its range.
         owners: the variants that have it, as (group, kind), the outer group first; () if none of
             its groups has variants.
+        schema: the class that has it.
     """
 
     name: str
     annotation: Any
     owners: tuple[tuple[str, str], ...]
+    schema: type
 
 
 @cache
@@ -50,7 +52,29 @@ def _collect(
             own = () if kind is None else (((prefix + name).replace(".", "/"), kind),)
             _collect(variant, f"{prefix}{name}.", (*owners, *own), keys)
         if not variants and name != "kind":
-            keys.setdefault(prefix + name, []).append(Key(prefix + name, annotation, owners))
+            key = Key(prefix + name, annotation, owners, schema)
+            keys.setdefault(prefix + name, []).append(key)
+
+
+def place_in_class(key: Key) -> int:
+    """The place of a key among the fields of its class."""
+    return list(_fields(key.schema)).index(key.name.rpartition(".")[2])
+
+
+@cache
+def schemas() -> dict[tuple[str, str], type]:
+    """Group and kind to the class of the group's parameters; the kind is "" for a single class."""
+    found: dict[tuple[str, str], type] = {}
+    pending = [("", Configuration)]
+    while pending:
+        prefix, schema = pending.pop()
+        for name, annotation in _fields(schema).items():
+            variants = _dataclasses(annotation)
+            for variant in variants:
+                kind = (kind_of(variant) or "") if len(variants) > 1 else ""
+                found[prefix + name, kind] = variant
+                pending.append((f"{prefix}{name}/", variant))
+    return found
 
 
 def chosen_kinds(plain: Any, prefix: str = "") -> dict[str, str]:

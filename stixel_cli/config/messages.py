@@ -151,7 +151,10 @@ def unknown_option(group: str, option: str) -> str:
     """Message: the group has no such option, with the nearest one and all options."""
     options = group_options()[group]
     hint = suggestion(option, options, form=group + "={}")
-    return f"{group}: unknown option {show(option)}{hint} (options: {', '.join(options)})"
+    text = f"{group}: unknown option {show(option)}{hint} (options: {', '.join(options)})"
+    if group == "road_user":
+        text += "; for a mesh of your own give road_user.mesh=FILE"
+    return text
 
 
 def show(value: Any) -> str:

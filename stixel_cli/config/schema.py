@@ -74,8 +74,29 @@ class Configuration:
         seed: of all random numbers.
         metrics: further metrics, each a function of the user's own as "module:function".
         code_folders: folders of the user's own modules. Their content matters, not their names.
-        executor, cache: where it runs and where results are cached. No result depends on them.
-        others: the parameters of one group each; see their classes.
+        source: images: rendered, or recorded by a real camera.
+        road_user: the target; for your own mesh (triangles; metres, x forward, z up) set
+            road_user.mesh.
+        pace: speeds and first positions of the road user on each path.
+        prior: what the trackers know about the class: size, shape, noise.
+        path: the target's path.
+        ego: motion of the ego car.
+        rig: stereo cameras: image size, focal length, baseline.
+        world: the street around the target.
+        renderer: ray caster, or Open3D's Filament.
+        sensor: noise of the rendered images.
+        stereo: semi-global or block matching.
+        road: road plane from the rig's pose, or estimated from the disparity.
+        occupancy: coordinates of the occupancy grid.
+        free_space: path through the occupancy grid, to the nearest obstacle of each column.
+        height: heights of obstacles above the free space.
+        extraction: stixels from free space and height.
+        measurement: source of the scans.
+        start: initial state of the tracker.
+        tracker: the tracker of pose and shape.
+        pictures: frames that get pictures.
+        executor: where stages run; no result depends on it.
+        cache: where results are cached; no result depends on it.
     """
 
     seed: Annotated[int, Ge(0), Le(2**63 - 1)]

@@ -1,10 +1,11 @@
-"""Progress of an execution on stderr: a bar on a terminal, some lines elsewhere."""
+"""Progress of an execution: counts of nodes and frames, and the time left."""
 
 import sys
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
+from stixel_cli.engine.displays import Display, make_display
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.graph import Node
 from stixel_cli.engine.parameters import PROGRAM
@@ -12,18 +13,28 @@ from stixel_cli.engine.parameters import PROGRAM
 PATIENCE = 1.0
 """Seconds before the first output: a shorter execution shows nothing."""
 
-LINE_INTERVAL = 5.0
-"""Seconds between two lines."""
-
 
 class Progress:
-    """Count nodes and show only notes. All calls come from the thread of the execution."""
+    """Count nodes and frames, and show them on a display, if there is one; notes are always shown.
 
-    def __init__(self):
+    All calls come from the thread of the execution.
+
+    Args:
+        display: None to show only notes.
+        uncompiled: modules whose machine code is not cached: the first node of a stage that reaches
+            one of them compiles it.
+    """
+
+    def __init__(self, display: Display | None = None, uncompiled: Collection[str] = ()):
+        self.display = display
+        self.uncompiled = frozenset(uncompiled)
         self.total: dict[str, int] = {}
         self.done: dict[str, int] = {}
+        self.frames_total: Counter[str] = Counter()
+        self.frames_done: Counter[str] = Counter()
         self.seconds: dict[str, float] = {}
         self.running: dict[str, str] = {}
+        self.compiling: set[str] = set()
         self.failures = 0
         self.skipped = 0
         self.cached = 0
@@ -45,16 +56,22 @@ class Progress:
         """Add nodes that will be computed as well."""
         for node in nodes:
             self.total[node.stage.name] = self.total.get(node.stage.name, 0) + 1
+            self.frames_total[node.stage.name] += _frames(node)
 
     def started(self, node: Node) -> None:
         """Count a node as running. A node whose worker crashed starts a second time."""
-        self.running[node.key] = node.stage.name
+        name = node.stage.name
+        self.running[node.key] = name
+        if name not in self.done and not self.uncompiled.isdisjoint(node.identity.code.modules):
+            self.compiling.add(name)
 
     def finished(self, node: Node, seconds: float) -> None:
         """Count a node as done: its result is in the store."""
         name = node.stage.name
         self.running.pop(node.key, None)
+        self.compiling.discard(name)
         self.done[name] = self.done.get(name, 0) + 1
+        self.frames_done[name] += _frames(node)
         self.seconds[name] = self.seconds.get(name, 0.0) + seconds
 
     def failed(self, node: Node, failure: StageFailure, skipped: Sequence[Node]) -> None:
@@ -64,17 +81,23 @@ class Progress:
         self.skipped += len(skipped)
         for one in (node, *skipped):
             self.total[one.stage.name] -= 1
+            self.frames_total[one.stage.name] -= _frames(one)
         self.note(f"failed: {' '.join(str(failure).split())}")
 
     def tick(self) -> None:
         """Update the display. Called several times per second."""
+        if self.display is not None and self.all_total and self.elapsed > PATIENCE:
+            self.display.show(self.share, self.text)
 
     def note(self, text: str) -> None:
         """Print one line for the user."""
-        print(f"{PROGRAM}: {text}", file=sys.stderr, flush=True)  # noqa: T201
+        if self.display is None or not self.display.note(text):
+            print(f"{PROGRAM}: {text}", file=sys.stderr, flush=True)  # noqa: T201
 
     def close(self) -> None:
         """End the display; the next `tick` may show it again."""
+        if self.display is not None:
+            self.display.close()
 
     @property
     def all_done(self) -> int:
@@ -87,21 +110,37 @@ class Progress:
         return sum(self.total.values())
 
     @property
+    def share(self) -> float:
+        """Share of the work that is done, 0 … 1: of frames, summed over the stages."""
+        done = sum(max(self.frames_done[name], count) for name, count in self.done.items())
+        total = sum(max(self.frames_total[name], count) for name, count in self.total.items())
+        return min(1.0, done / total) if total else 1.0
+
+    @property
     def elapsed(self) -> float:
         """Seconds since the start."""
         return time.monotonic() - self.began
 
     def seconds_left(self) -> float | None:
-        """Estimated seconds left; None if a stage without any measured time is to be computed."""
+        """Estimated seconds left; None if nothing is known about a stage.
+
+        As soon as any frame was measured in this execution, a frame of a stage without any measured
+        time counts as an average one, and a stage that does not run over frames as nothing.
+        """
+        frames = sum(self.frames_done.values())
+        spent = sum(self.seconds[name] for name in self.done if self.frames_done[name])
         total = 0.0
         for name, count in self.total.items():
             done = self.done.get(name, 0)
             if count <= done:
                 continue
             each = self.seconds[name] / done if done else self.known.get(name)
-            if each is None:
+            if each is not None:
+                total += (count - done) * each
+            elif not frames:
                 return None
-            total += (count - done) * each
+            else:
+                total += self.frames_total[name] * spent / frames
         return total / self.workers
 
     @property
@@ -113,9 +152,22 @@ class Progress:
         return f"; about {duration(left)} left"
 
     @property
-    def running_stages(self) -> str:
-        """Names of the stages that are running."""
-        return ", ".join(dict.fromkeys(self.running.values()))
+    def text(self) -> str:
+        """What is running, and the time left, in one line."""
+        running = ", ".join(map(self._stage_text, dict.fromkeys(self.running.values())))
+        return (running + self.text_left).removeprefix("; ")
+
+    def _stage_text(self, name: str) -> str:
+        """`match 20/100 frames`; only the name of a stage that does not run over frames."""
+        if name in self.compiling:
+            return f"{name}: compiling (first run only)"
+        total = self.frames_total[name]
+        return f"{name} {self.frames_done[name]}/{total} frames" if total else name
+
+
+def _frames(node: Node) -> int:
+    """Number of frames of a node; 0 for one that does not run over frames."""
+    return 0 if node.first is None else node.stop - node.first
 
 
 def crash_note(labels: Sequence[str], retry: bool) -> str:
@@ -130,9 +182,9 @@ def crash_note(labels: Sequence[str], retry: bool) -> str:
     return f"a worker crashed while running {names}; retrying {each}"
 
 
-def make_progress() -> Progress:
-    """A bar if stderr is a terminal, else lines."""
-    return Bar() if sys.stderr.isatty() else Lines()
+def make_progress(uncompiled: Collection[str] = ()) -> Progress:
+    """Progress with the display that suits stderr. `uncompiled` is as in `Progress`."""
+    return Progress(make_display(), uncompiled)
 
 
 def duration(seconds: float) -> str:
@@ -143,78 +195,3 @@ def duration(seconds: float) -> str:
     if minutes < 90:
         return f"{minutes} min"
     return f"{minutes // 60} h {minutes % 60} min"
-
-
-class Lines(Progress):
-    """Print a line for each finished stage, and one every few seconds."""
-
-    def __init__(self):
-        super().__init__()
-        self._last_line = 0.0
-
-    def finished(self, node: Node, seconds: float) -> None:
-        """Print a line if the stage is complete."""
-        super().finished(node, seconds)
-        name = node.stage.name
-        if self.done[name] == self.total.get(name) and self.elapsed > PATIENCE:
-            nodes = f" ({self.done[name]} nodes)" if self.done[name] > 1 else ""
-            self._line(f"{name}{nodes} done in {self.seconds[name]:.1f} s of work")
-
-    def tick(self) -> None:
-        """Print a line if the last one is some time ago."""
-        if self.running and self.elapsed - self._last_line > LINE_INTERVAL:
-            self._line(f"running {self.running_stages}{self.text_left}")
-
-    def _line(self, text: str) -> None:
-        self._last_line = self.elapsed
-        self.note(f"[{self.all_done}/{self.all_total}] {text}")
-
-
-class Bar(Progress):
-    """Show a progress bar of rich, and remove it at the end."""
-
-    def __init__(self):
-        super().__init__()
-        self._bar = None
-        self._task = None
-
-    def tick(self) -> None:
-        """Show or update the bar."""
-        if self._bar is None and self.all_total and self.elapsed > PATIENCE:
-            self._start()
-        if self._bar is not None:
-            self._bar.update(
-                self._task,
-                completed=self.all_done,
-                total=self.all_total,
-                description=self.running_stages + self.text_left,
-            )
-
-    def note(self, text: str) -> None:
-        """Print a line above the bar."""
-        if self._bar is None:
-            super().note(text)
-        else:
-            self._bar.console.print(f"{PROGRAM}: {text}", markup=False, highlight=False)
-
-    def close(self) -> None:
-        """Remove the bar."""
-        if self._bar is not None:
-            self._bar.stop()
-            self._bar = None
-
-    def _start(self) -> None:
-        from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
-        from rich.progress import Progress as RichProgress
-
-        self._bar = RichProgress(
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TextColumn("{task.description}"),
-            console=Console(stderr=True),
-            transient=True,
-        )
-        self._task = self._bar.add_task("", total=self.all_total)
-        self._bar.start()

@@ -12,6 +12,7 @@ from typing import Any
 from stixel_cli import __version__
 from stixel_cli.config.compose import Composition, compose, from_resolved
 from stixel_cli.config.own_options import check_parameters, functions_of, require_trust
+from stixel_cli.config.run_names import run_name
 from stixel_cli.config.schema import Configuration
 from stixel_cli.engine.errors import CacheError, CodeChanged, ExecutorError, StageFailure
 from stixel_cli.engine.execute import execute
@@ -147,7 +148,7 @@ def record_run(
         command: the command line for the manifest.
         results: parent of the result folder; None to write nothing.
         name: of the result folder; None for a name made of `stem` and the time.
-        stem: None for the choices of the main groups.
+        stem: None for what differs from the default, see `config.run_names`.
         progress: reports the progress.
         notes: further entries of the manifest.
         on_scores: see `run_experiment`.
@@ -177,7 +178,7 @@ def record_run(
         "stages": run.stages,
     }
     run = replace(run, manifest=manifest)
-    stem = choice_name(composition) if stem is None else stem
+    stem = run_name(composition.choices, composition.overrides) if stem is None else stem
     while results is not None:
         # Only now: a refused cache or scheduler leaves no folder behind.
         folder = reserve_folder(results, name, f"{stem}-{stamp(now)}")
@@ -190,12 +191,6 @@ def record_run(
             if name is not None:
                 raise
     return run
-
-
-def choice_name(composition: Composition) -> str:
-    """Default name of a run: its choices of the main groups."""
-    groups = ("road_user", "path", "measurement", "tracker")
-    return "-".join(composition.choices[group] for group in groups if group in composition.choices)
 
 
 @contextmanager

@@ -292,6 +292,20 @@ OWN: dict[str, Definition] = {
 """The stages that replace those of `TABLE` where the user chooses own functions."""
 
 
+def readers(name: str) -> list[str]:
+    """The stages that read a group or a key, given by its name with dots."""
+
+    def reads(stage: Definition) -> bool:
+        paths = [*stage.reads.values(), *stage.files, *stage.code]
+        paths += ["seed"] * stage.seeded + ["pictures.frames"] * (stage.pattern == "pick")
+        return any(
+            f"{path}.".startswith(f"{name}.") or name.startswith(f"{path}.") for path in paths
+        )
+
+    found = [stage for table in (TABLE, OWN) for stage, its in table.items() if reads(its)]
+    return list(dict.fromkeys(found))
+
+
 _DRAWING = {f for stage in TABLE.values() if stage.pictures for f in stage.functions.values()}
 
 

@@ -6,9 +6,15 @@ from collections.abc import Mapping
 from rich import box
 from rich.table import Table
 
-from stixel_cli.evaluation.metric_table import Better, metric
+from stixel_cli.evaluation.metric_table import METRICS, Better, metric
 
 NO_VALUE = "–"
+
+MAIN = (
+    *("iou_mean", "iou_box_mean", "centre_rmse_m", "orientation_rmse_deg"),
+    *("nees_position_mean", "nis_mean"),
+)
+"""The metrics that a run prints unless all are asked for."""
 
 
 def format_value(value: float | int | None) -> str:
@@ -50,6 +56,12 @@ def _rank(value: float, direction: Better) -> float:
     if direction == "one":
         return abs(math.log(value)) if value > 0.0 else math.inf
     return value if direction == "less" else -value
+
+
+def main_metrics(metrics: Mapping[str, float | int | None]) -> dict[str, float | int | None]:
+    """Those of `MAIN` that exist, in that order, and those of the user's own functions."""
+    own = [name for name in metrics if name not in METRICS]
+    return {name: metrics[name] for name in (*MAIN, *own) if name in metrics}
 
 
 def scores_table(metrics: Mapping[str, float | int | None]) -> Table:

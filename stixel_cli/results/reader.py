@@ -138,7 +138,9 @@ class ListedRun:
         path: the folder.
         kind: `run` or `sweep`.
         created: date and time, "" if unknown.
-        choices: the options of the main groups.
+        choices: the option of each group; empty for a sweep.
+        overrides: as typed.
+        swept: the keys that differ between the runs of its sweep, with their values as typed.
         seed: None if unknown.
         metrics: of the run; empty for a sweep.
         fault: why it cannot be read, in one line; None if it can be read.
@@ -147,7 +149,9 @@ class ListedRun:
     path: Path
     kind: str
     created: str
-    choices: str
+    choices: dict[str, str]
+    overrides: tuple[str, ...]
+    swept: dict[str, str]
     seed: int | None
     metrics: dict[str, float | int | None]
     fault: str | None
@@ -188,24 +192,29 @@ def _find(folder: Path, depth: int) -> Iterator[tuple[Path, str]]:
 
 def _listed(folder: Path, kind: str) -> ListedRun:
     if kind == "sweep":
-        return ListedRun(folder, kind, _modified(folder / SWEEP_FILE), "", None, {}, None)
+        created = _modified(folder / SWEEP_FILE)
+        return ListedRun(folder, kind, created, {}, (), {}, None, {}, None)
     try:
         manifest, metrics = read_manifest(folder), read_metrics(folder)
     except UserError as fault:
-        return ListedRun(folder, kind, "", "", None, {}, str(fault))
-    choices = manifest.get("choices")
-    choices = choices if isinstance(choices, dict) else {}
-    groups = ("road_user", "path", "measurement", "tracker")
-    seed = manifest.get("seed")
+        return ListedRun(folder, kind, "", {}, (), {}, None, {}, str(fault))
+    overrides, seed = manifest.get("overrides"), manifest.get("seed")
     return ListedRun(
         folder,
         kind,
         str(manifest.get("created", "")),
-        " ".join(str(choices[group]) for group in groups if group in choices),
+        _texts(manifest.get("choices")),
+        tuple(map(str, overrides)) if isinstance(overrides, list) else (),
+        _texts(manifest.get("swept")),
         seed if isinstance(seed, int) else None,
         metrics,
         None,
     )
+
+
+def _texts(value: Any) -> dict[str, str]:
+    """The items of a mapping as texts; empty for anything else."""
+    return {str(k): str(v) for k, v in value.items()} if isinstance(value, dict) else {}
 
 
 def _modified(file: Path) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.evaluation.metric_table import Scores
+from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.results.ego_frame import (
     pose_columns,
@@ -62,6 +63,22 @@ class RunResult:
     camera: tuple[CameraFrames, ...] = ()
     lineage: Lineage | None = None
     label: str = ""
+
+    def __repr__(self) -> str:
+        """The choices, the seed, the verdict and the folder, in one line."""
+        groups = ("road_user", "path", "measurement", "tracker")
+        words = [self.choice(group) for group in groups if group in self.settings]
+        words.append(f"seed {self.settings.get('seed')}")
+        return (
+            f"<RunResult {' '.join(words)}: {' '.join(verdict(self.metrics))} {self.folder or ''}>"
+        )
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: verdict, main metrics, and the picture from above."""
+        # The only import of a module above this one: notebooks look for the method here.
+        from stixel_cli.report.notebook import result_html
+
+        return result_html(self)
 
     @property
     def stages(self) -> list[dict[str, Any]]:

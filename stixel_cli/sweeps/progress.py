@@ -1,11 +1,11 @@
-"""Progress of a sweep on stderr, runs and nodes: a bar on a terminal, lines elsewhere."""
+"""Progress of a sweep, counted in runs and nodes."""
 
-import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
+from stixel_cli.engine.displays import make_display
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.graph import Node
-from stixel_cli.engine.progress import LINE_INTERVAL, PATIENCE, Progress
+from stixel_cli.engine.progress import Progress
 from stixel_cli.sweeps.graphs import PlannedRun
 
 
@@ -21,6 +21,7 @@ class SweepProgress(Progress):
         on_run: Callable[[PlannedRun, Mapping[str, float]], None],
         visible: bool = True,
         label: str = "",
+        uncompiled: Collection[str] = (),
     ):
         """Start with no run of `waiting` done.
 
@@ -33,8 +34,9 @@ class SweepProgress(Progress):
                 by key.
             visible: show more than notes.
             label: prefix of the counts.
+            uncompiled: as in `Progress`.
         """
-        super().__init__()
+        super().__init__(make_display() if visible else None, uncompiled)
         self.runs_total = finished + len(waiting)
         self.runs_done = finished
         self.runs_failed = 0
@@ -48,7 +50,6 @@ class SweepProgress(Progress):
         for one in waiting:
             for target in one.targets:
                 self._waiting_for.setdefault(target, []).append(one.run.index)
-        self._display = _display() if visible else None
 
     def begin(self, nodes: Sequence[Node], cached: int) -> None:
         """Count the nodes, and report runs that need no node to run."""
@@ -71,21 +72,6 @@ class SweepProgress(Progress):
                 if self._left.pop(index, None) is not None:
                     self.runs_failed += 1
 
-    def tick(self) -> None:
-        """Show the progress."""
-        if self._display is not None and self.elapsed > PATIENCE:
-            self._display.show(self)
-
-    def note(self, text: str) -> None:
-        """Print a line on stderr, above a bar."""
-        if self._display is None or not self._display.note(text):
-            super().note(text)
-
-    def close(self) -> None:
-        """Remove the bar."""
-        if self._display is not None:
-            self._display.close()
-
     @property
     def text(self) -> str:
         """All counts in one line."""
@@ -95,6 +81,8 @@ class SweepProgress(Progress):
             f"nodes: {self.all_done}/{self.all_total} done, {self.cached} cached, "
             f"{len(self.running)} running" + (f", {self.failures} failed" if self.failures else ""),
         ]
+        if self.compiling:
+            parts.append(f"{', '.join(sorted(self.compiling))}: compiling (first run only)")
         return "; ".join(parts) + self.text_left
 
     def _done(self, target: str) -> None:
@@ -107,63 +95,3 @@ class SweepProgress(Progress):
                 del self._left[index]
                 self.runs_done += 1
                 self._on_run(self._runs[index], self.node_seconds)
-
-
-def _display() -> "_Lines | _Bar":
-    return _Bar() if sys.stderr.isatty() else _Lines()
-
-
-class _Lines:
-    """A line every few seconds."""
-
-    def __init__(self):
-        self._last = 0.0
-
-    def show(self, progress: SweepProgress) -> None:
-        if progress.elapsed - self._last > LINE_INTERVAL:
-            self._last = progress.elapsed
-            progress.note(progress.text)
-
-    def note(self, text: str) -> bool:
-        return False
-
-    def close(self) -> None:
-        pass
-
-
-class _Bar:
-    """A bar of rich, removed at the end."""
-
-    def __init__(self):
-        self._bar = None
-
-    def show(self, progress: SweepProgress) -> None:
-        if self._bar is None:
-            from rich.console import Console
-            from rich.progress import BarColumn, Progress, TextColumn
-
-            self._bar = Progress(
-                BarColumn(),
-                TextColumn("{task.description}"),
-                console=Console(stderr=True),
-                transient=True,
-            )
-            self._task = self._bar.add_task("")
-            self._bar.start()
-        self._bar.update(
-            self._task,
-            completed=progress.all_done,
-            total=progress.all_total,
-            description=progress.text,
-        )
-
-    def note(self, text: str) -> bool:
-        if self._bar is None:
-            return False
-        self._bar.console.print(f"stixel: {text}", markup=False, highlight=False)
-        return True
-
-    def close(self) -> None:
-        if self._bar is not None:
-            self._bar.stop()
-            self._bar = None

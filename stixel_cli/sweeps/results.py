@@ -3,11 +3,14 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.sweeps.graphs import PlannedRun
 from stixel_cli.sweeps.statistics import Statistic, summarise
+
+if TYPE_CHECKING:
+    import pandas
 
 DONE, FAILED, SKIPPED, MISSING = "done", "failed", "skipped", "missing"
 """Status of a run; `skipped`: a node failed in another run; `missing`: not run yet."""
@@ -106,6 +109,22 @@ class SweepResult:
     incomplete: tuple[IncompleteSetting, ...]
     computed: int
     cached: int
+
+    def __repr__(self) -> str:
+        """The numbers of runs and nodes, and the folder, in one line."""
+        runs = f"{self.count(DONE)} of {len(self.runs)} runs done"
+        nodes = f"{self.computed} nodes computed, {self.cached} cached"
+        return f"<SweepResult {runs}; {nodes} {self.folder or ''}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the table of the runs."""
+        return self.frame()._repr_html_()
+
+    def frame(self) -> "pandas.DataFrame":
+        """The records as a table: one row per run, with its settings, status and metrics."""
+        import pandas
+
+        return pandas.DataFrame(self.records)
 
     @property
     def complete(self) -> bool:

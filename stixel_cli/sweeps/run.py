@@ -12,6 +12,7 @@ from stixel_cli.engine.plan import Durations
 from stixel_cli.engine.remembered import remembered
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
+from stixel_cli.experiment.kernels import uncompiled
 from stixel_cli.experiment.run import one_line_errors
 from stixel_cli.sweeps.folder import FIGURES, RUNS, SUMMARIES, TABLE, SweepFolder
 from stixel_cli.sweeps.graphs import PlannedRun, SweepPlan
@@ -134,6 +135,7 @@ class _Sweep:
             self.take,
             visible,
             label,
+            uncompiled() if visible else (),
         )
         execution = execute(
             self.plan.graph,

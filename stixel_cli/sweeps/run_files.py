@@ -44,6 +44,7 @@ def run_files(
         "overrides": list(run.overrides),
         "choices": run.composition.choices,
         "seed": run.seed,
+        "swept": run.setting,
         **notes,
         "run": run.index,
         "results": list(planned.targets),

@@ -1,6 +1,7 @@
 """Run a new sweep or resume one, from the command line or Python."""
 
 import os
+import re
 import shlex
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
@@ -10,6 +11,7 @@ from typing import Any
 from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import presets_option
 from stixel_cli.config.own_options import check_parameters, functions_of, require_trust
+from stixel_cli.config.run_names import joined_name
 from stixel_cli.engine.plan import probe
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import FolderTaken
@@ -52,7 +54,7 @@ def new_sweep(
         overrides: in Hydra's grammar; several values of a key make an axis.
         file: with axes: a path, or the name of a shipped one.
         results: parent of the sweep's folder; None to write nothing.
-        name: of the sweep's folder; None for the file's name and the time.
+        name: of the sweep's folder; None for the file's name, or the swept keys, and the time.
         shuffle: seed of the order of execution; None for the order of the axes.
         pictures: draw the pictures of every run.
         visible: show progress on stderr.
@@ -71,7 +73,8 @@ def new_sweep(
     origin = _origin(_command(overrides, file, shuffle, pictures), now)
     folder = None
     if results is not None:
-        stem = "sweep" if file is None else Path(file).stem
+        swept = [re.split("[./]", key)[-1] for axis in design.axes for key in axis.keys]
+        stem = joined_name(["sweep", *swept]) if file is None else Path(file).stem
         check_results(results, name)
         check_computable(plan)
         request = _request(design, runs, shuffle, pictures, (), origin)

@@ -110,8 +110,8 @@ def test_run_hands_over_what_was_typed(stand_in, tmp_path):
     assert not defaults[0]
     assert defaults[1] is None
     assert str(defaults[2]) == "results"
-    assert defaults[3:] == (None, False, False, None)
-    assert given == (["seed=1", "rig=kitti"], "a", tmp_path, 3, True, True, None)
+    assert defaults[3:] == (None, False, False, False, None)
+    assert given == (["seed=1", "rig=kitti"], "a", tmp_path, 3, True, False, True, None)
 
 
 def test_exit_code_of_the_body_is_the_command_s(stand_in):
@@ -215,7 +215,7 @@ def test_sigterm_ends_a_run_in_one_line(tmp_path):
         env=os.environ | {"STIXEL_CACHE": str(tmp_path / "cache")},
     ) as process:
         for line in process.stderr:
-            if "running" in line:
+            if " frames" in line:
                 break
         process.terminate()
         out, err = process.communicate(timeout=600)
@@ -289,3 +289,18 @@ def test_streams_and_folders_that_a_shell_takes_away(line, code, said, printed, 
     assert said in done.stderr
     assert done.stderr.count("\n") == bool(said)
     assert printed in done.stdout
+
+
+@pytest.mark.parametrize("option", ["-m", "--multirun"])
+def test_hydras_options_for_several_runs_point_to_sweep(option, capsys):
+    assert main(["run", option, "seed=1,2"]) == 2
+    said = capsys.readouterr().err
+    assert "`stixel sweep KEY=1,2,3`" in said and said.count("\n") == 1
+
+
+def test_an_unknown_road_user_points_to_the_mesh(capsys):
+    assert main(["run", "road_user=truck"]) == 2
+    said = capsys.readouterr().err
+    assert "road_user.mesh=FILE" in said and "car, cyclist, pedestrian" in said
+    assert main(["run", "stereo=sgmm"]) == 2
+    assert "mesh" not in capsys.readouterr().err

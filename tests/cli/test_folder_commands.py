@@ -47,6 +47,19 @@ def test_ls_lists_runs_oldest_first(results, capsys):
     assert "a sweep" in said
 
 
+def test_ls_shows_what_differs_and_the_swept_values(tmp_path, capsys):
+    choices = {"road_user": "car", "path": "turn"}
+    changed = {"choices": choices, "overrides": ["rig=kitti", "seed=3"]}
+    make_folder(tmp_path / "one", manifest=changed)
+    (found,) = answer(capsys, "ls", str(tmp_path))
+    assert found["choices"] == "car turn rig=kitti"
+    swept = {"tracker": "point", "tracker.sigma_q": "0.5"}
+    runs = tmp_path / "sweep" / "runs"
+    make_folder(runs / "0000", manifest=changed | {"swept": swept})
+    (found,) = answer(capsys, "ls", str(runs))
+    assert found["choices"] == "point sigma_q=0.5"
+
+
 def test_ls_names_what_cannot_be_read(results, capsys):
     (results / "second" / "metrics.json").write_text("{")
     assert main(["ls", str(results)]) == 0

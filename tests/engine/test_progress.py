@@ -1,17 +1,23 @@
 """Progress: quiet when it is short, on stderr only, and true about the numbers."""
 
 import io
+import sys
+from types import SimpleNamespace
 
 import pytest
 
-from stixel_cli.engine import progress as module
-from stixel_cli.engine.progress import Bar, Lines, Progress, crash_note, make_progress
+from stixel_cli.engine import displays
+from stixel_cli.engine.displays import Bar, Lines, NotebookBar, in_notebook
+from stixel_cli.engine.progress import Progress, crash_note, make_progress
+
+FRAMES = 10
+"""Of the graph of `project`."""
 
 
 @pytest.fixture
 def clock(monkeypatch):
     now = [100.0]
-    monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(displays.time, "monotonic", lambda: now[0])
     return now
 
 
@@ -33,24 +39,29 @@ def feed(progress, project, clock, step):
 
 
 def test_lines(project, clock, capsys):
-    feed(Lines(), project, clock, 2.0)
+    feed(Progress(Lines()), project, clock, 3.0)
     captured = capsys.readouterr()
     assert captured.out == ""
     assert captured.err.splitlines() == [
-        "stixel: [1/10] numbers done in 2.0 s of work",
-        "stixel: [3/10] running double",
-        "stixel: [4/10] double (3 nodes) done in 6.0 s of work",
-        "stixel: [6/10] running running",
-        "stixel: [7/10] running (3 nodes) done in 6.0 s of work",
-        "stixel: [8/10] gather done in 2.0 s of work",
-        "stixel: [10/10] grid (2 nodes) done in 4.0 s of work",
+        "stixel: [4 %] double 0/10 frames",
+        "stixel: [38 %] double 8/10 frames; about 12 s left",
+        "stixel: [62 %] running 4/10 frames; about 8 s left",
+        "stixel: [88 %] gather; about 2 s left",
+        "stixel: [96 %] grid 1/2 frames; about 3 s left",
         "stixel: recomputed",
-        "stixel: [11/11] numbers (2 nodes) done in 4.0 s of work",
     ]
 
 
-def test_the_time_left(project, clock, capsys):
+def test_an_equal_line_is_not_repeated_soon(clock, capsys):
     lines = Lines()
+    for _ in range(12):
+        clock[0] += 6.0
+        lines.show(0.1, "track")
+    assert capsys.readouterr().err == "stixel: [10 %] track\n" * 2
+
+
+def test_the_time_left(project, clock, capsys):
+    lines = Progress(Lines())
     lines.expect({"double": 30.0, "running": 60.0}, 2)
     graph = project.graph()
     nodes = [*graph.of_stage("double"), *graph.of_stage("running")]
@@ -61,10 +72,16 @@ def test_the_time_left(project, clock, capsys):
     lines.tick()
     lines.finished(nodes[0], 20.0)
     assert lines.seconds_left() == 110.0, "by what was seen, where there is some"
-    assert capsys.readouterr().err == "stixel: [0/6] running double; about 2 min left\n"
-    lines.expect({"double": 30.0}, 2)
-    assert lines.seconds_left() is None
-    assert lines.text_left == ""
+    said = capsys.readouterr().err
+    assert said == f"stixel: [0 %] double 0/{FRAMES} frames; about 2 min left\n"
+    lines.expect({}, 2)
+    frames = nodes[0].stop
+    left = 2 * 20.0 + 20.0 / frames * FRAMES
+    assert lines.seconds_left() == pytest.approx(0.5 * left), "unknown: as an average frame"
+    unknown = Progress()
+    unknown.begin(nodes, cached=0)
+    assert unknown.seconds_left() is None
+    assert unknown.text_left == ""
 
 
 def test_progress_gets_the_durations_of_earlier_runs(project):
@@ -81,9 +98,9 @@ def test_progress_gets_the_durations_of_earlier_runs(project):
     assert 0.02 < second.at_first < 5.0
 
 
-@pytest.mark.parametrize("make", [Lines, Bar])
+@pytest.mark.parametrize("make", [Lines, Bar, NotebookBar])
 def test_a_short_execution_shows_nothing(project, clock, capsys, make):
-    feed(make(), project, clock, 0.01)
+    feed(Progress(make()), project, clock, 0.01)
     captured = capsys.readouterr()
     assert (captured.out, captured.err) == ("", "stixel: recomputed\n")
 
@@ -100,16 +117,59 @@ def test_a_bar_on_a_terminal(project, clock, capsys):
         patch.setattr("sys.stderr", terminal)
         patch.setenv("TERM", "xterm")
         bar = make_progress()
-        assert isinstance(bar, Bar)
+        assert isinstance(bar.display, Bar)
         bar.expect({stage: 60.0 for stage in project.graph().stages}, 1)
         feed(bar, project, clock, 2.0)
-    assert "grid; about 2 s left" in terminal.getvalue()
-    assert "/10" in terminal.getvalue() and "recomputed" in terminal.getvalue()
+    assert "grid 1/2 frames; about 2 s left" in terminal.getvalue()
+    assert "%" in terminal.getvalue() and "recomputed" in terminal.getvalue()
     assert capsys.readouterr().out == ""
 
 
 def test_lines_where_there_is_no_terminal(capsys):
-    assert isinstance(make_progress(), Lines)
+    assert isinstance(make_progress().display, Lines)
+
+
+class Page:
+    """What IPython.display is to a cell: the last HTML of each display."""
+
+    def __init__(self):
+        self.shown = []
+        self.HTML = str
+
+    def display(self, text, display_id):
+        self.shown.append(text)
+        return self
+
+    def update(self, text):
+        self.shown.append(text)
+
+
+def test_a_bar_in_a_notebook(project, clock, capsys, monkeypatch):
+    page, shell = Page(), SimpleNamespace(kernel=1)
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
+    monkeypatch.setattr(displays, "import_module", {"IPython.display": page}.__getitem__)
+    progress = make_progress()
+    assert isinstance(progress.display, NotebookBar)
+    feed(progress, project, clock, 2.0)
+    assert "<progress value=" in page.shown[0] and "frames" in "".join(page.shown)
+    assert page.shown[-1] == ""
+    assert capsys.readouterr().err == "stixel: recomputed\n"
+    shell.__dict__.clear()
+    assert not in_notebook(), "a terminal's IPython"
+
+
+def test_a_stage_that_compiles_says_so(project, clock):
+    graph = project.graph()
+    first, second, *_ = graph.of_stage("double")
+    reached = next(iter(first.identity.code.modules))
+    progress = Progress(uncompiled=[reached])
+    progress.begin([first, second], cached=0)
+    progress.started(first)
+    assert progress.text == "double: compiling (first run only)"
+    progress.finished(first, 2.0)
+    assert progress.text == "about 2 s left"
+    progress.started(second)
+    assert progress.text.startswith("double ") and "compiling" not in progress.text
 
 
 def test_the_note_on_a_crashed_worker():

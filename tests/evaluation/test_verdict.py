@@ -23,6 +23,16 @@ def test_a_consistent_track_has_one_sentence():
     assert "0.81" in sentence and "consistent" in sentence
 
 
+def test_the_first_sentence_has_the_accuracy():
+    (sentence,) = verdict(GOOD | {"iou_mean": 0.754, "centre_mean_m": 0.19})
+    assert sentence.startswith("Tracked to the end: IoU 0.75, mean centre error 0.19 m;")
+
+
+def test_a_ceiling_is_named_where_it_is_below_one():
+    assert len(verdict(GOOD | {"iou_star_convex_ceiling": 0.9951})) == 1
+    assert "0.97" in verdict(GOOD | {"iou_star_convex_ceiling": 0.97})[-1]
+
+
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [

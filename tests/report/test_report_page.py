@@ -9,7 +9,7 @@ import pytest
 from result_folders import CONFIG, make_folder
 
 from stixel_cli.errors import UserError
-from stixel_cli.evaluation.metric_table import metric
+from stixel_cli.evaluation.metric_table import METRICS, metric
 from stixel_cli.report.compare import (
     default_page,
     line_style,
@@ -18,7 +18,7 @@ from stixel_cli.report.compare import (
     run_labels,
     write_page,
 )
-from stixel_cli.report.metrics import best, format_value, scores_table
+from stixel_cli.report.metrics import MAIN, best, format_value, main_metrics, scores_table
 from stixel_cli.results.result import read_scored_run
 
 
@@ -206,6 +206,12 @@ def test_format_value_keeps_significant_digits():
     assert format_value(123456.0) == "1.23e+05"
     assert metric("new_thing_m").label == "new thing"
     assert metric("new_thing_m").unit == "m"
+
+
+def test_the_main_metrics_are_of_the_table_and_in_order():
+    assert set(MAIN) <= METRICS.keys() and len(MAIN) == 6
+    metrics = {"nis_mean": 1.0, "my_lag_m": 2.0, "hausdorff_m": 0.2, "iou_mean": 0.8}
+    assert list(main_metrics(metrics)) == ["iou_mean", "nis_mean", "my_lag_m"], "and one's own"
 
 
 def test_scores_table_has_name_value_and_unit():

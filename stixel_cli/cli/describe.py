@@ -1,0 +1,124 @@
+"""`stixel describe`: explain groups, options and keys."""
+
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from stixel_cli.cli.completion import complete_setting
+from stixel_cli.cli.terminal import print_table
+from stixel_cli.config.folders import default_option, group_options
+from stixel_cli.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from stixel_cli.config.descriptions import Description
+
+WIDTH = 100
+"""Characters of a line where stdout is not a terminal."""
+
+
+def describe(
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            help="A group, an option as GROUP=OPTION, or a key. Without it: all groups.",
+            metavar="NAME",
+            autocompletion=complete_setting,
+            show_default=False,
+        ),
+    ] = None,
+) -> int:
+    """Explain a setting: meaning, unit, range, default, options, and the stages that read it.
+
+    Example: stixel describe tracker.sigma_f
+    """
+    from stixel_cli.config.keys import known_keys
+    from stixel_cli.config.messages import unknown_key, unknown_option
+
+    group, equals, option = (name or "").partition("=")
+    group = group.replace(".", "/") if group.replace(".", "/") in group_options() else group
+    if name is None:
+        _print_groups()
+    elif group not in group_options():
+        if group not in known_keys():
+            raise ConfigurationError(unknown_key(group))
+        _print_key(group)
+    elif equals:
+        if option not in group_options()[group]:
+            raise ConfigurationError(unknown_option(group, option))
+        _print_option(group, option)
+    else:
+        _print_group(group)
+    return 0
+
+
+def _print_groups() -> None:
+    from stixel_cli.config.descriptions import groups, meaning_of_group, settings_of_top
+
+    rows = [(name, " ".join(_default_first(name)), meaning_of_group(name)) for name in groups()]
+    print_table(("group", "options (default first)", "meaning"), rows, width=WIDTH)
+    sys.stdout.write("\n")
+    tops = [(one.name, one.default, one.meaning) for one in settings_of_top()]
+    print_table(("key", "default", "meaning"), tops, width=WIDTH)
+    sys.stdout.write("\nstixel describe GROUP, GROUP=OPTION or KEY explains one of them.\n")
+
+
+def _print_group(group: str) -> None:
+    from stixel_cli.config.descriptions import meaning_of_group, meaning_of_option
+    from stixel_cli.experiment.stages import readers
+
+    rows = [("read by", _listed(readers(group.replace("/", "."))))]
+    print_table((group, meaning_of_group(group)), rows, width=WIDTH)
+    sys.stdout.write("\n")
+    options = [(f"{group}={one}", meaning_of_option(group, one)) for one in _default_first(group)]
+    print_table(("option (default first)", "meaning"), options, width=WIDTH)
+    sys.stdout.write("\n")
+    _print_keys(group, default_option(group))
+
+
+def _print_option(group: str, option: str) -> None:
+    from stixel_cli.config.descriptions import meaning_of_option
+
+    sys.stdout.write(f"{group}={option}: {meaning_of_option(group, option)}\n\n")
+    _print_keys(group, option)
+
+
+def _print_keys(group: str, option: str) -> None:
+    from stixel_cli.config.descriptions import keys_of_option
+
+    rows = [
+        (one.name, one.values.get(option, ""), one.meaning) for one in keys_of_option(group, option)
+    ]
+    if rows:
+        print_table((f"key of {group}={option}", "value", "meaning"), rows, width=WIDTH)
+    else:
+        sys.stdout.write(f"{group}={option} has no keys of its own.\n")
+
+
+def _print_key(name: str) -> None:
+    from stixel_cli.config.descriptions import describe_key
+    from stixel_cli.experiment.stages import readers
+
+    for i, one in enumerate(describe_key(name)):
+        if i:
+            sys.stdout.write("\n")
+        rows = [("unit", one.unit), ("range", one.range), ("default", _values(one))]
+        rows.append(("belongs to", " ".join(one.belongs_to)))
+        rows.append(("read by", _listed([*readers(name), *one.followers])))
+        print_table((name, one.meaning), [row for row in rows if row[1]], width=WIDTH)
+
+
+def _values(one: "Description") -> str:
+    """The default, and the values of other options where they differ."""
+    if len(set(one.values.values())) < 2:
+        return one.default
+    return ", ".join(f"{value} ({option})" for option, value in one.values.items())
+
+
+def _default_first(group: str) -> list[str]:
+    return sorted(group_options()[group], key=lambda option: option != default_option(group))
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names) or "no stage"

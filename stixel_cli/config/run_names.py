@@ -1,0 +1,84 @@
+"""What differs between a run and the default, in few words: names of folders and lists of runs."""
+
+import re
+from collections.abc import Mapping, Sequence
+
+from stixel_cli.config.folders import (
+    configuration_folder,
+    group_options,
+    innermost_group,
+    option_values,
+)
+
+ALWAYS = ("road_user", "path")
+"""Groups whose options begin each name, whether they are the default or not."""
+
+WITHOUT_KEY = ("measurement", "tracker")
+"""Groups whose options are understood without the group's name."""
+
+OF_NO_RESULT = ("executor", "cache", "pictures")
+"""Groups that do not affect the scores."""
+
+LONGEST_PART = 32
+LONGEST_NAME = 90
+
+
+def differences(choices: Mapping[str, str], overrides: Sequence[str]) -> list[str]:
+    """The options of `ALWAYS`, then each override that differs from the default, shortened.
+
+    Args:
+        choices: the option of each group.
+        overrides: of one value each, as typed.
+
+    Returns:
+        For example `car`, `turn`, `fabricated`, `rig=kitti`, `sigma_f=0.5`.
+    """
+    parts = [str(choices[group]) for group in ALWAYS if group in choices]
+    for text in overrides:
+        key, _, value = (part.strip() for part in text.lstrip("+").partition("="))
+        group = innermost_group(key)
+        if key in ALWAYS or group.partition("/")[0] in OF_NO_RESULT:
+            continue
+        if not _is_default(key, value, group, choices):
+            parts.append(short_setting(key, value))
+    return [printed for printed in map(_printable, parts) if printed]
+
+
+def short_setting(key: str, value: str) -> str:
+    """`sigma_f=0.5` for `tracker.sigma_f=0.5`; only the option of a group in `WITHOUT_KEY`."""
+    if "/" in value:
+        value = value.rstrip("/").rpartition("/")[2]  # a file, such as a mesh
+    if key in WITHOUT_KEY:
+        return value
+    return f"{re.split('[./]', key)[-1]}={value}"
+
+
+def run_name(choices: Mapping[str, str], overrides: Sequence[str]) -> str:
+    """The `differences` as the name of a folder; `+2` at its end for two that are left out."""
+    return joined_name(differences(choices, overrides))
+
+
+def joined_name(parts: Sequence[str]) -> str:
+    """The parts joined to a valid name of a folder, as many as it may have."""
+    kept = [re.sub(r"[^A-Za-z0-9_.+=,-]+", "_", part) for part in parts]
+    left_out = 0
+    while len(kept) > 1 and len("-".join(kept)) > LONGEST_NAME:
+        kept.pop()
+        left_out += 1
+    return "-".join(kept) + (f"+{left_out}" if left_out else "")
+
+
+def _is_default(key: str, value: str, group: str, choices: Mapping[str, str]) -> bool:
+    if key in group_options():
+        text = (configuration_folder() / "config.yaml").read_text(encoding="utf-8")
+        return re.search(rf"^ *- {key}: *{re.escape(value)} *(#|$)", text, re.MULTILINE) is not None
+    option = choices.get(group, "")
+    if option not in group_options().get(group, ()):
+        return False
+    return option_values(group, option).get(key[len(group) + 1 :]) == value
+
+
+def _printable(part: str) -> str:
+    part = re.sub(r"[\[\]{}()'\"\s]", "", part)
+    part = "".join(character for character in part if character.isprintable())
+    return part if len(part) <= LONGEST_PART else f"{part[: LONGEST_PART - 2]}.."

@@ -1,0 +1,53 @@
+"""A run in a notebook: its verdict, its main metrics, and its picture from above."""
+
+import base64
+import html
+
+from matplotlib.figure import Figure
+
+from stixel_cli.errors import UserError
+from stixel_cli.evaluation.metric_table import metric
+from stixel_cli.evaluation.verdict import verdict
+from stixel_cli.report import style
+from stixel_cli.report.metrics import main_metrics, shown_value, with_value
+from stixel_cli.report.path_figure import path_figure
+from stixel_cli.results.result import RunResult
+
+PICTURE = "path.png"
+"""The picture from above among those of a run."""
+
+
+def plot(result: RunResult) -> Figure:
+    """The run from above: paths with contours at several times, and the contours enlarged.
+
+    Args:
+        result: of `run`; one that was read from a folder has no track.
+
+    Raises:
+        UserError: if the result has no track.
+    """
+    if result.track is None or result.scenario is None:
+        raise UserError("the result has no track: give a result of run(…)")
+    configuration = result.composition.configuration
+    with style.drawing():
+        return path_figure(result.track, result.scenario, configuration.field_of_view)
+
+
+def result_html(result: RunResult) -> str:
+    """HTML of a run for a notebook; without a picture if the result has none."""
+    rows = "".join(
+        f"<tr><td style='text-align:left'>{html.escape(metric(name).label)}</td>"
+        f"<td>{shown_value(name, value)} {metric(name).shown_unit}</td></tr>"
+        for name, value in with_value(main_metrics(result.metrics)).items()
+    )
+    sentences = html.escape(" ".join(verdict(result.metrics)))
+    return f"<p><b>{sentences}</b></p><table>{rows}</table>{_picture(result)}"
+
+
+def _picture(result: RunResult) -> str:
+    if PICTURE not in result.pictures:
+        return ""
+    data = base64.b64encode(result.pictures[PICTURE]).decode()
+    return (
+        f'<img alt="The run from above" style="max-width:100%" src="data:image/png;base64,{data}">'
+    )
