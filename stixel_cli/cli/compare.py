@@ -14,7 +14,8 @@ def compare(folders: Folders, json: Json = False) -> int:
     """
     if len(folders) < 2:
         raise UserError(f"compare needs two or more result folders, got {len(folders)}")
-    from stixel_cli.report.compare import differing_settings, metric_rows, run_labels
+    from stixel_cli.report.compare import metric_rows, run_labels
+    from stixel_cli.report.differences import differing_settings
     from stixel_cli.results.result import read_scored_run
 
     labels = run_labels(folders)
@@ -48,7 +49,7 @@ def compare(folders: Folders, json: Json = False) -> int:
         print_table(("metric (* is the best)", *labels), rows, right=range(1, 1 + len(runs)))
         sys.stdout.write(
             "One run per column: a difference may be due to chance. NEES, NIS: the best is nearest "
-            "to 1 (0.5 and 2 are equally near)\n"
+            "to 1 (0.5 and 2 are equally near); farther from 1 there is no best\n"
         )
     else:
         sys.stdout.write("the metrics are the same\n")
