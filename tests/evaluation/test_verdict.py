@@ -1,7 +1,7 @@
 import pytest
 
 from stixel_cli.evaluation.metric_table import METRICS
-from stixel_cli.evaluation.verdict import verdict
+from stixel_cli.evaluation.verdict import badges, verdict
 
 GOOD = {
     "scans": 50,
@@ -63,3 +63,13 @@ def test_metrics_of_older_folders_have_a_verdict():
     assert "older version" in verdict({"iou_mean": 0.5, "nis_mean": None, "scans": 3})[0]
     assert verdict({"nis_mean": 1.0, "scans": 3}) == ["No verdict: no truth."]
     assert verdict({"nees_position_mean": 7.0}) == ["Over-confident: position NEES/2 7."]
+
+
+def test_badges_name_what_is_not_expected():
+    assert badges({"nees_position_mean": 1.0, "nis_mean": 1.0}) == {}
+    assert badges({"nees_position_mean": 4.2, "nis_mean": 0.05, "time_to_loss_s": 1.23}) == {
+        "centre_error": "lost at 1.2 s",
+        "nees_position": "over-confident × 4.2",
+        "nis": "residuals smaller × 0.05",
+    }
+    assert badges({}) == {}
