@@ -7,16 +7,18 @@ from stixel_cli.report import style
 from stixel_cli.studies.tables import number, with_interval
 from stixel_cli.studies.types import Figure
 
-WIDTH = 6.2
-"""in."""
+_TEXT = 9.0
+"""Size of all letters, points."""
+_LETTER = 0.56 * _TEXT / 72.0
+"""in: mean width of a letter."""
+_PLOT = 2.2
+"""in: width of the axes."""
 _ROW = 0.165
 """in: height of a row."""
 _PANEL = 0.4
 """in: height of a panel's axis with its label."""
 _MARGIN = 0.06
 """Of the greatest value: free space at both ends of an axis."""
-_PLOT = 0.4
-"""Share of the figure's width that the axes have."""
 
 
 @dataclass(frozen=True)
@@ -66,22 +68,25 @@ def forest(name: str, rows: Sequence[Row], left: str = "", right: str = "") -> F
     low, high = min(ends) - _MARGIN, max(ends) + _MARGIN
     heights = [_ROW * len(own) + _PANEL for own in panels.values()]
     total = sum(heights) + (0.45 if len(series) > 1 or left or right else 0.1)
-    with style.drawing({"axes.spines.left": False}):
-        figure = style.new_figure(WIDTH, total)
+    before = _LETTER * max(len(label) for own in panels.values() for label in _labels(own, series))
+    before += 0.12
+    width = before + _PLOT + 0.12 + _LETTER * max(len(_numbers(row)) for row in known)
+    with style.drawing({"axes.spines.left": False, "legend.fontsize": _TEXT}):
+        figure = style.new_figure(width, total)
         figure.patch.set_visible(False)
         top = total - 0.22 * bool(left or right) - 0.05
         for (metric, own), height in zip(panels.items(), heights, strict=True):
             bottom = top - height + _PANEL
-            size = (0.36, bottom / total, _PLOT, (height - _PANEL) / total)
+            size = (before / width, bottom / total, _PLOT / width, (height - _PANEL) / total)
             axes = figure.add_axes(size)
             axes.patch.set_visible(False)
             _panel(axes, own, series, scales[metric], (low, high))
             top -= height
         if left or right:
             # At the line at zero, which is at the same place in every panel.
-            at, height = 0.36 - _PLOT * low / (high - low), 1.0 - 0.12 / total
-            figure.text(at - 0.012, height, f"← {left}", ha="right", va="center", fontsize=9.0)
-            figure.text(at + 0.012, height, f"{right} →", ha="left", va="center", fontsize=9.0)
+            at, height = (before - _PLOT * low / (high - low)) / width, 1.0 - 0.12 / total
+            figure.text(at - 0.012, height, f"← {left}", ha="right", va="center", fontsize=_TEXT)
+            figure.text(at + 0.012, height, f"{right} →", ha="left", va="center", fontsize=_TEXT)
         if len(series) > 1:
             handles = figure.axes[0].get_legend_handles_labels()[0]
             figure.legend(handles, series, loc="lower center", ncols=min(3, len(series)))
@@ -108,18 +113,12 @@ def _panel(
             markerfacecolor=colour if row.tested else "#ffffff",
             markersize=5.0,
         )
-        text = with_interval(row.value, row.low, row.high, row.unit, sign=True)
-        axes.text(
-            1.02,
-            place,
-            text + (" *" if row.significant else ""),
-            transform=axes.get_yaxis_transform(),
-            va="center",
-            fontsize=9.0,
-        )
+        text = _numbers(row)
+        where = axes.get_yaxis_transform()
+        axes.text(1.03, place, text, transform=where, va="center", fontsize=_TEXT)
     axes.set_yticks(range(len(rows)), _labels(rows, series))
-    axes.tick_params("y", length=0.0, labelsize=9.0)
-    axes.tick_params("x", labelsize=8.5)
+    axes.tick_params("y", length=0.0, labelsize=_TEXT)
+    axes.tick_params("x", labelsize=_TEXT)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     ends = (scale * limits[0], scale * limits[1])
     axes.set_xlim(*(ends if side > 0.0 else (-ends[0], -ends[1])))
@@ -127,7 +126,13 @@ def _panel(
     axes.xaxis.set_major_formatter(lambda value, _: number(value, 2 if scale < 1.0 else 1))
     axes.grid(True, axis="x")
     label = f"{rows[0].metric} ({rows[0].unit})" if rows[0].unit else rows[0].metric
-    axes.set_xlabel(label + (", axis reversed" if side < 0.0 else ""), fontsize=9.0, labelpad=1.0)
+    axes.set_xlabel(label + (", axis reversed" if side < 0.0 else ""), fontsize=_TEXT, labelpad=1.0)
+
+
+def _numbers(row: Row) -> str:
+    """The value with its interval, and the star of a significant one."""
+    text = with_interval(row.value, row.low, row.high, row.unit, sign=True)
+    return text + (" *" if row.significant else "")
 
 
 def _labels(rows: Sequence[Row], series: Sequence[str]) -> list[str]:

@@ -65,4 +65,4 @@ def test_nothing_known_has_no_plot():
 
 def test_letters_are_large_enough_on_paper_and_screen():
     svg = forest("f", [CAR, IOU], "better", "worse").svg.decode()
-    assert smallest_text(svg) >= 8.5
+    assert smallest_text(svg) == 9.0
