@@ -67,11 +67,11 @@ def forest(name: str, rows: Sequence[Row], left: str = "", right: str = "") -> F
     ends = [_side(row) * end / scales[row.metric] for row in known for end in (*_extent(row), 0.0)]
     low, high = min(ends) - _MARGIN, max(ends) + _MARGIN
     heights = [_ROW * len(own) + _PANEL for own in panels.values()]
-    total = sum(heights) + (0.45 if len(series) > 1 or left or right else 0.1)
+    total = sum(heights) + 0.1 + 0.22 * bool(left or right)
     before = _LETTER * max(len(label) for own in panels.values() for label in _labels(own, series))
     before += 0.12
     width = before + _PLOT + 0.12 + _LETTER * max(len(_numbers(row)) for row in known)
-    with style.drawing({"axes.spines.left": False, "legend.fontsize": _TEXT}):
+    with style.drawing({"axes.spines.left": False}):
         figure = style.new_figure(width, total)
         figure.patch.set_visible(False)
         top = total - 0.22 * bool(left or right) - 0.05
@@ -87,9 +87,6 @@ def forest(name: str, rows: Sequence[Row], left: str = "", right: str = "") -> F
             at, height = (before - _PLOT * low / (high - low)) / width, 1.0 - 0.12 / total
             figure.text(at - 0.012, height, f"← {left}", ha="right", va="center", fontsize=_TEXT)
             figure.text(at + 0.012, height, f"{right} →", ha="left", va="center", fontsize=_TEXT)
-        if len(series) > 1:
-            handles = figure.axes[0].get_legend_handles_labels()[0]
-            figure.legend(handles, series, loc="lower center", ncols=min(3, len(series)))
         return Figure(name, "", style.svg(figure))
 
 
@@ -99,8 +96,6 @@ def _panel(
     """The rows of one metric from the top down, with their numbers at the right."""
     side = _side(rows[0])
     axes.axvline(0.0, color=style.TRUTH, linewidth=0.9)
-    for one in series:
-        axes.plot([], [], "o", color=_colour(one, series), label=one)
     for place, row in enumerate(rows):
         colour = _colour(row.series, series)
         if row.low is not None and row.high is not None:
@@ -136,7 +131,7 @@ def _numbers(row: Row) -> str:
 
 
 def _labels(rows: Sequence[Row], series: Sequence[str]) -> list[str]:
-    """A label for each row; the class once if its rows follow each other."""
+    """A label for each row: its class, and its series if there are several."""
     if len(series) == 1:
         return [row.group for row in rows]
     return [f"{row.group}, {row.series}" for row in rows]

@@ -21,11 +21,11 @@ SHOWN = (
     "orientation_rmse_deg",
     "iou_mean",
     "iou_box_mean",
-    "nees_position_mean",
-    "nis_mean",
     "low_overlap_share",
     "track_lost",
 )
+DRAWN = (*SHOWN[:4], "nees_position_mean", "nis_mean", *SHOWN[4:])
+"""Metrics of a figure."""
 MOST_LINES = 8
 """Combinations of the other axes with a line each; beyond this number their runs are pooled."""
 
@@ -88,7 +88,7 @@ def _figure(
 ) -> bytes:
     """A figure over `keys` with a line for each label in `others`; one line if that is empty."""
     known = {name for run in metrics for name in run}
-    names = [name for name in SHOWN if name in known] or sorted(known)[:4]
+    names = [name for name in DRAWN if name in known] or sorted(known)[:4]
     values = list(dict.fromkeys(tuple(setting[key] for key in keys) for setting in settings))
     numbers = _numbers(values)
     if numbers is not None:

@@ -19,7 +19,7 @@ from stixel_cli.report.page_svg import Drawing, drawing_for_page
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.reader import read_metrics, read_series
 from stixel_cli.sweeps.design import SEED
-from stixel_cli.sweeps.figures import MOST_LINES, SHOWN, axis_figures
+from stixel_cli.sweeps.figures import DRAWN, MOST_LINES, axis_figures
 from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
 from stixel_cli.sweeps.statistics import Statistic, student_t, summarise
 from stixel_cli.sweeps.tables import heading
@@ -66,7 +66,7 @@ def sweep_page(folder: Path, page: Path, command: Sequence[str]) -> str:
     complete = _complete(runs)
     statistics = summarise([run.setting for run in complete], [run.metrics for run in complete])
     known = {name for run in done for name in run.metrics}
-    shown = [name for name in SHOWN if name in known] or sorted(known)[:8]
+    shown = [name for name in DRAWN if name in known] or sorted(known)[:8]
     keys = [key for key in request.keys if key != SEED]
     incomplete = len({_key(run) for run in runs} - {_key(run) for run in complete})
     axes = axis_figures(

@@ -194,7 +194,8 @@ def test_the_answer_has_every_tracker_and_measurement():
     # A tracker that came later is answered for, the baseline is not.
     assert "show no difference between stixels and the lidar_9 for the new_one." in text
     # One sentence for each class comes first, then all effects with their intervals.
-    lead, _, first = answer(runs)[:3]
+    few, lead, _, first = answer(runs)[:4]
+    assert few.startswith("With 3 seeds a test is hardly significant: a mean difference must")
     assert lead == (
         "Car, gp_ekf: centre RMSE 0.51\u202fm on stixels; 0.20\u202fm on the lidar_9, "
         "difference +0.310\u202fm [0.285, 0.335]."
