@@ -30,7 +30,7 @@ from stixel_cli.report.tracker_noise import noise_of
 from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.results.result import RunResult
 
-IMAGE_BUDGET = 4_500_000
+IMAGE_BUDGET = 4_200_000
 """Characters of encoded images on a page. Longer runs show every 2nd, 3rd, … frame."""
 
 MOST_ELLIPSES = 60_000

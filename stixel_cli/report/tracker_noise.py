@@ -8,6 +8,9 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.report.page_numbers import ellipses
 from stixel_cli.results.result import RunResult
 
+MOST_ELLIPSES = 20_000
+"""With more used points than this, the page shows the scan's covariances: it must stay small."""
+
 
 def noise_of(run: RunResult) -> dict[str, Any]:
     """R of the used points of a computed run, for the playback page.
@@ -45,6 +48,8 @@ def _of_the_scan(text: str) -> dict[str, Any]:
 def _own(run: RunResult, covariances: np.ndarray, text: str) -> dict[str, Any]:
     """Ellipses of the used points from `covariances` (P, 2, 2) m² of all points."""
     offsets, rows = run.track.used_offsets, run.track.used_points
+    if len(rows) > MOST_ELLIPSES:
+        return _of_the_scan(f"{text}; too many points to show it")
     shown = [
         ellipses(covariances[rows[offsets[k] : offsets[k + 1]]]) for k in range(len(offsets) - 1)
     ]
