@@ -1,6 +1,7 @@
 """Compare several runs on one self-contained page: settings, metrics, error curves, pictures."""
 
 import base64
+import math
 import os
 import shlex
 from collections.abc import Sequence
@@ -81,7 +82,7 @@ def page_html(runs: Sequence[RunResult], command: Sequence[str], page: Path) -> 
         metrics=metric_rows(runs),
         low_overlap=LOW_OVERLAP,
         curves=error_curves(runs),
-        pictures=[_data_uri(run.pictures.get("path.png")) for run in runs],
+        pictures=[_picture(run.pictures.get("path.png")) for run in runs],
         provenance=_provenance(runs),
         command=shlex.join(command),
     )
@@ -165,8 +166,13 @@ def _text(value: Any) -> str:
     return NO_VALUE if value is None else str(value)
 
 
-def _data_uri(png: bytes | None) -> str | None:
-    return None if png is None else "data:image/png;base64," + base64.b64encode(png).decode()
+def _picture(png: bytes | None) -> dict[str, Any] | None:
+    """Source of a picture, and the width, px, below which its text would be smaller than 10 px."""
+    if png is None:
+        return None
+    width, letters = int.from_bytes(png[16:20]), 8.0 * style.DPI / 72.0
+    source = "data:image/png;base64," + base64.b64encode(png).decode()
+    return {"source": source, "least": math.ceil(10.0 * min(width, 4096) / letters)}
 
 
 LINE_STYLES = ("-", "--", "-.", ":")

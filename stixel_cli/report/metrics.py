@@ -36,6 +36,8 @@ def shown_difference(name: str, value: float | int | None, first: float | int | 
     if value is None or first is None:
         return NO_VALUE
     text = shown_value(name, value - first)
+    if value == first:
+        return text
     return text.replace("-", "\u2212") if text.startswith("-") else f"+{text}"
 
 

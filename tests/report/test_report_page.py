@@ -72,6 +72,7 @@ def test_metrics_have_the_difference_of_two_runs(tmp_path):
     ]
     assert "<td>−0.125</td>" in make_page(made[:2])
     assert "<td>+0.125</td>" in make_page(made[1::-1])
+    assert "+0" not in make_page(made[:2]).partition("Errors over time")[0]
     three = make_page(made)
     assert "<small>−0.125</small>" in three and "<small>–</small>" in three
 
@@ -131,6 +132,8 @@ def test_page_is_self_contained(folders):
     assert "<script" not in page
     assert "<link" not in page
     assert page.count("data:image/png;base64,") == 2
+    # A picture 80 px wide, with letters of 12.2 px, is shown at least 66 px wide.
+    assert page.count('style="min-width: 66px"') == 2
     names = re.findall(r'\bid="([^"]+)"', page)
     assert len(names) == len(set(names))
     for used in re.findall(r'(?:url\(|href=")#([^")]+)', page):
@@ -161,7 +164,7 @@ def test_page_accepts_runs_without_series_or_picture(tmp_path):
     (folders[0] / "figures" / "path.png").unlink()
     page = make_page(folders)
     assert "The runs have no errors over time" in page
-    assert 'class="drawing"' not in page
+    assert "<svg viewBox" not in page.partition("<h2>Errors over time")[2].partition("<h2>Paths")[0]
     assert "This run has no picture of its path" in page
 
 
