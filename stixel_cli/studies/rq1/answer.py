@@ -106,16 +106,12 @@ def _forest(users: Sequence[Group]) -> Figure | None:
         ),
     )
     rows = [
-        Row(group.label, "stixels", metric, unit, *map(_known, (one.value, one.low, one.high)))
+        Row(group.label, "stixels", metric, unit, *one.cells)
         for metric, unit, of in biases
         for group in users
         for one in [of(group)]
     ]
     return forest("answer_forest", rows)
-
-
-def _known(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _near(every: Group) -> dict[str, Any] | None:
