@@ -1,20 +1,37 @@
 """`stixel compare`: print the settings and metrics that differ between runs."""
 
 import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from stixel_cli.cli.options import Folders, Json
 from stixel_cli.cli.terminal import print_json, print_table
 from stixel_cli.errors import UserError
 
+if TYPE_CHECKING:
+    from stixel_cli.results.code_differences import ModuleDifference
 
-def compare(folders: Folders, json: Json = False) -> int:
+
+def compare(
+    folders: Folders,
+    code: Annotated[
+        bool, typer.Option("--code", help="Also print the difference of the source of two runs.")
+    ] = False,
+    json: Json = False,
+) -> int:
     """Show the settings and metrics in which runs differ.
 
     Example: stixel compare results/simulated results/fabricated
     """
     if len(folders) < 2:
         raise UserError(f"compare needs two or more result folders, got {len(folders)}")
-    from stixel_cli.report.compare import differing_settings, metric_rows, run_labels
+    if code and len(folders) > 2:
+        raise UserError(f"--code compares two result folders, got {len(folders)}")
+    from stixel_cli.report.compare import metric_rows, run_labels
+    from stixel_cli.report.differences import differing_settings
     from stixel_cli.results.result import read_scored_run
 
     labels = run_labels(folders)
@@ -23,12 +40,15 @@ def compare(folders: Folders, json: Json = False) -> int:
     names = dict.fromkeys(name for run in runs for name in run.metrics)
     metrics = {name: [run.metrics.get(name) for run in runs] for name in names}
     differing = {name: values for name, values in metrics.items() if len(set(values)) > 1}
+    changed = _code(folders, labels) if code else []
     if json:
         answer = {
             "folders": [str(folder) for folder in folders],
             "settings": {key: dict(zip(labels, values, strict=True)) for key, values in settings},
             "metrics": {k: dict(zip(labels, v, strict=True)) for k, v in differing.items()},
         }
+        if code:
+            answer["code"] = [asdict(one) for one in changed]
         print_json(answer)
         return 0
     if settings:
@@ -48,11 +68,27 @@ def compare(folders: Folders, json: Json = False) -> int:
         print_table(("metric (* is the best)", *labels), rows, right=range(1, 1 + len(runs)))
         sys.stdout.write(
             "One run per column: a difference may be due to chance. NEES, NIS: the best is nearest "
-            "to 1 (0.5 and 2 are equally near)\n"
+            "to 1 (0.5 and 2 are equally near); farther from 1 there is no best\n"
         )
     else:
         sys.stdout.write("the metrics are the same\n")
+    if code:
+        sys.stdout.write("\n")
+        for one in changed:
+            name = f"{one.module}: " if one.module else ""
+            sys.stdout.write("\n".join(one.lines or [f"{name}{one.reason}"]) + "\n")
+        if not changed:
+            sys.stdout.write("the code is the same\n")
     return 0
+
+
+def _code(folders: list[Path], labels: list[str]) -> "list[ModuleDifference]":
+    from stixel_cli.config.compose import compose
+    from stixel_cli.engine.store import open_store
+    from stixel_cli.results.code_differences import code_differences
+
+    store = open_store(compose().configuration.cache)
+    return code_differences(*folders, tuple(labels), store.folder)
 
 
 def _cell(cell: tuple[str, bool]) -> str:

@@ -58,6 +58,15 @@ Folders = Annotated[
         show_default=False,
     ),
 ]
+ReportFolders = Annotated[
+    list[Path],
+    typer.Argument(
+        help="Result folders of two or more runs, or the folder of one sweep.",
+        metavar="FOLDER",
+        autocompletion=complete_folder,
+        show_default=False,
+    ),
+]
 Name = Annotated[
     str | None,
     typer.Option(help="Name of the result folder (default: the changed settings, and the time)."),

@@ -1,29 +1,39 @@
-"""`stixel report`: compare runs on one page."""
+"""`stixel report`: compare runs, or show a sweep, on one page."""
 
 import sys
 
-from stixel_cli.cli.options import Folders, Output, check_output
+from stixel_cli.cli.options import Output, ReportFolders, check_output
 from stixel_cli.errors import UserError
 
 
-def report(folders: Folders, output: Output = None) -> int:
-    """Compare two or more runs side by side on one page.
+def report(folders: ReportFolders, output: Output = None) -> int:
+    """Compare two or more runs, or show one sweep, on one page.
 
-    The page shows the settings that differ, the metrics, and the errors over time.
+    A comparison shows verdicts, metrics, errors over time and the settings that differ. A sweep's
+    page has a sortable table of its settings, a figure for each axis, and errors over time.
 
     Example: stixel report results/simulated results/fabricated
     """
-    if len(folders) < 2:
-        raise UserError("stixel report compares runs: name two or more result folders")
+    from stixel_cli.results.reader import SWEEP_FILE
+
+    is_sweep = len(folders) == 1 and (folders[0] / SWEEP_FILE).exists()
+    if len(folders) < 2 and not is_sweep:
+        raise UserError("stixel report: name two or more folders of runs, or one of a sweep")
     check_output(output)
     from stixel_cli.report.compare import default_page, page_html, write_page
-    from stixel_cli.results.result import read_scored_run
 
-    runs = [read_scored_run(folder) for folder in folders]
     page = default_page(folders) if output is None else output
     command = ["stixel", "report", *map(str, folders)]
     if output is not None:
         command += ["--output", str(output)]
-    write_page(page, page_html(runs, command))
+    if is_sweep:
+        from stixel_cli.sweeps.page import sweep_page
+
+        text = sweep_page(folders[0], page, command)
+    else:
+        from stixel_cli.results.result import read_scored_run
+
+        text = page_html([read_scored_run(folder) for folder in folders], command, page)
+    write_page(page, text)
     sys.stdout.write(f"{page}\n")
     return 0

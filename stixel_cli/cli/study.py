@@ -217,13 +217,14 @@ def _print(plan: "StudyPlan", result: "StudyResult") -> None:
     from rich.console import Console
 
     from stixel_cli.studies.tables import shown_table
+    from stixel_cli.studies.types import Table
 
     console = Console(highlight=False, soft_wrap=True)
     if result.findings is not None:
         console.print(plan.study.title, markup=False, style="bold")
         for text in result.findings.answer:
             console.print(text, markup=False)
-        for table in result.findings.summary:
+        for table in (one for one in result.findings.opening if isinstance(one, Table)):
             header, rows, numeric = shown_table(table)
             print()  # noqa: T201
             print_table(header, rows, [i for i, right in enumerate(numeric) if right])

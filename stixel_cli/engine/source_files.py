@@ -168,15 +168,28 @@ def keep_sources(store_folder: Path, files: Iterable[tuple[str, Path]]) -> None:
                 partial.replace(kept)
 
 
+def kept_source(store_folder: Path, digest: str) -> list[str] | None:
+    """Lines of the source of a module with this digest; None if the store has no copy of it."""
+    if len(digest) != DIGITS or not set(digest) <= set("0123456789abcdef"):
+        # A digest of a result folder names a file of the store.
+        return None
+    try:
+        return (store_folder / SOURCES / f"{digest}.py").read_text("utf-8").splitlines()
+    except (OSError, ValueError):
+        return None
+
+
 def source_difference(store_folder: Path, before: str, now: Path) -> tuple[str, ...]:
     """Lines of the unified diff between the old source of a module and its file now.
 
     `before` is the digest of the old module. Without a copy of the old source there are no lines.
     """
+    old = kept_source(store_folder, before)
     try:
-        old = (store_folder / SOURCES / f"{before}.py").read_text("utf-8").splitlines()
         new = now.read_text("utf-8").splitlines()
     except (OSError, ValueError):
+        return ()
+    if old is None:
         return ()
     return tuple(difflib.unified_diff(old, new, "before", "now", lineterm="", n=1))
 

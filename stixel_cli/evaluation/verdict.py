@@ -77,6 +77,22 @@ def _accuracy(metrics: Values) -> str:
     return f": {', '.join(parts)}" if parts else ""
 
 
+def badges(metrics: Values) -> dict[str, str]:
+    """Short verdicts by field of `Scores`, of what the table of metrics does not expect."""
+    found = {}
+    lost_at = metrics.get("time_to_loss_s")
+    if lost_at is not None:
+        found["centre_error"] = f"lost at {lost_at:.1f} s"
+    for name, field, more, less in (
+        ("nees_position_mean", "nees_position", "over-confident", "under-confident"),
+        ("nis_mean", "nis", "residuals larger", "residuals smaller"),
+    ):
+        if _beyond(metrics, name):
+            value = metrics[name]
+            found[field] = f"{more if value > 1.0 else less} × {_digits(value)}"
+    return found
+
+
 def _beyond(metrics: Values, name: str, above: bool = False) -> bool:
     """Whether a metric is beyond the limits of its row, or above the greater one."""
     value, (low, high) = metrics.get(name), METRICS[name].expected

@@ -37,7 +37,7 @@ def folders_page(
     """
     check_one_scene(stored, labels)
     runs = [
-        replace(_recomputed(one, progress), label=name)
+        replace(_recomputed(one, progress), label=name, manifest=one.manifest, folder=one.folder)
         for one, name in zip(stored, _legend(stored, labels), strict=True)
     ]
     for label, run in zip(labels[1:], runs[1:], strict=True):

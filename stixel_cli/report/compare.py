@@ -1,8 +1,8 @@
 """Compare several runs on one self-contained page: settings, metrics, error curves, pictures."""
 
 import base64
+import math
 import os
-import re
 import shlex
 from collections.abc import Sequence
 from importlib import resources
@@ -11,15 +11,16 @@ from typing import Any
 
 import jinja2
 import numpy as np
-from markupsafe import Markup
 
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.metric_table import SERIES, metric
 from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
 from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.report import style
-from stixel_cli.report.metrics import NO_VALUE, best, shown_value, with_value
-from stixel_cli.results.reader import flat_settings
+from stixel_cli.report.differences import by_group, differing_settings, warnings
+from stixel_cli.report.metrics import NO_VALUE, best, shown_difference, shown_value, with_value
+from stixel_cli.report.page_svg import Drawing, drawing_for_page
+from stixel_cli.results.folder import PAGE
 from stixel_cli.results.result import RunResult
 
 _LONGEST_NAME = 150
@@ -52,8 +53,14 @@ def default_page(folders: Sequence[Path], what: str = "report") -> Path:
     return page
 
 
-def page_html(runs: Sequence[RunResult], command: Sequence[str]) -> str:
-    """The page of two or more runs; `command` is the command line that writes it."""
+def page_html(runs: Sequence[RunResult], command: Sequence[str], page: Path) -> str:
+    """The page of two or more runs.
+
+    Args:
+        runs: with folders; the metrics of the others are compared with those of the first.
+        command: command line that writes the page.
+        page: file that will have it: links to the runs' own pages are relative to it.
+    """
     labels = run_labels([run.folder for run in runs])
     differing, same = differing_settings(runs)
     environment = jinja2.Environment(
@@ -67,13 +74,15 @@ def page_html(runs: Sequence[RunResult], command: Sequence[str]) -> str:
         styles=[line_style(i) for i in range(len(runs))],
         colours=len(style.RUNS),
         run_colours=style.RUNS,
-        differing=differing,
+        links=[_link(run.folder, page) for run in runs],
+        warnings=warnings(runs),
+        differing=by_group(differing),
         same=same,
         verdicts=[verdict(run.metrics) for run in runs],
         metrics=metric_rows(runs),
         low_overlap=LOW_OVERLAP,
-        curves=[(title, Markup(svg)) for title, svg in error_curves(runs)],
-        pictures=[_data_uri(run.pictures.get("path.png")) for run in runs],
+        curves=error_curves(runs),
+        pictures=[_picture(run.pictures.get("path.png")) for run in runs],
         provenance=_provenance(runs),
         command=shlex.join(command),
     )
@@ -96,41 +105,19 @@ def write_page(page: Path, html: str) -> None:
         raise UserError(f"{page}: cannot be written: {error.strerror}") from error
 
 
-def differing_settings(
-    runs: Sequence[RunResult],
-) -> tuple[list[Any], list[tuple[str, str]]]:
-    """Different settings as (key, value of each run), and equal ones as (key, value)."""
-    flat = [flat_settings(run.settings) for run in runs]
-    tables = [_choices(run, settings) | settings for run, settings in zip(runs, flat, strict=True)]
-    keys = list(dict.fromkeys(key for table in tables for key in table))
-    groups = list(dict.fromkeys(key.partition(".")[0] for key in keys))
-    keys.sort(key=lambda key: groups.index(key.partition(".")[0]))
-    differing, same = [], []
-    for key in keys:
-        values = [table.get(key, NO_VALUE) for table in tables]
-        if len(set(values)) > 1:
-            differing.append((key, values))
-        else:
-            same.append((key, values[0]))
-    return differing, same
-
-
-def _choices(run: RunResult, settings: dict[str, str]) -> dict[str, str]:
-    """The chosen option of each group whose settings have no `kind`."""
-    choices = run.manifest.get("choices")
-    if not isinstance(choices, dict):
-        return {}
-    return {
-        str(group): str(option)
-        for group, option in choices.items()
-        if f"{group}.kind" not in settings
-    }
+def _link(folder: Path, page: Path) -> str | None:
+    """Path of a run's own page, relative to the folder of `page`; None if it has none."""
+    own = folder / PAGE
+    if not own.exists():
+        return None
+    return os.path.relpath(own.resolve(), page.resolve().parent).replace(os.sep, "/")
 
 
 def metric_rows(runs: Sequence[RunResult]) -> list[dict[str, Any]]:
-    """One row per metric that has a value: name, label, unit; per run the value and if it is best.
+    """One row per metric that has a value: name, label, unit, and what each run has.
 
-    The value is text.
+    `cells`: value as text, and whether it is the best; `differences`: of each run but the first
+    from the first, as text.
     """
     rows = []
     known = [with_value(run.metrics) for run in runs]
@@ -142,7 +129,15 @@ def metric_rows(runs: Sequence[RunResult]) -> list[dict[str, Any]]:
         shown = metric(name)
         texts = [shown_value(name, value) for value in values]
         cells = list(zip(texts, best(name, values), strict=True))
-        rows.append({"name": name, "label": shown.label, "unit": shown.shown_unit, "cells": cells})
+        rows.append(
+            {
+                "name": name,
+                "label": shown.label,
+                "unit": shown.shown_unit,
+                "cells": cells,
+                "differences": [shown_difference(name, v, values[0]) for v in values[1:]],
+            }
+        )
     return rows
 
 
@@ -171,14 +166,16 @@ def _text(value: Any) -> str:
     return NO_VALUE if value is None else str(value)
 
 
-def _data_uri(png: bytes | None) -> str | None:
-    return None if png is None else "data:image/png;base64," + base64.b64encode(png).decode()
+def _picture(png: bytes | None) -> dict[str, Any] | None:
+    """Source of a picture, and the width, px, below which its text would be smaller than 10 px."""
+    if png is None:
+        return None
+    width, letters = int.from_bytes(png[16:20]), 8.0 * style.DPI / 72.0
+    source = "data:image/png;base64," + base64.b64encode(png).decode()
+    return {"source": source, "least": math.ceil(10.0 * min(width, 4096) / letters)}
 
 
 LINE_STYLES = ("-", "--", "-.", ":")
-
-# Placeholders for colours of the page, which is light or dark.
-_INK, _GRID = "#010203", "#020304"
 
 
 def run_colour(i: int) -> str:
@@ -191,18 +188,15 @@ def line_style(i: int) -> str:
     return LINE_STYLES[(i + i // len(style.RUNS)) % len(LINE_STYLES)]
 
 
-def error_curves(runs: Sequence[RunResult]) -> list[tuple[str, str]]:
-    """(title, SVG element) of each error that a run has; the i-th run has colour `var(--run-i)`.
-
-    On the HTML page, text and axes use `currentColor`, the grid uses `var(--grid)`.
-    """
+def error_curves(runs: Sequence[RunResult]) -> list[tuple[str, Drawing]]:
+    """(title, drawing) of each error that a run has; the i-th run has colour `var(--run-i)`."""
     drawn = []
-    with style.drawing({"text.color": _INK, "axes.edgecolor": _INK, "axes.labelcolor": _INK}):
+    with style.drawing():
         for name, series in SERIES.items():
             if any(np.isfinite(getattr(run.scores, name)).any() for run in runs):
                 title = series.label + (" (consistent: 1)" if series.ratio else "")
                 svg = _curve_svg(name, title, runs)
-                drawn.append((title, _for_page(svg, len(drawn))))
+                drawn.append((title, drawing_for_page(svg, f"c{len(drawn)}")))
     return drawn
 
 
@@ -212,15 +206,14 @@ def _curve_svg(name: str, title: str, runs: Sequence[RunResult]) -> str:
     figure.patch.set_visible(False)
     axes = figure.add_axes((0.115, 0.165, 0.87, 0.72))
     axes.patch.set_visible(False)
-    axes.tick_params(colors=_INK)
-    axes.grid(True, color=_GRID)
+    axes.grid(True)
     if series.ratio:
         axes.set_yscale("log")
         axes.yaxis.set_major_formatter("{x:g}")
         axes.minorticks_off()
     line = LOW_OVERLAP if name == "iou" else series.consistent
     if line is not None:
-        axes.axhline(line, color=_INK, linewidth=0.7, linestyle=(0, (4, 3)))
+        axes.axhline(line, color=style.TRUTH, linewidth=0.7, linestyle=(0, (4, 3)))
     for i, run in enumerate(runs):
         values = series.factor * getattr(run.scores, name)
         if series.ratio:
@@ -237,19 +230,3 @@ def _curve_svg(name: str, title: str, runs: Sequence[RunResult]) -> str:
     axes.set_title(title)
     axes.set(xlabel="t (s)", ylabel=series.unit or series.short_label)
     return style.svg(figure).decode()
-
-
-def _for_page(text: str, number: int) -> str:
-    """An SVG file as an element of a page, with unique ids and the colours of the page."""
-    text = text[text.index("<svg") :]
-    text = re.sub(r'\sxmlns(:xlink)?="[^"]*"', "", text)
-    text = re.sub(r'(<svg\b[^>]*?)\swidth="[^"]*"\sheight="[^"]*"', r"\1", text, count=1)
-    text = text.replace("xlink:href=", "href=")
-    # Matplotlib derives ids from content, so two figures of a page may share them.
-    text = re.sub(r'\bid="', f'id="c{number}-', text)
-    text = re.sub(r'(url\(|href=")#', rf"\1#c{number}-", text)
-    colours = {_INK: "currentColor", _GRID: "var(--grid)"}
-    colours |= {colour: f"var(--run-{i})" for i, colour in enumerate(style.RUNS)}
-    for colour, name in colours.items():
-        text = text.replace(colour, name)
-    return text

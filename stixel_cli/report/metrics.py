@@ -9,6 +9,7 @@ from rich.table import Table
 from stixel_cli.evaluation.metric_table import METRICS, Better, metric
 
 NO_VALUE = "–"
+_FAR = math.log(2.0)
 
 MAIN = (
     *("iou_mean", "iou_box_mean", "centre_rmse_m", "orientation_rmse_deg"),
@@ -36,19 +37,34 @@ def shown_value(name: str, value: float | int | None) -> str:
     return format_value(value)
 
 
+def shown_difference(name: str, value: float | int | None, first: float | int | None) -> str:
+    """`value` minus `first` of a metric as text with its sign; a dash if one has no value."""
+    if value is None or first is None:
+        return NO_VALUE
+    text = shown_value(name, value - first)
+    if value == first:
+        return text
+    return text.replace("-", "\u2212") if text.startswith("-") else f"+{text}"
+
+
 def with_value(metrics: Mapping[str, float | int | None]) -> dict[str, float | int]:
     """The metrics that have a value: tables leave out the others."""
     return {name: value for name, value in metrics.items() if value is not None}
 
 
 def best(name: str, values: list[float | int | None]) -> list[bool]:
-    """Which of the values are the best; none if they are all alike or none is better."""
+    """Which of the values are the best; none if they are all alike or none is better.
+
+    Of NEES and NIS there is no best value where all are more than a factor of two from 1.
+    """
     direction = metric(name).better
     known = [v for v in values if v is not None]
     if direction is None or len(set(known)) < 2:
         return [False] * len(values)
     ranks = [None if v is None else _rank(v, direction) for v in values]
     least = min(r for r in ranks if r is not None)
+    if direction == "one" and least > _FAR:
+        return [False] * len(values)
     return [r == least for r in ranks]
 
 

@@ -10,17 +10,15 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from importlib import resources
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from stixel_cli.evaluation.metric_table import SERIES, metric
+from stixel_cli.evaluation.metric_table import SERIES
 from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
-from stixel_cli.evaluation.verdict import verdict
+from stixel_cli.evaluation.verdict import badges, verdict
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.report.consistency import consistent_bounds
-from stixel_cli.report.metrics import shown_value
 from stixel_cli.report.page_numbers import (
     FARTHEST,
     ellipses,
@@ -28,29 +26,16 @@ from stixel_cli.report.page_numbers import (
     numbers,
     rounded_poses,
 )
+from stixel_cli.report.playback_facts import facts_of, origin_of, summary_of
+from stixel_cli.report.tracker_noise import noise_of
 from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.results.result import RunResult
 
-IMAGE_BUDGET = 4_500_000
+IMAGE_BUDGET = 4_200_000
 """Characters of encoded images on a page. Longer runs show every 2nd, 3rd, … frame."""
 
 MOST_ELLIPSES = 60_000
 """With more points than this, the page shows no standard deviations of points."""
-
-SUMMARY = (
-    "centre_rmse_m",
-    "orientation_rmse_deg",
-    "iou_mean",
-    "iou_hull_mean",
-    "iou_box_mean",
-    "low_overlap_share",
-    "nees_position_mean",
-    "nis_mean",
-)
-"""The metrics that the page shows of a whole run."""
-
-FACTS = ("road_user", "path", "ego", "measurement", "tracker")
-"""The groups whose choices the page names."""
 
 SCRIPTS = ("paths", "map", "camera", "charts", "legend", "time")
 """The files `templates/playback_*.js`, in the order of the page's one function."""
@@ -115,7 +100,7 @@ def playback_data(
     for i, run in enumerate(runs):
         facts = [("folder", folders[i])] if folders else []
         played.append(
-            _run(run, [*facts, *_facts(run)])
+            _run(run, [*facts, *facts_of(run)])
             | {
                 "scan": _place(scans, run.scans, _same_scans),
                 "camera": _place(cameras, run.camera, _same_camera) if run.camera else None,
@@ -160,26 +145,10 @@ def _extent(runs: Sequence[RunResult]) -> int:
     return max(100, round(1000.0 * float(np.median(radii)))) if len(radii) else 1000
 
 
-def _facts(run: RunResult) -> list[tuple[str, str]]:
-    """(name, value) pairs that describe the run."""
-    measurement = run.settings["measurement"]
-    if measurement.get("kind") == "file":
-        facts = [(group, run.choice(group)) for group in ("prior", "start", "tracker")]
-        return [
-            ("scans", Path(measurement["path"]).name),
-            *facts,
-            ("seed", str(run.settings["seed"])),
-        ]
-    facts = [(group, run.choice(group)) for group in FACTS]
-    mesh = run.settings["road_user"].get("mesh")
-    if mesh is not None:
-        facts.append(("mesh", Path(mesh).name))
-    return [*facts, ("seed", str(run.settings["seed"]))]
-
-
 def _run(run: RunResult, facts: Sequence[tuple[str, str]]) -> dict[str, Any]:
     track, scores = run.track, run.scores
-    field_of_view = run.composition.configuration.field_of_view
+    configuration = run.composition.configuration
+    field_of_view, rig = configuration.field_of_view, configuration.rig
     used = [
         track.used_points[track.used_offsets[k] : track.used_offsets[k + 1]] - run.scans.offsets[k]
         for k in range(len(track.times))
@@ -191,7 +160,18 @@ def _run(run: RunResult, facts: Sequence[tuple[str, str]]) -> dict[str, Any]:
         "fieldOfView": (
             None if field_of_view is None else [round(bearing, 6) for bearing in field_of_view]
         ),
-        "summary": _summary(scores.metrics),
+        "rig": {
+            "focal": rig.focal,
+            "focalV": rig.focal_v,
+            "u0": rig.u0,
+            "v0": rig.v0,
+            "height": rig.camera_height,
+            "pitch": rig.pitch_radians,
+        },
+        "noise": noise_of(run),
+        "badges": badges(scores.metrics),
+        "origin": origin_of(run.manifest, run.folder),
+        "summary": summary_of(scores.metrics),
         "verdict": " ".join(verdict(scores.metrics)),
         "poses": rounded_poses(track.means),
         "centre": ellipses(track.covariances[:, :2, :2]),
@@ -204,19 +184,6 @@ def _run(run: RunResult, facts: Sequence[tuple[str, str]]) -> dict[str, Any]:
         },
         "nisBounds": [numbers(low, 3), numbers(high, 3)],
     }
-
-
-def _summary(metrics: dict[str, float | int | None]) -> list[list[str]]:
-    return [
-        [
-            metric(name).short_label,
-            f"{shown_value(name, metrics[name])} {metric(name).shown_unit}".strip().replace(
-                " °", "°"
-            ),
-        ]
-        for name in SUMMARY
-        if metrics.get(name) is not None
-    ]
 
 
 def _scan(scans: Scans) -> dict[str, Any]:

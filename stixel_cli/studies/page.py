@@ -1,17 +1,16 @@
 """A study's report as one self-contained page."""
 
 import base64
-import re
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from typing import Any
 
 import jinja2
 import yaml
-from markupsafe import Markup
 
 from stixel_cli.report import style
 from stixel_cli.report.metrics import format_value
+from stixel_cli.report.page_svg import drawing_for_page
 from stixel_cli.studies.tables import INTERVAL, shown_table
 from stixel_cli.studies.types import (
     Block,
@@ -25,16 +24,6 @@ from stixel_cli.studies.types import (
     Table,
 )
 
-_COLOURS = {
-    "#000000": "currentColor",
-    style.TRUTH: "currentColor",
-    "#ffffff": "var(--paper)",
-    "#e3e3e3": "var(--grid)",
-    style.CONSISTENT: "var(--band)",
-    **{colour: f"var(--run-{i})" for i, colour in enumerate(style.RUNS)},
-}
-_PIXELS_A_POINT = 1.75
-"""Largest scale of a figure, px per point: its text is then as large as the page's."""
 _NARROW = 700
 """Figures up to this width, px, are placed side by side if the screen is wide enough."""
 _WIDEST = 125
@@ -43,6 +32,8 @@ _LONG = 27
 """A table with more rows is printed in a small font, unless in landscape format."""
 _SHORT = 30
 """Columns of up to this many characters have no line breaks."""
+_LEAST_PICTURE = 600
+"""px: the least width of a picture, whose text has this size then (`rq1.report.contact_sheet`)."""
 _SIDE_BY_SIDE = 2
 """With more columns of intervals, the intervals are below their values."""
 
@@ -62,13 +53,15 @@ def study_page(
         resources.files(__package__).joinpath("templates/study.html.j2").read_text("utf-8")
     )
     numbered = _Numbered()
-    summary = [] if findings is None else numbered.blocks(findings.summary, "")
+    opening = [] if findings is None else numbered.blocks(findings.opening, "")
+    figures = [i for i, block in enumerate(opening, 1) if block["kind"] in ("figure", "figures")]
+    split = figures[0] if figures else len(opening)
     sections = [] if findings is None else numbered.sections(findings.sections, "")
     return template.render(
         title=title,
         question=question,
-        answer=None if findings is None else findings.answer,
-        summary=summary,
+        answer=None if findings is None else opening[:split],
+        detail=opening[split:],
         sections=sections,
         states=states,
         origin=origin,
@@ -96,7 +89,12 @@ class _Numbered:
 
     def _section(self, section: Section, number: str) -> dict[str, Any]:
         blocks = self.blocks(section.blocks, number)
-        return {"number": number, "title": section.title, "blocks": blocks}
+        return {
+            "number": number,
+            "title": section.title,
+            "blocks": blocks,
+            "folded": section.folded,
+        }
 
     def blocks(self, content: Sequence[Block], number: str) -> list[dict[str, Any]]:
         """The blocks of a section with this number, or of the answer."""
@@ -108,10 +106,10 @@ class _Numbered:
                     own = self._section(block, f"{number}.{inner}")
                     blocks.append({"kind": "section", **own})
                 case Paragraph(text):
-                    blocks.append({"kind": "paragraph", "text": text})
+                    blocks.append({"kind": "paragraph", "text": text, "folded": False})
                 case Figure() | Picture():
                     self.figures += 1
-                    blocks.append(_figure(block, self.figures))
+                    blocks.append(_figure(block, self.figures) | {"folded": block.folded})
                 case Table():
                     self.tables += 1
                     header, rows, numeric = shown_table(block)
@@ -131,6 +129,7 @@ class _Numbered:
                             "wide": wide,
                             "long": len(rows) > _LONG and not wide,
                             "classes": _classes(rows, numeric),
+                            "folded": block.folded,
                         }
                     )
         return _side_by_side(blocks)
@@ -168,48 +167,22 @@ def _side_by_side(blocks: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """The blocks, with successive narrow figures in one block."""
     found: list[dict[str, Any]] = []
     for block in blocks:
-        if block["kind"] != "figure" or block["width"] > _NARROW:
+        if block["kind"] != "figure" or block["width"] > _NARROW or block["folded"]:
             found.append(block)
         elif found and found[-1]["kind"] == "figures":
             found[-1]["figures"].append(block)
         else:
-            found.append({"kind": "figures", "figures": [block]})
+            found.append({"kind": "figures", "figures": [block], "folded": False})
     return found
 
 
 def _figure(block: Figure | Picture, number: int) -> dict[str, Any]:
     content = {"kind": "figure", "number": number, "name": block.name, "caption": block.caption}
     if isinstance(block, Figure):
-        svg, points = svg_for_page(block.svg.decode(), number)
-        return content | {"svg": Markup(svg), "width": round(points * _PIXELS_A_POINT)}
+        return content | vars(drawing_for_page(block.svg.decode(), f"f{number}"))
     data = base64.b64encode(block.data).decode()
-    return content | {"kind": "picture", "source": f"data:{block.media_type};base64,{data}"}
-
-
-def svg_for_page(text: str, number: int) -> tuple[str, float]:
-    """An SVG file as an element of a page, and its width in points.
-
-    Its ids become unique, black and the colours of runs become those of the page, and references
-    to other documents are removed.
-    """
-    text = text[text.index("<svg") :]
-    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.S)
-    # A style element would apply to the whole page.
-    text = re.sub(r"<style[^>]*>.*?</style>", "", text, flags=re.S)
-    text = re.sub(r'\sxmlns(:\w+)?="[^"]*"', "", text)
-    width = re.search(r'<svg\b[^>]*?\swidth="([\d.]+)(?:pt)?"', text)
-    text = re.sub(r'(<svg\b[^>]*?)\swidth="[^"]*"', r"\1", text, count=1)
-    text = re.sub(r'(<svg\b[^>]*?)\sheight="[^"]*"', r"\1", text, count=1)
-    text = text.replace("<svg", '<svg fill="currentColor"', 1).replace("xlink:href=", "href=")
-    # Matplotlib's ids depend on the content, so figures of a page can share them.
-    text = re.sub(r'\bid="', f'id="f{number}-', text)
-    text = re.sub(r'(url\(|href=")#', rf"\1#f{number}-", text)
-    for colour, name in _COLOURS.items():
-        text = text.replace(colour, name)
-    text = re.sub(r">\s+<", "><", text)
-    # A hundredth of a point is finer than any screen.
-    text = re.sub(r'\sd="[^"]*"', lambda d: re.sub(r"(\.\d\d)\d+", r"\1", d[0]), text)
-    return text, float(width[1]) if width else 504.0
+    source = f"data:{block.media_type};base64,{data}"
+    return content | {"kind": "picture", "source": source, "least": _LEAST_PICTURE}
 
 
 def _sweeps(origin: Origin) -> list[dict[str, Any]]:

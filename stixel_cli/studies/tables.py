@@ -107,13 +107,17 @@ def over_seeds(values: Iterable[float | int | None]) -> Statistic:
 
 def tables_of(findings: Findings) -> Iterator[Table]:
     """Every table, in the order of the report."""
-    blocks = (*findings.summary, *_blocks(findings.sections))
-    return (block for block in blocks if isinstance(block, Table))
+    return (block for block in _every_block(findings) if isinstance(block, Table))
 
 
 def figures_of(findings: Findings) -> Iterator[Figure]:
     """Every figure, in the order of the report."""
-    return (block for block in _blocks(findings.sections) if isinstance(block, Figure))
+    return (block for block in _every_block(findings) if isinstance(block, Figure))
+
+
+def _every_block(findings: Findings) -> Iterator:
+    yield from findings.opening
+    yield from _blocks(findings.sections)
 
 
 def _blocks(sections: Sequence[Section]) -> Iterator:

@@ -2,7 +2,8 @@
 
 A template has paragraphs and `#` headings. The text before the first heading is the answer.
 `{{ show(tables.NAME) }}` shows a table or a figure; `{% call show(...) %}caption{% endcall %}` also
-sets its caption.
+sets its caption. `folded=true` folds a table or figure on the page, and a heading that ends with
+`(folded)` folds its section.
 """
 
 import re
@@ -28,7 +29,7 @@ from stixel_cli.studies.types import (
 )
 
 _MARK = "\x02"
-_HEADING = re.compile(r"(#{1,3}) (.+)")
+_HEADING = re.compile(r"(#{1,3}) (.+?)( \(folded\))?")
 
 
 def _interval(statistic, unit: str = "", sign: bool = False) -> str:
@@ -72,10 +73,11 @@ def findings_of(template: jinja2.Template, material: Material, name: str) -> Fin
     """
     shown: list[Block] = []
 
-    def show(block, caller: Callable[[], str] | None = None) -> str:
+    def show(block, caller: Callable[[], str] | None = None, folded: bool = False) -> str:
         if not isinstance(block, Figure | Picture | Table):
             raise TypeError("show takes a table, a figure or a picture")
-        shown.append(block if caller is None else replace(block, caption=_line(caller())))
+        caption = block.caption if caller is None else _line(caller())
+        shown.append(replace(block, caption=caption, folded=folded))
         return f"\n\n{_MARK}{len(shown) - 1}\n\n"
 
     try:
@@ -89,36 +91,31 @@ def findings_of(template: jinja2.Template, material: Material, name: str) -> Fin
         reason = printable(f"{type(fault).__name__}: {fault}", 200)
         raise UserError(f"template: {where}: {reason}") from fault
     before: list[Block] = []
-    # Level, title and blocks of the open sections.
-    opened: list[tuple[int, str, list[Block]]] = [(0, "", before)]
+    # Level, title, folding and blocks of the open sections.
+    opened: list[tuple[int, str, bool, list[Block]]] = [(0, "", False, before)]
     sections: list[Section] = []
 
     def close(level: int) -> None:
         while opened[-1][0] >= level:
-            _, title, blocks = opened.pop()
-            section = Section(title, tuple(blocks))
+            _, title, is_folded, blocks = opened.pop()
+            section = Section(title, tuple(blocks), is_folded)
             if opened[-1][0] == 0:
                 sections.append(section)
             else:
-                opened[-1][2].append(section)
+                opened[-1][-1].append(section)
 
     for chunk in re.split(r"\n\s*\n", text):
         chunk = _line(chunk)
         heading = _HEADING.fullmatch(chunk)
         if heading:
             close(len(heading[1]))
-            opened.append((len(heading[1]), heading[2], []))
+            opened.append((len(heading[1]), heading[2], heading[3] is not None, []))
         elif chunk.startswith(_MARK):
-            opened[-1][2].append(shown[int(chunk[1:])])
+            opened[-1][-1].append(shown[int(chunk[1:])])
         elif chunk:
-            opened[-1][2].append(Paragraph(chunk))
+            opened[-1][-1].append(Paragraph(chunk))
     close(1)
-    return Findings(
-        tuple(block.text for block in before if isinstance(block, Paragraph)),
-        tuple(sections),
-        material.files,
-        tuple(block for block in before if not isinstance(block, Paragraph)),
-    )
+    return Findings(tuple(before), tuple(sections), material.files)
 
 
 def _line(text: str) -> str:

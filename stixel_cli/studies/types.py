@@ -15,11 +15,15 @@ class Paragraph:
 
 @dataclass(frozen=True)
 class Figure:
-    """A drawing as `report.style.svg` gives it; `name` is its file's stem, unique in a study."""
+    """A drawing as `report.style.svg` gives it; `name` is its file's stem, unique in a study.
+
+    A `folded` block of a page unfolds on a click.
+    """
 
     name: str
     caption: str
     svg: bytes
+    folded: bool = False
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,7 @@ class Picture:
     caption: str
     data: bytes
     media_type: str
+    folded: bool = False
 
 
 @dataclass(frozen=True)
@@ -52,6 +57,7 @@ class Table:
     caption: str
     columns: tuple[str | Column, ...]
     rows: tuple[tuple[str | int | float | None, ...], ...]
+    folded: bool = False
 
     def __post_init__(self):
         for row in self.rows:
@@ -67,6 +73,7 @@ class Section:
 
     title: str
     blocks: tuple["Block", ...]
+    folded: bool = False
 
 
 Block = Paragraph | Figure | Picture | Table | Section
@@ -90,16 +97,20 @@ class Findings:
     """A filled template.
 
     Attributes:
-        answer: paragraphs before the first heading.
+        opening: blocks before the first heading, in order. A page shows those up to the first
+            figure as the answer, and the rest below it.
         sections: of the report, in order.
         files: path in the study's folder to content of further files.
-        summary: tables before the first heading.
     """
 
-    answer: tuple[str, ...]
+    opening: tuple[Block, ...]
     sections: tuple[Section, ...]
     files: Mapping[str, str | bytes]
-    summary: tuple[Table, ...] = ()
+
+    @property
+    def answer(self) -> tuple[str, ...]:
+        """The paragraphs before the first heading."""
+        return tuple(block.text for block in self.opening if isinstance(block, Paragraph))
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,13 @@
 
 import itertools
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 
 from stixel_cli.evaluation.metric_table import metric, over_runs
 from stixel_cli.report import style
@@ -20,6 +24,8 @@ SHOWN = (
     "low_overlap_share",
     "track_lost",
 )
+DRAWN = (*SHOWN[:4], "nees_position_mean", "nis_mean", *SHOWN[4:])
+"""Metrics of a figure."""
 MOST_LINES = 8
 """Combinations of the other axes with a line each; beyond this number their runs are pooled."""
 
@@ -35,8 +41,9 @@ def axis_figures(
     metrics: Sequence[Mapping[str, float | int | None]],
     axes: Sequence[Sequence[str]],
     left_out: int = 0,
+    kind: Literal["png", "svg"] = "png",
 ) -> dict[str, bytes]:
-    """PNGs by file name, one for each axis except the seed's.
+    """Images of a kind by file name, one for each axis except the seed's.
 
     An axis whose runs are pooled over the other axes has no figure if settings are incomplete: its
     means would not be over the same settings.
@@ -53,7 +60,9 @@ def axis_figures(
         others = list(dict.fromkeys(_label(setting, keys) for setting in settings))
         if keys and (len(others) <= MOST_LINES or not left_out):
             lines = others if len(others) <= MOST_LINES else []
-            figures[f"{_file_stem(keys)}.png"] = _figure(keys, settings, metrics, lines, left_out)
+            write = style.png if kind == "png" else style.svg
+            image = _figure(keys, settings, metrics, lines, left_out, write)
+            figures[f"{_file_stem(keys)}.{kind}"] = image
     return figures
 
 
@@ -75,16 +84,20 @@ def _figure(
     metrics: Sequence[Mapping[str, float | int | None]],
     others: Sequence[str],
     left_out: int,
+    write: Callable[[Figure], bytes],
 ) -> bytes:
     """A figure over `keys` with a line for each label in `others`; one line if that is empty."""
     known = {name for run in metrics for name in run}
-    names = [name for name in SHOWN if name in known] or sorted(known)[:4]
+    names = [name for name in DRAWN if name in known] or sorted(known)[:4]
     values = list(dict.fromkeys(tuple(setting[key] for key in keys) for setting in settings))
     numbers = _numbers(values)
     if numbers is not None:
         values = [value for _, value in sorted(zip(numbers, values, strict=True))]
         numbers = sorted(numbers)
     places = list(range(len(values))) if numbers is None else numbers
+    log = numbers is not None and is_geometric(numbers)
+    if log:
+        places = [math.log(place) for place in places]
     steps = dodges(places, max(1, len(others)))
     clipped, counts = False, set()
     with style.drawing():
@@ -104,11 +117,18 @@ def _figure(
                     rows.append(statistic({}, over_runs(name), values_of))
                 counts |= {row.n for row in rows}
                 shifted = [place + steps[line] for place in places]
+                if log:
+                    shifted = [math.exp(place) for place in shifted]
                 drawn = Line(shifted, rows, style.RUNS[line], other, numbers is not None)
                 clipped |= drawn.draw(axes)
             axes.set_title(heading(over_runs(name)))
             axes.set_xlabel(_joined(keys))
             axes.grid(True, axis="y")
+            scale_values(axes, over_runs(name))
+            if log:
+                axes.set_xscale("log")
+                axes.minorticks_off()
+                axes.set_xticks(numbers, [_shortened(" ".join(v)) for v in values])
             if numbers is None:
                 axes.set_xticks(range(len(values)), [_shortened(" ".join(v)) for v in values])
                 if len(values) > 5:
@@ -125,7 +145,30 @@ def _figure(
             figure.legend(legend.values(), legend, loc="outside lower center", ncols=columns)
         text = caption(not others, len(others), clipped, left_out, counts)
         figure.suptitle(text, fontsize=9.0, x=0.01, ha="left")
-        return style.png(figure)
+        return write(figure)
+
+
+def is_geometric(places: Sequence[float]) -> bool:
+    """Whether ascending places have equal ratios rather than equal steps: then a log axis fits."""
+    if len(places) < 3 or places[0] <= 0.0:
+        return False
+    ratios = [b / a for a, b in itertools.pairwise(places)]
+    return max(ratios) <= 1.3 * min(ratios) and min(ratios) > 1.4
+
+
+def scale_values(axes: Axes, name: str) -> None:
+    """Scale the axis of a metric's values: logarithmic round 1, or with room above only zeros."""
+    if metric(name).better == "one":
+        axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.minorticks_off()
+        axes.axhline(1.0, color=style.UNUSED, linewidth=0.8, linestyle="--")
+        low, high = axes.get_ylim()
+        axes.set_ylim(min(low, 0.5), max(high, 2.0))
+    elif axes.dataLim.y0 == axes.dataLim.y1 == 0.0:
+        # Matplotlib's own limits would be ±0.055.
+        axes.set_ylim(0.0, 1.0)
 
 
 def caption(
@@ -200,6 +243,9 @@ def drawn_interval(row: Statistic) -> tuple[float, float]:
         return row.mean, row.mean
     least, most = metric(row.metric).bounds
     low = row.low if least is None else max(least, row.low)
+    if metric(row.metric).better == "one":
+        # The axis is logarithmic.
+        low = max(low, 0.1 * row.mean)
     return low, row.high if most is None else min(most, row.high)
 
 

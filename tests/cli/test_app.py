@@ -51,7 +51,7 @@ def test_help_of_run_shows_groups_and_examples(capsys):
 
 def test_help_of_report(capsys):
     assert main(["report", "-h"]) == 0
-    assert "side by side" in capsys.readouterr().out
+    assert "show one sweep" in capsys.readouterr().out
 
 
 COMMANDS = typer.main.get_command(app).commands

@@ -71,6 +71,14 @@ def test_a_runs_folder_holds_its_page(tmp_path):
     assert data["title"] == "mine"
     assert ["measurement", "fabricated"] in data["runs"][0]["facts"]
     assert data["cameras"] == []
+    origin = data["runs"][0]["origin"]
+    assert origin["command"] == json.loads((folder / "manifest.json").read_text())["command"]
+    assert origin["made"][1].startswith("revision ")
+    for _, target in origin["links"]:
+        assert (folder / target).exists()
+    # The page has the time and the command, which `verify` does not compare.
+    (folder / "index.html").write_text("another page")
+    assert main(["verify", str(folder), "--cached"]) == 0
     for command in ("show", "ls"):
         assert main([command, str(folder if command == "show" else tmp_path)]) == 0
 

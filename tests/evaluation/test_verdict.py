@@ -1,7 +1,7 @@
 import pytest
 
 from stixel_cli.evaluation.metric_table import METRICS
-from stixel_cli.evaluation.verdict import verdict
+from stixel_cli.evaluation.verdict import badges, verdict
 
 GOOD = {
     "scans": 50,
@@ -94,3 +94,13 @@ def test_a_diverged_tracker_is_warned_of_first():
     assert lost[0] == warning and lost[1] == "Track lost at 3.0 s."
     # It needs no truth.
     assert verdict({"scans": 3, **diverged}) == [warning]
+
+
+def test_badges_name_what_is_not_expected():
+    assert badges({"nees_position_mean": 1.0, "nis_mean": 1.0}) == {}
+    assert badges({"nees_position_mean": 4.2, "nis_mean": 0.05, "time_to_loss_s": 1.23}) == {
+        "centre_error": "lost at 1.2 s",
+        "nees_position": "over-confident × 4.2",
+        "nis": "residuals smaller × 0.05",
+    }
+    assert badges({}) == {}

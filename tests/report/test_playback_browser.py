@@ -142,6 +142,124 @@ def test_camera_shows_image_and_stixels_of_the_frame(one):
     assert not shown.first.is_visible()
 
 
+def test_the_footprints_are_projected_onto_the_road(one):
+    """By the rig's own transform, of the true and of the estimated contour."""
+    page, run = one.page, make_run()
+    rig = run.composition.configuration.rig
+    for k in (0, 7):
+        to(page, k)
+        for name, contour in (
+            ("foot-truth", run.scenario.contour_world(k)),
+            ("foot-0", run.track.contours_world[k]),
+        ):
+            world = np.column_stack([contour, np.zeros(len(contour)), np.ones(len(contour))])
+            pose = run.scenario.ego_poses_world[k]
+            x, y, z = np.linalg.solve(rig.world_from_camera(pose), world.T)[:3]
+            expected = np.stack([rig.u0 + rig.focal * x / z, rig.v0 + rig.focal_v * y / z], axis=1)
+            text = page.locator(f"#{name}").get_attribute("d")
+            found = np.array(re.findall(r"[ML](\S+) ([^MLZ]+)", text), dtype=float)
+            assert np.allclose(found, expected, atol=0.5), (k, name)
+    assert page.locator("#footprints").is_visible()
+
+
+def test_the_stixels_of_the_target_are_outlined_and_the_rest_dimmed(open_page, tmp_path):
+    run = make_run()
+    rig, chunk = run.composition.configuration.rig, run.camera[0]
+    rows = slice(*chunk.offsets[2:4])
+    # Two of the stixels of scan 2 are put on the true centre.
+    pose = run.scenario.ego_poses_world[2]
+    apart = run.scenario.target_poses_world[2, :2] - pose[:2]
+    ahead = apart @ (np.cos(pose[2]), np.sin(pose[2]))
+    right = apart @ (np.sin(pose[2]), -np.cos(pose[2]))
+    column = round(rig.u0 + rig.focal * right / ahead)
+    left, ends, depth = chunk.left.copy(), chunk.right.copy(), chunk.depth.copy()
+    left[rows][:2], ends[rows][:2], depth[rows][:2] = (column, column + 1), column + 1, ahead
+    ends[rows][1] += 1
+    camera = (replace(chunk, left=left, right=ends, depth=depth), *run.camera[1:])
+    file = tmp_path / "page.html"
+    file.write_text(playback_html([replace(run, camera=camera)], "target"), encoding="utf-8")
+    opened = open_page(file)
+    page = opened.page
+    to(page, 2)
+    shown = page.locator("#stixels rect:not([style*='none'])")
+    fills = shown.evaluate_all("all => all.map(e => Number(e.getAttribute('fill-opacity')))")
+    assert len(fills) > 2 and [fill > 0.3 for fill in fills] == [True] * 2 + [False] * (
+        len(fills) - 2
+    )
+    text = page.locator("#target-outline").get_attribute("d")
+    outline = np.array(re.findall(r"[ML](\S+) ([^MLZ]+)", text), dtype=float)
+    # One outline round both, half a pixel outside of the pixels' centres.
+    assert text.count("M") == 1 and len(outline) == 8
+    assert [outline[:, 0].min(), outline[:, 0].max()] == [column - 0.5, column + 1.5]
+    assert outline[:, 1].min() == chunk.top[rows][:2].min() - 0.5
+    assert "2 on the target, outlined" in page.locator("#camera-caption").inner_text()
+    assert opened.problems == []
+    page.close()
+
+
+def test_used_points_have_the_noise_of_the_tracker(one):
+    page, run = one.page, make_run()
+    to(page, 3)
+    std = run.composition.configuration.tracker.measurement_std
+    text = page.locator("#ellipses-used").get_attribute("d")
+    radii = np.array(re.findall(r"A(\S+) ", text), dtype=float)
+    assert len(radii) and radii == pytest.approx(std)
+    # The other points have the covariance that the scan states.
+    unused = page.locator("#ellipses-unused").get_attribute("d")
+    assert np.array(re.findall(r"A(\S+) ", unused), dtype=float) == pytest.approx(0.2)
+    assert f"with R = ({std:.3g} m)²" in page.locator("#scan-caption").inner_text()
+
+
+def test_charts_have_units_end_ticks_and_badges(open_page, tmp_path):
+    run = make_run("gp_ekf")
+    metrics = run.scores.metrics | {"nees_position_mean": 4.2, "nis_mean": 1.0}
+    scores = replace(run.scores, metrics=metrics | {"time_to_loss_s": 0.5})
+    file = tmp_path / "page.html"
+    file.write_text(playback_html([replace(run, scores=scores)], "badges"), "utf-8")
+    opened = open_page(file, 1280, 900)
+    page = opened.page
+    charts = page.locator(".chart")
+    texts = charts.first.locator("svg text").all_text_contents()
+    assert any(re.fullmatch(r"[\d.]+ m", text) for text in texts)
+    assert texts[-1] == f"{run.scenario.times[-1]:g} s"
+    badges = page.locator(".badge").all_inner_texts()
+    assert badges == ["lost at 0.5 s", "over-confident × 4.2"]
+    assert opened.problems == []
+    page.close()
+
+
+def test_a_page_states_where_it_comes_from(open_page, tmp_path):
+    made = {"command": "stixel run seed=<3>", "created": "2026-01-02", "versions": {"stixel": "9"}}
+    made["git"] = {"revision": "0123456789abcdef", "dirty": True}
+    run = make_run()
+    file = tmp_path / "page.html"
+    file.write_text(
+        playback_html([replace(run, manifest=run.manifest | made)], "origin"), encoding="utf-8"
+    )
+    opened = open_page(file)
+    footer = opened.page.locator("#origin")
+    said = footer.inner_text()
+    for text in ("stixel run seed=<3>", "0123456789ab with uncommitted changes", "2026-01-02"):
+        assert text in said
+    assert "centre RMSE" in said
+    links = footer.locator("a").evaluate_all("all => all.map(a => a.getAttribute('href'))")
+    assert links == ["figures/", "metrics.json", "config.yaml"]
+    assert opened.problems == []
+    opened.page.close()
+
+
+def test_a_desktop_shows_all_panels_without_scrolling(open_page, pages):
+    for name in ("one", "two", "blind"):
+        opened = open_page(pages / f"{name}.html", 1280, 900)
+        page = opened.page
+        lowest = page.locator(".chart").evaluate_all(
+            "all => Math.max(...all.map(e => e.getBoundingClientRect().bottom))"
+        )
+        assert lowest < page.locator("#controls").bounding_box()["y"], name
+        assert page.locator("#map").bounding_box()["height"] > 350
+        page.close()
+
+
 def test_cursor_of_the_error_charts_can_be_dragged(one):
     page = one.page
     box = page.locator(".plot").first.bounding_box()
@@ -296,9 +414,10 @@ def test_charts_are_aligned_and_bands_have_no_gaps(one):
     page = one.page
     for width in (1206, 1280, 1400, 1500):
         page.set_viewport_size({"width": width, "height": 900})
-        tops = [plot.bounding_box()["y"] for plot in page.locator(".plot").all()]
-        assert len(tops) == 7
-        assert max(tops) - min(tops) < 1.0, width
+        boxes = [plot.bounding_box() for plot in page.locator(".plot").all()]
+        assert len(boxes) == 7
+        assert max(box["x"] for box in boxes) - min(box["x"] for box in boxes) < 1.0, width
+        assert min(box["width"] for box in boxes) > 280.0, width
     band = page.locator(".plot").nth(4).locator(".consistent").get_attribute("d")
     steps = np.array(re.findall(r"M(\S+) \S+H([\d.]+)V", band), dtype=float)
     assert len(steps) == SCANS

@@ -33,24 +33,72 @@ def folders(tmp_path):
 
 
 def make_page(folders):
-    return page_html([read_scored_run(folder) for folder in folders], ["stixel", "report", "a b"])
+    runs = [read_scored_run(folder) for folder in folders]
+    return page_html(runs, ["stixel", "report", "a b"], folders[0].parent / "page.html")
 
 
 def test_page_shows_differing_settings(folders):
     page = make_page(folders)
-    differing = page[page.index("Settings that differ") : page.index("<details>")]
-    assert re.findall(r'class="key">([^<]+)<', differing) == [
-        "measurement.kind",
+    differing = page[page.index("Settings that differ") : page.index("settings are the same")]
+    assert re.findall(r'class="key" role="rowheader">([^<]+)<', differing) == [
+        "measurement ",
         "measurement.least_height",
         "measurement.rays",
     ]
-    assert "<td>simulated</td><td>fabricated</td>" in differing
+    # The exchanged group is one row, which unfolds.
+    assert differing.count("<details>") == 2 and "(2 settings)" in differing
+    assert '<span role="cell">simulated</span><span role="cell">fabricated</span>' in differing
     assert "centre error, RMSE" in page
     assert page.count('<td class="best">') == 2
     assert "NIS / degrees of freedom, mean" not in page  # null in both
     assert page.count("older version") == 2  # track loss is not in their metrics
     assert "0123456789ab with uncommitted changes" in page
     assert "stixel report &#39;a b&#39;" in page
+
+
+def test_the_verdicts_and_metrics_come_before_the_settings(folders):
+    page = make_page(folders)
+    titles = re.findall("<h2>([^<]+)</h2>", page)
+    assert titles == [
+        *("Verdicts", "Metrics", "Errors over time", "Paths and shapes"),
+        *("Settings that differ", "Provenance"),
+    ]
+
+
+def test_metrics_have_the_difference_of_two_runs(tmp_path):
+    made = [
+        make_folder(tmp_path / name, 1, metrics={"centre_rmse_m": value})
+        for name, value in (("a", 0.5), ("b", 0.375), ("c", None))
+    ]
+    assert "<td>−0.125</td>" in make_page(made[:2])
+    assert "<td>+0.125</td>" in make_page(made[1::-1])
+    assert "+0" not in make_page(made[:2]).partition("Errors over time")[0]
+    three = make_page(made)
+    assert "<small>−0.125</small>" in three and "<small>–</small>" in three
+
+
+def test_a_page_warns_of_other_durations_scenes_and_seeds(tmp_path):
+    first = make_folder(tmp_path / "first", 1)
+    assert 'class="warning"' not in make_page([first, make_folder(tmp_path / "same", 2)])
+    other = copy.deepcopy(CONFIG) | {"seed": 3}
+    other["path"] = {"kind": "approach", "speed": 2.0}
+    short = {name: np.ones(10) for name in ("iou", "iou_box", "centre_error", "nis")}
+    short |= {"t": 0.1 * np.arange(10), "k": None}
+    short |= dict.fromkeys(("orientation_error", "nees_position"))
+    page = make_page([first, make_folder(tmp_path / "other", 2, other, series=short)])
+    found = re.findall('class="warning">([^<]+)<', page)
+    assert [text.partition(" (")[0].partition(":")[0] for text in found] == [
+        "The durations differ",
+        "The scenes differ",
+        "The seeds differ",
+    ]
+    assert "(3.9 s, 0.9 s)" in found[0] and "(path)" in found[1]
+
+
+def test_a_page_links_to_the_pages_of_its_runs(folders):
+    (folders[1] / "index.html").write_text("")
+    page = make_page(folders)
+    assert re.findall('<a href="([^"]+)"', page) == ["second/index.html"]
 
 
 def test_equivalent_settings_do_not_differ(tmp_path):
@@ -67,8 +115,9 @@ def test_page_shows_options_of_groups_without_kind(folders):
         choices = {"rig": rig, "measurement": "any"}
         file.write_text(json.dumps(json.loads(file.read_text()) | {"choices": choices}))
     page = make_page(folders)
-    assert 'class="key">rig</th><td>default</td><td>kitti</td>' in page
-    assert 'class="key">measurement</th>' not in page
+    cells = '<span role="cell">default</span><span role="cell">kitti</span>'
+    assert f'class="key" role="rowheader">rig</span>{cells}' in page
+    assert 'role="rowheader">measurement.any' not in page
 
 
 def test_runs_have_different_line_styles():
@@ -83,6 +132,8 @@ def test_page_is_self_contained(folders):
     assert "<script" not in page
     assert "<link" not in page
     assert page.count("data:image/png;base64,") == 2
+    # A picture 80 px wide, with letters of 12.2 px, is shown at least 66 px wide.
+    assert page.count('style="min-width: 66px"') == 2
     names = re.findall(r'\bid="([^"]+)"', page)
     assert len(names) == len(set(names))
     for used in re.findall(r'(?:url\(|href=")#([^")]+)', page):
@@ -113,6 +164,7 @@ def test_page_accepts_runs_without_series_or_picture(tmp_path):
     (folders[0] / "figures" / "path.png").unlink()
     page = make_page(folders)
     assert "The runs have no errors over time" in page
+    assert "<svg viewBox" not in page.partition("<h2>Errors over time")[2].partition("<h2>Paths")[0]
     assert "This run has no picture of its path" in page
 
 
@@ -191,6 +243,8 @@ def test_best_follows_the_direction_of_the_metric():
     assert best("iou_mean", [0.2, 0.9, 0.9]) == [False, True, True]
     assert best("nis_mean", [0.5, 1.5, 30.0]) == [False, True, False]
     assert best("nis_mean", [0.0, 1.5]) == [False, True]
+    # Far from 1 no value is good.
+    assert best("nis_mean", [0.05, 0.3]) == best("nees_position_mean", [2.4, 9.0]) == [False, False]
     assert best("scans", [1, 2]) == [False, False]
     assert best("iou_mean", [0.5, 0.5]) == [False, False]
     assert best("iou_mean", [None, 0.5]) == [False, False]

@@ -3,6 +3,7 @@
 import csv
 import io
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,6 +13,7 @@ from PIL import Image
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.rig import Rig
+from stixel_cli.report.camera import LEFT, TOP
 from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.studies.file import find_study, read_study
@@ -22,7 +24,7 @@ from stixel_cli.studies.rq1.pool import (
     needed_disparity,
     road_user,
 )
-from stixel_cli.studies.rq1.report import by_frame, contact_sheet
+from stixel_cli.studies.rq1.report import PANELS, TITLE, by_frame, contact_sheet
 from stixel_cli.studies.rq1.setup import cpu_seconds_a_frame, timed_building, values_of
 
 FIXED = {
@@ -176,16 +178,26 @@ def test_cpu_seconds_per_frame_and_values_of_a_scene():
 
 
 def test_a_contact_sheet_has_two_columns_at_one_scale():
-    def png(width, height, colour):
+    rig = replace(compose().configuration.rig, width=100, height=50)
+
+    def png(colour):
+        """A picture as the stage draws it: the image inside margins."""
+        image = Image.new("RGB", (LEFT + 120, TOP + 90), "white")
+        image.paste(colour, (LEFT, TOP, LEFT + rig.width, TOP + rig.height))
         buffer = io.BytesIO()
-        Image.new("RGB", (width, height), colour).save(buffer, "png")
+        image.save(buffer, "png")
         return buffer.getvalue()
 
-    sheet = contact_sheet([png(400, 200, "red"), png(200, 100, "blue"), png(400, 300, "green")])
+    colours = dict(zip(PANELS, ("red", "blue", "green", "red", "blue", "green"), strict=True))
+    sheet = contact_sheet({name: png(colour) for name, colour in colours.items()}, rig)
     image = Image.open(io.BytesIO(sheet)).convert("RGB")
-    assert image.format is None and image.size == (1080, 270 + 405)
-    assert np.allclose(image.getpixel((270, 135)), (255, 0, 0), atol=12)
-    assert np.allclose(image.getpixel((540 + 135, 60)), (0, 0, 255), atol=12)
-    assert np.allclose(image.getpixel((1000, 200)), (255, 255, 255), atol=12)
+    step = TITLE + 12 + 267
+    assert image.size == (1080, 3 * step)
+    assert np.allclose(image.getpixel((270, 150)), (255, 0, 0), atol=12)
+    assert np.allclose(image.getpixel((820, 150)), (0, 0, 255), atol=12)
+    assert np.allclose(image.getpixel((270, step + 150)), (0, 128, 0), atol=12)
+    # The title is between the pictures: dark letters on white.
+    title = np.asarray(image)[step : step + TITLE, :200]
+    assert title.min() < 60 and title.max() == 255
     files = {"k0003/left.png": b"a", "k0003/height.png": b"b", "k0017/left.png": b"c"}
     assert by_frame(files) == {3: {"left": b"a", "height": b"b"}, 17: {"left": b"c"}}

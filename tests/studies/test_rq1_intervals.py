@@ -1,12 +1,14 @@
 """Intervals of RQ1 count poses: neither seeds nor stixels of a pose make them shorter."""
 
 from dataclasses import replace
+from importlib import resources
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from stage_summaries import column_summary, coverage_summary
 
+from stixel_cli import studies
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.studies.rq1 import figures
 from stixel_cli.studies.rq1.intervals import (
@@ -51,6 +53,8 @@ from stixel_cli.studies.rq1.intervals import (
     stixel_sums,
 )
 from stixel_cli.studies.rq1.pool import Group, counts
+from stixel_cli.studies.template import findings_of, template_of
+from stixel_cli.studies.types import Material
 
 
 def group(values, seeds=1):
@@ -238,3 +242,18 @@ def test_a_caption_has_the_numbers_of_poses_and_seeds():
 
 def test_shares_are_shown_in_per_cent():
     assert Estimate(0.1234, 0.11, 0.14).share() == "12.3\u202f% [11.0, 14.0]"
+
+
+def test_the_answer_begins_with_a_sentence_for_each_class():
+    text = (resources.files(studies) / "templates/rq1.md.j2").read_text("utf-8")
+    template = template_of(text.partition("{% if near %}")[0], "rq1")
+    values = {"near": True, "forest": None, "std": 0.1, "depth": 28.0, "round": (25.0, 31.0)}
+    leads = [("car", Estimate(0.42, 0.35, 0.5), Estimate(-0.1, -0.2, 0.0)), ("cyclist", NONE, NONE)]
+    said = findings_of(template, Material(values | {"leads": leads}), "rq1").answer
+    assert said[0] == (
+        "Car: RMS depth error 0.420\u202fm [0.350, 0.500], bias −0.10\u202fm [−0.20, 0.00], "
+        "between 25 and 31 m; The Stixel World states 0.1 m at 28 m."
+    )
+    assert said[1].startswith("Cyclist: RMS depth error –, bias –")
+    without = findings_of(template, Material(values | {"leads": leads, "near": None}), "rq1")
+    assert without.answer == ()

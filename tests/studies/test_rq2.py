@@ -193,8 +193,13 @@ def test_the_answer_has_every_tracker_and_measurement():
     ]
     # A tracker that came later is answered for, the baseline is not.
     assert "show no difference between stixels and the lidar_9 for the new_one." in text
-    # Effects with their intervals come first, then the tests.
-    first = answer(runs)[0]
+    # One sentence for each class comes first, then all effects with their intervals.
+    few, lead, _, first = answer(runs)[:4]
+    assert few.startswith("With 3 seeds a test is hardly significant: a mean difference must")
+    assert lead == (
+        "Car, gp_ekf: centre RMSE 0.51\u202fm on stixels; 0.20\u202fm on the lidar_9, "
+        "difference +0.310\u202fm [0.285, 0.335]."
+    )
     assert first.startswith(
         "Gp_ekf: mean difference, stixels minus lidar_9 [95 %]. Car: centre RMSE +0.310\u202fm "
         "[0.285, 0.335]"
@@ -234,8 +239,9 @@ def test_one_seed_allows_no_test():
         run(0, "lidar", centre=0.2),
     ]
     runs += [run(0, "stixels", "point", centre=0.6)]
-    effects, _, *rest = answer(runs)
-    assert rest[0].startswith("With one seed there is no test and no interval")
+    few, lead, effects, _, *rest = answer(runs)
+    assert few.startswith("With one seed there is no test and no interval")
+    assert lead.endswith("0.20\u202fm on the lidar, difference +0.300\u202fm.")
     assert "centre RMSE +0.300\u202fm, orientation" in effects
     text = " ".join(rest)
     assert "t-tests" not in text and "no difference" not in text
@@ -298,7 +304,7 @@ def test_a_tiny_study_from_the_command_line(tiny):
     for title in (
         "Pedestrian",
         "Fabricated measurements",
-        "Tracking",
+        "Over time",
     ):
         assert re.search(rf"<h[23]>[\d.]+ {title}</h", html), title
     # What was not run by this study is not in its report.
@@ -318,7 +324,7 @@ def test_a_tiny_study_from_the_command_line(tiny):
     names_of_figures = {path.stem for path in (tiny / "figures").iterdir()}
     assert {
         "pedestrian_boxes",
-        "pedestrian_crossing_over_time",
+        "pedestrian_crossing_over_time_centre",
         "pedestrian_by_range",
     } <= names_of_figures
 

@@ -38,13 +38,17 @@ def said(pairs, gap=-0.2):
 
 
 def test_few_pairs_allow_no_test():
-    effects, trackers, *rest = said(6)
+    few, car, _, effects, trackers, *rest = said(6)
     text = " ".join(rest)
     assert (
         "too few for a significant test of the points and trackers. With n = 6 pairs, the smallest "
         "p of Wilcoxon's signed rank test with Holm's correction is 1.00 for the 48 tests of the "
         "points and 0.125 for the 4 tests of the trackers. A p below 0.05 requires n = 11 pairs."
-    ) in text
+    ) in few
+    assert car == (
+        "Car, GP-EKF: centre RMSE 0.30\u202fm on simulated and 0.10\u202fm on fabricated "
+        "measurements, difference −0.200\u202fm [−0.216, −0.184]."
+    )
     # No verdict of a test that could not have found anything; effects with their intervals instead.
     for verdict in (
         "the test shows",
@@ -62,7 +66,7 @@ def test_few_pairs_allow_no_test():
 
 
 def test_effects_come_before_tests():
-    first, _, _, tests, *rest = said(15)
+    _, _, first, _, _, tests, *rest = said(15)
     assert first.startswith(
         "Points: mean difference, fabricated minus simulated [95 %]. Car: bias along "
     )

@@ -8,9 +8,10 @@ import study_toy
 from stixel_cli.cli.app import main
 from stixel_cli.errors import UserError
 from stixel_cli.report import style
+from stixel_cli.report.page_svg import drawing_for_page, smallest_text, svg_for_page
 from stixel_cli.results.text import listed
 from stixel_cli.studies.folder import files_of
-from stixel_cli.studies.page import _Numbered, svg_for_page
+from stixel_cli.studies.page import _Numbered
 from stixel_cli.studies.tables import (
     counted,
     decimals,
@@ -103,12 +104,24 @@ def test_a_figure_takes_the_colours_of_the_page():
         axes.plot([0, 1], color=style.RUNS[1], label="a")
         axes.plot([1, 0], color=style.TRUTH)
         axes.set_title("title")
-        svg, points = svg_for_page(style.svg(figure).decode(), 7)
+        svg, points = svg_for_page(style.svg(figure).decode(), "f7")
     assert points == pytest.approx(144.0)
     assert not re.search("#000000|#ffffff|#1a1a1a", svg) and style.RUNS[1] not in svg
     assert "currentColor" in svg and "var(--run-1)" in svg and "var(--paper)" in svg
     assert re.match(r'<svg fill="currentColor"[^>]*viewBox', svg)
     assert "<style" not in svg and not re.search(r'id="(?!f7-)', svg)
+
+
+def test_no_text_of_a_drawing_is_shown_below_10_px():
+    with style.drawing():
+        figure = style.new_figure(4.0, 1.0)
+        figure.text(0.1, 0.5, "large", fontsize=12.0)
+        figure.text(0.6, 0.5, "small", fontsize=6.0, rotation=90.0)
+        text = style.svg(figure).decode()
+    assert smallest_text(text) == pytest.approx(6.0)
+    shown = drawing_for_page(text, "f1")
+    # 288 points with letters of 6 points need 480 px.
+    assert shown.least == 480 and shown.width == 480
 
 
 def test_a_standard_deviation_is_in_the_cell_of_its_value():

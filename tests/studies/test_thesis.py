@@ -62,7 +62,12 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny):
     assert page.count("data:image/webp;base64,") == 1
     figures = {path.stem for path in (folder / "figures").glob("*.svg")}
     assert {"pedestrian_paths", "pedestrian_rays", "pedestrian_radius_1"} <= figures
-    assert {"pedestrian_parked_over_time", "constant_noise", "stereo_noise"} <= figures
+    assert {
+        "pedestrian_parked_over_time_iou",
+        "answer_forest",
+        "constant_noise",
+        "stereo_noise",
+    } <= figures
     rows = table(folder, "answer")
     assert {row["measurement"] for row in rows} == {"fabricated", "simulated"}
     assert {row["n"] for row in rows} == {"1", "2"}

@@ -10,6 +10,8 @@ from stixel_cli.sweeps.figures import (
     caption,
     dodges,
     drawn_interval,
+    is_geometric,
+    scale_values,
 )
 from stixel_cli.sweeps.statistics import statistic
 
@@ -64,3 +66,29 @@ def test_means_over_other_axes_are_not_drawn_for_incomplete_settings():
     metrics = [{"iou_mean": 0.5}] * len(settings)
     assert set(axis_figures(settings, metrics, [["a"], ["b"]])) == {"a.png", "b.png"}
     assert set(axis_figures(settings, metrics, [["a"], ["b"]], 1)) == {"a.png"}
+
+
+def test_geometric_steps_have_a_log_axis():
+    assert is_geometric([0.1, 0.3, 1.0, 3.0])
+    assert not is_geometric([1.0, 2.0, 3.0, 4.0])
+    assert not is_geometric([0.0, 0.1, 0.2]) and not is_geometric([1.0, 10.0])
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "limits"),
+    [
+        ("low_overlap_share", [0.0, 0.0], (0.0, 1.0)),
+        ("nees_position_mean", [0.9, 1.1], (0.5, 2.0)),
+        ("nis_mean", [0.02, 30.0], None),
+    ],
+)
+def test_the_axis_of_values_fits_the_metric(name, values, limits):
+    with style.drawing():
+        axes = style.new_figure(3.0, 2.0).add_subplot()
+        axes.plot([0, 1], values)
+        scale_values(axes, name)
+        low, high = axes.get_ylim()
+    if limits is None:
+        assert axes.get_yscale() == "log" and low < 0.02 and high > 30.0
+    else:
+        assert (low, high) == pytest.approx(limits)

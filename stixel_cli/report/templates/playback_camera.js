@@ -1,4 +1,64 @@
-// The camera image with the stixels.
+// The camera image with the stixels, and the footprints on the road.
+// Corners [across m, down m, ahead m] in the camera's frame of points on the road, flat in mm.
+function inCamera(flat, ego, rig) {
+  const angle = ego[2] / 1e4, c = Math.cos(angle), s = Math.sin(angle), found = [];
+  const cosine = Math.cos(rig.pitch), sine = Math.sin(rig.pitch);
+  for (let i = 0; i < flat.length; i += 2) {
+    const dx = (flat[i] - ego[0]) / 1e3, dy = (flat[i + 1] - ego[1]) / 1e3, ahead = c * dx + s * dy;
+    found.push([s * dx - c * dy, cosine * rig.height - sine * ahead, sine * rig.height + cosine * ahead]);
+  }
+  return found;
+}
+
+// The path of an area on the road in the image, without the part nearer than NEAREST.
+const NEAREST = 0.3;
+function onRoad(flat, ego, rig) {
+  if (!flat || !flat.length || !ego) return "";
+  const corners = inCamera(flat, ego, rig), kept = [];
+  corners.forEach((corner, i) => {
+    const last = corners[(i || corners.length) - 1], enters = corner[2] >= NEAREST;
+    if (enters !== last[2] >= NEAREST) {
+      const share = (NEAREST - last[2]) / (corner[2] - last[2]);
+      kept.push(last.map((from, axis) => from + share * (corner[axis] - from)));
+    }
+    if (enters) kept.push(corner);
+  });
+  if (!kept.length) return "";
+  return `M${kept.map(([x, y, z]) => `${(rig.u0 + rig.focal * x / z).toFixed(1)} ${(rig.v0 + rig.focalV * y / z).toFixed(1)}`).join("L")}Z`;
+}
+
+// Whether a point is inside a polygon or nearer to it than `reach`; flat in mm.
+function isNear(flat, x, y, reach) {
+  let inside = false, least = Infinity;
+  for (let i = 0, j = flat.length - 2; i < flat.length; j = i, i += 2) {
+    const [ax, ay, bx, by] = [flat[i], flat[i + 1], flat[j], flat[j + 1]], dx = bx - ax, dy = by - ay;
+    if (ay > y !== by > y && x < ax + dx * (y - ay) / dy) inside = !inside;
+    const share = Math.min(1, Math.max(0, ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy || 1)));
+    least = Math.min(least, Math.hypot(x - ax - share * dx, y - ay - share * dy));
+  }
+  return inside || least < reach;
+}
+
+// The true contour in the world at scan k, or the first estimate without a truth; flat in mm.
+const outline = (k) => data.target[k]
+  ? placed(data.contours[data.limbPoses[k]], data.target[k]) : data.known ? null : runs[0].contours[k];
+
+// The place of a stixel on the ground is on the target, or nearer to it than 0.3 m and 3 % of its depth.
+function isOnTarget(area, ego, rig, left, right, depth) {
+  if (!area || !ego) return false;
+  const across = ((left + right - 1) / 2 - rig.u0) / rig.focal * depth, angle = ego[2] / 1e4;
+  const c = Math.cos(angle), s = Math.sin(angle);
+  return isNear(area, ego[0] + 1e3 * (c * depth + s * across), ego[1] + 1e3 * (s * depth - c * across), 300 + 30 * depth);
+}
+
+const halo = svg("path", { class: "foot halo" }, find("footprints"));
+const trueFoot = svg("path", { id: "foot-truth", class: "foot truth" }, find("footprints"));
+const feet = runs.map((_, r) => {
+  const foot = svg("path", { id: `foot-${r}`, class: "foot" }, find("footprints"));
+  Object.assign(foot.style, { stroke: colourOf(r), strokeDasharray: dashOf(r) });
+  return foot;
+});
+
 function depthColour(depth) {
   const low = Math.log(DEPTH_TICKS[0]), high = Math.log(DEPTH_TICKS[DEPTH_TICKS.length - 1]);
   const share = Math.min(1, Math.max(0, (Math.log(Math.max(depth, 1e-3)) - low) / (high - low)));
@@ -6,7 +66,23 @@ function depthColour(depth) {
   return DEPTH_COLOURS[i].map((from, c) => Math.round(from + (at - i) * (DEPTH_COLOURS[i + 1][c] - from)));
 }
 
+// Outlines of stixels [left, right, top, base] that are next to each other, as one path.
+function outlineOf(stixels) {
+  const groups = [];
+  for (const stixel of [...stixels].sort((a, b) => a[0] - b[0])) {
+    const last = groups.at(-1);
+    if (last && stixel[0] <= last.at(-1)[1] + 1) last.push(stixel);
+    else groups.push([stixel]);
+  }
+  return groups.map((group) => {
+    const above = group.map(([left, right, top]) => `${left - 0.5} ${top - 0.5}L${right - 0.5} ${top - 0.5}`);
+    const below = group.reverse().map(([left, right, , base]) => `${right - 0.5} ${base + 0.5}L${left - 0.5} ${base + 0.5}`);
+    return `M${[...above, ...below].join("L")}Z`;
+  }).join("");
+}
+
 const rectangles = [];
+const targetOutline = svg("path", { id: "target-outline" });
 let imageShown = null;
 function drawCamera() {
   const run = runs[source], shots = run.camera === null ? null : data.cameras[run.camera];
@@ -14,6 +90,7 @@ function drawCamera() {
   find("no-camera").hidden = shots !== null;
   find("stixels-choice").hidden = shots === null;
   find("stixels").style.display = shots && find("stixels-shown").checked ? "" : "none";
+  find("footprints").style.display = shots ? "" : "none";
   if (shots === null) {
     const measurement = (run.facts.find(([name]) => name === "measurement") || ["", "of this run"])[1];
     find("no-camera").textContent = `No camera image: the measurement "${measurement}" uses no camera.`;
@@ -27,19 +104,25 @@ function drawCamera() {
   find("image").src = `data:image/jpeg;base64,${shots.images[i]}`;
   find("image").alt = `Image of the left camera at k = ${shots.frames[i]}`;
   const overlay = find("stixels"), flat = shots.stixels[i], count = flat.length / 5;
-  overlay.setAttribute("viewBox", `-0.5 -0.5 ${shots.width} ${shots.height}`);
+  const k = shots.frames[i], ego = data.ego[k], area = outline(k), rig = run.rig;
+  for (const one of [overlay, find("footprints")]) one.setAttribute("viewBox", `-0.5 -0.5 ${shots.width} ${shots.height}`);
+  for (const one of [halo, trueFoot]) one.setAttribute("d", data.target[k] ? onRoad(area, ego, rig) : "");
+  runs.forEach((other, r) => feet[r].setAttribute("d", onRoad(other.contours[k], ego, rig)));
+  const onTarget = [];
   while (rectangles.length < count) rectangles.push(svg("rect", {}, overlay));
   rectangles.forEach((rectangle, j) => {
     rectangle.style.display = j < count ? "" : "none";
     if (j >= count) return;
     const [left, right, top, bottom, depth] = flat.slice(5 * j, 5 * j + 5);
-    const colour = depthColour(depth / 100);
+    const colour = depthColour(depth / 100), on = isOnTarget(area, ego, rig, left, right, depth / 100);
+    if (on) onTarget.push([left, right, top, bottom]);
     const place = { x: left - 0.5, y: top - 0.5, width: right - left, height: bottom - top + 1,
-      fill: `rgb(${colour})`, "fill-opacity": 0.55, stroke: `rgb(${colour.map((c) => Math.round(0.75 * c))})`,
-      "stroke-width": 0.6, "stroke-opacity": 0.8 };
+      fill: `rgb(${colour})`, "fill-opacity": on ? 0.5 : 0.14 };
     for (const [key, value] of Object.entries(place)) rectangle.setAttribute(key, value);
   });
-  find("camera-caption").textContent = `${count} stixel${count === 1 ? "" : "s"}, coloured by depth` +
+  overlay.append(targetOutline);
+  targetOutline.setAttribute("d", outlineOf(onTarget));
+  find("camera-caption").textContent = `${count} stixel${count === 1 ? "" : "s"}, coloured by depth; ${onTarget.length} on the target, outlined` +
     (shots.every > 1 ? `; image of k = ${shots.frames[i]}: this page shows every ${ordinal(shots.every)} image` : "");
 }
 
@@ -55,6 +138,10 @@ DEPTH_TICKS.forEach((depth, i) => {
   html("span", { textContent: `${sign}${depth} m` }, find("depth-scale")).style.left = `${100 * share}%`;
 });
 document.querySelector("main").classList.toggle("blind", data.cameras.length === 0);
+if (!data.cameras.length) {
+  find("no-camera").className = "note";
+  find("notes").append(find("no-camera"));
+}
 find("stixels-shown").addEventListener("change", drawCamera);
 find("source").addEventListener("change", (event) => {
   source = Number(event.target.value);

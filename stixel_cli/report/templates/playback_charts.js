@@ -19,6 +19,15 @@ const charts = CHARTS.map((chart) => {
   const card = html("div", { className: "chart" }, find("errors"));
   const head = html("h2", {}, card);
   html("span", { className: "name", textContent: chart.short_label }, head);
+  for (const [r, run] of runs.entries()) {
+    const text = run.badges[chart.name];
+    if (!text) continue;
+    // Of several runs only the factor fits next to the values.
+    const badge = html("span", { className: "badge", textContent: text, title: text }, head);
+    if (runs.length === 1) continue;
+    badge.textContent = text.slice(Math.max(0, text.indexOf("×")));
+    badge.style.borderColor = colourOf(r);
+  }
   const values = runs.map((_, r) => {
     const value = html("span", { className: "value" }, head);
     value.style.color = `color-mix(in srgb, ${colourOf(r)} 60%, var(--ink))`;  // legible as text
@@ -55,16 +64,23 @@ function verticalRange(chart) {
   if (chart.name === "points") all.push(...runs.flatMap(counts));
   if (chart.ratio) {
     const positive = all.filter((value) => value > 0);
-    return [Math.max(1e-3, 0.8 * Math.min(0.1, ...positive)), Math.min(1e4, 1.25 * Math.max(10, ...positive))];
+    // Whole decades, so that both ends have a tick.
+    const decade = (round, value) => 10 ** round(Math.log10(value) - (round === Math.ceil ? 1e-9 : -1e-9));
+    return [Math.max(1e-3, decade(Math.floor, Math.min(0.1, ...positive))), Math.min(1e4, decade(Math.ceil, Math.max(10, ...positive)))];
   }
-  const least = Math.min(0, ...all), most = Math.max(0, ...all), room = 0.08 * (most - least) || 1;
-  return [chart.bounds[0] ?? least - room, chart.bounds[1] ?? most + room];
+  const least = Math.min(0, ...all), most = Math.max(0, ...all);
+  // Counts have whole ticks.
+  const step = Math.max(niceStep(((most - least) || 1) / 2.2), chart.digits ? 0 : 1);
+  chart.step = step;
+  const low = chart.bounds[0] ?? Math.floor(least / step + 1e-9) * step;
+  const high = chart.bounds[1] ?? Math.ceil(most / step - 1e-9) * step;
+  return [low, high > low ? high : low + step];
 }
 
 function drawChart(chart) {
   const { plot } = chart, width = plot.clientWidth, height = plot.clientHeight;
   if (!width) return;
-  Object.assign(chart, { left: 36, right: width - 8, top: 6, bottom: height - 17 });
+  Object.assign(chart, { left: 46, right: width - 8, top: 8, bottom: height - 17 });
   const [low, high] = verticalRange(chart);
   const scaled = chart.ratio ? Math.log10 : (value) => value;
   const span = scaled(high) - scaled(low);
@@ -76,20 +92,28 @@ function drawChart(chart) {
   if (bounds) for (const run of runs.slice(0, chart.name === "nees_position" ? 1 : undefined)) {
     svg("path", { class: "consistent", d: bandOverTime(chart, bounds(run)) }, plot);
   }
-  const rise = Math.max(niceStep((high - low) / 3.2), chart.digits ? 0 : 1);  // counts have whole ticks
+  const rise = chart.step;
   const ticks = chart.ratio ? [0.001, 0.01, 0.1, 1, 10, 100, 1000, 1e4].filter((v) => v >= low && v <= high)
     : linearTicks(low, high, rise);
   for (const tick of ticks) {
     const y = chart.y(tick);
     svg("line", { class: "rule", x1: chart.left, x2: chart.right, y1: y, y2: y }, plot);
-    const text = chart.ratio ? String(tick) : tickText(tick, rise);
+    // Both ends have a label, and the ticks between them where there is space.
+    const ends = [ticks[0], ticks.at(-1)];
+    if (!ends.includes(tick) && Math.min(...ends.map((end) => Math.abs(chart.y(end) - y))) < 11) continue;
+    const isLast = tick === ticks.at(-1) && chart.unit;
+    const text = (chart.ratio ? String(tick) : tickText(tick, rise)) +
+      (isLast ? (chart.unit === "°" ? "°" : ` ${chart.unit}`) : "");
     svg("text", { x: chart.left - 5, y: y + 3.5, "text-anchor": "end" }, plot).textContent = text;
   }
   const step = niceStep(DURATION / Math.max(1, (chart.right - chart.left) / 60));
   for (const tick of linearTicks(times[0], times[LAST], step)) {
-    svg("text", { x: chart.x(tick), y: height - 4, "text-anchor": "middle" }, plot).textContent =
-      tickText(tick, step) + (tick + step > times[LAST] ? " s" : "");
+    // The end has a tick of its own.
+    if (chart.x(tick) > chart.right - 48) continue;
+    svg("text", { x: chart.x(tick), y: height - 4, "text-anchor": "middle" }, plot).textContent = tickText(tick, step);
   }
+  svg("text", { class: "end", x: chart.right, y: height - 4, "text-anchor": "end" }, plot).textContent =
+    `${+times[LAST].toFixed(2)} s`;
   const dash = chart.name === "iou" ? data.lowOverlap : null;
   for (const [kind, value] of [["base", chart.consistent ?? null], ["dash", dash]]) {
     if (value === null) continue;

@@ -49,16 +49,34 @@ function describe() {
   entries.push(
     [area(runs.length === 1 ? "var(--estimate)" : "var(--faint)", 0.25), "± 2σ of the contour"],
     [lineSwatch(runs.length === 1 ? "var(--estimate)" : "var(--faint)", "4 3", 1.5), "2σ ellipse of the centre"],
-    [dot("var(--used)"), "used point, with 1σ ellipse"],
-    [dot("var(--unused)"), "unused point"],
+    [dot("var(--used)"), "used point, with the tracker's R (1σ)"],
+    [dot("var(--unused)"), "unused point, with the scan's 1σ"],
     [(picture) => { svg("path", { d: "M16 0 22 12H10Z" }, picture).style.fill = "var(--ego)"; }, "ego car's sensor"],
     ...(runs.some((run) => run.fieldOfView) ? [[area("var(--field-of-view)", 0.35), "field of view"]] : []),
     [area("var(--consistent)", 1), "NEES, NIS: 95 % interval of a consistent filter"],
     ...(data.known ? [[lineSwatch("var(--unused)", "4 3", 1.5), `low overlap: IoU < ${data.lowOverlap}`]] : []),
     [lineSwatch("var(--unused)", "", 3), runs.length === 1 ? "points in the scan" : "points in the scan of the chosen run"]);
+  if (data.cameras.length) entries.push(
+    [(picture) => { svg("rect", { x: 11, y: 1, width: 10, height: 10, class: "outlined" }, picture); }, "stixel on the target"]);
   for (const [draw, text] of entries) {
     const item = html("li", {}, find("legend"));
     swatch(item, draw);
     item.append(text);
   }
+}
+
+// Where the page comes from: command, revision, key numbers, and links to the files of the run.
+function describeOrigin() {
+  runs.forEach((run) => {
+    const { origin } = run;
+    if (!origin) return;
+    const part = html("div", { className: "origin" }, find("origin"));
+    const line = html("p", {}, part);
+    if (runs.length > 1) html("strong", { textContent: `${run.label}: ` }, line);
+    html("code", { textContent: origin.command }, line);
+    html("p", { textContent: origin.made.join(" · ") }, part);
+    html("p", { textContent: run.summary.map(([name, value]) => `${name} ${value}`).join(" · ") }, part);
+    const links = html("p", {}, part);
+    for (const [name, place] of origin.links) html("a", { href: place, textContent: name }, links);
+  });
 }

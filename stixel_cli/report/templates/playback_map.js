@@ -76,7 +76,7 @@ function drawMap() {
       ? ellipse(pose[0] / 1e3, pose[1] / 1e3, 2 * major, 2 * minor, angle / 1e3) : "");
     arrow(parts.heading, parts.head, pose, 0.75 * extent, scale);
   });
-  drawScan(scan, run.used[k], k);
+  drawScan(scan, run.used[k], k, run.noise);
   drawOutside(x, y, scale);
 }
 
@@ -145,13 +145,19 @@ function drawEgo(ego, fieldOfView, scale, viewX, viewY) {
     `M${x + c} ${y + s}L${x - c - 0.7 * s} ${y - s + 0.7 * c}L${x - c + 0.7 * s} ${y - s - 0.7 * c}Z`);
 }
 
-function drawScan(scan, used, k) {
+// Used points have the R of the tracker, others the covariance that the scan states.
+function drawScan(scan, used, k, noise) {
   const points = scan.points[k], ellipses = scan.ellipses && scan.ellipses[k], chosen = new Set(used);
+  const own = noise.ellipses && noise.ellipses[k];
   const dots = ["", ""], rings = ["", ""];
   for (let i = 0; 2 * i < points.length; i++) {
     const kind = chosen.has(i) ? 1 : 0, x = points[2 * i] / 1e3, y = points[2 * i + 1] / 1e3;
     dots[kind] += `M${x} ${y}h0`;
-    if (ellipses) rings[kind] += ellipse(x, y, ellipses[3 * i], ellipses[3 * i + 1],
+    if (kind && (noise.std !== null || own)) {
+      const at = 3 * used.indexOf(i);
+      rings[1] += own ? ellipse(x, y, own[at], own[at + 1], own[at + 2] === null ? null : own[at + 2] / 1e3)
+        : ellipse(x, y, noise.std, noise.std, 0);
+    } else if (ellipses) rings[kind] += ellipse(x, y, ellipses[3 * i], ellipses[3 * i + 1],
       ellipses[3 * i + 2] === null ? null : ellipses[3 * i + 2] / 1e3);
   }
   find("points-unused").setAttribute("d", dots[0]);
@@ -162,7 +168,7 @@ function drawScan(scan, used, k) {
   const of = `${count} point${count === 1 ? "" : "s"} in the scan, `;
   find("scan-caption").textContent = (count === 0 ? "Empty scan: the track is a prediction."
     : used.length === 0 ? `${of}0 used: the track is a prediction`
-      : `${of}${used.length} used by the tracker`) +
+      : `${of}${used.length} used by the tracker, with ${noise.text}`) +
     (scan.ellipses ? "" : "; the run has too many points to show their σ");
 }
 

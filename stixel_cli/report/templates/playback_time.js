@@ -84,4 +84,5 @@ document.addEventListener("click", (event) => {
 });
 
 describe();
+describeOrigin();
 show(0);

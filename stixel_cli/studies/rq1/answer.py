@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from stixel_cli.studies.forest import Row, forest
 from stixel_cli.studies.rq1 import intervals as by_pose
 from stixel_cli.studies.rq1.intervals import Estimate, difference, estimate
 from stixel_cli.studies.rq1.pool import (
@@ -20,7 +21,7 @@ from stixel_cli.studies.rq1.pool import (
     needed_disparity,
 )
 from stixel_cli.studies.tables import with_ends
-from stixel_cli.studies.types import Table
+from stixel_cli.studies.types import Figure, Table
 from stixel_cli.validation.stage_summary import stixel_summary
 
 
@@ -33,6 +34,7 @@ def answer_values(every: Group, users: Sequence[Group], lines: dict[str, list]) 
         lines: groups by rig, matcher and grid, and of all road users by contrast.
 
     Returns:
+        `leads`: label, RMS and bias round that depth of each road user; `forest`: plot of biases.
         `near`: the stixels round the depth that *The Stixel World* names, or None without any.
         `rig_lines`, `matcher_lines`, `grid_lines`, `contrast_lines`: values of each group.
         `bm_less_sgm`, `grid_differences`: differences at the same poses.
@@ -41,6 +43,8 @@ def answer_values(every: Group, users: Sequence[Group], lines: dict[str, list]) 
     matchers = {group.label: group for group in lines["matchers"]}
     grids = lines["grids"]
     return {
+        "leads": [(group.label, *_lead(group)) for group in users],
+        "forest": _forest(users),
         "near": _near(every),
         "rig_lines": [line for group in lines["rigs"] if (line := _rig(group))],
         "matcher_lines": [
@@ -75,6 +79,39 @@ def answer_values(every: Group, users: Sequence[Group], lines: dict[str, list]) 
         "poses": len(set(every.poses[every.seen].tolist())),
         "seeds": len({run.seed for run in every.runs}),
     }
+
+
+def _lead(group: Group) -> tuple[Estimate, Estimate]:
+    """RMS and bias of the depth round the depth that *The Stixel World* names, m."""
+    sums = by_pose.stixel_sums(group, *ROUND)
+    return (
+        estimate(group, sums, by_pose.STIXEL_RMS),
+        estimate(group, sums, by_pose.STIXEL_BIAS),
+    )
+
+
+def _forest(users: Sequence[Group]) -> Figure | None:
+    """Bias of depth, disparity and height of each road user; no test covers them."""
+    biases = (
+        (f"bias of the depth, {ROUND[0]:g} to {ROUND[1]:g} m", "m", lambda group: _lead(group)[1]),
+        (
+            "bias of the disparity, all ranges",
+            "px",
+            lambda group: estimate(group, by_pose.pixel_sums(group, INSIDE), by_pose.pixel_bias),
+        ),
+        (
+            "bias of the height, all ranges",
+            "m",
+            lambda group: estimate(group, _stixels(group), by_pose.HEIGHT_BIAS),
+        ),
+    )
+    rows = [
+        Row(group.label, "stixels", metric, unit, *one.cells)
+        for metric, unit, of in biases
+        for group in users
+        for one in [of(group)]
+    ]
+    return forest("answer_forest", rows)
 
 
 def _near(every: Group) -> dict[str, Any] | None:

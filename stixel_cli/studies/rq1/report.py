@@ -6,10 +6,15 @@ Each stage is compared with its ideal result, from the records of `validation.st
 import io
 from collections.abc import Sequence
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
-from PIL import Image
+import matplotlib
+from PIL import Image, ImageDraw, ImageFont
 
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.report.camera import LEFT, TOP
+from stixel_cli.report.camera import PANELS as CAMERA_PANELS
 from stixel_cli.report.style import DEPTH_TICKS
 from stixel_cli.studies.data import StudyData, StudySweep
 from stixel_cli.studies.inference import DRAWS
@@ -41,9 +46,14 @@ from stixel_cli.studies.types import Material, Picture
 from stixel_cli.validation.stage_errors import BORDER, GROSS
 from stixel_cli.validation.stage_stixels import SQUARE
 
-PANELS = ("left", "disparity", "occupancy", "free_space", "height", "stixels")
+PANELS = {panel.name: panel.title for panel in CAMERA_PANELS}
+"""Pictures of a frame: name to title."""
 WIDTH = 1080
 """px: of a picture of the gallery."""
+TITLE = 18
+"""px: size of its letters; they are 10 px where the page shows it with its least width."""
+GAP = 6
+"""px: between pictures."""
 QUALITY = 72
 
 
@@ -160,7 +170,7 @@ def gallery(sweep: StudySweep) -> list[dict[str, Any]]:
             for frame, files in by_frame(pictures.files).items()
         )
         for frame, files in frames:
-            sheet = contact_sheet([files[name] for name in PANELS])
+            sheet = contact_sheet(files, run.configuration.rig)
             found.append(
                 {
                     "picture": Picture(f"gallery_{label}_{frame:04d}", "", sheet, "image/webp"),
@@ -181,22 +191,29 @@ def by_frame(files: dict[str, bytes]) -> dict[int, dict[str, bytes]]:
     return found
 
 
-def contact_sheet(pictures: list[bytes]) -> bytes:
-    """Pictures in two columns on white, `WIDTH` px wide, as WebP; all at one scale."""
-    images = [Image.open(io.BytesIO(data)).convert("RGB") for data in pictures]
-    scale = 0.5 * WIDTH / max(image.width for image in images)
-    images = [
-        image.resize((round(scale * image.width), round(scale * image.height)), Image.LANCZOS)
-        for image in images
-    ]
-    pairs = [images[i : i + 2] for i in range(0, len(images), 2)]
-    heights = [max(image.height for image in pair) for pair in pairs]
-    sheet = Image.new("RGB", (WIDTH, sum(heights)), "white")
-    top = 0
-    for pair, height in zip(pairs, heights, strict=True):
-        for i, image in enumerate(pair):
-            sheet.paste(image, (i * WIDTH // 2, top))
-        top += height
+def contact_sheet(pictures: dict[str, bytes], rig: Rig) -> bytes:
+    """The `PANELS` of a frame in two columns on white, `WIDTH` px wide, as WebP; at one scale.
+
+    Of each picture, the image itself is shown, with its title in letters for this size.
+
+    Args:
+        pictures: name to PNG, as the stage `camera_pictures` draws them.
+        rig: whose images they show.
+    """
+    width = WIDTH // 2 - GAP
+    height = round(width * rig.height / rig.width)
+    step = TITLE + 2 * GAP + height
+    sheet = Image.new("RGB", (WIDTH, step * -(-len(PANELS) // 2)), "white")
+    draw = ImageDraw.Draw(sheet)
+    fonts = Path(matplotlib.get_data_path()) / "fonts/ttf/DejaVuSans.ttf"
+    font = ImageFont.truetype(fonts, TITLE)
+    for i, (name, title) in enumerate(PANELS.items()):
+        image = Image.open(io.BytesIO(pictures[name])).convert("RGB")
+        area = (LEFT, TOP, LEFT + rig.width, TOP + rig.height)
+        place = (i % 2 * (width + 2 * GAP), i // 2 * step)
+        draw.text(place, title, font=font, fill="black")
+        image = image.crop(area).resize((width, height), Image.LANCZOS)
+        sheet.paste(image, (place[0], place[1] + TITLE + GAP))
     buffer = io.BytesIO()
     sheet.save(buffer, "WEBP", quality=QUALITY, method=4)
     return buffer.getvalue()

@@ -7,6 +7,7 @@ from stixel_cli.evaluation.metric_table import metric as row_of
 from stixel_cli.evaluation.metric_table import over_runs
 from stixel_cli.results.text import listed
 from stixel_cli.studies.data import LIDAR, STIXELS, chosen, names
+from stixel_cli.studies.forest import Row, forest
 from stixel_cli.studies.inference import least_p
 from stixel_cli.studies.rq2.contrasts import (
     ERRORS,
@@ -18,7 +19,7 @@ from stixel_cli.studies.rq2.contrasts import (
 )
 from stixel_cli.studies.runs import metric_over_seeds, paired_difference, quantity
 from stixel_cli.studies.tables import MINUS, interval_columns, with_unit
-from stixel_cli.studies.types import Column, Table
+from stixel_cli.studies.types import Column, Figure, Table
 from stixel_cli.sweeps.statistics import Statistic
 
 if TYPE_CHECKING:
@@ -29,14 +30,17 @@ _UNTESTED = (
     *("nees_position_mean", "nis_mean"),
 )
 """Metrics that are listed without a test."""
+LEAD = "centre_rmse_m"
+"""The metric of the answer's first sentences."""
 
 
 def answer_values(runs: "pd.DataFrame") -> dict[str, Any]:
     """What the template's answer is filled with.
 
     `contrasts`: a mapping for each tracker and lidar, with its `effects` by road user, and the road
-    users and metrics of each verdict. `baselines`: a mapping for each tracker and baseline, with
-    the `effects` on the IoU by road user, and the road users of each verdict.
+    users and metrics of each verdict. `leads`: the same differences of `LEAD` for each tracker and
+    road user; `forest`: the plot of all tested differences. `baselines`: a mapping for each tracker
+    and baseline, with the `effects` on the IoU by road user, and the road users of each verdict.
     """
     stixels, lidars = of_kind(runs, STIXELS), of_kind(runs, LIDAR)
     tested = family(runs)
@@ -46,6 +50,9 @@ def answer_values(runs: "pd.DataFrame") -> dict[str, Any]:
     on_stixels = chosen(runs, measurement=stixels[0]) if stixels else runs[:0]
     return {
         "answered": bool(tested),
+        "leads": _leads(tested, trackers, users),
+        "lead": ERRORS[LEAD],
+        "forest": _forest(tested, trackers, users),
         "measurements": names(runs, "measurement"),
         "paths": names(runs, "path"),
         "seeds": names(runs, "seed"),
@@ -71,6 +78,48 @@ def answer_values(runs: "pd.DataFrame") -> dict[str, Any]:
         "least_p": least_p(seeds),
         "tables": {table.name: table for table in answer_tables(runs)},
     }
+
+
+def _leads(
+    tested: Sequence[Contrast], trackers: Sequence[str], users: Sequence[str]
+) -> list[dict[str, Any]]:
+    """`LEAD` of each road user and tracker: on stixels, on each lidar, and the difference."""
+    found = []
+    for user in users:
+        for tracker in trackers:
+            own = [
+                one
+                for one in tested
+                if (one.road_user, one.tracker, one.metric) == (user, tracker, LEAD)
+            ]
+            if own:
+                label = user if len(trackers) == 1 else f"{user}, {tracker}"
+                found.append({"label": label, "value": own[0].values[0], "lidars": own})
+    return found
+
+
+def _forest(
+    tested: Sequence[Contrast], trackers: Sequence[str], users: Sequence[str]
+) -> Figure | None:
+    """The tested differences: stixels minus each lidar."""
+    rows = [
+        Row(
+            group=one.road_user,
+            series=one.other if len(trackers) == 1 else f"{one.tracker}, {one.other}",
+            metric=f"{ERRORS[one.metric].short_label}, {one.one} {MINUS} lidar",
+            unit=ERRORS[one.metric].unit,
+            value=one.difference.mean,
+            low=one.difference.low,
+            high=one.difference.high,
+            tested=one.p is not None,
+            significant=one.verdict in ("worse", "better"),
+            more_is_better=ERRORS[one.metric].better == "more",
+        )
+        for user in users
+        for one in tested
+        if one.road_user == user
+    ]
+    return forest("answer_forest", rows, "stixels better", "stixels worse")
 
 
 def _contrast(found: Sequence[Contrast]) -> dict[str, Any]:

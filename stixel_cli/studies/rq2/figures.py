@@ -62,35 +62,51 @@ def _scan(axes, run: StudyRun) -> None:
     axes.set_aspect("equal")
     axes.set_xlim(pose[0] - reach, pose[0] + reach)
     axes.set_ylim(pose[1] - reach, pose[1] + reach)
-    axes.tick_params(labelsize=7.0)
+    axes.tick_params(labelsize=8.0)
 
 
-def over_time(name: str, scans: "pd.DataFrame", measurements: Sequence[str]) -> Figure:
-    """Errors over time on one path: one column per tracker, one line per measurement."""
+def over_time(name: str, scans: "pd.DataFrame", measurements: Sequence[str]) -> dict[str, Figure]:
+    """Errors over time on one path: one plot for each error, one colour for each measurement.
+
+    The first tracker has solid lines and bands, each further one its own dashes and no band.
+    """
+    return {error: _over_time(name, error, scans, measurements) for error in SCAN_ERRORS}
+
+
+def _over_time(name: str, error: str, scans: "pd.DataFrame", measurements: Sequence[str]) -> Figure:
     trackers = names(scans, "tracker")
-    with style.drawing():
-        figure = _figure(WIDTH, 0.6 + 1.1 * len(SCAN_ERRORS))
-        grid = figure.subplots(len(SCAN_ERRORS), len(trackers), sharex=True, squeeze=False)
-        for j, tracker in enumerate(trackers):
-            for measurement in names(scans, "measurement"):
+    with style.drawing({"xtick.labelsize": 9.0, "ytick.labelsize": 9.0, "legend.fontsize": 9.0}):
+        figure = _figure(WIDTH, 3.1)
+        axes = figure.add_subplot()
+        for measurement in names(scans, "measurement"):
+            for dash, tracker in zip(LINE_STYLES, trackers, strict=False):
                 same = chosen(scans, tracker=tracker, measurement=measurement)
-                if same.empty:
-                    continue
-                shade = colour(measurement, measurements)
-                for i, error in enumerate(SCAN_ERRORS):
-                    _band(grid[i, j], error, same, shade, measurement)
-            grid[0, j].set_title(tracker)
-            grid[-1, j].set_xlabel("t (s)")
-        count = len(names(scans, "seed"))
-        low, high = (float(bound) / (2 * count) for bound in chi_square_bounds(2 * count))
-        _finish(figure, grid, list(_LABELS.values()), "both")
-        for axes in grid[-2]:
+                if not same.empty:
+                    shade = colour(measurement, measurements)
+                    label = measurement if tracker == trackers[0] else ""
+                    _band(axes, error, same, shade, label, dash)
+        if len(trackers) > 1:
+            for dash, tracker in zip(LINE_STYLES, trackers, strict=False):
+                axes.plot([], [], dash, color=style.UNUSED, label=tracker)
+        if SCAN_ERRORS[error].better == "one":
+            _ratio_axis(axes)
+        if error == "nees":
+            count = 2 * len(names(scans, "seed"))
+            low, high = (float(bound) / count for bound in chi_square_bounds(count))
             axes.axhspan(low, high, color=style.CONSISTENT, zorder=0)
-        return Figure(name, "", style.svg(figure))
+        if error == "iou":
+            axes.set_ylim(0.0, 1.0)
+        axes.set(xlabel="t (s)", ylabel=_LABELS[error])
+        axes.grid(True)
+        _legend(figure, np.array([axes]), 3)
+        return Figure(f"{name}_{error}", "", style.svg(figure))
 
 
-def _band(axes, error: str, scans: "pd.DataFrame", shade: str, label: str) -> None:
-    """The mean over seeds at each time, and the interval of errors that every seed has."""
+def _band(axes, error: str, scans: "pd.DataFrame", shade: str, label: str, dash: str = "-") -> None:
+    """The mean over seeds at each time, and the interval of errors that every seed has.
+
+    A line with a label has the interval as a band.
+    """
     times = scans["t"].unique()
     values = scans.pivot(index="seed", columns="k", values=error).to_numpy()
     seeds, is_ratio = len(values), SCAN_ERRORS[error].better == "one"
@@ -99,8 +115,8 @@ def _band(axes, error: str, scans: "pd.DataFrame", shade: str, label: str) -> No
     mean = np.divide(np.where(known, values, 0.0).sum(axis=0), n, where=n > 0, out=_nans(len(n)))
     if is_ratio:
         mean = np.where(mean > 0.0, mean, np.nan)
-    axes.plot(times, mean, color=shade, linewidth=1.2, label=label)
-    if not is_ratio and seeds > 1 and (n == seeds).all():
+    axes.plot(times, mean, dash, color=shade, linewidth=1.4 if label else 1.0, label=label)
+    if label and not is_ratio and seeds > 1 and (n == seeds).all():
         half = student_t(seeds - 1) * values.std(axis=0, ddof=1) / math.sqrt(seeds)
         low = np.maximum(mean - half, 0.0)
         axes.fill_between(times, low, mean + half, color=shade, alpha=0.2, linewidth=0.0)
@@ -110,9 +126,11 @@ def boxes(name: str, runs: "pd.DataFrame", measurements: Sequence[str]) -> Figur
     """Box plots of the runs' metrics: one group per tracker, one box per measurement."""
     trackers, there = names(runs, "tracker"), names(runs, "measurement")
     with style.drawing():
-        figure = _figure(WIDTH, 0.5 + 1.3 * len(SCAN_ERRORS))
-        grid = figure.subplots(len(SCAN_ERRORS), 1, sharex=True, squeeze=False)
-        for axes, metric in zip(grid[:, 0], SCAN_ERRORS.values(), strict=True):
+        figure = _figure(1.5 * WIDTH, 0.4 + 1.45 * -(-len(SCAN_ERRORS) // 2))
+        grid = figure.subplots(-(-len(SCAN_ERRORS) // 2), 2)
+        for axes in grid.flat[len(SCAN_ERRORS) :]:
+            axes.set_axis_off()
+        for axes, metric in zip(grid.flat, SCAN_ERRORS.values(), strict=False):
             is_ratio = metric.better == "one"
             for i, tracker in enumerate(trackers):
                 for j, measurement in enumerate(there):
@@ -174,7 +192,7 @@ def by_condition(
             grid[0, j].set_title(tracker)
             grid[-1, j].set_xlabel(condition.label)
             grid[-1, j].set_xticks(range(len(bins)), [condition.labels[b] for b in bins])
-            grid[-1, j].tick_params("x", labelrotation=35.0, labelsize=7.0)
+            grid[-1, j].tick_params("x", labelrotation=35.0, labelsize=8.0)
         _finish(figure, grid, list(_LABELS.values()), "y")
         most, least = len(names(scans, "seed")), min(one.seeds for one in found.values())
         # A single seed has no interval.
@@ -239,7 +257,7 @@ def _figure(width: float, height: float):
     return figure
 
 
-def _legend(figure, grid) -> None:
+def _legend(figure, grid, columns: int = 4) -> None:
     found = {
         label: handle
         for axes in grid.flat
@@ -248,7 +266,9 @@ def _legend(figure, grid) -> None:
     for axes in grid.flat:
         axes.patch.set_visible(False)
     if found:
-        figure.legend(found.values(), found, loc="outside lower center", ncols=min(4, len(found)))
+        figure.legend(
+            found.values(), found, loc="outside lower center", ncols=min(columns, len(found))
+        )
 
 
 def _nans(n: int) -> np.ndarray:

@@ -24,6 +24,7 @@ from stixel_cli.studies.rq2.conditions import CONDITIONS, condition_table
 from stixel_cli.studies.rq2.contrasts import contrasts_table
 from stixel_cli.studies.rq2.figures import boxes, by_condition, example_scans, over_time
 from stixel_cli.studies.runs import (
+    SCAN_ERRORS,
     ceilings_table,
     contour_distances,
     metric_over_seeds,
@@ -67,6 +68,7 @@ def report(data: StudyData) -> Material:
             "runs": len(runs),
             "users": users,
             "trackers": names(runs, "tracker"),
+            "errors": {name: quantity(metric) for name, metric in SCAN_ERRORS.items()},
             "near": NEAR,
             "differences": contrasts_table(runs),
             "chapters": [
@@ -82,7 +84,7 @@ def report(data: StudyData) -> Material:
 def _chapter(
     user: str, runs: "pd.DataFrame", scans: "pd.DataFrame", measurements: Sequence[str]
 ) -> dict[str, Any]:
-    """The values of one road user's chapter."""
+    """The values of one road user's section."""
     first = chosen(runs, tracker=runs["tracker"].iloc[0])
     conditions = []
     for condition in CONDITIONS:

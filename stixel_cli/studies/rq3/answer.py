@@ -5,12 +5,14 @@ from typing import Any
 
 import numpy as np
 
+from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.results.text import listed
+from stixel_cli.studies.forest import Row, forest
 from stixel_cli.studies.inference import SIGNIFICANT, Paired
 from stixel_cli.studies.rq3.compare import Comparison, reach_of
 from stixel_cli.studies.rq3.runs import FABRICATED, FITTED, SIMULATED, THESIS, Measure
-from stixel_cli.studies.tables import capital, decimals, number
-from stixel_cli.studies.types import Table
+from stixel_cli.studies.tables import MINUS, capital, decimals, number
+from stixel_cli.studies.types import Figure, Table
 
 _LISTED = (
     "bias along the ray",
@@ -33,6 +35,9 @@ _LED_BY = (
 """Measures of the points in the answer's text."""
 
 _LED_BY_OF_TRACKS = ("centre RMSE", "orientation RMSE", "mean IoU")
+LEAD = "centre RMSE"
+"""The measure of the answer's first sentences."""
+_MORE_IS_BETTER = {row.short_label for row in METRICS.values() if row.better == "more"}
 
 
 def answer_values(
@@ -44,7 +49,8 @@ def answer_values(
 ) -> dict[str, Any]:
     """What the template's answer is filled with.
 
-    `seeds` and `paths` are their numbers. `effects`: owner (points or a tracker) to road user to
+    `seeds` and `paths` are their numbers. `leads`: the comparisons of `LEAD`; `forest`: the plot of
+    the trackers' differences. `effects`: owner (points or a tracker) to road user to
     label, unit and paired difference. `few`: the families without any possibly significant test.
     `points_test`, `tracker_tests`: results of the other families' tests. `closed`: fraction of the
     gaps that the fitted noise closes.
@@ -56,6 +62,8 @@ def answer_values(
     }
     families = (("points", points), ("trackers", tracks))
     return {
+        "leads": [one for one in tracks if one.measure.label == LEAD],
+        "forest": _forest(tracks),
         "effects": {
             "points": _effects(points, _LED_BY),
             **{tracker: _effects(own, _LED_BY_OF_TRACKS) for tracker, own in by_tracker.items()},
@@ -78,6 +86,28 @@ def answer_values(
         "seeds": seeds,
         "paths": paths,
     }
+
+
+def _forest(tracks: Sequence[Comparison]) -> Figure | None:
+    """Fabricated minus simulated, of the trackers' metrics in the answer's text."""
+    rows = [
+        Row(
+            group=one.road_user,
+            series=one.tracker,
+            metric=f"{one.measure.label}, {FABRICATED} {MINUS} {SIMULATED}",
+            unit=one.measure.unit,
+            value=one.apart[FABRICATED].mean,
+            low=one.apart[FABRICATED].low,
+            high=one.apart[FABRICATED].high,
+            tested=one.p.get(FABRICATED) is not None,
+            significant=one.differs(FABRICATED),
+            more_is_better=one.measure.label in _MORE_IS_BETTER,
+        )
+        for label in _LED_BY_OF_TRACKS
+        for one in tracks
+        if one.measure.label == label
+    ]
+    return forest("answer_forest", rows, "fabricated better", "fabricated worse")
 
 
 def _effects(

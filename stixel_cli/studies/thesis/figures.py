@@ -48,7 +48,7 @@ def paths(name: str, runs: "pd.DataFrame") -> Figure:
                 outline = scenario.contour_world(k)
                 ground.draw_contour(axes, outline, style.TRUTH, linewidth=0.9)
             axes.set_xlabel("x (m)")
-            axes.tick_params(labelsize=7.0)
+            axes.tick_params(labelsize=8.0)
         figure.axes[0].set_ylabel("y (m)")
         return _finished(figure, name)
 

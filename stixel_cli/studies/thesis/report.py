@@ -3,11 +3,19 @@
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config.folders import EXPERIMENT
-from stixel_cli.studies.data import StudyData, StudyRun, chosen, names
+from stixel_cli.studies.data import STIXELS, StudyData, StudyRun, chosen, names
+from stixel_cli.studies.forest import Row, forest
 from stixel_cli.studies.real_time import on_cores, real_time_table, seconds_a_scan
-from stixel_cli.studies.rq1.report import PANELS, by_frame, contact_sheet
+from stixel_cli.studies.rq1.report import by_frame, contact_sheet
 from stixel_cli.studies.rq2.figures import over_time
-from stixel_cli.studies.runs import ceilings_table, scan_frame
+from stixel_cli.studies.runs import (
+    SCAN_ERRORS,
+    ceilings_table,
+    paired_difference,
+    quantity,
+    scan_frame,
+)
+from stixel_cli.studies.tables import MINUS
 from stixel_cli.studies.thesis import figures
 from stixel_cli.studies.thesis.runs import (
     MEASURES,
@@ -20,7 +28,7 @@ from stixel_cli.studies.thesis.runs import (
     statistics,
     tracking_table,
 )
-from stixel_cli.studies.types import Material, Picture
+from stixel_cli.studies.types import Figure, Material, Picture
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -68,6 +76,8 @@ def report(data: StudyData) -> Material:
             "near": NEAR,
             "answers": _answers(parked),
             "ego_effect": _ego_effect(on_path),
+            "forest": _forest(parked),
+            "errors": {name: quantity(metric) for name, metric in SCAN_ERRORS.items()},
             "answer_table": tracking_table("answer", parked, ("road_user", "measurement")),
             "settings": settings_table("settings", options, users),
             "chapters": [_chapter(user, chosen(on_path, road_user=user), ego) for user in users],
@@ -106,6 +116,30 @@ def _answers(runs: "pd.DataFrame") -> list[dict[str, Any]]:
         for user in names(runs, "road_user")
         for kernel in names(runs, "tracker")
     ]
+
+
+def _forest(runs: "pd.DataFrame") -> Figure | None:
+    """Simulated minus fabricated: the measures of each road user and kernel."""
+    rows = []
+    for metric in MEASURES:
+        for user in names(runs, "road_user"):
+            for kernel in names(runs, "tracker"):
+                own = chosen(runs, road_user=user, tracker=kernel)
+                sides = (chosen(own, measurement_kind=kind) for kind in (STIXELS, "fabricated"))
+                apart = paired_difference(*sides, metric.name)
+                rows.append(
+                    Row(
+                        group=user,
+                        series=kernel,
+                        metric=f"{metric.short_label}, simulated {MINUS} fabricated",
+                        unit=metric.unit,
+                        value=apart.mean,
+                        low=apart.low,
+                        high=apart.high,
+                        more_is_better=metric.better == "more",
+                    )
+                )
+    return forest("answer_forest", rows, "simulated better", "simulated worse")
 
 
 def _ego_effect(runs: "pd.DataFrame") -> dict[str, dict[str, tuple[float, float]]]:
@@ -154,7 +188,7 @@ def _pictures(data: StudyData) -> dict[str, list[Picture]]:
             continue
         for pictures in run.load("camera_pictures"):
             for frame, files in by_frame(pictures.files).items():
-                sheet = contact_sheet([files[name] for name in PANELS])
+                sheet = contact_sheet(files, run.configuration.rig)
                 name = f"{user}_stages_{frame:04d}"
                 found.setdefault(user, []).append(Picture(name, "", sheet, "image/webp"))
     return found

@@ -1,0 +1,78 @@
+"""Matplotlib's drawings as elements of a page: in the page's colours, with legible text."""
+
+import math
+import re
+from dataclasses import dataclass
+
+from markupsafe import Markup
+
+from stixel_cli.report import style
+
+_COLOURS = {
+    "#000000": "currentColor",
+    style.TRUTH: "currentColor",
+    "#ffffff": "var(--paper)",
+    "#e3e3e3": "var(--grid)",
+    style.CONSISTENT: "var(--band)",
+    **{colour: f"var(--run-{i})" for i, colour in enumerate(style.RUNS)},
+}
+_PIXELS_A_POINT = 1.5
+"""Largest scale of a figure, px per point: its text is then as large as that of tables."""
+_LEAST_TEXT = 10
+"""px: a drawing is never shown so small that its smallest text is below this."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A drawing of a page.
+
+    Attributes:
+        svg: its element.
+        width, least: px, the largest width and the one below which text would be too small.
+    """
+
+    svg: Markup
+    width: int
+    least: int
+
+
+def drawing_for_page(text: str, name: str) -> Drawing:
+    """An SVG file as a page shows it; `name` makes its ids unique."""
+    svg, points = svg_for_page(text, name)
+    least = math.ceil(_LEAST_TEXT * points / smallest_text(svg))
+    return Drawing(Markup(svg), max(least, round(points * _PIXELS_A_POINT)), least)
+
+
+def smallest_text(svg: str) -> float:
+    """Size in points of the smallest text of a drawing by Matplotlib; 10 without text.
+
+    Matplotlib writes letters as paths of size 100 and scales them.
+    """
+    scales = re.findall(r"scale\((\d*\.?\d+) -", svg)
+    return min((100.0 * float(scale) for scale in scales), default=10.0)
+
+
+def svg_for_page(text: str, name: str) -> tuple[str, float]:
+    """An SVG file as an element of a page, and its width in points.
+
+    Its ids become unique by `name`, black and the colours of runs become those of the
+    page, and references to other documents are removed.
+    """
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.S)
+    # A style element would apply to the whole page.
+    text = re.sub(r"<style[^>]*>.*?</style>", "", text, flags=re.S)
+    text = re.sub(r'\sxmlns(:\w+)?="[^"]*"', "", text)
+    width = re.search(r'<svg\b[^>]*?\swidth="([\d.]+)(?:pt)?"', text)
+    text = re.sub(r'(<svg\b[^>]*?)\swidth="[^"]*"', r"\1", text, count=1)
+    text = re.sub(r'(<svg\b[^>]*?)\sheight="[^"]*"', r"\1", text, count=1)
+    text = text.replace("<svg", '<svg fill="currentColor"', 1).replace("xlink:href=", "href=")
+    # Matplotlib's ids depend on the content, so figures of a page can share them.
+    text = re.sub(r'\bid="', f'id="{name}-', text)
+    text = re.sub(r'(url\(|href=")#', rf"\1#{name}-", text)
+    for colour, name in _COLOURS.items():
+        text = text.replace(colour, name)
+    text = re.sub(r">\s+<", "><", text)
+    # A hundredth of a point is finer than any screen.
+    text = re.sub(r'\sd="[^"]*"', lambda d: re.sub(r"(\.\d\d)\d+", r"\1", d[0]), text)
+    return text, float(width[1]) if width else 504.0

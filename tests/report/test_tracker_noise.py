@@ -1,0 +1,50 @@
+"""The R that the playback page shows for each tracker."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from playback_runs import make_run
+
+from stixel_cli.config.compose import compose
+from stixel_cli.report import tracker_noise
+from stixel_cli.report.tracker_noise import noise_of
+
+
+@pytest.fixture
+def noise():
+    def of(*overrides):
+        return noise_of(replace(make_run(), composition=compose(overrides)))
+
+    return of
+
+
+def test_an_isotropic_noise_is_one_number(noise):
+    assert noise("tracker.measurement_std=0.4")["std"] == 400
+    assert noise("tracker=point", "tracker.measurement_std=0.25")["std"] == 250
+
+
+def test_the_scan_s_own_noise_is_not_stored_again(noise):
+    for kind in ("points", "projected"):
+        found = noise(f"tracker.measurement_covariance={kind}")
+        assert found["std"] is found["ellipses"] is None
+    assert "projected" in found["text"]
+
+
+def test_added_and_stretched_noise_have_own_ellipses(noise, monkeypatch):
+    run = make_run()
+    used = run.track.used_points[slice(*run.track.used_offsets[2:4])]
+    covariances = run.scans.covariances_world[used]
+    added = np.reshape(
+        noise("tracker=pyrecest", "tracker.measurement_std=0.3")["ellipses"][2], (-1, 3)
+    )
+    with monkeypatch.context() as patch:
+        patch.setattr(tracker_noise, "MOST_ELLIPSES", 10)
+        many = noise("tracker=pyrecest")
+    assert many["ellipses"] is None and many["text"].endswith("too many points to show it")
+    traces = (added[:, :2] ** 2).sum(axis=1) / 1e6
+    assert traces == pytest.approx(np.trace(covariances, axis1=1, axis2=2) + 0.18, rel=0.01)
+    stretched = noise("tracker=contour", "tracker.noise_factor=3.0", "tracker.offset_std=0.0")
+    major = np.reshape(stretched["ellipses"][2], (-1, 3))[:, 0] / 1e3
+    # The made scans have their noise along the ray.
+    assert major == pytest.approx(3.0 * np.sqrt(np.linalg.eigvalsh(covariances)[:, 1]), rel=0.05)

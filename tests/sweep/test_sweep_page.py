@@ -1,0 +1,97 @@
+"""`stixel report SWEEP`: the page of a sweep made by hand, read, and used in a browser."""
+
+import re
+import shutil
+
+import numpy as np
+import pytest
+from result_folders import make_folder
+
+from stixel_cli.cli.report import report
+from stixel_cli.errors import UserError
+from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
+from stixel_cli.sweeps.page import over_time, read_runs
+
+VALUES, SEEDS = ("0.1", "0.4", "1.6"), ("0", "1")
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A folder with a complete sweep of three values and two seeds, and its page."""
+    root = tmp_path_factory.mktemp("sweep")
+    folder = SweepFolder(root / "widths")
+    runs = tuple((f"tracker.sigma_q={v}", f"seed={s}") for v in VALUES for s in SEEDS)
+    axes = (("tracker.sigma_q",), ("seed",))
+    notes = {"command": "stixel sweep tracker.sigma_q=0.1,0.4,1.6", "created": "2026"}
+    folder.create(SweepRequest(axes, runs, None, False, (), str(root), notes))
+    for index in range(len(runs)):
+        metrics = {"track_lost": 0.0, "nis_mean": 0.5 + index, "iou_mean": 0.9 - 0.1 * index}
+        make_folder(folder.run(index), index, metrics=metrics)
+    (folder.run(2) / "index.html").write_text("<p>a run</p>")
+    assert report([folder.path], root / "page.html") == 0
+    return root
+
+
+def test_the_page_has_every_setting_run_and_figure(made):
+    html = (made / "page.html").read_text(encoding="utf-8")
+    assert "6 of 6 runs done; 3 settings" in html
+    rows = re.findall(r"<tr><td.*?</tr>", html)
+    assert len(rows) == 3 + 6
+    # The mean of 0.9 and 0.8 with Student's t of one degree of freedom.
+    assert "0.850 [0.215, 1.485]" in rows[0]
+    assert 'href="widths/runs/0002/index.html"' in html
+    assert 'href="widths/runs/0003"' in html
+    assert html.count('aria-label="Metrics over') == 1
+    assert html.count(' over time"') == 6
+    assert "stixel sweep tracker.sigma_q=0.1,0.4,1.6" in html
+    assert not re.search(r"""(src|href)\s*=\s*["']?(https?:)?//""", html)
+
+
+def test_an_incomplete_setting_has_no_statistics(made, tmp_path):
+    folder = tmp_path / "widths"
+    shutil.copytree(made / "widths", folder)
+    shutil.rmtree(folder / "runs/0001")
+    assert report([folder], tmp_path / "page.html") == 0
+    html = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "5 of 6 runs done; 3 settings, 1 incomplete: no statistics yet" in html
+    settings = html[html.index('<table id="settings"') : html.index("Metrics over each axis")]
+    assert settings.count("<tr><td") == 2
+    for index in range(6):
+        shutil.rmtree(folder / f"runs/{index:04d}", ignore_errors=True)
+    with pytest.raises(UserError, match="no run is done; resume with: stixel sweep --resume"):
+        report([folder], tmp_path / "none.html")
+    assert not (tmp_path / "none.html").exists()
+
+
+def test_settings_with_other_times_are_left_out_of_the_curves(made, tmp_path):
+    folder = tmp_path / "widths"
+    shutil.copytree(made / "widths", folder)
+    np.savez(folder / "runs/0000/scores.npz", t=np.arange(3.0), iou=np.ones(3))
+    runs = read_runs(folder, SweepFolder(folder).request())
+    assert len(over_time(runs)) == 6
+    # Only the setting of the first two runs: nothing is left.
+    assert over_time(runs[:2]) == []
+
+
+def test_the_tables_can_be_sorted_and_filtered(made, open_page):
+    opened = open_page(made / "page.html", 1280, 900)
+    page = opened.page
+
+    def column(number):
+        return page.locator("#settings tbody tr:visible").evaluate_all(
+            f"rows => rows.map(row => row.cells[{number}].textContent)"
+        )
+
+    assert column(0) == list(VALUES)
+    head = page.locator("#settings th").first
+    head.get_by_role("button").click()
+    head.get_by_role("button").click()
+    assert column(0) == list(VALUES[::-1]) and head.get_attribute("aria-sort") == "descending"
+    page.locator("input[data-table=settings]").fill("0.4")
+    assert column(0) == ["0.4"]
+    assert page.locator("output").first.inner_text() == "1 of 3 rows"
+    assert opened.problems == [] and opened.overflow() == 0
+    page.close()
+    small = open_page(made / "page.html", 390, 844, dark=True)
+    assert small.overflow() == 0 and small.problems == []
+    small.page.close()
