@@ -14,7 +14,7 @@ from stixel_cli.scene import background
 from stixel_cli.scene.car import car
 from stixel_cli.scene.facades import facade, roof_tiles
 from stixel_cli.scene.ground import flat
-from stixel_cli.scene.mesh import Mesh, bounding_box, corners, fitted, moved
+from stixel_cli.scene.mesh import Mesh, bounding_box, fitted, moved
 from stixel_cli.scene.shapes import box, part
 from stixel_cli.scene.textures import asphalt, leaves, mottled
 from stixel_cli.scene.world import WALLS, WorldObject
@@ -56,7 +56,8 @@ def roadside_objects(
     )
     made: list[tuple[str, Mesh]] = []
     for name, mesh in _along(way, world, draws):
-        footprint = shapely.convex_hull(shapely.MultiPoint(corners(mesh).reshape(-1, 3)[:, :2]))
+        vertices = np.concatenate([one.vertices for one in mesh.parts])
+        footprint = shapely.convex_hull(shapely.multipoints(vertices[:, :2]))
         if not footprint.intersects(free):
             made.append((name, mesh))
             free = free.union(footprint)
