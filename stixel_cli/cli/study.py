@@ -41,10 +41,10 @@ def study(
 
     \b
     accuracy  How accurate are the trackers, for each road user, measurement and path?
+    motions  Do the answers of RQ2 and RQ3 hold for real motion?
     rq1  Are these stixels like those of The Stixel World?
     rq2  How well does the tracker work on stixels, compared with lidar?
     rq3  What do fabricated measurements miss?
-    motions  Do the answers of RQ2 and RQ3 hold for real motion?
     thesis  The experiment of the thesis, chapters 8 and 9.
     all  All studies, one after the other.
 

@@ -108,6 +108,13 @@ def test_without_data_it_is_refused_in_one_line(studies, monkeypatch, tmp_path):
         tracks.every_track()
 
 
+def test_all_studies_leave_it_out_without_data(studies, monkeypatch):
+    monkeypatch.delenv("STIXEL_DATA", raising=False)
+    monkeypatch.setattr("stixel_cli.studies.file.shipped_studies", lambda: ["motions"])
+    (answer,) = studies.run("all")["studies"]
+    assert not answer["complete"] and "STIXEL_DATA" in answer["error"]
+
+
 @pytest.fixture
 def tiny(tmp_path):
     """The file of the shipped study with fewer paths, frames and pixels."""
