@@ -4,8 +4,10 @@ import csv
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
+from scipy.stats import ttest_ind
 
 from stixel_cli.errors import MissingData
 from stixel_cli.studies.file import find_study, read_study
@@ -19,6 +21,7 @@ from stixel_cli.studies.motions.report import (
     UNCONFIRMED,
     Finding,
 )
+from stixel_cli.studies.tables import over_seeds
 from stixel_cli.sweeps.statistics import Statistic
 
 SMALL = {"rig.width": 160, "rig.height": 96, "rig.focal_length": 150.0, "stereo.disparities": 48}
@@ -144,7 +147,8 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny, data, monkeypatch):
     assert runs == {"hand_made": 2 * 3 * 2, "real": 2 * 2 * 2, "real_simulated": 2 * 2}
     text = " ".join(answer["answer"])
     assert not re.search(r"\bnan\b|\binf\b", text)
-    assert "RQ2: of " in text and "RQ3: of " in text and "1 car, 1 cyclist" in text
+    for part in ("RQ2, 8 differences", "RQ3, 6 differences", "1 car, 1 cyclist"):
+        assert part in text
     rows = table(folder, "answers")
     assert {row["question"] for row in rows} == {"RQ2", "RQ3"}
     overlaps = [row for row in rows if "IoU" in row["measure"]]
@@ -169,6 +173,17 @@ VERDICTS = {
 def test_verdicts(verdict, ends):
     sides = [Statistic({}, "", 5, 0.0, 0.1, *one) for one in ends]
     assert Finding("RQ2", "", "car", "iou_mean", *sides).verdict == verdict
+
+
+def test_a_change_has_welchs_interval():
+    """Against `scipy.stats.ttest_ind(…, equal_var=False)`."""
+    hand, real = [0.1, 0.3, 0.2, 0.6], [0.9, 0.5, 0.8]
+    found = Finding("RQ2", "", "car", "iou_mean", over_seeds(hand), over_seeds(real))
+    expected = ttest_ind(real, hand, equal_var=False).confidence_interval(0.95)
+    np.testing.assert_allclose(found.change[1:], [expected.low, expected.high], rtol=1e-9)
+    assert found.changed == (expected.low > 0.0)
+    one = Finding("RQ2", "", "car", "iou_mean", over_seeds(hand), over_seeds([1.0]))
+    assert one.change == (None, None, None) and not one.changed
 
 
 def test_the_shipped_study_has_the_eight_paths_and_a_shape_for_each_seed():

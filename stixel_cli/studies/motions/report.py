@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.stats import t as student
 
 from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.results.text import listed
@@ -21,7 +22,7 @@ from stixel_cli.studies.motions.tracks import (
 )
 from stixel_cli.studies.tables import interval_columns, over_seeds, with_unit
 from stixel_cli.studies.types import Column, Material, Table
-from stixel_cli.sweeps.statistics import Statistic
+from stixel_cli.sweeps.statistics import CONFIDENCE, Statistic
 from stixel_cli.validation.point_errors import PointErrors
 
 if TYPE_CHECKING:
@@ -63,6 +64,26 @@ class Finding:
     measure: str
     hand: Statistic
     real: Statistic
+
+    @property
+    def change(self) -> tuple[float | None, float | None, float | None]:
+        """Real minus hand-made, and the ends of its 95 % interval (Welch 1947); None if unknown."""
+        if self.hand.std is None or self.real.std is None:
+            return None, None, None
+        sides = (self.hand, self.real)
+        parts = [one.std**2 / one.n for one in sides]
+        mean, variance = self.real.mean - self.hand.mean, sum(parts)
+        if variance == 0.0:
+            return mean, mean, mean
+        freedom = variance**2 / sum(p**2 / (one.n - 1) for p, one in zip(parts, sides, strict=True))
+        half = float(student.ppf(0.5 + 0.5 * CONFIDENCE, freedom)) * variance**0.5
+        return mean, mean - half, mean + half
+
+    @property
+    def changed(self) -> bool:
+        """Whether the interval of the change excludes 0."""
+        _, low, high = self.change
+        return low is not None and not low <= 0.0 <= high
 
     @property
     def verdict(self) -> str:
@@ -181,7 +202,7 @@ def _difference(
 
 
 def _answer(question: str, found: Sequence[Finding]) -> dict[str, Any]:
-    """The findings of a question by verdict; `decided` are those with an effect on either side."""
+    """The findings of a question by verdict, and those that differ between the motions."""
     by_verdict = {
         verdict: [one for one in found if one.verdict == verdict]
         for verdict in (HOLDS, ALIKE, UNCONFIRMED, NEW, REVERSED, TOO_FEW)
@@ -189,12 +210,18 @@ def _answer(question: str, found: Sequence[Finding]) -> dict[str, Any]:
     return {
         "question": question,
         "count": len(found),
+        "changed": listed([_named_finding(one) for one in found if one.changed]),
+        "changed_count": sum(one.changed for one in found),
         "numbers": {verdict: len(own) for verdict, own in by_verdict.items()},
         "listed": {
-            verdict: listed([f"{one.what}, {one.road_user}: {_label(one.measure)}" for one in own])
+            verdict: listed([_named_finding(one) for one in own])
             for verdict, own in by_verdict.items()
         },
     }
+
+
+def _named_finding(one: Finding) -> str:
+    return f"{one.what}, {one.road_user}: {_label(one.measure)}"
 
 
 def _label(measure: str) -> str:
@@ -211,11 +238,13 @@ def _findings_table(found: Sequence[Finding]) -> Table:
     columns: tuple[str | Column, ...] = ("question", "difference", "road user", "measure")
     for kind in (HAND, REAL):
         columns += (f"n, {kind}", *interval_columns(kind, kind))
+    columns += interval_columns(f"{REAL} − {HAND}", "change")
     rows = [
         (
             *(one.question, one.what, one.road_user, _label(one.measure)),
             *(one.hand.n, one.hand.mean, one.hand.low, one.hand.high),
             *(one.real.n, one.real.mean, one.real.low, one.real.high),
+            *one.change,
             one.verdict,
         )
         for one in found
