@@ -288,15 +288,5 @@ class ReplayedPath:
             raise ValueError(f"path.sequence: must be a number such as 0005, got {self.sequence!r}")
 
 
-Path = (
-    Approach
-    | Depart
-    | Crossing
-    | Turn
-    | SCurve
-    | StopAndGo
-    | Circle
-    | Waypoints
-    | ReplayedPath
-    | RecordedPath
-)
+HandMadePath = Approach | Depart | Crossing | Turn | SCurve | StopAndGo | Circle | Waypoints
+Path = HandMadePath | ReplayedPath | RecordedPath

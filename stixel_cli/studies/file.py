@@ -127,11 +127,7 @@ class StudyFile:
         return findings_of(self.template, material, self.template_name)
 
     def design(self, sweep: SweepEntry) -> Design:
-        """The design of a sweep with the axes that `axes_of` names.
-
-        Raises:
-            UserError: if that function fails or returns another type.
-        """
+        """The design of a sweep with the axes of `axes_of`; raises as `further_axes` does."""
         return sweep.design(sweep.axes_of and self.further_axes(sweep.axes_of))
 
     def further_axes(self, name: str, *data: StudyData) -> list[dict[str, list]]:
@@ -300,10 +296,10 @@ def _sweeps(content: Mapping[str, Any]) -> list[SweepEntry]:
         steps = entries.get("results") or []
         if not isinstance(steps, list) or not all(isinstance(step, str) for step in steps):
             raise ConfigurationError(f"{where}: results: must be a list of steps")
-        functions = [entries.get("derive"), entries.get("axes_of")]
-        for entry, function in zip(("derive", "axes_of"), functions, strict=True):
-            if function is not None and not isinstance(function, str):
+        functions = {entry: entries.get(entry) for entry in ("derive", "axes_of")}
+        for entry, function in functions.items():
+            if not isinstance(function, str | None):
                 raise ConfigurationError(f"{where}: {entry}: must be the name of a function")
         sweep = {key: value for key, value in entries.items() if key in SWEEP_ENTRIES}
-        found.append(SweepEntry(name, sweep, tuple(steps), *functions))
+        found.append(SweepEntry(name, sweep, tuple(steps), **functions))
     return found

@@ -32,7 +32,6 @@ __all__ = ["every_track", "report", "some_tracks"]
 
 ERRORS = ("centre_rmse_m", "orientation_rmse_deg", "iou_mean")
 LEVELS = (*ERRORS, "iou_box_mean", "nees_position_mean", "track_lost")
-
 POINTS = {
     "range_bias": "bias of points along the ray (m)",
     "disparity_std": "standard deviation of points (px)",
@@ -109,8 +108,7 @@ def report(data: StudyData) -> Material:
     hand = sweeps["hand_made"]
     hand = hand.assign(motion=hand["path"])
     real = pd.concat([sweeps["real"], sweeps["real_simulated"]])
-    keys = ("path.sequence", "path.target")
-    real = real.assign(motion=[_track_name(run, keys) for run in real["run"]])
+    real = real.assign(motion=[_track_name(run) for run in real["run"]])
     found = findings(hand, real)
     return Material(
         {
@@ -159,9 +157,9 @@ def point_values(errors: PointErrors) -> tuple[float, float, float]:
     )
 
 
-def _track_name(run: StudyRun, keys: Sequence[str]) -> str:
+def _track_name(run: StudyRun) -> str:
     path = run.configuration.path
-    return "/".join(str(getattr(path, key.partition(".")[2])) for key in keys)
+    return f"{path.sequence}/{path.target}"
 
 
 def findings(hand: "pd.DataFrame", real: "pd.DataFrame") -> list[Finding]:
