@@ -68,6 +68,7 @@ def sections() -> dict[str, list[Entry]]:
         "Paths": [
             Entry(f"path_{path}", f"`path={path}`", [f"path={path}", *FABRICATED], "path.png", 400)
             for path in options["path"]
+            if path != "recorded"  # needs files of the user's
         ],
         "Ego motions": [
             Entry(f"ego_{ego}", f"`ego={ego}`", [f"ego={ego}", "path=turn", *FABRICATED],

@@ -19,6 +19,10 @@ class BelongsElsewhere(ConfigurationError):
     """A key or group that exists only with other options than the chosen ones."""
 
 
+class MissingData(UserError):
+    """Data that only some machines have are missing."""
+
+
 class FolderTaken(UserError):
     """Another process has already created the folder."""
 

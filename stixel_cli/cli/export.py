@@ -19,8 +19,9 @@ def export(
         typer.Option(
             "--format",
             help="kitti: images, calibration, labels, poses, disparity as a clip of KITTI's "
-            "tracking benchmark. tum: trajectories, as evo reads them.",
-            metavar="kitti|tum",
+            "tracking benchmark. csv: scans, track, truth, contours, and their columns. tum: "
+            "trajectories, as evo reads them. stx1: stixels for pyStixel-lib. rerun: run.rrd.",
+            metavar="kitti|csv|tum|stx1|rerun",
             show_default=False,
         ),
     ],
@@ -39,7 +40,7 @@ def export(
     \b
     Examples:
       stixel export results/wide-prior --format kitti --output clip
-      stixel export results/wide-prior --format tum
+      stixel export results/wide-prior --format csv
     """
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.experiment.export import FORMATS

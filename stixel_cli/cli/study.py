@@ -18,7 +18,7 @@ from stixel_cli.cli.options import (
 )
 from stixel_cli.cli.plan import plan_content, print_plan
 from stixel_cli.cli.terminal import print_json, print_table
-from stixel_cli.errors import ConfigurationError, UserError
+from stixel_cli.errors import ConfigurationError, MissingData, UserError
 
 if TYPE_CHECKING:
     from stixel_cli.studies.plan import StudyPlan
@@ -41,6 +41,7 @@ def study(
 
     \b
     accuracy  How accurate are the trackers, for each road user, measurement and path?
+    motions  Do the answers of RQ2 and RQ3 hold for real motion?
     rq1  Are these stixels like those of The Stixel World?
     rq2  How well does the tracker work on stixels, compared with lidar?
     rq3  What do fabricated measurements miss?
@@ -81,6 +82,8 @@ def study(
     for one, command in commands.items():
         try:
             plans[one] = command.plan()
+        except MissingData as error:
+            answers[one] = _failed(one, error)
         except UserError as error:
             answers[one] = _failed(one, error)
             codes.append(error.exit_code)

@@ -57,9 +57,10 @@ def _check_source(configuration: Configuration) -> None:
             f"measurement: {configuration.measurement.kind} is of the rendered scene; "
             f"with source={configuration.source.kind} only measurement=simulated"
         )
+    replayed = configuration.path.kind == "recorded"
     for group in ("path", "ego"):
         kind = getattr(configuration, group).kind
-        if kind == "source" and not recorded:
+        if kind == "source" and not recorded and not (replayed and group == "ego"):
             raise ValueError(f"{group}: source needs a recording, got source=rendered")
         if recorded and kind not in ("source", "parked"):
             raise ValueError(
@@ -97,7 +98,7 @@ def _check_times(configuration: Configuration) -> None:
 def _check_start(configuration: Configuration) -> None:
     """Refuse a target that starts at the camera; its heading is ignored."""
     path, user = configuration.path, configuration.road_user
-    if path.kind == "source":
+    if path.kind in ("source", "recorded"):
         return
     key, start = (
         ("path.start", path.start) if hasattr(path, "start") else ("path.points", path.points[0])

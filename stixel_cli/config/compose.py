@@ -143,7 +143,7 @@ class Composer:
         """The resolved configuration and its choices, completed by its recording, if it has one."""
         typed = {one.key_or_group: one.value() for one in parsed}
         if not any(name.partition(".")[0] == "source" for name in typed):
-            return _resolved(parsed, self._state)
+            return self._with_replay(parsed, typed)
         # Reads and checks files; imported only here, because most runs have no recording.
         from stixel_cli.config import recorded
 
@@ -159,6 +159,27 @@ class Composer:
         resolved, choices = _resolved([*parsed, *map(self.parse, more)], self._state)
         resolved["source"] = section
         recorded.with_recording(resolved, choices, recording, typed)
+        return resolved, choices
+
+    def _with_replay(
+        self, parsed: "list[Override]", typed: Mapping[str, Any]
+    ) -> tuple[dict[str, Any], dict[str, str]]:
+        """The same of rendered images, completed by the files of the motion, if it has any."""
+        resolved, choices = _resolved(parsed, self._state)
+        if resolved["path"]["kind"] != "recorded":
+            return resolved, choices
+        # Reads and checks files; imported only here, because most runs have other paths.
+        from stixel_cli.config import replayed
+
+        section = dict(resolved["path"])
+        replay = replayed.replay_in(section, typed, self._working_directory)
+        if replay is None:
+            # The duration, which only the files give, is not one of the faults.
+            return resolved | {"path": section | {"duration": 1.0}}, choices
+        more = replayed.suitable_overrides(replay, typed)
+        resolved, choices = _resolved([*parsed, *map(self.parse, more)], self._state)
+        resolved["path"] = section
+        replayed.with_replay(resolved, choices, replay)
         return resolved, choices
 
     def _shared(self, configuration: Configuration, resolved: dict[str, Any]) -> Configuration:

@@ -1,20 +1,17 @@
-"""Export runs: a rendered clip in KITTI's layout, trajectories for evo."""
+"""Export runs: a rendered clip in KITTI's layout, trajectories for evo; the table of formats."""
 
-import os
-import shutil
 from collections.abc import Callable, Iterable
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
-from stixel_cli.engine.execute import execute
-from stixel_cli.engine.locks import lease
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import open_store
-from stixel_cli.errors import UserError
-from stixel_cli.experiment.run import experiment_graph, one_line_errors
-from stixel_cli.files import written
+from stixel_cli.experiment.export_folder import stage_results, write_new_folder
+from stixel_cli.experiment.export_rerun import export_rerun
+from stixel_cli.experiment.export_stixels import export_stx1
+from stixel_cli.experiment.export_tables import export_csv
+from stixel_cli.experiment.run import one_line_errors, run_experiment
 from stixel_cli.images import encode_png
 from stixel_cli.recordings.write_kitti import LABELS, write_clip
 from stixel_cli.results.result import RunResult
@@ -37,26 +34,16 @@ def export_kitti(stored: RunResult, folder: Path, progress: Progress | None = No
         StageFailure: if a stage fails.
     """
     configuration = stored.composition.configuration
-    store = open_store(configuration.cache)
-    with one_line_errors():
-        graph = experiment_graph(configuration)
-        wanted = ["add_sensor_noise", "match", "scenario"]
-        if not all(name in graph.stages for name in wanted):
-            raise UserError(f"{stored.folder}: has no rendered images to export")
-        with lease(store.folder, sorted(graph.ancestors(graph.expand(wanted)))):
-            execute(graph, wanted, store, executor=configuration.executor, progress=progress)
-            (scenario,) = (store.load(node.key) for node in graph.of_stage("scenario"))
-            pairs, disparities = (
-                (store.load(node.key) for node in graph.of_stage(name)) for name in wanted[:2]
-            )
-            user, rig = configuration.road_user, configuration.rig
+    user, rig = configuration.road_user, configuration.rig
+    wanted = ["add_sensor_noise", "match", "scenario"]
+    with stage_results(stored, wanted, "rendered images", progress) as found:
+        pairs, disparities, (scenario,) = (found[name] for name in wanted)
 
-            def write(partial: Path) -> None:
-                label = LABELS[user.kind]
-                write_clip(partial, SEQUENCE, pairs, scenario, rig, label, user.height)
-                write_disparities(partial, disparities)
+        def write(partial: Path) -> None:
+            write_clip(partial, SEQUENCE, pairs, scenario, rig, LABELS[user.kind], user.height)
+            write_disparities(partial, disparities)
 
-            _write_folder(folder, write)
+        write_new_folder(folder, write)
     values = {
         "rig.pitch": rig.pitch,
         "rig.camera_height": rig.camera_height,
@@ -95,8 +82,6 @@ def export_tum(stored: RunResult, folder: Path, progress: Progress | None = None
         UserError: if the folder exists or cannot be written, or the run cannot be repeated.
         StageFailure: if a stage fails.
     """
-    from stixel_cli.experiment.run import run_experiment
-
     store = open_store(stored.composition.configuration.cache)
     with one_line_errors():
         run = run_experiment(stored.composition, store, progress, pictures=False)
@@ -112,7 +97,7 @@ def export_tum(stored: RunResult, folder: Path, progress: Progress | None = None
         for name, text in texts.items():
             (partial / name).write_text(text, encoding="utf-8")
 
-    _write_folder(folder, write)
+    write_new_folder(folder, write)
     return list(texts)
 
 
@@ -127,19 +112,10 @@ def tum_text(times: np.ndarray, poses_world: np.ndarray) -> str:
     return "".join(f"{row}\n" for row in rows)
 
 
-FORMATS: dict[str, Callable[..., list[str]]] = {"kitti": export_kitti, "tum": export_tum}
-
-
-def _write_folder(folder: Path, write: Callable[[Path], None]) -> None:
-    """Write a new folder: it appears complete, or not at all."""
-    if os.path.lexists(folder):
-        raise UserError(f"--output: {folder} exists; choose another folder")
-    partial = folder.with_name(f".{folder.name}.partial-{os.getpid()}")
-    with written(folder):
-        try:
-            partial.mkdir(parents=True)
-            write(partial)
-            partial.rename(folder)
-        finally:
-            with suppress(OSError):
-                shutil.rmtree(partial)
+FORMATS: dict[str, Callable[..., list[str]]] = {
+    "kitti": export_kitti,
+    "csv": export_csv,
+    "tum": export_tum,
+    "stx1": export_stx1,
+    "rerun": export_rerun,
+}

@@ -27,9 +27,11 @@ from stixel_cli.measurements.disturbance_parameters import (
 from stixel_cli.measurements.file_parameters import FileParameters
 from stixel_cli.own_code import OwnCode
 from stixel_cli.recordings.find import find_recording
+from stixel_cli.recordings.replay import find_replay
 from stixel_cli.recordings.types import Recording
 from stixel_cli.scene.ego import Parked
 from stixel_cli.scene.mesh_file import referred_files
+from stixel_cli.scene.path_parameters import ReplayedPath
 
 CHUNK_SIZE = 10
 """Frames per chunk: few enough to keep two workers busy, enough to share a background."""
@@ -51,7 +53,7 @@ class Definition:
         files: dotted paths of the settings that are files. Their content, and that of the files
             they refer to, is part of the key.
         recorded: the files of the recording that the function gets as `files`, an attribute of
-            `Recording`; "" for none.
+            `Recording`, before those of `files`; "" for none.
         pictures: whether it draws: its result is a `Pictures`.
         code: dotted paths of the settings that name the user's own functions: their code is part of
             the key.
@@ -292,6 +294,34 @@ OWN: dict[str, Definition] = {
 """The stages that replace those of `TABLE` where the user chooses own functions."""
 
 
+REPLAYED: dict[str, Definition] = {
+    "ego_motion": Definition(
+        _only("recordings.replayed_motion:replayed_motion"),
+        "once",
+        {
+            "first": "recording.first",
+            "count": "recording.count",
+            "sample_time": "path.sample_time",
+        },
+        recorded="pose_files",
+    ),
+    "scenario": Definition(
+        _only("recordings.replayed_scenario:replayed_scenario"),
+        "once",
+        {
+            "road_user": "road_user",
+            "first": "recording.first",
+            "left_camera": "recording.left_camera",
+            "target": "path.target",
+            "smoothing": "path.smoothing",
+        },
+        files=("road_user.mesh",),
+        recorded="truth_files",
+    ),
+}
+"""The stages that replace those of `TABLE` with `path=recorded`."""
+
+
 def readers(name: str) -> list[str]:
     """The stages that read a group or a key, given by its name with dots."""
 
@@ -302,7 +332,9 @@ def readers(name: str) -> list[str]:
             f"{path}.".startswith(f"{name}.") or name.startswith(f"{path}.") for path in paths
         )
 
-    found = [stage for table in (TABLE, OWN) for stage, its in table.items() if reads(its)]
+    found = [
+        stage for table in (TABLE, OWN, REPLAYED) for stage, its in table.items() if reads(its)
+    ]
     return list(dict.fromkeys(found))
 
 
@@ -333,6 +365,8 @@ def pipeline_stages(configuration: Configuration) -> list[Stage]:
     check_files(configuration.measurement)
     recording = recording_of(configuration)
     kind = configuration.measurement.kind if recording is None else "recording"
+    if isinstance(configuration.path, ReplayedPath):
+        recording = find_replay(configuration.path)
     path = shipped_folder("pipelines") / f"{kind}.yaml"
     pipeline = _read(path)
     if is_disturbed(configuration.measurement):
@@ -419,10 +453,7 @@ def _stage(
     stage = inputs.pop("stage", name)
     if stage not in TABLE:
         raise UserError(f"{path}: {name}: no stage {stage!r}; the table has {', '.join(TABLE)}")
-    own = (stage == "track" and isinstance(configuration.tracker, OwnCode)) or (
-        stage == "scores" and configuration.metrics
-    )
-    definition = OWN[stage] if own else TABLE[stage]
+    definition = _definition(configuration, stage)
     names = [_value(configuration, path) for path in definition.code]
     functions = [f for name in names for f in ((name,) if isinstance(name, str) else name)]
     kind = _value(configuration, f"{definition.chosen_by}.kind") if definition.chosen_by else ""
@@ -438,13 +469,22 @@ def _stage(
         seed=configuration.seed if definition.seeded else None,
         frames=pictured_frames(configuration) if definition.pattern == "pick" else (),
         files=(
-            getattr(recording, definition.recorded)
-            if definition.recorded
-            else _files(_value(configuration, p) for p in definition.files)
+            *(getattr(recording, definition.recorded) if definition.recorded else ()),
+            *_files(_value(configuration, p) for p in definition.files),
         ),
         gives_files=bool(definition.recorded),
         keys=definition.reads,
     )
+
+
+def _definition(configuration: Configuration, stage: str) -> Definition:
+    """The definition of a stage, or that which replaces it."""
+    if stage in REPLAYED and isinstance(configuration.path, ReplayedPath):
+        return REPLAYED[stage]
+    own = (stage == "track" and isinstance(configuration.tracker, OwnCode)) or (
+        stage == "scores" and configuration.metrics
+    )
+    return OWN[stage] if own else TABLE[stage]
 
 
 def _files(names: Iterable[str | None]) -> tuple[Path, ...]:

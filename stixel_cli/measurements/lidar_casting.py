@@ -12,7 +12,12 @@ import numpy as np
 
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scanner import LidarReturns, Scanner
-from stixel_cli.rendering.placement import numbered_objects, world_from_target_3d
+from stixel_cli.rendering.placement import (
+    Motion,
+    motion_of,
+    numbered_objects,
+    world_from_target_3d,
+)
 from stixel_cli.rendering.surfaces import RayTree
 from stixel_cli.scene.mesh import Mesh, corners
 from stixel_cli.scene.road_user import road_user_meshes
@@ -37,7 +42,8 @@ def cast_lidar(
     """
     meshes = road_user_meshes(road_user)
     targets = {int(pose): ray_tree(meshes[pose]) for pose in np.unique(scenario.limb_poses)}
-    return cast_beams(_static_tree(world), targets, scenario, scanner, camera_field)
+    static = _static_tree(world, motion_of(world, scenario))
+    return cast_beams(static, targets, scenario, scanner, camera_field)
 
 
 def cast_beams(
@@ -101,8 +107,8 @@ def beam_directions(elevations: np.ndarray, azimuths: np.ndarray) -> np.ndarray:
 
 # Building the world takes as long as casting hundreds of scans, and many runs share it.
 @lru_cache(maxsize=1)
-def _static_tree(world: World) -> RayTree:
-    return ray_tree(*(mesh for _, mesh in numbered_objects(world)))
+def _static_tree(world: World, motion: Motion) -> RayTree:
+    return ray_tree(*(mesh for _, mesh in numbered_objects(world, motion)))
 
 
 def ray_tree(*meshes: Mesh) -> RayTree:

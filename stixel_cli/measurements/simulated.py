@@ -56,7 +56,7 @@ def gather_scans(
     for chunk in stixels:
         if chunk.first != len(scans):
             raise ValueError(f"stixels of frame {len(scans)} expected, got {chunk.first}")
-        inside = _candidates(chunk, measurement)
+        inside = candidates(chunk, measurement)
         for i in range(len(chunk.offsets) - 1):
             if len(scans) == len(ego_motion.times):
                 raise ValueError(f"more stixels than the {len(scans)} frames of the ego motion")
@@ -87,7 +87,7 @@ def _correlations(chunk: Stixels, chosen: np.ndarray, columns: float) -> np.ndar
     return correlations
 
 
-def _candidates(chunk: Stixels, gate: SimulatedParameters) -> np.ndarray:
+def candidates(chunk: Stixels, gate: SimulatedParameters) -> np.ndarray:
     """Which stixels (S,) of a chunk are inside the gates; one that is not finite is not."""
     ranges = np.hypot(chunk.points_ego[:, 0], chunk.points_ego[:, 1])
     return (

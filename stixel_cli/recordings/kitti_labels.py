@@ -80,15 +80,15 @@ def _labels(values: np.ndarray, kind: str) -> Labels:
     )
 
 
-def labels_of(file: Path, target: int) -> Labels:
-    """The labels of one target.
+def labels_of(file: Path, target: int, key: str = "source.target") -> Labels:
+    """The labels of one target; `key` is the setting that names it, for messages.
 
     Raises:
-        UserError: if the file has none of it.
+        UserError: if the file has no such track; the line lists tracks that it has.
     """
     tracks = read_labels(file)
     if target not in tracks:
         known = ", ".join(f"{i} ({labels.kind})" for i, labels in list(tracks.items())[:12])
         more = ", …" if len(tracks) > 12 else ""
-        raise UserError(f"source.target: {file} has no track {target}; it has {known}{more}")
+        raise UserError(f"{key}: {file} has no track {target}; it has {known}{more}")
     return tracks[target]

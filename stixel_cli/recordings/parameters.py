@@ -87,8 +87,8 @@ class KittiOdometry(Recorded):
 Source = Rendered | KittiTracking | KittiOdometry | PlainFolder
 
 
-def chosen_frames(text: str | None) -> range | None:
-    """The frames that `source.frames` names; None for all.
+def chosen_frames(text: str | None, key: str = "source.frames") -> range | None:
+    """The frames that the setting `key` names; None for all.
 
     Raises:
         ValueError: unless it is `first:stop` with first < stop.
@@ -97,5 +97,5 @@ def chosen_frames(text: str | None) -> range | None:
         return None
     match = _FRAMES.fullmatch(text)
     if match is None or int(match[1]) >= int(match[2]):
-        raise ValueError(f"source.frames: must be first:stop with first < stop, got {text!r}")
+        raise ValueError(f"{key}: must be first:stop with first < stop, got {text!r}")
     return range(int(match[1]), int(match[2]))

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from stixel_cli.geometry.pose import STRAIGHT_AHEAD, world_from_ego
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.recordings.box import rectangle
 from stixel_cli.recordings.kitti_labels import labels_of
+from stixel_cli.recordings.planar import label_pose
 from stixel_cli.scene.scenario import EgoMotion, Scenario
 
 HALF_WINDOW = 2
@@ -50,7 +50,7 @@ def recorded_scenario(
     inside = (labels.frames >= first) & (labels.frames < first + count)
     for k, row in zip(labels.frames[inside] - first, np.flatnonzero(inside), strict=True):
         place = rig.level_from_camera @ (labels.places[row] - left_camera)
-        poses[k] = _pose(place, labels.yaws[row], ego_motion.poses_world[k])
+        poses[k] = label_pose(place, labels.yaws[row], ego_motion.poses_world[k])
         scored[k] = labels.truncated[row] == 0 and labels.occluded[row] == 0
     known = np.isfinite(poses[:, 2])
     poses[known, 2] = np.unwrap(poses[known, 2])
@@ -85,9 +85,3 @@ def slopes(times: np.ndarray, values: np.ndarray) -> np.ndarray:
         near = known[(away <= HALF_WINDOW) | (away <= np.sort(away)[LEAST_FRAMES - 1])]
         found[k] = np.polyfit(times[near] - times[k], values[near], 1)[0]
     return found
-
-
-def _pose(place: np.ndarray, yaw: float, ego_pose: np.ndarray) -> np.ndarray:
-    """Pose (3,) in the world of a label at `place` (3,) m in the level frame, turned by `yaw`."""
-    x, y = world_from_ego(place[None, [0, 2]], ego_pose)[0]
-    return np.array([x, y, ego_pose[2] - STRAIGHT_AHEAD - yaw])

@@ -17,6 +17,7 @@ from stixel_cli.rendering.filament_process import REASON, main
 from stixel_cli.rendering.frames import TARGET_ID, RenderedFrames
 from stixel_cli.rendering.placement import (
     SUN_COLOUR,
+    motion_of,
     numbered_objects,
     sun_direction,
     world_from_target_3d,
@@ -63,9 +64,9 @@ def render(
     Raises:
         RendererUnavailable: if the child hung or died `renderer.attempts` times.
     """
-    scene = describe_scene(
-        scenario, numbered_objects(world), road_user_meshes(road_user), rig, renderer, frames
-    )
+    objects = numbered_objects(world, motion_of(world, scenario))
+    meshes = road_user_meshes(road_user)
+    scene = describe_scene(scenario, objects, meshes, rig, renderer, frames)
     return RenderedFrames.from_frames(frames.start, rendered(scene, renderer, command))
 
 

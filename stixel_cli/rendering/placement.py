@@ -5,6 +5,8 @@ import numpy as np
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.rendering.frames import BACKGROUND_ID, ROAD_ID
 from stixel_cli.scene.mesh import Mesh
+from stixel_cli.scene.roadside import roadside_objects
+from stixel_cli.scene.scenario import Scenario
 from stixel_cli.scene.world import world_objects
 from stixel_cli.scene.world_parameters import Light, World
 
@@ -12,14 +14,33 @@ SUN_COLOUR = np.array([1.0, 0.96, 0.88])
 """Linear red, green and blue of the sun's light."""
 
 
-def numbered_objects(world: World) -> list[tuple[int, Mesh]]:
+Motion = tuple[tuple[float, ...], ...]
+"""What the layout of a world depends on: x, y, heading of the ego car and x, y of the target."""
+
+
+def motion_of(world: World, scenario: Scenario) -> Motion:
+    """The motion that the objects of `world` leave free; () for a world that is always the same."""
+    if world.kind == "street":
+        return ()
+    rows = np.concatenate([scenario.ego_poses_world, scenario.target_poses_world[:, :2]], axis=1)
+    return tuple(map(tuple, rows.tolist()))
+
+
+def numbered_objects(world: World, motion: Motion = ()) -> list[tuple[int, Mesh]]:
     """Object ids (as in `RenderedFrames.ids`) and meshes in the world of the road and background.
+
+    `motion` is that of `motion_of`.
 
     Raises:
         ValueError: if there are more objects than ids.
     """
     numbered, count = [], 0
-    for item in world_objects(world):
+    if world.kind == "roadside":
+        poses = np.array(motion)
+        objects = roadside_objects(world, poses[:, :3], poses[:, 3:])
+    else:
+        objects = world_objects(world)
+    for item in objects:
         if item.kind == "road":
             numbered.append((ROAD_ID, item.mesh))
         else:

@@ -9,7 +9,13 @@ import numpy as np
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.camera_rays import Camera, rig_cameras
 from stixel_cli.rendering.frames import TARGET_ID, RenderedFrames
-from stixel_cli.rendering.placement import numbered_objects, sun_direction, world_from_target_3d
+from stixel_cli.rendering.placement import (
+    Motion,
+    motion_of,
+    numbered_objects,
+    sun_direction,
+    world_from_target_3d,
+)
 from stixel_cli.rendering.raycast_parameters import RaycastParameters
 from stixel_cli.rendering.surfaces import Surfaces, build_surfaces, with_other_vertices
 from stixel_cli.rendering.tracing import Body
@@ -44,7 +50,7 @@ def render(
         frames: consecutive frame indices.
     """
     target = Target(road_user_meshes(road_user))
-    static = _static_scene(world, rig, renderer)
+    static = _static_scene(world, motion_of(world, scenario), rig, renderer)
     images = (render_frame(static, target, scenario, k) for k in frames)
     return RenderedFrames.from_frames(frames.start, images)
 
@@ -98,8 +104,10 @@ class Target:
 
 # One worker renders many chunks of one scene, and to build it takes as long as ten frames.
 @lru_cache(maxsize=1)
-def _static_scene(world: World, rig: Rig, renderer: RaycastParameters) -> StaticScene:
-    return StaticScene(numbered_objects(world), rig, renderer)
+def _static_scene(
+    world: World, motion: Motion, rig: Rig, renderer: RaycastParameters
+) -> StaticScene:
+    return StaticScene(numbered_objects(world, motion), rig, renderer)
 
 
 def render_frame(

@@ -133,7 +133,7 @@ def _write_files(folder: Path, run: RunResult, page: str) -> None:
         "metrics.json": json_text(run.metrics),
         lineage.FILE: json_text(lineage.lineage_tree(run.lineage)),
         PAGE: page,
-        **{f"{stem}.csv": _csv_text(columns) for stem, columns in run.tables.items()},
+        **{f"{stem}.csv": csv_text(columns) for stem, columns in run.tables.items()},
     }
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
@@ -149,7 +149,7 @@ def _write_files(folder: Path, run: RunResult, page: str) -> None:
         file.write_bytes(data)
 
 
-def _csv_text(columns: Mapping[str, Sequence]) -> str:
+def csv_text(columns: Mapping[str, Sequence]) -> str:
     """Comma-separated columns; floats with enough digits to read them back exactly."""
     texts = [map(repr, np.asarray(column).tolist()) for column in columns.values()]
     # The writer of the module `csv` takes half as long again.

@@ -5,6 +5,7 @@ Headings are typed in degrees, counter-clockwise from +x: 90 drives away from th
 """
 
 import math
+import re
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -251,4 +252,41 @@ class RecordedPath:
     sample_time: SampleTime
 
 
-Path = Approach | Depart | Crossing | Turn | SCurve | StopAndGo | Circle | Waypoints | RecordedPath
+@parameters
+class ReplayedPath:
+    """The target and the ego car move as in a clip of KITTI's tracking benchmark, without images.
+
+    Smoothing splines over time give the target's place and heading in the world. The poses of the
+    ego car are not smoothed.
+
+    Attributes:
+        folder: with `label_02`, `ego_poses` and `calib`, or the one above its `training`.
+        sequence: number of the clip, such as 0005.
+        target: track id in the labels.
+        frames: numbers of the frames, `first:stop`; null for all of the track. Frames without a
+            label are interpolated.
+        smoothing: changes of this period keep half of their amplitude, faster ones less, s.
+        duration: of all frames, s.
+        sample_time: time from one frame to the next, s.
+    """
+
+    kind: Literal["recorded"]
+    folder: str | None
+    sequence: str | None
+    target: Annotated[int, Ge(0)] | None
+    frames: str | None
+    smoothing: Annotated[float, Ge(0), Le(60)]
+    duration: Duration
+    sample_time: SampleTime
+
+    def check(self) -> None:
+        """Raise ValueError if a needed value is missing or not valid."""
+        for name in ("folder", "sequence", "target"):
+            if getattr(self, name) in (None, ""):
+                raise ValueError(f"path.{name}: is required with path={self.kind}")
+        if not re.fullmatch(r"\d{1,4}", self.sequence):
+            raise ValueError(f"path.sequence: must be a number such as 0005, got {self.sequence!r}")
+
+
+HandMadePath = Approach | Depart | Crossing | Turn | SCurve | StopAndGo | Circle | Waypoints
+Path = HandMadePath | ReplayedPath | RecordedPath

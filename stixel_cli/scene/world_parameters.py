@@ -12,12 +12,14 @@ class World:
     """Road and background.
 
     Attributes:
-        kind: a street that leads off a town square, with houses, trees, poles and parked cars.
+        kind: `street` leads off a town square, with houses, trees, poles and parked cars;
+            `roadside` has such objects along the ego car's way, and leaves the way and the view of
+            the target free.
         seed: of the layout and its textures (not the run's seed).
         contrast: how strong the textures of road and background are, 0 (plain) … 1.
     """
 
-    kind: Literal["street"]
+    kind: Literal["street", "roadside"]
     seed: Annotated[int, Ge(0), Le(1_000_000)]
     contrast: Annotated[float, Ge(0), Le(1)]
 

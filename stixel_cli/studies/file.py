@@ -30,7 +30,7 @@ from stixel_cli.sweeps.file import design_of, is_study, read_mapping, refuse_unk
 
 ALL = "all"
 ENTRIES = ("title", "question", "template", "module", "sweeps")
-_SWEEP_ENTRIES = (*SWEEP_ENTRIES, "results", "derive")
+_SWEEP_ENTRIES = (*SWEEP_ENTRIES, "results", "derive", "axes_of")
 _LONGEST_PATH = 200
 _SWEEP_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
@@ -45,15 +45,18 @@ class SweepEntry:
         steps: stages whose results the report reads in addition to the scores.
         derive: name of the module's function that returns further axes, from the data of the
             earlier sweeps; or None.
+        axes_of: name of the module's function that returns further axes when the study is
+            planned, such as those of the user's data; or None.
     """
 
     name: str
     content: Mapping[str, Any]
     steps: tuple[str, ...]
     derive: str | None
+    axes_of: str | None
 
     def design(self, derived: list[dict[str, list]] | None = None) -> Design:
-        """The design of the runs, with the derived axes.
+        """The design of the runs, with further axes.
 
         Raises:
             ConfigurationError: in one line that names the sweep and the entry.
@@ -123,13 +126,17 @@ class StudyFile:
             raise UserError(f"{self.module_name}: report must return a Material")
         return findings_of(self.template, material, self.template_name)
 
-    def derived_axes(self, name: str, data: StudyData) -> list[dict[str, list]]:
-        """Axes from a function that `derive` names.
+    def design(self, sweep: SweepEntry) -> Design:
+        """The design of a sweep with the axes of `axes_of`; raises as `further_axes` does."""
+        return sweep.design(sweep.axes_of and self.further_axes(sweep.axes_of))
+
+    def further_axes(self, name: str, *data: StudyData) -> list[dict[str, list]]:
+        """Axes from a function that `derive` (with the data) or `axes_of` (without) names.
 
         Raises:
             UserError: if the function fails or returns another type.
         """
-        axes = self.call(name, data)
+        axes = self.call(name, *data)
         if not isinstance(axes, list) or not all(
             isinstance(axis, dict) and all(isinstance(values, list) for values in axis.values())
             for axis in axes
@@ -139,7 +146,7 @@ class StudyFile:
             )
         return axes
 
-    def call(self, name: str, data: StudyData) -> Any:
+    def call(self, name: str, *data: StudyData) -> Any:
         """What a function of the report's module returns.
 
         Raises:
@@ -148,7 +155,7 @@ class StudyFile:
         """
         function = self.function(name)
         try:
-            return function(data)
+            return function(*data)
         except UserError:
             raise
         except Exception as fault:
@@ -210,8 +217,9 @@ def read_study(path: Path) -> StudyFile:
             raise ConfigurationError(f"sweeps: {study.sweeps[0].name}: derive: no earlier sweep")
         for sweep in study.sweeps:
             sweep.design()
-            if sweep.derive is not None:
-                study.function(sweep.derive)
+            for name in (sweep.derive, sweep.axes_of):
+                if name is not None:
+                    study.function(name)
         study.function("report")
     except ConfigurationError as fault:
         where = _shown(path)
@@ -288,9 +296,10 @@ def _sweeps(content: Mapping[str, Any]) -> list[SweepEntry]:
         steps = entries.get("results") or []
         if not isinstance(steps, list) or not all(isinstance(step, str) for step in steps):
             raise ConfigurationError(f"{where}: results: must be a list of steps")
-        derive = entries.get("derive")
-        if derive is not None and not isinstance(derive, str):
-            raise ConfigurationError(f"{where}: derive: must be the name of a function")
+        functions = {entry: entries.get(entry) for entry in ("derive", "axes_of")}
+        for entry, function in functions.items():
+            if not isinstance(function, str | None):
+                raise ConfigurationError(f"{where}: {entry}: must be the name of a function")
         sweep = {key: value for key, value in entries.items() if key in SWEEP_ENTRIES}
-        found.append(SweepEntry(name, sweep, tuple(steps), derive))
+        found.append(SweepEntry(name, sweep, tuple(steps), **functions))
     return found

@@ -93,7 +93,7 @@ def plan_study(study: StudyFile, overrides: Sequence[str]) -> StudyPlan:
         ConfigurationError: in one line, if a run is not valid.
     """
     designs, notes = overridden(
-        [sweep.design() for sweep in study.sweeps],
+        [study.design(sweep) for sweep in study.sweeps],
         # The request does not depend on their order.
         sorted(overrides),
         [sweep.name for sweep in study.sweeps],

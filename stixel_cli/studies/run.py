@@ -133,7 +133,7 @@ class _Run:
             if any(other.sweep.name not in self.sweeps for other in before):
                 return
             with self._leased():
-                axes = self.plan.study.derived_axes(one.sweep.derive, self._data())
+                axes = self.plan.study.further_axes(one.sweep.derive, self._data())
             design = derived_design(self.plan, one, axes)
         result = self._sweep(name, one, design)
         self.results[name] = result

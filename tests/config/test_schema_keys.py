@@ -51,7 +51,7 @@ def named(key):
     return "-".join([key.name, *(kind for _, kind in key.owners)])
 
 
-OF_A_RECORDING = {("path", "source")} | {
+OF_A_RECORDING = {("path", "source"), ("path", "recorded")} | {
     ("source", kind) for kind in ("kitti_tracking", "kitti_odometry", "folder")
 }
 """Variants that need a folder: see tests/recordings."""

@@ -14,6 +14,7 @@ from stixel_cli.engine.code import CodeIndex
 from stixel_cli.engine.keys import GIVEN
 from stixel_cli.experiment.stages import (
     OWN,
+    REPLAYED,
     TABLE,
     draws,
     pictured_frames,
@@ -82,6 +83,7 @@ def reached(function):
 
 
 STAGES = TABLE | {f"own_{name}": definition for name, definition in OWN.items()}
+STAGES |= {f"replayed_{name}": definition for name, definition in REPLAYED.items()}
 FUNCTIONS = [function for stage in STAGES.values() for function in stage.functions.values()]
 
 

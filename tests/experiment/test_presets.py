@@ -15,13 +15,15 @@ PICTURED = {"rig", "renderer", "stereo", "road", "occupancy", "measurement", "me
 """Groups whose options show in the pictures of a scan; paths are drawn in a test of their own."""
 
 OWN_PRESETS = {"road_user", "pace", "prior", "source"}
+OF_FILES = {("measurement", "file"), ("path", "recorded")}
+"""Presets that need the user's files: `test_file_run.py`, tests/recordings."""
+
 PRESETS = [
     (group, option)
     for group, options in group_options().items()
     for option in options
-    if group not in OWN_PRESETS and (group, option) != ("measurement", "file")
+    if group not in OWN_PRESETS and (group, option) not in OF_FILES
 ]
-"""Scans from a file need a file: `test_file_run.py`."""
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +64,7 @@ def test_every_preset_runs(group, option, results, capsys):
 
 
 @pytest.mark.parametrize("road_user", group_options()["road_user"])
-@pytest.mark.parametrize("path", group_options()["path"])
+@pytest.mark.parametrize("path", [path for group, path in PRESETS if group == "path"])
 def test_every_road_user_runs_every_path_with_fabricated_measurements(
     road_user, path, results, capsys
 ):

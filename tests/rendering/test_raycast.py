@@ -25,6 +25,7 @@ from stixel_cli.rendering.surfaces import (
 from stixel_cli.rendering.tracing import Body
 from stixel_cli.scene.mesh import Mesh, scaled
 from stixel_cli.scene.world import WorldObject
+from stixel_cli.scene.world_parameters import World
 
 POSE = np.array([0.0, 0.0, box_scene.AHEAD])
 
@@ -64,7 +65,7 @@ def test_render_does_not_depend_on_the_chunks(monkeypatch):
     )
     monkeypatch.setattr("stixel_cli.rendering.placement.world_objects", lambda _: world)
     monkeypatch.setattr(raycast, "road_user_meshes", lambda _: [target_mesh()])
-    rest = {"scenario": scenario(), "road_user": None, "world": None}
+    rest = {"scenario": scenario(), "road_user": None, "world": World("street", 1, 1.0)}
     rest |= {"rig": RIG, "renderer": RAYCAST}
     raycast._static_scene.cache_clear()
     together = raycast.render(**rest, frames=range(4))

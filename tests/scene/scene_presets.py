@@ -22,7 +22,7 @@ def options(group: str) -> list[str]:
 
 
 ROAD_USERS = options("road_user")
-PATHS = options("path")
+PATHS = [path for path in options("path") if path != "recorded"]  # needs a folder
 EGOS = options("ego")
 
 

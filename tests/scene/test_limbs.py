@@ -8,7 +8,8 @@ import scene_presets
 import shapely
 
 from stixel_cli.geometry.pose import target_from_world
-from stixel_cli.scene.build import build_scenario, road_user_contours
+from stixel_cli.scene.build import build_scenario
+from stixel_cli.scene.contours import road_user_contours
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.limbs import knee
 from stixel_cli.scene.mesh import bounding_box

@@ -1,0 +1,129 @@
+"""The real tracks of the study: those of KITTI tracking in the folder that STIXEL_DATA names."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from stixel_cli.errors import MissingData
+from stixel_cli.recordings.kitti_labels import CLASSES, read_labels
+from stixel_cli.recordings.poses_file import read_poses
+from stixel_cli.recordings.replay import LABELS, label_root, sequences
+from stixel_cli.recordings.types import Labels
+
+DATA = "STIXEL_DATA"
+CLIPS = "kitti_tracking"
+
+LEAST_FRAMES = 30
+"""Labelled frames of a track that count, at least."""
+
+FARTHEST = 40.0
+"""A frame counts if the label is within this distance of the camera on the ground, m, …"""
+
+MOST_OCCLUDED = 2
+"""… is not truncated, and has at most this state of occlusion (2: largely occluded)."""
+
+MOST_SIMULATED = 10
+"""Tracks of each class with simulated measurements, at most."""
+
+
+@dataclass(frozen=True)
+class RealTrack:
+    """One labelled track.
+
+    Attributes:
+        sequence: name of the clip.
+        target: track id.
+        kind: type of its label.
+        frames: from the first to the last frame that counts.
+    """
+
+    sequence: str
+    target: int
+    kind: str
+    frames: range
+
+
+def data_folder() -> Path:
+    """The folder with the clips.
+
+    Raises:
+        MissingData: if STIXEL_DATA does not name a folder that has it.
+    """
+    named = os.environ.get(DATA, "")
+    folder = Path(named) / CLIPS
+    if not named or not folder.is_dir():
+        raise MissingData(
+            f"{DATA}: must name a folder that has {CLIPS}/training with label_02, ego_poses and "
+            f"calib of KITTI's tracking benchmark, got {named!r}"
+        )
+    return folder.absolute()
+
+
+def real_tracks(folder: Path) -> list[RealTrack]:
+    """The tracks of all clips with ego poses that have enough frames, by clip and track id.
+
+    Raises:
+        UserError: if a file is not valid.
+    """
+    root = label_root(folder)
+    found = []
+    for sequence in sequences(root):
+        poses = root / "ego_poses" / f"{sequence}.txt"
+        if not poses.is_file():
+            continue
+        count = len(read_poses(poses))
+        for target, labels in read_labels(root / LABELS / f"{sequence}.txt").items():
+            frames = labels.frames[_counts(labels) & (labels.frames < count)]
+            if labels.kind in CLASSES and len(frames) >= LEAST_FRAMES:
+                span = range(int(frames[0]), int(frames[-1]) + 1)
+                found.append(RealTrack(sequence, target, labels.kind, span))
+    return found
+
+
+def _counts(labels: Labels) -> np.ndarray:
+    """Whether the frame of each label counts, (n,)."""
+    away = np.hypot(labels.places[:, 0], labels.places[:, 2])
+    clear = (labels.truncated == 0) & (labels.occluded <= MOST_OCCLUDED)
+    return clear & (away <= FARTHEST)
+
+
+def simulated_subset(tracks: list[RealTrack]) -> list[RealTrack]:
+    """At most `MOST_SIMULATED` tracks of each class, evenly spread in the order of `tracks`."""
+    chosen = []
+    for road_user in dict.fromkeys(CLASSES.values()):
+        own = [track for track in tracks if CLASSES[track.kind] == road_user]
+        count = min(len(own), MOST_SIMULATED)
+        chosen += [own[i * len(own) // count] for i in range(count)]
+    return [track for track in tracks if track in chosen]
+
+
+def every_track() -> list[dict[str, list]]:
+    """Axes: all tracks, each with a seed of its own."""
+    folder = data_folder()
+    tracks = real_tracks(folder)
+    return _axes(folder, tracks, tracks)
+
+
+def some_tracks() -> list[dict[str, list]]:
+    """Axes: the tracks with simulated measurements, with the same seeds as in `every_track`."""
+    folder = data_folder()
+    tracks = real_tracks(folder)
+    return _axes(folder, simulated_subset(tracks), tracks)
+
+
+def _axes(folder: Path, chosen: list[RealTrack], tracks: list[RealTrack]) -> list[dict[str, list]]:
+    if not chosen:
+        raise MissingData(
+            f"{DATA}: {folder} has no track with {LEAST_FRAMES} frames within {FARTHEST:g} m"
+        )
+    return [
+        {
+            "path.folder": [str(folder)] * len(chosen),
+            "path.sequence": [track.sequence for track in chosen],
+            "path.target": [track.target for track in chosen],
+            "path.frames": [f"{track.frames.start}:{track.frames.stop}" for track in chosen],
+            "seed": [tracks.index(track) for track in chosen],
+        }
+    ]

@@ -1,0 +1,222 @@
+"""`path=recorded`: labels and ego poses of a clip without images, replayed in the scene."""
+
+import inspect
+import os
+import shutil
+from pathlib import Path
+from pkgutil import resolve_name
+
+import numpy as np
+import pytest
+from made_motion import SEQUENCE, make_motion
+
+from stixel_cli import compose
+from stixel_cli.cli.app import main
+from stixel_cli.config.compose import from_resolved
+from stixel_cli.engine.code import CodeIndex
+from stixel_cli.engine.keys import stage_identity
+from stixel_cli.errors import ConfigurationError, UserError
+from stixel_cli.experiment.stages import pipeline_stages, scan_count
+from stixel_cli.recordings.replayed_motion import replayed_motion
+from stixel_cli.recordings.replayed_scenario import replayed_scenario, smoothing_spline, travelled
+
+FABRICATED = ("measurement=fabricated", "pictures.frames=[]", "executor=threads")
+
+
+@pytest.fixture(scope="module")
+def motion(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("motion") / "training"
+    make_motion(folder)
+    return folder.parent
+
+
+def of(folder, *more):
+    given = ("path=recorded", f"path.folder={folder}", f"path.sequence={SEQUENCE}")
+    typed = {one.partition("=")[0] for one in more}
+    given += () if "path.target" in typed else ("path.target=0",)
+    return [*(one for one in given if one.partition("=")[0] not in typed - {"path"}), *more]
+
+
+def stages_of(folder, *more):
+    return {s.name: s for s in pipeline_stages(compose(of(folder, *more)).configuration)}
+
+
+def replayed(folder, *more):
+    """The scenario that the stages make."""
+    stages = stages_of(folder, "measurement=fabricated", *more)
+    ego, truth = stages["ego_motion"], stages["scenario"]
+    motion = replayed_motion(ego.files, **ego.settings)
+    return replayed_scenario(motion, truth.files, **truth.settings)
+
+
+def test_the_files_give_class_frames_and_ego_motion(motion):
+    made = compose(of(motion))
+    chosen = made.configuration
+    assert made.choices["road_user"] == made.choices["prior"] == made.choices["pace"] == "car"
+    assert (made.choices["rig"], made.choices["world"]) == ("kitti", "roadside")
+    assert made.choices["ego"] == "source" and chosen.path.frames == "0:12"
+    assert scan_count(chosen) == 12 and chosen.path.duration == pytest.approx(1.2)
+    assert compose(of(motion, "path.target=1")).choices["prior"] == "pedestrian"
+    own = compose(of(motion, "road_user=cyclist", "rig=default", "world=street"))
+    assert [own.choices[group] for group in ("prior", "rig", "world")] == [
+        "cyclist",
+        "default",
+        "street",
+    ]
+    assert from_resolved(made.resolved) == chosen
+
+
+def test_target_and_ego_car_move_as_they_did(motion):
+    """Smoothing keeps a straight line at constant speed as it is."""
+    real = make_motion(motion / "copy")
+    found = replayed(motion)
+    np.testing.assert_allclose(found.ego_poses_world, real.ego_poses_world, atol=1e-9)
+    np.testing.assert_allclose(found.target_poses_world, real.target_poses_world, atol=1e-6)
+    np.testing.assert_allclose(found.target_rates_world, real.target_rates_world, atol=1e-6)
+    # The road user has its own size, not the label's.
+    np.testing.assert_allclose(np.diff(found.box_target, axis=0)[0], [4.5, 1.8], atol=0.01)
+    few = replayed(motion, "path.frames=2:9")
+    assert len(few.times) == 7 and few.ego_poses_world[0].tolist() == [0.0, 0.0, 0.5 * np.pi]
+
+
+def test_gaps_of_the_labels_are_interpolated(tmp_path):
+    real = make_motion(tmp_path, left_out=(3, 4, 5, 9))
+    found = replayed(tmp_path)
+    np.testing.assert_allclose(found.target_poses_world, real.target_poses_world, atol=1e-6)
+
+
+def test_the_smoothing_halves_its_period_and_removes_faster_noise():
+    times = 0.1 * np.arange(400)
+    for period, gain in ((2.0, 0.5), (4.0, 1.0 / (1.0 + 2.0**-4)), (0.5, 1.0 / (1.0 + 4.0**4))):
+        wave = np.sin(2.0 * np.pi * times / period)
+        smooth = smoothing_spline(times, wave, 2.0)(times)[100:300]
+        assert np.ptp(smooth) / np.ptp(wave) == pytest.approx(gain, rel=0.05, abs=2e-3)
+    np.testing.assert_allclose(smoothing_spline(times, wave, 0.0)(times), wave, atol=1e-9)
+
+
+def test_rates_are_the_derivatives_of_the_poses(tmp_path):
+    make_motion(tmp_path, 40)
+    labels = tmp_path / "label_02" / f"{SEQUENCE}.txt"
+    random = np.random.default_rng(4)
+    rows = [row.split() for row in labels.read_text().splitlines()]
+    for row in rows:
+        row[13] = str(float(row[13]) + random.normal(0.0, 0.1))
+        row[16] = str(float(row[16]) + random.normal(0.0, 0.05))
+    labels.write_text("\n".join(" ".join(row) for row in rows))
+    found = replayed(tmp_path)
+    numeric = np.gradient(found.target_poses_world, 0.1, axis=0)
+    np.testing.assert_allclose(numeric[1:-1], found.target_rates_world[1:-1], atol=0.02)
+    lengths = travelled(found.times, found.target_rates_world)
+    assert lengths[0] == 0.0 and lengths[-1] == pytest.approx(3.0 * 3.9, abs=0.3)
+
+
+WRONG = {
+    "ego=parked": "ego: with path=recorded, the recording has the ego car's motion: leave it out",
+    "path.duration=1": "path.duration: with path=recorded, follows from the frames of the track",
+    "path.folder=nowhere": "nowhere: no such folder",
+    "path.sequence=17": "0017.txt: no such file; there are 0003",
+    "path.sequence=x": "path.sequence: must be a number such as 0005, got 'x'",
+    "path.target=7": "has no track 7; it has 0 (Car), 1 (Pedestrian)",
+    "path.target=null": "path.target: is required with path=recorded",
+    "path.frames=3": "path.frames: 3 is a whole number",
+    "path.frames=3:1": "path.frames: must be first:stop with first < stop, got '3:1'",
+    "path.frames=2:5": "path.frames: track 0 of clip 0003 has 3 labelled frames with an ego pose",
+    "path.frames=2:30": "has no label at an end of 2:30; 2:12 has",
+    "path.smoothing=-1": "path.smoothing: -1 is out of range: must be ≥ 0 and ≤ 60",
+    "source=kitti_tracking": "source.folder: is required with source=kitti_tracking",
+}
+
+
+@pytest.mark.parametrize(("override", "said"), WRONG.items())
+def test_wrong_input_is_refused_in_one_line(override, said, motion):
+    with pytest.raises(UserError) as caught:
+        compose(of(motion, override))
+    assert said in str(caught.value) and "\n" not in str(caught.value)
+    assert "more fault" not in str(caught.value)
+
+
+def test_a_wrong_folder_is_named(motion, tmp_path):
+    with pytest.raises(UserError, match=r"path\.folder: .*has no folder label_02"):
+        compose(of(tmp_path))
+    shutil.copytree(motion, tmp_path / "motion")
+    (tmp_path / "motion/training/ego_poses/0003.txt").unlink()
+    with pytest.raises(UserError, match=r"0003\.txt: no such file; the ego car's motion"):
+        compose(of(tmp_path / "motion"))
+
+
+def test_a_label_without_a_class_needs_a_road_user(tmp_path):
+    make_motion(tmp_path, labels=("Tram", "Car"))
+    with pytest.raises(ConfigurationError, match=r"path\.target: is a Tram, which no class suits"):
+        compose(of(tmp_path))
+    assert compose(of(tmp_path, "road_user=car")).choices["prior"] == "car"
+
+
+def test_keys_hold_the_content_of_the_files_and_not_their_place(motion, tmp_path):
+    def keys(folder):
+        return {
+            name: stage_identity(stages_of(folder)[name], CodeIndex()).digest
+            for name in ("ego_motion", "scenario")
+        }
+
+    shutil.copytree(motion, tmp_path / "motion")
+    first = keys(motion)
+    assert keys(tmp_path / "motion") == first
+    labels = tmp_path / "motion/training/label_02/0003.txt"
+    labels.write_text(labels.read_text().replace("Car 0 0", "Car 0 1", 1))
+    changed = keys(tmp_path / "motion")
+    assert changed["ego_motion"] == first["ego_motion"]
+    assert changed["scenario"] != first["scenario"]
+
+
+def test_a_stage_gets_the_arguments_of_its_function(motion):
+    stages = stages_of(motion)
+    for stage in (stages["ego_motion"], stages["scenario"]):
+        given = {*stage.inputs, *stage.settings, "files"}
+        assert given == set(inspect.signature(resolve_name(stage.function)).parameters)
+    for name in ("match", "free_space", "stixels", "scans", "track"):
+        assert "scenario" not in stages[name].inputs.values()
+        assert not stages[name].gives_files
+
+
+def test_a_sweep_over_targets_measurements_and_trackers(motion, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+    capsys.readouterr()
+    words = of(motion, "path.target=0,1", "measurement=fabricated,lidar", "path.frames=0:6")
+    words += ["tracker=gp_ekf,point", "pictures.frames=[]", "executor=threads"]
+    assert main(["sweep", *words, "--results", str(tmp_path), "--name", "targets"]) == 0
+    rows = (tmp_path / "targets" / "runs.csv").read_text().splitlines()
+    assert len(rows) == 9 and all("done" in row for row in rows[1:])
+
+
+def test_images_are_rendered_along_the_way(motion, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+    tiny = ("rig.width=160", "rig.height=96", "rig.focal_length=150", "stereo.disparities=48")
+    tiny += ("stereo.nearest=6", "occupancy.nearest=3", "path.frames=0:5", "pictures.frames=[3]")
+    words = of(motion, *tiny, "executor=threads")
+    assert main(["run", *words, "--results", str(tmp_path), "--name", "one"]) == 0, (
+        capsys.readouterr().err
+    )
+    with (
+        np.load(tmp_path / "one" / "truth.npz") as truth,
+        np.load(tmp_path / "one" / "track.npz") as track,
+    ):
+        away = np.hypot(track["means"][:, 0] - truth["x"], track["means"][:, 1] - truth["y"])
+    assert away.max() < 1.0
+    assert main(["rerun", str(tmp_path / "one"), "--results", str(tmp_path)]) == 0
+
+
+@pytest.fixture(scope="module")
+def real():
+    folder = Path(os.environ.get("STIXEL_DATA", Path(__file__).parents[2] / "../shared/data"))
+    if not (folder / "kitti_tracking").is_dir():
+        pytest.skip(f"no real motion: STIXEL_DATA names no folder with kitti_tracking ({folder})")
+    return folder / "kitti_tracking"
+
+
+def test_a_real_track_is_smooth_and_near_its_labels(real):
+    given = ("path.sequence=0002", "path.target=7", "path.smoothing=2")
+    smooth, exact = replayed(real, *given), replayed(real, *given[:2], "path.smoothing=0")
+    apart = smooth.target_poses_world - exact.target_poses_world
+    assert np.sqrt((apart[:, :2] ** 2).mean()) < 0.1
+    acceleration = np.gradient(smooth.target_rates_world[:, :2], 0.1, axis=0)
+    assert np.hypot(*acceleration.T).max() < 5.0

@@ -1,0 +1,80 @@
+import numpy as np
+import pytest
+import shapely
+
+from stixel_cli.rendering.placement import motion_of, numbered_objects
+from stixel_cli.scene.mesh import bounding_box, corners
+from stixel_cli.scene.roadside import ROAD, VIEW, roadside_objects
+from stixel_cli.scene.scenario import Scenario
+from stixel_cli.scene.world_parameters import World
+
+WORLD = World("roadside", 1, 1.0)
+
+
+def driven(length, count=80):
+    """An ego car that turns by 90 degrees over `length` m; a target that crosses ahead of it."""
+    s = np.linspace(0.0, 1.0, count)
+    angle = 0.5 * np.pi * s
+    radius = length / (0.5 * np.pi)
+    ego = np.stack([radius * (np.cos(angle) - 1), radius * np.sin(angle), angle + 0.5 * np.pi], 1)
+    return ego, ego[:, :2] + np.stack([-20.0 + 40.0 * s, np.full(count, 15.0)], axis=1)
+
+
+@pytest.fixture(scope="module")
+def objects():
+    return roadside_objects(WORLD, *driven(150.0))
+
+
+def test_the_way_and_the_view_of_the_target_are_free(objects):
+    ego, targets = driven(150.0)
+    way = shapely.LineString(ego[:, :2])
+    views = shapely.union_all(shapely.linestrings(np.stack([ego[:, :2], targets], axis=1)))
+    stands = [item for item in objects if item.kind == "background"]
+    assert len(stands) > 40
+    for item in stands:
+        hull = shapely.convex_hull(shapely.MultiPoint(corners(item.mesh).reshape(-1, 3)[:, :2]))
+        assert hull.distance(way) > 0.99 * ROAD
+        assert hull.distance(views) > 0.99 * VIEW
+
+
+def test_objects_are_near_the_way_and_on_its_asphalt(objects):
+    road, *others = objects
+    low, high = bounding_box(road.mesh)[:, :2]
+    assert {item.name for item in others} >= {"house", "tree", "lamp post", "parked car", "woods"}
+    for item in others:
+        inner = bounding_box(item.mesh)[:, :2]
+        assert (inner[0] >= low).all() and (inner[1] <= high).all()
+    ego, _ = driven(150.0)
+    for k in (0, 40, 79):
+        near = [item for item in others if item.name != "woods"]
+        places = np.array([bounding_box(item.mesh)[:, :2].mean(axis=0) for item in near])
+        assert (np.hypot(*(places - ego[k, :2]).T) < 40.0).sum() >= 8
+
+
+def test_a_long_drive_has_an_id_for_every_object_and_a_standing_car_has_a_world():
+    for ego, targets in (
+        driven(1500.0),
+        (np.tile([0.0, 0.0, 0.5 * np.pi], (3, 1)), [[0, 9.0]] * 3),
+    ):
+        still = np.zeros(len(ego), dtype=np.int64)
+        scenario = Scenario(
+            np.arange(float(len(ego))),
+            ego,
+            np.column_stack([targets, np.zeros(len(ego))]),
+            np.zeros((len(ego), 3)),
+            np.zeros((1, 4, 2)),
+            still,
+            True,
+        )
+        motion = motion_of(WORLD, scenario)
+        assert 10 < len(numbered_objects(WORLD, motion)) <= 253
+        assert motion_of(World("street", 1, 1.0), scenario) == ()
+
+
+def test_the_same_motion_gives_the_same_world_and_another_seed_another(objects):
+    def content(found):
+        return [(item.name, corners(item.mesh).tobytes()) for item in found]
+
+    assert content(roadside_objects(WORLD, *driven(150.0))) == content(objects)
+    other = World("roadside", 2, 1.0)
+    assert content(roadside_objects(other, *driven(150.0))) != content(objects)

@@ -1,0 +1,193 @@
+"""The study of real motion: tiny, by the real command line, on made labels."""
+
+import csv
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from scipy.stats import ttest_ind
+
+from stixel_cli.errors import MissingData
+from stixel_cli.studies.file import find_study, read_study
+from stixel_cli.studies.motions import tracks
+from stixel_cli.studies.motions.report import (
+    ALIKE,
+    HOLDS,
+    NEW,
+    REVERSED,
+    TOO_FEW,
+    UNCONFIRMED,
+    Finding,
+)
+from stixel_cli.studies.tables import over_seeds
+from stixel_cli.sweeps.statistics import Statistic
+
+SMALL = {"rig.width": 160, "rig.height": 96, "rig.focal_length": 150.0, "stereo.disparities": 48}
+SMALL |= {"stereo.nearest": 6.0, "occupancy.nearest": 3.0, "executor": "threads"}
+
+SIZES = {"Car": "1.5 1.8 4.2", "Cyclist": "1.7 0.6 1.8", "Pedestrian": "1.7 0.6 0.7"}
+
+
+def label(frame, target, kind, x, z, truncated=0, occluded=0):
+    return (
+        f"{frame} {target} {kind} {truncated} {occluded} 0 0 0 9 9 {SIZES[kind]} {x} 1.65 {z} -1.5"
+    )
+
+
+def row(*rows):
+    return " ".join(repr(value) for line in rows for value in line)
+
+
+FEW = 6
+"""Frames of the made tracks, in the place of 30."""
+
+
+@pytest.fixture(autouse=True)
+def few_frames(monkeypatch):
+    assert tracks.LEAST_FRAMES == 30
+    monkeypatch.setattr(tracks, "LEAST_FRAMES", FEW)
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    """Clips 0000 with cars and 0001 with a cyclist and a pedestrian, and an ego car that drives."""
+    folder = tmp_path_factory.mktemp("data")
+    root = folder / "kitti_tracking" / "training"
+    few = FEW
+    clips = {
+        "0000": [label(k, 3, "Car", 0.5, 9.0 + 0.1 * k) for k in range(few)]
+        # Too far, too short, hidden, cut; and one whose middle frame is.
+        + [label(k, 4, "Car", 1.0, 41.0) for k in range(few)]
+        + [label(k, 5, "Car", 1.0, 12.0) for k in range(few - 1)]
+        + [label(k, 6, "Car", 1.0, 12.0, occluded=3) for k in range(few)]
+        + [label(k, 7, "Car", 1.0, 12.0, truncated=1) for k in range(few)]
+        + [label(k, 8, "Car", 3.0, 10.0, occluded=3 * (k == 2)) for k in range(few + 1)],
+        "0001": [label(k, 0, "Cyclist", 1.0, 8.0) for k in range(few)]
+        + [label(k, 1, "Pedestrian", -1.0, 7.0) for k in range(few)],
+    }
+    camera = ([150.0, 0.0, 78.0], [0.0, 150.0, 40.0], [0.0, 0.0, 1.0])
+    for name, rows in clips.items():
+        texts = {
+            "label_02": "\n".join(rows),
+            "calib": "\n".join(
+                f"{p}: {row(*([*line, t if i == 0 else 0.0] for i, line in enumerate(camera)))}"
+                for p, t in (("P2", 0.0), ("P3", -75.0))
+            ),
+            "ego_poses": "\n".join(
+                row([1.0, 0, 0, 0], [0, 1.0, 0, 0], [0, 0, 1.0, 0.2 * k]) for k in range(few + 5)
+            ),
+        }
+        for kind, text in texts.items():
+            (root / kind).mkdir(parents=True, exist_ok=True)
+            (root / kind / f"{name}.txt").write_text(text + "\n")
+    return folder
+
+
+def test_tracks_that_count(data, monkeypatch):
+    monkeypatch.setenv("STIXEL_DATA", str(data))
+    found = tracks.real_tracks(tracks.data_folder())
+    named = [(one.sequence, one.target, one.kind, len(one.frames)) for one in found]
+    assert named == [
+        ("0000", 3, "Car", 6),
+        ("0000", 8, "Car", 7),
+        ("0001", 0, "Cyclist", 6),
+        ("0001", 1, "Pedestrian", 6),
+    ]
+    (axes,) = tracks.every_track()
+    assert axes["path.target"] == [3, 8, 0, 1] and axes["seed"] == [0, 1, 2, 3]
+    assert axes["path.frames"][1] == "0:7"
+    monkeypatch.setattr(tracks, "MOST_SIMULATED", 1)
+    (some,) = tracks.some_tracks()
+    assert some["path.target"] == [3, 0, 1] and some["seed"] == [0, 2, 3]
+
+
+def test_without_data_it_is_refused_in_one_line(studies, monkeypatch, tmp_path):
+    monkeypatch.delenv("STIXEL_DATA", raising=False)
+    assert "STIXEL_DATA: must name a folder that has kitti_tracking" in studies.refused("motions")
+    monkeypatch.setenv("STIXEL_DATA", str(tmp_path))
+    with pytest.raises(MissingData):
+        tracks.every_track()
+
+
+def test_all_studies_leave_it_out_without_data(studies, monkeypatch):
+    monkeypatch.delenv("STIXEL_DATA", raising=False)
+    monkeypatch.setattr("stixel_cli.studies.file.shipped_studies", lambda: ["motions"])
+    (answer,) = studies.run("all")["studies"]
+    assert not answer["complete"] and "STIXEL_DATA" in answer["error"]
+
+
+@pytest.fixture
+def tiny(tmp_path):
+    """The file of the shipped study with fewer paths, frames and pixels."""
+    content = yaml.safe_load(find_study("motions").read_text(encoding="utf-8"))
+    for name, sweep in content["sweeps"].items():
+        sweep["fixed"] = {**sweep["fixed"], **SMALL}
+        if name == "hand_made":
+            sweep["fixed"] |= {"path.duration": 0.3}
+            sweep["axes"] |= {"path": ["depart", "approach"], "road_user": ["car"]}
+            sweep["seeds"] = [0]
+    file = tmp_path / "motions.yaml"
+    file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    return file
+
+
+def table(folder, name):
+    with (folder / "tables" / f"{name}.csv").open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_tiny_study_gives_a_complete_report(studies, tiny, data, monkeypatch):
+    monkeypatch.setenv("STIXEL_DATA", str(data))
+    answer = studies.run(tiny, "path.target=3,0")
+    folder = Path(answer["folder"])
+    assert answer["complete"], answer
+    runs = {name: sweep["runs"] for name, sweep in answer["sweeps"].items()}
+    assert runs == {"hand_made": 2 * 3 * 2, "real": 2 * 2 * 2, "real_simulated": 2 * 2}
+    text = " ".join(answer["answer"])
+    assert not re.search(r"\bnan\b|\binf\b", text)
+    for part in ("RQ2, 8 differences", "RQ3, 6 differences", "1 car, 1 cyclist"):
+        assert part in text
+    rows = table(folder, "answers")
+    assert {row["question"] for row in rows} == {"RQ2", "RQ3"}
+    overlaps = [row for row in rows if "IoU" in row["measure"]]
+    assert {row["n, hand-made"] for row in overlaps} == {"2"}
+    assert {row["n, real"] for row in overlaps} == {"1"}
+    cyclists = table(folder, "cyclists")
+    assert {row["clip/track"] for row in cyclists} == {"0001/0"}
+    assert len(cyclists) == 6 and {row["scans"] for row in cyclists} == {"6"}
+
+
+VERDICTS = {
+    HOLDS: ((0.1, 0.3), (0.2, 0.9)),
+    ALIKE: ((-0.1, 0.3), (-0.2, 0.9)),
+    UNCONFIRMED: ((-0.3, -0.1), (-0.2, 0.9)),
+    NEW: ((-0.3, 0.1), (0.2, 0.9)),
+    REVERSED: ((-0.3, -0.1), (0.2, 0.9)),
+    TOO_FEW: ((None, None), (0.2, 0.9)),
+}
+
+
+@pytest.mark.parametrize(("verdict", "ends"), VERDICTS.items())
+def test_verdicts(verdict, ends):
+    sides = [Statistic({}, "", 5, 0.0, 0.1, *one) for one in ends]
+    assert Finding("RQ2", "", "car", "iou_mean", *sides).verdict == verdict
+
+
+def test_a_change_has_welchs_interval():
+    """Against `scipy.stats.ttest_ind(…, equal_var=False)`."""
+    hand, real = [0.1, 0.3, 0.2, 0.6], [0.9, 0.5, 0.8]
+    found = Finding("RQ2", "", "car", "iou_mean", over_seeds(hand), over_seeds(real))
+    expected = ttest_ind(real, hand, equal_var=False).confidence_interval(0.95)
+    np.testing.assert_allclose(found.change[1:], [expected.low, expected.high], rtol=1e-9)
+    assert found.changed == (expected.low > 0.0)
+    one = Finding("RQ2", "", "car", "iou_mean", over_seeds(hand), over_seeds([1.0]))
+    assert one.change == (None, None, None) and not one.changed
+
+
+def test_the_shipped_study_has_the_eight_paths_and_a_shape_for_each_seed():
+    study = read_study(find_study("motions"))
+    assert len(study.sweeps[0].content["axes"]["path"]) == 8
+    for sweep in study.sweeps:
+        assert sweep.content["fixed"]["road_user.shape_seed"] == "${seed}"
