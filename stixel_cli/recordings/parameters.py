@@ -27,12 +27,15 @@ class Recorded:
         folder: that folder.
         frames: numbers of the frames, `first:stop`; null for all that the recording has.
         sample_time: time from one frame to the next, s.
+        correction: how `rig.disparity_offset` and `rig.disparity_slope` were estimated, in words
+            that `stixel calibrate` prints; null if they were not.
     """
 
     kind: str
     folder: str | None
     frames: str | None
     sample_time: Annotated[float, Ge(0.001), Le(10)]
+    correction: str | None
 
     def check(self) -> None:
         """Raise ValueError if a needed value is missing, or the frames are not a range."""

@@ -236,7 +236,7 @@ def test_no_stage_from_matching_to_the_track_gets_labels(clip):
 def test_a_stage_gets_the_arguments_of_its_function(clip):
     stages = pipeline_stages(compose(of(clip)).configuration)
     own = {stage.function: stage for stage in stages if stage.gives_files}
-    assert len(own) == 5
+    assert len(own) == 6
     for function, stage in own.items():
         given = {*stage.inputs, *stage.settings, *GIVEN[stage.pattern], "files"}
         assert given == set(inspect.signature(resolve_name(function)).parameters), function
