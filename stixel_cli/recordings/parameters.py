@@ -35,7 +35,7 @@ class Recorded:
     folder: str | None
     frames: str | None
     sample_time: Annotated[float, Ge(0.001), Le(10)]
-    correction: str | None
+    correction: str | None = None
 
     def check(self) -> None:
         """Raise ValueError if a needed value is missing, or the frames are not a range."""

@@ -46,7 +46,7 @@ RETURN = 0.5
 WINDOW = 11
 """Side of the tracked patches, px."""
 
-GREATEST_MISS = 4.0
+GREATEST_MISS = 8.0
 """Farther from its place by the poses, px, a point is not static or not tracked."""
 
 PLACE_STD = 0.3
@@ -137,16 +137,33 @@ def motion_between(before: np.ndarray, after: np.ndarray) -> np.ndarray:
 def fit_motion_error(tracks: Tracks, rig: Rig) -> DisparityFit:
     """Offset and slope of the rig's disparities that the flow of static points shows.
 
-    Gauss-Newton with Cauchy's weights; the unknowns are offset, slope and the motions of all pairs
-    of images. `rig` has the present offset and slope, which the result includes.
+    Both include the present ones of the `rig`. The motions of the pairs of images are unknown too.
 
     Raises:
         ValueError: if there are too few points.
     """
     if len(tracks.pairs) < LEAST_POINTS:
         raise ValueError("too few static points: the camera must move by 1.5 m within ten frames")
-    count = len(tracks.motions)
-    error, motions = np.zeros(2), tracks.motions.copy()
+    nothing, motions, before = _solution(tracks, np.zeros(2), tracks.motions, rig, known=True)
+    error, _, after = _solution(tracks, nothing, motions, rig, known=False)
+    return DisparityFit(
+        method="ego motion",
+        offset=rig.disparity_offset + float(error[0]),
+        slope=rig.disparity_slope + float(error[1]),
+        count=len(tracks.pairs),
+        unit=f"points in {len(motions)} pairs of images",
+        median_before=before,
+        median_after=after,
+    )
+
+
+def _solution(
+    tracks: Tracks, error: np.ndarray, motions: np.ndarray, rig: Rig, known: bool
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Error (2,), motions (P, 6) and the median residual, px, from a start; or a `known` error.
+
+    Gauss-Newton with Cauchy's weights.
+    """
     columns = tracks.places[:, 0] - rig.u0
     # Indices of each point's unknowns in the normal equation.
     unknowns = np.concatenate(
@@ -168,27 +185,19 @@ def fit_motion_error(tracks: Tracks, rig: Rig) -> DisparityFit:
         weights = 1.0 / (1.0 + np.sum(now**2, axis=1) / PLACE_STD**2)
         squares = np.einsum("n,nai,naj->nij", weights, slopes, slopes)
         right = np.einsum("n,nai,na->ni", weights, slopes, now)
-        normal, side = np.zeros((2 + 6 * count,) * 2), np.zeros(2 + 6 * count)
+        normal = np.zeros((2 + motions.size,) * 2)
+        side = np.zeros(2 + motions.size)
         np.add.at(normal, (unknowns[:, :, None], unknowns[:, None, :]), squares)
         np.add.at(side, unknowns, right)
         # Relative damping, for unknowns of such different sizes.
-        change = np.linalg.solve(normal + 1e-9 * np.diag(np.diag(normal)), -side)
+        normal += 1e-9 * np.diag(np.diag(normal))
+        free = np.arange(2 if known else 0, len(side))
+        change = np.zeros(len(side))
+        change[free] = np.linalg.solve(normal[np.ix_(free, free)], -side[free])
         error, motions = error + change[:2], motions + change[2:].reshape(-1, 6)
-        if abs(change[0]) < 1e-5:
+        if np.abs(change).max() < 1e-5:
             break
-    return DisparityFit(
-        method="ego motion",
-        offset=rig.disparity_offset + float(error[0]),
-        slope=rig.disparity_slope + float(error[1]),
-        count=len(columns),
-        unit=f"points in {count} pairs of images",
-        median_before=_median_size(residuals(np.zeros(2), tracks.motions)),
-        median_after=_median_size(residuals(error, motions)),
-    )
-
-
-def _median_size(residuals: np.ndarray) -> float:
-    return float(np.median(np.linalg.norm(residuals, axis=1)))
+    return error, motions, float(np.median(np.linalg.norm(residuals(error, motions), axis=1)))
 
 
 def places_after(
@@ -245,7 +254,7 @@ def _tracked(
     corners = cv2.goodFeaturesToTrack(one, MOST_POINTS, 0.005, 7, mask=mask)
     if corners is None:
         return np.zeros((0, 5))
-    options = {"winSize": (WINDOW, WINDOW), "maxLevel": 1}
+    options = {"winSize": (WINDOW, WINDOW), "maxLevel": 2}
     moved, seen, _ = cv2.calcOpticalFlowPyrLK(one, warped, corners, None, **options)
     back, returned, _ = cv2.calcOpticalFlowPyrLK(warped, one, moved, None, **options)
     good = (seen[:, 0] == 1) & (returned[:, 0] == 1)
