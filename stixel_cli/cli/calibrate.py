@@ -32,10 +32,11 @@ def calibrate(
         str | None,
         typer.Option(
             "--from",
-            help="labels: the faces of labelled cars that are fully visible. motion: static "
-            "points, tracked from image to image; needs poses of the ego car, but no truth. "
-            "Default: the first for which the recording has the files.",
-            metavar="labels|motion",
+            help="labels: the faces of labelled cars that are fully visible. truth: true "
+            "disparities, with which patches of the images are aligned. motion: static points, "
+            "tracked from image to image; needs poses of the ego car, but no truth. Default: the "
+            "first for which the recording has the files.",
+            metavar="labels|truth|motion",
             show_default=False,
         ),
     ] = None,

@@ -12,9 +12,11 @@ from stixel_cli.recordings.types import Recording
 from stixel_cli.validation.disparity_fit import DisparityFit
 from stixel_cli.validation.label_errors import fit_label_errors
 from stixel_cli.validation.motion_errors import fit_motion_error
+from stixel_cli.validation.truth_alignment import fit_truth_error
 
 METHODS = {
     "labels": ("label_errors", fit_label_errors, "label_files", "labels"),
+    "truth": ("truth_alignment", fit_truth_error, "true_disparities", "true disparities"),
     "motion": ("motion_tracks", fit_motion_error, "pose_files", "poses of the ego car"),
 }
 """By name: the stage, the fit to its result, the files that it needs, and their noun."""

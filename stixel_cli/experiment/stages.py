@@ -231,6 +231,12 @@ TABLE: dict[str, Definition] = {
         {"rig": "rig", "first": "recording.first"},
         recorded="pose_files",
     ),
+    "align_truth": Definition(
+        _only("validation.truth_alignment:align_truth"),
+        "once",
+        _same("rig"),
+        recorded="true_disparities",
+    ),
     "occupancy": Definition(
         _only("stixels.displayed_grid:picture_grid"),
         "pick",
