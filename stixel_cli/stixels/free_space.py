@@ -54,7 +54,7 @@ def find_free_space(
         obstacle = nearest_obstacle(columns, line, expected, rig, road, grid, occupancy, free_space)
         base_row = obstacle_base(obstacle, line, rig)
         found.append((obstacle, base_row, line))
-        unknown.append(unknown_rows(columns, base_row, line, rig, occupancy, free_space))
+        unknown.append(unknown_rows(columns, base_row, line, rig, road, occupancy, free_space))
     width = rig.width
     return FreeSpace(
         first=frames.start,

@@ -136,8 +136,8 @@ def called_free(
 ) -> np.ndarray:
     """Columns (W,) bool in which a true obstacle nearer than `within` m is called free.
 
-    The found obstacle is more than `ELSEWHERE` m behind the true one, and the place of the true one
-    is not unknown.
+    The found obstacle is more than `ELSEWHERE` m behind the true one, and no part of the column is
+    unknown: later stages take a column with an unknown part as unknown.
 
     Args:
         free_space: found; its `index`-th frame counts.
@@ -145,9 +145,6 @@ def called_free(
     """
     disparity = free_space.disparity[index].astype(np.float64)
     found = np.where(np.isnan(disparity), np.inf, rig.depth_from_disparity(disparity))
-    slope, offset = free_space.road[index]
+    known = free_space.unknown_row[index] < 0
     with np.errstate(invalid="ignore"):
-        foot = (rig.disparity_from_depth(obstacles) - offset) / slope
-        # Rows from the unknown one upwards are unknown: those not below it.
-        unknown = free_space.unknown_row[index] >= np.minimum(foot, rig.height - 1)
-        return (obstacles < within) & (found > obstacles + ELSEWHERE) & ~unknown
+        return (obstacles < within) & (found > obstacles + ELSEWHERE) & known
