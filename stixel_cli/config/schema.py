@@ -37,6 +37,7 @@ from stixel_cli.stixels.free_space_parameters import (
     OccupancyParameters,
     RoadParameters,
 )
+from stixel_cli.tracking.box import BoxParameters
 from stixel_cli.tracking.contour_parameters import ContourParameters
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
 from stixel_cli.tracking.point import PointParameters
@@ -51,7 +52,7 @@ MeasurementParameters = (
     SimulatedParameters | FabricatedParameters | LidarParameters | FileParameters
 )
 Start = TruthStart | ScansStart
-Tracker = ContourParameters | GpEkfParameters | PointParameters | PyRecEstParameters
+Tracker = BoxParameters | ContourParameters | GpEkfParameters | PointParameters | PyRecEstParameters
 
 _BY_KIND = Field(discriminator="kind")
 

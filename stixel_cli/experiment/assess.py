@@ -42,7 +42,7 @@ class Assessment:
     Attributes:
         values: by name; a value is None where its truth is missing. Their meaning is in `LABELS`.
         pictures: PNG by name.
-        seconds: CPU time by stage; None for a stage whose result was in the cache.
+        seconds: time by stage; None for a stage whose result was in the cache.
     """
 
     values: Mapping[str, Any]

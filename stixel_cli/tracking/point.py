@@ -18,11 +18,17 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
-from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.association import associate
-from stixel_cli.tracking.motion import intervals, process_noise, transition
+from stixel_cli.tracking.constant_velocity import (
+    GREATEST_VARIANCE,
+    MOVING,
+    predict,
+    six_states,
+    update,
+)
+from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.prior import PriorShape, prior_radii
 from stixel_cli.tracking.track import InitialState, Track, contour_directions, used_rows
 
@@ -49,12 +55,6 @@ class PointParameters:
     least_speed: Annotated[float, Gt(0), Le(100)]
     contour_points: Annotated[int, Ge(8), Le(1000)]
 
-
-MOVING = np.array([0, 1, 3, 4])
-"""Indices of x, y and their rates in a track's first six states."""
-
-GREATEST_VARIANCE = np.pi**2 / 3.0
-"""Variance of an angle that is quite unknown, rad²: even over a full turn."""
 
 DIRECTIONS = 720
 """Even directions over which the prior's shape is summed up."""
@@ -102,8 +102,8 @@ def track(
         used.append(indices + rows.start)
         if len(indices):
             variance = (tracker.centroid_offset * radius) ** 2 + lone / len(indices)
-            centroid = points[indices].mean(axis=0)
-            mean, covariance, nis[k] = update(mean, covariance, centroid, variance)
+            innovation = points[indices].mean(axis=0) - mean[:2]
+            mean, covariance, nis[k] = update(mean, covariance, innovation, np.eye(2, 4), variance)
         means[k], covariances[k] = six_states(mean, covariance, heading, interval, tracker)
         heading = (means[k, 2], covariances[k, 2, 2])
 
@@ -123,67 +123,3 @@ def track(
         nis=nis,
         nis_degrees_of_freedom=np.where(np.diff(used_offsets) > 0, 2, 0),
     )
-
-
-def predict(
-    mean: np.ndarray, covariance: np.ndarray, interval: float, sigma_q: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (4,) and covariance (4, 4) one `interval` in s on: thesis (62) without the heading."""
-    chosen = np.ix_(MOVING, MOVING)
-    matrix = transition(interval)[chosen]
-    noise = process_noise(interval, sigma_q, 0.0)[chosen]
-    return matrix @ mean, matrix @ covariance @ matrix.T + noise
-
-
-def update(
-    mean: np.ndarray, covariance: np.ndarray, centroid: np.ndarray, variance: float
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Mean (4,), covariance (4, 4) and NIS with a `centroid` (2,) m of `variance` I m².
-
-    The covariance is updated in Joseph's form, which keeps it positive.
-    """
-    innovation = centroid - mean[:2]
-    innovation_covariance = covariance[:2, :2] + variance * np.eye(2)
-    gain = np.linalg.solve(innovation_covariance, covariance[:2]).T
-    keep = np.eye(4)
-    keep[:, :2] -= gain
-    updated = keep @ covariance @ keep.T + variance * (gain @ gain.T)
-    nis = float(innovation @ np.linalg.solve(innovation_covariance, innovation))
-    return mean + gain @ innovation, 0.5 * (updated + updated.T), nis
-
-
-def six_states(
-    mean: np.ndarray,
-    covariance: np.ndarray,
-    heading: tuple[float, float],
-    interval: float,
-    tracker: PointParameters,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (6,) and covariance (6, 6) of x, y, heading and their rates; see `track`.
-
-    `heading` is that of the scan before, rad, and its variance, rad². The heading is unwound: no
-    jump of a full turn is between two scans. No variance of an angle exceeds that of one which is
-    unknown, and a rate's is bounded by the same number in rad²/s².
-    """
-    velocity = mean[2:]
-    speed = float(np.hypot(*velocity))
-    # Rows of x, y, heading and their rates as functions of the four.
-    matrix = np.zeros((6, 4))
-    matrix[MOVING, np.arange(4)] = 1.0
-    kept_variance = 0.0
-    if speed >= tracker.least_speed:
-        turned = wrap_angle(np.arctan2(velocity[1], velocity[0]) - heading[0])
-        angle = heading[0] + float(turned)
-        slope = np.array([-velocity[1], velocity[0]]) / speed**2
-        variance = float(slope @ covariance[2:, 2:] @ slope)
-        matrix[2, 2:] = slope / np.sqrt(max(1.0, variance / GREATEST_VARIANCE))
-    else:
-        angle, kept_variance = heading
-    states = np.zeros(6)
-    states[MOVING], states[2] = mean, angle
-    spread = matrix @ covariance @ matrix.T
-    spread[2, 2] += kept_variance
-    least = max(speed, tracker.least_speed)
-    rate_variance = tracker.sigma_q**2 / (interval * least**2) if interval > 0.0 else np.inf
-    spread[5, 5] = min(rate_variance, GREATEST_VARIANCE)
-    return states, spread

@@ -9,15 +9,8 @@ from scipy.linalg import expm
 from tracking_cases import CAR, START, poses_of_turn, scans_of, seen_car
 
 from stixel_cli.geometry.pose import rotation, wrap_angle
-from stixel_cli.tracking.point import (
-    GREATEST_VARIANCE,
-    MOVING,
-    PointParameters,
-    class_circle,
-    predict,
-    six_states,
-    track,
-)
+from stixel_cli.tracking.constant_velocity import GREATEST_VARIANCE, MOVING, predict, six_states
+from stixel_cli.tracking.point import PointParameters, class_circle, track
 from stixel_cli.tracking.prior import prior_radii
 from stixel_cli.tracking.track import InitialState
 
