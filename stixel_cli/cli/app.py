@@ -13,6 +13,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from stixel_cli import __version__
 from stixel_cli.cli import cache
+from stixel_cli.cli.assess import assess
 from stixel_cli.cli.calibrate import calibrate
 from stixel_cli.cli.compare import compare
 from stixel_cli.cli.describe import describe
@@ -116,7 +117,7 @@ def stixel(
 app.command(cls=_Run, short_help="Run one experiment.")(run)
 _COMMANDS = (
     *(sweep, study, describe, plan, explain, rerun, verify, ls, show, compare, report, play),
-    *(export, calibrate),
+    *(export, calibrate, assess),
 )
 for _command in _COMMANDS:
     app.command()(_command)

@@ -1,8 +1,10 @@
 """`stixel calibrate`: estimate the disparity error of a recording's rig."""
 
+import shlex
 import sys
 from dataclasses import asdict
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -10,6 +12,10 @@ from stixel_cli.cli.completion import complete_override
 from stixel_cli.cli.options import Json, Workers
 from stixel_cli.cli.run import with_workers
 from stixel_cli.cli.terminal import print_json
+
+if TYPE_CHECKING:
+    from stixel_cli.recordings.parameters import Recorded
+    from stixel_cli.validation.disparity_fit import DisparityFit
 
 
 def calibrate(
@@ -22,17 +28,30 @@ def calibrate(
             show_default=False,
         ),
     ],
+    method: Annotated[
+        str | None,
+        typer.Option(
+            "--from",
+            help="labels: the faces of labelled cars that are fully visible. truth: true "
+            "disparities, with which patches of the images are aligned. motion: static points, "
+            "tracked from image to image; needs poses of the ego car, but no truth. Default: the "
+            "first for which the recording has the files.",
+            metavar="labels|truth|motion",
+            show_default=False,
+        ),
+    ] = None,
     workers: Workers = None,
     json: Json = False,
 ) -> int:
     """Estimate the disparity error of a recording's rig.
 
-    It compares the stixels of all labelled cars that are fully visible with the faces of their
-    boxes. Fit on some of the frames (source.frames=0:8) and score on the others.
+    It prints overrides that take the error off, and name how it was estimated. With labels, fit on
+    some of the frames (source.frames=0:8) and score on the others.
 
     \b
     Examples:
       stixel calibrate source.folder=DIR source.sequence=0005 source.frames=0:8
+      stixel calibrate source.folder=DIR source.sequence=0005 --from motion
     """
     from stixel_cli.config.compose import compose
     from stixel_cli.engine.progress import make_progress
@@ -44,15 +63,32 @@ def calibrate(
         further = {"road_user": "car", "start": "scans", "start.bearing": "[-45,45]"}
         overrides = [*overrides, *(f"{k}={v}" for k, v in further.items() if k not in names)]
     composition = compose(with_workers(overrides, workers))
-    found = estimate(composition, make_progress())
+    found = estimate(composition, method, make_progress())
     source = composition.configuration.source
+    text = correction_text(found, source)
     if json:
-        print_json(asdict(found) | {"folder": source.folder, "frames": source.frames})
+        print_json(
+            asdict(found) | {"correction": text, "folder": source.folder, "frames": source.frames}
+        )
         return 0
+    values = {
+        "rig.disparity_offset": f"{found.offset:.3f}",
+        "rig.disparity_slope": f"{found.slope:.6f}",
+        # Quotes of Hydra's grammar: the text has commas and blanks.
+        "source.correction": f'"{text}"',
+    }
     sys.stdout.write(
-        f"rig.disparity_offset={found.offset:.3f} rig.disparity_slope={found.slope:.6f}\n"
-        f"from {found.labels} labels of {found.tracks} cars, frames {source.frames} of "
-        f"{source.folder}; median error {found.median_before:.2f} px before, "
-        f"{found.median_after:.2f} px after\n"
+        f"{shlex.join(f'{name}={value}' for name, value in values.items())}\n"
+        f"median residual {found.median_before:.2f} px before, {found.median_after:.2f} px after\n"
     )
     return 0
+
+
+def correction_text(found: "DisparityFit", source: "Recorded") -> str:
+    """How a correction was estimated: the method, the clip, n and the residual."""
+    clip = getattr(source, "sequence", None) or Path(source.folder).name
+    clip = "".join(letter for letter in clip if letter.isalnum() or letter in "-_. ")
+    return (
+        f"{found.method} of clip {clip}, frames {source.frames.replace(':', ' to ')} (exclusive), "
+        f"{found.count} {found.unit}, median residual {found.median_after:.2f} px"
+    )

@@ -128,8 +128,12 @@ def print_run(made: "RunResult", json: bool) -> None:
         from stixel_cli.evaluation.verdict import verdict
 
         answer = {"folder": str(made.folder.absolute()), "metrics": made.metrics}
+        if "correction" in made.manifest:
+            answer["correction"] = made.manifest["correction"]
         print_json(answer | {"verdict": verdict(made.metrics), "stages": made.stages})
         return
+    if "correction" in made.manifest:
+        typer.echo(f"disparity error taken off: {made.manifest['correction']}")
     computed = [stage["name"] for stage in made.stages if stage["status"] == "computed"]
     stages = ", ".join(computed) or "nothing, all was cached"
     typer.echo(f"computed: {stages}; {made.manifest['seconds']:.1f} s")

@@ -96,7 +96,7 @@ def _read_rows(file: Path) -> list[dict[str, str]]:
 def _provenance(manifest: dict[str, Any]) -> list[tuple[str, str]]:
     rows = [
         (name, str(manifest[name]))
-        for name in ("command", "rerun_of", "created", "seconds", "seed", "workers")
+        for name in ("command", "rerun_of", "created", "seconds", "seed", "workers", "correction")
         if name in manifest
     ]
     choices = _mapping(manifest, "choices")

@@ -28,6 +28,10 @@ OF_THE_SCENE = ("path", "ego", "renderer", "world", "sensor")
 """Groups of the rendered scene, which a recording does not have."""
 
 
+FILES = ("folder", "right", "calibration", "disparity", "labels")
+"""Keys of the group `source` that name a folder or a file."""
+
+
 def guessed_source(typed: Mapping[str, Any], working_directory: str) -> list[str]:
     """The override of `source` that `source.folder` needs; [] where none is missing.
 
@@ -58,8 +62,9 @@ def recording_in(
     """
     if section["kind"] == "rendered":
         return None
-    if isinstance(section["folder"], str) and section["folder"]:
-        section["folder"] = _absolute(section["folder"], working_directory)
+    for name in FILES:
+        if isinstance(section.get(name), str) and section[name]:
+            section[name] = _absolute(section[name], working_directory)
     if type(section.get("sequence")) is int:
         # A name: 0005 is text to Hydra, but 12 is a number.
         section["sequence"] = str(section["sequence"])
@@ -138,13 +143,15 @@ def with_recording(
     frames = f"{recording.frames.start}:{recording.frames.stop}"
     resolved["source"] = resolved["source"] | {"frames": frames}
     if "ego" not in typed:
-        if recording.poses is None:
+        # One frame has no motion.
+        if recording.poses is None and recording.count > 1:
             raise ConfigurationError(
                 "ego: the recording has no poses of the ego car; if it does not move, "
                 "choose ego=parked"
             )
-        resolved["ego"] = {"kind": "source"}
-        choices["ego"] = "source"
+        kind = "source" if recording.poses is not None else "parked"
+        resolved["ego"] = {"kind": kind}
+        choices["ego"] = kind
     choices["path"] = "source"
     if "rig" not in typed:
         choices["rig"] = "source"

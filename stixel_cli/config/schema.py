@@ -38,6 +38,7 @@ from stixel_cli.stixels.free_space_parameters import (
     OccupancyParameters,
     RoadParameters,
 )
+from stixel_cli.tracking.box import BoxParameters
 from stixel_cli.tracking.contour_parameters import ContourParameters
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
 from stixel_cli.tracking.point import PointParameters
@@ -55,7 +56,8 @@ MeasurementParameters = (
 )
 Start = TruthStart | ScansStart
 Tracker = (
-    ContourParameters
+    BoxParameters
+    | ContourParameters
     | GpEkfParameters
     | PointParameters
     | PyRecEstParameters

@@ -174,6 +174,7 @@ def record_run(
         "workers": composition.configuration.executor.workers,
         **provenance(),
         **(notes or {}),
+        **correction_note(composition.configuration),
         "star_convex": run.scenario.star_convex,
         "stages": run.stages,
     }
@@ -191,6 +192,18 @@ def record_run(
             if name is not None:
                 raise
     return run
+
+
+def correction_note(configuration: Configuration) -> dict[str, str]:
+    """The manifest's entry on the disparity error that is taken off; empty for none."""
+    rig, source = configuration.rig, configuration.source
+    if rig.disparity_offset == 0.0 and rig.disparity_slope == 0.0:
+        return {}
+    origin = getattr(source, "correction", None) or "set by hand"
+    return {
+        "correction": f"{rig.disparity_offset:+.3f} px {rig.disparity_slope:+.6f} px per column; "
+        f"{origin}"
+    }
 
 
 @contextmanager

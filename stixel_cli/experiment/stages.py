@@ -243,6 +243,18 @@ TABLE: dict[str, Definition] = {
         {"rig": "rig", "first": "recording.first", "left_camera": "recording.left_camera"},
         recorded="label_files",
     ),
+    "track_points": Definition(
+        _only("validation.motion_errors:track_points"),
+        "once",
+        {"rig": "rig", "first": "recording.first"},
+        recorded="pose_files",
+    ),
+    "align_truth": Definition(
+        _only("validation.truth_alignment:align_truth"),
+        "once",
+        _same("rig"),
+        recorded="true_disparities",
+    ),
     "occupancy": Definition(
         _only("stixels.displayed_grid:picture_grid"),
         "pick",

@@ -3,14 +3,22 @@
 from pathlib import Path
 
 from stixel_cli.errors import UserError
-from stixel_cli.recordings import kitti_odometry, kitti_tracking, plain_folder
+from stixel_cli.recordings import (
+    kitti_odometry,
+    kitti_pair,
+    kitti_tracking,
+    pair,
+    plain_folder,
+)
 from stixel_cli.recordings.parameters import Source
 from stixel_cli.recordings.types import Recording
 
 LAYOUTS = {
     "kitti_tracking": kitti_tracking,
     "kitti_odometry": kitti_odometry,
+    "kitti_pair": kitti_pair,
     "folder": plain_folder,
+    "pair": pair,
 }
 
 
@@ -36,5 +44,6 @@ def guess_layout(folder: Path) -> str:
         raise UserError(f"source.folder: {folder}: no such folder")
     raise UserError(
         f"source.folder: {folder}: not a known layout: image_02 (source=kitti_tracking), "
-        "image_0 and calib.txt (source=kitti_odometry) or rig.yaml (source=folder) is missing"
+        "image_0 and calib.txt (source=kitti_odometry), image_2 and calib (source=kitti_pair) or "
+        "rig.yaml (source=folder) is missing"
     )

@@ -54,30 +54,40 @@ def _decoded(file: Path) -> np.ndarray:
     data = read_bytes(file, GREATEST_IMAGE)
     _size(file, data[:33])
     # libpng writes its own line to stderr about a damaged file, so the file is checked first.
-    _check_chunks(file, data)
+    check_chunks(file, data)
     image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None or image.dtype != np.uint8 or (image.ndim == 3 and image.shape[2] != 3):
         raise UserError(f"{file}: cannot be decoded as a PNG image")
     return image
 
 
-def _size(file: Path, head: bytes) -> tuple[int, int]:
+def png_head(file: Path, head: bytes) -> tuple[int, int, int, int]:
+    """Width, height, bits per channel and colour type of a PNG file that begins with `head`.
+
+    Raises:
+        UserError: if it is another kind of file, or too large.
+    """
     if head.startswith(LFS):
         raise UserError(f"{file}: a Git LFS pointer, not an image: fetch it with git lfs pull")
     if not head.startswith(PNG) or len(head) < 33 or head[12:16] != b"IHDR":
         raise UserError(f"{file}: not a PNG image")
     width, height = (int.from_bytes(head[i : i + 4], "big") for i in (16, 20))
-    bits, colour = head[24], head[25]
+    if not (0 < width <= GREATEST_SIDE and 0 < height <= GREATEST_SIDE):
+        raise UserError(f"{file}: {width} × {height} px: each side must be 1 to {GREATEST_SIDE}")
+    return width, height, head[24], head[25]
+
+
+def _size(file: Path, head: bytes) -> tuple[int, int]:
+    width, height, bits, colour = png_head(file, head)
     if bits != 8:
         raise UserError(f"{file}: {bits} bits per channel: 8 are needed")
     if colour not in _COLOUR_TYPES:
         raise UserError(f"{file}: a PNG with a palette or transparency: grey or RGB is needed")
-    if not (0 < width <= GREATEST_SIDE and 0 < height <= GREATEST_SIDE):
-        raise UserError(f"{file}: {width} × {height} px: each side must be 1 to {GREATEST_SIDE}")
     return width, height
 
 
-def _check_chunks(file: Path, data: bytes) -> None:
+def check_chunks(file: Path, data: bytes) -> None:
+    """Raise UserError unless a PNG is whole and its checksums are right."""
     at = len(PNG)
     while at + 12 <= len(data):
         length = int.from_bytes(data[at : at + 4], "big")

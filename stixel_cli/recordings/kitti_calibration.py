@@ -4,6 +4,7 @@ Geiger, Lenz, Stiller, Urtasun 2013, *Vision meets robotics: the KITTI dataset*,
 benchmark's files may leave out the names; their rows are P0, P1, … in order.
 """
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,19 @@ def read_calibration(file: Path, left: str, right: str) -> Calibration:
     )
 
 
+def pair_names(file: Path) -> tuple[str, str]:
+    """The names of the two cameras in a file: of the colour cameras, else of the grey ones.
+
+    Raises:
+        UserError: if it has no such pair.
+    """
+    found = _projections(file)
+    for left, right in (("P2", "P3"), ("P_rect_02", "P_rect_03"), ("P0", "P1")):
+        if left in found and right in found:
+            return left, right
+    raise UserError(f"{file}: the projections P2 and P3, or P0 and P1, are missing")
+
+
 def _projections(file: Path) -> dict[str, np.ndarray]:
     """The 3 × 4 matrices by name."""
     found: dict[str, np.ndarray] = {}
@@ -62,7 +76,7 @@ def _projections(file: Path) -> dict[str, np.ndarray]:
         else:
             name, unnamed = f"P{unnamed}", unnamed + 1
         # Other rows, such as Tr_velo_to_cam, are not needed.
-        if name[0] != "P" or not name[1:].isdigit():
+        if not re.fullmatch(r"P(_rect_)?\d+", name):
             continue
         check_columns(file, row, words, 12)
         found[name] = np.array(numbers(file, row, words)).reshape(3, 4)

@@ -3,6 +3,8 @@
 Its columns: frame, track id, type, truncated, occluded, alpha, box in the left colour image (left,
 top, right, bottom, px), size (height, width, length, m), place of the bottom's centre (x, y, z, m,
 in the frame of camera 0), rotation_y (rad). https://www.cvlibs.net/datasets/kitti/eval_tracking.php
+The labels of the object benchmark have no frame and no track id, and a share of truncation: they
+are of frame 0, and the track id is the number of the row, from 0.
 """
 
 from functools import lru_cache
@@ -15,6 +17,7 @@ from stixel_cli.recordings.rows import check_columns, numbers, text_rows
 from stixel_cli.recordings.types import Labels
 
 COLUMNS = 17
+OBJECT_COLUMNS = 15
 CLASSES = {
     "Car": "car",
     "Van": "car",
@@ -43,8 +46,12 @@ def _read(file: Path, state: tuple[int, int] | None) -> Tracks:
     rows: dict[int, list[list[float]]] = {}
     kinds: dict[int, str] = {}
     seen: set[tuple[int, int]] = set()
-    for row, words in text_rows(file):
-        check_columns(file, row, words, COLUMNS)
+    found = text_rows(file)
+    of_object = bool(found) and len(found[0][1]) == OBJECT_COLUMNS
+    for row, words in found:
+        check_columns(file, row, words, OBJECT_COLUMNS if of_object else COLUMNS)
+        if of_object:
+            words = ["0", str(row - 1), *words]
         kind = words[2]
         if kind == "DontCare":
             continue
@@ -70,7 +77,7 @@ def _labels(values: np.ndarray, kind: str) -> Labels:
     values = values[np.argsort(values[:, 0], kind="stable")]
     return Labels(
         frames=values[:, 0].astype(np.int64),
-        truncated=values[:, 2].astype(np.int64),
+        truncated=np.ceil(values[:, 2]).astype(np.int64),
         occluded=values[:, 3].astype(np.int64),
         boxes=values[:, 5:9],
         sizes=values[:, 9:12],

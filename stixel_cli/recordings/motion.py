@@ -16,6 +16,8 @@ def recorded_motion(
 ) -> EgoMotion:
     """Planar motion at `count` frames from number `first` on, (0, 0, pi/2) at the first of them.
 
+    Poses in space also give the pitch and the height of each frame.
+
     Args:
         files: the file of the poses; empty for a parked ego car.
         rig: the ground plane is that of its level frame.
@@ -29,5 +31,43 @@ def recorded_motion(
     times = sample_time * np.arange(count)
     if not files:
         return EgoMotion(times, np.tile([0.0, 0.0, STRAIGHT_AHEAD], (count, 1)))
-    poses = read_poses(files[0])[first : first + count]
-    return EgoMotion(times, planar_poses(poses, rig.level_from_camera))
+    poses = read_poses(files[0])
+    # The frames before and after help to find the road's direction at the ends.
+    pitches, heights = (one[first : first + count] for one in rocking(poses, rig.level_from_camera))
+    chosen = poses[first : first + count]
+    return EgoMotion(times, planar_poses(chosen, rig.level_from_camera), pitches, heights)
+
+
+REACH = 10.0
+"""The road is a straight line over this distance before and after a frame, m."""
+
+LEAST_REACH = 5.0
+"""A shorter way shows no direction, m: then pitch and height are those of the rig."""
+
+
+def rocking(poses: np.ndarray, level_from_camera: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pitches (K,) rad and heights (K,) m of a camera beyond those of its level frame.
+
+    The road in front of a frame is the line through the camera's places round it, by least squares:
+    so a slope of the road is no pitch. A pitch is positive with the nose down.
+
+    Args:
+        poses: (K, 3, 4) as in `planar_poses`.
+        level_from_camera: (3, 3) rotation, see `Rig`.
+    """
+    pitches, heights = np.zeros(len(poses)), np.zeros(len(poses))
+    way = np.concatenate(
+        [[0.0], np.cumsum(np.linalg.norm(np.diff(poses[:, :, 3], axis=0), axis=1))]
+    )
+    for k in range(len(poses)):
+        near = np.abs(way - way[k]) <= REACH
+        if np.ptp(way[near]) < LEAST_REACH:
+            continue
+        # In the level frame of this camera: x right, y down, z ahead.
+        turn = poses[k, :, :3] @ level_from_camera.T
+        places = (poses[near, :, 3] - poses[k, :, 3]) @ turn
+        slope, offset = np.polyfit(way[near] - way[k], places[:, 1], 1)
+        # Where the road ahead comes up (y falls), the nose is down.
+        pitches[k] = -np.arctan(slope)
+        heights[k] = offset
+    return pitches, heights

@@ -27,12 +27,15 @@ class Recorded:
         folder: that folder.
         frames: numbers of the frames, `first:stop`; null for all that the recording has.
         sample_time: time from one frame to the next, s.
+        correction: how `rig.disparity_offset` and `rig.disparity_slope` were estimated, in words
+            that `stixel calibrate` prints; null if they were not.
     """
 
     kind: str
     folder: str | None
     frames: str | None
     sample_time: Annotated[float, Ge(0.001), Le(10)]
+    correction: str | None = None
 
     def check(self) -> None:
         """Raise ValueError if a needed value is missing, or the frames are not a range."""
@@ -84,7 +87,53 @@ class KittiOdometry(Recorded):
     kind: Literal["kitti_odometry"]
 
 
-Source = Rendered | KittiTracking | KittiOdometry | PlainFolder
+@dataclass(frozen=True, kw_only=True)
+class KittiPair(Recorded):
+    """One pair of KITTI's object, stereo 2012 or stereo 2015 benchmark.
+
+    Attributes:
+        sequence: number of the pair, such as 000123.
+    """
+
+    kind: Literal["kitti_pair"]
+    sequence: str | None
+
+    def check(self) -> None:
+        """Raise ValueError if a needed value is missing or not valid."""
+        super().check()
+        if self.sequence is None or not re.fullmatch(r"\d{1,6}", self.sequence):
+            raise ValueError(
+                f"source.sequence: must be a number such as 000123, got {self.sequence!r}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pair(Recorded):
+    """One pair of images, each file named; `stixel assess` composes it.
+
+    Attributes:
+        folder: the left image.
+        right: the right image.
+        calibration: KITTI's calibration file, or a rig.yaml.
+        disparity: the true disparities; null for none.
+        labels: KITTI's labels; null for none.
+    """
+
+    kind: Literal["pair"]
+    right: str | None
+    calibration: str | None
+    disparity: str | None
+    labels: str | None
+
+    def check(self) -> None:
+        """Raise ValueError if a needed value is missing."""
+        super().check()
+        for name in ("right", "calibration"):
+            if not getattr(self, name):
+                raise ValueError(f"source.{name}: is required with source={self.kind}")
+
+
+Source = Rendered | KittiTracking | KittiOdometry | PlainFolder | KittiPair | Pair
 
 
 def chosen_frames(text: str | None, key: str = "source.frames") -> range | None:

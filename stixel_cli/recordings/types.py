@@ -46,6 +46,7 @@ class Recording:
         target: track id in the labels; None for no truth.
         label: type of the target's label, such as `Car`; None without target.
         first_box: left and right border, px, of the target's box in the first image, or None.
+        true_disparities: one file per frame of the left images' true disparities; () without.
     """
 
     layout: str
@@ -60,6 +61,7 @@ class Recording:
     target: int | None = None
     label: str | None = None
     first_box: tuple[float, float] | None = None
+    true_disparities: tuple[Path, ...] = ()
 
     @property
     def first(self) -> int:

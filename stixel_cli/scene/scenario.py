@@ -14,10 +14,19 @@ class EgoMotion:
     Attributes:
         times: (K,) s.
         poses_world: (K, 3) x m, y m, heading rad; (0, 0, pi/2) at k = 0.
+        pitches: (K,) rad, the camera's pitch beyond that of the rig, positive with the nose down.
+        heights: (K,) m, its height beyond that of the rig. By default, both are 0.
     """
 
     times: np.ndarray
     poses_world: np.ndarray
+    pitches: np.ndarray = None
+    heights: np.ndarray = None
+
+    def __post_init__(self) -> None:
+        for name in ("pitches", "heights"):
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, np.zeros(len(self.times)))
 
 
 @dataclass(frozen=True)

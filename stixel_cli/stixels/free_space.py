@@ -42,7 +42,11 @@ def find_free_space(
         last = (previous.disparity[-1], previous.base_row[-1], previous.road[-1])
     for k in frames:
         columns = cv2.transpose(disparities.raw(k - disparities.first))
-        line = find_road(columns, disparities.count, rig, road)
+        camera = (
+            rig.pitch_radians + ego_motion.pitches[k],
+            rig.camera_height + ego_motion.heights[k],
+        )
+        line = find_road(columns, disparities.count, rig, road, *camera)
         expected = None
         if found or previous is not None:
             before = found[-1] if found else last
@@ -50,7 +54,7 @@ def find_free_space(
         obstacle = nearest_obstacle(columns, line, expected, rig, road, grid, occupancy, free_space)
         base_row = obstacle_base(obstacle, line, rig)
         found.append((obstacle, base_row, line))
-        unknown.append(unknown_rows(columns, base_row, line, rig, occupancy, free_space))
+        unknown.append(unknown_rows(columns, base_row, line, rig, road, occupancy, free_space))
     width = rig.width
     return FreeSpace(
         first=frames.start,

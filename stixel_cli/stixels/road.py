@@ -94,8 +94,15 @@ def obstacle_limits(
     return lower.astype(np.int32), upper.astype(np.int32)
 
 
-def find_road(columns: np.ndarray, count: int, rig: Rig, road: RoadParameters) -> np.ndarray:
-    """Road line (2,) of one disparity image, px: from the rig, or estimated near it.
+def find_road(
+    columns: np.ndarray,
+    count: int,
+    rig: Rig,
+    road: RoadParameters,
+    pitch: float | None = None,
+    height: float | None = None,
+) -> np.ndarray:
+    """Road line (2,) of one disparity image, px: from the camera's pose, or estimated near the rig.
 
     The estimate is the plane, of a grid of pitches and heights round the rig's, for which the most
     pixels vote (the v-disparity histogram of Labayrade, Aubert, Tarel 2002), refined by least
@@ -104,10 +111,13 @@ def find_road(columns: np.ndarray, count: int, rig: Rig, road: RoadParameters) -
     Args:
         columns: (W, H) int16 raw disparities, column by column.
         count: number of disparities searched.
+        pitch: of the camera in this frame, rad, and height: m above the road, for a road that is
+            not estimated; by default those of the rig. Poses are no start for the estimate: their
+            errors grow.
     """
-    start = road_line(rig.pitch_radians, rig.camera_height, rig)
     if not isinstance(road, EstimatedRoad):
-        return start
+        pitch = rig.pitch_radians if pitch is None else pitch
+        return road_line(pitch, rig.camera_height if height is None else height, rig)
     histogram = v_disparity(columns, count, road.column_step)
     spread = np.linspace(-1.0, 1.0, STEPS)
     pitches = rig.pitch_radians + np.radians(road.pitch_range) * spread

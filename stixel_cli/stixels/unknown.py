@@ -1,13 +1,22 @@
-"""Columns in which nothing is known beyond a place: no disparity where the road should be."""
+"""Columns in which nothing is known beyond a place: no road is seen where it should be."""
 
 import numpy as np
 from numba import njit
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.stixels.free_space_parameters import FreeSpaceParameters, OccupancyParameters
+from stixel_cli.stereo.disparities import SUBPIXELS
+from stixel_cli.stixels.free_space_parameters import (
+    FreeSpaceParameters,
+    OccupancyParameters,
+    RoadParameters,
+)
+from stixel_cli.stixels.road import pitch_and_height
 
 LEAST_ROWS = 10
 """The share of fewer pixels means nothing."""
+
+GROUND = 2.0
+"""Surfaces within this many `road.least_height` of the road's plane are ground: verges, kerbs."""
 
 
 def unknown_rows(
@@ -15,15 +24,18 @@ def unknown_rows(
     base_row: np.ndarray,
     line: np.ndarray,
     rig: Rig,
+    road: RoadParameters,
     occupancy: OccupancyParameters,
     free_space: FreeSpaceParameters,
 ) -> np.ndarray:
     """Lowest row (W,) int32 above which nothing is known of a column; -1 where all is known.
 
     Something may stand on the road of a row if, over `free_space.unknown_height` m from there
-    upwards, less than `free_space.least_density` of the pixels have a disparity: a road and an
-    obstacle that are seen would have one. Rows count from the bottom of the image up to the
-    column's obstacle, or to the road at `occupancy.farthest` m.
+    upwards, less than `free_space.least_density` of the pixels show the ground. Pixels without a
+    disparity do not, and neither do those of something above the road that is no obstacle, because
+    too little of it has a disparity, or a wrong one: a dark car that mirrors the street. Rows count
+    from the bottom of the image up to the column's obstacle, or to the road at
+    `occupancy.farthest` m.
 
     Args:
         columns: (W, H) int16 raw disparities, column by column.
@@ -36,14 +48,24 @@ def unknown_rows(
     extents = np.maximum(np.rint(heights), LEAST_ROWS).astype(np.int32)
     far = of_road < rig.disparity_from_depth(occupancy.farthest)
     end = np.flatnonzero(far)[-1] + 1 if far.any() else 0
-    return _unknown_rows(columns, base_row, extents, end, free_space.least_density)
+    _, height = pitch_and_height(line, rig)
+    # As `obstacle_limits`: at height h, (1 - h / H) d is the road's disparity.
+    share = GROUND * road.least_height / height
+    lowest = of_road / (1.0 + share) - road.disparity_margin
+    highest = of_road / max(1.0 - share, 1e-3) + road.disparity_margin
+    limits = [
+        np.clip(SUBPIXELS * values, 0, np.iinfo(np.int16).max).astype(np.int32)
+        for values in (np.floor(lowest), np.ceil(highest))
+    ]
+    return _unknown_rows(columns, base_row, extents, end, free_space.least_density, *limits)
 
 
 @njit(cache=True, nogil=True)
-def _unknown_rows(columns, base_row, extents, end, least_density):
-    """Lowest row (W,) int32 with too few disparities in the `extents` (H,) rows that end in it.
+def _unknown_rows(columns, base_row, extents, end, least_density, lowest, highest):
+    """Lowest row (W,) int32 with too little road in the `extents` (H,) rows that end in it.
 
-    Of those rows, the lowest without a disparity. Only rows below `base_row` and from `end` on
+    A pixel shows the road if its raw disparity is from `lowest` to `highest` (H,). Of those rows,
+    the lowest without road. Only rows below `base_row` and from `end` on
     count. Where fewer than `LEAST_ROWS` or half of the rows do, there are too few to judge.
     """
     width, height = columns.shape
@@ -52,14 +74,16 @@ def _unknown_rows(columns, base_row, extents, end, least_density):
     for u in range(width):
         first = max(base_row[u] + 1, end)
         for v in range(first, height):
-            before[v + 1] = (before[v] if v > first else 0) + (columns[u, v] >= 0)
+            before[v + 1] = (before[v] if v > first else 0) + (
+                lowest[v] <= columns[u, v] <= highest[v]
+            )
         for v in range(height - 1, first - 1, -1):
             start = max(v - extents[v] + 1, first)
             seen = before[v + 1] - (before[start] if start > first else 0)
             looked = v - start + 1
             if looked < LEAST_ROWS or 2 * looked < extents[v] or seen >= least_density * looked:
                 continue
-            while columns[u, v] >= 0:
+            while lowest[v] <= columns[u, v] <= highest[v]:
                 v -= 1
             rows[u] = v
             break

@@ -1,4 +1,4 @@
-"""The centre of a target: a Kalman filter of constant velocity on the centroid of its points.
+"""The centre of a target: a Kalman filter of constant velocity on a measured place.
 
 State: x, y and their rates, m and m/s, world frame. A white acceleration moves the target:
 Bar-Shalom, Li & Kirubarajan 2001, chapter 5 and (6.2.2).
@@ -11,6 +11,9 @@ from stixel_cli.tracking.motion import process_noise, transition
 
 MOVING = np.array([0, 1, 3, 4])
 """Indices of x, y and their rates in a track's first six states."""
+
+PLACE = np.eye(2, 4)
+"""The place as a function of the four states."""
 
 GREATEST_VARIANCE = np.pi**2 / 3.0
 """Variance of an angle that is quite unknown, rad²: even over a full turn."""
@@ -27,17 +30,20 @@ def predict(
 
 
 def update(
-    mean: np.ndarray, covariance: np.ndarray, centroid: np.ndarray, noise: np.ndarray
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    innovation: np.ndarray,
+    noise: np.ndarray,
+    matrix: np.ndarray = PLACE,
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Mean (4,), covariance (4, 4) and NIS with a `centroid` (2,) m of covariance `noise` m².
+    """Mean (4,), covariance (4, 4) and NIS with an `innovation` (2,) m of covariance `noise` m².
 
-    The covariance is updated in Joseph's form, which keeps it positive.
+    `matrix` (2, 4) is the measurement's derivative by the state. The covariance is updated in
+    Joseph's form, which keeps it positive.
     """
-    innovation = centroid - mean[:2]
-    innovation_covariance = covariance[:2, :2] + noise
-    gain = np.linalg.solve(innovation_covariance, covariance[:2]).T
-    keep = np.eye(4)
-    keep[:, :2] -= gain
+    innovation_covariance = matrix @ covariance @ matrix.T + noise
+    gain = np.linalg.solve(innovation_covariance, matrix @ covariance).T
+    keep = np.eye(4) - gain @ matrix
     updated = keep @ covariance @ keep.T + gain @ noise @ gain.T
     nis = float(innovation @ np.linalg.solve(innovation_covariance, innovation))
     return mean + gain @ innovation, 0.5 * (updated + updated.T), nis

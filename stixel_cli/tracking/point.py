@@ -93,8 +93,8 @@ def track(
         used.append(indices + rows.start)
         if len(indices):
             variance = (tracker.centroid_offset * radius) ** 2 + lone / len(indices)
-            centroid = points[indices].mean(axis=0)
-            mean, covariance, nis[k] = update(mean, covariance, centroid, variance * np.eye(2))
+            innovation = points[indices].mean(axis=0) - mean[:2]
+            mean, covariance, nis[k] = update(mean, covariance, innovation, variance * np.eye(2))
         means[k], covariances[k] = six_states(
             mean, covariance, heading, interval, tracker.sigma_q, tracker.least_speed
         )

@@ -99,7 +99,8 @@ def track(
             points, noise = points[indices], noises[indices].mean(axis=0)
             own = covariance[:2, :2], points - mean[:2], noise
             centroid, scattered = points.mean(axis=0), tracker.scatter * extension + noise
-            mean, covariance, nis[k] = update(mean, covariance, centroid, scattered / len(points))
+            noise = scattered / len(points)
+            mean, covariance, nis[k] = update(mean, covariance, centroid - mean[:2], noise)
             extension = update_extension(extension, weight, *own, tracker.scatter)
             weight += len(points)
         means[k], covariances[k] = six_states(

@@ -12,6 +12,7 @@ from stixel_cli.measurements.rays import Rays, first_crossings, spread_rays
 from stixel_cli.recordings.box import rectangle
 from stixel_cli.recordings.kitti_labels import CLASSES, read_labels
 from stixel_cli.stixels.types import Stixels
+from stixel_cli.validation.disparity_fit import DisparityFit, fit_line
 
 GREATEST_ERROR = 3.0
 """A stixel farther from the label's face than this, px, is of another object."""
@@ -48,24 +49,6 @@ class LabelErrors:
     depths: np.ndarray
     errors: np.ndarray
     stds: np.ndarray
-
-
-@dataclass(frozen=True)
-class DisparityFit:
-    """The rig's disparity error: offset + slope (u - u0).
-
-    Attributes:
-        offset: px; and slope: px per px.
-        labels, tracks: number of rows and of their targets.
-        median_before, median_after: of the errors' sizes, px.
-    """
-
-    offset: float
-    slope: float
-    labels: int
-    tracks: int
-    median_before: float
-    median_after: float
 
 
 def label_errors(
@@ -123,12 +106,10 @@ def face_depths(contour: np.ndarray, rays: Rays, rig: Rig) -> np.ndarray:
     return depths
 
 
-def fit_disparity_error(found: LabelErrors, rig: Rig) -> DisparityFit:
-    """The offset and slope of the rig's disparities that `found` shows, by robust least squares.
+def fit_label_errors(found: LabelErrors, rig: Rig) -> DisparityFit:
+    """The offset and slope of the rig's disparities that `found` shows.
 
-    Residuals beyond two standard deviations count by their size, not its square (Huber). The slope
-    is 0 if the labels are of one target, which cannot show it. `rig` has the present offset and
-    slope, which the result includes.
+    The slope is 0 if the labels are of one target, which cannot show it.
 
     Raises:
         ValueError: without any label.
@@ -136,24 +117,8 @@ def fit_disparity_error(found: LabelErrors, rig: Rig) -> DisparityFit:
     if len(found.errors) == 0:
         raise ValueError("no car in these frames is labelled as fully visible and has stixels")
     tracks = len(np.unique(found.tracks))
-    design = np.stack([np.ones_like(found.columns), found.columns - rig.u0], axis=1)
-    design = design[:, : 1 if tracks < 2 else 2]
-    weights = 1.0 / found.stds**2
-    values = np.zeros(design.shape[1])
-    for _ in range(30):
-        scaled = np.abs(found.errors - design @ values) / found.stds
-        root = np.sqrt(weights * np.minimum(1.0, 2.0 / np.maximum(scaled, 1e-12)))
-        values = np.linalg.lstsq(design * root[:, None], found.errors * root, rcond=None)[0]
-    after = found.errors - design @ values
-    offset, slope = (*values, 0.0)[:2]
-    return DisparityFit(
-        offset=rig.disparity_offset + float(offset),
-        slope=rig.disparity_slope + float(slope),
-        labels=len(found.errors),
-        tracks=tracks,
-        median_before=float(np.median(np.abs(found.errors))),
-        median_after=float(np.median(np.abs(after))),
-    )
+    unit = f"labels of {tracks} car{'s' if tracks > 1 else ''}"
+    return fit_line("labels", unit, found.columns, found.errors, found.stds, tracks > 1, rig)
 
 
 def _one_label(

@@ -52,7 +52,8 @@ def named(key):
 
 
 OF_A_RECORDING = {("path", "source"), ("path", "recorded")} | {
-    ("source", kind) for kind in ("kitti_tracking", "kitti_odometry", "folder")
+    ("source", kind)
+    for kind in ("kitti_tracking", "kitti_odometry", "kitti_pair", "folder", "pair")
 }
 """Variants that need a folder: see tests/recordings."""
 

@@ -132,6 +132,7 @@ DECLARED = {
     "stixel_cli.scene.mesh_file": "files",
     # The files of a recording: the stage gets their names, and its key has their digests.
     "stixel_cli.recordings.image_files": "recorded",
+    "stixel_cli.recordings.disparity_file": "recorded",
     "stixel_cli.recordings.rows": "recorded",
     # The user's scans, sensor poses and truth: likewise.
     "stixel_cli.measurements.tables": "files",

@@ -13,7 +13,7 @@ from stixel_cli.validation.label_errors import (
     LabelErrors,
     column_rays,
     face_depths,
-    fit_disparity_error,
+    fit_label_errors,
 )
 
 RIG = small_rig()
@@ -55,28 +55,28 @@ def test_offset_and_slope_are_found_and_an_outlier_is_not():
     columns = np.linspace(10, 150, 15)
     errors = -0.4 + 0.002 * (columns - RIG.u0)
     errors[4] += 2.5
-    found = fit_disparity_error(errors_at(columns, errors, np.arange(15) % 3), RIG)
+    found = fit_label_errors(errors_at(columns, errors, np.arange(15) % 3), RIG)
     assert found.offset == pytest.approx(-0.4, abs=0.03)
     assert found.slope == pytest.approx(0.002, abs=4e-4)
-    assert (found.labels, found.tracks) == (15, 3)
+    assert (found.count, found.unit) == (15, "labels of 3 cars")
     assert found.median_after < 0.05 < found.median_before
 
 
 def test_the_fit_includes_what_the_rig_has_already():
     columns = np.array([20.0, 80.0, 140.0])
     corrected = replace(RIG, disparity_offset=-0.3, disparity_slope=0.001)
-    found = fit_disparity_error(errors_at(columns, [-0.1] * 3, [0, 1, 2]), corrected)
+    found = fit_label_errors(errors_at(columns, [-0.1] * 3, [0, 1, 2]), corrected)
     assert (found.offset, found.slope) == (pytest.approx(-0.4), pytest.approx(0.001))
 
 
 def test_one_car_shows_no_slope():
-    found = fit_disparity_error(errors_at([20, 80, 140], [0.1, 0.2, 0.3], [5, 5, 5]), RIG)
+    found = fit_label_errors(errors_at([20, 80, 140], [0.1, 0.2, 0.3], [5, 5, 5]), RIG)
     assert found.slope == 0.0 and found.offset == pytest.approx(0.2)
 
 
 def test_without_labels_there_is_no_fit():
     with pytest.raises(ValueError, match="no car"):
-        fit_disparity_error(errors_at([], [], []), RIG)
+        fit_label_errors(errors_at([], [], []), RIG)
 
 
 def test_the_command_finds_the_offset_of_a_clip(tmp_path, monkeypatch, capsys):
@@ -92,7 +92,7 @@ def test_the_command_finds_the_offset_of_a_clip(tmp_path, monkeypatch, capsys):
 
     exact = offset()
     assert abs(exact["offset"]) < 0.15 and exact["slope"] == 0.0
-    assert (exact["labels"], exact["tracks"], exact["frames"]) == (3, 1, "0:3")
+    assert (exact["count"], exact["unit"], exact["frames"]) == (3, "labels of 1 car", "0:3")
     # A correction that is already set is included: the sum is the same.
     assert offset("rig.disparity_offset=0.25")["offset"] == pytest.approx(exact["offset"], abs=0.05)
 

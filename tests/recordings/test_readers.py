@@ -11,7 +11,7 @@ from stixel_cli.images import encode_png
 from stixel_cli.recordings.find import find_recording, guess_layout
 from stixel_cli.recordings.image_files import read_grey, read_rgb
 from stixel_cli.recordings.kitti_calibration import read_calibration
-from stixel_cli.recordings.motion import recorded_motion
+from stixel_cli.recordings.motion import recorded_motion, rocking
 from stixel_cli.recordings.pairs import read_pairs
 from stixel_cli.recordings.parameters import KittiTracking, PlainFolder
 from stixel_cli.recordings.scenario import recorded_scenario, slopes
@@ -238,6 +238,31 @@ def test_a_cut_off_image_is_refused_when_it_is_read(kept, copy, capfd):
     with pytest.raises(UserError, match=r"000003\.png: a damaged or incomplete PNG image"):
         read_pairs(recording.images, range(5))
     assert capfd.readouterr().err == ""
+
+
+def test_poses_in_space_give_pitch_and_height_but_a_slope_gives_none():
+    ways = np.arange(0.0, 40.0, 0.5)
+    pitches = np.radians(1.0) * np.sin(ways)
+    heights = 0.03 * np.cos(ways)
+    up = np.radians(4.0)
+    poses = np.zeros((len(ways), 3, 4))
+    for k, (way, pitch, height) in enumerate(zip(ways, pitches, heights, strict=True)):
+        # Nose down by `pitch` on a road that climbs: the camera's z axis, seen in x, y down, z.
+        angle = pitch - up
+        cosine, sine = np.cos(angle), np.sin(angle)
+        poses[k, :, :3] = [[1, 0, 0], [0, cosine, sine], [0, -sine, cosine]]
+        poses[k, :, 3] = [0.0, -way * np.sin(up) - height, way * np.cos(up)]
+    found = rocking(poses, np.eye(3))
+    middle = slice(20, 60)
+    np.testing.assert_allclose(found[0][middle], pitches[middle], atol=np.radians(0.1))
+    np.testing.assert_allclose(found[1][middle], heights[middle], atol=0.01)
+    # The camera's own pitch is that of the rig.
+    np.testing.assert_allclose(
+        rocking(poses, small_rig(pitch=1.0).level_from_camera)[0],
+        found[0] - np.radians(1.0),
+        atol=1e-3,
+    )
+    assert not rocking(poses[:8], np.eye(3))[0].any()
 
 
 def plain_folder(clip, folder):

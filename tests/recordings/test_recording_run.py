@@ -4,6 +4,7 @@ import inspect
 import json
 import os
 import shutil
+from dataclasses import fields
 from pathlib import Path
 from pkgutil import resolve_name
 
@@ -14,10 +15,10 @@ from made_clip import make_clip, small_scenario
 from stixel_cli import compose
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import from_resolved
-from stixel_cli.config.keys import known_keys
 from stixel_cli.engine.keys import GIVEN
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.experiment.stages import pipeline_stages, recording_of, scan_count
+from stixel_cli.recordings.parameters import KittiTracking
 
 SMALL = ("stereo.disparities=48", "stereo.nearest=6", "occupancy.nearest=3")
 HERE = "executor=threads"
@@ -236,13 +237,15 @@ def test_no_stage_from_matching_to_the_track_gets_labels(clip):
 def test_a_stage_gets_the_arguments_of_its_function(clip):
     stages = pipeline_stages(compose(of(clip)).configuration)
     own = {stage.function: stage for stage in stages if stage.gives_files}
-    assert len(own) == 5
+    assert len(own) == 7
     for function, stage in own.items():
         given = {*stage.inputs, *stage.settings, *GIVEN[stage.pattern], "files"}
         assert given == set(inspect.signature(resolve_name(function)).parameters), function
 
 
-@pytest.mark.parametrize("name", [name for name in known_keys() if name.startswith("source.")])
+@pytest.mark.parametrize(
+    "name", [f"source.{one.name}" for one in fields(KittiTracking) if one.name != "kind"]
+)
 def test_a_wrong_type_is_named(name, clip):
     with pytest.raises(ConfigurationError, match=rf"{name}: .*must be"):
         compose([one for one in of(clip) if not one.startswith(f"{name}=")] + [f"{name}={{a: 1}}"])

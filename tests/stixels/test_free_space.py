@@ -44,6 +44,14 @@ def find(road, occupancies, free_space):
     return run
 
 
+def test_the_road_follows_the_pitch_and_the_height_of_each_frame(find, rig, as_disparities):
+    raw = np.full((rig.height, rig.width), -1, dtype=np.int16)
+    ego = replace(parked(2), pitches=np.radians([0.0, 1.5]), heights=np.array([0.0, 0.05]))
+    found = find(as_disparities(raw, raw), rig, ego)
+    expected = road_line(rig.pitch_radians + ego.pitches, rig.camera_height + ego.heights, rig)
+    np.testing.assert_allclose(found.road, expected)
+
+
 @pytest.mark.parametrize("kind", ["polar", "column_disparity", "cartesian"])
 @pytest.mark.parametrize("pitch", [0.0, 3.0])
 def test_free_space_finds_boxes_and_wall(

@@ -10,9 +10,12 @@ import pytest
 import yaml
 from pydantic import TypeAdapter
 
+from stixel_cli.config.recorded import VALUES
 from stixel_cli.config.schema import StereoParameters
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
+from stixel_cli.recordings.disparity_file import read_disparity
+from stixel_cli.recordings.kitti_calibration import read_calibration
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stereo import sgm
@@ -24,14 +27,21 @@ from stixel_cli.stixels.free_space_parameters import (
     OccupancyParameters,
     RoadParameters,
 )
+from stixel_cli.validation.pair_errors import called_free, true_obstacles
 
 CONF = Path(__file__).parents[2] / "conf"
 
 
 def shipped(schema, option):
-    return TypeAdapter(schema).validate_json(
-        json.dumps(yaml.safe_load((CONF / f"{option}.yaml").read_text()))
-    )
+    values = yaml.safe_load((CONF / f"{option}.yaml").read_text())
+    group = option.partition("/")[0]
+    # As `stixel run` sets them for recordings.
+    suitable = {
+        key.removeprefix(f"{group}."): value
+        for key, value in VALUES.items()
+        if key.startswith(f"{group}.") and key.removeprefix(f"{group}.") in values
+    }
+    return TypeAdapter(schema).validate_json(json.dumps(values | suitable))
 
 
 @pytest.fixture(scope="module")
@@ -139,23 +149,78 @@ def test_dark_car_beside_the_camera_is_unknown_and_not_free(data):
     assert len(stixels.unknown_ego) > 1 and np.all(np.diff(stixels.unknown_ego.ravel()) > 0)
 
 
-def test_stixels_agree_with_the_lidar(data):
-    folder = data / "kitti_object"
-    rig, left, matrices = object_rig(folder)
-    stixels = stixels_of(rig, folder / "left.png", folder / "right.png")
+def lidar_disparities(folder, rig, left, matrices):
+    """Places (u, v) and disparities of the laser's points, px."""
     scan = np.fromfile(folder / "lidar.bin", dtype=np.float32).reshape(-1, 4)[:, :3]
     turn, to_camera = matrices["R0_rect"].reshape(3, 3), matrices["Tr_velo_to_cam"].reshape(3, 4)
     points = turn @ (to_camera[:, :3] @ scan.T + to_camera[:, 3:])
     points = points[:, points[2] > 2.0]
     u, v, w = left[:, :3] @ points + left[:, 3:]
-    u, v = u / w, v / w
-    errors = errors_in_areas(stixels, u, v, rig.focal * rig.baseline / w)
+    return u / w, v / w, rig.focal * rig.baseline / w
+
+
+def test_stixels_agree_with_the_lidar(data):
+    folder = data / "kitti_object"
+    rig, left, matrices = object_rig(folder)
+    stixels = stixels_of(rig, folder / "left.png", folder / "right.png")
+    u, v, disparity = lidar_disparities(folder, rig, left, matrices)
+    errors = errors_in_areas(stixels, u, v, disparity)
     print(f"\nlidar: {summary(errors)}")
     assert len(errors) > 100
     # The disparities themselves are 0.5 px off, up to 1 px at the image's left border.
     assert np.median(np.abs(errors)) < 0.8
     # A dark car beside the camera has no disparity: what stands behind it is seen instead.
     assert np.mean(np.abs(errors) > 3) < 0.3
+
+
+TRUE_PAIRS = {
+    "kitti2012": ("000000_10_left", "000000_10_right", "000000_10_disp_occ"),
+    "kitti2015": ("000000_10_left", "000000_10_right", "000000_10_disp_occ"),
+    "kitti2012_more 000074": ("image_0/000074_10", "image_1/000074_10", "disp_occ/000074_10"),
+    "kitti2012_more 000174": ("image_0/000174_10", "image_1/000174_10", "disp_occ/000174_10"),
+}
+CALIBRATIONS = {
+    "kitti2012": (707.0912, 601.8873, 183.1104, 0.5379),
+    "kitti2015": (721.5377, 609.5593, 172.854, 0.5327254),
+}
+
+
+def pair_with_truth(data, name):
+    """Rig, left and right image, and true disparities (H, W) px of a pair; NaN where unknown."""
+    if name == "kitti_object":
+        folder = data / name
+        rig, left, matrices = object_rig(folder)
+        u, v, d = lidar_disparities(folder, rig, left, matrices)
+        truth = np.full((rig.height, rig.width), np.nan, dtype=np.float32)
+        inside = (u >= 0) & (u < rig.width - 0.5) & (v >= 0) & (v < rig.height - 0.5)
+        # The nearest point of a pixel is written last.
+        for i in np.flatnonzero(inside)[np.argsort(d[inside])]:
+            truth[round(v[i]), round(u[i])] = d[i]
+        return rig, folder / "left.png", folder / "right.png", truth
+    folder = data / name.split()[0]
+    left, right, disparity = (folder / f"{file}.png" for file in TRUE_PAIRS[name])
+    truth = read_disparity(disparity)
+    values = CALIBRATIONS.get(name)
+    if values is None:
+        found = read_calibration(folder / "calib" / f"{name.split()[1]}.txt", "P0", "P1")
+        values = found.focal_length, found.principal_u, found.principal_v, found.baseline
+    height, width = truth.shape
+    return Rig(width, height, None, *values, 1.65, 0.0, None), left, right, truth
+
+
+@pytest.mark.parametrize("name", [*TRUE_PAIRS, "kitti_object"])
+def test_no_obstacle_nearer_than_6_m_is_called_free(data, name):
+    rig, left, right, truth = pair_with_truth(data, name)
+    free_space, _ = processed(rig, left, right, "estimated")
+    road = shipped(RoadParameters, "road/estimated")
+    parameters = shipped(FreeSpaceParameters, "free_space/default")
+    obstacles = true_obstacles(truth, rig, road, parameters)
+    free = called_free(free_space, 0, obstacles, rig, 6.0)
+    with np.errstate(invalid="ignore"):
+        near = np.count_nonzero(obstacles < 6.0)
+    print(f"\n{name}: {free.sum()} of {near} columns with an obstacle nearer than 6 m")
+    assert near > 100 or "kitti_object" not in name
+    assert free.sum() == 0
 
 
 def summary(errors):

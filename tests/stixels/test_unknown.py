@@ -48,6 +48,19 @@ def test_object_without_disparity_is_unknown_and_not_free(find, render, rig, as_
     assert np.all(find(as_disparities(hidden)).unknown_row == -1)
 
 
+def test_a_surface_that_is_neither_road_nor_obstacle_is_unknown(find, render, rig, as_disparities):
+    """A glossy car mirrors the street: its disparities are those of a plane above the road."""
+    raw = render(rig, wall=30.0)
+    line = road_line(rig.pitch_radians, rig.camera_height, rig)
+    rows = slice(110, 140)
+    above = 16.0 * (line[0] * np.arange(rig.height) + line[1]) / (1.0 - 0.7 / rig.camera_height)
+    raw[rows, 100:140] = np.rint(above[rows, None])
+    found = find(as_disparities(raw), obstacle_height=1.2)
+    assert np.isnan(found.disparity[0, 105:135]).all() or (found.base_row[0, 105:135] < 110).all()
+    assert np.all(found.unknown_row[0, 105:135] == 139)
+    assert np.all(found.unknown_row[0, :95] == -1)
+
+
 def test_unknown_rows_match_a_brute_force_search():
     rng = np.random.default_rng(4)
     for _ in range(30):
@@ -64,7 +77,9 @@ def test_unknown_rows_match_a_brute_force_search():
                     continue
                 if np.sum(window >= 0) < 0.5 * len(window):
                     expected[u] = max(w for w in range(v + 1) if columns[u, w] < 0)
-        assert _unknown_rows(columns, base, extents, end, 0.5).tolist() == expected.tolist()
+        limits = np.zeros(30, dtype=np.int32), np.full(30, 9, dtype=np.int32)
+        found = _unknown_rows(columns, base, extents, end, 0.5, *limits)
+        assert found.tolist() == expected.tolist()
 
 
 @pytest.mark.parametrize("pitch", [0.0, 3.0])

@@ -1,0 +1,115 @@
+"""`stixel assess`: how good the stixels of one pair of images are."""
+
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from stixel_cli.cli.completion import complete_override
+from stixel_cli.cli.options import Json, Output, Workers, check_output
+from stixel_cli.cli.run import with_workers
+from stixel_cli.cli.terminal import print_json, print_table
+from stixel_cli.errors import UserError
+
+NEEDED = {"road_user": "car", "start": "scans", "start.bearing": "[-45,45]"}
+"""A recording without target needs these, and the stixels do not depend on them."""
+
+
+def assess(
+    arguments: Annotated[
+        list[str],
+        typer.Argument(
+            help="The left and the right image, or a recording (source.folder=DIR …); "
+            "then overrides as for run.",
+            metavar="LEFT RIGHT [OVERRIDE]",
+            autocompletion=complete_override,
+            show_default=False,
+        ),
+    ],
+    calib: Annotated[
+        Path | None,
+        typer.Option(
+            "--calib", help="Calibration of the pair: KITTI's file or a rig.yaml.", metavar="FILE"
+        ),
+    ] = None,
+    disparity: Annotated[
+        Path | None,
+        typer.Option(
+            help="True disparities: PNG of 16 bits, 256 per px, 0 for unknown.", metavar="FILE"
+        ),
+    ] = None,
+    labels: Annotated[
+        Path | None, typer.Option(help="KITTI's labels of the pair.", metavar="FILE")
+    ] = None,
+    output: Output = None,
+    workers: Workers = None,
+    json: Json = False,
+) -> int:
+    """Assess the stixels of one pair of images on one page.
+
+    It shows the share of the columns that have stixels, their errors against true disparities, the
+    offset between the images and the truth, obstacles called free, and times.
+
+    \b
+    Examples:
+      stixel assess left.png right.png --calib rig.yaml
+      stixel assess left.png right.png --calib 000074.txt --disparity disp_occ/000074_10.png
+      stixel assess source.folder=DIR source.sequence=000074
+    """
+    check_output(output)
+    from stixel_cli.config.compose import compose
+    from stixel_cli.engine.progress import make_progress
+    from stixel_cli.experiment.assess import LABELS
+    from stixel_cli.experiment.assess import assess as assessed
+    from stixel_cli.report.assess import page_html, sentences, shown
+    from stixel_cli.report.compare import write_page
+
+    files = [text for text in arguments if "=" not in text]
+    given = [text for text in arguments if "=" in text]
+    if files:
+        given = [*_pair(files, calib, disparity, labels), *given]
+    elif calib or disparity or labels:
+        raise UserError("--calib, --disparity and --labels belong to two images: LEFT RIGHT")
+    names = {text.partition("=")[0] for text in given}
+    more = [f"{name}={value}" for name, value in NEEDED.items() if name not in names]
+    composition = compose(with_workers([*given, *more, "pictures.frames=[0]"], workers))
+    found = assessed(composition, make_progress())
+    if json:
+        print_json({"values": dict(found.values), "seconds": dict(found.seconds)})
+        return 0
+    page = Path("assess.html") if output is None else output
+    number = 2
+    while output is None and page.exists():
+        page, number = Path(f"assess-{number}.html"), number + 1
+    command = [arg for arg in ("stixel", "assess", *arguments) if arg]
+    for name, value in (("--calib", calib), ("--disparity", disparity), ("--labels", labels)):
+        command += [] if value is None else [name, str(value)]
+    write_page(page, page_html(found, shlex.join(command)))
+    rows = [
+        (label, shown(name, found.values[name]), unit)
+        for name, (label, unit, _) in LABELS.items()
+        if found.values[name] is not None
+    ]
+    print_table(("value", "", "unit"), rows, right=(1,))
+    sys.stdout.write("\n" + "\n".join(sentences(found)) + f"\n{page}\n")
+    return 0
+
+
+def _pair(
+    files: list[str], calib: Path | None, disparity: Path | None, labels: Path | None
+) -> list[str]:
+    """The overrides that name the files of a pair."""
+    if len(files) != 2:
+        raise UserError(f"assess needs two images, LEFT and RIGHT, got {len(files)}: {files[0]} …")
+    if calib is None:
+        raise UserError("--calib: is required with two images: KITTI's file or a rig.yaml")
+    named = {"folder": files[0], "right": files[1], "calibration": calib}
+    named |= {"disparity": disparity, "labels": labels}
+    quoted = {
+        name: "'" + str(file).replace("'", "\\'") + "'"
+        for name, file in named.items()
+        if file is not None
+    }
+    return ["source=pair", *(f"source.{name}={file}" for name, file in quoted.items())]

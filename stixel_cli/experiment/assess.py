@@ -1,0 +1,188 @@
+"""Assess the stixels of one pair: coverage, errors against truth, obstacles called free."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from stixel_cli.config.compose import Composition
+from stixel_cli.engine.execute import execute
+from stixel_cli.engine.locks import lease
+from stixel_cli.engine.progress import Progress
+from stixel_cli.engine.store import open_store
+from stixel_cli.errors import UserError
+from stixel_cli.experiment.run import experiment_graph, one_line_errors
+from stixel_cli.experiment.stages import recording_of
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.recordings.disparity_file import read_disparity
+from stixel_cli.recordings.kitti_labels import CLASSES, read_labels
+from stixel_cli.recordings.types import Recording
+from stixel_cli.stixels.types import FreeSpace, Stixels
+from stixel_cli.validation.pair_errors import (
+    AreaErrors,
+    area_errors,
+    called_free,
+    label_obstacles,
+    true_obstacles,
+)
+from stixel_cli.validation.truth_alignment import fit_truth_error
+
+NEAR = 6.0
+"""No obstacle nearer than this, m, may be called free."""
+
+STAGES = ("pairs", "match", "free_space", "stixels")
+"""Whose times are reported: from the files to the stixels."""
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """How good the stixels of one pair are.
+
+    Attributes:
+        values: by name; a value is None where its truth is missing. Their meaning is in `LABELS`.
+        pictures: PNG by name.
+        seconds: time by stage; None for a stage whose result was in the cache.
+    """
+
+    values: Mapping[str, Any]
+    pictures: Mapping[str, bytes]
+    seconds: Mapping[str, float | None]
+
+
+LABELS = {
+    "stixel_share": ("columns with a stixel", "%", 100.0),
+    "free_share": ("columns without an obstacle", "%", 100.0),
+    "unknown_share": ("columns with an unknown part", "%", 100.0),
+    "disparity_share": ("pixels with a disparity", "%", 100.0),
+    "obstacle_columns": ("columns with a true obstacle", "", 1.0),
+    "obstacle_covered_share": ("of them with a stixel", "%", 100.0),
+    "compared_share": ("stixels with true disparities in their area", "%", 100.0),
+    "stixels_compared": ("stixels compared", "", 1.0),
+    "median_px": ("median size of the error", "px", 1.0),
+    "beyond_1px_share": ("errors beyond 1 px", "%", 100.0),
+    "square_compared": ("stixels compared, on square surfaces", "", 1.0),
+    "square_median_px": ("median size of the error, on square surfaces", "px", 1.0),
+    "square_beyond_1px_share": ("errors beyond 1 px, on square surfaces", "%", 100.0),
+    "offset_px": ("offset of the images against the truth", "px", 1.0),
+    "patches": ("patches that show it", "", 1.0),
+    "square_median_px_aligned": ("median on square surfaces, offset removed", "px", 1.0),
+    "square_beyond_1px_share_aligned": (
+        "beyond 1 px on square surfaces, offset removed",
+        "%",
+        100.0,
+    ),
+    "near_columns": ("columns with a true obstacle nearer than 6 m", "", 1.0),
+    "near_called_free": ("of them called free", "", 1.0),
+}
+"""Label, unit and factor of each value."""
+
+
+def assess(composition: Composition, progress: Progress | None = None) -> Assessment:
+    """Assess the first frame of a recording.
+
+    Raises:
+        UserError: if the composition has no recording.
+        StageFailure: if a stage fails.
+    """
+    configuration = composition.configuration
+    recording = recording_of(configuration)
+    if recording is None:
+        raise UserError("source: rendered has scores of its own: choose a recording, or two images")
+    store = open_store(configuration.cache)
+    wanted = ["camera_pictures", *(["truth_alignment"] if recording.true_disparities else [])]
+    with one_line_errors():
+        graph = experiment_graph(configuration)
+        with lease(store.folder, sorted(graph.ancestors(graph.expand(wanted)))):
+            done = execute(graph, wanted, store, executor=configuration.executor, progress=progress)
+            first = {name: store.load(graph.of_stage(name)[0].key) for name in (*STAGES, *wanted)}
+        values = _columns(first["stixels"], first["free_space"], first["match"].raw(0) >= 0)
+        values |= dict.fromkeys(name for name in LABELS if name not in values)
+        values |= _against_truth(first, recording, configuration)
+    records = {name: done.of_stage(name) for name in STAGES}
+    return Assessment(
+        values=values,
+        pictures={
+            name.rpartition("/")[2].removesuffix(".png"): data
+            for name, data in first["camera_pictures"].files.items()
+        },
+        seconds={
+            name: record.seconds if record.status == "computed" else None
+            for name, record in records.items()
+        },
+    )
+
+
+def _columns(stixels: Stixels, free_space: FreeSpace, known: np.ndarray) -> dict[str, Any]:
+    rows = stixels.rows(0)
+    covered = _covered(stixels, rows, known.shape[1])
+    return {
+        "stixel_share": float(covered.mean()),
+        "free_share": float(np.isnan(free_space.disparity[0]).mean()),
+        "unknown_share": float((free_space.unknown_row[0] >= 0).mean()),
+        "disparity_share": float(known.mean()),
+    }
+
+
+def _covered(stixels: Stixels, rows: slice, width: int) -> np.ndarray:
+    covered = np.zeros(width, dtype=bool)
+    for left, right in zip(stixels.left[rows], stixels.right[rows], strict=True):
+        covered[left:right] = True
+    return covered
+
+
+def _against_truth(first: dict[str, Any], recording: Recording, configuration) -> dict[str, Any]:
+    rig, stixels, free_space = configuration.rig, first["stixels"], first["free_space"]
+    values: dict[str, Any] = {}
+    obstacles = np.full(rig.width, np.nan)
+    if recording.true_disparities:
+        truth = read_disparity(recording.true_disparities[0])
+        errors = area_errors(stixels, 0, truth, rig)
+        obstacles = true_obstacles(truth, rig, configuration.road, configuration.free_space)
+        seen = np.isfinite(obstacles)
+        covered = _covered(stixels, stixels.rows(0), rig.width)
+        values |= {
+            "obstacle_columns": int(seen.sum()),
+            "obstacle_covered_share": float(covered[seen].mean()) if seen.any() else None,
+            "compared_share": len(errors.errors) / max(int(stixels.offsets[1]), 1),
+            **_sizes(errors.errors, "stixels_compared", "median_px", "beyond_1px_share"),
+            **_square(errors, ""),
+            **_aligned(errors, first["truth_alignment"], rig),
+        }
+    if recording.labels is not None:
+        labels = [one for one in read_labels(recording.labels).values() if one.kind in CLASSES]
+        boxes = label_obstacles(labels, recording.first, rig, recording.left_camera)
+        obstacles = np.fmin(obstacles, boxes)
+    if recording.true_disparities or recording.labels is not None:
+        with np.errstate(invalid="ignore"):
+            near = obstacles < NEAR
+        free = called_free(free_space, 0, obstacles, rig, NEAR)
+        values |= {"near_columns": int(near.sum()), "near_called_free": int(free.sum())}
+    return values
+
+
+def _sizes(errors: np.ndarray, *names: str) -> dict[str, Any]:
+    """Number, median size and share beyond 1 px of errors (n,) px, by these names."""
+    size = np.abs(errors)
+    some = len(size) > 0
+    found = (len(size), float(np.median(size)) if some else None, float(np.mean(size > 1.0)))
+    return dict(zip(names, found if some else (0, None, None), strict=True))
+
+
+def _square(errors: AreaErrors, ending: str) -> dict[str, Any]:
+    found = _sizes(
+        errors.errors[errors.square],
+        "square_compared",
+        f"square_median_px{ending}",
+        f"square_beyond_1px_share{ending}",
+    )
+    return found if not ending else {k: v for k, v in found.items() if k != "square_compared"}
+
+
+def _aligned(errors: AreaErrors, alignment: Any, rig: Rig) -> dict[str, Any]:
+    if len(alignment.shifts) == 0:
+        return {"patches": 0}
+    fit = fit_truth_error(alignment, rig)
+    offset = fit.offset - rig.disparity_offset
+    removed = replace(errors, errors=errors.errors - offset)
+    return {"offset_px": offset, "patches": fit.count, **_square(removed, "_aligned")}

@@ -1,0 +1,93 @@
+"""The page of `stixel assess`: sentences, pictures, a table of values and times."""
+
+import base64
+from importlib import resources
+from typing import TYPE_CHECKING, Any
+
+import jinja2
+
+from stixel_cli.report.metrics import NO_VALUE
+
+if TYPE_CHECKING:
+    from stixel_cli.experiment.assess import Assessment
+
+PICTURES = (
+    ("stixels", "Stixels, coloured by their depth"),
+    ("height", "Free space (green), unknown (violet) and obstacles (red)"),
+    ("disparity", "Disparity, coloured by the depth that it means"),
+)
+"""Name and caption of the pictures."""
+
+
+def page_html(found: "Assessment", command: str) -> str:
+    """The page of an assessment; `command` is the command line that writes it."""
+    from stixel_cli.experiment.assess import LABELS
+
+    environment = jinja2.Environment(
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
+    )
+    template = environment.from_string(
+        resources.files(__package__).joinpath("templates/assess.html.j2").read_text("utf-8")
+    )
+    return template.render(
+        sentences=sentences(found),
+        rows=[
+            (label, shown(name, found.values[name]), unit)
+            for name, (label, unit, _) in LABELS.items()
+            if found.values[name] is not None
+        ],
+        pictures=[
+            (caption, "data:image/png;base64," + base64.b64encode(found.pictures[name]).decode())
+            for name, caption in PICTURES
+        ],
+        seconds=[
+            (stage, "cached" if time is None else f"{1000.0 * time:.0f} ms")
+            for stage, time in found.seconds.items()
+        ],
+        command=command,
+    )
+
+
+def shown(name: str, value: Any) -> str:
+    """A value as text, in its unit."""
+    from stixel_cli.experiment.assess import LABELS
+
+    if value is None:
+        return NO_VALUE
+    if isinstance(value, int):
+        return str(value)
+    _, unit, factor = LABELS[name]
+    return f"{factor * value:.1f}" if unit == "%" else f"{factor * value:.2f}"
+
+
+def sentences(found: "Assessment") -> list[str]:
+    """The answers, the most important first."""
+    values = found.values
+
+    def text(name: str) -> str:
+        return shown(name, values[name])
+
+    lines = []
+    if values["square_median_px"] is not None:
+        lines.append(
+            f"On square surfaces the median error is {text('square_median_px')} px, and "
+            f"{text('square_beyond_1px_share')} % of the errors are beyond 1 px "
+            f"({text('square_compared')} stixels; {text('obstacle_covered_share')} % of the "
+            "columns with a true obstacle have a stixel)."
+        )
+    if values["square_median_px_aligned"] is not None:
+        lines.append(
+            f"The images themselves are {text('offset_px')} px off the truth. Without this, the "
+            f"median is {text('square_median_px_aligned')} px, and "
+            f"{text('square_beyond_1px_share_aligned')} % are beyond 1 px."
+        )
+    if values["near_columns"] is not None:
+        lines.append(
+            f"{text('near_called_free')} of {text('near_columns')} columns with a true obstacle "
+            "nearer than 6 m are called free."
+        )
+    lines.append(
+        f"{text('stixel_share')} % of the columns have a stixel, {text('free_share')} % have no "
+        f"obstacle, {text('unknown_share')} % have an unknown part."
+    )
+    return lines

@@ -1,0 +1,202 @@
+"""Single pairs of images: their layouts, `stixel assess`, and errors against true disparities."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_street import poses_ahead, stereo_view, street_rig
+
+from stixel_cli import compose
+from stixel_cli.cli.app import main
+from stixel_cli.errors import UserError
+from stixel_cli.images import encode_png
+from stixel_cli.recordings.disparity_file import read_disparity
+from stixel_cli.recordings.find import find_recording, guess_layout
+from stixel_cli.recordings.kitti_labels import read_labels
+from stixel_cli.recordings.parameters import KittiPair
+from stixel_cli.recordings.write_kitti import calibration_text
+from stixel_cli.stixels.free_space_parameters import FreeSpaceParameters, RigRoad
+from stixel_cli.stixels.types import FreeSpace, Stixels
+from stixel_cli.validation.pair_errors import area_errors, called_free, road_plane, true_obstacles
+
+RIG = street_rig()
+OFFSET = 0.3
+BOXES = [(-0.9, 0.9, 9.0, 1.5), (2.0, 3.8, 5.0, 1.5)]
+ROAD = RigRoad(kind="rig", least_height=0.25, greatest_height=3.0, disparity_margin=1.0)
+FREE_SPACE = FreeSpaceParameters(0.3, 5.0, 1.5, 1.0, 0.2, 8.0, 0.03, 3.0, 1.0, 0.5)
+LABEL = "Car 0.00 0 0.0 100.0 50.0 200.0 100.0 1.5 1.8 4.0 0.0 1.6 11.0 -1.5708"
+
+
+@pytest.fixture(scope="module")
+def images():
+    """Left, right and disparity of a street with two boxes; the images are `OFFSET` px off."""
+    return stereo_view(replace(RIG, disparity_offset=OFFSET), poses_ahead(1, 1.0)[0], BOXES)
+
+
+@pytest.fixture(scope="module")
+def pair(images, tmp_path_factory):
+    """Folder of the pair in the layout of the stereo benchmark of 2012."""
+    folder = tmp_path_factory.mktemp("pair")
+    left, right, disparity = images
+    written = {
+        "image_0/000007_10.png": left,
+        "image_1/000007_10.png": right,
+        "disp_occ/000007_10.png": np.rint(256.0 * disparity).astype(np.uint16),
+    }
+    for name, image in written.items():
+        (folder / name).parent.mkdir()
+        (folder / name).write_bytes(encode_png(image))
+    (folder / "calib").mkdir()
+    (folder / "calib" / "000007.txt").write_text(calibration_text(RIG))
+    return folder
+
+
+def source(folder, sequence="7"):
+    return KittiPair(
+        kind="kitti_pair", folder=str(folder), frames=None, sample_time=0.1, sequence=sequence
+    )
+
+
+def test_the_pair_of_a_benchmark_is_found(pair):
+    assert guess_layout(pair) == "kitti_pair"
+    found = find_recording(source(pair))
+    assert found.left[0].name == "000007_10.png" and found.count == 1
+    assert (found.width, found.height) == (RIG.width, RIG.height)
+    assert found.true_disparities[0].parent.name == "disp_occ" and found.labels is None
+    with pytest.raises(UserError, match=r"source\.sequence: .* has no image_2/000008\.png"):
+        find_recording(source(pair, "000008"))
+
+
+def test_the_object_benchmark_has_labels_without_tracks(pair, tmp_path):
+    for camera, name in (("image_2", "image_0"), ("image_3", "image_1")):
+        (tmp_path / camera).mkdir()
+        data = (pair / name / "000007_10.png").read_bytes()
+        (tmp_path / camera / "000003.png").write_bytes(data)
+    for name, text in (("calib", calibration_text(RIG)), ("label_2", f"{LABEL}\n")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "000003.txt").write_text(text)
+    found = find_recording(source(tmp_path, "3"))
+    assert found.true_disparities == ()
+    labels = read_labels(found.labels)
+    assert list(labels) == [0] and labels[0].kind == "Car" and labels[0].frames.tolist() == [0]
+    np.testing.assert_array_equal(labels[0].sizes, [[1.5, 1.8, 4.0]])
+
+
+def test_one_frame_needs_no_poses(pair):
+    more = ("road_user=car", "start.range=[5,20]")
+    made = compose([f"source.folder={pair}", "source.sequence=000007", *more])
+    assert made.choices["source"] == "kitti_pair" and made.choices["ego"] == "parked"
+    assert made.configuration.rig.focal == pytest.approx(RIG.focal)
+
+
+def test_true_disparities_are_read_and_a_wrong_file_is_refused(pair, images, tmp_path):
+    found = read_disparity(pair / "disp_occ" / "000007_10.png")
+    np.testing.assert_allclose(found, images[2], atol=1.0 / 256.0)
+    with pytest.raises(UserError, match="not a grey PNG of 16 bits"):
+        read_disparity(pair / "image_0" / "000007_10.png")
+    cut = tmp_path / "cut.png"
+    cut.write_bytes((pair / "disp_occ" / "000007_10.png").read_bytes()[:500])
+    with pytest.raises(UserError, match="damaged or incomplete"):
+        read_disparity(cut)
+
+
+def test_assess_measures_errors_offset_and_obstacles(pair, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "labels.txt").write_text(f"{LABEL}\n")
+    left, right, truth = (
+        str(pair / name / "000007_10.png") for name in ("image_0", "image_1", "disp_occ")
+    )
+    given = ["assess", left, right, "--calib", str(pair / "calib" / "000007.txt")]
+    given += ["--disparity", truth, "--labels", "labels.txt", "executor=threads"]
+    assert main([*given, "--json"]) == 0
+    values = json.loads(capsys.readouterr().out)["values"]
+    assert values["offset_px"] == pytest.approx(OFFSET, abs=0.05) and values["patches"] > 20
+    assert values["square_median_px"] == pytest.approx(OFFSET, abs=0.1)
+    assert values["square_median_px_aligned"] < 0.1
+    assert values["square_beyond_1px_share"] < 0.1 and values["square_compared"] > 30
+    # The box 5 m ahead is seen from u0 + 2 f / 5 to the image's border.
+    assert values["near_columns"] == pytest.approx(RIG.width - RIG.u0 - 0.4 * RIG.focal, abs=2)
+    assert values["near_called_free"] == 0
+    assert values["stixel_share"] > 0.9
+    assert main(given) == 0
+    said = capsys.readouterr().out
+    page = (tmp_path / "assess.html").read_text()
+    assert "0 of 5" in said and said.splitlines()[-1] == "assess.html"
+    assert page.count("data:image/png") == 3 and "of the columns have a stixel" in page
+    # The same truth calibrates the rig.
+    found = [f"source.folder={pair}", "source.sequence=000007", "executor=threads"]
+    assert main(["calibrate", "--json", *found]) == 0
+    fit = json.loads(capsys.readouterr().out)
+    assert fit["method"] == "ground truth" and fit["slope"] == 0.0
+    assert fit["offset"] == pytest.approx(OFFSET, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["left.png"], "assess needs two images, LEFT and RIGHT, got 1"),
+        (["left.png", "right.png"], "--calib: is required with two images"),
+        (["left.png", "right.png", "--calib", "rig.yaml"], "rig.yaml"),
+        (["source.folder=x", "--calib", "rig.yaml"], "belong to two images"),
+    ],
+)
+def test_assess_refuses_wrong_arguments_in_one_line(arguments, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["assess", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1
+
+
+def stixel_at(left, disparity, top, base):
+    return Stixels(
+        first=0,
+        offsets=np.array([0, 1]),
+        left=np.array([left]),
+        right=np.array([left + 3]),
+        top=np.array([top]),
+        base=np.array([base]),
+        disparity=np.array([disparity]),
+        disparity_variance=np.zeros(1),
+        depth=np.array([RIG.depth_from_disparity(disparity)]),
+        height=np.array([1.5]),
+        points_ego=np.zeros((1, 2)),
+        covariances_ego=np.zeros((1, 2, 2)),
+    )
+
+
+def test_truth_behind_an_object_is_not_its_own():
+    truth = np.full((RIG.height, RIG.width), np.nan)
+    # 26 px a metre: from 20 to 100, seen through a window in the upper half only.
+    stixel = stixel_at(60, 13.0, 60, 100)
+    truth[65:70, 60:63] = 9.0
+    assert len(area_errors(stixel, 0, truth, RIG).errors) == 0
+    truth[80:93, 60:63] = 12.8
+    found = area_errors(stixel, 0, truth, RIG)
+    assert found.errors[0] == pytest.approx(0.2) and not found.square[0]
+
+
+def test_the_road_of_the_truth_may_roll():
+    v, u = np.mgrid[: RIG.height, : RIG.width].astype(float)
+    flat = RIG.baseline * (v - RIG.v0) / RIG.camera_height
+    rolled = np.where(v > 65, flat + 0.01 * (u - RIG.u0), np.nan)
+    line = np.array([1.0, -RIG.v0]) * RIG.baseline / RIG.camera_height
+    plane = road_plane(rolled, line, RIG)
+    np.testing.assert_allclose(plane[90:], rolled[90:], atol=0.01)
+    assert np.isnan(true_obstacles(rolled, RIG, ROAD, FREE_SPACE)).all()
+
+
+def test_an_obstacle_is_called_free_unless_it_is_found_or_its_place_is_unknown():
+    obstacles = np.full(RIG.width, np.nan)
+    obstacles[10:14] = 5.0
+    found = np.full((1, RIG.width), RIG.disparity_from_depth(12.0), dtype=np.float32)
+    found[0, 10] = RIG.disparity_from_depth(5.2)
+    found[0, 11] = np.nan
+    unknown = np.full((1, RIG.width), -1, dtype=np.int32)
+    unknown[0, 12] = RIG.height - 1
+    slope = RIG.baseline / RIG.camera_height
+    road = np.array([[slope, -slope * RIG.v0]])
+    free_space = FreeSpace(0, found, np.zeros((1, RIG.width), dtype=np.int32), road, unknown)
+    columns = np.flatnonzero(called_free(free_space, 0, obstacles, RIG, 6.0))
+    assert columns.tolist() == [11, 13]
