@@ -144,12 +144,12 @@ def with_recording(
     resolved["source"] = resolved["source"] | {"frames": frames}
     if "ego" not in typed:
         # One frame has no motion.
-        if recording.poses is None and recording.count > 1:
+        if not recording.pose_files and recording.count > 1:
             raise ConfigurationError(
                 "ego: the recording has no poses of the ego car; if it does not move, "
                 "choose ego=parked"
             )
-        kind = "source" if recording.poses is not None else "parked"
+        kind = "source" if recording.pose_files else "parked"
         resolved["ego"] = {"kind": kind}
         choices["ego"] = kind
     choices["path"] = "source"

@@ -16,7 +16,8 @@ from stixel_cli.experiment.run import experiment_graph, one_line_errors
 from stixel_cli.experiment.stages import recording_of
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.recordings.disparity_file import read_disparity
-from stixel_cli.recordings.kitti_labels import CLASSES, read_labels
+from stixel_cli.recordings.kitti_labels import CLASSES
+from stixel_cli.recordings.tables import read_labels
 from stixel_cli.recordings.types import Recording
 from stixel_cli.stixels.types import FreeSpace, Stixels
 from stixel_cli.validation.pair_errors import (
@@ -149,11 +150,12 @@ def _against_truth(first: dict[str, Any], recording: Recording, configuration) -
             **_square(errors, ""),
             **_aligned(errors, first["truth_alignment"], rig),
         }
-    if recording.labels is not None:
-        labels = [one for one in read_labels(recording.labels).values() if one.kind in CLASSES]
+    if recording.label_files:
+        tracks = read_labels(recording.label_files, recording.table_layout)
+        labels = [one for one in tracks.values() if one.kind in CLASSES]
         boxes = label_obstacles(labels, recording.first, rig, recording.left_camera)
         obstacles = np.fmin(obstacles, boxes)
-    if recording.true_disparities or recording.labels is not None:
+    if recording.true_disparities or recording.label_files:
         with np.errstate(invalid="ignore"):
             near = obstacles < NEAR
         free = called_free(free_space, 0, obstacles, rig, NEAR)

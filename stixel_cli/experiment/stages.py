@@ -123,6 +123,7 @@ TABLE: dict[str, Definition] = {
             "first": "recording.first",
             "count": "recording.count",
             "sample_time": "source.sample_time",
+            "layout": "recording.table_layout",
         },
         recorded="pose_files",
     ),
@@ -134,6 +135,7 @@ TABLE: dict[str, Definition] = {
             "first": "recording.first",
             "left_camera": "recording.left_camera",
             "target": "recording.target",
+            "layout": "recording.table_layout",
         },
         recorded="truth_files",
     ),
@@ -240,13 +242,18 @@ TABLE: dict[str, Definition] = {
     "label_errors": Definition(
         _only("validation.label_errors:label_errors"),
         "once",
-        {"rig": "rig", "first": "recording.first", "left_camera": "recording.left_camera"},
+        {
+            "rig": "rig",
+            "first": "recording.first",
+            "left_camera": "recording.left_camera",
+            "layout": "recording.table_layout",
+        },
         recorded="label_files",
     ),
     "track_points": Definition(
         _only("validation.motion_errors:track_points"),
         "once",
-        {"rig": "rig", "first": "recording.first"},
+        {"rig": "rig", "first": "recording.first", "layout": "recording.table_layout"},
         recorded="pose_files",
     ),
     "align_truth": Definition(
@@ -408,7 +415,7 @@ def recording_of(configuration: Configuration) -> Recording | None:
         return None
     recording = find_recording(source)
     if isinstance(configuration.ego, Parked):
-        recording = replace(recording, poses=None)
+        recording = replace(recording, pose_files=())
     return recording
 
 

@@ -9,6 +9,7 @@ from stixel_cli.recordings import (
     kitti_tracking,
     pair,
     plain_folder,
+    virtual_kitti,
 )
 from stixel_cli.recordings.parameters import Source
 from stixel_cli.recordings.types import Recording
@@ -17,6 +18,7 @@ LAYOUTS = {
     "kitti_tracking": kitti_tracking,
     "kitti_odometry": kitti_odometry,
     "kitti_pair": kitti_pair,
+    "virtual_kitti": virtual_kitti,
     "folder": plain_folder,
     "pair": pair,
 }
@@ -44,6 +46,6 @@ def guess_layout(folder: Path) -> str:
         raise UserError(f"source.folder: {folder}: no such folder")
     raise UserError(
         f"source.folder: {folder}: not a known layout: image_02 (source=kitti_tracking), "
-        "image_0 and calib.txt (source=kitti_odometry), image_2 and calib (source=kitti_pair) or "
-        "rig.yaml (source=folder) is missing"
+        "image_0 and calib.txt (source=kitti_odometry), image_2 and calib (source=kitti_pair), "
+        "frames/rgb/Camera_0 (source=virtual_kitti) or rig.yaml (source=folder) is missing"
     )

@@ -9,6 +9,7 @@ from stixel_cli.errors import UserError
 from stixel_cli.files import opened, read_bytes
 
 PNG = b"\x89PNG\r\n\x1a\n"
+JPEG = b"\xff\xd8\xff"
 LFS = b"version https://git-lfs"
 GREATEST_IMAGE = 64 * 2**20
 """Bytes of an image file."""
@@ -16,25 +17,36 @@ GREATEST_IMAGE = 64 * 2**20
 GREATEST_SIDE = 4096
 """As of `rig.width` and `rig.height`, px."""
 
+_JPEG_FRAMES = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+"""Kinds of segment that begin with precision, height, width and channels."""
+
+_JPEG_HEAD = 2**20
+"""Bytes in which the size must be: before it are thumbnails, colour profiles and the like."""
+
+_JPEG_END = b"\xff\xd9"
+
 _COLOUR_TYPES = {0: 1, 2: 3}
 """PNG's colour types with 8 bits per channel that are read, and their channels."""
 
 
 def image_size(file: Path) -> tuple[int, int]:
-    """Width and height in px of a PNG file of 8-bit grey or RGB values; reads only its head.
+    """Width and height in px of a PNG or JPEG of 8-bit grey or RGB values; reads only its head.
 
     Raises:
         UserError: if it is missing, or another kind of file.
     """
     with opened(file, GREATEST_IMAGE) as stream:
-        return _size(file, stream.read(33) or b"")
+        head = stream.read(33) or b""
+        if head.startswith(JPEG):
+            head += stream.read(_JPEG_HEAD)
+        return _size(file, head)
 
 
 def read_grey(file: Path) -> np.ndarray:
-    """The grey values (H, W) uint8 of a PNG file; colour becomes luma (ITU-R BT.601).
+    """The grey values (H, W) uint8 of a PNG or JPEG file; colour becomes luma (ITU-R BT.601).
 
     Raises:
-        UserError: if it is missing, damaged, or not a PNG of 8-bit grey or RGB values.
+        UserError: if it is missing, damaged, or not an image of 8-bit grey or RGB values.
     """
     import cv2
 
@@ -43,7 +55,7 @@ def read_grey(file: Path) -> np.ndarray:
 
 
 def read_rgb(file: Path) -> np.ndarray:
-    """The RGB values (H, W, 3) uint8 of a PNG file; errors as in `read_grey`."""
+    """The RGB values (H, W, 3) uint8 of a PNG or JPEG file; errors as in `read_grey`."""
     image = _decoded(file)
     return np.repeat(image[..., None], 3, axis=2) if image.ndim == 2 else image[..., ::-1].copy()
 
@@ -52,12 +64,19 @@ def _decoded(file: Path) -> np.ndarray:
     import cv2
 
     data = read_bytes(file, GREATEST_IMAGE)
-    _size(file, data[:33])
-    # libpng writes its own line to stderr about a damaged file, so the file is checked first.
-    check_chunks(file, data)
+    width, height = _size(file, data)
+    # libpng and libjpeg write own lines to stderr about a damaged file, so it is checked first.
+    if data.startswith(PNG):
+        check_chunks(file, data)
+    elif not data.rstrip(b"\0\r\n").endswith(_JPEG_END):
+        raise UserError(f"{file}: a damaged or incomplete JPEG image")
     image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
-    if image is None or image.dtype != np.uint8 or (image.ndim == 3 and image.shape[2] != 3):
-        raise UserError(f"{file}: cannot be decoded as a PNG image")
+    if (
+        image is None
+        or image.dtype != np.uint8
+        or image.shape not in ((height, width), (height, width, 3))
+    ):
+        raise UserError(f"{file}: cannot be decoded as an image")
     return image
 
 
@@ -72,18 +91,45 @@ def png_head(file: Path, head: bytes) -> tuple[int, int, int, int]:
     if not head.startswith(PNG) or len(head) < 33 or head[12:16] != b"IHDR":
         raise UserError(f"{file}: not a PNG image")
     width, height = (int.from_bytes(head[i : i + 4], "big") for i in (16, 20))
-    if not (0 < width <= GREATEST_SIDE and 0 < height <= GREATEST_SIDE):
-        raise UserError(f"{file}: {width} × {height} px: each side must be 1 to {GREATEST_SIDE}")
+    _check_sides(file, width, height)
     return width, height, head[24], head[25]
 
 
 def _size(file: Path, head: bytes) -> tuple[int, int]:
+    if head.startswith(JPEG):
+        return _jpeg_size(file, head)
+    if file.suffix.lower() in (".jpg", ".jpeg") and not head.startswith((PNG, LFS)):
+        raise UserError(f"{file}: not a JPEG image")
     width, height, bits, colour = png_head(file, head)
     if bits != 8:
         raise UserError(f"{file}: {bits} bits per channel: 8 are needed")
     if colour not in _COLOUR_TYPES:
         raise UserError(f"{file}: a PNG with a palette or transparency: grey or RGB is needed")
     return width, height
+
+
+def _jpeg_size(file: Path, data: bytes) -> tuple[int, int]:
+    """Width and height in the frame header (ITU-T T.81, B.2.2), after any other segments."""
+    at = 2
+    while at + 10 <= len(data) and data[at] == 0xFF:
+        kind, length = data[at + 1], int.from_bytes(data[at + 2 : at + 4], "big")
+        if kind in _JPEG_FRAMES:
+            bits, channels = data[at + 4], data[at + 9]
+            height, width = (int.from_bytes(data[i : i + 2], "big") for i in (at + 5, at + 7))
+            if bits != 8:
+                raise UserError(f"{file}: {bits} bits per channel: 8 are needed")
+            if channels not in (1, 3):
+                raise UserError(f"{file}: a JPEG of {channels} channels: grey or RGB is needed")
+            _check_sides(file, width, height)
+            return width, height
+        # 0xFF may be repeated before a kind.
+        at += 1 if kind == 0xFF else 2 + length
+    raise UserError(f"{file}: a damaged or incomplete JPEG image")
+
+
+def _check_sides(file: Path, width: int, height: int) -> None:
+    if not (0 < width <= GREATEST_SIDE and 0 < height <= GREATEST_SIDE):
+        raise UserError(f"{file}: {width} × {height} px: each side must be 1 to {GREATEST_SIDE}")
 
 
 def check_chunks(file: Path, data: bytes) -> None:

@@ -27,7 +27,7 @@ CLASSES = {
 }
 """The class of road user of each type of label that has one."""
 
-Tracks = dict[int, Labels]
+Tracks = dict[int | str, Labels]
 
 
 def read_labels(file: Path) -> Tracks:
@@ -70,10 +70,11 @@ def _read(file: Path, state: tuple[int, int] | None) -> Tracks:
             )
         seen.add((frame, target))
         rows.setdefault(target, []).append(values)
-    return {target: _labels(np.array(rows[target]), kinds[target]) for target in sorted(rows)}
+    return {target: labels_in(np.array(rows[target]), kinds[target]) for target in sorted(rows)}
 
 
-def _labels(values: np.ndarray, kind: str) -> Labels:
+def labels_in(values: np.ndarray, kind: str) -> Labels:
+    """The labels of one target in rows (n, 16): KITTI's columns but for the type."""
     values = values[np.argsort(values[:, 0], kind="stable")]
     return Labels(
         frames=values[:, 0].astype(np.int64),
@@ -93,7 +94,11 @@ def labels_of(file: Path, target: int, key: str = "source.target") -> Labels:
     Raises:
         UserError: if the file has no such track; the line lists tracks that it has.
     """
-    tracks = read_labels(file)
+    return track_of(read_labels(file), target, file, key)
+
+
+def track_of(tracks: Tracks, target: int | str, file: Path, key: str = "source.target") -> Labels:
+    """The labels of one of the `tracks` in a file; errors as in `labels_of`."""
     if target not in tracks:
         known = ", ".join(f"{i} ({labels.kind})" for i, labels in list(tracks.items())[:12])
         more = ", …" if len(tracks) > 12 else ""

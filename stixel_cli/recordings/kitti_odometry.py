@@ -9,6 +9,7 @@ from pathlib import Path
 from stixel_cli.errors import UserError
 from stixel_cli.recordings.assembly import assembled_recording
 from stixel_cli.recordings.kitti_calibration import read_calibration
+from stixel_cli.recordings.listing import numbered_images
 from stixel_cli.recordings.parameters import KittiOdometry
 from stixel_cli.recordings.types import Recording
 
@@ -31,7 +32,7 @@ def find_recording(source: KittiOdometry) -> Recording:
     return assembled_recording(
         source,
         read_calibration(root / "calib.txt", f"P{left}", f"P{right}"),
-        left_folder=root / f"image_{left}",
-        right_folder=root / f"image_{right}",
-        poses=root / "poses.txt",
+        left=numbered_images(root / f"image_{left}"),
+        right=numbered_images(root / f"image_{right}"),
+        poses=(root / "poses.txt",),
     )

@@ -11,6 +11,7 @@ from pathlib import Path
 from stixel_cli.errors import UserError
 from stixel_cli.recordings.assembly import assembled_recording
 from stixel_cli.recordings.kitti_calibration import read_calibration
+from stixel_cli.recordings.listing import numbered_images
 from stixel_cli.recordings.parameters import KittiTracking
 from stixel_cli.recordings.types import Recording
 
@@ -38,9 +39,9 @@ def find_recording(source: KittiTracking) -> Recording:
     return assembled_recording(
         source,
         read_calibration(root / "calib" / f"{name}.txt", "P2", "P3"),
-        left_folder=root / "image_02" / name,
-        right_folder=root / "image_03" / name,
-        labels=root / "label_02" / f"{name}.txt",
-        poses=root / "ego_poses" / f"{name}.txt",
+        left=numbered_images(root / "image_02" / name),
+        right=numbered_images(root / "image_03" / name),
+        labels=(root / "label_02" / f"{name}.txt",),
+        poses=(root / "ego_poses" / f"{name}.txt",),
         target=source.target,
     )

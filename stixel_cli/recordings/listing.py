@@ -9,8 +9,13 @@ from stixel_cli.recordings.image_files import image_size
 MOST_FILES = 200_000
 
 
-def numbered_images(folder: Path) -> dict[int, Path]:
-    """The PNG files of a folder by the number that is their name.
+def numbered_images(folder: Path, names: str = r"(\d{1,9})\.png", example: str = "000000.png"):
+    """The images of a folder by the number in their name, a dictionary of paths.
+
+    Args:
+        folder: of the images.
+        names: pattern of their names; its group is the number.
+        example: such a name, for messages.
 
     Raises:
         UserError: if there is no such folder, or it has no such file.
@@ -20,14 +25,14 @@ def numbered_images(folder: Path) -> dict[int, Path]:
         for i, file in enumerate(folder.iterdir()):
             if i >= MOST_FILES:
                 raise UserError(f"{folder}: more than {MOST_FILES} files")
-            if re.fullmatch(r"\d{1,9}\.png", file.name):
-                found[int(file.stem)] = file
+            if match := re.fullmatch(names, file.name):
+                found[int(match[1])] = file
     except FileNotFoundError:
         raise UserError(f"{folder}: no such folder") from None
     except OSError as error:
         raise UserError(f"{folder}: cannot be read: {error.strerror}") from error
     if not found:
-        raise UserError(f"{folder}: has no images such as 000000.png")
+        raise UserError(f"{folder}: has no images such as {example}")
     return dict(sorted(found.items()))
 
 
@@ -62,21 +67,18 @@ def common_frames(
 
 
 def checked_pairs(
-    frames: range,
-    left: dict[int, Path],
-    right: dict[int, Path],
-    left_folder: Path,
-    right_folder: Path,
+    frames: range, left: dict[int, Path], right: dict[int, Path]
 ) -> tuple[tuple[Path, ...], tuple[Path, ...], tuple[int, int]]:
     """Left and right image of each frame, and their common width and height.
 
     Raises:
-        UserError: if one is missing, is not an 8-bit PNG, or has another size.
+        UserError: if one is missing, is not an image of 8 bits, or has another size.
     """
     size: tuple[int, int] | None = None
     for number in frames:
-        for images, folder in ((left, left_folder), (right, right_folder)):
+        for images in (left, right):
             if number not in images:
+                folder = next(iter(images.values())).parent
                 raise UserError(f"{folder}: the image of frame {number} is missing")
             found = image_size(images[number])
             if size is None:

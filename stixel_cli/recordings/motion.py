@@ -7,23 +7,30 @@ import numpy as np
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.recordings.planar import planar_poses
-from stixel_cli.recordings.poses_file import read_poses
+from stixel_cli.recordings.tables import read_poses
+from stixel_cli.recordings.types import KITTI, TableLayout
 from stixel_cli.scene.scenario import EgoMotion
 
 
 def recorded_motion(
-    files: tuple[Path, ...], rig: Rig, first: int, count: int, sample_time: float
+    files: tuple[Path, ...],
+    rig: Rig,
+    first: int,
+    count: int,
+    sample_time: float,
+    layout: TableLayout = KITTI,
 ) -> EgoMotion:
     """Planar motion at `count` frames from number `first` on, (0, 0, pi/2) at the first of them.
 
     Poses in space also give the pitch and the height of each frame.
 
     Args:
-        files: the file of the poses; empty for a parked ego car.
+        files: the files of the poses; empty for a parked ego car.
         rig: the ground plane is that of its level frame.
-        first: number of the first frame: its row in the file.
+        first: number of the first frame.
         count: number of frames.
         sample_time: time from one frame to the next, s.
+        layout: of the files.
 
     Raises:
         UserError: if the file is not valid.
@@ -31,7 +38,7 @@ def recorded_motion(
     times = sample_time * np.arange(count)
     if not files:
         return EgoMotion(times, np.tile([0.0, 0.0, STRAIGHT_AHEAD], (count, 1)))
-    poses = read_poses(files[0])
+    poses = read_poses(files, layout)
     # The frames before and after help to find the road's direction at the ends.
     pitches, heights = (one[first : first + count] for one in rocking(poses, rig.level_from_camera))
     chosen = poses[first : first + count]

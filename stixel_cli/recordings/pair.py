@@ -72,6 +72,6 @@ def pair_recording(
         width=size[0],
         height=size[1],
         calibration=calibration,
-        labels=labels,
+        label_files=() if labels is None else (labels,),
         true_disparities=() if disparity is None else (disparity,),
     )

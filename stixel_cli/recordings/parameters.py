@@ -108,6 +108,18 @@ class KittiPair(Recorded):
 
 
 @dataclass(frozen=True, kw_only=True)
+class VirtualKitti(Recorded):
+    """Virtual KITTI 2, one variation of a scene.
+
+    Attributes:
+        target: trackID in the labels; null for no truth.
+    """
+
+    kind: Literal["virtual_kitti"]
+    target: Annotated[int, Ge(0)] | None
+
+
+@dataclass(frozen=True, kw_only=True)
 class Pair(Recorded):
     """One pair of images, each file named; `stixel assess` composes it.
 
@@ -133,7 +145,7 @@ class Pair(Recorded):
                 raise ValueError(f"source.{name}: is required with source={self.kind}")
 
 
-Source = Rendered | KittiTracking | KittiOdometry | PlainFolder | KittiPair | Pair
+Source = Rendered | KittiTracking | KittiOdometry | PlainFolder | KittiPair | VirtualKitti | Pair
 
 
 def chosen_frames(text: str | None, key: str = "source.frames") -> range | None:

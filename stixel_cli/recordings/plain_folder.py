@@ -11,6 +11,7 @@ from pathlib import Path
 from stixel_cli.errors import UserError, printable
 from stixel_cli.files import read_yaml
 from stixel_cli.recordings.assembly import assembled_recording
+from stixel_cli.recordings.listing import numbered_images
 from stixel_cli.recordings.parameters import PlainFolder
 from stixel_cli.recordings.types import Calibration, Recording
 
@@ -36,10 +37,10 @@ def find_recording(source: PlainFolder) -> Recording:
     return assembled_recording(
         source,
         read_rig(root / RIG),
-        left_folder=root / "left",
-        right_folder=root / "right",
-        labels=root / "labels.txt",
-        poses=root / "poses.txt",
+        left=numbered_images(root / "left"),
+        right=numbered_images(root / "right"),
+        labels=(root / "labels.txt",),
+        poses=(root / "poses.txt",),
         target=source.target,
     )
 

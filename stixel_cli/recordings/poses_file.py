@@ -27,10 +27,17 @@ def read_poses(file: Path) -> np.ndarray:
 
 @lru_cache(maxsize=32)
 def _read(file: Path, state: tuple[int, int] | None) -> np.ndarray:
-    found: list[np.ndarray] = []
+    poses = []
     for row, words in text_rows(file):
         check_columns(file, row, words, 12)
-        pose = np.array(numbers(file, row, words)).reshape(3, 4)
+        poses.append((row, np.array(numbers(file, row, words)).reshape(3, 4)))
+    return checked_poses(file, poses)
+
+
+def checked_poses(file: Path, poses: list[tuple[int, np.ndarray]]) -> np.ndarray:
+    """Poses (n, 3, 4), each given with its row in a file; errors as in `read_poses`."""
+    found: list[np.ndarray] = []
+    for row, pose in poses:
         turn = pose[:, :3]
         if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-3) or np.linalg.det(turn) < 0.0:
             raise UserError(f"{file}: row {row}: not a rigid pose: its 3 × 3 part is no rotation")

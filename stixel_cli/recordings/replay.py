@@ -40,8 +40,8 @@ def find_replay(path: ReplayedPath) -> Recording:
         width=0,
         height=0,
         calibration=read_calibration(root / "calib" / f"{name}.txt", "P2", "P3"),
-        poses=poses,
-        labels=labels,
+        pose_files=(poses,),
+        label_files=(labels,),
         target=path.target,
         label=found.kind,
     )

@@ -6,8 +6,9 @@ import numpy as np
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.recordings.box import rectangle
-from stixel_cli.recordings.kitti_labels import labels_of
 from stixel_cli.recordings.planar import label_pose
+from stixel_cli.recordings.tables import labels_of
+from stixel_cli.recordings.types import KITTI, TableLayout
 from stixel_cli.scene.scenario import EgoMotion, Scenario
 
 HALF_WINDOW = 2
@@ -23,7 +24,8 @@ def recorded_scenario(
     rig: Rig,
     first: int,
     left_camera: tuple[float, float, float],
-    target: int | None,
+    target: int | str | None,
+    layout: TableLayout = KITTI,
 ) -> Scenario:
     """Ground truth of one labelled target; NaN at the frames without its label.
 
@@ -32,11 +34,12 @@ def recorded_scenario(
 
     Args:
         ego_motion: at the frames of the recording.
-        files: the file of the labels; empty without target.
+        files: the files of the labels; empty without target.
         rig: the ground plane is that of its level frame.
         first: number of the first frame.
         left_camera: place of the left camera in the frame of the labels, m.
         target: its track id; None for no truth.
+        layout: of the files.
 
     Raises:
         UserError: if the file is not valid, or has no such target.
@@ -46,7 +49,7 @@ def recorded_scenario(
     scored = np.zeros(count, dtype=bool)
     if target is None:
         return _scenario(ego_motion, poses, np.zeros((0, 2)), scored)
-    labels = labels_of(files[0], target)
+    labels = labels_of(files, layout, target)
     inside = (labels.frames >= first) & (labels.frames < first + count)
     for k, row in zip(labels.frames[inside] - first, np.flatnonzero(inside), strict=True):
         place = rig.level_from_camera @ (labels.places[row] - left_camera)

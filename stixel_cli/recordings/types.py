@@ -32,6 +32,23 @@ class Calibration:
 
 
 @dataclass(frozen=True)
+class TableLayout:
+    """How the files of the poses and the labels are written.
+
+    Attributes:
+        kind: `kitti`, or another one that `tables` reads.
+        times: time stamps of all left images of the clip, ns, where files name times and not
+            frames; else ().
+    """
+
+    kind: str = "kitti"
+    times: tuple[int, ...] = ()
+
+
+KITTI = TableLayout()
+
+
+@dataclass(frozen=True)
 class Recording:
     """The files of a stretch of frames, and the calibration of the cameras.
 
@@ -41,8 +58,9 @@ class Recording:
         left, right: one image file per frame.
         width, height: of the images, px.
         calibration: of the rig.
-        poses: file of the ego poses; None without one.
-        labels: file of the labels; None without one.
+        pose_files: files of the ego poses; () without.
+        label_files: files of the labels; () without.
+        table_layout: of both.
         target: track id in the labels; None for no truth.
         label: type of the target's label, such as `Car`; None without target.
         first_box: left and right border, px, of the target's box in the first image, or None.
@@ -56,9 +74,10 @@ class Recording:
     width: int
     height: int
     calibration: Calibration
-    poses: Path | None = None
-    labels: Path | None = None
-    target: int | None = None
+    pose_files: tuple[Path, ...] = ()
+    label_files: tuple[Path, ...] = ()
+    table_layout: TableLayout = KITTI
+    target: int | str | None = None
     label: str | None = None
     first_box: tuple[float, float] | None = None
     true_disparities: tuple[Path, ...] = ()
@@ -93,19 +112,9 @@ class Recording:
         return self.left + self.right
 
     @property
-    def pose_files(self) -> tuple[Path, ...]:
-        """The file of the ego poses; empty without one."""
-        return () if self.poses is None else (self.poses,)
-
-    @property
     def truth_files(self) -> tuple[Path, ...]:
-        """The file of the labels; empty without target."""
+        """The files of the labels; empty without target."""
         return () if self.target is None else self.label_files
-
-    @property
-    def label_files(self) -> tuple[Path, ...]:
-        """The file of the labels; empty without one."""
-        return () if self.labels is None else (self.labels,)
 
 
 @dataclass(frozen=True)

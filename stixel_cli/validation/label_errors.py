@@ -10,7 +10,9 @@ from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.rays import Rays, first_crossings, spread_rays
 from stixel_cli.recordings.box import rectangle
-from stixel_cli.recordings.kitti_labels import CLASSES, read_labels
+from stixel_cli.recordings.kitti_labels import CLASSES
+from stixel_cli.recordings.tables import read_labels
+from stixel_cli.recordings.types import TableLayout
 from stixel_cli.stixels.types import Stixels
 from stixel_cli.validation.disparity_fit import DisparityFit, fit_line
 
@@ -36,7 +38,7 @@ class LabelErrors:
 
     Attributes:
         frames: (n,) numbers of the frames.
-        tracks: (n,) track ids.
+        tracks: (n,) one number per track.
         columns: (n,) px, middle of the label's stixels.
         depths: (n,) m, of the label's visible face there.
         errors: (n,) px: measured minus that of the face, the median over the label's stixels.
@@ -57,6 +59,7 @@ def label_errors(
     rig: Rig,
     first: int,
     left_camera: tuple[float, float, float],
+    layout: TableLayout,
 ) -> LabelErrors:
     """Errors at all labelled cars in the frames of `stixels`.
 
@@ -65,13 +68,15 @@ def label_errors(
 
     Args:
         stixels: chunks in the order of their frames.
-        files: the file of the labels.
+        files: the files of the labels.
         rig: of the stixels.
         first: number of the first frame.
         left_camera: place of the left camera in the frame of the labels, m.
+        layout: of the files.
     """
     rays = column_rays(rig)
-    cars = {t: one for t, one in read_labels(files[0]).items() if CLASSES.get(one.kind) == "car"}
+    tracks = enumerate(read_labels(files, layout).values())
+    cars = {i: one for i, one in tracks if CLASSES.get(one.kind) == "car"}
     rows = []
     for chunk in stixels:
         for i in range(len(chunk.offsets) - 1):

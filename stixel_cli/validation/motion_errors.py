@@ -17,7 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.recordings.poses_file import read_poses
+from stixel_cli.recordings.tables import read_poses
+from stixel_cli.recordings.types import TableLayout
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo.disparities import Disparities
 from stixel_cli.validation.disparity_fit import DisparityFit
@@ -80,21 +81,23 @@ def track_points(
     files: tuple[Path, ...],
     rig: Rig,
     first: int,
+    layout: TableLayout,
 ) -> Tracks:
     """Corners with a disparity in one image, and their places in a later one.
 
     Args:
         pairs, disparities: chunks in the order of their frames.
-        files: the file of the ego poses.
+        files: the files of the ego poses.
         rig: of the images.
-        first: number of the first frame: its row in the file.
+        first: number of the first frame.
+        layout: of the files.
 
     Raises:
         UserError: if the file is not valid.
     """
     images = [chunk.left[i] for chunk in pairs for i in range(len(chunk))]
     raw = [chunk.pixels(i) for chunk in disparities for i in range(len(chunk))]
-    poses = read_poses(files[0])[first : first + len(images)]
+    poses = read_poses(files, layout)[first : first + len(images)]
     found, motions = [], []
     for k, step in image_pairs(poses[:, :, 3]):
         motion = motion_between(poses[k], poses[k + step])

@@ -53,7 +53,14 @@ def named(key):
 
 OF_A_RECORDING = {("path", "source"), ("path", "recorded")} | {
     ("source", kind)
-    for kind in ("kitti_tracking", "kitti_odometry", "kitti_pair", "folder", "pair")
+    for kind in (
+        "kitti_tracking",
+        "kitti_odometry",
+        "kitti_pair",
+        "virtual_kitti",
+        "folder",
+        "pair",
+    )
 }
 """Variants that need a folder: see tests/recordings."""
 

@@ -63,7 +63,7 @@ def test_the_pair_of_a_benchmark_is_found(pair):
     found = find_recording(source(pair))
     assert found.left[0].name == "000007_10.png" and found.count == 1
     assert (found.width, found.height) == (RIG.width, RIG.height)
-    assert found.true_disparities[0].parent.name == "disp_occ" and found.labels is None
+    assert found.true_disparities[0].parent.name == "disp_occ" and found.label_files == ()
     with pytest.raises(UserError, match=r"source\.sequence: .* has no image_2/000008\.png"):
         find_recording(source(pair, "000008"))
 
@@ -78,7 +78,7 @@ def test_the_object_benchmark_has_labels_without_tracks(pair, tmp_path):
         (tmp_path / name / "000003.txt").write_text(text)
     found = find_recording(source(tmp_path, "3"))
     assert found.true_disparities == ()
-    labels = read_labels(found.labels)
+    labels = read_labels(*found.label_files)
     assert list(labels) == [0] and labels[0].kind == "Car" and labels[0].frames.tolist() == [0]
     np.testing.assert_array_equal(labels[0].sizes, [[1.5, 1.8, 4.0]])
 
