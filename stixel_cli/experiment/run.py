@@ -45,6 +45,9 @@ OF_THE_MACHINE = ("executor", "cache")
 CAMERA = "camera_frames"
 """The stage that prepares the camera's images for the playback page."""
 
+OBJECTS = "objects"
+"""The stage of the objects in the frames of a recording."""
+
 
 def plan_experiment(configuration: Configuration, store: Store) -> Plan:
     """The nodes that an experiment would compute, given the results in `store`.
@@ -118,6 +121,9 @@ def run_experiment(
         frames = tuple(
             store.load(node.key) for node in (graph.of_stage(CAMERA) if with_camera else ())
         )
+        objects = tuple(
+            store.load(node.key) for node in (graph.of_stage(OBJECTS) if OBJECTS in wanted else ())
+        )
         lineage = lineage_of(graph, execution.records, store)
     return RunResult(
         settings=composition.resolved,
@@ -127,6 +133,7 @@ def run_experiment(
         **results,
         pictures=files,
         camera=frames,
+        objects=objects,
         lineage=lineage,
     )
 
@@ -222,11 +229,14 @@ def one_line_errors() -> Iterator[None]:
 def targets(graph: Graph, pictures: bool = True, camera: bool | None = None) -> list[str]:
     """Names of the stages that an experiment needs: `RESULTS`, those that draw, and `CAMERA`.
 
-    `camera` is None to include `CAMERA` if there are pictures.
+    `OBJECTS` is one of them where the pipeline has it. `camera` is None to include `CAMERA` if
+    there are pictures.
     """
     wanted = [*RESULTS, *(picture_stages(graph) if pictures else ())]
     if (pictures if camera is None else camera) and CAMERA in graph.stages:
         wanted.append(CAMERA)
+    if OBJECTS in graph.stages:
+        wanted.append(OBJECTS)
     return wanted
 
 

@@ -155,6 +155,9 @@ TABLE: dict[str, Definition] = {
         "map",
         _same("rig", "height", "extraction"),
     ),
+    "objects": Definition(
+        _only("measurements.objects:find_objects"), "map", {"gates": "measurement.gates"}
+    ),
     "gather_scans": Definition(
         _only("measurements.simulated:gather_scans"), "once", _same("measurement")
     ),

@@ -16,6 +16,7 @@ from stixel_cli.results.ego_frame import (
     track_in_ego_frame,
 )
 from stixel_cli.results.lineage import Lineage
+from stixel_cli.results.objects import object_columns
 from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.results.reader import (
     SERIES,
@@ -27,6 +28,7 @@ from stixel_cli.results.reader import (
     read_series,
 )
 from stixel_cli.scene.scenario import Scenario
+from stixel_cli.stixels.objects import Objects
 from stixel_cli.tracking.track import Track
 
 
@@ -46,6 +48,7 @@ class RunResult:
         scenario, scans, track, scores: results of the stages of these names.
         pictures: path below `figures/` to the file's bytes.
         camera: chunks of the camera's frames, in order; empty for a run without images.
+        objects: chunks of the clusters of stixels, in order; empty unless images are recorded.
         lineage: keys, settings and versions of each stage; None in a folder of an older version.
         label: name of the run in a legend.
     """
@@ -61,6 +64,7 @@ class RunResult:
     scores: Scores | None = None
     pictures: Mapping[str, bytes] = field(default_factory=dict)
     camera: tuple[CameraFrames, ...] = ()
+    objects: tuple[Objects, ...] = ()
     lineage: Lineage | None = None
     label: str = ""
 
@@ -103,15 +107,23 @@ class RunResult:
         """Columns of `scans` (one row per point); `track`, `scores`, `ego`, `truth` (per scan).
 
         `ego` has the poses of the ego car, `truth` those of the target; a run without truth has no
-        `truth`. All are in the world frame. They are the columns of the
-        CSV files. `pandas.DataFrame(result.tables["track"])` is such a table.
+        `truth`. `objects` has one row per object of a recording. All are in the world frame.
+        They are the columns of the CSV files.
+
+        `pandas.DataFrame(result.tables["track"])` is such a table.
         """
+        scenario = self.scenario
         return {
             "scans": scan_columns(self.scans),
             "track": track_columns(self.track),
             "scores": score_columns(self.scores),
-            "ego": pose_columns(self.scenario.times, self.scenario.ego_poses_world),
-            **({"truth": truth_columns(self.scenario)} if self.scenario.known.any() else {}),
+            "ego": pose_columns(scenario.times, scenario.ego_poses_world),
+            **({"truth": truth_columns(scenario)} if scenario.known.any() else {}),
+            **(
+                {"objects": object_columns(self.objects, scenario.times, scenario.ego_poses_world)}
+                if self.objects
+                else {}
+            ),
         }
 
     @property

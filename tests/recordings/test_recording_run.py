@@ -197,6 +197,12 @@ def test_a_clip_is_tracked_and_scored_and_keys_hold_no_path(clip, tmp_path, monk
     figures = {str(file.relative_to(tmp_path / "one")) for file in tmp_path.rglob("one/figures/*")}
     assert "figures/path.png" in figures and "figures/k0001" in figures
     assert not list((tmp_path / "one").rglob("00000*.png"))
+    with np.load(tmp_path / "one" / "objects.npz") as objects:
+        # The car is an object in every frame, near its rear's place.
+        truth = small_scenario().target_poses_world
+        for k in range(5):
+            places = np.stack([objects["x"], objects["y"]], axis=1)[objects["k"] == k]
+            assert np.hypot(*(places - truth[k, :2]).T).min() < 3.0
     # Another place of the same files: nothing is computed again.
     own.rename(tmp_path / "moved")
     moved = run(capsys, tmp_path, *of(tmp_path / "moved"), "pictures.frames=[1]", "--name", "two")
