@@ -20,8 +20,8 @@ from stixel_cli.engine.store import open_store
 from stixel_cli.experiment.run import experiment_graph
 from stixel_cli.experiment.stages import recording_of
 from stixel_cli.geometry.pose import target_from_world
+from stixel_cli.measurements.clusters import cluster, distances
 from stixel_cli.measurements.gates import candidates
-from stixel_cli.measurements.objects import cluster, distances
 from stixel_cli.recordings.kitti_labels import read_labels
 from stixel_cli.rendering.frames import TARGET_ID
 from stixel_cli.stixels.types import Stixels

@@ -18,6 +18,7 @@ def assembled_recording(
     poses: Path,
     labels: Path | None = None,
     target: int | None = None,
+    auto: bool = False,
 ) -> Recording:
     """The recording in these files, checked as far as the heads of the images.
 
@@ -57,5 +58,6 @@ def assembled_recording(
         poses=poses if poses.exists() else None,
         labels=labels if labels is not None and labels.exists() else None,
         target=target,
+        auto=auto,
         **of_target,
     )

@@ -42,5 +42,6 @@ def find_recording(source: KittiTracking) -> Recording:
         right_folder=root / "image_03" / name,
         labels=root / "label_02" / f"{name}.txt",
         poses=root / "ego_poses" / f"{name}.txt",
-        target=source.target,
+        target=None if source.target == "auto" else source.target,
+        auto=source.target == "auto",
     )

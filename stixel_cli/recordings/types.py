@@ -44,6 +44,7 @@ class Recording:
         poses: file of the ego poses; None without one.
         labels: file of the labels; None without one.
         target: track id in the labels; None for no truth.
+        auto: whether all that moves is tracked.
         label: type of the target's label, such as `Car`; None without target.
         first_box: left and right border, px, of the target's box in the first image, or None.
         true_disparities: one file per frame of the left images' true disparities; () without.
@@ -59,6 +60,7 @@ class Recording:
     poses: Path | None = None
     labels: Path | None = None
     target: int | None = None
+    auto: bool = False
     label: str | None = None
     first_box: tuple[float, float] | None = None
     true_disparities: tuple[Path, ...] = ()

@@ -12,6 +12,7 @@ from stixel_cli.report import ground, style
 from stixel_cli.results.pictures import Pictures
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.stixels.objects import Objects
+from stixel_cli.tracking.found import ObjectTrack
 from stixel_cli.tracking.track import Track
 
 
@@ -22,6 +23,7 @@ def track_pictures(
     field_of_view: tuple[float, float] | None,
     frame: int,
     objects: Objects | None = None,
+    tracks: tuple[ObjectTrack, ...] = (),
 ) -> Pictures:
     """The bird's eye view of scan `frame`: all that is seen, and the target enlarged.
 
@@ -29,7 +31,7 @@ def track_pictures(
     standard deviation (points which the tracker used apart from the others), the true contour, the
     estimated one with its band of ± 2 standard deviations of the radius, both headings. Where the
     truth is unknown, only the estimate is drawn. `field_of_view` is in rad, None if unknown. With
-    `objects`, the rectangles round their points are drawn.
+    `objects`, the rectangles round their points are drawn; with `tracks`, those of all that moves.
     """
     with style.drawing({"axes.grid": True}):
         figure = style.new_figure(10.4, 5.7)
@@ -39,6 +41,7 @@ def track_pictures(
             axes.set(xlabel="x in the world (m)", ylabel="y in the world (m)")
             _draw_target(axes, track, scenario, frame, linewidth)
             _draw_scan(axes, scans, track, frame)
+            _draw_tracks(axes, tracks, frame)
             if objects is not None:
                 _draw_objects(axes, objects, scenario.ego_poses_world[frame], frame)
         _draw_centre(near, track, frame)
@@ -58,6 +61,18 @@ def _draw_objects(axes: Axes, objects: Objects, ego_pose_world: np.ndarray, k: i
         ground.draw_contour(axes, corners_world, style.OBJECT, linewidth=1.0)
         place = corners_world[corners_world[:, 1].argmax()]
         axes.text(*place, str(number), color=style.OBJECT, size=7, clip_on=True)
+
+
+def _draw_tracks(axes: Axes, tracks: tuple[ObjectTrack, ...], k: int) -> None:
+    """Contour, path and number of each track that has scan k."""
+    for number, one in enumerate(tracks):
+        i = k - one.first
+        if 0 <= i < len(one.track.times) and np.isfinite(one.track.means[i]).all():
+            colour = style.RUNS[number % len(style.RUNS)]
+            ground.draw_contour(axes, one.track.contours_world[i], colour, linewidth=0.9)
+            axes.plot(*one.track.means[: i + 1, :2].T, color=colour, linewidth=0.9)
+            place = one.track.means[i, :2]
+            axes.text(*place, f"   track {number}", color=colour, size=7, clip_on=True)
 
 
 def _outline(track: Track, scenario: Scenario, k: int) -> np.ndarray:

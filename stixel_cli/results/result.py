@@ -1,6 +1,6 @@
 """The result of one run, as it flows from the run to its folder, to tables, plots and pages."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from stixel_cli.results.reader import (
 )
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.stixels.objects import Objects
+from stixel_cli.tracking.found import ObjectTrack
 from stixel_cli.tracking.track import Track
 
 
@@ -49,6 +50,7 @@ class RunResult:
         pictures: path below `figures/` to the file's bytes.
         camera: chunks of the camera's frames, in order; empty for a run without images.
         objects: chunks of the clusters of stixels, in order; empty unless images are recorded.
+        tracks: those of all that moves, with `source.target=auto`.
         lineage: keys, settings and versions of each stage; None in a folder of an older version.
         label: name of the run in a legend.
     """
@@ -65,6 +67,7 @@ class RunResult:
     pictures: Mapping[str, bytes] = field(default_factory=dict)
     camera: tuple[CameraFrames, ...] = ()
     objects: tuple[Objects, ...] = ()
+    tracks: tuple[ObjectTrack, ...] = ()
     lineage: Lineage | None = None
     label: str = ""
 
@@ -107,7 +110,8 @@ class RunResult:
         """Columns of `scans` (one row per point); `track`, `scores`, `ego`, `truth` (per scan).
 
         `ego` has the poses of the ego car, `truth` those of the target; a run without truth has no
-        `truth`. `objects` has one row per object of a recording. All are in the world frame.
+        `truth`. `objects` has one row per object of a recording, `tracks` one per
+        road user and scan. All are in the world frame.
         They are the columns of the CSV files.
 
         `pandas.DataFrame(result.tables["track"])` is such a table.
@@ -124,6 +128,7 @@ class RunResult:
                 if self.objects
                 else {}
             ),
+            **({"tracks": tracks_columns(self.tracks)} if self.tracks else {}),
         }
 
     @property
@@ -204,6 +209,20 @@ def track_columns(track: Track) -> dict[str, np.ndarray]:
         "points_used": np.diff(track.used_offsets),
         "nis": track.nis,
         "nis_degrees_of_freedom": track.nis_degrees_of_freedom,
+    }
+
+
+def tracks_columns(tracks: Sequence[ObjectTrack]) -> dict[str, np.ndarray]:
+    """The tracks as one table: `track`, its number from 0, and the columns of `track_columns`.
+
+    k is that of the run.
+    """
+    tables = [track_columns(one.track) for one in tracks]
+    for one, table in zip(tracks, tables, strict=True):
+        table["k"] = table["k"] + one.first
+    numbers = np.repeat(np.arange(len(tracks)), [len(table["k"]) for table in tables])
+    return {"track": numbers} | {
+        name: np.concatenate([table[name] for table in tables]) for name in tables[0]
     }
 
 

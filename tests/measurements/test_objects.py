@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
-from stixel_cli.measurements.objects import cluster, find_objects, smallest_rectangle
+from stixel_cli.measurements.clusters import cluster
+from stixel_cli.measurements.objects import find_objects, smallest_rectangle
 from stixel_cli.results.objects import object_columns
 from stixel_cli.stixels.types import Stixels
 
