@@ -141,6 +141,8 @@ def locate(path: tuple[str | int, ...]) -> tuple[str, Any]:
         if isinstance(part, int):
             name += f"[{part}]"
             annotation = _element(annotation, part)
+        elif not schemas and len(_alternatives(annotation)) > 1:
+            continue  # A member of a union of plain types.
         else:
             name += f".{part}" if name else part
             fields = [_fields(schema)[part] for schema in schemas if part in _fields(schema)]

@@ -109,7 +109,7 @@ def suitable_overrides(recording: Recording, typed: Mapping[str, Any]) -> list[s
     chosen = {group: typed.get(group, option) for group, option in options.items()}
     values: dict[str, Any] = dict(VALUES)
     if chosen["start"] == "scans":
-        values |= FROM_SCANS
+        values |= {} if recording.auto else FROM_SCANS
         if recording.label:
             lowest, highest = recording.first_bearings
             values["start.bearing"] = f"[{lowest:.3f},{highest:.3f}]"

@@ -13,7 +13,7 @@ from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.export_folder import stage_results, write_new_folder
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.measurements.simulated import candidates
+from stixel_cli.measurements.gates import candidates
 from stixel_cli.results.result import RunResult
 from stixel_cli.stixels.types import Stixels
 
@@ -66,7 +66,7 @@ def export_stx1(stored: RunResult, folder: Path, progress: Progress | None = Non
         def write(partial: Path) -> None:
             passed = 0  # Points of the scans before: a scan has the candidates of its frame.
             for pairs, stixels in zip(found[images], found["stixels"], strict=True):
-                inside = np.flatnonzero(candidates(stixels, configuration.measurement))
+                inside = np.flatnonzero(candidates(stixels, configuration.measurement.gates))
                 of_target = np.zeros(len(stixels.left), dtype=bool)
                 of_target[inside] = np.isin(passed + np.arange(len(inside)), track.used_points)
                 passed += len(inside)

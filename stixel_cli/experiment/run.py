@@ -45,6 +45,9 @@ OF_THE_MACHINE = ("executor", "cache")
 CAMERA = "camera_frames"
 """The stage that prepares the camera's images for the playback page."""
 
+OBJECTS, TRACKS = "objects", "tracks"
+"""Stages of a recording: the objects in its frames; the tracks of all that moves."""
+
 
 def plan_experiment(configuration: Configuration, store: Store) -> Plan:
     """The nodes that an experiment would compute, given the results in `store`.
@@ -118,6 +121,10 @@ def run_experiment(
         frames = tuple(
             store.load(node.key) for node in (graph.of_stage(CAMERA) if with_camera else ())
         )
+        objects, tracks = (
+            tuple(store.load(node.key) for node in (graph.of_stage(name) if name in wanted else ()))
+            for name in (OBJECTS, TRACKS)
+        )
         lineage = lineage_of(graph, execution.records, store)
     return RunResult(
         settings=composition.resolved,
@@ -127,6 +134,8 @@ def run_experiment(
         **results,
         pictures=files,
         camera=frames,
+        objects=objects,
+        tracks=tracks[0] if tracks else (),
         lineage=lineage,
     )
 
@@ -222,11 +231,13 @@ def one_line_errors() -> Iterator[None]:
 def targets(graph: Graph, pictures: bool = True, camera: bool | None = None) -> list[str]:
     """Names of the stages that an experiment needs: `RESULTS`, those that draw, and `CAMERA`.
 
-    `camera` is None to include `CAMERA` if there are pictures.
+    `OBJECTS` and `TRACKS` are of them where the pipeline has them. `camera` is None to include
+    `CAMERA` if there are pictures.
     """
     wanted = [*RESULTS, *(picture_stages(graph) if pictures else ())]
     if (pictures if camera is None else camera) and CAMERA in graph.stages:
         wanted.append(CAMERA)
+    wanted += [name for name in (OBJECTS, TRACKS) if name in graph.stages]
     return wanted
 
 

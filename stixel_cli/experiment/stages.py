@@ -57,6 +57,8 @@ class Definition:
         pictures: whether it draws: its result is a `Pictures`.
         code: dotted paths of the settings that name the user's own functions: their code is part of
             the key.
+        calls: another stage whose function this one calls: it gets the function's name as
+            `function` and its settings as `settings`; "" for none.
     """
 
     functions: Mapping[str, str]
@@ -69,6 +71,7 @@ class Definition:
     recorded: str = ""
     pictures: bool = False
     code: tuple[str, ...] = ()
+    calls: str = ""
 
 
 def _only(function: str) -> dict[str, str]:
@@ -157,6 +160,9 @@ TABLE: dict[str, Definition] = {
         "map",
         _same("rig", "height", "extraction"),
     ),
+    "objects": Definition(
+        _only("measurements.objects:find_objects"), "map", {"gates": "measurement.gates"}
+    ),
     "gather_scans": Definition(
         _only("measurements.simulated:gather_scans"), "once", _same("measurement")
     ),
@@ -220,12 +226,17 @@ TABLE: dict[str, Definition] = {
     "scans_start": Definition(
         _only("tracking.start_scans:start_from_scans"), "once", _same("start", "prior")
     ),
+    "find_tracks": Definition(
+        _only("tracking.clusters:find_tracks"), "once", {"prior": "prior", "std": "start.std"}
+    ),
+    "found_start": Definition(_only("tracking.start_found:start_from_found"), "once"),
     "track": Definition(
         _by_kind(Tracker, "track"),
         "once",
         _same("prior", "tracker"),
         chosen_by="tracker",
     ),
+    "track_each": Definition(_only("tracking.several:track_each"), "once", calls="track"),
     "ceilings": Definition(
         _only("evaluation.ceilings:find_ceilings"),
         "once",
@@ -388,6 +399,8 @@ def pipeline_stages(configuration: Configuration) -> list[Stage]:
         recording = find_replay(configuration.path)
     path = shipped_folder("pipelines") / f"{kind}.yaml"
     pipeline = _read(path)
+    if recording is not None and recording.auto:
+        pipeline = _with_tracks(pipeline)
     if is_disturbed(configuration.measurement):
         pipeline = _with_disturbance(pipeline)
     return [
@@ -402,6 +415,19 @@ def _with_disturbance(
     """The pipeline with `disturb_scans` between the sensor's scans and all that use them."""
     clean = {("clean_scans" if name == "scans" else name): own for name, own in pipeline.items()}
     return clean | {"scans": {"stage": "disturb_scans", "scans": "clean_scans"}}
+
+
+def _with_tracks(
+    pipeline: Mapping[str, dict[str, str] | None],
+) -> dict[str, dict[str, str] | None]:
+    """The pipeline with the tracks of all that moves; the run's own starts at one of them."""
+    found = {
+        "found_tracks": {"stage": "find_tracks", "scans": "scans"},
+        "start": {"stage": "found_start", "found": "found_tracks"},
+        "tracks": {"stage": "track_each", "found": "found_tracks", "scans": "scans"},
+    }
+    drawn = {"track_pictures": {**pipeline["track_pictures"], "tracks": "tracks"}}
+    return {**pipeline, **found, **drawn}
 
 
 def recording_of(configuration: Configuration) -> Recording | None:
@@ -476,7 +502,7 @@ def _stage(
     names = [_value(configuration, path) for path in definition.code]
     functions = [f for name in names for f in ((name,) if isinstance(name, str) else name)]
     kind = _value(configuration, f"{definition.chosen_by}.kind") if definition.chosen_by else ""
-    return Stage(
+    made = Stage(
         name=name,
         function=definition.functions[kind],
         pattern=definition.pattern,
@@ -493,6 +519,16 @@ def _stage(
         ),
         gives_files=bool(definition.recorded),
         keys=definition.reads,
+    )
+    if not definition.calls:
+        return made
+    called = _stage(configuration, recording, path, definition.calls, {})
+    return replace(
+        made,
+        settings=made.settings | {"function": called.function, "settings": dict(called.settings)},
+        modules=(*made.modules, called.function.partition(":")[0], *called.modules),
+        folders=called.folders,
+        own=called.own,
     )
 
 

@@ -8,6 +8,7 @@ from annotated_types import Ge, Gt, Le
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotate_covariances, world_from_ego
 from stixel_cli.measurements.disturbance_parameters import Disturbance
+from stixel_cli.measurements.gates import Gates, candidates
 from stixel_cli.measurements.scans import Scans, check_gates
 from stixel_cli.parameters import parameters
 from stixel_cli.scene.scenario import EgoMotion
@@ -33,9 +34,14 @@ class SimulatedParameters(Disturbance):
     range_max: Annotated[float, Gt(0), Le(1000)]
     correlation_columns: Annotated[float, Ge(0), Le(1000)]
 
+    @property
+    def gates(self) -> Gates:
+        """The gates of height and range, m."""
+        return self.height_min, self.height_max, self.range_min, self.range_max
+
     def check(self) -> None:
         """Raise ValueError unless both gates are open."""
-        check_gates(self.height_min, self.height_max, self.range_min, self.range_max)
+        check_gates(*self.gates)
 
 
 def gather_scans(
@@ -56,7 +62,7 @@ def gather_scans(
     for chunk in stixels:
         if chunk.first != len(scans):
             raise ValueError(f"stixels of frame {len(scans)} expected, got {chunk.first}")
-        inside = candidates(chunk, measurement)
+        inside = candidates(chunk, measurement.gates)
         for i in range(len(chunk.offsets) - 1):
             if len(scans) == len(ego_motion.times):
                 raise ValueError(f"more stixels than the {len(scans)} frames of the ego motion")
@@ -85,15 +91,3 @@ def _correlations(chunk: Stixels, chosen: np.ndarray, columns: float) -> np.ndar
         correlations[1:] = np.exp(-np.diff(middles) / columns)
     correlations[1:][np.abs(np.diff(chunk.depth[chosen])) > SAME_OBJECT] = 0.0
     return correlations
-
-
-def candidates(chunk: Stixels, gate: SimulatedParameters) -> np.ndarray:
-    """Which stixels (S,) of a chunk are inside the gates; one that is not finite is not."""
-    ranges = np.hypot(chunk.points_ego[:, 0], chunk.points_ego[:, 1])
-    return (
-        (chunk.height >= gate.height_min)
-        & (chunk.height <= gate.height_max)
-        & (ranges >= gate.range_min)
-        & (ranges <= gate.range_max)
-        & np.isfinite(chunk.covariances_ego).all(axis=(1, 2))
-    )

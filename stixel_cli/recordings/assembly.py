@@ -18,6 +18,7 @@ def assembled_recording(
     labels: tuple[Path, ...] = (),
     target: int | str | None = None,
     layout: TableLayout = KITTI,
+    auto: bool = False,
 ) -> Recording:
     """The recording in these files, checked as far as the heads of the images.
 
@@ -56,6 +57,7 @@ def assembled_recording(
         label_files=_existing(labels),
         table_layout=layout,
         target=target,
+        auto=auto,
         **of_target,
     )
 

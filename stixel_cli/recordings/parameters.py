@@ -50,12 +50,13 @@ class KittiTracking(Recorded):
 
     Attributes:
         sequence: number of the clip, such as 0005.
-        target: track id in the labels; null for no truth.
+        target: track id in the labels; `auto`: all that moves is tracked, without truth; null for
+            no truth.
     """
 
     kind: Literal["kitti_tracking"]
     sequence: str | None
-    target: Annotated[int, Ge(0)] | None
+    target: Annotated[int, Ge(0)] | Literal["auto"] | None
 
     def check(self) -> None:
         """Raise ValueError if a needed value is missing or not valid."""
@@ -73,11 +74,12 @@ class PlainFolder(Recorded):
     """A folder with `rig.yaml`, the images in `left/` and `right/`, and optional truth.
 
     Attributes:
-        target: track id in the labels; null for no truth.
+        target: track id in the labels; `auto`: all that moves is tracked, without truth; null for
+            no truth.
     """
 
     kind: Literal["folder"]
-    target: Annotated[int, Ge(0)] | None
+    target: Annotated[int, Ge(0)] | Literal["auto"] | None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -41,7 +41,8 @@ def find_recording(source: PlainFolder) -> Recording:
         right=numbered_images(root / "right"),
         labels=(root / "labels.txt",),
         poses=(root / "poses.txt",),
-        target=source.target,
+        target=None if source.target == "auto" else source.target,
+        auto=source.target == "auto",
     )
 
 

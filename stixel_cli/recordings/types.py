@@ -62,6 +62,7 @@ class Recording:
         label_files: files of the labels; () without.
         table_layout: of both.
         target: track id in the labels; None for no truth.
+        auto: whether all that moves is tracked.
         label: type of the target's label, such as `Car`; None without target.
         first_box: left and right border, px, of the target's box in the first image, or None.
         true_disparities: one file per frame of the left images' true disparities; () without.
@@ -78,6 +79,7 @@ class Recording:
     label_files: tuple[Path, ...] = ()
     table_layout: TableLayout = KITTI
     target: int | str | None = None
+    auto: bool = False
     label: str | None = None
     first_box: tuple[float, float] | None = None
     true_disparities: tuple[Path, ...] = ()

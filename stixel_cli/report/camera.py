@@ -19,6 +19,7 @@ from stixel_cli.report.camera_panels import FrameView
 from stixel_cli.results.pictures import Pictures
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stereo.disparities import Disparities
+from stixel_cli.stixels.objects import Objects
 from stixel_cli.stixels.types import FreeSpace, Stixels
 
 if TYPE_CHECKING:  # the module compiles kernels, which no picture needs
@@ -61,14 +62,16 @@ def camera_pictures(
     ego_motion: EgoMotion,
     rig: Rig,
     frame: int,
+    objects: Objects | None = None,
 ) -> Pictures:
     """Pictures of frame `frame`, at the resolution of the image; the chunks must contain the frame.
 
     Gives `k0033/left.png` (in colour; as rendered, without noise), `disparity.png`,
     `occupancy.png`, `free_space.png`, `height.png` and `stixels.png` (over the camera's grey
     image), and `camera.png`, all of them on one page. Only the times of `ego_motion` are used.
+    With `objects`, their boxes are drawn over the stixels.
     """
-    view = _view(rendered, pairs, disparities, grid, free_space, stixels, rig, frame)
+    view = _view(rendered, pairs, disparities, grid, free_space, stixels, rig, frame, objects)
     time = float(ego_motion.times[frame])
     with style.drawing({"axes.spines.top": True, "axes.spines.right": True}):
         figures = {panel.name: _single(panel, view, frame, time) for panel in PANELS}
@@ -78,9 +81,14 @@ def camera_pictures(
         )
 
 
-def _view(rendered, pairs, disparities, grid, free_space, stixels, rig, frame) -> FrameView:
+def _view(
+    rendered, pairs, disparities, grid, free_space, stixels, rig, frame, objects
+) -> FrameView:
     i = frame - free_space.first
     rows = stixels.rows(frame - stixels.first)
+    boxes = np.zeros((0, 4), dtype=np.int32)
+    if objects is not None:
+        boxes = objects.boxes[objects.rows(frame - objects.first)]
     slope, intercept = free_space.road[i]
     farthest = rig.disparity_from_depth(float(grid.depths[-1]))
     horizon = (farthest - intercept) / slope if slope > 0 else 0.0
@@ -102,6 +110,7 @@ def _view(rendered, pairs, disparities, grid, free_space, stixels, rig, frame) -
         top=stixels.top[rows],
         base=stixels.base[rows],
         depth=stixels.depth[rows],
+        boxes=boxes,
     )
 
 

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import ListedColormap, LogNorm, to_rgb
+from matplotlib.patches import Rectangle
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.report import style
@@ -39,6 +40,7 @@ class FrameView:
         horizon_row: the first image row of the road in the grid.
         left, right, top, base: (S,) px, the stixels' columns left … right - 1, rows top … base.
         depth: (S,) m, the stixels' depth.
+        boxes: (B, 4) px, the objects' columns left … right - 1 and rows top … base.
     """
 
     rig: Rig
@@ -58,6 +60,7 @@ class FrameView:
     top: np.ndarray
     base: np.ndarray
     depth: np.ndarray
+    boxes: np.ndarray
 
 
 def draw_left(axes: Axes, view: FrameView) -> None:
@@ -118,7 +121,7 @@ def draw_height(axes: Axes, view: FrameView) -> None:
 
 
 def draw_stixels(axes: Axes, view: FrameView) -> None:
-    """Stixels, coloured by their depth, over the camera's image."""
+    """Stixels, coloured by their depth, and the boxes of the objects, over the camera's image."""
     _draw_image(axes, _grey_rgb(view))
     left, right = view.left - 0.5, view.right - 0.5
     top, base = view.top - 0.5, view.base + 0.5
@@ -133,6 +136,19 @@ def draw_stixels(axes: Axes, view: FrameView) -> None:
         ),
         autolim=False,
     )
+    for number, (left, right, top, base) in enumerate(view.boxes):
+        place = (left - 0.5, top - 0.5)
+        axes.add_patch(
+            Rectangle(
+                place,
+                right - left,
+                base + 1 - top,
+                fill=False,
+                edgecolor=style.OBJECT,
+                linewidth=1.2,
+            )
+        )
+        axes.text(*place, str(number), color=style.OBJECT, size=7, va="bottom", clip_on=True)
 
 
 def likelihood_scale(view: FrameView) -> ScalarMappable:

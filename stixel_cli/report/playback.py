@@ -30,6 +30,7 @@ from stixel_cli.report.playback_facts import facts_of, origin_of, summary_of
 from stixel_cli.report.tracker_noise import noise_of
 from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.results.result import RunResult
+from stixel_cli.stixels.objects import Objects
 
 IMAGE_BUDGET = 4_200_000
 """Characters of encoded images on a page. Longer runs show every 2nd, 3rd, … frame."""
@@ -183,7 +184,19 @@ def _run(run: RunResult, facts: Sequence[tuple[str, str]]) -> dict[str, Any]:
             for name, series in SERIES.items()
         },
         "nisBounds": [numbers(low, 3), numbers(high, 3)],
+        "boxes": _boxes(run.objects),
     }
+
+
+def _boxes(objects: Sequence[Objects]) -> list[list[int]] | None:
+    """left, right, top, base (px) of the objects of each frame, in one list; None without any."""
+    if not objects:
+        return None
+    return [
+        one.boxes[one.rows(i)].ravel().tolist()
+        for one in objects
+        for i in range(len(one.offsets) - 1)
+    ]
 
 
 def _scan(scans: Scans) -> dict[str, Any]:

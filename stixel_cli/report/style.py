@@ -26,6 +26,7 @@ FREE = "#009e73"
 OBSTACLE = "#d0312d"
 INVALID = "#cfcfcf"
 UNKNOWN = "#7b3fa0"
+OBJECT = "#56b4e9"
 CONSISTENT = "#e6e6e6"
 
 RUNS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#5b4b8a", "#777777")

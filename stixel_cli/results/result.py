@@ -1,6 +1,6 @@
 """The result of one run, as it flows from the run to its folder, to tables, plots and pages."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from stixel_cli.results.ego_frame import (
     track_in_ego_frame,
 )
 from stixel_cli.results.lineage import Lineage
+from stixel_cli.results.objects import object_columns
 from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.results.reader import (
     SERIES,
@@ -27,6 +28,8 @@ from stixel_cli.results.reader import (
     read_series,
 )
 from stixel_cli.scene.scenario import Scenario
+from stixel_cli.stixels.objects import Objects
+from stixel_cli.tracking.found import ObjectTrack
 from stixel_cli.tracking.track import Track
 
 
@@ -46,6 +49,8 @@ class RunResult:
         scenario, scans, track, scores: results of the stages of these names.
         pictures: path below `figures/` to the file's bytes.
         camera: chunks of the camera's frames, in order; empty for a run without images.
+        objects: chunks of the clusters of stixels, in order; empty unless images are recorded.
+        tracks: those of all that moves, with `source.target=auto`.
         lineage: keys, settings and versions of each stage; None in a folder of an older version.
         label: name of the run in a legend.
     """
@@ -61,6 +66,8 @@ class RunResult:
     scores: Scores | None = None
     pictures: Mapping[str, bytes] = field(default_factory=dict)
     camera: tuple[CameraFrames, ...] = ()
+    objects: tuple[Objects, ...] = ()
+    tracks: tuple[ObjectTrack, ...] = ()
     lineage: Lineage | None = None
     label: str = ""
 
@@ -103,15 +110,25 @@ class RunResult:
         """Columns of `scans` (one row per point); `track`, `scores`, `ego`, `truth` (per scan).
 
         `ego` has the poses of the ego car, `truth` those of the target; a run without truth has no
-        `truth`. All are in the world frame. They are the columns of the
-        CSV files. `pandas.DataFrame(result.tables["track"])` is such a table.
+        `truth`. `objects` has one row per object of a recording, `tracks` one per
+        road user and scan. All are in the world frame.
+        They are the columns of the CSV files.
+
+        `pandas.DataFrame(result.tables["track"])` is such a table.
         """
+        scenario = self.scenario
         return {
             "scans": scan_columns(self.scans),
             "track": track_columns(self.track),
             "scores": score_columns(self.scores),
-            "ego": pose_columns(self.scenario.times, self.scenario.ego_poses_world),
-            **({"truth": truth_columns(self.scenario)} if self.scenario.known.any() else {}),
+            "ego": pose_columns(scenario.times, scenario.ego_poses_world),
+            **({"truth": truth_columns(scenario)} if scenario.known.any() else {}),
+            **(
+                {"objects": object_columns(self.objects, scenario.times, scenario.ego_poses_world)}
+                if self.objects
+                else {}
+            ),
+            **({"tracks": tracks_columns(self.tracks)} if self.tracks else {}),
         }
 
     @property
@@ -192,6 +209,20 @@ def track_columns(track: Track) -> dict[str, np.ndarray]:
         "points_used": np.diff(track.used_offsets),
         "nis": track.nis,
         "nis_degrees_of_freedom": track.nis_degrees_of_freedom,
+    }
+
+
+def tracks_columns(tracks: Sequence[ObjectTrack]) -> dict[str, np.ndarray]:
+    """The tracks as one table: `track`, its number from 0, and the columns of `track_columns`.
+
+    k is that of the run.
+    """
+    tables = [track_columns(one.track) for one in tracks]
+    for one, table in zip(tracks, tables, strict=True):
+        table["k"] = table["k"] + one.first
+    numbers = np.repeat(np.arange(len(tracks)), [len(table["k"]) for table in tables])
+    return {"track": numbers} | {
+        name: np.concatenate([table[name] for table in tables]) for name in tables[0]
     }
 
 

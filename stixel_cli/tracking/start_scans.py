@@ -1,16 +1,15 @@
 """Initialisation of a tracker from the first scans alone: a cluster of points that is followed."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from stixel_cli.geometry.pose import rotation, wrap_angle
+from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
-from stixel_cli.tracking.motion import intervals, transition
+from stixel_cli.tracking.followed import SLACK, Followed, line, state_of
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
 
@@ -51,6 +50,11 @@ class ScansStart:
     velocity: Annotated[float, Gt(0), Le(100)]
     heading_rate: Annotated[float, Gt(0), Le(10)]
 
+    @property
+    def std(self) -> tuple[float, ...]:
+        """Standard deviations (6,) of the state."""
+        return (*[self.position] * 2, self.heading, *[self.velocity] * 2, self.heading_rate)
+
     def check(self) -> None:
         """Raise ValueError for bounds that are not in order."""
         if self.motion == "sensor" and self.bearing is None and self.range is None:
@@ -74,28 +78,8 @@ CERTAIN = 6.0
 LEAST_SCANS = 3
 """Scans of a cluster from which a motion can be seen."""
 
-HEADED = 0.5
-"""The heading is the velocity's direction above this speed, m/s."""
-
 LARGEST = 1.6
 """A cluster of the target is at most this many times the class's diagonal long."""
-
-SEEN = 0.8
-"""A side is seen whole if the points extend over this share of it."""
-
-SLACK = 0.2
-"""Least standard deviation of a cluster's place in one scan, m."""
-
-UNKNOWN_HEADING, UNKNOWN_SPEED = 1.5, 10.0
-"""Standard deviations of what the scans do not show: rad and m/s."""
-
-
-@dataclass(frozen=True)
-class _Followed:
-    """A cluster over several scans: the scans' indices, and the points (n, 2) m of each."""
-
-    scans: tuple[int, ...]
-    points: tuple[np.ndarray, ...]
 
 
 def start_from_scans(scans: Scans, start: ScansStart, prior: PriorShape) -> InitialState:
@@ -116,45 +100,7 @@ def start_from_scans(scans: Scans, start: ScansStart, prior: PriorShape) -> Init
         if start.bearing is None and start.range is None
         else _chosen(scans, clusters, start)
     )
-    size = np.array([prior.length, prior.width])
-    if start.motion == "sensor":
-        return _like_the_sensor(scans, followed, start, size)
-    times = scans.times[list(followed.scans)]
-    _, velocity, _ = _line(times, np.array([points.mean(axis=0) for points in followed.points]))
-    headed = float(np.hypot(*velocity)) >= HEADED
-    heading = float(np.arctan2(velocity[1], velocity[0])) if headed else _longest(followed)
-    centres = np.array(
-        [
-            _centre(points, scans.sensor_poses_world[k, :2], heading, size)
-            for k, points in zip(followed.scans, followed.points, strict=True)
-        ]
-    )
-    centre, velocity, error = _line(times, centres)
-    std = np.array(
-        [start.position] * 2 + [start.heading] + [start.velocity] * 2 + [start.heading_rate]
-    )
-    if not headed:
-        std[2] = max(start.heading, UNKNOWN_HEADING)
-    std[3:5] = min(float(np.hypot(start.velocity, error)), max(start.velocity, UNKNOWN_SPEED))
-    back = transition(scans.times[0] - intervals(scans.times)[0] - times.mean())
-    mean = back @ np.array([*centre, heading, *velocity, 0.0])
-    return InitialState(mean=mean, covariance=back @ np.diag(std**2) @ back.T)
-
-
-def _like_the_sensor(
-    scans: Scans, followed: _Followed, start: ScansStart, size: np.ndarray
-) -> InitialState:
-    """The class's rectangle on the first scan of the cluster, with the sensor's motion there."""
-    k = followed.scans[0]
-    poses, times = scans.sensor_poses_world, scans.times
-    other = k + 1 if k + 1 < len(times) else k - 1
-    rates = (poses[other] - poses[k]) / (times[other] - times[k]) if len(times) > 1 else np.zeros(3)
-    heading = poses[k, 2]
-    centre = _centre(followed.points[0], poses[k, :2], heading, size)
-    std = [start.position] * 2 + [start.heading] + [start.velocity] * 2 + [start.heading_rate]
-    back = transition(times[0] - intervals(times)[0] - times[k])
-    mean = back @ np.array([*centre, heading, *rates[:2], 0.0])
-    return InitialState(mean=mean, covariance=back @ np.diag(np.square(std)) @ back.T)
+    return state_of(scans, followed, np.array([prior.length, prior.width]), start.std, start.motion)
 
 
 def _clusters(points: np.ndarray, start: ScansStart, prior: PriorShape) -> list[np.ndarray]:
@@ -172,7 +118,7 @@ def _clusters(points: np.ndarray, start: ScansStart, prior: PriorShape) -> list[
     return [one for one in found if np.hypot(*np.ptp(one, axis=0)) <= longest]
 
 
-def _chosen(scans: Scans, clusters: Sequence[list[np.ndarray]], start: ScansStart) -> _Followed:
+def _chosen(scans: Scans, clusters: Sequence[list[np.ndarray]], start: ScansStart) -> Followed:
     """The cluster nearest to the middle of the bounds, from the first scan that has one inside."""
     for k in range(len(scans)):
         best = None
@@ -215,7 +161,7 @@ def _from_middle(
     )
 
 
-def _moving(scans: Scans, clusters: Sequence[list[np.ndarray]], start: ScansStart) -> _Followed:
+def _moving(scans: Scans, clusters: Sequence[list[np.ndarray]], start: ScansStart) -> Followed:
     """The cluster that moves with the least doubt, from the first scan that has a moving one."""
     for k in range(len(scans)):
         best = None
@@ -223,7 +169,7 @@ def _moving(scans: Scans, clusters: Sequence[list[np.ndarray]], start: ScansStar
             if len(followed.scans) < LEAST_SCANS:
                 continue
             places = np.array([points.mean(axis=0) for points in followed.points])
-            _, velocity, error = _line(scans.times[list(followed.scans)], places)
+            _, velocity, error = line(scans.times[list(followed.scans)], places)
             speed = float(np.hypot(*velocity))
             moves = speed >= max(SLOWEST, CERTAIN * error)
             if moves and (best is None or speed / error > best[0]):
@@ -242,7 +188,7 @@ def _follow(
     first: int,
     points: np.ndarray,
     start: ScansStart,
-) -> _Followed:
+) -> Followed:
     """The cluster `points` of scan `first` in the scans of the next `duration` s."""
     chain = [(first, points)]
     for k in _until(scans.times, first, start.duration):
@@ -261,7 +207,7 @@ def _follow(
         ]
         if near and min(near)[0] <= reach:
             chain.append((k, clusters[k][min(near)[1]]))
-    return _Followed(tuple(k for k, _ in chain), tuple(points for _, points in chain))
+    return Followed(tuple(k for k, _ in chain), tuple(points for _, points in chain))
 
 
 def _until(times: np.ndarray, first: int, duration: float) -> Iterator[int]:
@@ -269,44 +215,3 @@ def _until(times: np.ndarray, first: int, duration: float) -> Iterator[int]:
     while k < len(times) and times[k] <= times[first] + duration + 1e-9:
         yield k
         k += 1
-
-
-def _line(times: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Place (2,) at the mean of `times` (n,), velocity (2,) of a straight line, and its error.
-
-    The error is the standard error of the velocity along each axis, m/s; `inf` for one scan.
-    """
-    offsets = times - times.mean()
-    spread = float(offsets @ offsets)
-    centre = places.mean(axis=0)
-    if spread == 0.0:
-        return centre, np.zeros(2), np.inf
-    velocity = offsets @ places / spread
-    residuals = places - centre - offsets[:, None] * velocity
-    variance = np.sum(residuals**2) / max(1, 2 * (len(times) - 2))
-    return centre, velocity, float(np.sqrt(max(variance, SLACK**2 / 10.0) / spread))
-
-
-def _longest(followed: _Followed) -> float:
-    """Direction of the longest axis of the points, rad."""
-    points = np.concatenate([points - points.mean(axis=0) for points in followed.points])
-    _, axes = np.linalg.eigh(points.T @ points)
-    return float(np.arctan2(axes[1, 1], axes[0, 1]))
-
-
-def _centre(
-    points_world: np.ndarray, sensor_world: np.ndarray, heading: float, size: np.ndarray
-) -> np.ndarray:
-    """Centre (2,) m of a rectangle of `size` (2,) m whose sides to the sensor have the points.
-
-    Along each axis of the rectangle: in the middle of the points if they extend over the side, or
-    if the sensor is between them; else half a side behind the nearest points.
-    """
-    turn = rotation(heading)
-    points, sensor = points_world @ turn, sensor_world @ turn
-    low, high = np.quantile(points, [0.1, 0.9], axis=0)
-    whole = high - low >= SEEN * size
-    nearest_high, nearest_low = ~whole & (sensor > high), ~whole & (sensor < low)
-    centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    centre = np.where(nearest_high, high - 0.5 * size, centre)
-    return turn @ np.where(nearest_low, low + 0.5 * size, centre)

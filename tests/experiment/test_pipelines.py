@@ -176,7 +176,11 @@ def _spelled(node):
 
 
 # The stages of a recording are wired only with its folder: see tests/recordings.
-@pytest.mark.parametrize("name", [name for name in STAGES if not STAGES[name].recorded])
+OF_RECORDINGS = {name for name in STAGES if STAGES[name].recorded}
+OF_RECORDINGS |= {"objects", "find_tracks", "found_start", "track_each"}
+
+
+@pytest.mark.parametrize("name", [name for name in STAGES if name not in OF_RECORDINGS])
 def test_a_stages_arguments_are_those_of_every_function_it_may_call(name):
     definition = STAGES[name]
     own = ("tracker=own_functions:f", "metrics=[own_functions:f]")

@@ -197,6 +197,12 @@ def test_a_clip_is_tracked_and_scored_and_keys_hold_no_path(clip, tmp_path, monk
     figures = {str(file.relative_to(tmp_path / "one")) for file in tmp_path.rglob("one/figures/*")}
     assert "figures/path.png" in figures and "figures/k0001" in figures
     assert not list((tmp_path / "one").rglob("00000*.png"))
+    with np.load(tmp_path / "one" / "objects.npz") as objects:
+        # The car is an object in every frame, near its rear's place.
+        truth = small_scenario().target_poses_world
+        for k in range(5):
+            places = np.stack([objects["x"], objects["y"]], axis=1)[objects["k"] == k]
+            assert np.hypot(*(places - truth[k, :2]).T).min() < 3.0
     # Another place of the same files: nothing is computed again.
     own.rename(tmp_path / "moved")
     moved = run(capsys, tmp_path, *of(tmp_path / "moved"), "pictures.frames=[1]", "--name", "two")
@@ -232,6 +238,57 @@ def test_no_stage_from_matching_to_the_track_gets_labels(clip):
     for name in ("match", "free_space", "stixels", "scans", "track"):
         assert "scenario" not in stages[name].inputs.values()
         assert not stages[name].gives_files
+
+
+@pytest.fixture(scope="module")
+def long_clip(tmp_path_factory):
+    """Eight frames, enough to see that the car moves."""
+    folder = tmp_path_factory.mktemp("long")
+    make_clip(folder, small_scenario(8))
+    return folder
+
+
+def auto(folder, *more):
+    words = [one for one in of(folder, *more) if not one.startswith("source.target=")]
+    return [*words, "source.target=auto", "road_user=car", "tracker=box"]
+
+
+def test_all_that_moves_is_tracked(long_clip, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+    given = auto(long_clip, "pictures.frames=[4]")
+    answer = run(capsys, tmp_path, *given, "--name", "auto")
+    assert answer["metrics"]["scored_scans"] == 0 and "iou_mean" not in answer["metrics"]
+    truth = small_scenario(8).target_poses_world
+    with np.load(tmp_path / "auto" / "tracks.npz") as tracks:
+        # The far wall stands still.
+        assert set(tracks["track"]) == {0} and tracks["k"][-1] == 7
+        last = np.stack([tracks["x"], tracks["y"]], axis=1)[-1]
+        np.testing.assert_allclose(last, truth[-1, :2], atol=1.2)
+        assert tracks["y_rate"][-1] == pytest.approx(3.0, abs=1.5)
+    # The run's own track starts at the same road user.
+    with np.load(tmp_path / "auto" / "track.npz") as track:
+        np.testing.assert_allclose(track["means"][-1, :2], truth[-1, :2], atol=1.2)
+
+
+def test_auto_needs_a_class_and_no_label(clip):
+    words = [one for one in auto(clip) if not one.startswith("road_user=")]
+    with pytest.raises(ConfigurationError, match="road_user: is required"):
+        compose(words)
+    with pytest.raises(ConfigurationError, match="start: default needs a label"):
+        compose(auto(clip, "start=default"))
+    stages = {one.name: one for one in pipeline_stages(compose(auto(clip)).configuration)}
+    assert stages["scenario"].files == ()
+    assert stages["start"].inputs == {"found": "found_tracks"}
+    # The key of the tracks has the code of the tracker.
+    assert "stixel_cli.tracking.box" in stages["tracks"].modules
+    for name in ("found_tracks", "start", "tracks"):
+        stage = stages[name]
+        given = {*stage.inputs, *stage.settings}
+        assert given == set(inspect.signature(resolve_name(stage.function)).parameters)
+    for value, fault in (("some", "'some' is not known"), ("-1", "-1 is out of range")):
+        words = [*(one for one in of(clip) if "target" not in one), f"source.target={value}"]
+        with pytest.raises(ConfigurationError, match=rf"source\.target: {fault}: must be .*auto"):
+            compose(words)
 
 
 def test_a_stage_gets_the_arguments_of_its_function(clip):

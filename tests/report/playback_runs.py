@@ -1,5 +1,6 @@
 """Runs made by hand for the page that plays them back."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -15,6 +16,7 @@ from report_nouns import (
 from stixel_cli.config.compose import compose
 from stixel_cli.report.camera_frames import camera_frames
 from stixel_cli.results.result import RunResult
+from stixel_cli.stixels.objects import Objects
 
 SCANS = 12
 
@@ -46,6 +48,21 @@ def make_run(label="run", seed=0, with_camera=True, corners=60):
         camera=camera,
         label=label,
     )
+
+
+def with_objects(run):
+    """The run with one object at scan 0, two at each other one."""
+    counts = [1] + [2] * (SCANS - 1)
+    boxes = np.array([[4 + k, 20 + k, 10, 30] for k in range(sum(counts))], dtype=np.int32)
+    objects = Objects(
+        first=0,
+        offsets=np.cumsum([0, *counts]),
+        boxes=boxes,
+        corners_ego=np.zeros((len(boxes), 4, 2)),
+        counts=np.full(len(boxes), 4),
+        of_stixels=np.zeros(0, np.int32),
+    )
+    return replace(run, objects=(objects,))
 
 
 @cache

@@ -10,7 +10,7 @@ from importlib import resources
 import cv2
 import numpy as np
 import pytest
-from playback_runs import SCANS, make_run
+from playback_runs import SCANS, make_run, with_objects
 from report_nouns import make_camera_nouns, make_rig
 from scipy.stats import chi2
 
@@ -108,6 +108,14 @@ def test_runs_share_equal_scans_and_images():
     moved = replace(other.scans, points_world=other.scans.points_world + 1.0)
     data = playback_data([one, replace(other, scans=moved)], "two")
     assert [run["scan"] for run in data["runs"]] == [0, 1]
+
+
+def test_objects_of_a_recording_are_on_the_page():
+    data = playback_data([make_run(), with_objects(make_run())], "two")
+    plain, played = data["runs"]
+    assert plain["boxes"] is None
+    assert played["boxes"][:2] == [[4, 20, 10, 30], [5, 21, 10, 30, 6, 22, 10, 30]]
+    assert len(played["boxes"]) == SCANS
 
 
 def test_long_run_shows_every_nth_image(monkeypatch):

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from playback_runs import SCANS, make_run
+from playback_runs import SCANS, make_run, with_objects
 
 from stixel_cli.report.playback import playback_html
 
@@ -27,6 +27,7 @@ def pages(tmp_path_factory):
         ("one", [gp]),
         ("two", [gp, point]),
         ("blind", [blind]),
+        ("objects", [with_objects(gp)]),
         ("unlike", [gp, fewer]),
     ):
         (folder / f"{name}.html").write_text(playback_html(runs, name), encoding="utf-8")
@@ -488,3 +489,14 @@ def test_values_of_every_run_are_legible(open_page, tmp_path, dark):
     background, *texts = linear @ (0.2126, 0.7152, 0.0722) + 0.05
     assert len(texts) == 4
     assert all(max(text, background) / min(text, background) >= 4.5 for text in texts)
+
+
+def test_objects_of_a_recording_are_outlined(open_page, pages):
+    opened = open_page(pages / "objects.html")
+    outlines = opened.page.locator("#object-outlines")
+    assert outlines.get_attribute("d") == "M3.5 9.5H19.5V30.5H3.5Z"
+    to(opened.page, 1)
+    assert outlines.get_attribute("d") == "M4.5 9.5H20.5V30.5H4.5ZM5.5 9.5H21.5V30.5H5.5Z"
+    assert "object: stixels near each other" in opened.page.locator("#legend").inner_text()
+    assert opened.problems == []
+    opened.page.close()

@@ -82,6 +82,15 @@ function outlineOf(stixels) {
 }
 
 const rectangles = [];
+// The outlines of boxes, flat [left, right, top, base].
+function boxOutlines(flat) {
+  let found = "";
+  for (let i = 0; i < flat.length; i += 4)
+    found += `M${flat[i] - 0.5} ${flat[i + 2] - 0.5}H${flat[i + 1] - 0.5}V${flat[i + 3] + 0.5}H${flat[i] - 0.5}Z`;
+  return found;
+}
+
+const objectOutlines = svg("path", { id: "object-outlines" });
 const targetOutline = svg("path", { id: "target-outline" });
 let imageShown = null;
 function drawCamera() {
@@ -120,7 +129,8 @@ function drawCamera() {
       fill: `rgb(${colour})`, "fill-opacity": on ? 0.5 : 0.14 };
     for (const [key, value] of Object.entries(place)) rectangle.setAttribute(key, value);
   });
-  overlay.append(targetOutline);
+  overlay.append(objectOutlines, targetOutline);
+  objectOutlines.setAttribute("d", run.boxes ? boxOutlines(run.boxes[k]) : "");
   targetOutline.setAttribute("d", outlineOf(onTarget));
   find("camera-caption").textContent = `${count} stixel${count === 1 ? "" : "s"}, coloured by depth; ${onTarget.length} on the target, outlined` +
     (shots.every > 1 ? `; image of k = ${shots.frames[i]}: this page shows every ${ordinal(shots.every)} image` : "");

@@ -1,0 +1,60 @@
+"""Objects of each frame: stixels that are near each other in depth and bearing."""
+
+import numpy as np
+
+from stixel_cli.measurements.clusters import cluster
+from stixel_cli.measurements.gates import Gates, candidates
+from stixel_cli.stixels.objects import Objects
+from stixel_cli.stixels.types import Stixels
+
+
+def find_objects(stixels: Stixels, gates: Gates, frames: range) -> Objects:
+    """The clusters of the stixels of `frames` inside the gates of height and range.
+
+    DBSCAN (Ester, Kriegel, Sander, Xu 1996) with `distances`, radius 1. `stixels` contains exactly
+    `frames`. HDBSCAN, which needs no radius, is compared in `bench/bench_objects.py`.
+    """
+    inside = candidates(stixels, gates)
+    of_stixels = np.full(len(inside), -1, dtype=np.int32)
+    offsets, boxes, corners, counts = [0], [], [], []
+    for i in range(len(frames)):
+        rows = stixels.rows(i)
+        chosen = np.flatnonzero(inside[rows]) + rows.start
+        labels = cluster(stixels.points_ego[chosen], stixels.covariances_ego[chosen])
+        members = [chosen[labels == label] for label in range(labels.max(initial=-1) + 1)]
+        for own in sorted(members, key=lambda one: (stixels.left[one].min(), one[0])):
+            of_stixels[own] = len(boxes)
+            boxes.append(_box(stixels, own))
+            corners.append(smallest_rectangle(stixels.points_ego[own]))
+            counts.append(len(own))
+        offsets.append(len(boxes))
+    return Objects(
+        first=frames.start,
+        offsets=np.array(offsets, dtype=np.int64),
+        boxes=np.array(boxes, dtype=np.int32).reshape(-1, 4),
+        corners_ego=np.array(corners, dtype=np.float64).reshape(-1, 4, 2),
+        counts=np.array(counts, dtype=np.int64),
+        of_stixels=of_stixels,
+    )
+
+
+def _box(stixels: Stixels, rows: np.ndarray) -> tuple[int, int, int, int]:
+    """Left, right, top and base of the stixels `rows` (n,) together, px."""
+    return (
+        stixels.left[rows].min(),
+        stixels.right[rows].max(),
+        stixels.top[rows].min(),
+        stixels.base[rows].max(),
+    )
+
+
+def smallest_rectangle(points: np.ndarray) -> np.ndarray:
+    """Corners (4, 2) m, in order, of the rectangle of least area that contains `points` (n, 2) m.
+
+    One of its sides is along one of the convex hull's.
+    """
+    import cv2
+
+    origin = points.mean(axis=0)
+    found = cv2.minAreaRect((points - origin).astype(np.float32))
+    return cv2.boxPoints(found).astype(np.float64) + origin

@@ -1,0 +1,37 @@
+"""Several road users of one run: the results of the stages `found_tracks` and `tracks`."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stixel_cli.tracking.track import InitialState, Track
+
+
+@dataclass(frozen=True)
+class FoundTrack:
+    """A cluster of points that moves like a road user.
+
+    Attributes:
+        scans: (n,) int64, the scans that have the cluster, ascending.
+        rows: for each of them the rows (n_k,) of the scans' arrays; no other track has them.
+        initial: the state one sample before the first of these scans.
+        initial_of_run: the state one sample before the first scan of the run.
+    """
+
+    scans: np.ndarray
+    rows: tuple[np.ndarray, ...]
+    initial: InitialState
+    initial_of_run: InitialState
+
+
+@dataclass(frozen=True)
+class ObjectTrack:
+    """The track of one road user.
+
+    Attributes:
+        first: the first of its scans.
+        track: from that scan to its last. `used_points` are rows of all scans' arrays.
+    """
+
+    first: int
+    track: Track

@@ -1,0 +1,146 @@
+"""Several road users at once: clusters are assigned to tracks, and tracks begin and end."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from stixel_cli.config.compose import compose
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.tracking.clusters import BEGIN, END, LEAST_SCANS, assign, find_tracks, follow
+from stixel_cli.tracking.motion import transition
+from stixel_cli.tracking.several import own_scans, track_each
+from stixel_cli.tracking.start_found import start_from_found
+
+CONFIGURATION = compose(["start=scans", "tracker=box"]).configuration
+PRIOR, STD = CONFIGURATION.prior, CONFIGURATION.start.std
+REAR = np.stack([np.linspace(-0.85, 0.85, 8), np.zeros(8)], axis=1)
+WALL = np.stack([np.linspace(-9.0, -8.0, 5), np.full(5, 25.0)], axis=1)
+LONGEST = 7.0
+
+
+def scans_of(points_of_each, poses=None):
+    """Scans at 10 Hz of points (n, 2) m whose standard deviation is 0.1 m."""
+    count = len(points_of_each)
+    poses = np.tile([0.0, 0.0, STRAIGHT_AHEAD], (count, 1)) if poses is None else poses
+    each = [(points, np.tile(0.01 * np.eye(2), (len(points), 1, 1))) for points in points_of_each]
+    some = [np.full(len(points), 0.5) for points in points_of_each]
+    return Scans.of_each(0.1 * np.arange(count), poses, each, some)
+
+
+def car(place, velocity, k):
+    """The rear of a car at scan k, (8, 2) m."""
+    return REAR + np.array(place) + 0.1 * k * np.array(velocity)
+
+
+def two_cars(count):
+    """A car that drives away, one that comes towards the sensor, and a wall."""
+    return scans_of(
+        [
+            np.concatenate(
+                [car((0.0, 10.0), (0.0, 6.0), k), car((4.0, 30.0), (0.0, -8.0), k), WALL]
+            )
+            for k in range(count)
+        ]
+    )
+
+
+def test_each_of_two_cars_that_pass_has_its_track_and_no_point_is_in_both():
+    scans = two_cars(15)
+    found = find_tracks(scans, PRIOR, STD)
+    assert [len(one.scans) for one in found] == [15, 15]
+    rows = [np.concatenate(one.rows) for one in found]
+    np.testing.assert_array_equal(scans.points_world[rows[0]], [
+        point for k in range(15) for point in car((0.0, 10.0), (0.0, 6.0), k)
+    ])  # fmt: skip
+    assert not set(rows[0]) & set(rows[1]) and len(rows[1]) == 15 * 8
+    for one, place, velocity in zip(
+        found, ((0.0, 10.0), (4.0, 30.0)), ((0.0, 6.0), (0.0, -8.0)), strict=True
+    ):
+        # The visible side is the nearer one. The class is wider than these cars.
+        mean = transition(0.1) @ one.initial.mean
+        np.testing.assert_allclose(mean[:2], np.add(place, [0.0, 0.5 * PRIOR.length]), atol=0.3)
+        np.testing.assert_allclose(mean[3:5], velocity, atol=0.05)
+        assert mean[2] == pytest.approx(np.arctan2(velocity[1], velocity[0]), abs=0.01)
+
+
+def test_nearest_neighbours_are_global():
+    # The nearest of both states is the first place; the sum is least if the second takes the other.
+    unit = np.diag([1.0, 1.0, 9.0, 9.0])
+    states = [(np.array([0.0, 0.0, 0.0, 0.0]), unit), (np.array([-1.0, 0.0, 0.0, 0.0]), unit)]
+    places = [np.array([0.4, 0.0]), np.array([2.4, 0.0])]
+    assert assign(states, places, [np.eye(2)] * 2) == {0: 1, 1: 0}
+    # A place outside of all gates has no state, and two states never share one.
+    assert assign(states, [np.array([50.0, 0.0])], [np.eye(2)]) == {}
+    assert assign(states, places[:1], [np.eye(2)]) == {0: 0}
+    assert assign([], places, [np.eye(2)] * 2) == assign(states, [], []) == {}
+
+
+def seen_in(scans_seen, count):
+    """Scans of a car at 5 m/s that is seen in some of them."""
+    empty = np.zeros((0, 2))
+    return scans_of(
+        [car((0.0, 12.0), (0.0, 5.0), k) if k in scans_seen else empty for k in range(count)]
+    )
+
+
+@pytest.mark.parametrize(
+    ("seen", "scans"),
+    [
+        ({3, 4}, []),
+        ({3, 4, 6}, [[3, 6]]),
+        ({3, 6}, []),
+        (set(range(2, 8)) | set(range(8 + END, 20)), [[2, 7], [8 + END, 19]]),
+        (set(range(2, 8)) | set(range(7 + END, 20)), [[2, 19]]),
+    ],
+)
+def test_a_track_begins_by_m_of_n_and_ends_without_clusters(seen, scans):
+    assert BEGIN == 3
+    tracks = follow(seen_in(seen, 20), LONGEST)
+    assert [[one.scans[0], one.scans[-1]] for one in tracks] == scans
+
+
+def test_what_stands_still_and_what_is_seen_shortly_is_no_road_user():
+    assert find_tracks(scans_of([WALL] * 12), PRIOR, STD) == ()
+    assert find_tracks(seen_in(range(LEAST_SCANS - 1), 12), PRIOR, STD) == ()
+    (one,) = find_tracks(seen_in(range(4, 4 + LEAST_SCANS), 12), PRIOR, STD)
+    assert one.scans.tolist() == list(range(4, 4 + LEAST_SCANS))
+    # The state before the first scan of the run is on the same line.
+    moved = transition(0.4) @ one.initial_of_run.mean
+    np.testing.assert_allclose(moved, one.initial.mean)
+    assert start_from_found((one,)) is one.initial_of_run
+    with pytest.raises(ValueError, match=r"source\.target: auto finds no cluster"):
+        start_from_found(())
+
+
+@pytest.mark.parametrize(("error", "count"), [(0.04, 0), (0.2, 1)])
+def test_the_error_of_the_sensors_motion_moves_nothing(error, count):
+    # At 20 m/s what stands still seems to move by this share of the sensor's motion.
+    poses = np.array([[0.0, 2.0 * k, STRAIGHT_AHEAD] for k in range(12)])
+    parked = [car((3.0, 45.0 + error * pose[1]), (0.0, 0.0), 0) for pose in poses]
+    assert len(find_tracks(scans_of(parked, poses), PRIOR, STD)) == count
+
+
+def test_a_thing_larger_than_the_class_is_no_road_user():
+    long = np.stack([np.linspace(-6.0, 6.0, 40), np.zeros(40)], axis=1)
+    scans = scans_of([long + np.array([0.0, 15.0 + 0.5 * k]) for k in range(12)])
+    assert follow(scans, LONGEST) == []
+
+
+def test_the_tracker_gets_the_points_of_its_own_road_user():
+    scans = two_cars(12)
+    found = find_tracks(scans, PRIOR, STD)
+    later = dataclasses.replace(found[1], scans=found[1].scans[2::2], rows=found[1].rows[2::2])
+    own, rows = own_scans(scans, later)
+    assert len(own) == 9 and np.diff(own.offsets).tolist() == [8, 0] * 4 + [8]
+    np.testing.assert_array_equal(own.points_world, scans.points_world[rows])
+    # The point before the first of a scan is another road user's.
+    assert own.correlations[own.rows(0)].tolist() == [0.0] + [0.5] * 7
+    settings = {"prior": PRIOR, "tracker": CONFIGURATION.tracker}
+    tracks = track_each((found[0], later), scans, "stixel_cli.tracking.box:track", settings)
+    assert [one.first for one in tracks] == [0, 2]
+    assert [len(one.track.times) for one in tracks] == [12, 9]
+    assert set(tracks[1].track.used_points) <= set(rows)
+    for one, velocity in zip(tracks, (6.0, -8.0), strict=True):
+        assert one.track.means[-1, 4] == pytest.approx(velocity, abs=0.5)
