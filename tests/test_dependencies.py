@@ -15,6 +15,7 @@ PROJECT = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text(encoding="
 
 EXTRAS = {
     "distributed": "distributed",
+    "pyarrow": "pyarrow",
     "pyrecest": "pyrecest",
     "rerun": "rerun-sdk",
     "stixel": "pystixel-lib",

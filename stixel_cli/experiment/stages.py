@@ -142,8 +142,18 @@ TABLE: dict[str, Definition] = {
         },
         recorded="truth_files",
     ),
-    "read_pairs": Definition(_only("recordings.pairs:read_pairs"), "map", recorded="images"),
-    "read_left": Definition(_only("recordings.colour:read_left"), "pick", recorded="left"),
+    "read_pairs": Definition(
+        _only("recordings.pairs:read_pairs"),
+        "map",
+        {"rectification": "recording.rectification"},
+        recorded="images",
+    ),
+    "read_left": Definition(
+        _only("recordings.colour:read_left"),
+        "pick",
+        {"rectification": "recording.rectification"},
+        recorded="left",
+    ),
     "match": Definition(
         _by_kind(StereoParameters, "match"),
         "map",

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from stixel_cli.errors import UserError
 from stixel_cli.recordings import (
+    argoverse,
     kitti_odometry,
     kitti_pair,
     kitti_tracking,
@@ -19,6 +20,7 @@ LAYOUTS = {
     "kitti_odometry": kitti_odometry,
     "kitti_pair": kitti_pair,
     "virtual_kitti": virtual_kitti,
+    "argoverse": argoverse,
     "folder": plain_folder,
     "pair": pair,
 }
@@ -47,5 +49,6 @@ def guess_layout(folder: Path) -> str:
     raise UserError(
         f"source.folder: {folder}: not a known layout: image_02 (source=kitti_tracking), "
         "image_0 and calib.txt (source=kitti_odometry), image_2 and calib (source=kitti_pair), "
-        "frames/rgb/Camera_0 (source=virtual_kitti) or rig.yaml (source=folder) is missing"
+        "frames/rgb/Camera_0 (source=virtual_kitti), sensors/cameras/stereo_front_left "
+        "(source=argoverse) or rig.yaml (source=folder) is missing"
     )

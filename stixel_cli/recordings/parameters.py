@@ -122,6 +122,18 @@ class VirtualKitti(Recorded):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Argoverse(Recorded):
+    """Argoverse 2's sensor data set, the stereo cameras of one log.
+
+    Attributes:
+        target: track_uuid in the labels; null for no truth.
+    """
+
+    kind: Literal["argoverse"]
+    target: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
 class Pair(Recorded):
     """One pair of images, each file named; `stixel assess` composes it.
 
@@ -147,7 +159,16 @@ class Pair(Recorded):
                 raise ValueError(f"source.{name}: is required with source={self.kind}")
 
 
-Source = Rendered | KittiTracking | KittiOdometry | PlainFolder | KittiPair | VirtualKitti | Pair
+Source = (
+    Rendered
+    | KittiTracking
+    | KittiOdometry
+    | PlainFolder
+    | KittiPair
+    | VirtualKitti
+    | Argoverse
+    | Pair
+)
 
 
 def chosen_frames(text: str | None, key: str = "source.frames") -> range | None:

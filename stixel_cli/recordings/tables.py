@@ -5,7 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from stixel_cli.recordings import kitti_labels, poses_file, virtual_kitti_tables
+from stixel_cli.recordings import (
+    argoverse_tables,
+    kitti_labels,
+    poses_file,
+    virtual_kitti_tables,
+)
 from stixel_cli.recordings.kitti_labels import Tracks, track_of
 from stixel_cli.recordings.types import Labels, TableLayout
 
@@ -18,6 +23,8 @@ def read_poses(files: tuple[Path, ...], layout: TableLayout) -> np.ndarray:
     """
     if layout.kind == "virtual_kitti":
         return virtual_kitti_tables.read_poses(files[0])
+    if layout.kind == "argoverse":
+        return argoverse_tables.read_poses(*files, layout.times)
     return poses_file.read_poses(files[0])
 
 
@@ -51,4 +58,6 @@ def _labels(files: tuple[Path, ...], layout: TableLayout, states: tuple) -> Trac
     """Parsed once per process while the files' `states` are the same."""
     if layout.kind == "virtual_kitti":
         return virtual_kitti_tables.read_labels(*files)
+    if layout.kind == "argoverse":
+        return argoverse_tables.read_labels(*files, layout.times)
     return kitti_labels.read_labels(files[0])

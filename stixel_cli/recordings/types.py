@@ -32,6 +32,24 @@ class Calibration:
 
 
 @dataclass(frozen=True)
+class Rectification:
+    """How the images of two cameras become a rectified pair.
+
+    Attributes:
+        left, right: homographies from the pixels of a file to those of the pair, row by row.
+        width, height: of the pair, px.
+        file_width, file_height: of the files, px.
+    """
+
+    left: tuple[float, ...]
+    right: tuple[float, ...]
+    width: int
+    height: int
+    file_width: int
+    file_height: int
+
+
+@dataclass(frozen=True)
 class TableLayout:
     """How the files of the poses and the labels are written.
 
@@ -56,7 +74,7 @@ class Recording:
         layout: the option of the group `source`.
         frames: numbers of the frames in the files, without gaps.
         left, right: one image file per frame.
-        width, height: of the images, px.
+        width, height: of the rectified images, px.
         calibration: of the rig.
         pose_files: files of the ego poses; () without.
         label_files: files of the labels; () without.
@@ -65,6 +83,7 @@ class Recording:
         auto: whether all that moves is tracked.
         label: type of the target's label, such as `Car`; None without target.
         first_box: left and right border, px, of the target's box in the first image, or None.
+        rectification: of the images; None if the files are rectified.
         true_disparities: one file per frame of the left images' true disparities; () without.
     """
 
@@ -82,6 +101,7 @@ class Recording:
     auto: bool = False
     label: str | None = None
     first_box: tuple[float, float] | None = None
+    rectification: Rectification | None = None
     true_disparities: tuple[Path, ...] = ()
 
     @property

@@ -58,6 +58,7 @@ OF_A_RECORDING = {("path", "source"), ("path", "recorded")} | {
         "kitti_odometry",
         "kitti_pair",
         "virtual_kitti",
+        "argoverse",
         "folder",
         "pair",
     )

@@ -1,0 +1,91 @@
+"""Argoverse 2's sensor data set: the stereo cameras of one log.
+
+Wilson et al. 2021. Below the log's folder: `sensors/cameras/stereo_front_left/TIME.jpg` and
+`stereo_front_right/…` (TIME in ns), `calibration/intrinsics.feather`,
+`calibration/egovehicle_SE3_sensor.feather`, `city_SE3_egovehicle.feather`, and optionally
+`annotations.feather`. Frames are numbered from 0 in the order of the left images. The images are
+undistorted but not rectified.
+"""
+
+from bisect import bisect
+from dataclasses import replace
+from pathlib import Path
+
+from stixel_cli.errors import UserError
+from stixel_cli.recordings.argoverse_tables import CAMERAS, read_calibration
+from stixel_cli.recordings.assembly import assembled_recording
+from stixel_cli.recordings.listing import numbered_images
+from stixel_cli.recordings.parameters import Argoverse
+from stixel_cli.recordings.types import Recording, TableLayout
+
+IMAGES = Path("sensors/cameras")
+NAMES = r"(\d{1,18})\.jpg"
+EXAMPLE = "315966070549927216.jpg"
+
+PAIRED = 5_000_000
+"""The images of a pair are at most this far apart, ns."""
+
+JITTER = 0.2
+"""Of the time between images, as a share of it."""
+
+
+def is_layout(folder: Path) -> bool:
+    """Whether the folder has this layout."""
+    return (folder / IMAGES / CAMERAS[0]).is_dir()
+
+
+def find_recording(source: Argoverse) -> Recording:
+    """The files of a log and its target, checked as far as their heads.
+
+    Raises:
+        UserError: if a file is missing or not valid.
+    """
+    root = Path(source.folder)
+    if not root.is_dir():
+        raise UserError(f"source.folder: {root}: no such folder")
+    left, right = (numbered_images(root / IMAGES / name, NAMES, EXAMPLE) for name in CAMERAS)
+    intrinsics, sensors = (
+        root / "calibration" / f"{name}.feather" for name in ("intrinsics", "egovehicle_SE3_sensor")
+    )
+    calibration, rectification = read_calibration(intrinsics, sensors)
+    times, city = tuple(left), root / "city_SE3_egovehicle.feather"
+    others = list(right)
+    nearest = {k: _nearest(others, time) for k, time in enumerate(times)}
+    pairs = {k: right[t] for k, t in nearest.items() if abs(t - times[k]) <= PAIRED}
+    if not pairs:
+        raise UserError(f"{root / IMAGES}: no image of {CAMERAS[1]} at a time of {CAMERAS[0]}")
+    found = assembled_recording(
+        source,
+        calibration,
+        dict(enumerate(left.values())),
+        pairs,
+        poses=(city, sensors),
+        labels=(root / "annotations.feather", city, sensors, intrinsics),
+        target=source.target,
+        layout=TableLayout("argoverse", times),
+    )
+    stated = (rectification.file_width, rectification.file_height)
+    if (found.width, found.height) != stated:
+        raise UserError(
+            f"{found.left[0]}: {found.width} × {found.height} px, "
+            f"but {intrinsics.name} has {stated[0]} × {stated[1]} px"
+        )
+    for k in found.frames[1:]:
+        step = 1e-9 * (times[k] - times[k - 1])
+        if abs(step - source.sample_time) > JITTER * source.sample_time:
+            raise UserError(
+                f"source.frames: frames {k - 1} and {k} of {root} are {step:.3f} s apart, but "
+                f"source.sample_time is {source.sample_time:g} s"
+            )
+    return replace(
+        found,
+        width=rectification.width,
+        height=rectification.height,
+        rectification=rectification,
+    )
+
+
+def _nearest(times: list[int], time: int) -> int:
+    """The one of the increasing `times` that is nearest to `time`."""
+    i = bisect(times, time)
+    return min(times[max(i - 1, 0) : i + 1], key=lambda one: abs(one - time))

@@ -1,0 +1,279 @@
+"""Argoverse 2's tables: calibration, ego poses and labels.
+
+Wilson et al. 2021, *Argoverse 2: next generation datasets for self-driving perception and
+forecasting*. Frames: the city, the ego car (x ahead, y to the left, z up), a camera (x right, y
+down, z forward). Labels are at the times of the lidar, in the ego car's frame at that time, and
+images at other times: here a label moves on a straight line from one time to the next.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from stixel_cli.errors import UserError, printable
+from stixel_cli.recordings.box import rectangle
+from stixel_cli.recordings.feather import read_columns
+from stixel_cli.recordings.kitti_labels import Tracks, labels_in
+from stixel_cli.recordings.types import Calibration, Rectification
+
+CAMERAS = ("stereo_front_left", "stereo_front_right")
+
+KINDS = {"REGULAR_VEHICLE": "Car", "PEDESTRIAN": "Pedestrian"}
+"""KITTI's types of the categories. A BICYCLIST has none: the BICYCLE has its own label."""
+
+GREATEST_GAP = 250_000_000
+"""Between two poses, or two labels of a track, ns: with more, there is no line between them."""
+
+HIDDEN = 0.1
+"""Share of a label's columns that a nearer label may cover before it is occluded."""
+
+NEAREST = 0.5
+"""Depth of a label's nearest corner, m: a nearer one is not seen."""
+
+TURN = ("qw", "qx", "qy", "qz")
+PLACE = ("tx_m", "ty_m", "tz_m")
+SIZE = ("height_m", "width_m", "length_m")
+
+
+def read_calibration(intrinsics: Path, sensors: Path) -> tuple[Calibration, Rectification]:
+    """The rectified pair of the stereo cameras, whose files are free of distortion but not aligned.
+
+    The axes are those of Fusiello, Trucco, Verri 2000, *A compact algorithm for rectification of
+    stereo pairs*: x along the baseline, z between both optical axes. The images are cut to what
+    both cameras see of them at infinity.
+
+    Raises:
+        UserError: if a camera is missing, or both do not look the same way.
+    """
+    names = ("fx_px", "fy_px", "cx_px", "cy_px", "width_px", "height_px")
+    rows = _of_cameras(intrinsics, names)
+    width, height = rows[0, 4:].astype(int).tolist()
+    if (rows[1, 4:] != rows[0, 4:]).any() or (rows <= 0.0).any():
+        raise UserError(f"{intrinsics}: {' and '.join(CAMERAS)} must have one size, > 0")
+    turns, _, aligned, baseline = _mounting(sensors)
+    focal_length = float(rows[:, :2].mean())
+    corners = np.array([[0, 0, 1], [width - 1, 0, 1], [0, height - 1, 1]], dtype=float)
+    corners = np.vstack([corners, [width - 1, height - 1, 1]])
+    rays, low, high = [], np.full(2, -np.inf), np.full(2, np.inf)
+    for (fu, fv, cu, cv, *_), turn in zip(rows, turns, strict=True):
+        to_ray = np.linalg.inv([[fu, 0.0, cu], [0.0, fv, cv], [0.0, 0.0, 1.0]])
+        rays.append(aligned.T @ turn @ to_ray)
+        seen = corners @ rays[-1].T
+        if (seen[:, 2] <= 0.0).any():
+            raise UserError(f"{sensors}: {' and '.join(CAMERAS)} do not look the same way")
+        u, v = focal_length * seen[:, 0] / seen[:, 2], focal_length * seen[:, 1] / seen[:, 2]
+        low = np.maximum(low, [max(u[0], u[2]), max(v[0], v[1])])
+        high = np.minimum(high, [min(u[1], u[3]), min(v[2], v[3])])
+    first = np.ceil(low)
+    size = np.floor(high) - first + 1.0
+    if (size < 0.5 * np.array([width, height])).any():
+        raise UserError(f"{sensors}: {' and '.join(CAMERAS)} do not look the same way")
+    matrix = np.diag([focal_length, focal_length, 1.0])
+    matrix[:2, 2] = -first
+    left, right = (tuple(map(float, (matrix @ ray).ravel())) for ray in rays)
+    calibration = Calibration(
+        focal_length, focal_length, float(-first[0]), float(-first[1]), baseline, None
+    )
+    return calibration, Rectification(left, right, int(size[0]), int(size[1]), width, height)
+
+
+def read_poses(city: Path, sensors: Path, times: tuple[int, ...]) -> np.ndarray:
+    """Poses (n, 3, 4) of the rectified left camera in the city at `times`, m.
+
+    Raises:
+        UserError: if a file is not valid, or there is no pose round one of the times.
+    """
+    turns, places = _ego_poses(city, np.array(times, dtype=np.int64))
+    _, (place, _), aligned, _ = _mounting(sensors)
+    return np.concatenate([turns @ aligned, (turns @ place + places)[:, :, None]], axis=2)
+
+
+def read_labels(
+    annotations: Path, city: Path, sensors: Path, intrinsics: Path, times: tuple[int, ...]
+) -> Tracks:
+    """The labels of each target by its track_uuid, in the frames at `times` that show it.
+
+    A label is truncated if a corner is outside of the image, and occluded if no point of the lidar
+    is inside, or a nearer label covers more than `HIDDEN` of its columns.
+
+    Raises:
+        UserError: if a file is not valid.
+    """
+    numbers = ("timestamp_ns", "num_interior_pts", *SIZE, *TURN, *PLACE)
+    table = read_columns(annotations, numbers, ("track_uuid", "category"))
+    sizes = np.stack([table[name] for name in SIZE], axis=1)
+    if (sizes <= 0.0).any():
+        row = int(np.flatnonzero((sizes <= 0.0).any(axis=1))[0])
+        raise UserError(f"{annotations}: row {row + 1}: height, width and length must be > 0")
+    calibration, rectification = read_calibration(intrinsics, sensors)
+    stamps, at = np.unique(table["timestamp_ns"], return_inverse=True)
+    ego_turns, ego_places = (one[at] for one in _ego_poses(city, stamps))
+    turns = ego_turns @ _rotations(annotations, table)
+    centres = np.stack([table[name] for name in PLACE], axis=1)
+    places = np.einsum("nij,nj->ni", ego_turns, centres) + ego_places
+    places -= 0.5 * sizes[:, :1] * turns[:, :, 2]
+    cameras = read_poses(city, sensors, times)
+    rows, kinds = {}, {}
+    for track in np.unique(table["track_uuid"]).tolist():
+        own = np.flatnonzero(table["track_uuid"] == track)
+        own = own[np.argsort(table["timestamp_ns"][own], kind="stable")]
+        at_times = table["timestamp_ns"][own]
+        if (np.diff(at_times) == 0).any():
+            raise UserError(f"{annotations}: track {printable(track)} is labelled twice at a time")
+        category = str(table["category"][own[0]])
+        kinds[track] = KINDS.get(category, printable(category))
+        rows[track] = []
+        for frame, i, share in _between(at_times, times):
+            one, other = own[i], own[min(i + 1, len(own) - 1)]
+            place = (1.0 - share) * places[one] + share * places[other]
+            ahead = (1.0 - share) * turns[one, :, 0] + share * turns[other, :, 0]
+            nearest = one if share < 0.5 else other
+            pose = _in_camera(place, ahead, cameras[frame])
+            seen = _seen(*pose, sizes[nearest], calibration, rectification)
+            if seen is not None:
+                box, truncated = seen
+                empty = table["num_interior_pts"][nearest] <= 0
+                flags = [float(truncated), float(empty), 0.0]
+                rows[track].append([frame, 0, *flags, *box, *sizes[nearest], *pose[0], pose[1]])
+    _mark_hidden([one for labels in rows.values() for one in labels])
+    return {
+        track: labels_in(np.array(labels), kinds[track]) for track, labels in rows.items() if labels
+    }
+
+
+def _between(stamps: np.ndarray, times: tuple[int, ...]) -> Iterator[tuple[int, int, float]]:
+    """Frame, index i and share of the way from stamp i to i + 1, where that way is no gap.
+
+    Args:
+        stamps: (n,) ns, increasing.
+        times: of all frames, ns.
+    """
+    for frame, (i, time) in enumerate(
+        zip(np.searchsorted(stamps, times, side="right") - 1, times, strict=True)
+    ):
+        if i >= 0 and stamps[i] == time:
+            yield frame, i, 0.0
+        elif 0 <= i < len(stamps) - 1 and stamps[i + 1] - stamps[i] <= GREATEST_GAP:
+            yield frame, i, float(time - stamps[i]) / float(stamps[i + 1] - stamps[i])
+
+
+def _in_camera(
+    place: np.ndarray, ahead: np.ndarray, camera: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Place (3,) m and KITTI's rotation_y, rad, in the frame of a camera at the pose (3, 4)."""
+    x, _, z = camera[:, :3].T @ ahead
+    return camera[:, :3].T @ (place - camera[:, 3]), float(np.arctan2(-z, x))
+
+
+def _seen(
+    place: np.ndarray,
+    yaw: float,
+    size: np.ndarray,
+    calibration: Calibration,
+    rectification: Rectification,
+) -> tuple[np.ndarray, bool] | None:
+    """The box (4,) px of a label in the image, and whether it is cut; None if it is not seen."""
+    height, width, length = size
+    along, across = rectangle(length, width).T
+    x = place[0] + np.cos(yaw) * along + np.sin(yaw) * across
+    z = place[2] - np.sin(yaw) * along + np.cos(yaw) * across
+    if z.min() < NEAREST:
+        return None
+    u = calibration.principal_u + calibration.focal_length * x / z
+    y = place[1] - np.array([[0.0], [height]])
+    v = calibration.principal_v + calibration.focal_length * y / z
+    box = np.array([u.min(), v.min(), u.max(), v.max()])
+    inside = np.clip(box, 0.0, np.array([rectification.width, rectification.height] * 2) - 1.0)
+    if inside[2] <= inside[0] or inside[3] <= inside[1]:
+        return None
+    return inside, bool((inside != box).any())
+
+
+def _mark_hidden(labels: list[list[float]]) -> None:
+    """Mark as occluded, in place, what nearer labels of the same frame cover."""
+    by_frame: dict[int, list[list[float]]] = {}
+    for one in labels:
+        by_frame.setdefault(one[0], []).append(one)
+    for frame in by_frame.values():
+        left, top, right, bottom, depth = np.array([[*one[5:9], one[14]] for one in frame]).T
+        nearer = (depth[None] < depth[:, None]) & (top[None] < bottom[:, None])
+        nearer &= bottom[None] > top[:, None]
+        shared = np.minimum(right[None], right[:, None]) - np.maximum(left[None], left[:, None])
+        for one, covered in zip(frame, np.where(nearer, shared, 0.0), strict=True):
+            if covered.max() > HIDDEN * (one[7] - one[5]):
+                one[3] = 1.0
+
+
+def _mounting(sensors: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Rotations (2, 3, 3) and places (2, 3) m of both cameras in the ego car's frame, the rotation
+    (3, 3) of the rectified pair in it, and the baseline, m."""
+    rows = _of_cameras(sensors, (*TURN, *PLACE))
+    turns = _matrices(sensors, rows[:, :4])
+    across = rows[1, 4:] - rows[0, 4:]
+    baseline = float(np.linalg.norm(across))
+    if baseline < 0.001 or across @ turns[0, :, 0] < 0.9 * baseline:
+        raise UserError(f"{sensors}: {CAMERAS[1]} is not to the right of {CAMERAS[0]}")
+    right = across / baseline
+    ahead = turns[:, :, 2].sum(axis=0)
+    ahead -= ahead @ right * right
+    ahead /= np.linalg.norm(ahead)
+    return turns, rows[:, 4:], np.stack([right, np.cross(ahead, right), ahead], axis=1), baseline
+
+
+def _of_cameras(file: Path, names: tuple[str, ...]) -> np.ndarray:
+    """The columns (2, n) of the left and the right camera."""
+    table = read_columns(file, names, ("sensor_name",))
+    found = []
+    for camera in CAMERAS:
+        rows = np.flatnonzero(table["sensor_name"] == camera)
+        if len(rows) != 1:
+            raise UserError(f"{file}: must have one row of {camera}, got {len(rows)}")
+        found.append([float(table[name][rows[0]]) for name in names])
+    return np.array(found)
+
+
+def _ego_poses(city: Path, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rotations (n, 3, 3) and places (n, 3) m of the ego car in the city at `times` (n,) ns."""
+    table = read_columns(city, ("timestamp_ns", *TURN, *PLACE))
+    stamps, rows = np.unique(table["timestamp_ns"], return_index=True)
+    after = np.clip(np.searchsorted(stamps, times), 1, max(len(stamps) - 1, 1))
+    if len(stamps) < 2:
+        raise UserError(f"{city}: must have two poses or more")
+    span = stamps[after] - stamps[after - 1]
+    far = (times < stamps[0]) | (times > stamps[-1]) | (span > GREATEST_GAP)
+    if far.any():
+        raise UserError(f"{city}: has no pose round {int(times[far][0])} ns")
+    share = ((times - stamps[after - 1]) / span)[:, None]
+    turns = np.stack([table[name] for name in TURN], axis=1)[rows]
+    places = np.stack([table[name] for name in PLACE], axis=1)[rows]
+    one, other = turns[after - 1], turns[after]
+    # q and −q are one rotation. Between poses some milliseconds apart a line is as good as an arc.
+    other = np.where((one * other).sum(axis=1, keepdims=True) < 0.0, -other, other)
+    between = (1.0 - share) * places[after - 1] + share * places[after]
+    mixed = (1.0 - share) * one + share * other
+    _matrices(city, turns)
+    return _matrices(city, mixed / np.linalg.norm(mixed, axis=1, keepdims=True)), between
+
+
+def _rotations(file: Path, table: dict[str, np.ndarray]) -> np.ndarray:
+    return _matrices(file, np.stack([table[name] for name in TURN], axis=1))
+
+
+def _matrices(file: Path, quaternions: np.ndarray) -> np.ndarray:
+    """Rotations (n, 3, 3) of quaternions (n, 4): w, x, y, z.
+
+    Raises:
+        UserError: if a quaternion does not have the length 1.
+    """
+    lengths = np.linalg.norm(quaternions, axis=1)
+    wrong = np.flatnonzero(np.abs(lengths - 1.0) > 0.01)
+    if len(wrong):
+        raise UserError(f"{file}: row {wrong[0] + 1}: qw, qx, qy, qz are no rotation")
+    w, x, y, z = (quaternions / lengths[:, None]).T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
