@@ -63,7 +63,7 @@ def explain(
     Examples:
       stixel explain tracker.length_scale=0.5
       stixel explain tracker.length_scale=0.5,0.6 seed=0,1
-      stixel explain results/wide-prior
+      stixel explain results/contour
     """
     from stixel_cli.engine.explain import by_stage
     from stixel_cli.engine.explain import explain as explain_nodes

@@ -39,8 +39,8 @@ def export(
 
     \b
     Examples:
-      stixel export results/wide-prior --format kitti --output clip
-      stixel export results/wide-prior --format csv
+      stixel export results/contour --format kitti --output clip
+      stixel export results/contour --format csv
     """
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.experiment.export import FORMATS

@@ -20,7 +20,7 @@ def rerun(
     The results go into a new folder. Executor and cache are those of this machine, all other
     settings are those of the folder.
 
-    Example: stixel rerun results/wide-prior
+    Example: stixel rerun results/contour
     """
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.experiment.kernels import uncompiled

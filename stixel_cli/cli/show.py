@@ -17,7 +17,7 @@ WIDTH = 100
 def show(folder: Folder, json: Json = False) -> int:
     """Show one run or sweep: its origin, scores and stages.
 
-    Example: stixel show results/wide-prior
+    Example: stixel show results/contour
     """
     from stixel_cli.evaluation.metric_table import metric
     from stixel_cli.evaluation.verdict import verdict

@@ -36,7 +36,7 @@ def verify(
     first stage that differs, by how much, and which version or function changed. The exit code is
     0 if all results are identical, otherwise 1.
 
-    Example: stixel verify results/wide-prior
+    Example: stixel verify results/contour
     """
     import tempfile
 
