@@ -236,7 +236,7 @@ _TABLE = (
     # Only of a tracker that estimates the size of a class.
     Metric("size_deviation", "size minus the class's, standard deviations of the class, median",
            "size deviation", "", "less", (0.0, None),
-           lambda e: finite_median(second_half(e.size_deviations)), (None, 5.0)),
+           lambda e: finite_median(second_half(e.size_deviations)), (None, 3.5)),
     Metric("points_beside_share", "points next to the used ones that were not used, share",
            "points beside", "", None, (0.0, 1.0),
            lambda e: share_of(e.points_beside, e.points_used), (None, 0.1)),

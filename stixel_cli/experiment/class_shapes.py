@@ -36,8 +36,8 @@ MEASUREMENTS = {"simulated": ("simulated",), "lidar": ("lidar", "lidar_64")}
 HEADER = '''"""Generated: what is known of each class of road user; `class_shape.py` explains it.
 
 Made by: python -m stixel_cli.experiment.class_shapes
-Outlines of shape seeds {outlines}; scans of paths {paths}, seeds and shape seeds {seeds}. Lengths
-are whole millimetres.
+Outlines of shape seeds {outlines}; scans of paths {paths}, seeds and
+shape seeds {seeds}. Lengths are whole millimetres.
 """
 
 SHAPES = {{

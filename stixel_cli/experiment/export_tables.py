@@ -1,7 +1,7 @@
 """Export a run as CSV tables with a table of their columns."""
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from stixel_cli.results.folder import csv_text
 from stixel_cli.results.result import RunResult
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track
+
+if TYPE_CHECKING:
+    import pandas
 
 COLUMNS: dict[str, tuple[str, str]] = {
     "k": ("", "index of the scan, from 0"),
@@ -58,7 +61,7 @@ def export_csv(stored: RunResult, folder: Path, progress: Progress | None = None
         run = run_experiment(stored.composition, store, progress, pictures=False)
     tables = exported_tables(run)
     texts = {f"{name}.csv": csv_text(columns) for name, columns in tables.items()}
-    texts["columns.csv"] = csv_text(columns_table(tables))
+    texts["columns.csv"] = columns_table(tables).to_csv(index=False)
 
     def write(partial: Path) -> None:
         for name, text in texts.items():
@@ -81,11 +84,12 @@ def exported_tables(run: RunResult) -> dict[str, dict[str, np.ndarray]]:
     return tables
 
 
-def columns_table(tables: dict[str, dict[str, np.ndarray]]) -> dict[str, list[Any]]:
+def columns_table(tables: dict[str, dict[str, np.ndarray]]) -> "pandas.DataFrame":
     """One row for each column of each table: table, column, unit, meaning."""
+    import pandas
+
     rows = [(table, name, *COLUMNS[name]) for table, columns in tables.items() for name in columns]
-    names = ("table", "column", "unit", "meaning")
-    return {name: [row[i] for row in rows] for i, name in enumerate(names)}
+    return pandas.DataFrame(rows, columns=["table", "column", "unit", "meaning"])
 
 
 def _estimated(track: Track) -> dict[str, np.ndarray]:

@@ -150,7 +150,7 @@ def _write_files(folder: Path, run: RunResult, page: str) -> None:
 
 
 def csv_text(columns: Mapping[str, Sequence]) -> str:
-    """Comma-separated columns; floats with enough digits to read them back exactly."""
+    """Comma-separated columns of numbers, with enough digits to read them back exactly."""
     texts = [map(repr, np.asarray(column).tolist()) for column in columns.values()]
     # The writer of the module `csv` takes half as long again.
     return "\n".join([",".join(columns), *map(",".join, zip(*texts, strict=True)), ""])

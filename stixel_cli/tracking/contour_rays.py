@@ -1,6 +1,6 @@
 """The rays of a scan: how a sensor sees a class, association, and the errors that points share."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from stixel_cli.tracking.contour_parameters import ContourParameters
 from stixel_cli.tracking.ray_table import RayTable, expected, outline_table
 
 OUTLINE_STD = 0.02
-"""How well the class's outline fits one road user where the sensor sees the outline itself, m."""
+"""How well the outline of the class fits a road user without limbs, of mean shape, m."""
 
 NEAR_RANGE, NEAR_ACROSS = 0.3, 0.15
 """A point this near to the expected one, m, along the ray and across, is in every gate."""
@@ -72,9 +72,14 @@ class Rays:
 
 def sight_of(road_user: RoadUserClass, tracker: ContourParameters) -> Sight:
     """What the sensor sees of a class: the seen shape; for fabricated scans the outline."""
-    outline = class_shape(road_user).outline
+    shape = class_shape(road_user)
+    outline = shape.outline
     if tracker.seen_by not in ("simulated", "lidar"):
-        return Sight(outline_table(outline, OUTLINE_STD), 0.0, 1.0, True)
+        table = outline_table(outline, OUTLINE_STD)
+        # Bodies differ and limbs move, inside of limits that differ less.
+        of_class = np.sqrt(np.mean(shape.outline_stds**2))
+        table = replace(table, stds=np.hypot(table.stds, of_class))
+        return Sight(table, 0.0, 1.0, True)
     seen = seen_shape(road_user, tracker.seen_by)
     table = seen_table(outline, seen, blurred=tracker.seen_by == "simulated")
     return Sight(table, seen.bias_per_std, seen.std_factor, False)

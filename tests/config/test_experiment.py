@@ -84,7 +84,7 @@ def test_its_stereo_noise_is_a_tenth_of_a_metre_at_28_metres():
     ("override", "key", "value"),
     [
         ("tracker.sigma_f=0.5", "tracker.sigma_f", 0.5),
-        ("tracker.sigma_f=${prior.sigma_f}", "tracker.sigma_f", 0.15),
+        ("tracker.sigma_f=${prior.sigma_f}", "tracker.sigma_f", 0.1),
         ("start.velocity=1", "start.velocity", 1),
         ("start=default", "start.rates", "truth"),
         ("stereo=bm", "stereo", "bm"),

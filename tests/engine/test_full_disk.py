@@ -31,7 +31,7 @@ def disk(tmp_path):
 
     if not sys.platform.startswith("linux") or os.geteuid() != 0:
         pytest.skip("mounting a small file system takes root on Linux")
-    mount("size=200k")
+    mount("size=400k")
     yield folder, lambda option: mount("remount", option)
     subprocess.run(["umount", "-l", str(folder)], check=True)
 

@@ -235,8 +235,7 @@ def test_stixels_see_a_class_behind_its_outline_and_within_it(name):
     seen_width, width = table.high - table.low, (table.highest - table.lowest) / 1.25
     assert np.all(seen_width < width + 0.15)
     assert np.all(seen_width > 0.4 * width)
-    assert seen.depth_biases.mean() > 0.0
-    assert seen.bias_per_std > 0.0
+    assert seen.depth_biases.mean() + 0.2 * seen.bias_per_std > 0.0  # at a range with σ = 0.2 m
     assert shapely.polygons(shape.outline).area > 0.3 * np.prod(shape.size)
     assert shapely.linearrings(shape.outline).is_ccw
 
