@@ -185,6 +185,13 @@ def _run(run: RunResult, facts: Sequence[tuple[str, str]]) -> dict[str, Any]:
         },
         "nisBounds": [numbers(low, 3), numbers(high, 3)],
         "boxes": _boxes(run.objects),
+        "tracks": [
+            {
+                "first": one.first,
+                "contours": [millimetres(c.ravel()) for c in one.track.contours_world],
+            }
+            for one in run.tracks
+        ],
     }
 
 

@@ -17,6 +17,7 @@ from stixel_cli.config.compose import compose
 from stixel_cli.report.camera_frames import camera_frames
 from stixel_cli.results.result import RunResult
 from stixel_cli.stixels.objects import Objects
+from stixel_cli.tracking.found import ObjectTrack
 
 SCANS = 12
 
@@ -51,7 +52,7 @@ def make_run(label="run", seed=0, with_camera=True, corners=60):
 
 
 def with_objects(run):
-    """The run with one object at scan 0, two at each other one."""
+    """The run with one object at scan 0, two at each other one, and a track of scans 3 to 5."""
     counts = [1] + [2] * (SCANS - 1)
     boxes = np.array([[4 + k, 20 + k, 10, 30] for k in range(sum(counts))], dtype=np.int32)
     objects = Objects(
@@ -62,7 +63,8 @@ def with_objects(run):
         counts=np.full(len(boxes), 4),
         of_stixels=np.zeros(0, np.int32),
     )
-    return replace(run, objects=(objects,))
+    track = ObjectTrack(3, replace(run.track, contours_world=run.track.contours_world[:3] + 5.0))
+    return replace(run, objects=(objects,), tracks=(track,))
 
 
 @cache

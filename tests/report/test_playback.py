@@ -116,6 +116,13 @@ def test_objects_of_a_recording_are_on_the_page():
     assert plain["boxes"] is None
     assert played["boxes"][:2] == [[4, 20, 10, 30], [5, 21, 10, 30, 6, 22, 10, 30]]
     assert len(played["boxes"]) == SCANS
+    assert plain["tracks"] == []
+    (track,) = played["tracks"]
+    contours = make_run().track.contours_world[:3] + 5.0
+    assert track["first"] == 3
+    np.testing.assert_allclose(
+        1e-3 * np.reshape(track["contours"], contours.shape), contours, atol=1e-3
+    )
 
 
 def test_long_run_shows_every_nth_image(monkeypatch):

@@ -497,6 +497,9 @@ def test_objects_of_a_recording_are_outlined(open_page, pages):
     assert outlines.get_attribute("d") == "M3.5 9.5H19.5V30.5H3.5Z"
     to(opened.page, 1)
     assert outlines.get_attribute("d") == "M4.5 9.5H20.5V30.5H4.5ZM5.5 9.5H21.5V30.5H5.5Z"
+    for k, shown in ((2, False), (3, True), (5, True), (6, False)):
+        to(opened.page, k)
+        assert bool(opened.page.locator("#tracks").get_attribute("d")) == shown
     assert "object: stixels near each other" in opened.page.locator("#legend").inner_text()
     assert opened.problems == []
     opened.page.close()

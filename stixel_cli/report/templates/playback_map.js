@@ -31,6 +31,7 @@ const estimates = runs.map((run, r) => {
     far: svg("text", { id: id("far") }, find("outside")),
   };
 });
+const tracks = svg("path", { id: "tracks", class: "line" }, find("estimates"));
 const truthTrail = svg("path", { id: "truth-trail", class: "trail truth" }, find("trails"));
 svg("path", { class: "path truth", d: polyline(data.target, LAST) }, find("whole-paths"));
 find("bands").style.fillRule = "evenodd";
@@ -76,6 +77,7 @@ function drawMap() {
       ? ellipse(pose[0] / 1e3, pose[1] / 1e3, 2 * major, 2 * minor, angle / 1e3) : "");
     arrow(parts.heading, parts.head, pose, 0.75 * extent, scale);
   });
+  tracks.setAttribute("d", run.tracks.map((one) => polygon(one.contours[k - one.first])).join(""));
   drawScan(scan, run.used[k], k, run.noise);
   drawOutside(x, y, scale);
 }
