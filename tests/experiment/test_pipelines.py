@@ -134,6 +134,7 @@ DECLARED = {
     "stixel_cli.recordings.image_files": "recorded",
     "stixel_cli.recordings.disparity_file": "recorded",
     "stixel_cli.recordings.rows": "recorded",
+    "stixel_cli.recordings.feather": "recorded",
     # The user's scans, sensor poses and truth: likewise.
     "stixel_cli.measurements.tables": "files",
     # The user's own functions: their modules, see `Definition.code`.
