@@ -27,21 +27,18 @@ def process(cache, results, *arguments):
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
     before = os.times()
     started = time.perf_counter()
-    process = subprocess.Popen(
-        [sys.executable, "-m", "stixel_cli", *arguments, "--results", str(results)],
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-    )
-    peak = [0.0]
-    watcher = threading.Thread(target=watch, args=(process.pid, peak), daemon=True)
-    watcher.start()
-    # Progress is on stderr, so the scores are the first of stdout.
-    process.stdout.read(1)
-    scores = time.perf_counter() - started
-    process.stdout.read()
-    assert process.wait() == 0
-    wall = time.perf_counter() - started
+    command = [sys.executable, "-m", "stixel_cli", *arguments, "--results", str(results)]
+    pipe, null = subprocess.PIPE, subprocess.DEVNULL
+    with subprocess.Popen(command, env=environment, stdout=pipe, stderr=null) as process:
+        peak = [0.0]
+        watcher = threading.Thread(target=watch, args=(process.pid, peak), daemon=True)
+        watcher.start()
+        # Progress is on stderr, so the scores are the first of stdout.
+        process.stdout.read(1)
+        scores = time.perf_counter() - started
+        process.stdout.read()
+        assert process.wait() == 0
+        wall = time.perf_counter() - started
     watcher.join()
     after = os.times()
     cpu = (after.children_user + after.children_system) - (
