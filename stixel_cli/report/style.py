@@ -7,10 +7,14 @@ all common kinds of colour vision. One colour means one thing in every picture.
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
 from threading import RLock
 
 import matplotlib
 import numpy as np
+from matplotlib import font_manager
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
@@ -37,9 +41,14 @@ DPI = 110
 DEPTH_TICKS = (2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 """Colours of depth run evenly in log(depth) between the first and the last, m."""
 
+_FONT = "DejaVu Sans of Matplotlib"
 _SETTINGS = {
-    "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],
+    "font.family": _FONT,
+    "mathtext.fontset": "custom",
+    **{f"mathtext.{kind}": _FONT for kind in ("rm", "sf", "tt", "cal")},
+    "mathtext.it": f"{_FONT}:italic",
+    "mathtext.bf": f"{_FONT}:bold",
+    "mathtext.bfit": f"{_FONT}:italic:bold",
     "font.size": 9.0,
     "axes.titlesize": 10.0,
     "axes.titlelocation": "left",
@@ -77,6 +86,7 @@ def drawing(settings: dict | None = None) -> Iterator[None]:
     The user's own matplotlibrc is ignored, because it would change the bytes. `settings`
     are further Matplotlib settings, which override these. One thread draws at a time.
     """
+    _register_font()
     defaults = {
         name: value
         for name, value in matplotlib.rcParamsDefault.items()
@@ -84,6 +94,18 @@ def drawing(settings: dict | None = None) -> Iterator[None]:
     }
     with _one_at_a_time, matplotlib.rc_context(defaults | _SETTINGS | (settings or {})):
         yield
+
+
+@cache
+def _register_font() -> None:
+    """Give the DejaVu Sans of Matplotlib's own package the name `_FONT`.
+
+    By its usual name Matplotlib may find the system's copy, whose version can differ.
+    """
+    for path in sorted(Path(matplotlib.get_data_path(), "fonts", "ttf").glob("DejaVuSans*.ttf")):
+        font = font_manager.ttfFontProperty(font_manager.get_font(path))
+        if font.name == "DejaVu Sans":
+            font_manager.fontManager.ttflist.append(replace(font, name=_FONT))
 
 
 def new_figure(width: float, height: float, **options) -> Figure:

@@ -1,8 +1,11 @@
 """The settings in which pictures are drawn."""
 
+from dataclasses import replace
 from threading import Event, Thread
 
 import matplotlib
+import pytest
+from matplotlib import font_manager
 
 from stixel_cli.report import style
 
@@ -31,3 +34,25 @@ def test_threads_draw_one_at_a_time_and_keep_the_user_settings():
             thread.join()
         assert matplotlib.rcParams["font.size"] == 20.0
     assert drawn == [("first", 5.0), ("second", 6.0)]
+
+
+@pytest.mark.parametrize("text", ["10 %", "$10^{0}$"])
+def test_pictures_do_not_depend_on_the_fonts_of_the_system(monkeypatch, text):
+    """A system may have another version of the font. Here: another font by its name."""
+
+    def draw():
+        with style.drawing():
+            figure = style.new_figure(1.0, 1.0)
+            figure.text(0.5, 0.5, text)
+            return style.svg(figure), style.png(figure)
+
+    before = draw()
+    manager = font_manager.fontManager
+    serif = next(font for font in manager.ttflist if font.name == "DejaVu Serif")
+    others = [font for font in manager.ttflist if font.name != "DejaVu Sans"]
+    monkeypatch.setattr(manager, "ttflist", [replace(serif, name="DejaVu Sans"), *others])
+    manager._findfont_cached.cache_clear()
+    try:
+        assert draw() == before
+    finally:
+        manager._findfont_cached.cache_clear()
