@@ -27,6 +27,7 @@ TINY = (
     "road_user=pedestrian",
     "path=crossing",
     "measurement=fabricated",
+    "tracker=gp_ekf,point",
     "path.duration=0.3",
     "seed=range(0,2)",
     "executor=threads",
