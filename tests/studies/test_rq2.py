@@ -3,6 +3,7 @@
 import csv
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -20,6 +21,7 @@ from stixel_cli.studies.rq2.answer import answer_tables, answer_values
 from stixel_cli.studies.rq2.conditions import CONDITIONS, condition_statistics
 from stixel_cli.studies.rq2.contrasts import family, least_effect, p_value
 from stixel_cli.studies.rq2.figures import by_condition
+from stixel_cli.studies.rq2.report import gate_shares
 from stixel_cli.studies.runs import contour_distances, paired_difference, within_bounds
 from stixel_cli.studies.tables import shown_table
 
@@ -280,6 +282,19 @@ def test_only_a_significant_difference_is_called_worse():
     assert one.p > 3.0 * raw and one.difference.low > 0.0
     lidar = [r for r in runs if r["measurement_kind"] == "lidar"]
     assert family(pd.DataFrame(lidar)) == []
+
+
+def test_gating_loses_points_of_the_target_and_lets_others_in():
+    contour = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    points = np.array([[0.5, 0.1], [0.5, 0.9], [0.5, 2.5], [9.0, 9.0], [8.0, 9.0]])
+    results = {
+        "scans": Scans.of_each(np.zeros(1), np.zeros((1, 3)), [(points, np.zeros((5, 2, 2)))]),
+        "scenario": SimpleNamespace(contour_world=lambda k: contour),
+        "track": SimpleNamespace(used_points=np.array([0, 2, 3])),
+    }
+    lost, others = gate_shares([SimpleNamespace(load=results.__getitem__)])
+    assert (lost, others) == (pytest.approx(1 / 3), pytest.approx(1 / 3))
+    assert gate_shares([]) == (None, None)
 
 
 def test_measurements_and_trackers_have_the_names_of_the_field():

@@ -4,7 +4,7 @@ Everything follows from the study's runs: the trackers, measurements, road users
 they have. The question names kinds of measurement and tracker.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -193,6 +193,20 @@ def _near_points(run: StudyRun) -> tuple[np.ndarray, np.ndarray]:
     return np.bincount(k[near], minlength=len(scans)), distances[near]
 
 
+def gate_shares(runs: Iterable[StudyRun]) -> tuple[float | None, float | None]:
+    """Share of the target's points that a tracker did not use, and of others in those it used."""
+    near = lost = used = others = 0
+    for run in runs:
+        is_near = contour_distances(run.load("scans"), run.load("scenario")) < NEAR
+        used_points = run.load("track").used_points
+        own = np.count_nonzero(is_near[used_points])
+        near += np.count_nonzero(is_near)
+        lost += np.count_nonzero(is_near) - own
+        used += len(used_points)
+        others += len(used_points) - own
+    return (lost / near if near else None), (others / used if used else None)
+
+
 def _ranking(runs: "pd.DataFrame") -> dict[str, list[tuple[str, float]]]:
     """Tracker to its measurements and mean IoU, the best first; trackers without one left out."""
     found = {}
@@ -224,7 +238,7 @@ def _tracking_table(user: str, runs: "pd.DataFrame", scans: "pd.DataFrame") -> T
                     cells += [one.mean, one.std]
                 nees, nis = within_bounds(of_scans.get_group(tuple(key.values())))
                 cells += [metric_over_seeds(same, "nees_position_mean").mean, nees]
-                cells += [metric_over_seeds(same, "nis_mean").mean, nis]
+                cells += [metric_over_seeds(same, "nis_mean").mean, nis, *gate_shares(same["run"])]
                 rows.append(tuple(cells))
     nees, nis = (quantity(METRICS[name]) for name in ("nees_position_mean", "nis_mean"))
     columns = (
@@ -235,6 +249,7 @@ def _tracking_table(user: str, runs: "pd.DataFrame", scans: "pd.DataFrame") -> T
             for column in std_columns(with_unit(metric), quantity(metric))
         ),
         *(nees, f"{nees.partition(' ')[0]} within", nis, f"{nis.partition(' ')[0]} within"),
+        *("target's points not used", "others among the points used"),
     )
     return Table(f"{user}_tracking", "", columns, tuple(rows))
 
