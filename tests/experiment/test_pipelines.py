@@ -12,15 +12,10 @@ from stixel_cli.config.compose import compose
 from stixel_cli.config.folders import group_options
 from stixel_cli.engine.code import CodeIndex
 from stixel_cli.engine.keys import GIVEN
-from stixel_cli.experiment.stages import (
-    OWN,
-    REPLAYED,
-    TABLE,
-    draws,
-    pictured_frames,
-    pipeline_stages,
-    scan_count,
-)
+from stixel_cli.experiment.stages import pictured_frames, pipeline_stages, scan_count
+from stixel_cli.experiment.table.images import REPLAYED
+from stixel_cli.experiment.table.table import TABLE, draws
+from stixel_cli.experiment.table.tracks import OWN
 from stixel_cli.results.pictures import Pictures
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
 
