@@ -77,7 +77,7 @@ def read_labels(pose: Path, bbox: Path, info: Path) -> Tracks:
     Raises:
         UserError: if a row is short, has a value that is not finite, or repeats a frame.
     """
-    kinds = {words[0]: words[1] for _, words in _rows(info, ("trackID", "label"))}
+    kinds = {words[0]: words[1] for _, words in _rows(info, ("trackID", "label"), picked=True)}
     boxes = _of_left_camera(bbox, BOX)
     rows: dict[int, list[list[float]]] = {}
     for (frame, track), (row, values) in _of_left_camera(pose, POSE).items():
