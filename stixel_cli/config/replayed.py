@@ -15,7 +15,7 @@ from stixel_cli.recordings.types import Recording
 from stixel_cli.scene.path_parameters import ReplayedPath
 
 OPTIONS = {"rig": "kitti", "world": "roadside"}
-"""Options where the user chooses none: the labels are in the view of KITTI's camera, and only this
+"""Options that the user may replace: the labels are in the view of KITTI's camera, and only this
 world has no houses on the way."""
 
 REFUSED = {

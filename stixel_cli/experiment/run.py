@@ -200,7 +200,7 @@ def record_run(
 
 
 def correction_note(configuration: Configuration) -> dict[str, str]:
-    """The manifest's entry on the disparity error that is taken off; empty for none."""
+    """The manifest's entry on the disparity error that is taken off; empty without one."""
     rig, source = configuration.rig, configuration.source
     if rig.disparity_offset == 0.0 and rig.disparity_slope == 0.0:
         return {}

@@ -16,7 +16,7 @@ from stixel_cli.recordings.rows import check_columns, numbers, text_rows
 from stixel_cli.recordings.types import Calibration
 
 VISIBLE = 0.7
-"""Least share of its box that a vehicle in full view fills: chosen here, the data set has none."""
+"""Least share of its box that a vehicle in full view fills: chosen here, not by the data set."""
 
 KEY = ("frame", "cameraID", "trackID")
 POSE = ("height", "width", "length")

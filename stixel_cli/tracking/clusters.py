@@ -42,7 +42,7 @@ ACCELERATION = 3.0
 
 SLOWEST, OF_SENSOR = 0.3, 0.05
 """A road user is faster than this, m/s, plus this share of the sensor's speed: the error of the
-sensor's motion moves all that stands still."""
+sensor's motion seems to move static objects."""
 
 CERTAIN = 12.0
 """Its speed is so many times the speed's standard error."""
@@ -95,7 +95,7 @@ def find_tracks(scans: Scans, prior: PriorShape, std: tuple[float, ...]) -> tupl
 
 
 def moves(scans: Scans, one: OpenTrack) -> bool:
-    """Whether a track moves like a road user and not like the errors of what stands still."""
+    """Whether a track moves like a road user and not like the errors of a static object."""
     if len(one.scans) < LEAST_SCANS:
         return False
     times, poses = scans.times[one.scans], scans.sensor_poses_world[one.scans, :2]

@@ -1,9 +1,9 @@
 """The error of a rig's disparities from the motion of its own camera, without any truth.
 
-A static point of true disparity d moves, between two images of the left camera, as d says: its
-flow by the camera's translation t is proportional to d t / (f B). A point without such a flow is at
-infinity, where the measured disparity is the error. So the error is found without the length of t:
-poses from stereo odometry have a wrong scale if the disparities are wrong.
+A static point of true disparity d moves between two images of the left camera: its flow by the
+camera's translation t is proportional to d t / (f B). A point without such a flow is at infinity,
+where the measured disparity is the error. So the estimate does not need the length of t: poses from
+stereo odometry have a wrong scale if the disparities are wrong.
 
 The points are corners of the first image, tracked by pyramidal Lucas-Kanade (Bouguet 2001). For
 each pair of images the motion (three angles, three lengths) is estimated together with the error
@@ -267,6 +267,6 @@ def _tracked(
     after = cv2.remap(expected, moved, None, cv2.INTER_LINEAR)[:, 0]
     places = corners[:, 0].astype(np.int64)
     measured = cv2.medianBlur(filled, 5)[places[:, 1], places[:, 0]]
-    # At the edge of the known pixels the place after the motion is none.
+    # At the edge of the known pixels the place after the motion is not valid.
     rows = np.column_stack([places, after, measured]).astype(np.float64)
     return rows[(after > 0.0).all(axis=1)]

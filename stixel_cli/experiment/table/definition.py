@@ -22,12 +22,12 @@ class Definition:
         files: dotted paths of the settings that are files. Their content, and that of the files
             they refer to, is part of the key.
         recorded: the files of the recording that the function gets as `files`, an attribute of
-            `Recording`, before those of `files`; "" for none.
+            `Recording`, before those of `files`; "" for no file.
         pictures: whether it draws: its result is a `Pictures`.
         code: dotted paths of the settings that name the user's own functions: their code is part of
             the key.
         calls: another stage whose function this one calls: it gets the function's name as
-            `function` and its settings as `settings`; "" for none.
+            `function` and its settings as `settings`; "" for no stage.
     """
 
     functions: Mapping[str, str]
