@@ -9,12 +9,9 @@ import typer
 
 from stixel_cli.cli.completion import complete_override
 from stixel_cli.cli.options import Json, Output, Workers, check_output
-from stixel_cli.cli.run import with_workers
+from stixel_cli.cli.run import with_workers, without_target
 from stixel_cli.cli.terminal import print_json, print_table
 from stixel_cli.errors import UserError
-
-NEEDED = {"road_user": "car", "start": "scans", "start.bearing": "[-45,45]"}
-"""A recording without target needs these, and the stixels do not depend on them."""
 
 
 def assess(
@@ -64,7 +61,7 @@ def assess(
     from stixel_cli.experiment.assess import LABELS
     from stixel_cli.experiment.assess import assess as assessed
     from stixel_cli.report.assess import page_html, sentences, shown
-    from stixel_cli.report.compare import write_page
+    from stixel_cli.report.compare import unused_page, write_page
 
     files = [text for text in arguments if "=" not in text]
     given = [text for text in arguments if "=" in text]
@@ -72,17 +69,13 @@ def assess(
         given = [*_pair(files, calib, disparity, labels), *given]
     elif calib or disparity or labels:
         raise UserError("--calib, --disparity and --labels belong to two images: LEFT RIGHT")
-    names = {text.partition("=")[0] for text in given}
-    more = [f"{name}={value}" for name, value in NEEDED.items() if name not in names]
-    composition = compose(with_workers([*given, *more, "pictures.frames=[0]"], workers))
+    given = [*without_target(given), "pictures.frames=[0]"]
+    composition = compose(with_workers(given, workers))
     found = assessed(composition, make_progress())
     if json:
         print_json({"values": dict(found.values), "seconds": dict(found.seconds)})
         return 0
-    page = Path("assess.html") if output is None else output
-    number = 2
-    while output is None and page.exists():
-        page, number = Path(f"assess-{number}.html"), number + 1
+    page = unused_page(Path("assess.html")) if output is None else output
     command = [arg for arg in ("stixel", "assess", *arguments) if arg]
     for name, value in (("--calib", calib), ("--disparity", disparity), ("--labels", labels)):
         command += [] if value is None else [name, str(value)]

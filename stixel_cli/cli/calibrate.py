@@ -10,7 +10,7 @@ import typer
 
 from stixel_cli.cli.completion import complete_override
 from stixel_cli.cli.options import Json, Workers
-from stixel_cli.cli.run import with_workers
+from stixel_cli.cli.run import with_workers, without_target
 from stixel_cli.cli.terminal import print_json
 
 if TYPE_CHECKING:
@@ -57,12 +57,7 @@ def calibrate(
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.experiment.calibrate import calibrate as estimate
 
-    names = {text.partition("=")[0] for text in overrides}
-    if "source.target" not in names:
-        # A recording without target needs these, and the stixels do not depend on them.
-        further = {"road_user": "car", "start": "scans", "start.bearing": "[-45,45]"}
-        overrides = [*overrides, *(f"{k}={v}" for k, v in further.items() if k not in names)]
-    composition = compose(with_workers(overrides, workers))
+    composition = compose(with_workers(without_target(overrides), workers))
     found = estimate(composition, method, make_progress())
     source = composition.configuration.source
     text = correction_text(found, source)

@@ -122,6 +122,13 @@ def with_workers(overrides: Sequence[str], workers: int | None) -> list[str]:
     return [*overrides, *([] if workers is None else [f"executor.workers={workers}"])]
 
 
+def without_target(overrides: Sequence[str]) -> list[str]:
+    """`overrides` with what a recording without a target needs; no stixel depends on it."""
+    needed = {"road_user": "car", "start": "scans", "start.bearing": "[-45,45]"}
+    names = {text.partition("=")[0] for text in overrides}
+    return [*overrides, *(f"{k}={v}" for k, v in needed.items() if k not in names)]
+
+
 def print_run(made: "RunResult", json: bool) -> None:
     """Print the folder of a run whose scores are printed; with `json` the scores too."""
     if json:

@@ -2,7 +2,6 @@
 
 import copy
 import json
-import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,6 +12,7 @@ from stixel_cli.config import messages
 from stixel_cli.config.choose import choose, store_compositions
 from stixel_cli.config.file_runs import implied_by_file
 from stixel_cli.config.folders import (
+    absolute,
     conf_state,
     configuration_folder,
     group_options,
@@ -208,8 +208,7 @@ def name_files_in_full(resolved: dict[str, Any], working_directory: str = "") ->
             continue
         # The checks refuse an empty name.
         if isinstance(name, str) and name:
-            name = os.path.join(working_directory, os.path.expanduser(name))
-            resolved[group] = resolved[group] | {key: os.path.abspath(name)}
+            resolved[group] = resolved[group] | {key: absolute(name, working_directory)}
 
 
 def from_resolved(resolved: Mapping[str, Any]) -> Configuration:

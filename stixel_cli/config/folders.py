@@ -27,6 +27,11 @@ _DEFAULTS = re.compile(r"^defaults:.*\n((?: *-.*\n)+)", re.MULTILINE)
 _DEFAULT = re.compile(r"^ *- ([A-Za-z_]\w*): *(\w+)", re.MULTILINE)
 
 
+def absolute(name: str, working_directory: str) -> str:
+    """The full name of a file or folder as typed; `~` is the user's home."""
+    return os.path.abspath(os.path.join(working_directory, os.path.expanduser(name)))
+
+
 def shipped_folder(name: str) -> Path:
     """The folder `name` (`conf`, `pipelines`) of the checkout, or else of the installed package.
 

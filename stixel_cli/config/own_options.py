@@ -11,7 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stixel_cli.config.folders import group_options, installed_trackers
+from stixel_cli.config.folders import absolute, group_options, installed_trackers
 from stixel_cli.config.keys import describe
 from stixel_cli.config.schema import Configuration
 from stixel_cli.engine.versions import providers
@@ -138,10 +138,7 @@ def find_folders(resolved: Mapping[str, Any], working_directory: str) -> list[st
     given = resolved["code_folders"]
     if not isinstance(given, list):
         return given  # The validation of the whole configuration reports it.
-    folders = [
-        os.path.abspath(os.path.join(working_directory, os.path.expanduser(str(folder))))
-        for folder in given
-    ]
+    folders = [absolute(str(folder), working_directory) for folder in given]
     places = [*folders, os.path.abspath(working_directory or os.getcwd())]
     for key, name in functions_of(resolved).items():
         try:

@@ -1,7 +1,6 @@
 """A recording completes the configuration: its rig, times and class, and what suits real images."""
 
 import json
-import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -9,6 +8,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from stixel_cli.config import messages
+from stixel_cli.config.folders import absolute
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.recordings.find import find_recording, guess_layout
 from stixel_cli.recordings.kitti_labels import CLASSES
@@ -45,7 +45,7 @@ def guessed_source(typed: Mapping[str, Any], working_directory: str) -> list[str
     folder = typed.get("source.folder")
     if "source" in typed or not isinstance(folder, str) or not folder:
         return []
-    return [f"source={guess_layout(Path(_absolute(folder, working_directory)))}"]
+    return [f"source={guess_layout(Path(absolute(folder, working_directory)))}"]
 
 
 def recording_in(
@@ -64,7 +64,7 @@ def recording_in(
         return None
     for name in FILES:
         if isinstance(section.get(name), str) and section[name]:
-            section[name] = _absolute(section[name], working_directory)
+            section[name] = absolute(section[name], working_directory)
     if type(section.get("sequence")) is int:
         # A name: 0005 is text to Hydra, but 12 is a number.
         section["sequence"] = str(section["sequence"])
@@ -177,7 +177,3 @@ def rig_values(recording: Recording) -> dict[str, Any]:
         "pitch": 0.0,
         **({} if height is None else {"camera_height": height}),
     }
-
-
-def _absolute(folder: str, working_directory: str) -> str:
-    return os.path.abspath(os.path.join(working_directory, os.path.expanduser(folder)))

@@ -1,13 +1,13 @@
 """`path=recorded` completes the configuration: its frames, the class, and the way it needs."""
 
 import json
-import os
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
 from stixel_cli.config import messages
+from stixel_cli.config.folders import absolute
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.recordings.kitti_labels import CLASSES
 from stixel_cli.recordings.replay import find_replay
@@ -15,7 +15,7 @@ from stixel_cli.recordings.types import Recording
 from stixel_cli.scene.path_parameters import ReplayedPath
 
 OPTIONS = {"rig": "kitti", "world": "roadside"}
-"""Options where the user chooses none: the labels are in the view of KITTI's camera, and only this
+"""Options that the user may replace: the labels are in the view of KITTI's camera, and only this
 world has no houses on the way."""
 
 REFUSED = {
@@ -41,9 +41,7 @@ def replay_in(
             if name == key or name.startswith(f"{key}."):
                 raise ConfigurationError(f"{name}: with path=recorded, {reason}")
     if isinstance(section["folder"], str) and section["folder"]:
-        section["folder"] = os.path.abspath(
-            os.path.join(working_directory, os.path.expanduser(section["folder"]))
-        )
+        section["folder"] = absolute(section["folder"], working_directory)
     if type(section["sequence"]) is int:
         # A name: 0005 is text to Hydra, but 12 is a number.
         section["sequence"] = str(section["sequence"])

@@ -6,12 +6,15 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.engine.progress import Progress
-from stixel_cli.engine.store import open_store
-from stixel_cli.experiment.export_folder import stage_results, write_new_folder
+from stixel_cli.experiment.export_folder import (
+    repeated_run,
+    stage_results,
+    write_new_folder,
+    write_texts,
+)
 from stixel_cli.experiment.export_rerun import export_rerun
 from stixel_cli.experiment.export_stixels import export_stx1
 from stixel_cli.experiment.export_tables import export_csv
-from stixel_cli.experiment.run import one_line_errors, run_experiment
 from stixel_cli.images import encode_png
 from stixel_cli.recordings.write_kitti import LABELS, write_clip
 from stixel_cli.results.result import RunResult
@@ -82,9 +85,7 @@ def export_tum(stored: RunResult, folder: Path, progress: Progress | None = None
         UserError: if the folder exists or cannot be written, or the run cannot be repeated.
         StageFailure: if a stage fails.
     """
-    store = open_store(stored.composition.configuration.cache)
-    with one_line_errors():
-        run = run_experiment(stored.composition, store, progress, pictures=False)
+    run = repeated_run(stored, progress)
     scenario = run.scenario
     poses = {
         "track": run.track.means[:, :3],
@@ -92,13 +93,7 @@ def export_tum(stored: RunResult, folder: Path, progress: Progress | None = None
         "ego": scenario.ego_poses_world,
     }
     texts = {f"{name}.tum": tum_text(scenario.times, values) for name, values in poses.items()}
-
-    def write(partial: Path) -> None:
-        for name, text in texts.items():
-            (partial / name).write_text(text, encoding="utf-8")
-
-    write_new_folder(folder, write)
-    return list(texts)
+    return write_texts(folder, texts)
 
 
 def tum_text(times: np.ndarray, poses_world: np.ndarray) -> str:

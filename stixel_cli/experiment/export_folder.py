@@ -2,7 +2,7 @@
 
 import os
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from stixel_cli.engine.locks import lease
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.run import experiment_graph, one_line_errors
+from stixel_cli.experiment.run import experiment_graph, one_line_errors, run_experiment
 from stixel_cli.files import written
 from stixel_cli.results.result import RunResult
 
@@ -38,6 +38,31 @@ def stage_results(
         with lease(store.folder, sorted(graph.ancestors(graph.expand(wanted)))):
             execute(graph, wanted, store, executor=configuration.executor, progress=progress)
             yield {name: [store.load(node.key) for node in graph.of_stage(name)] for name in wanted}
+
+
+def repeated_run(stored: RunResult, progress: Progress | None, camera: bool = False) -> RunResult:
+    """The run without its pictures, with the camera's frames if `camera`.
+
+    Results that the cache lacks are computed.
+
+    Raises:
+        UserError: if the run cannot be repeated.
+        StageFailure: if a stage fails.
+    """
+    store = open_store(stored.composition.configuration.cache)
+    with one_line_errors():
+        return run_experiment(stored.composition, store, progress, pictures=False, camera=camera)
+
+
+def write_texts(folder: Path, texts: Mapping[str, str]) -> list[str]:
+    """Write files by name as a new folder, and return their names; errors as `write_new_folder`."""
+
+    def write(partial: Path) -> None:
+        for name, text in texts.items():
+            (partial / name).write_text(text, encoding="utf-8")
+
+    write_new_folder(folder, write)
+    return list(texts)
 
 
 def write_new_folder(folder: Path, write: Callable[[Path], None]) -> None:

@@ -6,10 +6,8 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.engine.progress import Progress
-from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.export_folder import write_new_folder
-from stixel_cli.experiment.run import one_line_errors, run_experiment
+from stixel_cli.experiment.export_folder import repeated_run, write_new_folder
 from stixel_cli.report.camera_frames import WIDEST
 from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.results.result import RunResult
@@ -42,9 +40,7 @@ def export_rerun(stored: RunResult, folder: Path, progress: Progress | None = No
         StageFailure: if a stage fails.
     """
     library = rerun_library()
-    store = open_store(stored.composition.configuration.cache)
-    with one_line_errors():
-        run = run_experiment(stored.composition, store, progress, pictures=False, camera=True)
+    run = repeated_run(stored, progress, camera=True)
 
     def write(partial: Path) -> None:
         recording = library.RecordingStream("stixel", recording_id=folder.name)

@@ -13,7 +13,8 @@ from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.export_folder import stage_results, write_new_folder
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.measurements.gates import candidates
+from stixel_cli.measurements.gates import Gates, candidates
+from stixel_cli.measurements.scans import Scans
 from stixel_cli.results.result import RunResult
 from stixel_cli.stixels.types import Stixels
 
@@ -60,16 +61,15 @@ def export_stx1(stored: RunResult, folder: Path, progress: Progress | None = Non
     recorded = configuration.source.kind != "rendered"
     images = "pairs" if recorded else "add_sensor_noise"
     names: list[str] = []
-    with stage_results(stored, [images, "stixels", "track"], "stixels", progress) as found:
-        (track,) = found["track"]
+    wanted = [images, "stixels", "scans", "track"]
+    with stage_results(stored, wanted, "stixels", progress) as found:
+        (scans,), (track,) = found["scans"], found["track"]
 
         def write(partial: Path) -> None:
-            passed = 0  # Points of the scans before: a scan has the candidates of its frame.
             for pairs, stixels in zip(found[images], found["stixels"], strict=True):
-                inside = np.flatnonzero(candidates(stixels, configuration.measurement.gates))
-                of_target = np.zeros(len(stixels.left), dtype=bool)
-                of_target[inside] = np.isin(passed + np.arange(len(inside)), track.used_points)
-                passed += len(inside)
+                of_target = used_stixels(
+                    stixels, configuration.measurement.gates, scans, track.used_points
+                )
                 for i in range(len(stixels.offsets) - 1):
                     name = f"{stixels.first + i:06d}"
                     world = stixel_world(library, stixels, i, of_target, rig, kind)
@@ -81,6 +81,20 @@ def export_stx1(stored: RunResult, folder: Path, progress: Progress | None = Non
 
         write_new_folder(folder, write)
     return names
+
+
+def used_stixels(stixels: Stixels, gates: Gates, scans: Scans, used: np.ndarray) -> np.ndarray:
+    """Which stixels (S,) of a chunk are among the points `used` (n,), rows of the scans' arrays.
+
+    A scan has the candidates of its frame, and clutter after them; a dropout empties it.
+    """
+    found = np.zeros(len(stixels.left), dtype=bool)
+    inside = candidates(stixels, gates)
+    for i in range(len(stixels.offsets) - 1):
+        own = np.flatnonzero(inside[stixels.rows(i)]) + stixels.offsets[i]
+        points = np.arange(*scans.offsets[stixels.first + i :][:2])[: len(own)]
+        found[own[: len(points)]] = np.isin(points, used)
+    return found
 
 
 def stixel_world(

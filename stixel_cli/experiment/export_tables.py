@@ -6,9 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stixel_cli.engine.progress import Progress
-from stixel_cli.engine.store import open_store
-from stixel_cli.experiment.export_folder import write_new_folder
-from stixel_cli.experiment.run import one_line_errors, run_experiment
+from stixel_cli.experiment.export_folder import repeated_run, write_texts
 from stixel_cli.results.folder import csv_text
 from stixel_cli.results.result import RunResult
 from stixel_cli.scene.scenario import Scenario
@@ -56,19 +54,11 @@ def export_csv(stored: RunResult, folder: Path, progress: Progress | None = None
         UserError: if the folder exists or cannot be written, or the run cannot be repeated.
         StageFailure: if a stage fails.
     """
-    store = open_store(stored.composition.configuration.cache)
-    with one_line_errors():
-        run = run_experiment(stored.composition, store, progress, pictures=False)
+    run = repeated_run(stored, progress)
     tables = exported_tables(run)
     texts = {f"{name}.csv": csv_text(columns) for name, columns in tables.items()}
     texts["columns.csv"] = columns_table(tables).to_csv(index=False)
-
-    def write(partial: Path) -> None:
-        for name, text in texts.items():
-            (partial / name).write_text(text, encoding="utf-8")
-
-    write_new_folder(folder, write)
-    return list(texts)
+    return write_texts(folder, texts)
 
 
 def exported_tables(run: RunResult) -> dict[str, dict[str, np.ndarray]]:

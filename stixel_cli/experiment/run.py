@@ -23,12 +23,8 @@ from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import ConfigurationError, FolderTaken, UserError
 from stixel_cli.evaluation.metric_table import Scores
-from stixel_cli.experiment.stages import (
-    CHUNK_SIZE,
-    picture_stages,
-    pipeline_stages,
-    scan_count,
-)
+from stixel_cli.experiment.stages import CHUNK_SIZE, pipeline_stages, scan_count
+from stixel_cli.experiment.table.table import picture_stages
 from stixel_cli.report.playback import playback_html
 from stixel_cli.results.folder import check_results, reserve_folder, stamp, write_folder
 from stixel_cli.results.lineage import lineage_of, read_lineage
@@ -204,7 +200,7 @@ def record_run(
 
 
 def correction_note(configuration: Configuration) -> dict[str, str]:
-    """The manifest's entry on the disparity error that is taken off; empty for none."""
+    """The manifest's entry on the disparity error that is taken off; empty without one."""
     rig, source = configuration.rig, configuration.source
     if rig.disparity_offset == 0.0 and rig.disparity_slope == 0.0:
         return {}

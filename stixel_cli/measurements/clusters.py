@@ -10,7 +10,7 @@ LEAST = 2
 
 
 def cluster(points_ego: np.ndarray, covariances_ego: np.ndarray) -> np.ndarray:
-    """The cluster (n,) of each point, from 0; -1 for none.
+    """The cluster (n,) of each point, from 0; -1 without a cluster.
 
     Args:
         points_ego: (n, 2) m, from the camera.

@@ -41,8 +41,6 @@ def find_recording(source: Argoverse) -> Recording:
         UserError: if a file is missing or not valid.
     """
     root = Path(source.folder)
-    if not root.is_dir():
-        raise UserError(f"source.folder: {root}: no such folder")
     left, right = (numbered_images(root / IMAGES / name, NAMES, EXAMPLE) for name in CAMERAS)
     intrinsics, sensors = (
         root / "calibration" / f"{name}.feather" for name in ("intrinsics", "egovehicle_SE3_sensor")

@@ -20,7 +20,7 @@ from stixel_cli.recordings.types import Calibration, Rectification
 CAMERAS = ("stereo_front_left", "stereo_front_right")
 
 KINDS = {"REGULAR_VEHICLE": "Car", "PEDESTRIAN": "Pedestrian"}
-"""KITTI's types of the categories. A BICYCLIST has none: the BICYCLE has its own label."""
+"""KITTI's types of the categories. A BICYCLIST has no type: the BICYCLE has its own label."""
 
 GREATEST_GAP = 250_000_000
 """Between two poses, or two labels of a track, ns: with more, there is no line between them."""
@@ -269,7 +269,7 @@ def _matrices(file: Path, quaternions: np.ndarray) -> np.ndarray:
     lengths = np.linalg.norm(quaternions, axis=1)
     wrong = np.flatnonzero(np.abs(lengths - 1.0) > 0.01)
     if len(wrong):
-        raise UserError(f"{file}: row {wrong[0] + 1}: qw, qx, qy, qz are no rotation")
+        raise UserError(f"{file}: row {wrong[0] + 1}: qw, qx, qy, qz must have the length 1")
     w, x, y, z = (quaternions / lengths[:, None]).T
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],

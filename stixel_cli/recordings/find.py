@@ -32,6 +32,8 @@ def find_recording(source: Source) -> Recording:
     Raises:
         UserError: if a file is missing or not valid; it names the file, the row and the cause.
     """
+    if source.kind != "pair" and not Path(source.folder).is_dir():
+        raise UserError(f"source.folder: {source.folder}: no such folder")
     return LAYOUTS[source.kind].find_recording(source)
 
 
@@ -39,7 +41,7 @@ def guess_layout(folder: Path) -> str:
     """The layout of a folder, as the option of `source`.
 
     Raises:
-        UserError: if it has none of the known layouts.
+        UserError: if its layout is not known.
     """
     for name, module in LAYOUTS.items():
         if module.is_layout(folder):

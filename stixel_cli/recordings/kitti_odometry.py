@@ -6,7 +6,6 @@ folder, is expected in the folder of the images.
 
 from pathlib import Path
 
-from stixel_cli.errors import UserError
 from stixel_cli.recordings.assembly import assembled_recording
 from stixel_cli.recordings.kitti_calibration import read_calibration
 from stixel_cli.recordings.listing import numbered_images
@@ -26,8 +25,6 @@ def find_recording(source: KittiOdometry) -> Recording:
         UserError: if a file is missing or not valid.
     """
     root = Path(source.folder)
-    if not root.is_dir():
-        raise UserError(f"source.folder: {root}: no such folder")
     left, right = ("2", "3") if (root / "image_2").is_dir() else ("0", "1")
     return assembled_recording(
         source,

@@ -60,8 +60,6 @@ def find_recording(source: KittiPair) -> Recording:
         UserError: if a file is missing or not valid.
     """
     root, name = root_of(Path(source.folder)), f"{int(source.sequence):06d}"
-    if not root.is_dir():
-        raise UserError(f"source.folder: {root}: no such folder")
     for left, right, file, calibration, rows, labels, disparity in BENCHMARKS.values():
         image = file.format(name) + ".png"
         if not (root / calibration).is_dir() or not (root / left / image).is_file():

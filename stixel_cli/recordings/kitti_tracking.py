@@ -8,7 +8,6 @@ the odometry benchmark.
 
 from pathlib import Path
 
-from stixel_cli.errors import UserError
 from stixel_cli.recordings.assembly import assembled_recording
 from stixel_cli.recordings.kitti_calibration import read_calibration
 from stixel_cli.recordings.listing import numbered_images
@@ -34,8 +33,6 @@ def find_recording(source: KittiTracking) -> Recording:
         UserError: if a file is missing or not valid.
     """
     root, name = root_of(Path(source.folder)), f"{int(source.sequence):04d}"
-    if not root.is_dir():
-        raise UserError(f"source.folder: {root}: no such folder")
     return assembled_recording(
         source,
         read_calibration(root / "calib" / f"{name}.txt", "P2", "P3"),

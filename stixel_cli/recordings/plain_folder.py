@@ -32,8 +32,6 @@ def find_recording(source: PlainFolder) -> Recording:
         UserError: if a file is missing or not valid.
     """
     root = Path(source.folder)
-    if not root.is_dir():
-        raise UserError(f"source.folder: {root}: no such folder")
     return assembled_recording(
         source,
         read_rig(root / RIG),

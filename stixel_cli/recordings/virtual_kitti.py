@@ -7,7 +7,6 @@ Cabon, Murray, Humenberger 2020, *Virtual KITTI 2*. Below the folder:
 
 from pathlib import Path
 
-from stixel_cli.errors import UserError
 from stixel_cli.recordings.assembly import assembled_recording
 from stixel_cli.recordings.listing import numbered_images
 from stixel_cli.recordings.parameters import VirtualKitti
@@ -31,8 +30,6 @@ def find_recording(source: VirtualKitti) -> Recording:
         UserError: if a file is missing or not valid.
     """
     root = Path(source.folder)
-    if not root.is_dir():
-        raise UserError(f"source.folder: {root}: no such folder")
     left, right = (
         numbered_images(root / IMAGES / camera, NAMES, "rgb_00000.jpg")
         for camera in ("Camera_0", "Camera_1")

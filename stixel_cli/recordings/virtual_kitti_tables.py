@@ -16,7 +16,7 @@ from stixel_cli.recordings.rows import check_columns, numbers, text_rows
 from stixel_cli.recordings.types import Calibration
 
 VISIBLE = 0.7
-"""Least share of its box that a vehicle in full view fills: chosen here, the data set has none."""
+"""Least share of its box that a vehicle in full view fills: chosen here, not by the data set."""
 
 KEY = ("frame", "cameraID", "trackID")
 POSE = ("height", "width", "length")
@@ -77,7 +77,7 @@ def read_labels(pose: Path, bbox: Path, info: Path) -> Tracks:
     Raises:
         UserError: if a row is short, has a value that is not finite, or repeats a frame.
     """
-    kinds = {words[0]: words[1] for _, words in _rows(info, ("trackID", "label"))}
+    kinds = {words[0]: words[1] for _, words in _rows(info, ("trackID", "label"), picked=True)}
     boxes = _of_left_camera(bbox, BOX)
     rows: dict[int, list[list[float]]] = {}
     for (frame, track), (row, values) in _of_left_camera(pose, POSE).items():

@@ -1,12 +1,10 @@
 """The page of `stixel assess`: sentences, pictures, a table of values and times."""
 
 import base64
-from importlib import resources
 from typing import TYPE_CHECKING, Any
 
-import jinja2
-
 from stixel_cli.report.metrics import NO_VALUE
+from stixel_cli.report.page_template import page_template
 
 if TYPE_CHECKING:
     from stixel_cli.experiment.assess import Assessment
@@ -23,13 +21,7 @@ def page_html(found: "Assessment", command: str) -> str:
     """The page of an assessment; `command` is the command line that writes it."""
     from stixel_cli.experiment.assess import LABELS
 
-    environment = jinja2.Environment(
-        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
-    )
-    template = environment.from_string(
-        resources.files(__package__).joinpath("templates/assess.html.j2").read_text("utf-8")
-    )
-    return template.render(
+    return page_template(__package__, "assess").render(
         sentences=sentences(found),
         rows=[
             (label, shown(name, found.values[name]), unit)

@@ -5,11 +5,9 @@ import math
 import os
 import shlex
 from collections.abc import Sequence
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 
 from stixel_cli.errors import UserError
@@ -20,6 +18,7 @@ from stixel_cli.report import style
 from stixel_cli.report.differences import by_group, differing_settings, warnings
 from stixel_cli.report.metrics import NO_VALUE, best, shown_difference, shown_value, with_value
 from stixel_cli.report.page_svg import Drawing, drawing_for_page
+from stixel_cli.report.page_template import page_template
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.result import RunResult
 
@@ -47,10 +46,15 @@ def default_page(folders: Sequence[Path], what: str = "report") -> Path:
     if len(stem) > _LONGEST_NAME:
         stem = f"{what}-{names[0]}"[:_LONGEST_NAME] + f"-and-{len(names) - 1}-more"
     parent = folders[0].parent if folders[0].name not in ("", "..") else folders[0].resolve().parent
-    page, number = parent / f"{stem}.html", 2
-    while page.exists():
-        page, number = parent / f"{stem}-{number}.html", number + 1
-    return page
+    return unused_page(parent / f"{stem}.html")
+
+
+def unused_page(page: Path) -> Path:
+    """The file, or one with a number at the end of its name if it exists."""
+    found, number = page, 2
+    while found.exists():
+        found, number = page.with_name(f"{page.stem}-{number}.html"), number + 1
+    return found
 
 
 def page_html(runs: Sequence[RunResult], command: Sequence[str], page: Path) -> str:
@@ -63,13 +67,7 @@ def page_html(runs: Sequence[RunResult], command: Sequence[str], page: Path) -> 
     """
     labels = run_labels([run.folder for run in runs])
     differing, same = differing_settings(runs)
-    environment = jinja2.Environment(
-        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
-    )
-    template = environment.from_string(
-        resources.files(__package__).joinpath("templates/report.html.j2").read_text("utf-8")
-    )
-    return template.render(
+    return page_template(__package__, "report").render(
         labels=labels,
         styles=[line_style(i) for i in range(len(runs))],
         colours=len(style.RUNS),

@@ -34,7 +34,7 @@ def plot(result: RunResult) -> Figure:
 
 
 def result_html(result: RunResult) -> str:
-    """HTML of a run for a notebook; without a picture if the result has none."""
+    """HTML of a run for a notebook; its picture only if the result has one."""
     rows = "".join(
         f"<tr><td style='text-align:left'>{html.escape(metric(name).label)}</td>"
         f"<td>{shown_value(name, value)} {metric(name).shown_unit}</td></tr>"

@@ -21,12 +21,14 @@ def noise_of(run: RunResult) -> dict[str, Any]:
     """
     tracker = run.composition.configuration.tracker
     kind = getattr(tracker, "kind", "")
-    if kind == "point" or (kind == "gp_ekf" and tracker.measurement_covariance == "isotropic"):
+    if kind in ("point", "box") or (
+        kind == "gp_ekf" and tracker.measurement_covariance == "isotropic"
+    ):
         std = tracker.measurement_std
         return _same(f"R = ({std:.3g} m)² for each of them", std)
     if kind == "gp_ekf" and tracker.measurement_covariance == "projected":
         return _of_the_scan("R from the scan, projected on the normal of the contour")
-    if kind == "pyrecest":
+    if kind in ("pyrecest", "random_matrix", "rectangle"):
         std = tracker.measurement_std
         added = run.scans.covariances_world + std**2 * np.eye(2)
         return _own(run, added, f"R = the scan's + ({std:.3g} m)²")

@@ -19,7 +19,7 @@ class Objects:
         corners_ego: (B, 4, 2) m on the ego car's ground plane, the smallest rectangle that contains
             the stixels' points, the corners in order; its sides may be 0.
         counts: (B,) int64, stixels.
-        of_stixels: (S,) int32, for each stixel of these frames its object's row; -1 for none.
+        of_stixels: (S,) int32, for each stixel of these frames the row of its object, or -1.
     """
 
     first: int

@@ -2,15 +2,14 @@
 
 import base64
 from collections.abc import Mapping, Sequence
-from importlib import resources
 from typing import Any
 
-import jinja2
 import yaml
 
 from stixel_cli.report import style
 from stixel_cli.report.metrics import format_value
 from stixel_cli.report.page_svg import drawing_for_page
+from stixel_cli.report.page_template import page_template
 from stixel_cli.studies.tables import INTERVAL, shown_table
 from stixel_cli.studies.types import (
     Block,
@@ -46,18 +45,12 @@ def study_page(
     origin: Origin,
 ) -> str:
     """The page of a study; without findings, it lists the missing runs and how to resume."""
-    environment = jinja2.Environment(
-        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
-    )
-    template = environment.from_string(
-        resources.files(__package__).joinpath("templates/study.html.j2").read_text("utf-8")
-    )
     numbered = _Numbered()
     opening = [] if findings is None else numbered.blocks(findings.opening, "")
     figures = [i for i, block in enumerate(opening, 1) if block["kind"] in ("figure", "figures")]
     split = figures[0] if figures else len(opening)
     sections = [] if findings is None else numbered.sections(findings.sections, "")
-    return template.render(
+    return page_template(__package__, "study").render(
         title=title,
         question=question,
         answer=None if findings is None else opening[:split],

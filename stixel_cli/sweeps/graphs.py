@@ -8,13 +8,8 @@ from stixel_cli.engine.graph import Graph, GraphBuilder, merge
 from stixel_cli.engine.plan import Durations, plan
 from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import ConfigurationError
-from stixel_cli.experiment.stages import (
-    CHUNK_SIZE,
-    draws,
-    picture_stages,
-    pipeline_stages,
-    scan_count,
-)
+from stixel_cli.experiment.stages import CHUNK_SIZE, pipeline_stages, scan_count
+from stixel_cli.experiment.table.table import draws, picture_stages
 from stixel_cli.sweeps.design import SEED
 from stixel_cli.sweeps.runs import SweepRun
 

@@ -4,11 +4,9 @@ import os
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 
 from stixel_cli.errors import UserError
@@ -16,6 +14,7 @@ from stixel_cli.evaluation.metric_table import SERIES, over_runs
 from stixel_cli.report import style
 from stixel_cli.report.metrics import shown_value
 from stixel_cli.report.page_svg import Drawing, drawing_for_page
+from stixel_cli.report.page_template import page_template
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.reader import read_metrics, read_series
 from stixel_cli.sweeps.design import SEED
@@ -76,14 +75,8 @@ def sweep_page(folder: Path, page: Path, command: Sequence[str]) -> str:
         incomplete,
         "svg",
     )
-    environment = jinja2.Environment(
-        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
-    )
-    template = environment.from_string(
-        resources.files(__package__).joinpath("templates/sweep.html.j2").read_text("utf-8")
-    )
     name = folder.resolve().name
-    return template.render(
+    return page_template(__package__, "sweep").render(
         title=name,
         counts=f"{len(done)} of {len(runs)} runs done; {_settings_text(runs, incomplete)}",
         run_colours=style.RUNS,

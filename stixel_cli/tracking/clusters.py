@@ -12,6 +12,7 @@ import numpy as np
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, ego_from_world, rotate_covariances
 from stixel_cli.measurements.clusters import cluster
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.tracking.centre import predict, update
 from stixel_cli.tracking.followed import Followed, line, state_of
 from stixel_cli.tracking.found import FoundTrack
 from stixel_cli.tracking.motion import intervals, transition
@@ -39,10 +40,9 @@ SPEED = 10.0
 ACCELERATION = 3.0
 """Process noise, m/s^1.5."""
 
-
 SLOWEST, OF_SENSOR = 0.3, 0.05
 """A road user is faster than this, m/s, plus this share of the sensor's speed: the error of the
-sensor's motion moves all that stands still."""
+sensor's motion seems to move static objects."""
 
 CERTAIN = 12.0
 """Its speed is so many times the speed's standard error."""
@@ -95,7 +95,7 @@ def find_tracks(scans: Scans, prior: PriorShape, std: tuple[float, ...]) -> tupl
 
 
 def moves(scans: Scans, one: OpenTrack) -> bool:
-    """Whether a track moves like a road user and not like the errors of what stands still."""
+    """Whether a track moves like a road user and not like the errors of a static object."""
     if len(one.scans) < LEAST_SCANS:
         return False
     times, poses = scans.times[one.scans], scans.sensor_poses_world[one.scans, :2]
@@ -139,14 +139,15 @@ def follow(scans: Scans, longest: float) -> list[OpenTrack]:
         ]
         alive = [one for one in tracks if not one.ended]
         for one in alive:
-            _predict(one, interval)
+            one.mean, one.covariance = predict(one.mean, one.covariance, interval, ACCELERATION)
         pairs = assign([(one.mean, one.covariance) for one in alive], places, noise)
         for i, one in enumerate(alive):
             j = pairs.get(i)
             if j is None:
                 _miss(one, k)
             else:
-                _update(one, places[j], noise[j])
+                innovation = places[j] - one.mean[:2]
+                one.mean, one.covariance, _ = update(one.mean, one.covariance, innovation, noise[j])
                 one.scans.append(k)
                 one.rows.append(clusters[j])
                 recent = sum(scan > k - WINDOW for scan in one.scans)
@@ -190,25 +191,6 @@ def assign(
                 costs[i, j] = squared + float(np.log(np.linalg.det(spread))) - PAIR
     found = zip(*linear_sum_assignment(costs), strict=True)
     return {int(i): int(j) for i, j in found if costs[i, j] < 0.0}
-
-
-def _predict(one: OpenTrack, interval: float) -> None:
-    step = np.eye(4)
-    step[[0, 1], [2, 3]] = interval
-    one.mean = step @ one.mean
-    density = ACCELERATION**2 * np.eye(2)
-    one.covariance = step @ one.covariance @ step.T + np.block(
-        [
-            [interval**3 / 3.0 * density, interval**2 / 2.0 * density],
-            [interval**2 / 2.0 * density, interval * density],
-        ]
-    )
-
-
-def _update(one: OpenTrack, place: np.ndarray, noise: np.ndarray) -> None:
-    gain = np.linalg.solve(one.covariance[:2, :2] + noise, one.covariance[:2]).T
-    one.mean = one.mean + gain @ (place - one.mean[:2])
-    one.covariance = one.covariance - gain @ one.covariance[:2]
 
 
 def _miss(one: OpenTrack, k: int) -> None:

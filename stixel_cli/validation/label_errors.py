@@ -104,7 +104,7 @@ def column_rays(rig: Rig) -> Rays:
 
 
 def face_depths(contour: np.ndarray, rays: Rays, rig: Rig) -> np.ndarray:
-    """Depth (W,) m at which the ray of each column enters a contour (M, 2); NaN beside it."""
+    """Depth (W,) m at which the ray of each column enters a contour (M, 2); NaN outside it."""
     depths = np.full(rig.width, np.nan)
     hit, ranges = first_crossings(contour, rays)
     depths[rig.width - 1 - hit] = ranges * np.cos(rays.angles[hit])

@@ -1,9 +1,9 @@
 """The error of a rig's disparities from the motion of its own camera, without any truth.
 
-A static point of true disparity d moves, between two images of the left camera, as d says: its
-flow by the camera's translation t is proportional to d t / (f B). A point without such a flow is at
-infinity, where the measured disparity is the error. So the error is found without the length of t:
-poses from stereo odometry have a wrong scale if the disparities are wrong.
+A static point of true disparity d moves between two images of the left camera: its flow by the
+camera's translation t is proportional to d t / (f B). A point without such a flow is at infinity,
+where the measured disparity is the error. So the estimate does not need the length of t: poses from
+stereo odometry have a wrong scale if the disparities are wrong.
 
 The points are corners of the first image, tracked by pyramidal Lucas-Kanade (Bouguet 2001). For
 each pair of images the motion (three angles, three lengths) is estimated together with the error
@@ -28,6 +28,9 @@ TRAVELS = (1.5, 3.0)
 
 MOST_STEPS = 10
 """Frames from the first to the second image."""
+
+MOST_PAIRS = 150
+"""Of images: the unknown motions of all pairs are in one equation."""
 
 MOST_POINTS = 500
 """Per pair of images."""
@@ -95,13 +98,16 @@ def track_points(
     Raises:
         UserError: if the file is not valid.
     """
-    images = [chunk.left[i] for chunk in pairs for i in range(len(chunk))]
-    raw = [chunk.pixels(i) for chunk in disparities for i in range(len(chunk))]
+    # Decoded one by one: all images of a long recording do not fit into the memory.
+    images = [(chunk, i) for chunk in pairs for i in range(len(chunk))]
+    known = [(chunk, i) for chunk in disparities for i in range(len(chunk))]
     poses = read_poses(files, layout)[first : first + len(images)]
     found, motions = [], []
     for k, step in image_pairs(poses[:, :, 3]):
         motion = motion_between(poses[k], poses[k + step])
-        rows = _tracked(images[k], images[k + step], raw[k], motion, rig)
+        one, other = (chunk.left[i] for chunk, i in (images[k], images[k + step]))
+        chunk, i = known[k]
+        rows = _tracked(one, other, chunk.pixels(i), motion, rig)
         if len(rows) >= LEAST_POINTS:
             found.append(np.column_stack([np.full(len(rows), len(motions)), rows]))
             motions.append(motion)
@@ -118,14 +124,17 @@ def track_points(
 def image_pairs(places: np.ndarray) -> list[tuple[int, int]]:
     """First frame and number of steps of each pair of images, from the camera's `places` (K, 3) m.
 
-    For each frame the nearest later ones at the distances `TRAVELS`.
+    For each frame the nearest later ones at the distances `TRAVELS`; of more than `MOST_PAIRS`, so
+    many that are evenly spread.
     """
     found = []
     for k in range(len(places)):
         travel = np.linalg.norm(places[k : k + MOST_STEPS + 1] - places[k], axis=1)
         far = [np.flatnonzero(travel >= least) for least in TRAVELS]
         found += [(k, step) for step in sorted({int(one[0]) for one in far if len(one)})]
-    return found
+    if len(found) <= MOST_PAIRS:
+        return found
+    return [found[i] for i in np.linspace(0, len(found) - 1, MOST_PAIRS).astype(int)]
 
 
 def motion_between(before: np.ndarray, after: np.ndarray) -> np.ndarray:
@@ -267,6 +276,6 @@ def _tracked(
     after = cv2.remap(expected, moved, None, cv2.INTER_LINEAR)[:, 0]
     places = corners[:, 0].astype(np.int64)
     measured = cv2.medianBlur(filled, 5)[places[:, 1], places[:, 0]]
-    # At the edge of the known pixels the place after the motion is none.
+    # At the edge of the known pixels the place after the motion is not valid.
     rows = np.column_stack([places, after, measured]).astype(np.float64)
     return rows[(after > 0.0).all(axis=1)]

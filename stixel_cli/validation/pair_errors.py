@@ -53,8 +53,8 @@ class AreaErrors:
 def area_errors(stixels: Stixels, index: int, truth: np.ndarray, rig: Rig) -> AreaErrors:
     """Errors of the `index`-th frame of `stixels`; `truth` (H, W) px, NaN where unknown.
 
-    The area of a stixel is its part between `FOOT` and `TOP` m above the road: a stixel stands for
-    the front of what is on the road, not for a wall above it.
+    The area of a stixel is its part between `FOOT` and `TOP` m above the road: a stixel
+    represents the front of an object on the road, not a wall above it.
     """
     rows = []
     for s in range(*stixels.rows(index).indices(len(stixels.left))):
@@ -77,7 +77,7 @@ def area_errors(stixels: Stixels, index: int, truth: np.ndarray, rig: Rig) -> Ar
 def true_obstacles(
     truth: np.ndarray, rig: Rig, road: RoadParameters, free_space: FreeSpaceParameters
 ) -> np.ndarray:
-    """Depth (W,) m of each column's nearest true obstacle; NaN where there is none.
+    """Depth (W,) m of each column's nearest true obstacle; NaN without one.
 
     As `stage_truth.frame_truth`, of the pixels with a true disparity. The road is the plane, with
     roll, of the true disparities.
@@ -118,7 +118,7 @@ def road_plane(truth: np.ndarray, line: np.ndarray, rig: Rig) -> np.ndarray:
 
 
 def label_obstacles(labels: list[Labels], frame: int, rig: Rig, left_camera) -> np.ndarray:
-    """Depth (W,) m of the nearest labelled box that each column sees; NaN where there is none."""
+    """Depth (W,) m of the nearest labelled box that each column sees; NaN without one."""
     rays = column_rays(rig)
     nearest = np.full(rig.width, np.nan)
     for one in labels:

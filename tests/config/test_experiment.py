@@ -98,7 +98,7 @@ def test_it_stays_open_to_overrides(override, key, value):
     assert compose([override, "experiment=thesis"]).value(key) == value
 
 
-@pytest.mark.parametrize("option", [o for o in group_options()[EXPERIMENT]])
+@pytest.mark.parametrize("option", [o for o in group_options()[EXPERIMENT] if o != "none"])
 @pytest.mark.parametrize(
     ("group", "other"),
     [

@@ -12,15 +12,10 @@ from stixel_cli.config.compose import compose
 from stixel_cli.config.folders import group_options
 from stixel_cli.engine.code import CodeIndex
 from stixel_cli.engine.keys import GIVEN
-from stixel_cli.experiment.stages import (
-    OWN,
-    REPLAYED,
-    TABLE,
-    draws,
-    pictured_frames,
-    pipeline_stages,
-    scan_count,
-)
+from stixel_cli.experiment.stages import pictured_frames, pipeline_stages, scan_count
+from stixel_cli.experiment.table.images import REPLAYED
+from stixel_cli.experiment.table.table import TABLE, draws
+from stixel_cli.experiment.table.tracks import OWN
 from stixel_cli.results.pictures import Pictures
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
 
@@ -151,7 +146,7 @@ DECLARED = {
 def test_what_imports_do_not_show_is_declared(name):
     definition = STAGES[name]
     for function in definition.functions.values():
-        code = CodeIndex().code([function.partition(":")[0], *definition.modules])
+        code = CodeIndex().code([function.partition(":")[0]])
         for module, (path, _) in code.files.items():
             tree = ast.parse(path.read_text("utf-8"))
             uses = [n for n in ast.walk(tree) if HIDDEN.match(_spelled(n))]

@@ -6,6 +6,8 @@ from stixel_cli.geometry.pose import ego_from_world
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
 from stixel_cli.recordings.box import rectangle
+from stixel_cli.recordings.motion import recorded_motion
+from stixel_cli.recordings.scenario import recorded_scenario
 from stixel_cli.recordings.write_kitti import write_clip
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.scene.ego import Turning, ego_motion
@@ -76,3 +78,12 @@ def make_clip(folder, scenario=None, rig=None, sequence="0003", label="Car"):
     pairs = [stereo_pairs(scenario, rig)]
     write_clip(folder, sequence, pairs, scenario, rig, label, HEIGHT)
     return scenario, rig
+
+
+def truth_of(found):
+    """The scenario of a recording that was made here."""
+    rig, layout = small_rig(), found.table_layout
+    motion = recorded_motion(found.pose_files, rig, found.first, found.count, 0.1, layout)
+    return recorded_scenario(
+        motion, found.truth_files, rig, found.first, found.left_camera, found.target, layout
+    )

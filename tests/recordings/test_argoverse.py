@@ -6,16 +6,14 @@ import sys
 import numpy as np
 import pytest
 from made_argoverse import MOUNTED, START, STEP, TARGET, annotations, make_log, write_table
-from made_clip import make_clip, small_rig
+from made_clip import make_clip, truth_of
 
 from stixel_cli.config.compose import compose
 from stixel_cli.errors import UserError
 from stixel_cli.recordings.find import find_recording, guess_layout
 from stixel_cli.recordings.image_files import read_grey
-from stixel_cli.recordings.motion import recorded_motion
 from stixel_cli.recordings.pairs import read_pairs
 from stixel_cli.recordings.parameters import Argoverse, KittiTracking
-from stixel_cli.recordings.scenario import recorded_scenario
 from stixel_cli.recordings.tables import read_labels
 
 pyarrow = pytest.importorskip("pyarrow", reason="needs pip install 'stixel[argoverse]'")
@@ -45,14 +43,6 @@ def source(folder, **changes):
 def kitti(folder):
     values = {"sequence": "0003", "target": 0, "frames": None, "sample_time": 0.1}
     return find_recording(KittiTracking(kind="kitti_tracking", folder=str(folder), **values))
-
-
-def truth_of(found):
-    rig, layout = small_rig(), found.table_layout
-    motion = recorded_motion(found.pose_files, rig, found.first, found.count, 0.1, layout)
-    return recorded_scenario(
-        motion, found.truth_files, rig, found.first, found.left_camera, found.target, layout
-    )
 
 
 def table(file):
@@ -206,7 +196,7 @@ DAMAGE = {
     "NaN": (LABELS, _edit(2, tx_m=float("nan")), "row 3: tx_m is not finite"),
     "null": (LABELS, _edit(2, tx_m=None), "the column tx_m must be of numbers in each row"),
     "no size": (LABELS, _edit(2, width_m=0.0), "row 3: height, width and length must be > 0"),
-    "no rotation": (LABELS, _edit(2, qw=2.0), "row 3: qw, qx, qy, qz are no rotation"),
+    "no rotation": (LABELS, _edit(2, qw=2.0), "row 3: qw, qx, qy, qz must have the length 1"),
     "twice": (LABELS, _edit(2, timestamp_ns=START - STEP // 2), "is labelled twice at a time"),
     "other target": (LABELS, _edit(0, track_uuid="x"), "has no track 9; it has 022c398c"),
     "no pose": (CITY, lambda f: write_table(f, table(f)[:6]), "has no pose round"),

@@ -12,6 +12,7 @@ from stixel_cli.cli.app import main
 from stixel_cli.images import encode_png
 from stixel_cli.recordings.write_kitti import calibration_text
 from stixel_cli.validation.motion_errors import (
+    MOST_PAIRS,
     Tracks,
     fit_motion_error,
     image_pairs,
@@ -74,6 +75,13 @@ def test_a_camera_that_does_not_move_shows_nothing():
 def test_pairs_of_images_are_far_enough_apart():
     places = np.array([[0.0, 0.0, z] for z in (0.0, 1.0, 2.0, 3.0)])
     assert image_pairs(places) == [(0, 2), (0, 3), (1, 2)]
+
+
+def test_a_long_recording_has_no_more_pairs_than_one_equation_can_have():
+    places = np.stack([np.zeros(900), np.zeros(900), np.arange(900.0)], axis=1)
+    found = image_pairs(places)
+    assert len(found) == len(set(found)) == MOST_PAIRS
+    assert found[0][0] == 0 and found[-1][0] >= 890 and {step for _, step in found} == {2, 3}
 
 
 def test_the_command_finds_the_error_of_a_clip_without_labels(tmp_path, monkeypatch, capsys):

@@ -6,17 +6,15 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from made_clip import make_clip, small_rig
+from made_clip import make_clip, truth_of
 from made_virtual_kitti import make_variation
 
 from stixel_cli.config.compose import compose
 from stixel_cli.errors import UserError
 from stixel_cli.recordings.find import find_recording, guess_layout
 from stixel_cli.recordings.image_files import image_size, read_grey, read_rgb
-from stixel_cli.recordings.motion import recorded_motion
 from stixel_cli.recordings.pairs import read_pairs
 from stixel_cli.recordings.parameters import KittiTracking, VirtualKitti
-from stixel_cli.recordings.scenario import recorded_scenario
 
 
 @pytest.fixture(scope="module")
@@ -37,14 +35,6 @@ def copy(folders, tmp_path):
 def source(folder, **changes):
     values = {"target": 4, "frames": None, "sample_time": 0.1}
     return VirtualKitti(kind="virtual_kitti", folder=str(folder), **values | changes)
-
-
-def truth_of(found):
-    rig, layout = small_rig(), found.table_layout
-    motion = recorded_motion(found.pose_files, rig, found.first, found.count, 0.1, layout)
-    return recorded_scenario(
-        motion, found.truth_files, rig, found.first, found.left_camera, found.target, layout
-    )
 
 
 def test_a_variation_has_the_recording_of_the_clip_it_was_made_from(folders):

@@ -21,7 +21,8 @@ def noise():
 
 def test_an_isotropic_noise_is_one_number(noise):
     assert noise("tracker.measurement_std=0.4")["std"] == 400
-    assert noise("tracker=point", "tracker.measurement_std=0.25")["std"] == 250
+    for kind in ("point", "box"):
+        assert noise(f"tracker={kind}", "tracker.measurement_std=0.25")["std"] == 250
 
 
 def test_the_scan_s_own_noise_is_not_stored_again(noise):
@@ -35,9 +36,12 @@ def test_added_and_stretched_noise_have_own_ellipses(noise, monkeypatch):
     run = make_run()
     used = run.track.used_points[slice(*run.track.used_offsets[2:4])]
     covariances = run.scans.covariances_world[used]
-    added = np.reshape(
-        noise("tracker=pyrecest", "tracker.measurement_std=0.3")["ellipses"][2], (-1, 3)
-    )
+    of_each = [
+        noise(f"tracker={kind}", "tracker.measurement_std=0.3")["ellipses"][2]
+        for kind in ("pyrecest", "random_matrix", "rectangle")
+    ]
+    assert of_each[0] == of_each[1] == of_each[2]
+    added = np.reshape(of_each[0], (-1, 3))
     with monkeypatch.context() as patch:
         patch.setattr(tracker_noise, "MOST_ELLIPSES", 10)
         many = noise("tracker=pyrecest")

@@ -100,7 +100,7 @@ def goals_table(frames: Mapping[str, "pd.DataFrame"]) -> Table:
         rows.append(
             (
                 goal.user,
-                "64-layer lidar" if goal.sweep == "lidar" else goal.sweep.replace("_", " "),
+                LIDAR_64 if goal.sweep == "lidar" else goal.sweep.replace("_", " "),
                 goal.path or "mean of paths",
                 label,
                 *(found.mean, found.low, found.high),

@@ -163,7 +163,7 @@ def _track_name(run: StudyRun) -> str:
 
 
 def findings(hand: "pd.DataFrame", real: "pd.DataFrame") -> list[Finding]:
-    """All differences; those of which one kind of run is missing have no motions."""
+    """All differences; where one kind of run is missing, they have no motions."""
     extended = [kind for kind in names(hand, "tracker_kind") if kind != BASELINE]
     found = []
     for user in names(hand, "road_user"):

@@ -1,0 +1,81 @@
+"""Stages that start trackers, track, and score."""
+
+from stixel_cli.config.schema import Tracker
+from stixel_cli.experiment.table.definition import Definition, by_kind, only, same
+
+STAGES: dict[str, Definition] = {
+    "truth_start": Definition(
+        only("tracking.start:noisy_start"), "once", same("start"), seeded=True
+    ),
+    "scans_start": Definition(
+        only("tracking.start_scans:start_from_scans"), "once", same("start", "prior")
+    ),
+    "find_tracks": Definition(
+        only("tracking.clusters:find_tracks"), "once", {"prior": "prior", "std": "start.std"}
+    ),
+    "found_start": Definition(only("tracking.start_found:start_from_found"), "once"),
+    "track": Definition(
+        by_kind(Tracker, "track"),
+        "once",
+        same("prior", "tracker"),
+        chosen_by="tracker",
+    ),
+    "track_each": Definition(only("tracking.several:track_each"), "once", calls="track"),
+    "ceilings": Definition(
+        only("evaluation.ceilings:find_ceilings"),
+        "once",
+        same("road_user", "measurement"),
+        files=("road_user.mesh",),
+    ),
+    "scores": Definition(only("evaluation.evaluate:evaluate"), "once"),
+    "stage_errors": Definition(
+        only("validation.stage_errors:stage_errors"),
+        "map",
+        same("rig", "road", "occupancy", "free_space"),
+    ),
+    "point_errors": Definition(only("validation.point_errors:point_errors"), "once", same("rig")),
+    "label_errors": Definition(
+        only("validation.label_errors:label_errors"),
+        "once",
+        {
+            "rig": "rig",
+            "first": "recording.first",
+            "left_camera": "recording.left_camera",
+            "layout": "recording.table_layout",
+        },
+        recorded="label_files",
+    ),
+    "track_points": Definition(
+        only("validation.motion_errors:track_points"),
+        "once",
+        {"rig": "rig", "first": "recording.first", "layout": "recording.table_layout"},
+        recorded="pose_files",
+    ),
+    "align_truth": Definition(
+        only("validation.truth_alignment:align_truth"),
+        "once",
+        same("rig"),
+        recorded="true_disparities",
+    ),
+}
+
+
+OWN: dict[str, Definition] = {
+    "track": Definition(
+        only("tracking.own:track"),
+        "once",
+        {
+            "prior": "prior",
+            "function": "tracker.function",
+            "parameters": "tracker.parameters",
+        },
+        code=("tracker.function",),
+    ),
+    "scores": Definition(
+        only("evaluation.own_metrics:evaluate_with_own"),
+        "once",
+        same("metrics"),
+        code=("metrics",),
+    ),
+}
+"""The stages that replace those of `TABLE` where the user chooses own functions."""
