@@ -65,6 +65,9 @@ def study(
     if not words or "=" in words[0]:
         raise ConfigurationError(f"name a study first: {', '.join(shipped)}, or {ALL}")
     chosen, *overrides = words
+    second = next((word for word in overrides if word in (*shipped, ALL)), None)
+    if second is not None:
+        raise ConfigurationError(f"{second}: one command runs one study, or {ALL}")
     options = _options(name, results, workers)
     if chosen != ALL:
         one = _Command(chosen, overrides, options, workers, dry_run, fresh)
