@@ -191,7 +191,7 @@ def line_style(i: int) -> str:
 def error_curves(runs: Sequence[RunResult]) -> list[tuple[str, Drawing]]:
     """(title, drawing) of each error that a run has; the i-th run has colour `var(--run-i)`."""
     drawn = []
-    with style.drawing():
+    with style.drawing({"axes.labelsize": 10.0, "xtick.labelsize": 10.0, "ytick.labelsize": 10.0}):
         for name, series in SERIES.items():
             if any(np.isfinite(getattr(run.scores, name)).any() for run in runs):
                 title = series.label + (" (consistent: 1)" if series.ratio else "")
@@ -204,7 +204,7 @@ def _curve_svg(name: str, title: str, runs: Sequence[RunResult]) -> str:
     series = SERIES[name]
     figure = style.new_figure(5.0, 2.7)
     figure.patch.set_visible(False)
-    axes = figure.add_axes((0.115, 0.165, 0.87, 0.72))
+    axes = figure.add_axes((0.135, 0.175, 0.85, 0.71))
     axes.patch.set_visible(False)
     axes.grid(True)
     if series.ratio:

@@ -1,12 +1,14 @@
 """A study's report as one self-contained page."""
 
 import base64
+import re
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from typing import Any
 
 import jinja2
 import yaml
+from markupsafe import Markup, escape
 
 from stixel_cli.report import style
 from stixel_cli.report.metrics import format_value
@@ -49,6 +51,7 @@ def study_page(
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
     )
+    environment.filters |= {"code": _code, "brief": _brief}
     template = environment.from_string(
         resources.files(__package__).joinpath("templates/study.html.j2").read_text("utf-8")
     )
@@ -74,6 +77,16 @@ def study_page(
         ),
         run_colours=style.RUNS,
     )
+
+
+def _code(text: str) -> Markup:
+    """Text as HTML: words between backticks are code."""
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))
+
+
+def _brief(caption: str) -> str:
+    """The first clause of a caption, without its full stop."""
+    return re.split(r"\.(?= [A-Z]|$)|; ", caption)[0]
 
 
 class _Numbered:
