@@ -111,6 +111,12 @@ def stixel(
     """Run experiments in extended target tracking on stixels.
 
     From a stereo rig's images to scored tracks.
+
+    \b
+    Begin with:
+      stixel run measurement=fabricated   a run of a few seconds
+      stixel run --help                   what can be chosen
+      stixel describe                     what each group means
     """
 
 

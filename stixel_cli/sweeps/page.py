@@ -240,8 +240,8 @@ def _stacked(runs: Sequence[ReadRun]) -> tuple[np.ndarray, dict[str, np.ndarray]
 def _over_time(name: str, title: str, lines: Mapping[tuple, tuple]) -> bytes:
     series = SERIES[name]
     # Of a size that is legible on a telephone without scrolling.
-    sizes = ("axes.labelsize", "xtick.labelsize", "ytick.labelsize", "legend.fontsize")
-    with style.drawing(dict.fromkeys(sizes, 10.0)):
+    texts = ("axes.label", "xtick.label", "ytick.label", "legend.font", "legend.title_font")
+    with style.drawing({f"{text}size": 10.0 for text in texts}):
         figure = style.new_figure(5.0, 2.9, layout="constrained")
         figure.patch.set_visible(False)
         axes = figure.add_subplot()

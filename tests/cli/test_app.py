@@ -70,7 +70,7 @@ def test_every_command_has_a_help(command, capsys):
 def test_help_of_study_names_the_studies_that_are_there(capsys):
     assert main(["study", "--help"]) == 0
     said = capsys.readouterr().out
-    named = re.findall(r"^  (\w+)  [A-Z]", said, flags=re.MULTILINE)
+    named = re.findall(r"^ {4}(\w+) +[A-Z]", said, flags=re.MULTILINE)
     assert named == [*sorted(shipped_studies()), "all"]
     assert "the study's name, then the overrides" in " ".join(said.split())
 
