@@ -1,7 +1,5 @@
 """Compare several runs on one self-contained page: settings, metrics, error curves, pictures."""
 
-import base64
-import math
 import os
 import shlex
 from collections.abc import Sequence
@@ -19,7 +17,7 @@ from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.report import style
 from stixel_cli.report.differences import by_group, differing_settings, warnings
 from stixel_cli.report.metrics import NO_VALUE, best, shown_difference, shown_value, with_value
-from stixel_cli.report.page_svg import Drawing, drawing_for_page
+from stixel_cli.report.page_svg import Drawing, drawing_for_page, picture_for_page
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.result import RunResult
 
@@ -82,7 +80,7 @@ def page_html(runs: Sequence[RunResult], command: Sequence[str], page: Path) -> 
         metrics=metric_rows(runs),
         low_overlap=LOW_OVERLAP,
         curves=error_curves(runs),
-        pictures=[_picture(run.pictures.get("path.png")) for run in runs],
+        pictures=[_path_picture(run) for run in runs],
         provenance=_provenance(runs),
         command=shlex.join(command),
     )
@@ -166,13 +164,9 @@ def _text(value: Any) -> str:
     return NO_VALUE if value is None else str(value)
 
 
-def _picture(png: bytes | None) -> dict[str, Any] | None:
-    """Source of a picture, and the width, px, below which its text would be smaller than 10 px."""
-    if png is None:
-        return None
-    width, letters = int.from_bytes(png[16:20]), 8.0 * style.DPI / 72.0
-    source = "data:image/png;base64," + base64.b64encode(png).decode()
-    return {"source": source, "least": math.ceil(10.0 * min(width, 4096) / letters)}
+def _path_picture(run: RunResult) -> dict[str, Any] | None:
+    png = run.pictures.get("path.png")
+    return None if png is None else picture_for_page(png)
 
 
 LINE_STYLES = ("-", "--", "-.", ":")
