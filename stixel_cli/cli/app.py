@@ -89,7 +89,7 @@ def _run(arguments: list[str]) -> int:
     except Exception as error:
         # The base class of usage errors is in another module with every second version of Typer.
         if hasattr(error, "format_message") and getattr(error, "exit_code", None) == 2:
-            raise UserError(usage_line(error)) from None
+            raise UserError(usage_line(error, arguments)) from None
         raise
 
 
@@ -111,6 +111,12 @@ def stixel(
     """Run experiments in extended target tracking on stixels.
 
     From a stereo rig's images to scored tracks.
+
+    \b
+    Begin with:
+      stixel run measurement=fabricated   a run of a few seconds
+      stixel run --help                   what can be chosen
+      stixel describe                     what each group means
     """
 
 

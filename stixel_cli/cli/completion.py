@@ -1,4 +1,8 @@
-"""Shell completion of overrides, from the text of the files of `conf/`."""
+"""Shell completion of overrides, from the text of the files of `conf/`.
+
+Zsh and Fish show the schema's meaning next to each word. Bash cannot, and completes without reading
+the schema.
+"""
 
 import os
 
@@ -16,12 +20,56 @@ from stixel_cli.files import read_text
 
 MANIFEST = "manifest.json"
 
+Words = list[str] | list[tuple[str, str]]
+"""Words to complete to; for a shell that shows it, each with its meaning."""
 
-def complete_override(incomplete: str) -> list[str]:
-    """Complete to groups with their options, or to keys with their values.
+_SHOW_MEANING = ("complete_zsh", "complete_fish")
+"""Values of Typer's variable in shells that show a text next to a word."""
 
-    Bash splits words at `=` and expects only the part after it.
-    """
+
+def complete_override(incomplete: str) -> Words:
+    """Complete to groups with their options, or to keys with their values."""
+    return _with_meaning(_overrides(incomplete))
+
+
+def complete_sweep(incomplete: str) -> Words:
+    """As `complete_override`; after a comma, complete to a further option of the group."""
+    return _with_meaning(_swept(incomplete))
+
+
+def complete_setting(incomplete: str) -> Words:
+    """Complete to groups, options and keys, without values."""
+    found = _overrides(incomplete)
+    return _with_meaning([w.removesuffix("=") for w in found if w.endswith("=") or "." not in w])
+
+
+def _with_meaning(words: list[str]) -> Words:
+    if os.environ.get("_STIXEL_COMPLETE") not in _SHOW_MEANING:
+        return words
+    from textwrap import shorten
+
+    # Typer breaks longer texts into lines, which Zsh would show as words.
+    return [(word, shorten(_meaning(word), 72, placeholder=" …")) for word in words]
+
+
+def _meaning(word: str) -> str:
+    """What `stixel describe` prints first of a group, an option or a key; "" if it has no text."""
+    from stixel_cli.config.descriptions import describe_key, meaning_of_group, meaning_of_option
+
+    key, _, values = word.partition("=")
+    option = values.rpartition(",")[2]
+    if option in group_options().get(key, ()):
+        return meaning_of_option(key, option)
+    if key in group_options():
+        return meaning_of_group(key)
+    try:
+        return describe_key(key)[0].meaning
+    except KeyError:
+        return ""
+
+
+def _overrides(incomplete: str) -> list[str]:
+    """The words of `complete_override`. Bash splits words at `=` and expects the part after it."""
     words, group = _words_in_bash(incomplete)
     before = f"{group}=" if group else ""
     try:
@@ -31,11 +79,11 @@ def complete_override(incomplete: str) -> list[str]:
     return [word.removeprefix(before) for word in found if word != before]
 
 
-def complete_sweep(incomplete: str) -> list[str]:
-    """As `complete_override`; after a comma, complete to a further option of the group."""
+def _swept(incomplete: str) -> list[str]:
+    """The words of `complete_sweep`."""
     before, comma, last = incomplete.rpartition(",")
     if not comma:
-        return complete_override(incomplete)
+        return _overrides(incomplete)
     _, group = _words_in_bash(incomplete)
     name, _, values = f"{group}={before}".partition("=") if group else before.partition("=")
     try:
@@ -44,12 +92,6 @@ def complete_sweep(incomplete: str) -> list[str]:
         return []
     given = values.split(",")
     return [f"{before},{o}" for o in options if o.startswith(last) and o not in given]
-
-
-def complete_setting(incomplete: str) -> list[str]:
-    """Complete to groups, options and keys, without values."""
-    found = complete_override(incomplete)
-    return [word.removesuffix("=") for word in found if word.endswith("=") or "." not in word]
 
 
 def complete_study(incomplete: str) -> list[str]:
@@ -62,7 +104,7 @@ def complete_study(incomplete: str) -> list[str]:
     except (OSError, UserError):
         names = []
     studies = [name for name in (*names, "all") if name.startswith(incomplete)]
-    return studies + (complete_sweep(incomplete) if incomplete else [])
+    return studies + (_swept(incomplete) if incomplete else [])
 
 
 def complete_folder(incomplete: str) -> list[str]:
@@ -87,7 +129,7 @@ def complete_folder(incomplete: str) -> list[str]:
 
 def complete_run_or_override(incomplete: str) -> list[str]:
     """Complete to result folders and overrides."""
-    return [*complete_override(incomplete), *complete_folder(incomplete)]
+    return [*_overrides(incomplete), *complete_folder(incomplete)]
 
 
 def _words_in_bash(incomplete: str) -> tuple[list[str], str]:

@@ -29,7 +29,9 @@ def describe(
         ),
     ] = None,
 ) -> int:
-    """Explain a setting: meaning, unit, range, default, options, and the stages that read it.
+    """Explain a setting, or list all groups.
+
+    It prints meaning, unit, range, default, options, and the stages that read the setting.
 
     Example: stixel describe tracker.sigma_f
     """

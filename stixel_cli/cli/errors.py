@@ -4,7 +4,7 @@ import errno
 import io
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,7 @@ class Interrupted(UserError):
     exit_code = 130
 
     def __str__(self) -> str:
-        return "interrupted; what was computed is kept"
+        return "interrupted; what was computed is kept: repeat the command to resume"
 
 
 def guarded(command: Callable[[], int]) -> int:
@@ -153,8 +153,8 @@ def _write_log(text: str) -> Path:
     return log
 
 
-def usage_line(error: Any) -> str:
-    """A usage error in one line: the fault, the nearest option, and the help to read."""
+def usage_line(error: Any, words: Sequence[str]) -> str:
+    """A usage error of the command line `words`: the fault, the nearest option, what to read."""
     text = " ".join(error.format_message().split()).rstrip(".?")
     text = (text[:1].lower() + text[1:]).replace(": Input should be ", ": must be ")
     text = text.partition(", unable to parse")[0].replace(". Did you mean", "; did you mean")
@@ -162,9 +162,12 @@ def usage_line(error: Any) -> str:
     wrong = getattr(error, "option_name", None)
     if wrong and "no such option" in text:
         text = f"no such option {wrong}{_near_option(wrong, context)}"
+    if text.startswith("no such command") and "=" in words[0]:
+        return f"{words[0]}: the command is missing: did you mean stixel run {words[0]}?"
     if len(text) > LONGEST_USAGE:
         text = f"{text[: LONGEST_USAGE - 1]}…"
-    where = context.command_path if context is not None else "stixel"
+    # Of an option without its argument, the parser does not name the command.
+    where = context.command_path if context is not None else f"stixel {words[0]}"
     mark = "?" if "; did you mean" in text and not text.endswith("?") else ""
     return f"{text}{mark} (see {where} --help)"
 

@@ -14,11 +14,16 @@ def report(folders: ReportFolders, output: Output = None) -> int:
 
     Example: stixel report results/simulated results/fabricated
     """
-    from stixel_cli.results.reader import SWEEP_FILE
+    from stixel_cli.results.folder import PAGE
+    from stixel_cli.results.reader import SWEEP_FILE, check_folder
 
     is_sweep = len(folders) == 1 and (folders[0] / SWEEP_FILE).exists()
     if len(folders) < 2 and not is_sweep:
-        raise UserError("stixel report: name two or more folders of runs, or one of a sweep")
+        check_folder(folders[0])
+        raise UserError(
+            f"report compares two or more runs, or shows one sweep; the page of one run is "
+            f"{folders[0] / PAGE}"
+        )
     check_output(output)
     from stixel_cli.report.compare import default_page, page_html, write_page
 

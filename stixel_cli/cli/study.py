@@ -40,16 +40,16 @@ def study(
     """Run a study and write its report, tables and figures.
 
     \b
-    accuracy  How accurate are the trackers, for each road user, measurement and path?
-    motions  Do the answers of RQ2 and RQ3 hold for real motion?
-    rq1  Are these stixels like those of The Stixel World?
-    rq2  How well does the tracker work on stixels, compared with lidar?
-    rq3  What do fabricated measurements miss?
-    thesis  The experiment of the thesis, chapters 8 and 9.
-    all  All studies, one after the other.
+      accuracy  How accurate are the trackers, for each road user, measurement and path?
+      motions   Do the answers of RQ2 and RQ3 hold for real motion?
+      rq1       Are these stixels like those of The Stixel World?
+      rq2       How well does the tracker work on stixels, compared with lidar?
+      rq3       What do fabricated measurements miss?
+      thesis    The experiment of the thesis, chapters 8 and 9.
+      all       All studies, one after the other.
 
-    Run the same command again to resume a study. Statistics appear once all runs are complete;
-    until then the exit code is 1.
+    A study takes minutes to hours. Run the same command again to resume it. Statistics appear once
+    all runs are complete; until then the exit code is 1.
 
     \b
     Examples:
@@ -65,6 +65,9 @@ def study(
     if not words or "=" in words[0]:
         raise ConfigurationError(f"name a study first: {', '.join(shipped)}, or {ALL}")
     chosen, *overrides = words
+    second = next((word for word in overrides if word in (*shipped, ALL)), None)
+    if second is not None:
+        raise ConfigurationError(f"{second}: one command runs one study, or {ALL}")
     options = _options(name, results, workers)
     if chosen != ALL:
         one = _Command(chosen, overrides, options, workers, dry_run, fresh)

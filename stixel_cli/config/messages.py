@@ -166,8 +166,6 @@ def show(value: Any) -> str:
 
 def _what(value: Any) -> str:
     match value:
-        case None:
-            return "null"
         case bool():
             return "a boolean"
         case int():
@@ -211,6 +209,8 @@ def describe_fault(fault: dict[str, Any], plain: dict[str, Any]) -> str:
         return f"{name}: {show(value)} is not finite: must be {right}"
     if kind == "multiple_of":
         return f"{name}: {show(value)} does not fit: must be {right}"
+    if value is None:
+        return f"{name}: has no value: must be {right}"
     words = keys.choices(annotation)
     if words and isinstance(value, str):
         return f"{name}: {show(value)} is not known: must be {right}" + suggestion(value, words)

@@ -100,7 +100,9 @@ def _refuse_malformed(text: str) -> None:
     if bare.replace(".", "/") in group_options():
         raise ConfigurationError(folders.group_by_dots(bare, None))
     if groups and bare != "default":
-        raise ConfigurationError(f"{bare}: is an option: write {groups[0]}={bare}")
+        # `car` is an option of three groups; the road user chooses the others.
+        group = "road_user" if "road_user" in groups else groups[0]
+        raise ConfigurationError(f"{bare}: is an option: write {group}={bare}")
     hint = messages.suggestion(bare, [*group_options(), *known_keys()], form="{}=…")
     raise ConfigurationError(f"{messages.show(text)}: must be KEY=VALUE{hint}")
 
@@ -144,8 +146,8 @@ def check_overrides(parsed: "Sequence[Override]", own: Collection[str] = ()) -> 
         _check_name(override, own)
         if override.is_delete():
             name = override.key_or_group
-            what = "option" if name in group_options() else "value"
-            raise ConfigurationError(f"~{name}: cannot be removed: it always needs a {what}")
+            what = "an option" if name in group_options() else "a value"
+            raise ConfigurationError(f"~{name}: cannot be removed: it always needs {what}")
         if override.key_or_group in group_options():
             _check_group(override)
         elif override.is_add():

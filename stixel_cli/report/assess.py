@@ -1,9 +1,9 @@
 """The page of `stixel assess`: sentences, pictures, a table of values and times."""
 
-import base64
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.report.metrics import NO_VALUE
+from stixel_cli.report.page_svg import picture_for_page
 from stixel_cli.report.page_template import page_template
 
 if TYPE_CHECKING:
@@ -28,10 +28,7 @@ def page_html(found: "Assessment", command: str) -> str:
             for name, (label, unit, _) in LABELS.items()
             if found.values[name] is not None
         ],
-        pictures=[
-            (caption, "data:image/png;base64," + base64.b64encode(found.pictures[name]).decode())
-            for name, caption in PICTURES
-        ],
+        pictures=[(caption, picture_for_page(found.pictures[name])) for name, caption in PICTURES],
         seconds=[
             (stage, "cached" if time is None else f"{1000.0 * time:.0f} ms")
             for stage, time in found.seconds.items()
@@ -73,7 +70,9 @@ def sentences(found: "Assessment") -> list[str]:
             f"median is {text('square_median_px_aligned')} px, and "
             f"{text('square_beyond_1px_share_aligned')} % are beyond 1 px."
         )
-    if values["near_columns"] is not None:
+    if values["near_columns"] == 0:
+        lines.append("No true obstacle is nearer than 6 m.")
+    elif values["near_columns"] is not None:
         lines.append(
             f"{text('near_called_free')} of {text('near_columns')} columns with a true obstacle "
             "nearer than 6 m are called free."

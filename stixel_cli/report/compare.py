@@ -1,7 +1,5 @@
 """Compare several runs on one self-contained page: settings, metrics, error curves, pictures."""
 
-import base64
-import math
 import os
 import shlex
 from collections.abc import Sequence
@@ -17,7 +15,7 @@ from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.report import style
 from stixel_cli.report.differences import by_group, differing_settings, warnings
 from stixel_cli.report.metrics import NO_VALUE, best, shown_difference, shown_value, with_value
-from stixel_cli.report.page_svg import Drawing, drawing_for_page
+from stixel_cli.report.page_svg import Drawing, drawing_for_page, picture_for_page
 from stixel_cli.report.page_template import page_template
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.result import RunResult
@@ -80,7 +78,7 @@ def page_html(runs: Sequence[RunResult], command: Sequence[str], page: Path) -> 
         metrics=metric_rows(runs),
         low_overlap=LOW_OVERLAP,
         curves=error_curves(runs),
-        pictures=[_picture(run.pictures.get("path.png")) for run in runs],
+        pictures=[_path_picture(run) for run in runs],
         provenance=_provenance(runs),
         command=shlex.join(command),
     )
@@ -164,13 +162,9 @@ def _text(value: Any) -> str:
     return NO_VALUE if value is None else str(value)
 
 
-def _picture(png: bytes | None) -> dict[str, Any] | None:
-    """Source of a picture, and the width, px, below which its text would be smaller than 10 px."""
-    if png is None:
-        return None
-    width, letters = int.from_bytes(png[16:20]), 8.0 * style.DPI / 72.0
-    source = "data:image/png;base64," + base64.b64encode(png).decode()
-    return {"source": source, "least": math.ceil(10.0 * min(width, 4096) / letters)}
+def _path_picture(run: RunResult) -> dict[str, Any] | None:
+    png = run.pictures.get("path.png")
+    return None if png is None else picture_for_page(png)
 
 
 LINE_STYLES = ("-", "--", "-.", ":")
@@ -189,7 +183,7 @@ def line_style(i: int) -> str:
 def error_curves(runs: Sequence[RunResult]) -> list[tuple[str, Drawing]]:
     """(title, drawing) of each error that a run has; the i-th run has colour `var(--run-i)`."""
     drawn = []
-    with style.drawing():
+    with style.drawing({"axes.labelsize": 10.0, "xtick.labelsize": 10.0, "ytick.labelsize": 10.0}):
         for name, series in SERIES.items():
             if any(np.isfinite(getattr(run.scores, name)).any() for run in runs):
                 title = series.label + (" (consistent: 1)" if series.ratio else "")
@@ -202,7 +196,7 @@ def _curve_svg(name: str, title: str, runs: Sequence[RunResult]) -> str:
     series = SERIES[name]
     figure = style.new_figure(5.0, 2.7)
     figure.patch.set_visible(False)
-    axes = figure.add_axes((0.115, 0.165, 0.87, 0.72))
+    axes = figure.add_axes((0.135, 0.175, 0.85, 0.71))
     axes.patch.set_visible(False)
     axes.grid(True)
     if series.ratio:

@@ -1,8 +1,10 @@
 """Matplotlib's drawings as elements of a page: in the page's colours, with legible text."""
 
+import base64
 import math
 import re
 from dataclasses import dataclass
+from typing import Any
 
 from markupsafe import Markup
 
@@ -41,6 +43,13 @@ def drawing_for_page(text: str, name: str) -> Drawing:
     svg, points = svg_for_page(text, name)
     least = math.ceil(_LEAST_TEXT * points / smallest_text(svg))
     return Drawing(Markup(svg), max(least, round(points * _PIXELS_A_POINT)), least)
+
+
+def picture_for_page(png: bytes) -> dict[str, Any]:
+    """`source` of a PNG by `style.png`, and the `least` width at which its text is legible, px."""
+    width, letters = int.from_bytes(png[16:20]), 8.0 * style.DPI / 72.0
+    source = "data:image/png;base64," + base64.b64encode(png).decode()
+    return {"source": source, "least": math.ceil(_LEAST_TEXT * min(width, 4096) / letters)}
 
 
 def smallest_text(svg: str) -> float:

@@ -15,9 +15,11 @@ from threading import RLock
 import matplotlib
 import numpy as np
 from matplotlib import font_manager
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, MaxNLocator
 from numpy.typing import ArrayLike
 
 TRUTH = "#1a1a1a"
@@ -132,6 +134,17 @@ def svg(figure: Figure) -> bytes:
         buffer, metadata={"Date": None, "Creator": None, "Format": None, "Type": None}
     )
     return buffer.getvalue()
+
+
+def log_axis(axes: Axes) -> None:
+    """Make the y axis of a drawing logarithmic, with at least two labels over a decade."""
+    axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    steps = (1.0, 2.0, 5.0) if high < 100.0 * low else (1.0,)
+    short = high < 4.0 * low
+    axes.yaxis.set_major_locator(MaxNLocator(5) if short else LogLocator(subs=steps))
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.minorticks_off()
 
 
 def depth_colours(depth: ArrayLike) -> np.ndarray:

@@ -14,13 +14,15 @@ class RoadUser:
 
     Attributes:
         kind: the class of road user.
-        length, width, height: size of the mesh's bounding box, m: along the heading, across it and
-            upwards. A pedestrian's length is the stride, the width goes over shoulders and arms.
-            A user's own mesh and a drawn shape keep their size, and these three are not read.
+        length: of the mesh's bounding box along the heading, m; a pedestrian's is the stride. Not
+            read for a mesh of your own or a drawn shape: they keep their size.
+        width: of the mesh's bounding box across the heading, m; a pedestrian's goes over shoulders
+            and arms. Not read for a mesh of your own or a drawn shape.
+        height: of the mesh's bounding box, m. Not read for a mesh of your own or a drawn shape.
         contrast: how strong the texture of paint and cloth is, 0 (plain) … 1; stereo fails on 0.
         shape_seed: seed that draws a body and its size within the class, or null for the standard
             shape.
-        mesh: file with the user's own mesh (any format of Open3D; m, x forward, z up) or null.
+        mesh: file with a mesh of your own (any format of Open3D; m, x forward, z up) or null.
     """
 
     kind: Literal["car", "cyclist", "pedestrian"]

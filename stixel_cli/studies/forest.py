@@ -15,7 +15,7 @@ _PLOT = 2.2
 """in: width of the axes."""
 _ROW = 0.165
 """in: height of a row."""
-_PANEL = 0.4
+_PANEL = 0.48
 """in: height of a panel's axis with its label."""
 _MARGIN = 0.06
 """Of the greatest value: free space at both ends of an axis."""

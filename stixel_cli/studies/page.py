@@ -1,10 +1,12 @@
 """A study's report as one self-contained page."""
 
 import base64
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import yaml
+from markupsafe import Markup, escape
 
 from stixel_cli.report import style
 from stixel_cli.report.metrics import format_value
@@ -50,7 +52,7 @@ def study_page(
     figures = [i for i, block in enumerate(opening, 1) if block["kind"] in ("figure", "figures")]
     split = figures[0] if figures else len(opening)
     sections = [] if findings is None else numbered.sections(findings.sections, "")
-    return page_template(__package__, "study").render(
+    return page_template(__package__, "study", {"code": _code, "brief": _brief}).render(
         title=title,
         question=question,
         answer=None if findings is None else opening[:split],
@@ -67,6 +69,16 @@ def study_page(
         ),
         run_colours=style.RUNS,
     )
+
+
+def _code(text: str) -> Markup:
+    """Text as HTML: words between backticks are code."""
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))
+
+
+def _brief(caption: str) -> str:
+    """The first clause of a caption, without its full stop."""
+    return re.split(r"\.(?= [A-Z]|$)|; ", caption)[0]
 
 
 class _Numbered:

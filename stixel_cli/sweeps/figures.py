@@ -8,7 +8,6 @@ from typing import Any, Literal
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator
 
 from stixel_cli.evaluation.metric_table import metric, over_runs
 from stixel_cli.report import style
@@ -160,12 +159,10 @@ def scale_values(axes: Axes, name: str) -> None:
     """Scale the axis of a metric's values: logarithmic round 1, or with room above only zeros."""
     if metric(name).better == "one":
         axes.set_yscale("log")
-        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.yaxis.set_major_formatter("{x:g}")
-        axes.minorticks_off()
         axes.axhline(1.0, color=style.UNUSED, linewidth=0.8, linestyle="--")
         low, high = axes.get_ylim()
         axes.set_ylim(min(low, 0.5), max(high, 2.0))
+        style.log_axis(axes)
     elif axes.dataLim.y0 == axes.dataLim.y1 == 0.0:
         # Matplotlib's own limits would be ±0.055.
         axes.set_ylim(0.0, 1.0)

@@ -163,7 +163,7 @@ def _statistic_cell(one: Statistic | None) -> Cell:
     text = shown_value(one.metric, one.mean)
     if one.low is not None and one.high is not None:
         ends = (shown_value(one.metric, end) for end in (one.low, one.high))
-        text = f"{text} [{', '.join(ends)}]"
+        text = f"{text}\n[{', '.join(ends)}]"
     return text, repr(float(one.mean))
 
 
@@ -232,8 +232,10 @@ def _stacked(runs: Sequence[ReadRun]) -> tuple[np.ndarray, dict[str, np.ndarray]
 
 def _over_time(name: str, title: str, lines: Mapping[tuple, tuple]) -> bytes:
     series = SERIES[name]
-    with style.drawing({"xtick.labelsize": 9.0, "ytick.labelsize": 9.0, "legend.fontsize": 9.0}):
-        figure = style.new_figure(5.2, 2.9, layout="constrained")
+    # Of a size that is legible on a telephone without scrolling.
+    texts = ("axes.label", "xtick.label", "ytick.label", "legend.font", "legend.title_font")
+    with style.drawing({f"{text}size": 10.0 for text in texts}):
+        figure = style.new_figure(5.0, 2.9, layout="constrained")
         figure.patch.set_visible(False)
         axes = figure.add_subplot()
         axes.patch.set_visible(False)
@@ -253,15 +255,14 @@ def _over_time(name: str, title: str, lines: Mapping[tuple, tuple]) -> bytes:
                 high = np.minimum(mean + half, series.bounds[1] or np.inf)
                 axes.fill_between(times, low, high, color=colour, alpha=0.2, linewidth=0.0)
         if series.ratio:
-            axes.set_yscale("log")
-            axes.yaxis.set_major_formatter("{x:g}")
-            axes.minorticks_off()
             axes.axhline(1.0, color=style.UNUSED, linewidth=0.8, linestyle="--")
+            style.log_axis(axes)
         axes.set(xlabel="t (s)", ylabel=title)
         axes.grid(True)
         if len(lines) > 1:
             columns = max(1, min(4, 56 // max(6, *(len(h) for h in _labels(lines)))))
-            figure.legend(loc="outside lower center", ncols=columns)
+            title = " ".join(name for name, _ in next(iter(lines)))
+            figure.legend(loc="outside lower center", ncols=columns, title=title[:60])
         return style.svg(figure)
 
 

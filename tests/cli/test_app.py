@@ -70,7 +70,7 @@ def test_every_command_has_a_help(command, capsys):
 def test_help_of_study_names_the_studies_that_are_there(capsys):
     assert main(["study", "--help"]) == 0
     said = capsys.readouterr().out
-    named = re.findall(r"^  (\w+)  [A-Z]", said, flags=re.MULTILINE)
+    named = re.findall(r"^ {4}(\w+) +[A-Z]", said, flags=re.MULTILINE)
     assert named == [*sorted(shipped_studies()), "all"]
     assert "the study's name, then the overrides" in " ".join(said.split())
 
@@ -130,7 +130,8 @@ def test_exit_code_of_the_body_is_the_command_s(stand_in):
         (["run", "--road_user=car"], "did you mean road_user=…"),
         (["--verison"], "did you mean --version?"),
         (["run", "--xyzzy"], "no such option --xyzzy (see stixel run --help)"),
-        (["run", "--name"], "requires an argument"),
+        (["run", "--name"], "requires an argument (see stixel run --help)"),
+        (["path.duration=1"], "did you mean stixel run path.duration=1?"),
         (["run", "--workers", "many"], "'--workers'"),
         (["run", "--workers", "0"], "'--workers'"),
         (["rnu"], "did you mean 'run'?"),
@@ -221,7 +222,7 @@ def test_sigterm_ends_a_run_in_one_line(tmp_path):
         out, err = process.communicate(timeout=600)
     assert process.returncode == 130
     lines = [line for line in err.splitlines() if not line.startswith("stixel: [")]
-    assert lines == ["stixel: interrupted; what was computed is kept"]
+    assert lines == ["stixel: interrupted; what was computed is kept: repeat the command to resume"]
     assert out == ""
     assert not list((tmp_path / "results").glob("*/*"))
 

@@ -8,6 +8,7 @@ from stixel_cli.cli.completion import (
     complete_folder,
     complete_override,
     complete_run_or_override,
+    complete_setting,
     complete_sweep,
 )
 from stixel_cli.config.folders import group_options
@@ -29,7 +30,7 @@ def in_bash(monkeypatch):
 
 @pytest.fixture(autouse=True)
 def _no_shell(monkeypatch):
-    for name in ("COMP_WORDS", "COMP_CWORD", "_TYPER_COMPLETE_ARGS"):
+    for name in ("COMP_WORDS", "COMP_CWORD", "_TYPER_COMPLETE_ARGS", "_STIXEL_COMPLETE"):
         monkeypatch.delenv(name, raising=False)
 
 
@@ -44,6 +45,18 @@ def test_options_of_a_group():
     assert complete_override("road_u") == users
     assert complete_override("road_user=c") == users[:2]
     assert complete_override("nothing=") == []
+
+
+@pytest.mark.parametrize("shell", ["zsh", "fish"])
+def test_shells_that_show_a_text_get_the_meaning_of_the_schema(monkeypatch, shell):
+    monkeypatch.setenv("_STIXEL_COMPLETE", f"complete_{shell}")
+    assert dict(complete_override(""))["road_user="].startswith("the target")
+    assert dict(complete_override("tracker="))["tracker=point"].startswith("The baseline")
+    assert ("rig.width=640", "image size, px") in complete_override("rig.wid")
+    assert dict(complete_setting("rig.wid")) == {"rig.width": "image size, px"}
+    assert dict(complete_override("se"))["seed="]
+    assert max(len(text) for _, text in complete_override("tracker=")) <= 72
+    assert dict(complete_sweep("tracker=gp_ekf,po"))["tracker=gp_ekf,point"].startswith("The base")
 
 
 def test_keys():

@@ -49,3 +49,10 @@ def test_report_refuses(folders, tmp_path):
             report(given, None)
         assert "\n" not in str(failure.value)
     assert not list(tmp_path.glob("*.html"))
+
+
+def test_report_of_one_folder_names_its_page_or_its_fault(folders, tmp_path):
+    with pytest.raises(UserError, match=f"the page of one run is {folders[0]}/index.html"):
+        report(folders[:1], None)
+    with pytest.raises(UserError, match="nowhere: no such folder"):
+        report([tmp_path / "nowhere"], None)

@@ -18,7 +18,14 @@ from stixel_cli.report.compare import (
     run_labels,
     write_page,
 )
-from stixel_cli.report.metrics import MAIN, best, format_value, main_metrics, scores_table
+from stixel_cli.report.metrics import (
+    MAIN,
+    best,
+    format_value,
+    main_metrics,
+    scores_table,
+    shown_difference,
+)
 from stixel_cli.results.result import read_scored_run
 
 
@@ -248,6 +255,21 @@ def test_best_follows_the_direction_of_the_metric():
     assert best("scans", [1, 2]) == [False, False]
     assert best("iou_mean", [0.5, 0.5]) == [False, False]
     assert best("iou_mean", [None, 0.5]) == [False, False]
+
+
+def test_values_that_are_shown_alike_are_equally_good():
+    assert best("iou_mean", [0.81004, 0.81001]) == [False, False]
+    assert best("iou_mean", [0.81004, 0.81001, 0.7]) == [True, True, False]
+
+
+def test_a_difference_has_the_decimals_of_its_values():
+    assert shown_difference("iou_mean", 0.81001, 0.81004) == "0.000"
+    assert shown_difference("iou_mean", 0.70, 0.81) == "\u22120.110"
+    assert shown_difference("centre_rmse_m", 0.1988, 0.1984) == "+0.0004"
+    assert shown_difference("success", 0.835, 0.83) == "+0.5"
+    assert shown_difference("scans", 12, 10) == "+2"
+    assert shown_difference("centre_rmse_m", 12345.0, 12.0) == "+1.23e+04"
+    assert shown_difference("centre_rmse_m", None, 12.0) == "–"
 
 
 def test_format_value_keeps_significant_digits():

@@ -56,3 +56,16 @@ def test_pictures_do_not_depend_on_the_fonts_of_the_system(monkeypatch, text):
         assert draw() == before
     finally:
         manager._findfont_cached.cache_clear()
+
+
+@pytest.mark.parametrize("values", [[0.8, 2.9], [0.04, 0.2], [0.02, 30.0], [1.2, 1.9]])
+def test_a_logarithmic_axis_has_several_labels(values):
+    with style.drawing():
+        figure = style.new_figure(3.0, 2.0)
+        axes = figure.add_subplot()
+        axes.plot(values)
+        axes.axhline(1.0)
+        style.log_axis(axes)
+        low, high = axes.get_ylim()
+        shown = [place for place in axes.get_yticks() if low <= place <= high]
+    assert 2 <= len(shown) <= 8

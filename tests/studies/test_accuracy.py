@@ -80,6 +80,7 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny, tmp_path):
     assert len(rows) == 4
     assert {row["measurement"] for row in table(folder, "fabricated")} == {"fabricated"}
     assert {row["road user"] for row in table(folder, "fabricated")} == {"car", "pedestrian"}
+    assert (folder / "figures" / "answer_forest.svg").exists()
     near = table(folder, "long_range")
     assert all(row["mean IoU, hull"] != "" and row["mean IoU, box"] != "" for row in near)
     assert [(row["road user"], row["without"]) for row in table(folder, "ablation")] == [

@@ -46,8 +46,8 @@ def test_few_pairs_allow_no_test():
         "points and 0.125 for the 4 tests of the trackers. A p below 0.05 requires n = 11 pairs."
     ) in few
     assert car == (
-        "Car, GP-EKF: centre RMSE 0.30\u202fm on simulated and 0.10\u202fm on fabricated "
-        "measurements, difference −0.200\u202fm [−0.216, −0.184]."
+        "Car, GP-EKF: centre RMSE 0.30\u202fm simulated, 0.10\u202fm fabricated, "
+        "difference −0.200\u202fm [−0.216, −0.184]."
     )
     # No verdict of a test that could not have found anything; effects with their intervals instead.
     for verdict in (

@@ -11,7 +11,7 @@ from stixel_cli.report import style
 from stixel_cli.report.page_svg import drawing_for_page, smallest_text, svg_for_page
 from stixel_cli.results.text import listed
 from stixel_cli.studies.folder import files_of
-from stixel_cli.studies.page import _Numbered
+from stixel_cli.studies.page import _brief, _code, _Numbered
 from stixel_cli.studies.tables import (
     counted,
     decimals,
@@ -55,6 +55,23 @@ def test_text_is_escaped(page):
     html = page.read_text(encoding="utf-8")
     assert "A &lt;toy&gt; &amp; its title" in html
     assert "A &lt;script&gt; is text." in html
+
+
+def test_words_between_backticks_are_code():
+    assert _code("Rig `long_range` & <b>") == "Rig <code>long_range</code> &amp; &lt;b&gt;"
+
+
+@pytest.mark.parametrize(
+    ("caption", "brief"),
+    [
+        ("NIS / d.o.f. over time. Means.", "NIS / d.o.f. over time"),
+        ("NIS / d.o.f. Means over time.", "NIS / d.o.f"),
+        ("Means; the rest.", "Means"),
+        ("One clause", "One clause"),
+    ],
+)
+def test_a_folded_figure_is_named_by_the_first_clause_of_its_caption(caption, brief):
+    assert _brief(caption) == brief
 
 
 def test_ids_are_unique_and_references_resolve(page):

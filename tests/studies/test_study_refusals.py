@@ -122,6 +122,7 @@ def test_an_override_that_no_sweep_accepts_is_refused(studies, toy):
 def test_a_wrong_study_name_is_refused(studies, toy):
     assert "rq2" in studies.refused() and "all" in studies.error
     assert "name a study first" in studies.refused("road_user=car")
+    assert "rq3: one command runs one study, or all" in studies.refused("rq2", "rq3")
     assert "did you mean" in studies.refused("rq22")
     assert "stixel sweep --from prior_width" in studies.refused("prior_width")
     assert "leave it out with all" in studies.refused("all", "--name", "x")

@@ -78,8 +78,9 @@ function verticalRange(chart) {
 }
 
 function drawChart(chart) {
-  const { plot } = chart, width = plot.clientWidth, height = plot.clientHeight;
+  const { plot } = chart, { width, height } = plot.getBoundingClientRect();
   if (!width) return;
+  plot.setAttribute("viewBox", `0 0 ${width} ${height}`);
   Object.assign(chart, { left: 46, right: width - 8, top: 8, bottom: height - 17 });
   const [low, high] = verticalRange(chart);
   const scaled = chart.ratio ? Math.log10 : (value) => value;

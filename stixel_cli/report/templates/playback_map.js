@@ -231,8 +231,9 @@ find("zoom-reset").addEventListener("click", () => resetView());
 find("follow").addEventListener("click", () => resetView("follow"));
 find("whole").addEventListener("click", () => resetView("whole"));
 new ResizeObserver(() => {
-  view.width = map.clientWidth;
-  view.height = map.clientHeight;
+  ({ width: view.width, height: view.height } = map.getBoundingClientRect());
+  // On paper the map has another size, and is scaled.
+  map.setAttribute("viewBox", `0 0 ${view.width} ${view.height}`);
   find("frame").setAttribute("width", view.width);
   find("frame").setAttribute("height", view.height);
   drawMap();

@@ -9,11 +9,12 @@ from stixel_cli.evaluation.evaluate import contour_errors
 from stixel_cli.evaluation.metric_table import metric as metric_row
 from stixel_cli.evaluation.metric_table import over_runs
 from stixel_cli.studies.accuracy.ablation import ablation_table
-from stixel_cli.studies.accuracy.goals import goals_table
+from stixel_cli.studies.accuracy.goals import TRACKER, goals_table
 from stixel_cli.studies.data import StudyData, StudyRun, chosen, names, run_frame
-from stixel_cli.studies.runs import metric_over_seeds
-from stixel_cli.studies.tables import interval_columns, with_unit
-from stixel_cli.studies.types import Material, Table
+from stixel_cli.studies.forest import Row, forest
+from stixel_cli.studies.runs import metric_over_seeds, paired_difference
+from stixel_cli.studies.tables import MINUS, interval_columns, with_unit
+from stixel_cli.studies.types import Figure, Material, Table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,6 +30,8 @@ MEASURES = (
     "track_lost",
 )
 """Metrics of the tables, in this order."""
+COMPARED = ("centre_rmse_m", "orientation_rmse_deg", "iou_box_mean")
+"""Metrics of the answer's plot."""
 APART = "s_curve"
 """A path that is reported on its own: the means are over the others."""
 NEAR = 30.0
@@ -51,6 +54,7 @@ def report(data: StudyData) -> Material:
         {
             "users": users,
             "answers": [_answer(user, chosen(simulated, road_user=user)) for user in users],
+            "forest": _forest(together(simulated)),
             "seeds": sorted(names(simulated, "seed")),
             "apart": APART,
             "near": NEAR,
@@ -68,17 +72,48 @@ def report(data: StudyData) -> Material:
 
 
 def _answer(user: str, runs: "pd.DataFrame") -> dict[str, Any]:
-    """Mean box IoU, centre error and NEES of each tracker over the seeds."""
+    """IoU of outline (car) or box, centre error and NEES of each tracker over the seeds.
+
+    `leads`: of the tracker `TRACKER`, and `others`: of the others.
+    """
     runs = together(runs)
+    of = {
+        tracker: {name: metric_over_seeds(chosen(runs, tracker=tracker), name) for name in MEASURES}
+        for tracker in names(runs, "tracker")
+    }
     return {
         "user": user,
-        "trackers": {
-            tracker: {
-                name: metric_over_seeds(chosen(runs, tracker=tracker), name) for name in MEASURES
-            }
-            for tracker in names(runs, "tracker")
-        },
+        "iou": "iou_mean" if user == "car" else "iou_box_mean",
+        "leads": {tracker: found for tracker, found in of.items() if tracker == TRACKER},
+        "others": {tracker: found for tracker, found in of.items() if tracker != TRACKER},
     }
+
+
+def _forest(runs: "pd.DataFrame") -> Figure | None:
+    """`TRACKER` minus each other tracker: pairs of runs with the same scans."""
+    rows = []
+    for name in COMPARED:
+        row = metric_row(over_runs(name))
+        for user in names(runs, "road_user"):
+            own = chosen(runs, road_user=user)
+            for other in names(own, "tracker"):
+                if other == TRACKER:
+                    continue
+                sides = (chosen(own, tracker=one) for one in (TRACKER, other))
+                apart = paired_difference(*sides, name)
+                rows.append(
+                    Row(
+                        group=user,
+                        series=other.replace("_", " "),
+                        metric=f"{row.short_label}, {TRACKER} {MINUS} the other",
+                        unit=row.unit,
+                        value=apart.mean,
+                        low=apart.low,
+                        high=apart.high,
+                        more_is_better=row.better == "more",
+                    )
+                )
+    return forest("answer_forest", rows, f"{TRACKER} better", f"{TRACKER} worse")
 
 
 def together(runs: "pd.DataFrame") -> "pd.DataFrame":

@@ -245,10 +245,8 @@ def _finish(figure, grid, labels: Sequence[str], lines: str) -> None:
 
 
 def _ratio_axis(axes) -> None:
-    axes.set_yscale("log")
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.minorticks_off()
     axes.axhline(1.0, color=style.UNUSED, linewidth=0.8, linestyle="--")
+    style.log_axis(axes)
 
 
 def _figure(width: float, height: float):
