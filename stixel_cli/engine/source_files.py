@@ -74,33 +74,44 @@ def parse(path: Path, content: bytes) -> Source:
         except (SyntaxError, ValueError) as error:
             line = f", line {error.lineno}" if isinstance(error, SyntaxError) else ""
             raise LookupError(f"{path}{line}: not valid Python: {error.args[0]}") from error
-        imports = list(dict.fromkeys(one for node in ast.walk(tree) for one in _imports(node)))
-        text = _normalised(tree).encode("utf-8", "surrogatepass")
+        text, imports = _normalised(tree)
+        text = text.encode("utf-8", "surrogatepass")
         fields = [sha256(text).hexdigest()[:DIGITS], not tree.body, imports]
         _unsaved.add(key)
     _digests[key] = fields
     return Source(*fields)
 
 
-def _imports(node: ast.AST) -> Iterator[tuple[int, str, str | None]]:
-    if isinstance(node, ast.Import):
-        for alias in node.names:
-            yield 0, alias.name, None
-            if alias.asname is None and "." in alias.name:
-                # `import a.b` binds the package a.
-                yield 0, alias.name.partition(".")[0], None
-    elif isinstance(node, ast.ImportFrom):
-        for alias in node.names:
+def _imports(node: ast.Import | ast.ImportFrom) -> Iterator[tuple[int, str, str | None]]:
+    for alias in node.names:
+        if isinstance(node, ast.ImportFrom):
             yield node.level, node.module or "", alias.name
+            continue
+        yield 0, alias.name, None
+        if alias.asname is None and "." in alias.name:
+            # `import a.b` binds the package a.
+            yield 0, alias.name.partition(".")[0], None
 
 
-def _normalised(tree: ast.Module) -> str:
-    """The tree as text, without layout, comments and docstrings. Changes `tree`."""
-    for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        if isinstance(body, list):
-            node.body = [one for one in body if not _is_bare_string(one)]
-    return ast.dump(tree, annotate_fields=False)
+def _normalised(tree: ast.Module) -> tuple[str, list[tuple[int, str, str | None]]]:
+    """The tree as text, without layout, comments and docstrings; its imports. Changes `tree`."""
+    imports = {}
+    pending: list[ast.AST] = [tree]
+    # Statements hold the imports and the docstrings; no expression holds a statement.
+    for node in pending:
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            imports |= dict.fromkeys(_imports(node))
+        for name in node._fields:
+            value = getattr(node, name, None)
+            if not isinstance(value, list):
+                continue
+            if name == "body":
+                value[:] = [one for one in value if not _is_bare_string(one)]
+            pending += [one for one in value if isinstance(one, _HOLDERS)]
+    return ast.dump(tree, annotate_fields=False), list(imports)
+
+
+_HOLDERS = (ast.stmt, ast.ExceptHandler, ast.match_case)
 
 
 def _is_bare_string(node: ast.AST) -> bool:

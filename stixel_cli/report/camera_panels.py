@@ -4,9 +4,12 @@ Every panel takes the axes and a `FrameView`; pixels are at whole (u, v), v down
 """
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
+from matplotlib.artist import Artist, allow_rasterization
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
@@ -62,6 +65,44 @@ class FrameView:
     depth: np.ndarray
     boxes: np.ndarray
 
+    # Each of these is drawn twice: as a picture, and on the page of all.
+
+    @cached_property
+    def disparity_image(self) -> np.ndarray:
+        """The disparity's colours, (H, W, 3) uint8."""
+        highest = int(self.raw_disparity.max(initial=0))
+        with np.errstate(divide="ignore"):
+            depth = self.rig.depth_from_disparity(np.arange(highest + 1) / SUBPIXELS)
+        table = np.concatenate([[to_rgb(style.INVALID)], style.depth_colours(depth)])
+        table = np.rint(255.0 * table).astype(np.uint8)
+        return table[np.maximum(self.raw_disparity, -1) + 1]
+
+    @cached_property
+    def free_space_image(self) -> np.ndarray:
+        """The camera's image with free and unknown space tinted, (H, W, 3) uint8.
+
+        Each column is tinted from its obstacle's base, or the horizon, down: in the colour of free
+        space, but above the unknown row in that of the unknown.
+        """
+        image = _grey_rgb(self)
+        free = np.isnan(self.obstacle_disparity) | (self.base_row < 0)
+        first = np.where(free, self.horizon_row, self.base_row + 1)
+        rows = np.arange(len(image))[:, None]
+        known = rows > self.unknown_row[None, :]
+        tinted = np.where(
+            known[..., None], _tinted(image, style.FREE), _tinted(image, style.UNKNOWN)
+        )
+        return np.where((rows >= first[None, :])[..., None], tinted, image)
+
+    @cached_property
+    def height_image(self) -> np.ndarray:
+        """`free_space_image` with the stixels tinted, (H, W, 3) uint8."""
+        image = self.free_space_image.copy()
+        for left, right, top, base in zip(self.left, self.right, self.top, self.base, strict=True):
+            part = image[top : base + 1, left:right]
+            part[...] = _tinted(part, style.OBSTACLE)
+        return image
+
 
 def draw_left(axes: Axes, view: FrameView) -> None:
     """The left view as it is rendered, before the sensor's noise."""
@@ -70,12 +111,7 @@ def draw_left(axes: Axes, view: FrameView) -> None:
 
 def draw_disparity(axes: Axes, view: FrameView) -> None:
     """Disparity, coloured by the depth that it means; grey where there is none."""
-    highest = int(view.raw_disparity.max(initial=0))
-    with np.errstate(divide="ignore"):
-        depth = view.rig.depth_from_disparity(np.arange(highest + 1) / SUBPIXELS)
-    table = np.concatenate([[to_rgb(style.INVALID)], style.depth_colours(depth)])
-    table = np.rint(255.0 * table).astype(np.uint8)
-    _draw_image(axes, table[np.maximum(view.raw_disparity, -1) + 1])
+    _draw_image(axes, view.disparity_image)
 
 
 def draw_occupancy(axes: Axes, view: FrameView) -> None:
@@ -109,15 +145,12 @@ def draw_occupancy(axes: Axes, view: FrameView) -> None:
 
 def draw_free_space(axes: Axes, view: FrameView) -> None:
     """Free space, green, over the camera's image."""
-    _draw_image(axes, _tint_free(_grey_rgb(view), view))
+    _draw_image(axes, view.free_space_image)
 
 
 def draw_height(axes: Axes, view: FrameView) -> None:
     """Free space, green, and the obstacles' height, red, over the camera's image."""
-    image = _tint_free(_grey_rgb(view), view)
-    for left, right, top, base in zip(view.left, view.right, view.top, view.base, strict=True):
-        _tint(image[top : base + 1, left:right], style.OBSTACLE)
-    _draw_image(axes, image)
+    _draw_image(axes, view.height_image)
 
 
 def draw_stixels(axes: Axes, view: FrameView) -> None:
@@ -164,34 +197,49 @@ def depth_scale() -> ScalarMappable:
     return ScalarMappable(LogNorm(near, far), colours)
 
 
+class _Pixels(Artist):
+    """An image (H, W, 3) uint8 that fills axes of H × W pixels.
+
+    Matplotlib's own image would resample it in double precision, to the same bytes, and take half
+    of the picture's time.
+    """
+
+    def __init__(self, axes: Axes, image: np.ndarray):
+        super().__init__()
+        opaque = np.full((*image.shape[:2], 4), 255, dtype=np.uint8)
+        opaque[..., :3] = image
+        # The canvas takes the lowest row first.
+        self._pixels = np.ascontiguousarray(opaque[::-1])
+        axes.add_artist(self)
+
+    @allow_rasterization
+    def draw(self, renderer: Any) -> None:
+        """Copy the pixels."""
+        context = renderer.new_gc()
+        self._set_gc_clip(context)
+        left, bottom = self.axes.bbox.min
+        renderer.draw_image(context, round(left), round(bottom), self._pixels)
+        context.restore()
+
+
 def _draw_image(axes: Axes, image: np.ndarray) -> None:
-    axes.imshow(image, interpolation="antialiased", aspect="auto")
+    height, width = image.shape[:2]
+    if np.allclose(axes.bbox.size, (width, height), rtol=0.0, atol=1e-6):
+        axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
+        _Pixels(axes, image)
+    else:
+        axes.imshow(image, interpolation="antialiased", aspect="auto")
 
 
 def _grey_rgb(view: FrameView) -> np.ndarray:
     return np.repeat(view.grey[..., None], 3, axis=2)
 
 
-def _tint_free(image: np.ndarray, view: FrameView) -> np.ndarray:
-    """Tint each column of an RGB image from its obstacle's base, or the horizon, down.
-
-    In the colour of free space, but above the unknown row in that of the unknown.
-    """
-    free = np.isnan(view.obstacle_disparity) | (view.base_row < 0)
-    first = np.where(free, view.horizon_row, view.base_row + 1)
-    below = np.arange(len(image))[:, None] >= first[None, :]
-    tinted = image.copy()
-    _tint(tinted, style.FREE)
-    hidden = image.copy()
-    _tint(hidden, style.UNKNOWN)
-    known = np.arange(len(image))[:, None] > view.unknown_row[None, :]
-    return np.where(below[..., None], np.where(known[..., None], tinted, hidden), image)
-
-
-def _tint(image: np.ndarray, colour: str) -> None:
-    """Blend an RGB image (H, W, 3) uint8 with a colour, in place."""
-    mixed = 0.55 * image + 0.45 * 255.0 * np.array(to_rgb(colour))
-    image[...] = np.rint(mixed).astype(np.uint8)
+def _tinted(image: np.ndarray, colour: str) -> np.ndarray:
+    """An RGB image (H, W, 3) uint8 blended with a colour."""
+    levels = 0.55 * np.arange(256)[:, None] + 0.45 * 255.0 * np.array(to_rgb(colour))
+    table = np.rint(levels).astype(np.uint8)
+    return np.stack([table[image[..., channel], channel] for channel in range(3)], axis=-1)
 
 
 def _label_depths(axes: Axes, depth: np.ndarray) -> None:

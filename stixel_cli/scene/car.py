@@ -5,10 +5,10 @@ as their `CarShape` states.
 """
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from stixel_cli.scene.car_shape import HATCHBACK, CarShape
 from stixel_cli.scene.mesh import Mesh, Part, scaled
+from stixel_cli.scene.monotone_curve import MonotoneCurve
 from stixel_cli.scene.shapes import (
     box,
     cube_uvs,
@@ -29,15 +29,15 @@ WHEEL_Y = 0.70
 WHEEL_RADIUS = 0.32
 ARCH_RADIUS = 0.385
 
-_TOP = PchipInterpolator(
+_TOP = MonotoneCurve(
     [-2.25, -2.20, -2.05, -1.60, 0.00, 0.95, 1.30, 1.80, 2.08, 2.20, 2.25],
     [0.62, 0.86, 0.94, 0.96, 0.94, 0.93, 0.89, 0.81, 0.72, 0.60, 0.50],
 )
-_SILL = PchipInterpolator(
+_SILL = MonotoneCurve(
     [-2.25, -2.15, -1.90, -1.00, 1.00, 1.90, 2.15, 2.25],
     [0.42, 0.30, 0.24, 0.2, 0.2, 0.2, 0.25, 0.36],
 )
-_HALF_WIDTH = PchipInterpolator(
+_HALF_WIDTH = MonotoneCurve(
     [-2.25, -2.21, -2.08, -1.80, -1.20, 1.20, 1.75, 2.05, 2.19, 2.25],
     [0.48, 0.63, 0.755, 0.805, 0.83, 0.83, 0.80, 0.73, 0.62, 0.45],
 )

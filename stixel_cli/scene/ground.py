@@ -32,13 +32,14 @@ PAVEMENTS = (
 def ground(contrast: float) -> Mesh:
     """All that is kind "road": its parts are flat, or steps of `KERB`."""
     white = mottled("lane mark", (226, 226, 220), 0.10 + 0.10 * contrast)
-    dark = (0.55 * asphalt(contrast)).astype(np.uint8)
+    tarred = asphalt(contrast)
+    dark = (0.55 * tarred).astype(np.uint8)
     iron = mottled("iron", (88, 84, 82), 0.15 + 0.20 * contrast, coarsest=8.0)
     stones = paving(contrast)
     kerb = mottled("kerb", (168, 166, 160), 0.05 + 0.15 * contrast)
     return Mesh(
         (
-            flat("asphalt", [(-REACH, -REACH, REACH, REACH)], 0.0, asphalt(contrast), 7.3),
+            flat("asphalt", [(-REACH, -REACH, REACH, REACH)], 0.0, tarred, 7.3),
             flat("patches", _patches(), 0.5 * MARK, dark, 5.1),
             flat("marks", _marks(), MARK, white, 1.0),
             flat("covers", [(2.1, 14.2, 2.8, 14.9), (-3.4, 21.0, -2.7, 21.7)], MARK, iron, 0.7),

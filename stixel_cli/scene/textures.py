@@ -22,14 +22,20 @@ def noise(name: str, size: int = SIZE, coarsest: float = 1.0, finest: float = 25
     Octaves between `coarsest` and `finest` cycles an image have equal variance.
     """
     draws = np.random.default_rng(zlib.crc32(name.encode())).standard_normal((size, size))
-    frequency = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)) * size
-    gain = np.where(
-        (frequency >= coarsest) & (frequency <= finest), 1.0 / np.maximum(frequency, 1.0), 0.0
-    )
-    values = np.fft.irfft2(np.fft.rfft2(draws) * gain, s=(size, size))
+    frequency, gain = _frequencies(size)
+    spectrum = np.fft.rfft2(draws)
+    spectrum *= np.where((frequency >= coarsest) & (frequency <= finest), gain, 0.0)
+    values = np.fft.irfft2(spectrum, s=(size, size))
     values = ((values - values.mean()) / values.std()).astype(np.float32)
     values.setflags(write=False)
     return values
+
+
+@lru_cache(maxsize=1)
+def _frequencies(size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (size, size // 2 + 1), cycles an image, and 1 / frequency, 1 where below 1."""
+    frequency = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)) * size
+    return frequency, 1.0 / np.maximum(frequency, 1.0)
 
 
 def tinted(colour: Colour, values: np.ndarray, hue: np.ndarray | None = None) -> np.ndarray:
@@ -37,10 +43,17 @@ def tinted(colour: Colour, values: np.ndarray, hue: np.ndarray | None = None) ->
 
     `hue` (h, w) shifts it from blue to red by that share.
     """
-    image = np.asarray(colour, dtype=np.float32) * np.exp(values)[..., None]
-    if hue is not None:
-        image = image * (1.0 + hue[..., None] * np.array([1.0, 0.1, -1.0], dtype=np.float32))
-    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+    brightness = np.exp(values)
+    image = np.empty((*brightness.shape, 3), dtype=np.uint8)
+    # Channel by channel: NumPy is slow where the last axis has three values.
+    for channel, (level, shift) in enumerate(
+        zip(np.array(colour, np.float32), np.array([1.0, 0.1, -1.0], np.float32), strict=True)
+    ):
+        plane = level * brightness
+        if hue is not None:
+            plane *= 1.0 + hue * shift
+        image[..., channel] = np.clip(np.rint(plane, out=plane), 0, 255, out=plane)
+    return image
 
 
 @lru_cache(maxsize=64)

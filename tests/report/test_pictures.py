@@ -15,6 +15,7 @@ from report_nouns import (
 )
 
 from stixel_cli.images import decode_png
+from stixel_cli.report import camera_panels
 from stixel_cli.report.birds_eye import track_pictures
 from stixel_cli.report.camera import camera_pictures
 from stixel_cli.report.over_time import run_pictures
@@ -86,6 +87,21 @@ def test_camera_pictures_keep_the_pixels_of_the_image():
     # Left and top of the image's box, of which the frame's line covers the outermost pixels.
     inner = picture[34 + 4 : 34 + rows - 4, 58 + 4 : 58 + columns - 4, :3]
     assert np.mean(np.any(inner != image[4:-4, 4:-4], axis=2)) < 0.02
+
+
+@pytest.mark.parametrize(("width", "height"), [(640, 200), (481, 97), (1242, 375)])
+def test_an_image_of_the_axes_size_has_the_pixels_that_matplotlib_would_give(
+    width, height, monkeypatch
+):
+    inputs = make_camera_inputs(make_rig(width, height))
+    pictures = camera_pictures(**inputs).files
+
+    def show(axes, image):
+        axes.imshow(image, interpolation="antialiased", aspect="auto")
+
+    monkeypatch.setattr(camera_panels, "_draw_image", show)
+    for name, data in camera_pictures(**inputs).files.items():
+        assert pictures[name] == data, name
 
 
 def test_camera_pictures_accept_empty_results():
