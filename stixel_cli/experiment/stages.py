@@ -253,7 +253,9 @@ TABLE: dict[str, Definition] = {
         _same("road_user", "measurement"),
         files=("road_user.mesh",),
     ),
-    "scores": Definition(_only("evaluation.evaluate:evaluate"), "once"),
+    "scores": Definition(
+        _only("evaluation.evaluate:evaluate"), "once", {"road_user": "true_class"}
+    ),
     "stage_errors": Definition(
         _only("validation.stage_errors:stage_errors"),
         "map",
@@ -327,7 +329,7 @@ OWN: dict[str, Definition] = {
     "scores": Definition(
         _only("evaluation.own_metrics:evaluate_with_own"),
         "once",
-        _same("metrics"),
+        {"metrics": "metrics", "road_user": "true_class"},
         code=("metrics",),
     ),
 }

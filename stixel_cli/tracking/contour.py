@@ -31,7 +31,9 @@ import numpy as np
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.association import uncut
+from stixel_cli.tracking.class_bank import contradicted, most_probable, start_of_other
 from stixel_cli.tracking.class_shape import ClassShape, class_shape
+from stixel_cli.tracking.class_size import CLASSES, class_size
 from stixel_cli.tracking.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour_rays import (
     Rays,
@@ -62,7 +64,41 @@ CONVERGED = 2e-3
 def track(
     scans: Scans, initial: InitialState, prior: PriorShape, tracker: ContourParameters
 ) -> Track:
-    """Track one target through `scans`: predict, associate, update at every scan, the first too.
+    """Track one target through `scans`, of the prior's class or of one that is found.
+
+    If the prior's class is `unknown`, one filter for each class tracks the target, and each scan
+    reports that of the most probable class, see `class_bank`. So it is from the scan on that
+    contradicts a known class: a size or a speed that the class does not have.
+    """
+    known = prior.road_user
+    if known != "unknown":
+        own = track_class(scans, initial, prior, tracker)
+        if not contradicted(own, known).any():
+            return own
+    tracks = {}
+    for road_user in CLASSES:
+        if road_user == known:
+            tracks[road_user] = own
+            continue
+        size = class_size(road_user)
+        length, width = size.mean.tolist()
+        length_std, width_std = size.stds.tolist()
+        begin = initial
+        if known != "unknown":
+            begin = start_of_other(initial, np.array([prior.length, prior.width]), size)
+        tracks[road_user] = track_class(
+            scans,
+            begin,
+            replace(prior, road_user=road_user, length=length, width=width),
+            replace(tracker, length_std=length_std, width_std=width_std),
+        )
+    return most_probable(tracks, None if known == "unknown" else known)
+
+
+def track_class(
+    scans: Scans, initial: InitialState, prior: PriorShape, tracker: ContourParameters
+) -> Track:
+    """Track a road user of a class: predict, associate, update at every scan, the first too.
 
     The state starts as `initial`, one sample before the first scan, with the size of the class's
     `prior`. Reads no truth. The reported states are x, y, heading, their rates, and the two

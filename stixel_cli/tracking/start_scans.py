@@ -9,6 +9,7 @@ from annotated_types import Ge, Gt, Le
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
+from stixel_cli.tracking.class_size import possible_sizes
 from stixel_cli.tracking.followed import SLACK, Followed, line, state_of
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
@@ -100,7 +101,7 @@ def start_from_scans(scans: Scans, start: ScansStart, prior: PriorShape) -> Init
         if start.bearing is None and start.range is None
         else _chosen(scans, clusters, start)
     )
-    return state_of(scans, followed, np.array([prior.length, prior.width]), start.std, start.motion)
+    return state_of(scans, followed, possible_sizes(prior), start.std, start.motion)
 
 
 def _clusters(points: np.ndarray, start: ScansStart, prior: PriorShape) -> list[np.ndarray]:
@@ -114,7 +115,7 @@ def _clusters(points: np.ndarray, start: ScansStart, prior: PriorShape) -> list[
         points
     )
     found = [points[labels == label] for label in range(labels.max() + 1)]
-    longest = LARGEST * float(np.hypot(prior.length, prior.width)) + 2.0 * SLACK
+    longest = LARGEST * float(np.hypot(*possible_sizes(prior).T).max()) + 2.0 * SLACK
     return [one for one in found if np.hypot(*np.ptp(one, axis=0)) <= longest]
 
 

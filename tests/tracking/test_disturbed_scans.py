@@ -8,7 +8,7 @@ import pytest
 
 from stixel_cli.config.compose import compose
 from stixel_cli.evaluation.evaluate import evaluate
-from stixel_cli.evaluation.metric_table import OF_CLASS
+from stixel_cli.evaluation.metric_table import OF_SIZE
 from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.measurements.disturbance import disturb_scans
 from stixel_cli.measurements.fabricated import fabricate_scans
@@ -97,5 +97,5 @@ def test_a_wrong_class_is_reported_without_the_truth(user, prior, fits):
     # Of the scans alone: a truth elsewhere changes nothing.
     away = scenario.target_poses_world + np.array([30.0, 0.0, 1.0])
     moved = dataclasses.replace(scenario, target_poses_world=away)
-    for name in OF_CLASS:
+    for name in OF_SIZE:
         assert evaluate(result, moved, scans).metrics[name] == metrics[name]
