@@ -44,7 +44,7 @@ def verdict(metrics: Values) -> list[str]:
         sentences.insert(0, _diverged(metrics.get("time_to_divergence_s")))
     if _beyond(metrics, "class_error"):
         sentences.append("The reported class is not that of the road user.")
-    if any(_beyond(metrics, name) for name in (*OF_SIZE, "class_replaced_share")):
+    if misfits_class(metrics):
         sentences.append("The points do not fit the class of the prior: is it another road user?")
     if metrics.get("track_lost") is None:
         why = "the metrics are of an older version" if "iou_mean" in metrics else "no truth"
@@ -57,6 +57,11 @@ def verdict(metrics: Values) -> list[str]:
     if ceiling is not None and ceiling < SHOWN_CEILING:
         sentences.append(f"The IoU of a star-convex contour has a ceiling of {ceiling:.2f} here.")
     return [*sentences, *_class(metrics)]
+
+
+def misfits_class(metrics: Values) -> bool:
+    """Whether the points do not fit the class of the prior, as far as the tracker shows it."""
+    return any(_beyond(metrics, name) for name in (*OF_SIZE, "class_replaced_share"))
 
 
 def _class(metrics: Values) -> list[str]:

@@ -35,8 +35,12 @@ def class_size(road_user: RoadUserClass) -> ClassSize:
     return ClassSize(mean, stds)
 
 
+SIZES = np.stack([class_size(road_user).mean for road_user in CLASSES])
+"""Length and width of each class, m."""
+
+
 def possible_sizes(prior: PriorShape) -> np.ndarray:
     """Lengths and widths (n, 2) m: of the prior's class; of every class if it is unknown."""
     if prior.road_user == "unknown":
-        return np.stack([class_size(road_user).mean for road_user in CLASSES])
+        return SIZES
     return np.array([[prior.length, prior.width]])
