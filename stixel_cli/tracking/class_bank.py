@@ -35,7 +35,11 @@ CONTRADICTED = 2.5
 """The scans contradict a class once the size or speed is so many standard deviations off.
 
 Of right classes 2.3 is the most on most tuning seeds. Where it is more, the other classes are less
-probable, so the limit costs time only."""
+probable, so the limit costs time only.
+"""
+
+CHECKED, CERTAIN = 10, 0.99
+"""They also contradict it if, in so many first scans, another class is so probable."""
 
 
 def log_weights(track: Track, road_user: str) -> np.ndarray:
@@ -57,11 +61,24 @@ def speed_deviations(track: Track, road_user: str) -> np.ndarray:
     return np.hypot(track.means[:, 3], track.means[:, 4]) / SPEEDS[road_user]
 
 
-def contradicted(track: Track, road_user: str) -> np.ndarray:
-    """Whether the scans up to k contradict the class, (K,)."""
-    if track.size_deviations is None:
-        raise ValueError("a tracker without sizes cannot be contradicted")
-    beyond = np.maximum(track.size_deviations, speed_deviations(track, road_user)) > CONTRADICTED
+def probabilities_of(tracks: Mapping[str, Track], scans: int) -> dict[str, np.ndarray]:
+    """Class to probability (K,), given the scans up to k, of the first K = `scans` scans."""
+    weights = np.stack([log_weights(track, name)[:scans] for name, track in tracks.items()])
+    odds = np.exp(weights - weights.max(axis=0))
+    return dict(zip(tracks, odds / odds.sum(axis=0), strict=True))
+
+
+def contradicted(tracks: Mapping[str, Track], road_user: str) -> np.ndarray:
+    """Whether the scans up to k contradict the class, (K,).
+
+    The tracks of the other classes may end after `CHECKED` scans.
+    """
+    own = tracks[road_user]
+    beyond = np.maximum(own.size_deviations, speed_deviations(own, road_user)) > CONTRADICTED
+    others = [
+        values for name, values in probabilities_of(tracks, CHECKED).items() if name != road_user
+    ]
+    beyond[:CHECKED] |= np.max(others, axis=0) > CERTAIN
     return np.logical_or.accumulate(beyond)
 
 
@@ -74,17 +91,16 @@ def most_probable(tracks: Mapping[str, Track], class_of_prior: str | None) -> Tr
             are then from this class.
     """
     names = list(tracks)
-    weights = np.stack([log_weights(track, name) for name, track in tracks.items()])
-    odds = np.exp(weights - weights.max(axis=0))
-    probabilities = odds / odds.sum(axis=0)
-    best = probabilities.argmax(axis=0)
+    count = len(tracks[names[0]].times)
+    probabilities = probabilities_of(tracks, count)
+    best = np.argmax(list(probabilities.values()), axis=0)
     if class_of_prior is not None:
         own = tracks[class_of_prior]
-        best[~contradicted(own, class_of_prior)] = names.index(class_of_prior)
+        best[~contradicted(tracks, class_of_prior)] = names.index(class_of_prior)
         if (best == names.index(class_of_prior)).all():
             return own
     every = [tracks[name] for name in names]
-    scans = np.arange(len(best))
+    scans = np.arange(count)
     values = {
         field.name: np.stack([getattr(track, field.name) for track in every])[best, scans]
         for field in fields(Track)
@@ -100,7 +116,7 @@ def most_probable(tracks: Mapping[str, Track], class_of_prior: str | None) -> Tr
         **values,
         used_offsets=offsets,
         used_points=rows,
-        class_probabilities=dict(zip(names, probabilities, strict=True)),
+        class_probabilities=probabilities,
         class_of_prior=class_of_prior,
     )
 

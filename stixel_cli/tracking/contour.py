@@ -31,7 +31,7 @@ import numpy as np
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.association import uncut
-from stixel_cli.tracking.class_bank import contradicted, most_probable, start_of_other
+from stixel_cli.tracking.class_bank import CHECKED, contradicted, most_probable, start_of_other
 from stixel_cli.tracking.class_shape import ClassShape, class_shape
 from stixel_cli.tracking.class_size import CLASSES, class_size
 from stixel_cli.tracking.contour_parameters import ContourParameters
@@ -67,32 +67,39 @@ def track(
     """Track one target through `scans`, of the prior's class or of one that is found.
 
     If the prior's class is `unknown`, one filter for each class tracks the target, and each scan
-    reports that of the most probable class, see `class_bank`. So it is from the scan on that
-    contradicts a known class: a size or a speed that the class does not have.
+    reports the most probable class, see `class_bank`. With a known class this begins at the scan
+    that contradicts the class; without such a scan the other classes change nothing.
     """
-    known = prior.road_user
-    if known != "unknown":
-        own = track_class(scans, initial, prior, tracker)
-        if not contradicted(own, known).any():
-            return own
+    if prior.road_user == "unknown":
+        return most_probable(_others(scans, initial, prior, tracker), None)
+    own = {prior.road_user: track_class(scans, initial, prior, tracker)}
+    first = own | _others(scans.first(CHECKED), initial, prior, tracker)
+    if not contradicted(first, prior.road_user).any():
+        return own[prior.road_user]
+    return most_probable(own | _others(scans, initial, prior, tracker), prior.road_user)
+
+
+def _others(
+    scans: Scans, initial: InitialState, prior: PriorShape, tracker: ContourParameters
+) -> dict[str, Track]:
+    """The tracks of all classes but the prior's, from the same start."""
     tracks = {}
     for road_user in CLASSES:
-        if road_user == known:
-            tracks[road_user] = own
+        if road_user == prior.road_user:
             continue
         size = class_size(road_user)
+        begin = initial
+        if prior.road_user != "unknown":
+            begin = start_of_other(initial, np.array([prior.length, prior.width]), size)
         length, width = size.mean.tolist()
         length_std, width_std = size.stds.tolist()
-        begin = initial
-        if known != "unknown":
-            begin = start_of_other(initial, np.array([prior.length, prior.width]), size)
         tracks[road_user] = track_class(
             scans,
             begin,
             replace(prior, road_user=road_user, length=length, width=width),
             replace(tracker, length_std=length_std, width_std=width_std),
         )
-    return most_probable(tracks, None if known == "unknown" else known)
+    return tracks
 
 
 def track_class(
