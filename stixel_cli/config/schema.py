@@ -138,6 +138,14 @@ class Configuration:
         return -math.radians(0.5 * own), math.radians(0.5 * own)
 
     @property
+    def true_class(self) -> str | None:
+        """The class of the road user; None if it is not one of ours."""
+        ours = self.source.kind == "rendered" and self.road_user.mesh is None
+        if not ours or isinstance(self.measurement, FileParameters):
+            return None
+        return self.road_user.kind
+
+    @property
     def range_max(self) -> float | None:
         """The sensor's greatest range, m; None if it is unknown."""
         return getattr(self.measurement, "range_max", None)

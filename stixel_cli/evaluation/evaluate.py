@@ -24,11 +24,12 @@ from stixel_cli.evaluation.contour_errors import (
     overlaps,
     seen_points,
 )
-from stixel_cli.evaluation.metric_table import METRICS, OF_CLASS, Scores
+from stixel_cli.evaluation.metric_table import METRICS, OF_CLASSES, OF_SIZE, Scores
 from stixel_cli.evaluation.scan_errors import NO_CEILINGS, Ceilings, ScanErrors
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
+from stixel_cli.tracking.class_size import CLASSES
 from stixel_cli.tracking.track import Track
 
 LEAST_OFF = 1.0
@@ -50,11 +51,16 @@ def validate(track: Track, scenario: Scenario, scans: Scans) -> None:
 
 
 def evaluate(
-    track: Track, scenario: Scenario, scans: Scans, ceilings: Ceilings = NO_CEILINGS
+    track: Track,
+    scenario: Scenario,
+    scans: Scans,
+    ceilings: Ceilings = NO_CEILINGS,
+    road_user: str | None = None,
 ) -> Scores:
     """Errors over time and their summary; see `Scores` for units.
 
-    `ceilings` are the greatest values that the overlaps can have. Where the truth is unknown,
+    `ceilings` are the greatest values that the overlaps can have, `road_user` is the true class;
+    None if it is unknown. Where the truth is unknown,
     errors over time are NaN and metrics leave them out. Without any truth there are only the
     metrics that need none.
 
@@ -91,7 +97,9 @@ def evaluate(
         points_used=np.diff(track.used_offsets),
         scan_times=scenario.times - scenario.times[0],
         finite=finite,
-        **class_errors(track, scans),
+        **size_errors(track, scans),
+        **class_errors(track, road_user),
+        uses_scans=track.uses_scans,
         **{name: np.full(counted.sum(), value) for name, value in vars(ceilings).items()},
         **{name: values[counted[known]] for name, values in at_known.items()},
     )
@@ -99,7 +107,10 @@ def evaluate(
     if scenario.scored is None:
         del metrics["scored_scans"]
     if track.size_deviations is None:
-        for name in OF_CLASS:
+        for name in OF_SIZE:
+            del metrics[name]
+    if track.class_probabilities is None:
+        for name in OF_CLASSES:
             del metrics[name]
     if not counted.any():
         metrics = {name: value for name, value in metrics.items() if value is not None}
@@ -115,7 +126,27 @@ def evaluate(
     )
 
 
-def class_errors(track: Track, scans: Scans) -> dict[str, np.ndarray]:
+def class_errors(track: Track, road_user: str | None) -> dict[str, Any]:
+    """The probabilities of the classes and their errors: fields of `ScanErrors`."""
+    missing = np.full(len(track.times), np.nan)
+    if track.class_probabilities is None:
+        probabilities = dict.fromkeys(CLASSES, missing)
+        return {
+            "class_probabilities": probabilities,
+            "class_wrong": missing,
+            "class_replaced": missing,
+        }
+    names = np.array(list(track.class_probabilities))
+    found = names[np.argmax(list(track.class_probabilities.values()), axis=0)]
+    of_prior = track.class_of_prior
+    return {
+        "class_probabilities": track.class_probabilities,
+        "class_wrong": missing if road_user is None else (found != road_user).astype(float),
+        "class_replaced": missing if of_prior is None else (found != of_prior).astype(float),
+    }
+
+
+def size_errors(track: Track, scans: Scans) -> dict[str, np.ndarray]:
     """What shows that the points do not fit the class, without any truth: fields of `ScanErrors`.
 
     Of a class that is too large, the estimated size falls far below the class's; of one that is too

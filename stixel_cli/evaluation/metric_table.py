@@ -26,6 +26,7 @@ from stixel_cli.evaluation.scan_errors import (
     time_to_divergence,
     time_to_loss,
 )
+from stixel_cli.tracking.class_size import CLASSES
 
 
 @dataclass(frozen=True)
@@ -240,10 +241,25 @@ _TABLE = (
     Metric("points_beside_share", "points next to the used ones that were not used, share",
            "points beside", "", None, (0.0, 1.0),
            lambda e: share_of(e.points_beside, e.points_used), (None, 0.1)),
+    # Only of a tracker that compares classes.
+    *(Metric(f"{name}_probability", f"probability of the class {name}, last scan",
+             f"probability, {name}", "", None, (0.0, 1.0),
+             lambda e, name=name: mean(e.class_probabilities[name][-1:])) for name in CLASSES),
+    Metric("class_error", "class of the last scan is not the road user's (1) or is (0)",
+           "class error", *_SHARE, lambda e: mean(e.class_wrong[-1:]), (None, 0.0)),
+    Metric("class_replaced_share", "scans of which another class than the prior's is reported, "
+           "share", "class replaced", "", None, (0.0, 1.0),
+           lambda e: mean(e.class_replaced), (None, 0.0)),
 )  # fmt: skip
 
-OF_CLASS = ("size_deviation", "points_beside_share")
+OF_SIZE = ("size_deviation", "points_beside_share")
 """The metrics that only a tracker of a class's size has."""
+
+PROBABILITIES = {name: f"{name}_probability" for name in CLASSES}
+"""Class to the metric of its probability."""
+
+OF_CLASSES = (*PROBABILITIES.values(), "class_error", "class_replaced_share")
+"""The metrics that only a tracker that compared classes has."""
 
 METRICS = {metric.name: metric for metric in _TABLE}
 """Name to row, in the order in which tables show them."""

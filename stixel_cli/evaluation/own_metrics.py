@@ -20,6 +20,7 @@ def evaluate_with_own(
     scans: Scans,
     metrics: tuple[str, ...],
     ceilings: Ceilings = NO_CEILINGS,
+    road_user: str | None = None,
 ) -> Scores:
     """The scores of `evaluate`, and a metric for each of the user's functions, named as it.
 
@@ -28,7 +29,7 @@ def evaluate_with_own(
     Raises:
         ValueError: if a result is not a number, or a metric of its name exists.
     """
-    scores = evaluate(track, scenario, scans, ceilings)
+    scores = evaluate(track, scenario, scans, ceilings, road_user)
     values = dict(scores.metrics)
     for name in metrics:
         value = loaded(name)(track, scenario, scans)

@@ -75,6 +75,10 @@ class ScanErrors:
         points_beside: points near a used one that the tracker did not use, and
         size_deviations: see `Track`; both (K,), NaN if the tracker does not estimate a class's
             size.
+        class_probabilities: class to (K,), see `Track`; NaN if the tracker did not compare classes.
+        class_wrong: whether the most probable class is not the road user's, 0 or 1; NaN if unknown.
+        class_replaced: whether it is not that of the prior, 0 or 1; NaN if that is unknown.
+        uses_scans: see `Track`.
     """
 
     times: np.ndarray
@@ -106,6 +110,10 @@ class ScanErrors:
     finite: np.ndarray
     points_beside: np.ndarray
     size_deviations: np.ndarray
+    class_probabilities: dict[str, np.ndarray]
+    class_wrong: np.ndarray
+    class_replaced: np.ndarray
+    uses_scans: bool
 
 
 def mean(values: np.ndarray) -> float | None:
@@ -168,12 +176,14 @@ def time_to_divergence(errors: ScanErrors) -> float | None:
     """The time, s, at which the tracker's own output shows that it has diverged; None if never.
 
     It reads no truth. The track has diverged from the first scan whose state is not finite, or from
-    the first of neighbouring scans with points that are not used over `LOSS_DURATION`, or from the
-    first second whose mean NIS over the degrees of freedom is above `DIVERGED_NIS`, far above χ².
+    the first of neighbouring scans with points that are not used over `LOSS_DURATION`, unless the
+    tracker is one that uses no scan; or from the first second whose mean NIS over the degrees of
+    freedom is above `DIVERGED_NIS`, far above χ².
     """
     times, measured = errors.scan_times, errors.points > 0
     found = [*times[errors.finite == 0.0][:1]]
-    found.append(time_to_loss(times[measured], errors.points_used[measured] == 0))
+    if errors.uses_scans:
+        found.append(time_to_loss(times[measured], errors.points_used[measured] == 0))
     known = np.isfinite(errors.nis)
     nis, at = errors.nis[known], times[known]
     sums = np.concatenate([[0.0], np.cumsum(nis)])

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from stixel_cli.evaluation.metric_table import METRICS, OF_CLASS
+from stixel_cli.evaluation.metric_table import METRICS, OF_SIZE, PROBABILITIES
 
 Values = Mapping[str, float | int | None]
 
@@ -42,11 +42,13 @@ def verdict(metrics: Values) -> list[str]:
         sentences.append(f"The 95 % band covers only {100.0 * share:.0f} % of the true outline.")
     if _beyond(metrics, "diverged"):
         sentences.insert(0, _diverged(metrics.get("time_to_divergence_s")))
-    if any(_beyond(metrics, name) for name in OF_CLASS):
+    if _beyond(metrics, "class_error"):
+        sentences.append("The reported class is not that of the road user.")
+    if misfits_class(metrics):
         sentences.append("The points do not fit the class of the prior: is it another road user?")
     if metrics.get("track_lost") is None:
         why = "the metrics are of an older version" if "iou_mean" in metrics else "no truth"
-        return sentences or [f"No verdict: {why}."]
+        return [*(sentences or [f"No verdict: {why}."]), *_class(metrics)]
     if lost_at is None:
         place = int(_beyond(metrics, "diverged"))
         calm = "" if sentences else "; the stated uncertainty is consistent with the errors"
@@ -54,7 +56,22 @@ def verdict(metrics: Values) -> list[str]:
     ceiling = metrics.get("iou_star_convex_ceiling")
     if ceiling is not None and ceiling < SHOWN_CEILING:
         sentences.append(f"The IoU of a star-convex contour has a ceiling of {ceiling:.2f} here.")
-    return sentences
+    return [*sentences, *_class(metrics)]
+
+
+def misfits_class(metrics: Values) -> bool:
+    """Whether the points do not fit the class of the prior, as far as the tracker shows it."""
+    return any(_beyond(metrics, name) for name in (*OF_SIZE, "class_replaced_share"))
+
+
+def _class(metrics: Values) -> list[str]:
+    """`Class: cyclist, 97 %.`, if the tracker compared classes."""
+    values = {name: metrics.get(metric) for name, metric in PROBABILITIES.items()}
+    known = {name: value for name, value in values.items() if value is not None}
+    if not known:
+        return []
+    name = max(known, key=lambda one: known[one])
+    return [f"Class: {name}, {100.0 * known[name]:.0f} %."]
 
 
 def _diverged(time: float | int | None) -> str:

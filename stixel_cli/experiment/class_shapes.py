@@ -23,9 +23,9 @@ from stixel_cli.scene.build import build_scenario
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.class_shape import ClassShape, SeenShape
+from stixel_cli.tracking.class_size import CLASSES, ClassSize
 from stixel_cli.validation.seen_shape import class_shape_of, seen_shape_of
 
-CLASSES = ("car", "cyclist", "pedestrian")
 PATHS = ("turn", "crossing", "approach", "s_curve")
 SEEDS = (1000, 1001, 1002)
 OUTLINES = range(1000, 1020)
@@ -37,7 +37,8 @@ HEADER = '''"""Generated: what is known of each class of road user; `class_shape
 
 Made by: python -m stixel_cli.experiment.class_shapes
 Outlines of shape seeds {outlines}; scans of paths {paths}, seeds and
-shape seeds {seeds}. Lengths are whole millimetres.
+shape seeds {seeds}. Lengths are whole millimetres; size_stds are thousandths of
+the size.
 """
 
 SHAPES = {{
@@ -57,10 +58,10 @@ def main() -> None:
         shape = class_shape_of(drawn)
         sizes = np.array([np.ptp(scenario.box_target, axis=0) for scenario in drawn])
         mean, std = sizes.mean(axis=0), sizes.std(axis=0)
-        # For conf/prior.
-        print(f"{road_user}: length and width {mean} m, relative std {std / mean}")  # noqa: T201
+        size = ClassSize(mean.round(2), (std / mean).round(2))
+        print(f"conf/prior/{road_user}.yaml: {size}")  # noqa: T201
         seen = {sensor: seen_shape_of(pairs) for sensor, pairs in samples.items()}
-        text += entry(road_user, shape, seen)
+        text += entry(road_user, size, shape, seen)
     target = Path(__file__).parents[1] / "tracking" / "class_shapes.py"
     target.write_text(text + "}\n", encoding="utf-8")
     print(target)  # noqa: T201
@@ -91,9 +92,11 @@ def _samples(road_user: str, sensor: str) -> list[tuple[Scenario, Scans]]:
     return found
 
 
-def entry(road_user: str, shape: ClassShape, seen: Mapping[str, SeenShape]) -> str:
+def entry(road_user: str, size: ClassSize, shape: ClassShape, seen: Mapping[str, SeenShape]) -> str:
     """The text of one class in the generated module."""
     lines = [f'    "{road_user}": {{']
+    lines += _lengths("size", size.mean)
+    lines += _lengths("size_stds", size.stds)
     lines += _lengths("radii", np.hypot(*shape.outline.T))
     lines += _lengths("radius_stds", shape.outline_stds)
     for sensor, values in seen.items():

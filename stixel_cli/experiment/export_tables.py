@@ -10,6 +10,7 @@ from stixel_cli.experiment.export_folder import repeated_run, write_texts
 from stixel_cli.results.folder import csv_text
 from stixel_cli.results.result import RunResult
 from stixel_cli.scene.scenario import Scenario
+from stixel_cli.tracking.class_size import CLASSES
 from stixel_cli.tracking.track import Track
 
 if TYPE_CHECKING:
@@ -37,6 +38,10 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "points_used": ("", "number of points with which the track was updated"),
     "nis": ("", "normalised innovation squared; nan without a point"),
     "nis_degrees_of_freedom": ("", "degrees of freedom of nis"),
+    **{
+        f"{name}_probability": ("", f"probability of the class {name}, given the scans up to k")
+        for name in CLASSES
+    },
     "length": ("m", "length of the true box"),
     "width": ("m", "width of the true box"),
     "i": ("", "number of the contour's point, counter-clockwise, from 0"),

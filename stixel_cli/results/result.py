@@ -209,6 +209,10 @@ def track_columns(track: Track) -> dict[str, np.ndarray]:
         "points_used": np.diff(track.used_offsets),
         "nis": track.nis,
         "nis_degrees_of_freedom": track.nis_degrees_of_freedom,
+        **{
+            f"{name}_probability": values
+            for name, values in (track.class_probabilities or {}).items()
+        },
     }
 
 

@@ -10,6 +10,7 @@ which is the velocity's direction, turns the sides about the centre. Without sca
 follows the predicted state: the gain of a tracker from its scans is the difference from that.
 """
 
+from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -103,7 +104,8 @@ def track(scans: Scans, initial: InitialState, prior: PriorShape, tracker: BoxPa
         np.sqrt(size**2 + shift),
     )
     degrees = np.array([2 if len(rows) else 0 for rows in used], dtype=np.int64)
-    return Track.of_scans(scans.times, (means, covariances), contours, used, nis, degrees)
+    found = Track.of_scans(scans.times, (means, covariances), contours, used, nis, degrees)
+    return replace(found, uses_scans=tracker.use_scans)
 
 
 def visible_centroid(half: np.ndarray, sensor: np.ndarray) -> np.ndarray:

@@ -16,9 +16,8 @@ from typing import Literal
 import numpy as np
 
 from stixel_cli.tracking import class_shapes
+from stixel_cli.tracking.class_size import RoadUserClass
 from stixel_cli.tracking.ray_table import COARSE, FINE, RayTable, outline_table
-
-RoadUserClass = Literal["car", "cyclist", "pedestrian"]
 
 NODES = (24, 9)
 """Even aspects over a full turn, and even offsets over the table's width, of the seen shape."""

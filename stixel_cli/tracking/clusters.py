@@ -13,6 +13,7 @@ from stixel_cli.geometry.pose import STRAIGHT_AHEAD, ego_from_world, rotate_cova
 from stixel_cli.measurements.clusters import cluster
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.centre import predict, update
+from stixel_cli.tracking.class_size import possible_sizes
 from stixel_cli.tracking.followed import Followed, line, state_of
 from stixel_cli.tracking.found import FoundTrack
 from stixel_cli.tracking.motion import intervals, transition
@@ -87,10 +88,10 @@ def find_tracks(scans: Scans, prior: PriorShape, std: tuple[float, ...]) -> tupl
         prior: of the class.
         std: (6,) of the initial states, see `followed.state_of`.
     """
-    size = np.array([prior.length, prior.width])
-    longest = LARGEST * float(np.hypot(*size))
+    sizes = possible_sizes(prior)
+    longest = LARGEST * float(np.hypot(*sizes.T).max())
     return tuple(
-        _found(scans, one, size, std) for one in follow(scans, longest) if moves(scans, one)
+        _found(scans, one, sizes, std) for one in follow(scans, longest) if moves(scans, one)
     )
 
 
@@ -106,11 +107,11 @@ def moves(scans: Scans, one: OpenTrack) -> bool:
     return float(np.hypot(*velocity)) >= least
 
 
-def _found(scans: Scans, one: OpenTrack, size: np.ndarray, std: tuple[float, ...]) -> FoundTrack:
+def _found(scans: Scans, one: OpenTrack, sizes: np.ndarray, std: tuple[float, ...]) -> FoundTrack:
     indices = np.array(one.scans)
     count = int(np.sum(scans.times[indices] <= scans.times[indices[0]] + USED + 1e-9))
     points = tuple(scans.points_world[rows] for rows in one.rows[:count])
-    of_run = state_of(scans, Followed(tuple(one.scans[:count]), points), size, std, "scans")
+    of_run = state_of(scans, Followed(tuple(one.scans[:count]), points), sizes, std, "scans")
     ahead = scans.times[indices[0]] - intervals(scans.times)[indices[0]]
     step = transition(ahead - (scans.times[0] - intervals(scans.times)[0]))
     initial = InitialState(step @ of_run.mean, step @ of_run.covariance @ step.T)

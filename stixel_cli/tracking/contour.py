@@ -31,7 +31,9 @@ import numpy as np
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.association import uncut
+from stixel_cli.tracking.class_bank import CHECKED, contradicted, most_probable, start_of_other
 from stixel_cli.tracking.class_shape import ClassShape, class_shape
+from stixel_cli.tracking.class_size import CLASSES, class_size
 from stixel_cli.tracking.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour_rays import (
     Rays,
@@ -62,7 +64,48 @@ CONVERGED = 2e-3
 def track(
     scans: Scans, initial: InitialState, prior: PriorShape, tracker: ContourParameters
 ) -> Track:
-    """Track one target through `scans`: predict, associate, update at every scan, the first too.
+    """Track one target through `scans`, of the prior's class or of one that is found.
+
+    If the prior's class is `unknown`, one filter for each class tracks the target, and each scan
+    reports the most probable class, see `class_bank`. With a known class this begins at the scan
+    that contradicts the class; without such a scan the other classes change nothing.
+    """
+    if prior.road_user == "unknown":
+        return most_probable(_others(scans, initial, prior, tracker), None)
+    own = {prior.road_user: track_class(scans, initial, prior, tracker)}
+    first = own | _others(scans.first(CHECKED), initial, prior, tracker)
+    if not contradicted(first, prior.road_user).any():
+        return own[prior.road_user]
+    return most_probable(own | _others(scans, initial, prior, tracker), prior.road_user)
+
+
+def _others(
+    scans: Scans, initial: InitialState, prior: PriorShape, tracker: ContourParameters
+) -> dict[str, Track]:
+    """The tracks of all classes but the prior's, from the same start."""
+    tracks = {}
+    for road_user in CLASSES:
+        if road_user == prior.road_user:
+            continue
+        size = class_size(road_user)
+        begin = initial
+        if prior.road_user != "unknown":
+            begin = start_of_other(initial, np.array([prior.length, prior.width]), size)
+        length, width = size.mean.tolist()
+        length_std, width_std = size.stds.tolist()
+        tracks[road_user] = track_class(
+            scans,
+            begin,
+            replace(prior, road_user=road_user, length=length, width=width),
+            replace(tracker, length_std=length_std, width_std=width_std),
+        )
+    return tracks
+
+
+def track_class(
+    scans: Scans, initial: InitialState, prior: PriorShape, tracker: ContourParameters
+) -> Track:
+    """Track a road user of a class: predict, associate, update at every scan, the first too.
 
     The state starts as `initial`, one sample before the first scan, with the size of the class's
     `prior`. Reads no truth. The reported states are x, y, heading, their rates, and the two

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stixel_cli.geometry.pose import wrap_angle
-from stixel_cli.tracking.class_shape import RoadUserClass, class_shape, seen_shape, seen_table
+from stixel_cli.tracking.class_shape import class_shape, seen_shape, seen_table
+from stixel_cli.tracking.class_size import RoadUserClass
 from stixel_cli.tracking.contour_parameters import ContourParameters
 from stixel_cli.tracking.ray_table import RayTable, expected, outline_table
 

@@ -31,9 +31,11 @@ class Followed:
 
 
 def state_of(
-    scans: Scans, followed: Followed, size: np.ndarray, std: tuple[float, ...], motion: str
+    scans: Scans, followed: Followed, sizes: np.ndarray, std: tuple[float, ...], motion: str
 ) -> InitialState:
     """State one sample before the first of `scans`: the class's rectangle on a cluster.
+
+    With several `sizes` it has the mean and the covariance of an even mixture of their states.
 
     The line of centres over time gives place, direction and speed in the middle of the cluster's
     scans; the state is moved back in time at constant velocity.
@@ -41,11 +43,24 @@ def state_of(
     Args:
         scans: of the whole run.
         followed: the cluster.
-        size: length and width of the class, m.
+        sizes: (n, 2) m, length and width of the class, or of each possible class.
         std: (6,) of the state; those of heading and rates are greater where the scans do not show
             them.
         motion: `scans`: heading and velocity are those of the cluster; `sensor`: the sensor's.
     """
+    states = [_state_of(scans, followed, size, std, motion) for size in sizes]
+    if len(states) == 1:
+        return states[0]
+    means = np.array([state.mean for state in states])
+    mean = means.mean(axis=0)
+    spread = (means - mean).T @ (means - mean) / len(means)
+    return InitialState(mean, np.mean([state.covariance for state in states], axis=0) + spread)
+
+
+def _state_of(
+    scans: Scans, followed: Followed, size: np.ndarray, std: tuple[float, ...], motion: str
+) -> InitialState:
+    """The state with one `size` (2,) m."""
     if motion == "sensor":
         return _like_the_sensor(scans, followed, size, std)
     times = scans.times[list(followed.scans)]
@@ -59,13 +74,13 @@ def state_of(
         ]
     )
     centre, velocity, error = line(times, centres)
-    std = np.array(std)
+    stds = np.array(std)
     if not headed:
-        std[2] = max(std[2], UNKNOWN_HEADING)
-    std[3:5] = min(float(np.hypot(std[3], error)), max(std[3], UNKNOWN_SPEED))
+        stds[2] = max(stds[2], UNKNOWN_HEADING)
+    stds[3:5] = min(float(np.hypot(stds[3], error)), max(stds[3], UNKNOWN_SPEED))
     back = transition(scans.times[0] - intervals(scans.times)[0] - times.mean())
     mean = back @ np.array([*centre, heading, *velocity, 0.0])
-    return InitialState(mean=mean, covariance=back @ np.diag(std**2) @ back.T)
+    return InitialState(mean=mean, covariance=back @ np.diag(stds**2) @ back.T)
 
 
 def _like_the_sensor(

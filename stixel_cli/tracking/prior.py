@@ -22,7 +22,8 @@ class PriorShape:
             share. A tracker's configuration refers to the three, or sets its own.
         start_position: standard deviation of x and of y at the start, m, for `start.position`.
         road_user: the class. The tracker `contour` takes the class's outline, with this length and
-            width, instead of `shape`.
+            width, instead of `shape`. `unknown`: it compares the classes, each with its own size;
+            other trackers take the values above and do not report a class.
         length_std, width_std: of the class's length and width, relative to them.
     """
 
@@ -34,7 +35,7 @@ class PriorShape:
     sigma_r: Annotated[float, Ge(0), Le(20)]
     measurement_std: Annotated[float, Ge(1e-6), Le(10)]
     start_position: Annotated[float, Gt(0), Le(100)]
-    road_user: Literal["car", "cyclist", "pedestrian"]
+    road_user: Literal["car", "cyclist", "pedestrian", "unknown"]
     length_std: Annotated[float, Gt(0), Le(1)]
     width_std: Annotated[float, Gt(0), Le(1)]
 

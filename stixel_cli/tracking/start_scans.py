@@ -9,6 +9,7 @@ from annotated_types import Ge, Gt, Le
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
+from stixel_cli.tracking.class_size import SIZES, possible_sizes
 from stixel_cli.tracking.followed import SLACK, Followed, line, state_of
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
@@ -87,24 +88,33 @@ def start_from_scans(scans: Scans, start: ScansStart, prior: PriorShape) -> Init
 
     The cluster gives a line of centres over time, whose place, direction and speed are the state in
     the middle of its scans; it is moved back in time at constant velocity. The tracker then uses
-    these scans a second time.
+    these scans a second time. If no cluster has the size of the prior's class, it may be a road
+    user of another class: the start is then that of an unknown class.
 
     Raises:
         ValueError: if no cluster fits.
     """
+    sizes = possible_sizes(prior)
+    try:
+        followed = _followed(scans, start, sizes)
+    except ValueError:
+        sizes = SIZES
+        followed = _followed(scans, start, sizes)
+    return state_of(scans, followed, sizes, start.std, start.motion)
+
+
+def _followed(scans: Scans, start: ScansStart, sizes: np.ndarray) -> Followed:
+    """The target's cluster over time, of one of the `sizes` (n, 2) m."""
     clusters = [
-        _clusters(scans.points_world[scans.rows(k)], start, prior) for k in range(len(scans))
+        _clusters(scans.points_world[scans.rows(k)], start, sizes) for k in range(len(scans))
     ]
-    followed = (
-        _moving(scans, clusters, start)
-        if start.bearing is None and start.range is None
-        else _chosen(scans, clusters, start)
-    )
-    return state_of(scans, followed, np.array([prior.length, prior.width]), start.std, start.motion)
+    if start.bearing is None and start.range is None:
+        return _moving(scans, clusters, start)
+    return _chosen(scans, clusters, start)
 
 
-def _clusters(points: np.ndarray, start: ScansStart, prior: PriorShape) -> list[np.ndarray]:
-    """The clusters of one scan's points (n, 2) m, without those too large for the class."""
+def _clusters(points: np.ndarray, start: ScansStart, sizes: np.ndarray) -> list[np.ndarray]:
+    """The clusters of one scan's points (n, 2) m, without those too large for the `sizes`."""
     if len(points) == 0:
         return []
     # It takes a second to import, and every command imports this module.
@@ -114,7 +124,7 @@ def _clusters(points: np.ndarray, start: ScansStart, prior: PriorShape) -> list[
         points
     )
     found = [points[labels == label] for label in range(labels.max() + 1)]
-    longest = LARGEST * float(np.hypot(prior.length, prior.width)) + 2.0 * SLACK
+    longest = LARGEST * float(np.hypot(*sizes.T).max()) + 2.0 * SLACK
     return [one for one in found if np.hypot(*np.ptp(one, axis=0)) <= longest]
 
 

@@ -41,6 +41,11 @@ class Track:
             class, in the class's standard deviations; None if the tracker does not estimate them.
         log_likelihoods: (K,) of the points of each scan, given those before; 0 at a scan without
             points; None if the tracker does not report them.
+        class_probabilities: class to (K,), its probability given the scans up to k; the reported
+            state is that of the most probable one. None if the tracker did not compare classes.
+        class_of_prior: the class of the prior, if it is known and the tracker compared others with
+            it. Until the scans contradict it, it is reported whatever the probabilities.
+        uses_scans: whether the tracker is one that uses points at all.
     """
 
     times: np.ndarray
@@ -55,6 +60,9 @@ class Track:
     nis_degrees_of_freedom: np.ndarray
     size_deviations: np.ndarray | None = None
     log_likelihoods: np.ndarray | None = None
+    class_probabilities: dict[str, np.ndarray] | None = None
+    class_of_prior: str | None = None
+    uses_scans: bool = True
 
     @classmethod
     def of_scans(

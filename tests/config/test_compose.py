@@ -204,7 +204,7 @@ def test_an_edited_file_is_seen(tmp_path, monkeypatch):
 
 
 def test_an_option_that_follows_and_is_not_there_says_where_it_belongs(tmp_path, monkeypatch):
-    options = "|".join(group_options()["pace"])
+    of_groups = {name: "|".join(group_options()[name]) for name in ("pace", "prior")}
     package = tmp_path / "stixel_cli"
     shutil.copytree(configuration_folder(), package / "conf")
     monkeypatch.setattr("stixel_cli.config.folders._PACKAGE", package)
@@ -216,7 +216,7 @@ def test_an_option_that_follows_and_is_not_there_says_where_it_belongs(tmp_path,
     assert group in {"pace", "prior"}
     assert str(error.value) == (
         f"{group}: unknown option 'cargo', which follows from what is chosen; "
-        f"add conf/{group}/cargo.yaml, or choose {group}={options}"
+        f"add conf/{group}/cargo.yaml, or choose {group}={of_groups[group]}"
     )
     chosen = compose(["road_user=cargo", "pace=cyclist", "prior=cyclist"])
     assert chosen.choices["road_user"] == "cargo"

@@ -236,6 +236,23 @@ def test_track_has_diverged_where_it_is_not_finite(field):
     assert (metrics["diverged"], metrics["time_to_divergence_s"]) == (1, pytest.approx(0.2))
 
 
+def test_classes_are_compared_with_the_road_user_and_the_prior():
+    cyclist = np.array([0.2, 0.3, 0.6, 0.7, 0.9])
+    values = {"car": 0.0 * cyclist, "cyclist": cyclist, "pedestrian": 1.0 - cyclist}
+    track = dataclasses.replace(track_with(SHIFTS), class_probabilities=values)
+    names = ("car_probability", "cyclist_probability", "pedestrian_probability")
+    names += ("class_error", "class_replaced_share")
+    for road_user, of_prior, expected in (
+        ("cyclist", None, [0.0, 0.9, 0.1, 0.0, None]),
+        ("pedestrian", "pedestrian", [0.0, 0.9, 0.1, 1.0, 0.6]),
+        (None, "car", [0.0, 0.9, 0.1, None, 1.0]),
+    ):
+        own = dataclasses.replace(track, class_of_prior=of_prior)
+        metrics = evaluate(own, SCENARIO, SCANS, CEILINGS, road_user).metrics
+        assert [metrics[name] for name in names] == pytest.approx(expected)
+    assert not set(names) & set(evaluate(track_with(SHIFTS), SCENARIO, SCANS).metrics)
+
+
 def test_evaluate_rejects_scans_of_other_times():
     with pytest.raises(ValueError, match="times of the scans"):
         evaluate(track_with(SHIFTS), SCENARIO, dataclasses.replace(SCANS, times=TIMES + 1.0))

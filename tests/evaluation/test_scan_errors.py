@@ -46,7 +46,8 @@ def output(**changes):
     """Errors of 40 scans of a tracker that is consistent by its own output."""
     errors = {field.name: np.zeros(40) for field in fields(ScanErrors)}
     usual = {"scan_times": TIMES, "nis": np.ones(40), "points": np.full(40, 9), "finite": ~off()}
-    return ScanErrors(**(errors | usual | {"points_used": np.full(40, 8)} | changes))
+    usual |= {"points_used": np.full(40, 8), "uses_scans": True}
+    return ScanErrors(**(errors | usual | changes))
 
 
 ABOVE = DIVERGED_NIS + 0.1
@@ -63,6 +64,7 @@ ABOVE = DIVERGED_NIS + 0.1
         ({"points_used": 8 * ~off((3, 13))}, 0.3),
         ({"points_used": 8 * ~off((3, 12))}, None),
         ({"points_used": 8 * ~off((3, 30)), "points": 9 * ~off((3, 30))}, None),
+        ({"points_used": 8 * off(), "uses_scans": False}, None),
         # The mean NIS of a second, far above its expectation.
         ({"nis": np.where(off((5, 39)), ABOVE, DIVERGED_NIS)}, 0.0),
         ({"nis": np.where(off((20, 39)), 2.0 * ABOVE, 1.0)}, 1.5),

@@ -56,6 +56,11 @@ def test_a_ceiling_is_named_where_it_is_below_one():
             {"points_beside_share": 0.3, "size_deviation": 0.2},
             "The points do not fit the class of the prior: is it another road user?",
         ),
+        (
+            {"class_replaced_share": 0.8},
+            "The points do not fit the class of the prior: is it another road user?",
+        ),
+        ({"class_error": 1.0}, "The reported class is not that of the road user."),
     ],
 )
 def test_verdict_names_what_is_wrong(changes, expected):
@@ -64,6 +69,15 @@ def test_verdict_names_what_is_wrong(changes, expected):
     assert not any("consistent" in one for one in sentences)
     lost = changes.get("time_to_loss_s") is not None
     assert any(one.startswith("Tracked to the end") for one in sentences) != lost
+
+
+def test_the_class_is_named_with_its_probability():
+    classes = {"car_probability": 0.01, "cyclist_probability": 0.97, "pedestrian_probability": 0.02}
+    right = classes | {"class_error": 0.0, "class_replaced_share": None}
+    first, last = verdict(GOOD | right)
+    assert "consistent" in first
+    assert last == "Class: cyclist, 97 %."
+    assert verdict({"scans": 3, "nis_mean": 1.0, **classes})[-1] == last
 
 
 def test_limits_are_those_of_the_table():

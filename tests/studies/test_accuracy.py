@@ -31,8 +31,11 @@ def tiny(tmp_path):
     ablation["zipped"] = [{key: values[:2] for key, values in zipped.items()}]
     ablation["axes"], ablation["seeds"] = {"road_user": ["pedestrian"], "path": ["turn"]}, [0, 1]
     ablation["fixed"] |= SMALL
+    wrong = content["sweeps"]["wrong_class"]
+    wrong["axes"] = {"road_user": ["pedestrian"], "prior": ["pedestrian", "car"], "path": ["turn"]}
+    wrong["fixed"], wrong["seeds"] = {**wrong["fixed"], **SMALL}, [0, 1]
     for name, sweep in content["sweeps"].items():
-        if name == "ablation":
+        if name in ("ablation", "wrong_class"):
             continue
         sweep["fixed"] = {**sweep["fixed"], **SMALL}
         if name == "long_range":
@@ -87,6 +90,9 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny, tmp_path):
         ("pedestrian", "–"),
         ("pedestrian", "error that all points share"),
     ]
+    right, other = table(folder, "wrong_class")
+    assert (right["prior"], other["prior"]) == ("pedestrian", "car")
+    assert (right["loss, mean IoU"], float(other["loss, mean IoU"]) > 0.0) == ("", True)
     goals = table(folder, "goals")
     assert {row["met"] for row in goals} <= {"yes", "no"}
     assert {row["measurement"] for row in goals} == {"simulated", "long range", "fabricated"}
@@ -119,7 +125,7 @@ def test_each_variant_of_the_ablation_switches_one_known_term_off():
 
 def test_the_shipped_study_has_ten_seeds_with_a_shape_each():
     study = read_study(find_study("accuracy"))
-    fewer = {"long_range": 2, "one_mesh": 3}
+    fewer = {"long_range": 2, "one_mesh": 3, "wrong_class": 3}
     for sweep in study.sweeps:
         assert sweep.content["seeds"] == fewer.get(sweep.name, 10)
         linked = sweep.content["fixed"].get("road_user.shape_seed")

@@ -8,8 +8,8 @@ import pytest
 
 from stixel_cli.config.compose import compose
 from stixel_cli.evaluation.evaluate import evaluate
-from stixel_cli.evaluation.metric_table import OF_CLASS
-from stixel_cli.evaluation.verdict import verdict
+from stixel_cli.evaluation.metric_table import OF_SIZE
+from stixel_cli.evaluation.verdict import misfits_class, verdict
 from stixel_cli.measurements.disturbance import disturb_scans
 from stixel_cli.measurements.fabricated import fabricate_scans
 from stixel_cli.measurements.scans import Scans
@@ -78,6 +78,27 @@ def test_dropout_empty_scans_and_clutter_cost_little(user, start):
     assert after["iou_box_mean"] > before["iou_box_mean"] - 0.05
 
 
+def of_prior(user, prior):
+    """The track of a road user with the prior of another class, from the scans alone."""
+    p = compose(
+        [f"prior={prior}", "tracker=contour", "measurement=fabricated", "start=scans"]
+    ).configuration
+    scans = clean(user)[2]
+    return track(scans, start_from_scans(scans, p.start, p.prior), p.prior, p.tracker)
+
+
+@pytest.mark.parametrize("user", USERS)
+def test_an_unknown_class_is_found(user):
+    _, scenario, scans = clean(user)
+    result = of_prior(user, "unknown")
+    metrics = evaluate(result, scenario, scans, road_user=user).metrics
+    assert metrics["class_error"] == 0
+    assert result.class_probabilities[user][10:].min() > 0.9, "after one second"
+    assert verdict(metrics)[-1].startswith(f"Class: {user}, ")
+    assert not misfits_class(metrics)
+    assert metrics["iou_box_mean"] > followed(user, scans, "scans")["iou_box_mean"] - 0.05
+
+
 @pytest.mark.parametrize(
     ("user", "prior", "fits"),
     [
@@ -88,14 +109,15 @@ def test_dropout_empty_scans_and_clutter_cost_little(user, start):
     ],
 )
 def test_a_wrong_class_is_reported_without_the_truth(user, prior, fits):
-    p, scenario, scans = clean(user)
-    wrong = compose([f"prior={prior}", "tracker=contour", "measurement=fabricated"]).configuration
-    initial = start_from_scans(scans, compose(["start=scans"]).configuration.start, p.prior)
-    result = track(scans, initial, wrong.prior, wrong.tracker)
-    metrics = evaluate(result, scenario, scans).metrics
+    _, scenario, scans = clean(user)
+    result = of_prior(user, prior)
+    metrics = evaluate(result, scenario, scans, road_user=user).metrics
+    assert (metrics["track_lost"], metrics["diverged"]) == (0, 0)
+    assert result.class_of_prior == (None if fits else prior)
+    assert metrics.get("class_error") == (None if fits else 0)
     assert any("do not fit the class" in text for text in verdict(metrics)) != fits
     # Of the scans alone: a truth elsewhere changes nothing.
     away = scenario.target_poses_world + np.array([30.0, 0.0, 1.0])
     moved = dataclasses.replace(scenario, target_poses_world=away)
-    for name in OF_CLASS:
+    for name in OF_SIZE:
         assert evaluate(result, moved, scans).metrics[name] == metrics[name]

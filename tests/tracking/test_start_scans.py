@@ -9,6 +9,7 @@ from stixel_cli.config.compose import compose
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, world_from_target
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.tracking.class_size import possible_sizes
 from stixel_cli.tracking.motion import transition
 from stixel_cli.tracking.start_scans import start_from_scans
 
@@ -106,6 +107,35 @@ def test_a_wall_larger_than_the_class_is_no_target():
         start_from_scans(
             scans_of([wall] * 3), dataclasses.replace(START, bearing=(-30.0, 30.0)), PRIOR
         )
+
+
+def test_a_start_of_no_known_class_is_a_mixture_of_all():
+    side = np.stack([np.linspace(-0.4, 0.4, 9), np.full(9, 12.0)], axis=1)
+    scans = scans_of([side] * 3)
+    start = dataclasses.replace(START, bearing=(-30.0, 30.0))
+    unknown = compose(["prior=unknown"]).configuration.prior
+    each = [
+        start_from_scans(scans, start, dataclasses.replace(PRIOR, length=length, width=width))
+        for length, width in possible_sizes(unknown)
+    ]
+    mixed = start_from_scans(scans, start, unknown)
+    means = np.array([one.mean for one in each])
+    np.testing.assert_allclose(mixed.mean, means.mean(axis=0))
+    spread = np.cov(means.T, bias=True)
+    covariance = np.mean([one.covariance for one in each], axis=0) + spread
+    np.testing.assert_allclose(mixed.covariance, covariance, atol=1e-12)
+
+
+def test_a_cluster_too_large_for_the_class_may_be_of_another_class():
+    side = np.stack([np.linspace(-2.2, 2.2, 30), np.full(30, 12.0)], axis=1)
+    scans = scans_of([side] * 3)
+    start = dataclasses.replace(START, bearing=(-30.0, 30.0))
+    of_pedestrian, unknown = (
+        start_from_scans(scans, start, compose([f"prior={name}"]).configuration.prior)
+        for name in ("pedestrian", "unknown")
+    )
+    np.testing.assert_array_equal(of_pedestrian.mean, unknown.mean)
+    np.testing.assert_array_equal(of_pedestrian.covariance, unknown.covariance)
 
 
 def test_a_car_ahead_may_have_the_motion_of_the_sensor():

@@ -9,6 +9,7 @@ from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.fabricated import fabricate_scans
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
+from stixel_cli.tracking.class_size import ClassSize
 from stixel_cli.validation.seen_shape import class_shape_of, mean_radii, seen_shape_of
 
 BOX = np.array([[2.0, -0.9], [2.0, 0.9], [-2.0, 0.9], [-2.0, -0.9]])
@@ -79,8 +80,10 @@ def test_mean_outline_of_two_sizes_has_the_mean_size():
 def test_knowledge_comes_from_tuning_seeds_and_survives_its_text(sample):
     assert min(SEEDS) >= 1000
     shape, seen = class_shape_of([sample[0]]), seen_shape_of([sample])
-    text = entry("car", shape, {"lidar": seen})
+    size = ClassSize(np.array([4.52, 1.83]), np.array([0.07, 0.04]))
+    text = entry("car", size, shape, {"lidar": seen})
     known = eval("{" + text + "}", {})["car"]
+    assert (known["size"].split(), known["size_stds"].split()) == (["4520", "1830"], ["70", "40"])
     radii = np.array(known["radii"].split(), dtype=float) / 1000.0
     np.testing.assert_allclose(radii, np.hypot(*shape.outline.T), atol=5.1e-4)
     depths = np.array(known["lidar"]["depth_stds"].split(), dtype=float) / 1000.0

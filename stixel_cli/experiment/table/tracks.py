@@ -27,7 +27,7 @@ STAGES: dict[str, Definition] = {
         same("road_user", "measurement"),
         files=("road_user.mesh",),
     ),
-    "scores": Definition(only("evaluation.evaluate:evaluate"), "once"),
+    "scores": Definition(only("evaluation.evaluate:evaluate"), "once", {"road_user": "true_class"}),
     "stage_errors": Definition(
         only("validation.stage_errors:stage_errors"),
         "map",
@@ -74,7 +74,7 @@ OWN: dict[str, Definition] = {
     "scores": Definition(
         only("evaluation.own_metrics:evaluate_with_own"),
         "once",
-        same("metrics"),
+        {"metrics": "metrics", "road_user": "true_class"},
         code=("metrics",),
     ),
 }

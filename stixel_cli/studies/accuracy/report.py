@@ -10,6 +10,7 @@ from stixel_cli.evaluation.metric_table import metric as metric_row
 from stixel_cli.evaluation.metric_table import over_runs
 from stixel_cli.studies.accuracy.ablation import ablation_table
 from stixel_cli.studies.accuracy.goals import TRACKER, goals_table
+from stixel_cli.studies.accuracy.wrong_class import wrong_class_table
 from stixel_cli.studies.data import StudyData, StudyRun, chosen, names, run_frame
 from stixel_cli.studies.forest import Row, forest
 from stixel_cli.studies.runs import metric_over_seeds, paired_difference
@@ -32,6 +33,8 @@ MEASURES = (
 """Metrics of the tables, in this order."""
 COMPARED = ("centre_rmse_m", "orientation_rmse_deg", "iou_box_mean")
 """Metrics of the answer's plot."""
+OWN_TABLES = ("ablation", "wrong_class")
+"""Sweeps with tables of their own."""
 APART = "s_curve"
 """A path that is reported on its own: the means are over the others."""
 NEAR = 30.0
@@ -43,7 +46,7 @@ def report(data: StudyData) -> Material:
     import pandas as pd
 
     ablation = ablation_table(data.sweeps["ablation"].runs)
-    sweeps = {name: sweep for name, sweep in data.sweeps.items() if name != "ablation"}
+    sweeps = {name: sweep for name, sweep in data.sweeps.items() if name not in OWN_TABLES}
     frames = {name: run_frame(sweep.runs) for name, sweep in sweeps.items()}
     frames["long_range"] = _within(frames["long_range"])
     fabricated = pd.concat([frames.pop("fabricated_car"), frames["fabricated"]])
@@ -63,6 +66,7 @@ def report(data: StudyData) -> Material:
                 for name, frame in frames.items()
             },
             "ablation": ablation,
+            "wrong_class": wrong_class_table(data.sweeps["wrong_class"].runs),
             "goals": goals_table({name: together(frame) for name, frame in frames.items()}),
             "by_path": accuracy_table(
                 "by_path", simulated, ("road_user", "path", "tracker"), apart=False
