@@ -6,6 +6,7 @@ from numbers import Real
 import numpy as np
 
 from stixel_cli.evaluation.evaluate import evaluate
+from stixel_cli.evaluation.label_types import LabelScores
 from stixel_cli.evaluation.metric_table import Scores
 from stixel_cli.evaluation.scan_errors import NO_CEILINGS, Ceilings
 from stixel_cli.measurements.scans import Scans
@@ -20,6 +21,7 @@ def evaluate_with_own(
     scans: Scans,
     metrics: tuple[str, ...],
     ceilings: Ceilings = NO_CEILINGS,
+    labels: LabelScores | None = None,
 ) -> Scores:
     """The scores of `evaluate`, and a metric for each of the user's functions, named as it.
 
@@ -28,7 +30,7 @@ def evaluate_with_own(
     Raises:
         ValueError: if a result is not a number, or a metric of its name exists.
     """
-    scores = evaluate(track, scenario, scans, ceilings)
+    scores = evaluate(track, scenario, scans, ceilings, labels)
     values = dict(scores.metrics)
     for name in metrics:
         value = loaded(name)(track, scenario, scans)
