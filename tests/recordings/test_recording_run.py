@@ -56,6 +56,9 @@ def test_the_recording_gives_rig_times_class_and_what_suits_real_images(clip):
     assert made.choices["road"] == "estimated" and chosen.road.pitch_range == 4.0
     assert chosen.stereo.nearest == chosen.occupancy.nearest == 2.0
     assert made.resolved["source"]["frames"] == "0:5"
+    # Half of the time of two matchings; the labels' cars are smaller than the drawn ones.
+    assert chosen.stereo.subpixel == "phase_table"
+    assert (chosen.prior.length, chosen.prior.width_std) == (4.0, 0.086)
     assert [made.choices[group] for group in ("path", "ego", "rig")] == ["source"] * 3
 
 
@@ -67,6 +70,20 @@ def test_what_the_user_sets_stays(clip):
     assert chosen.configuration.stereo.nearest == 4.0
     assert chosen.choices["prior"] == "pedestrian"
     assert (chosen.configuration.path.sample_time, scan_count(chosen.configuration)) == (0.2, 3)
+
+
+def test_the_errors_of_a_real_rig_are_those_of_its_calibration(clip):
+    tracker = compose(of(clip, "tracker=contour")).configuration.tracker
+    # 0.25 px at 10 m, with f B = 150 px * 0.5 m; 4 px of 150.
+    assert tracker.range_bias_std == pytest.approx(0.25 * 100 / 75, abs=1e-4)
+    assert tracker.silhouette_std == pytest.approx(np.degrees(4 / 150), abs=1e-3)
+    assert tracker.length_std == 0.133
+    own = compose(of(clip, "tracker=contour", "tracker.silhouette_std=0", "prior=cyclist"))
+    assert own.configuration.tracker.silhouette_std == 0.0
+    assert own.configuration.prior.length == 1.77
+    rendered = compose(["tracker=contour"]).configuration.tracker
+    assert (rendered.range_bias_std, rendered.silhouette_std) == (0.0, 0.0)
+    assert compose(of(clip, "stereo=bm")).configuration.stereo.subpixel == "parabola"
 
 
 def test_a_start_from_the_scans_uses_the_first_box_only(clip):
