@@ -161,7 +161,7 @@ def _of_contour(calibration: Calibration) -> dict[str, float]:
     at_ten_metres = BIAS * 100.0 / (calibration.focal_length * calibration.baseline)
     edge = math.degrees(EDGE / calibration.focal_length)
     return {
-        "tracker.range_bias_std": round(at_ten_metres, 4),
+        "tracker.bias_std": round(at_ten_metres, 4),
         "tracker.silhouette_std": round(edge, 3),
     }
 

@@ -27,7 +27,7 @@ class ContourParameters:
             stands for that.
         shared_std, shared_factor: standard deviation of the error along the ray that all points of
             a scan share: a constant, m, and a factor on the point's standard deviation.
-        range_bias_std: standard deviation, m at a range of 10 m, of an error of the sensor that all
+        bias_std: standard deviation, m at a range of 10 m, of an error of the sensor that all
             ranges of a recording share; it grows with the square of the range, as that of a
             disparity does.
         neighbour_std, neighbour_distance: standard deviation, m, of an error along the ray that
@@ -54,7 +54,7 @@ class ContourParameters:
     noise_factor: Annotated[float, Gt(0), Le(100)]
     shared_std: Annotated[float, Ge(0), Le(10)]
     shared_factor: Annotated[float, Ge(0), Le(10)]
-    range_bias_std: Annotated[float, Ge(0), Le(10)]
+    bias_std: Annotated[float, Ge(0), Le(10)]
     neighbour_std: Annotated[float, Ge(0), Le(10)]
     neighbour_distance: Annotated[float, Gt(0), Le(10)]
     offset_std: Annotated[float, Ge(0), Le(10)]

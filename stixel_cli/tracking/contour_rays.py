@@ -145,7 +145,7 @@ def sampling_inset(rays: Rays, sight: Sight) -> tuple[float, float]:
 
 def range_biases(rays: Rays, tracker: ContourParameters) -> np.ndarray:
     """Standard deviations (n,) m of the error of the ranges that all scans share."""
-    return tracker.range_bias_std * (rays.ranges / 10.0) ** 2
+    return tracker.bias_std * (rays.ranges / 10.0) ** 2
 
 
 def shared_covariance(rays: Rays, tracker: ContourParameters) -> np.ndarray:

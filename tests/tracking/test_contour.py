@@ -100,7 +100,7 @@ def test_contour_considers_an_error_that_all_scans_share():
     # As of a disparity that is too small by the same amount everywhere: 0.6 m at 25 m.
     farther = [p * (1.0 + 0.6 * np.hypot(*p.T) / 25.0**2)[:, None] for p in points]
     scans = scans_of(farther, covariances=np.concatenate(covariances))
-    aware = dataclasses.replace(TRACKER, range_bias_std=0.6 / 2.5**2)
+    aware = dataclasses.replace(TRACKER, bias_std=0.6 / 2.5**2)
     initial = start_at(poses, (0.0, 0.0, 0.0))
     plain, considered = (track(scans, initial, PRIORS["car"], t) for t in (TRACKER, aware))
     assert position_nees(plain, poses) > 10.0 and position_nees(considered, poses) < 4.0
