@@ -157,7 +157,12 @@ def printer_of_scores(verbose: bool) -> Callable[["Scenario", "Scores"], None]:
         from rich.console import Console
 
         from stixel_cli.evaluation.verdict import verdict
-        from stixel_cli.report.metrics import main_metrics, scores_table
+        from stixel_cli.report.metrics import (
+            LABEL_COLUMNS,
+            label_rows,
+            main_metrics,
+            scores_table,
+        )
 
         console = Console(highlight=False, soft_wrap=True)
         for sentence in verdict(scores.metrics):
@@ -165,6 +170,10 @@ def printer_of_scores(verbose: bool) -> Callable[["Scenario", "Scores"], None]:
         console.print()
         console.print(scores_table(scores.metrics if verbose else main_metrics(scores.metrics)))
         console.print()
+        labels = label_rows(scores.labels)
+        if labels:
+            print_table(LABEL_COLUMNS, labels, right=range(1, len(LABEL_COLUMNS)))
+            console.print()
         sys.stdout.flush()
 
     return print_scores

@@ -1,6 +1,7 @@
 """A recording completes the configuration: its rig, times and class, and what suits real images."""
 
 import json
+import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -13,13 +14,38 @@ from stixel_cli.errors import ConfigurationError
 from stixel_cli.recordings.find import find_recording, guess_layout
 from stixel_cli.recordings.kitti_labels import CLASSES
 from stixel_cli.recordings.parameters import Source
-from stixel_cli.recordings.types import Recording
+from stixel_cli.recordings.types import Calibration, Recording
 
 OPTIONS = {"road": "estimated", "start": "label"}
 """Options for real images, where the user chooses none; without a label, start=scans."""
 
-VALUES = {"road.pitch_range": 4.0, "stereo.nearest": 2.0, "occupancy.nearest": 2.0}
-"""Values for real images, where the user sets none: the road may be steep, obstacles near."""
+VALUES = {
+    "road.pitch_range": 4.0,
+    "stereo.nearest": 2.0,
+    "stereo.subpixel": "phase_table",
+    "occupancy.nearest": 2.0,
+}
+"""Values for real images, where the user sets none: the road may be steep, obstacles near. One
+matching is half of the time, and on real pairs as good as two (docs/real-data.md)."""
+
+SIZES = {
+    "prior.length": 4.0,
+    "prior.width": 1.65,
+    "prior.length_std": 0.133,
+    "prior.width_std": 0.086,
+}
+"""Cars and vans in KITTI's labels: n = 405, all clips at hand but 0005, which is scored
+(tests/recordings/test_label_sizes.py). They are smaller than the class's drawn shapes."""
+
+OF_KITTI = ("kitti_tracking", "kitti_odometry", "kitti_pair", "virtual_kitti")
+"""Layouts whose cars have these sizes."""
+
+BIAS = 0.25
+"""Standard deviation of the disparity error of a whole recording that calibration leaves, px."""
+
+EDGE = 4.0
+"""Standard deviation of an object's left and right edge in a disparity image, px: car 31 of clip
+0005 in frames 0 to 7 (docs/real-data.md)."""
 
 FROM_SCANS = {"start.motion": "sensor", "start.velocity": 3.0}
 """Values of start=scans, where the user sets none: a road user ahead mostly drives as the ego."""
@@ -117,10 +143,27 @@ def suitable_overrides(recording: Recording, typed: Mapping[str, Any]) -> list[s
         raise ConfigurationError(
             f"start: {chosen['start']} needs a label (source.target); else choose start=scans"
         )
-    for key, value in values.items():
-        if key not in typed and not (key.startswith("road.") and chosen["road"] != "estimated"):
-            found.append(f"{key}={value}")
-    return found
+    if typed.get("stereo", "sgm") != "sgm":
+        del values["stereo.subpixel"]
+    if chosen["road"] != "estimated":
+        del values["road.pitch_range"]
+    road_user = typed.get("road_user", CLASSES.get(recording.label or ""))
+    if road_user == "car" and "prior" not in typed and recording.layout in OF_KITTI:
+        values |= SIZES
+    if typed.get("tracker") == "contour":
+        values |= _of_contour(recording.calibration)
+    return [*found, *(f"{key}={value}" for key, value in values.items() if key not in typed)]
+
+
+def _of_contour(calibration: Calibration) -> dict[str, float]:
+    """The errors of a real rig in the parameters of the tracker `contour`."""
+    # A disparity error e moves a point at range r by e r² / (f B).
+    at_ten_metres = BIAS * 100.0 / (calibration.focal_length * calibration.baseline)
+    edge = math.degrees(EDGE / calibration.focal_length)
+    return {
+        "tracker.bias_std": round(at_ten_metres, 4),
+        "tracker.silhouette_std": round(edge, 3),
+    }
 
 
 def with_recording(
@@ -159,8 +202,6 @@ def with_recording(
 
 def rig_values(recording: Recording) -> dict[str, Any]:
     """The values of the group `rig` that the calibration and the images give."""
-    import math
-
     calibration = recording.calibration
     square = math.isclose(calibration.focal_length, calibration.focal_length_v, rel_tol=1e-6)
     angle = 2.0 * math.degrees(math.atan(recording.height / (2.0 * calibration.focal_length_v)))

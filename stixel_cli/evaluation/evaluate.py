@@ -24,16 +24,14 @@ from stixel_cli.evaluation.contour_errors import (
     overlaps,
     seen_points,
 )
+from stixel_cli.evaluation.label_types import LabelScores
 from stixel_cli.evaluation.metric_table import METRICS, OF_CLASSES, OF_SIZE, Scores
-from stixel_cli.evaluation.scan_errors import NO_CEILINGS, Ceilings, ScanErrors
+from stixel_cli.evaluation.scan_errors import LEAST_OFF, NO_CEILINGS, Ceilings, ScanErrors
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.class_size import CLASSES
 from stixel_cli.tracking.track import Track
-
-LEAST_OFF = 1.0
-"""A centre error up to this, m, is never off the target."""
 
 BESIDE = 0.5
 """A point this near to a used one, m, is likely to be of the same road user."""
@@ -56,13 +54,14 @@ def evaluate(
     scans: Scans,
     ceilings: Ceilings = NO_CEILINGS,
     road_user: str | None = None,
+    labels: LabelScores | None = None,
 ) -> Scores:
     """Errors over time and their summary; see `Scores` for units.
 
-    `ceilings` are the greatest values that the overlaps can have, `road_user` is the true class;
-    None if it is unknown. Where the truth is unknown,
-    errors over time are NaN and metrics leave them out. Without any truth there are only the
-    metrics that need none.
+    `ceilings` are the greatest values that the overlaps can have, `road_user` is the true class,
+    None if it is unknown, `labels` are the scores of the tracks of all that moves. Where the truth
+    is unknown, errors over time are NaN and metrics leave them out. Without any truth there are
+    only the metrics that need none.
 
     Raises:
         ValueError: as `validate` does.
@@ -122,7 +121,8 @@ def evaluate(
         iou_box=_over_time(at_known["iou_box"], known),
         nees_position=nees_position,
         nis=nis,
-        metrics=metrics,
+        metrics=metrics | ({} if labels is None else labels.metrics),
+        labels=labels,
     )
 
 

@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 
+from stixel_cli.evaluation.label_types import LabelScores
 from stixel_cli.evaluation.scan_errors import (
     FARTHEST_CENTRE,
     LOW_OVERLAP,
@@ -43,6 +44,7 @@ class Scores:
         nees_position: (K,) position NEES divided by 2: 1 is consistent.
         nis: (K,) NIS divided by its degrees of freedom: 1 is consistent; NaN for an empty scan.
         metrics: name to value; None if the metric has no value.
+        labels: of the tracks of all that moves, against the labels; None without.
     """
 
     times: np.ndarray
@@ -53,6 +55,7 @@ class Scores:
     nees_position: np.ndarray
     nis: np.ndarray
     metrics: dict[str, float | int | None]
+    labels: LabelScores | None = None
 
 
 @dataclass(frozen=True)
@@ -271,6 +274,27 @@ _LOSS_ROW = Metric(LOSS_RATE, "track loss rate, share of runs", "track loss rate
                     *_SHARE, lambda e: None)  # fmt: skip
 _OVER_RUNS = {LOSS_RATE: _LOSS_ROW}
 
+# `LabelScores.metrics` has the values.
+_OF_LABELS = (
+    Metric("labels_expected", "labels of the class that move", "moving labels",
+           *_COUNT, lambda e: None),
+    Metric("labels_tracked", "labels of the class that move and are tracked", "tracked labels",
+           "", "more", (0.0, None), lambda e: None),
+    Metric("labels_tracked_share", "frames of these labels with a track, share",
+           "tracked frames of labels", *_OVERLAP, lambda e: None),
+    Metric("labels_iou_box_mean", "IoU of the box with the labels, mean", "mean IoU, labels",
+           *_OVERLAP, lambda e: None),
+    Metric("labels_centre_mean_m", "centre error at the labels, mean", "centre error, labels",
+           *_METRE, lambda e: None),
+    Metric("label_switches", "changes of a label's track", "switches",
+           "", "less", (0.0, None), lambda e: None),
+    Metric("tracks_found", "tracks of all that moves", "tracks", *_COUNT, lambda e: None),
+    Metric("tracks_false", "tracks without a label in most of their scans", "false tracks",
+           "", "less", (0.0, None), lambda e: None),
+)  # fmt: skip
+OF_LABELS = {row.name: row for row in _OF_LABELS}
+"""Metrics that only a recording with labels and `source.target=auto` has."""
+
 _SUFFIXES = {"_deg_s": "°/s", "_m_s": "m/s", "_m": "m", "_deg": "°", "_s": "s"}
 
 
@@ -284,8 +308,9 @@ def metric(name: str) -> Metric:
 
     Files of other versions can have metrics that this table does not have.
     """
-    if name in METRICS or name in _OVER_RUNS:
-        return METRICS.get(name) or _OVER_RUNS[name]
+    known = METRICS | _OVER_RUNS | OF_LABELS
+    if name in known:
+        return known[name]
     suffix = next((s for s in _SUFFIXES if name.endswith(s)), "")
     words = name.removesuffix(suffix).replace("_", " ")
     unit = _SUFFIXES.get(suffix, "")

@@ -6,6 +6,7 @@ from numbers import Real
 import numpy as np
 
 from stixel_cli.evaluation.evaluate import evaluate
+from stixel_cli.evaluation.label_types import LabelScores
 from stixel_cli.evaluation.metric_table import Scores
 from stixel_cli.evaluation.scan_errors import NO_CEILINGS, Ceilings
 from stixel_cli.measurements.scans import Scans
@@ -21,6 +22,7 @@ def evaluate_with_own(
     metrics: tuple[str, ...],
     ceilings: Ceilings = NO_CEILINGS,
     road_user: str | None = None,
+    labels: LabelScores | None = None,
 ) -> Scores:
     """The scores of `evaluate`, and a metric for each of the user's functions, named as it.
 
@@ -29,7 +31,7 @@ def evaluate_with_own(
     Raises:
         ValueError: if a result is not a number, or a metric of its name exists.
     """
-    scores = evaluate(track, scenario, scans, ceilings, road_user)
+    scores = evaluate(track, scenario, scans, ceilings, road_user, labels)
     values = dict(scores.metrics)
     for name in metrics:
         value = loaded(name)(track, scenario, scans)

@@ -13,6 +13,9 @@ LOSS_DURATION = 1.0
 DIVERGED_NIS = 9.0
 """A tracker has diverged where the mean NIS / degrees of freedom of a second is above this."""
 
+LEAST_OFF = 1.0
+"""A centre error up to this, m, is never off the target."""
+
 THRESHOLDS = 21
 """Thresholds of the curves of success and of precision, as in lidar single-object tracking."""
 

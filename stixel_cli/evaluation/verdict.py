@@ -46,6 +46,8 @@ def verdict(metrics: Values) -> list[str]:
         sentences.append("The reported class is not that of the road user.")
     if misfits_class(metrics):
         sentences.append("The points do not fit the class of the prior: is it another road user?")
+    if metrics.get("tracks_found") is not None:
+        return [_of_labels(metrics), *sentences]
     if metrics.get("track_lost") is None:
         why = "the metrics are of an older version" if "iou_mean" in metrics else "no truth"
         return [*(sentences or [f"No verdict: {why}."]), *_class(metrics)]
@@ -80,6 +82,16 @@ def _diverged(time: float | int | None) -> str:
         f"WARNING: the tracker diverged{since}: its state is not finite, its residuals are far "
         "larger than it assumes, or it used no point for a second. Do not use these estimates."
     )
+
+
+def _of_labels(metrics: Values) -> str:
+    """How many of the labels that move are tracked, and how many tracks have no label."""
+    expected, found = metrics["labels_expected"], metrics["tracks_found"]
+    of_labels = f"{metrics['labels_tracked']} of {expected} labels that move are tracked"
+    iou, centre = metrics.get("labels_iou_box_mean"), metrics.get("labels_centre_mean_m")
+    if iou is not None and centre is not None:
+        of_labels += f": IoU of the box {iou:.2f}, mean centre error {centre:.2f} m"
+    return f"{of_labels}; {metrics['tracks_false']} of {found} tracks match no label."
 
 
 def _accuracy(metrics: Values) -> str:

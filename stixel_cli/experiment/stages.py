@@ -66,14 +66,25 @@ def _with_disturbance(
 def _with_tracks(
     pipeline: Mapping[str, dict[str, str] | None],
 ) -> dict[str, dict[str, str] | None]:
-    """The pipeline with the tracks of all that moves; the run's own starts at one of them."""
+    """The pipeline with the tracks of all that moves, and their scores; the run's own starts at one
+    of them."""
     found = {
         "found_tracks": {"stage": "find_tracks", "scans": "scans"},
         "start": {"stage": "found_start", "found": "found_tracks"},
         "tracks": {"stage": "track_each", "found": "found_tracks", "scans": "scans"},
     }
+    # As they are read after tracking, labels do not change a track.
+    scored = {
+        "label_truths": {"stage": "label_truths", "ego_motion": "ego_motion"},
+        "label_scores": {
+            "stage": "label_scores",
+            "tracks": "tracks",
+            "truths": "label_truths",
+        },
+        "scores": {**pipeline["scores"], "labels": "label_scores"},
+    }
     drawn = {"track_pictures": {**pipeline["track_pictures"], "tracks": "tracks"}}
-    return {**pipeline, **found, **drawn}
+    return {**pipeline, **found, **scored, **drawn}
 
 
 def recording_of(configuration: Configuration) -> Recording | None:

@@ -18,16 +18,18 @@ def assembled_recording(
     labels: tuple[Path, ...] = (),
     target: int | str | None = None,
     layout: TableLayout = KITTI,
-    auto: bool = False,
 ) -> Recording:
     """The recording in these files, checked as far as the heads of the images.
 
     The frames are those that the images, the target's labels and the poses have. `poses` may be
-    missing, and so may `labels` if there is no `target`. `layout` is that of both.
+    missing, and so may `labels` if there is no `target`. `layout` is that of both. With the target
+    `auto` all that moves is tracked.
 
     Raises:
         UserError: if a file is missing or not valid.
     """
+    auto = target == "auto"
+    target = None if auto else target
     limits: dict[str, tuple[int, int]] = {}
     if target is not None:
         found = labels_of(labels, layout, target)

@@ -32,4 +32,5 @@ def find_recording(source: KittiOdometry) -> Recording:
         left=numbered_images(root / f"image_{left}"),
         right=numbered_images(root / f"image_{right}"),
         poses=(root / "poses.txt",),
+        target=source.target,
     )

@@ -40,6 +40,5 @@ def find_recording(source: KittiTracking) -> Recording:
         right=numbered_images(root / "image_03" / name),
         labels=(root / "label_02" / f"{name}.txt",),
         poses=(root / "ego_poses" / f"{name}.txt",),
-        target=None if source.target == "auto" else source.target,
-        auto=source.target == "auto",
+        target=source.target,
     )

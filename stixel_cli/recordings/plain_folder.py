@@ -39,8 +39,7 @@ def find_recording(source: PlainFolder) -> Recording:
         right=numbered_images(root / "right"),
         labels=(root / "labels.txt",),
         poses=(root / "poses.txt",),
-        target=None if source.target == "auto" else source.target,
-        auto=source.target == "auto",
+        target=source.target,
     )
 
 

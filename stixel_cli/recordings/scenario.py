@@ -5,17 +5,10 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.recordings.box import rectangle
-from stixel_cli.recordings.planar import label_pose
+from stixel_cli.recordings.labelled import box_scenario, labelled_scenario
 from stixel_cli.recordings.tables import labels_of
 from stixel_cli.recordings.types import KITTI, TableLayout
 from stixel_cli.scene.scenario import EgoMotion, Scenario
-
-HALF_WINDOW = 2
-"""Rates are slopes over this many frames before and after, where they are labelled."""
-
-LEAST_FRAMES = 3
-"""Labelled frames that a rate needs: labels are keyframes joined by straight lines."""
 
 
 def recorded_scenario(
@@ -44,47 +37,8 @@ def recorded_scenario(
     Raises:
         UserError: if the file is not valid, or has no such target.
     """
-    count = len(ego_motion.times)
-    poses = np.full((count, 3), np.nan)
-    scored = np.zeros(count, dtype=bool)
     if target is None:
-        return _scenario(ego_motion, poses, np.zeros((0, 2)), scored)
-    labels = labels_of(files, layout, target)
-    inside = (labels.frames >= first) & (labels.frames < first + count)
-    for k, row in zip(labels.frames[inside] - first, np.flatnonzero(inside), strict=True):
-        place = rig.level_from_camera @ (labels.places[row] - left_camera)
-        poses[k] = label_pose(place, labels.yaws[row], ego_motion.poses_world[k])
-        scored[k] = labels.truncated[row] == 0 and labels.occluded[row] == 0
-    known = np.isfinite(poses[:, 2])
-    poses[known, 2] = np.unwrap(poses[known, 2])
-    _, width, length = np.median(labels.sizes[inside], axis=0)
-    return _scenario(ego_motion, poses, rectangle(length, width), scored)
-
-
-def _scenario(
-    ego_motion: EgoMotion, poses: np.ndarray, contour: np.ndarray, scored: np.ndarray
-) -> Scenario:
-    return Scenario.rigid(
-        times=ego_motion.times,
-        ego_poses_world=ego_motion.poses_world,
-        target_poses_world=poses,
-        target_rates_world=slopes(ego_motion.times, poses),
-        contour_target=contour,
-        only_box=True,
-        scored=scored,
-    )
-
-
-def slopes(times: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Slope (K, n) of each column of `values` (K, n) at `times` (K,), by least squares.
-
-    Over the rows without NaN among the `HALF_WINDOW` before and after; at an end of the labels,
-    over the nearest `LEAST_FRAMES`. Fewer rows give NaN, and a row of NaN has none.
-    """
-    found = np.full(values.shape, np.nan)
-    known = np.flatnonzero(np.isfinite(values).all(axis=1))
-    for k in known if len(known) >= LEAST_FRAMES else ():
-        away = np.abs(known - k)
-        near = known[(away <= HALF_WINDOW) | (away <= np.sort(away)[LEAST_FRAMES - 1])]
-        found[k] = np.polyfit(times[near] - times[k], values[near], 1)[0]
-    return found
+        count = len(ego_motion.times)
+        unknown, scored = np.full((count, 3), np.nan), np.zeros(count, dtype=bool)
+        return box_scenario(ego_motion, unknown, np.zeros((0, 2)), scored)
+    return labelled_scenario(ego_motion, labels_of(files, layout, target), rig, first, left_camera)

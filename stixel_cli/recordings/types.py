@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.images import ImageStack
+from stixel_cli.scene.scenario import Scenario
 
 
 @dataclass(frozen=True)
@@ -174,3 +175,18 @@ class LeftImage:
 
     first: int
     left: ImageStack
+
+
+@dataclass(frozen=True)
+class LabelTruth:
+    """The truth of one label.
+
+    Attributes:
+        name: its track id in the files.
+        road_user: the class of its type; "other" for a type without a class.
+        scenario: with this label as the target.
+    """
+
+    name: str
+    road_user: str
+    scenario: Scenario

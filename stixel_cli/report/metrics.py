@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from rich import box
 from rich.table import Table
 
+from stixel_cli.evaluation.label_types import LabelScores
 from stixel_cli.evaluation.metric_table import METRICS, Better, metric
 
 NO_VALUE = "–"
@@ -87,6 +88,29 @@ def main_metrics(metrics: Mapping[str, float | int | None]) -> dict[str, float |
     """Those of `MAIN` that exist, in that order, and those of the user's own functions."""
     own = [name for name in metrics if name not in METRICS]
     return {name: metrics[name] for name in (*MAIN, *own) if name in metrics}
+
+
+LABEL_COLUMNS = (
+    *("label", "range (m)", "speed (m/s)", "tracked frames", "found after (s)", "box IoU"),
+    *("centre error (m)", "tracks", "switches"),
+)
+
+
+def label_rows(labels: LabelScores | None) -> list[tuple[str, ...]]:
+    """Cells of `LABEL_COLUMNS` for each label that moves or is tracked."""
+    return [
+        (
+            one.label,
+            f"{one.range_m:.1f}",
+            f"{one.speed_m_s:.1f}",
+            f"{one.tracked_frames} of {one.frames}",
+            *(format_value(value) for value in (one.found_s, one.iou_box, one.centre_m)),
+            str(one.tracks),
+            str(one.switches),
+        )
+        for one in (() if labels is None else labels.labels)
+        if one.expected or one.tracked_frames
+    ]
 
 
 def scores_table(metrics: Mapping[str, float | int | None]) -> Table:

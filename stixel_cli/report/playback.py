@@ -19,6 +19,7 @@ from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
 from stixel_cli.evaluation.verdict import badges, verdict
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.report.consistency import consistent_bounds
+from stixel_cli.report.metrics import LABEL_COLUMNS, label_rows
 from stixel_cli.report.page_numbers import (
     FARTHEST,
     ellipses,
@@ -174,6 +175,7 @@ def _run(run: RunResult, facts: Sequence[tuple[str, str]]) -> dict[str, Any]:
         "origin": origin_of(run.manifest, run.folder),
         "summary": summary_of(scores.metrics),
         "verdict": " ".join(verdict(scores.metrics)),
+        "labels": [list(LABEL_COLUMNS), *map(list, label_rows(scores.labels))],
         "poses": rounded_poses(track.means),
         "centre": ellipses(track.covariances[:, :2, :2]),
         "contours": [millimetres(c.ravel()) for c in track.contours_world],

@@ -150,7 +150,11 @@ def _write_files(folder: Path, run: RunResult, page: str) -> None:
 
 
 def csv_text(columns: Mapping[str, Sequence]) -> str:
-    """Comma-separated columns of numbers, with enough digits to read them back exactly."""
-    texts = [map(repr, np.asarray(column).tolist()) for column in columns.values()]
+    """Comma-separated columns, with enough digits to read numbers back exactly; texts in quotes."""
+    texts = [map(_cell, np.asarray(column).tolist()) for column in columns.values()]
     # The writer of the module `csv` takes half as long again.
     return "\n".join([",".join(columns), *map(",".join, zip(*texts, strict=True)), ""])
+
+
+def _cell(value: float | str) -> str:
+    return '"' + value.replace('"', '""') + '"' if isinstance(value, str) else repr(value)

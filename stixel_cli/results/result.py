@@ -1,12 +1,13 @@
 """The result of one run, as it flows from the run to its folder, to tables, plots and pages."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from stixel_cli.evaluation.label_types import LabelScore, LabelScores
 from stixel_cli.evaluation.metric_table import Scores
 from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.measurements.scans import Scans
@@ -111,7 +112,7 @@ class RunResult:
 
         `ego` has the poses of the ego car, `truth` those of the target; a run without truth has no
         `truth`. `objects` has one row per object of a recording, `tracks` one per
-        road user and scan. All are in the world frame.
+        road user and scan, `labels` one per label of their class. All are in the world frame.
         They are the columns of the CSV files.
 
         `pandas.DataFrame(result.tables["track"])` is such a table.
@@ -129,6 +130,11 @@ class RunResult:
                 else {}
             ),
             **({"tracks": tracks_columns(self.tracks)} if self.tracks else {}),
+            **(
+                {"labels": label_columns(self.scores.labels)}
+                if self.scores.labels and self.scores.labels.labels
+                else {}
+            ),
         }
 
     @property
@@ -227,6 +233,14 @@ def tracks_columns(tracks: Sequence[ObjectTrack]) -> dict[str, np.ndarray]:
     numbers = np.repeat(np.arange(len(tracks)), [len(table["k"]) for table in tables])
     return {"track": numbers} | {
         name: np.concatenate([table[name] for table in tables]) for name in tables[0]
+    }
+
+
+def label_columns(labels: LabelScores) -> dict[str, np.ndarray]:
+    """The fields of `LabelScore` as a table, one row per label."""
+    return {
+        one.name: np.array([getattr(row, one.name) for row in labels.labels])
+        for one in fields(LabelScore)
     }
 
 

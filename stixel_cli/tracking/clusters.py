@@ -15,7 +15,7 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.centre import predict, update
 from stixel_cli.tracking.class_size import possible_sizes
 from stixel_cli.tracking.followed import Followed, line, state_of
-from stixel_cli.tracking.found import FoundTrack
+from stixel_cli.tracking.found import LEAST_SCANS, FoundTrack, least_speed
 from stixel_cli.tracking.motion import intervals, transition
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
@@ -41,15 +41,9 @@ SPEED = 10.0
 ACCELERATION = 3.0
 """Process noise, m/s^1.5."""
 
-SLOWEST, OF_SENSOR = 0.3, 0.05
-"""A road user is faster than this, m/s, plus this share of the sensor's speed: the error of the
-sensor's motion seems to move static objects."""
 
 CERTAIN = 12.0
-"""Its speed is so many times the speed's standard error."""
-
-LEAST_SCANS = 6
-"""It is in so many scans, or more."""
+"""A road user's speed is so many times the speed's standard error."""
 
 LARGEST = 1.6
 """Its clusters are at most this many times the class's diagonal long."""
@@ -103,7 +97,7 @@ def moves(scans: Scans, one: OpenTrack) -> bool:
     places = np.array([scans.points_world[rows].mean(axis=0) for rows in one.rows])
     _, velocity, error = line(times, places)
     _, of_sensor, _ = line(times, poses)
-    least = max(SLOWEST + OF_SENSOR * float(np.hypot(*of_sensor)), CERTAIN * error)
+    least = max(least_speed(float(np.hypot(*of_sensor))), CERTAIN * error)
     return float(np.hypot(*velocity)) >= least
 
 

@@ -15,6 +15,11 @@ scan's errors is R = D + s sᵀ + C: D the points' own; s the part that all poin
 matcher's error on one surface; C_ij = c² exp(-d_ij² / 2 l²) what neighbours share, such as a shape
 that is not the class's. So n points are not n independent ones.
 
+A real sensor's ranges also have an error b that does not change from scan to scan, such as that of
+a rig's calibration. The scans do not show b, so it is not estimated but considered: the filter has
+b's covariance with the state, and its estimate does not become more certain than b allows
+(Schmidt 1966; Jazwinski 1970, *Stochastic Processes and Filtering Theory*, 8.4).
+
 The first and the last ray that meet the target give two more measurements, the silhouette: how far
 inside the limits of the seen shape they pass. Nothing else holds the target across the rays.
 
@@ -39,6 +44,7 @@ from stixel_cli.tracking.contour_rays import (
     Rays,
     Sight,
     associate,
+    range_biases,
     rays_of,
     sampling_inset,
     shared_covariance,
@@ -116,6 +122,7 @@ def track_class(
     shape = class_shape(prior.road_user)
     sight = sight_of(prior.road_user, tracker)
     mean, covariance = start(initial, prior, shape, tracker)
+    of_bias = np.zeros(7)
 
     count = len(scans)
     means, covariances = np.empty((count, 7)), np.empty((count, 7, 7))
@@ -123,6 +130,7 @@ def track_class(
     nis, degrees = np.full(count, np.nan), np.zeros(count, np.int64)
     likelihoods = np.zeros(count)
     for k, interval in enumerate(intervals(scans.times)):
+        of_bias = transition(mean, interval) @ of_bias
         mean, covariance = predict(mean, covariance, interval, tracker)
         rows = scans.rows(k)
         rays = rays_of(
@@ -131,8 +139,8 @@ def track_class(
         indices = associate(rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], sight, tracker)
         used.append(indices + rows.start)
         if len(indices):
-            mean, covariance, nis[k], degrees[k], likelihoods[k] = update(
-                mean, covariance, rays.subset(indices), sight, tracker
+            mean, covariance, of_bias, nis[k], degrees[k], likelihoods[k] = update(
+                mean, covariance, of_bias, rays.subset(indices), sight, tracker
             )
         means[k], covariances[k] = mean, covariance
 
@@ -179,16 +187,10 @@ def predict(
 
     The displacement has the heading of the middle of the interval.
     """
-    speed, rate = mean[3], mean[4]
-    middle = mean[2] + 0.5 * rate * interval
-    forward = interval * np.array([np.cos(middle), np.sin(middle)])
-    left = speed * np.array([-forward[1], forward[0]])
     predicted = mean.copy()
-    predicted[:2] += speed * forward
-    predicted[2] += rate * interval
-    matrix = np.eye(7)
-    matrix[:2, 2], matrix[:2, 3], matrix[:2, 4] = left, forward, 0.5 * interval * left
-    matrix[2, 4] = interval
+    predicted[:2] += mean[3] * _forward(mean, interval)
+    predicted[2] += mean[4] * interval
+    matrix = transition(mean, interval)
     noise = np.zeros((7, 7))
     noise[0, 0] = noise[1, 1] = tracker.slip**2 * interval
     # The heading's noise keeps its covariance away from zero.
@@ -199,23 +201,44 @@ def predict(
     return predicted, matrix @ covariance @ matrix.T + noise
 
 
+def transition(mean: np.ndarray, interval: float) -> np.ndarray:
+    """Jacobian (7, 7) of the state one `interval` in s later."""
+    forward = _forward(mean, interval)
+    left = mean[3] * np.array([-forward[1], forward[0]])
+    matrix = np.eye(7)
+    matrix[:2, 2], matrix[:2, 3], matrix[:2, 4] = left, forward, 0.5 * interval * left
+    matrix[2, 4] = interval
+    return matrix
+
+
+def _forward(mean: np.ndarray, interval: float) -> np.ndarray:
+    """Displacement (2,) in m at a speed of 1 m/s."""
+    middle = mean[2] + 0.5 * mean[4] * interval
+    return interval * np.array([np.cos(middle), np.sin(middle)])
+
+
 def update(
     mean: np.ndarray,
     covariance: np.ndarray,
+    of_bias: np.ndarray,
     rays: Rays,
     sight: Sight,
     tracker: ContourParameters,
-) -> tuple[np.ndarray, np.ndarray, float, int, float]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float, int, float]:
     """Posterior mean (7,) and covariance (7, 7), of n > 0 rays; NIS and its degrees of freedom.
 
-    Last the log likelihood: of the innovation, with the weighted noise, at the last iterate.
+    `of_bias` (7,), and the third result, is the state's covariance with the considered error over
+    the error's standard deviation. Last the log likelihood: of the innovation, with the weighted
+    noise, at the last iterate.
     """
     count = len(rays.ranges)
     first, last = int(np.argmin(rays.bearings)), int(np.argmax(rays.bearings))
     inset, inset_variance = sampling_inset(rays, sight)
+    edges = (np.radians(tracker.silhouette_std) * rays.ranges[[first, last]]) ** 2
     silhouettes = uncut(rays.bearings[[first, last]], tracker.horizontal_fov)
     rows = np.concatenate([np.ones(count, bool), silhouettes])
     correlated = shared_covariance(rays, tracker)
+    biases = np.concatenate([range_biases(rays, tracker), [0.0, 0.0]])
     spread = covariance
     iterate = mean
     for _ in range(tracker.iterations):
@@ -234,9 +257,11 @@ def update(
             slopes[1, :count] * rays.directions[:, 0] - slopes[0, :count] * rays.directions[:, 1]
         )
         variances[:count] += across**2 * (rays.across_variances + tracker.offset_std**2)
-        variances[count:] = tracker.silhouette_factor**2 * (stds[count:] ** 2 + inset_variance)
+        variances[count:] = tracker.silhouette_factor**2 * (
+            stds[count:] ** 2 + inset_variance + edges
+        )
         total = variances.copy()
-        total[:count] += np.diag(correlated)
+        total[:count] += np.diag(correlated) + biases[:count] ** 2
         freedom = tracker.degrees_of_freedom
         weights = np.minimum((freedom + 1.0) / (freedom + errors**2 / total), 1.0)
         noise = np.diag(variances / weights)
@@ -244,10 +269,12 @@ def update(
 
         matrix, errors, noise = matrix[rows], errors[rows], noise[np.ix_(rows, rows)]
         innovation = errors + matrix @ (iterate - mean)
-        innovation_covariance = matrix @ covariance @ matrix.T + noise
-        gain = np.linalg.solve(innovation_covariance, matrix @ covariance).T
+        crossed = matrix @ covariance + np.outer(biases[rows], of_bias)
+        shared = matrix @ of_bias + biases[rows]
+        innovation_covariance = crossed @ matrix.T + np.outer(shared, biases[rows]) + noise
+        gain = np.linalg.solve(innovation_covariance, crossed).T
         moved = mean + gain @ innovation
-        spread = covariance - gain @ matrix @ covariance
+        spread = covariance - gain @ crossed
         spread = 0.5 * (spread + spread.T)
         change = np.abs(moved - iterate).max()
         iterate = moved
@@ -256,7 +283,8 @@ def update(
     nis = innovation @ np.linalg.solve(innovation_covariance, innovation)
     determinant = np.linalg.slogdet(innovation_covariance)[1]
     likelihood = -0.5 * (nis + determinant + len(innovation) * np.log(2.0 * np.pi))
-    return iterate, spread, float(nis), len(innovation), float(likelihood)
+    of_bias = of_bias - gain @ shared
+    return iterate, spread, of_bias, float(nis), len(innovation), float(likelihood)
 
 
 def _linearise(

@@ -27,11 +27,16 @@ class ContourParameters:
             stands for that.
         shared_std, shared_factor: standard deviation of the error along the ray that all points of
             a scan share: a constant, m, and a factor on the point's standard deviation.
+        bias_std: standard deviation, m at a range of 10 m, of an error of the sensor that all
+            ranges of a recording share; it grows with the square of the range, as that of a
+            disparity does.
         neighbour_std, neighbour_distance: standard deviation, m, of an error along the ray that
             neighbours share, and the distance across the rays at which it is uncorrelated, m.
         offset_std: standard deviation, m, of the shape across the rays: where a ray grazes the
             shape it makes the range uncertain.
         silhouette_factor: factor on the standard deviation of the silhouette.
+        silhouette_std: standard deviation of the bearing of a silhouette, degrees, beyond that of
+            rendered images: a matcher moves the edges of real objects.
         degrees_of_freedom: of the Student distribution of an error.
         iterations: most iterations of the update.
         gate_std: width of the association's gate in standard deviations.
@@ -49,10 +54,12 @@ class ContourParameters:
     noise_factor: Annotated[float, Gt(0), Le(100)]
     shared_std: Annotated[float, Ge(0), Le(10)]
     shared_factor: Annotated[float, Ge(0), Le(10)]
+    bias_std: Annotated[float, Ge(0), Le(10)]
     neighbour_std: Annotated[float, Ge(0), Le(10)]
     neighbour_distance: Annotated[float, Gt(0), Le(10)]
     offset_std: Annotated[float, Ge(0), Le(10)]
     silhouette_factor: Annotated[float, Gt(0), Le(100)]
+    silhouette_std: Annotated[float, Ge(0), Le(10)]
     degrees_of_freedom: Annotated[float, Gt(0), Le(1000)]
     iterations: Annotated[int, Ge(1), Le(50)]
     gate_std: Annotated[float, Gt(0), Le(20)]

@@ -144,6 +144,11 @@ def sampling_inset(rays: Rays, sight: Sight) -> tuple[float, float]:
     return 0.5 * gap, gap**2 / 12.0
 
 
+def range_biases(rays: Rays, tracker: ContourParameters) -> np.ndarray:
+    """Standard deviations (n,) m of the error of the ranges that all scans share."""
+    return tracker.bias_std * (rays.ranges / 10.0) ** 2
+
+
 def shared_covariance(rays: Rays, tracker: ContourParameters) -> np.ndarray:
     """Covariance (n, n) m² of the errors that points of a scan share."""
     across = rays.bearings * rays.ranges.mean()

@@ -6,6 +6,18 @@ import numpy as np
 
 from stixel_cli.tracking.track import InitialState, Track
 
+SLOWEST, OF_SENSOR = 0.3, 0.05
+"""A road user is faster than this, m/s, plus this share of the sensor's speed: the error of the
+sensor's motion moves all that stands still."""
+
+LEAST_SCANS = 6
+"""A road user is in so many scans, or more."""
+
+
+def least_speed(of_sensor: float) -> float:
+    """The speed, m/s, of the slowest road user that moves, given that of the sensor."""
+    return SLOWEST + OF_SENSOR * of_sensor
+
 
 @dataclass(frozen=True)
 class FoundTrack:

@@ -11,10 +11,11 @@ from stixel_cli.images import encode_png
 from stixel_cli.recordings.find import find_recording, guess_layout
 from stixel_cli.recordings.image_files import read_grey, read_rgb
 from stixel_cli.recordings.kitti_calibration import read_calibration
+from stixel_cli.recordings.labelled import slopes
 from stixel_cli.recordings.motion import recorded_motion, rocking
 from stixel_cli.recordings.pairs import read_pairs
 from stixel_cli.recordings.parameters import KittiTracking, PlainFolder
-from stixel_cli.recordings.scenario import recorded_scenario, slopes
+from stixel_cli.recordings.scenario import recorded_scenario
 
 
 @pytest.fixture(scope="module")

@@ -56,6 +56,9 @@ def test_the_recording_gives_rig_times_class_and_what_suits_real_images(clip):
     assert made.choices["road"] == "estimated" and chosen.road.pitch_range == 4.0
     assert chosen.stereo.nearest == chosen.occupancy.nearest == 2.0
     assert made.resolved["source"]["frames"] == "0:5"
+    # Half of the time of two matchings; the labels' cars are smaller than the drawn ones.
+    assert chosen.stereo.subpixel == "phase_table"
+    assert (chosen.prior.length, chosen.prior.width_std) == (4.0, 0.086)
     assert [made.choices[group] for group in ("path", "ego", "rig")] == ["source"] * 3
 
 
@@ -67,6 +70,20 @@ def test_what_the_user_sets_stays(clip):
     assert chosen.configuration.stereo.nearest == 4.0
     assert chosen.choices["prior"] == "pedestrian"
     assert (chosen.configuration.path.sample_time, scan_count(chosen.configuration)) == (0.2, 3)
+
+
+def test_the_errors_of_a_real_rig_are_those_of_its_calibration(clip):
+    tracker = compose(of(clip, "tracker=contour")).configuration.tracker
+    # 0.25 px at 10 m, with f B = 150 px * 0.5 m; 4 px of 150.
+    assert tracker.bias_std == pytest.approx(0.25 * 100 / 75, abs=1e-4)
+    assert tracker.silhouette_std == pytest.approx(np.degrees(4 / 150), abs=1e-3)
+    assert tracker.length_std == 0.133
+    own = compose(of(clip, "tracker=contour", "tracker.silhouette_std=0", "prior=cyclist"))
+    assert own.configuration.tracker.silhouette_std == 0.0
+    assert own.configuration.prior.length == 1.77
+    rendered = compose(["tracker=contour"]).configuration.tracker
+    assert (rendered.bias_std, rendered.silhouette_std) == (0.0, 0.0)
+    assert compose(of(clip, "stereo=bm")).configuration.stereo.subpixel == "parabola"
 
 
 def test_a_start_from_the_scans_uses_the_first_box_only(clip):
@@ -265,6 +282,19 @@ def test_all_that_moves_is_tracked(long_clip, tmp_path, monkeypatch, capsys):
         last = np.stack([tracks["x"], tracks["y"]], axis=1)[-1]
         np.testing.assert_allclose(last, truth[-1, :2], atol=1.2)
         assert tracks["y_rate"][-1] == pytest.approx(3.0, abs=1.5)
+    # Scores of the tracks against the labels, which no stage before them has read.
+    metrics = answer["metrics"]
+    assert (metrics["labels_expected"], metrics["labels_tracked"]) == (1, 1)
+    assert (metrics["tracks_found"], metrics["tracks_false"], metrics["label_switches"]) == (
+        1,
+        0,
+        0,
+    )
+    assert metrics["labels_iou_box_mean"] > 0.4 and metrics["labels_centre_mean_m"] < 1.2
+    assert answer["verdict"][0].startswith("1 of 1 labels that move are tracked")
+    label, *cells = (tmp_path / "auto" / "labels.csv").read_text().splitlines()[1].split(",")
+    assert label == '"0"' and cells[2:5] == ["1", "8", "8"]
+    assert "Labels that move" in (tmp_path / "auto" / "index.html").read_text()
     # The run's own track starts at the same road user.
     with np.load(tmp_path / "auto" / "track.npz") as track:
         np.testing.assert_allclose(track["means"][-1, :2], truth[-1, :2], atol=1.2)
@@ -278,12 +308,13 @@ def test_auto_needs_a_class_and_no_label(clip):
         compose(auto(clip, "start=default"))
     stages = {one.name: one for one in pipeline_stages(compose(auto(clip)).configuration)}
     assert stages["scenario"].files == ()
+    assert stages["scores"].inputs["labels"] == "label_scores"
     assert stages["start"].inputs == {"found": "found_tracks"}
     # The key of the tracks has the code of the tracker.
     assert "stixel_cli.tracking.box" in stages["tracks"].modules
-    for name in ("found_tracks", "start", "tracks"):
+    for name in ("found_tracks", "start", "tracks", "label_truths", "label_scores"):
         stage = stages[name]
-        given = {*stage.inputs, *stage.settings}
+        given = {*stage.inputs, *stage.settings, *(("files",) if stage.gives_files else ())}
         assert given == set(inspect.signature(resolve_name(stage.function)).parameters)
     for value, fault in (("some", "'some' is not known"), ("-1", "-1 is out of range")):
         words = [*(one for one in of(clip) if "target" not in one), f"source.target={value}"]

@@ -19,6 +19,7 @@ from stixel_cli.recordings.kitti_calibration import read_calibration
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stereo import sgm
+from stixel_cli.stereo.disparities import INVALID, SUBPIXELS, Disparities
 from stixel_cli.stixels.extraction import extract_stixels
 from stixel_cli.stixels.extraction_parameters import ExtractionParameters, HeightParameters
 from stixel_cli.stixels.free_space import find_free_space
@@ -27,6 +28,7 @@ from stixel_cli.stixels.free_space_parameters import (
     OccupancyParameters,
     RoadParameters,
 )
+from stixel_cli.stixels.road import find_road
 from stixel_cli.validation.pair_errors import called_free, true_obstacles
 
 CONF = Path(__file__).parents[2] / "conf"
@@ -52,6 +54,20 @@ def data():
     return folder
 
 
+def free_space_of(disparities, rig, road):
+    """Free space of a single frame."""
+    return find_free_space(
+        disparities,
+        EgoMotion(np.zeros(1), np.array([[0.0, 0.0, np.pi / 2]])),
+        rig,
+        shipped(RoadParameters, f"road/{road}"),
+        shipped(OccupancyParameters, "occupancy/polar"),
+        shipped(FreeSpaceParameters, "free_space/default"),
+        range(1),
+        None,
+    )
+
+
 def stixels_of(rig, left, right, road="rig"):
     return processed(rig, left, right, road)[1]
 
@@ -62,16 +78,7 @@ def processed(rig, left, right, road="rig"):
     pairs = StereoPairs(0, *(ImageStack.from_images([image]) for image in grey))
     frames = range(1)
     disparities = sgm.match(pairs, shipped(StereoParameters, "stereo/sgm"), rig, frames)
-    free_space = find_free_space(
-        disparities,
-        EgoMotion(np.zeros(1), np.array([[0.0, 0.0, np.pi / 2]])),
-        rig,
-        shipped(RoadParameters, f"road/{road}"),
-        shipped(OccupancyParameters, "occupancy/polar"),
-        shipped(FreeSpaceParameters, "free_space/default"),
-        frames,
-        None,
-    )
+    free_space = free_space_of(disparities, rig, road)
     return free_space, extract_stixels(
         disparities,
         free_space,
@@ -221,6 +228,55 @@ def test_no_obstacle_nearer_than_6_m_is_called_free(data, name):
     print(f"\n{name}: {free.sum()} of {near} columns with an obstacle nearer than 6 m")
     assert near > 100 or "kitti_object" not in name
     assert free.sum() == 0
+
+
+def rows_per_column(raw, rig, line):
+    """Rows by which the road's line moves from one column to the next: a plane near `line` (2,)."""
+    v, u = np.nonzero(raw > 0)
+    disparities, u = raw[v, u] / SUBPIXELS, u - rig.u0
+    plane = np.array([*line, 0.0])
+    for tolerance in (3.0, 3.0, 2.0, 1.5, 1.0, 1.0, 1.0):
+        road = plane[0] * v + plane[1] + plane[2] * u
+        near = (road > 1.0) & (np.abs(disparities - road) < tolerance)
+        of_pixels = np.stack([v[near], np.ones(near.sum()), u[near]], axis=1)
+        plane = np.linalg.lstsq(of_pixels, disparities[near], rcond=None)[0]
+    return plane[2] / plane[0]
+
+
+def without_roll(raw, rig, rows):
+    """The disparities (H, W) with each column moved, so that the road has one line in all."""
+    moved = np.arange(rig.height)[:, None] - np.rint(rows * (np.arange(rig.width) - rig.u0))
+    inside = (moved >= 0) & (moved < rig.height)
+    found = np.take_along_axis(raw, np.where(inside, moved, 0).astype(np.int64), axis=0)
+    return np.where(inside, found, INVALID).astype(np.int16)
+
+
+@pytest.mark.parametrize("name", TRUE_PAIRS)
+def test_the_roll_of_the_road_does_not_matter(data, name):
+    # docs/real-data.md has these figures, and the reason why the road has no roll.
+    rig, left, right, truth = pair_with_truth(data, name)
+    grey = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in (left, right)]
+    pairs = StereoPairs(0, *(ImageStack.from_images([image]) for image in grey))
+    level = sgm.match(pairs, shipped(StereoParameters, "stereo/sgm"), rig, range(1))
+    raw, road = level.raw(0), shipped(RoadParameters, "road/estimated")
+    line = find_road(np.ascontiguousarray(raw.T), level.count, rig, road)
+    rows = rows_per_column(raw, rig, line)
+    turned = Disparities.from_raw(0, level.count, [without_roll(raw, rig, rows)])
+    parameters = shipped(FreeSpaceParameters, "free_space/default")
+    obstacles = true_obstacles(truth, rig, road, parameters)
+    seen, found = np.isfinite(obstacles), []
+    for disparities in (level, turned):
+        free_space = free_space_of(disparities, rig, "estimated")
+        depth = rig.focal * rig.baseline / free_space.disparity[0].astype(np.float64)
+        right_ones = seen & (np.abs(depth / obstacles - 1.0) < 0.1)
+        found.append((right_ones.sum(), (seen & np.isnan(depth)).sum()))
+        assert not called_free(free_space, 0, obstacles, rig, 6.0).any()
+    print(
+        f"\n{name}: roll {np.degrees(np.arctan(rows)):.2f}°; of {seen.sum()} columns with an "
+        f"obstacle, within 10 % of its depth: {found[0][0]}, with roll {found[1][0]}; free: "
+        f"{found[0][1]}, with roll {found[1][1]}"
+    )
+    assert abs(found[0][0] - found[1][0]) < 0.03 * seen.sum()
 
 
 def summary(errors):

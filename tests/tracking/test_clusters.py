@@ -8,7 +8,8 @@ import pytest
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.clusters import BEGIN, END, LEAST_SCANS, assign, find_tracks, follow
+from stixel_cli.tracking.clusters import BEGIN, END, assign, find_tracks, follow
+from stixel_cli.tracking.found import LEAST_SCANS
 from stixel_cli.tracking.motion import transition
 from stixel_cli.tracking.several import own_scans, track_each
 from stixel_cli.tracking.start_found import start_from_found

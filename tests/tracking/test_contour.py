@@ -87,6 +87,49 @@ def test_contour_holds_through_a_second_without_points():
     assert np.hypot(*(result.means[-1, :2] - poses[-1, :2])) < 0.1
 
 
+def position_nees(result, poses):
+    errors = result.means[:, :2] - poses[:, :2]
+    return np.einsum(
+        "ki,kij,kj->k", errors, np.linalg.inv(result.covariances[:, :2, :2]), errors
+    ).mean()
+
+
+def test_contour_considers_an_error_that_all_scans_share():
+    poses = np.column_stack([np.full(30, 1.0), 24.0 + 0.2 * np.arange(30), np.full(30, np.pi / 2)])
+    points, covariances = seen(poses, noise=0.05)
+    # As of a disparity that is too small by the same amount everywhere: 0.6 m at 25 m.
+    farther = [p * (1.0 + 0.6 * np.hypot(*p.T) / 25.0**2)[:, None] for p in points]
+    scans = scans_of(farther, covariances=np.concatenate(covariances))
+    aware = dataclasses.replace(TRACKER, bias_std=0.6 / 2.5**2)
+    initial = start_at(poses, (0.0, 0.0, 0.0))
+    plain, considered = (track(scans, initial, PRIORS["car"], t) for t in (TRACKER, aware))
+    assert position_nees(plain, poses) > 10.0 and position_nees(considered, poses) < 4.0
+    # It does not become more certain with the number of scans, and without the error it is no
+    # farther off.
+    along = np.sqrt(considered.covariances[:, 1, 1])
+    assert along[-1] > 0.3 and np.sqrt(plain.covariances[-1, 1, 1]) < 0.2
+    assert np.abs(considered.means[-1, 1] - poses[-1, 1]) < 0.9
+    exact = scans_of(points, covariances=np.concatenate(covariances))
+    good = track(exact, initial, PRIORS["car"], aware)
+    assert np.abs(good.means[:, :2] - poses[:, :2]).max() < 0.2
+
+
+def test_contour_trusts_edges_less_where_they_are_uncertain():
+    poses = np.column_stack([np.zeros(20), np.full(20, 20.0), np.full(20, np.pi / 2)])
+    points, covariances = seen(poses, noise=0.03)
+    # The edges of a matcher are moved to the left: the right edge by more.
+    kept = [p[:, 0] < 0.55 for p in points]
+    scans = scans_of(
+        [p[k] for p, k in zip(points, kept, strict=True)],
+        covariances=np.concatenate([c[k] for c, k in zip(covariances, kept, strict=True)]),
+    )
+    initial = start_at(poses, (0.0, 0.0, 0.0))
+    unsure = dataclasses.replace(TRACKER, silhouette_std=1.0)
+    plain, wide = (track(scans, initial, PRIORS["car"], t) for t in (TRACKER, unsure))
+    assert abs(wide.means[-1, 0]) < 0.5 * abs(plain.means[-1, 0])
+    assert position_nees(wide, poses) < 0.5 * position_nees(plain, poses)
+
+
 def test_contour_does_not_use_points_far_from_the_target():
     poses = turning(20, 4.0, 0.2)
     points, covariances = seen(poses, noise=0.03)

@@ -31,6 +31,7 @@ function describe() {
     facts(line, runs.length === 1 ? run.facts : run.facts.filter((fact) => !shownAbove(fact)));
     facts(line, runs.length === 1 ? run.summary : run.summary.slice(0, 3));
     html("span", { textContent: run.verdict }, line);
+    describeLabels(run.labels);
     html("option", { value: r, textContent: run.label }, find("source"));
   });
   find("source-choice").hidden = runs.length === 1;
@@ -65,6 +66,20 @@ function describe() {
     const item = html("li", {}, find("legend"));
     swatch(item, draw);
     item.append(text);
+  }
+}
+
+// The scores of the tracks of all that moves, one row per label.
+function describeLabels([columns, ...rows]) {
+  if (!rows.length) return;
+  const part = html("details", { className: "labels", open: true }, find("runs"));
+  html("summary", { textContent: "Labels that move or are tracked" }, part);
+  const table = html("table", {}, html("div", { className: "wide" }, part));
+  const head = html("tr", {}, table);
+  for (const name of columns) html("th", { textContent: name }, head);
+  for (const row of rows) {
+    const line = html("tr", {}, table);
+    for (const cell of row) html("td", { textContent: cell }, line);
   }
 }
 

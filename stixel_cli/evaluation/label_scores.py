@@ -1,0 +1,112 @@
+"""Scores of the tracks of all that moves against the labels of a recording.
+
+At each scan the tracks are assigned to the labels: the most pairs, and of these the least sum of
+centre distances (the association of CLEAR MOT: Bernardin, Stiefelhagen 2008). A pair is allowed up
+to the distance at which an estimate is off its target, see `evaluate.off_target`.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from stixel_cli.evaluation.contour_errors import areas, boxes, overlaps
+from stixel_cli.evaluation.label_types import LabelScore, LabelScores
+from stixel_cli.evaluation.scan_errors import LEAST_OFF
+from stixel_cli.recordings.types import LabelTruth
+from stixel_cli.tracking.followed import line
+from stixel_cli.tracking.found import LEAST_SCANS, ObjectTrack, least_speed
+
+NEVER = 1e3
+"""m, more than any allowed distance."""
+
+FALSE = 0.5
+"""A track is false if it matches labels in less than this share of its scans."""
+
+
+def score_tracks(
+    tracks: tuple[ObjectTrack, ...], truths: tuple[LabelTruth, ...], road_user: str
+) -> LabelScores | None:
+    """The scores of all tracks; None without labels.
+
+    Args:
+        tracks: of one recording.
+        truths: all its labels, of any class.
+        road_user: the class whose labels are scored.
+    """
+    if not truths:
+        return None
+    matches = _matches(tracks, truths)
+    labels = tuple(
+        _score(one, matches[i], tracks)
+        for i, one in enumerate(truths)
+        if one.road_user == road_user
+    )
+    shares = [np.sum(matches == j) / len(one.track.times) for j, one in enumerate(tracks)]
+    return LabelScores(labels, len(tracks), int(np.sum(np.array(shares) < FALSE)))
+
+
+def _matches(tracks: Sequence[ObjectTrack], truths: Sequence[LabelTruth]) -> np.ndarray:
+    """The track of each label at each scan (N, K), its index; -1 for none."""
+    from scipy.optimize import linear_sum_assignment
+
+    count = len(truths[0].scenario.times)
+    found = np.full((len(truths), count), -1)
+    for k in range(count):
+        here = [i for i, one in enumerate(truths) if one.scenario.known[k]]
+        alive = [j for j, one in enumerate(tracks) if 0 <= k - one.first < len(one.track.times)]
+        if not here or not alive:
+            continue
+        true = np.array([truths[i].scenario.target_poses_world[k, :2] for i in here])
+        means = np.array([tracks[j].track.means[k - tracks[j].first, :2] for j in alive])
+        apart = np.hypot(*np.moveaxis(true[:, None] - means, 2, 0))
+        lengths = np.array([np.ptp(truths[i].scenario.box_target[:, 0]) for i in here])
+        allowed = apart <= np.maximum(LEAST_OFF, 0.5 * lengths)[:, None]
+        pairs = linear_sum_assignment(np.where(allowed, apart - NEVER, 0.0))
+        for i, j in zip(*pairs, strict=True):
+            if allowed[i, j]:
+                found[here[i], k] = alive[j]
+    return found
+
+
+def _score(truth: LabelTruth, matched: np.ndarray, tracks: Sequence[ObjectTrack]) -> LabelScore:
+    """The score of a label whose tracks are `matched` (K,)."""
+    scenario = truth.scenario
+    counted = np.flatnonzero(scenario.known & scenario.scored)
+    poses, camera = scenario.target_poses_world, scenario.ego_poses_world
+    labelled = np.flatnonzero(scenario.known)
+    _, velocity, _ = line(scenario.times[labelled], poses[labelled, :2])
+    _, of_camera, _ = line(scenario.times[labelled], camera[labelled, :2])
+    speed = float(np.hypot(*velocity))
+    moves = speed >= least_speed(float(np.hypot(*of_camera)))
+    at = counted[matched[counted] >= 0]
+    rows = [(tracks[matched[k]], k - tracks[matched[k]].first) for k in at]
+    means = np.array([one.track.means[row, :3] for one, row in rows]).reshape(-1, 3)
+    iou = np.zeros(0)
+    if len(at):
+        contours = np.stack([one.track.contours_world[row] for one, row in rows])
+        estimated, _ = boxes(contours, means)
+        true, _ = boxes(scenario.boxes_world[at], poses[at])
+        iou = overlaps(areas(estimated), areas(true))
+    in_order = matched[matched >= 0]
+    return LabelScore(
+        label=truth.name,
+        range_m=_mean(_apart(poses[counted], camera[counted]), np.median),
+        speed_m_s=speed,
+        expected=int(moves and len(counted) >= LEAST_SCANS),
+        frames=len(counted),
+        tracked_frames=len(at),
+        found_s=float(scenario.times[at[0]] - scenario.times[counted[0]]) if len(at) else np.nan,
+        tracks=len(np.unique(in_order)),
+        switches=int(np.sum(np.diff(in_order) != 0)),
+        iou_box=_mean(iou),
+        centre_m=_mean(_apart(means, poses[at])),
+    )
+
+
+def _mean(values: np.ndarray, function=np.mean) -> float:
+    return float(function(values)) if len(values) else np.nan
+
+
+def _apart(poses: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Distances (n,) m of the places of poses (n, 3)."""
+    return np.hypot(*(poses - others)[:, :2].T)

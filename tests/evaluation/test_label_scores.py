@@ -1,0 +1,98 @@
+"""The tracks of all that moves against the labels: assignment, and what counts for what."""
+
+import numpy as np
+import pytest
+
+from stixel_cli.evaluation.label_scores import score_tracks
+from stixel_cli.evaluation.metric_table import OF_LABELS
+from stixel_cli.evaluation.verdict import verdict
+from stixel_cli.recordings.box import rectangle
+from stixel_cli.recordings.types import LabelTruth
+from stixel_cli.scene.scenario import Scenario
+from stixel_cli.tracking.found import ObjectTrack
+from stixel_cli.tracking.track import Track
+
+COUNT = 10
+TIMES = 0.1 * np.arange(COUNT)
+CAR = rectangle(4.0, 2.0)
+
+
+def line(x, speed):
+    """Poses (K, 3) that begin at (x, 20) and go ahead along x."""
+    return np.stack([x + speed * TIMES, np.full(COUNT, 20.0), np.zeros(COUNT)], axis=1)
+
+
+def label(name, poses, road_user="car", hidden=()):
+    scored = np.ones(COUNT, dtype=bool)
+    scored[list(hidden)] = False
+    still = np.zeros((COUNT, 3))
+    truth = Scenario.rigid(TIMES, still, poses, still, CAR, only_box=True, scored=scored)
+    return LabelTruth(name, road_user, truth)
+
+
+def track(poses, first=0, stop=COUNT):
+    poses, count = poses[first:stop], stop - first
+    own = Track(
+        times=TIMES[first:stop],
+        means=np.concatenate([poses, np.zeros((count, 3))], axis=1),
+        covariances=np.tile(np.eye(6), (count, 1, 1)),
+        contours_world=np.array([CAR + pose[:2] for pose in poses]),
+        contour_std=np.zeros((count, 4)),
+        contour_directions=np.zeros((count, 4)),
+        used_points=np.zeros(0, np.int64),
+        used_offsets=np.zeros(count + 1, np.int64),
+        nis=np.zeros(count),
+        nis_degrees_of_freedom=np.zeros(count, np.int64),
+    )
+    return ObjectTrack(first, own)
+
+
+def test_a_label_that_changes_its_track():
+    truth = label("7", line(0.0, 5.0), hidden=[0, 1])
+    off = [0.0, 0.5, 0.0]
+    scores = score_tracks(
+        (track(line(0.0, 5.0) + off, 3, 6), track(line(0.0, 5.0), 7)), (truth,), "car"
+    )
+    (one,) = scores.labels
+    assert (one.frames, one.tracked_frames, one.tracks, one.switches) == (8, 6, 2, 1)
+    assert one.expected == 1 and one.speed_m_s == pytest.approx(5.0)
+    assert one.found_s == pytest.approx(0.1)
+    # Half of the frames are 0.5 m off across a car of 2 m: 1.5 / 2.5.
+    assert one.iou_box == pytest.approx(0.5 * (1.0 + 0.6))
+    assert one.centre_m == pytest.approx(0.25)
+    assert scores.metrics == pytest.approx(
+        {
+            "labels_expected": 1,
+            "labels_tracked": 1,
+            "labels_tracked_share": 6 / 8,
+            "labels_iou_box_mean": 0.8,
+            "labels_centre_mean_m": 0.25,
+            "label_switches": 1,
+            "tracks_found": 2,
+            "tracks_false": 0,
+        }
+    )
+    assert set(scores.metrics) == set(OF_LABELS)
+
+
+def test_the_assignment_is_global_and_ends_at_half_the_length():
+    labels = (label("1", line(0.0, 5.0)), label("2", line(1.5, 5.0)))
+    # The nearest label of both tracks is the first one; a pair farther than 2 m is not allowed.
+    tracks = (track(line(0.5, 5.0)), track(line(-0.3, 5.0)), track(line(-9.0, 5.0)))
+    scores = score_tracks(tracks, labels, "car")
+    assert [one.centre_m for one in scores.labels] == pytest.approx([0.3, 1.0])
+    assert (scores.tracks, scores.false_tracks) == (3, 1)
+
+
+def test_only_what_moves_is_expected_and_other_classes_are_not_false_tracks():
+    parked, walking = label("3", line(0.0, 0.1)), label("4", line(9.0, 2.0), "pedestrian")
+    scores = score_tracks((track(line(9.0, 2.0)),), (parked, walking), "car")
+    (one,) = scores.labels
+    assert (one.label, one.expected, one.tracked_frames) == ("3", 0, 0) and np.isnan(one.iou_box)
+    assert scores.false_tracks == 0 and scores.metrics["labels_iou_box_mean"] is None
+    sentence = "0 of 0 labels that move are tracked; 0 of 1 tracks match no label."
+    assert verdict(scores.metrics) == [sentence]
+
+
+def test_a_recording_without_labels_has_no_such_scores():
+    assert score_tracks((track(line(0.0, 5.0)),), (), "car") is None

@@ -1,0 +1,30 @@
+"""The sizes of cars that recordings assume, against KITTI's labels."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stixel_cli.config.recorded import SIZES
+from stixel_cli.recordings.kitti_labels import CLASSES, read_labels
+
+
+def test_the_sizes_of_cars_are_those_of_the_labels():
+    data = Path(os.environ.get("STIXEL_DATA", Path(__file__).parents[2] / "../shared/data"))
+    files = sorted((data / "kitti_tracking" / "training" / "label_02").glob("*.txt"))
+    if not files:
+        pytest.skip(f"no real labels: STIXEL_DATA names no folder with kitti_tracking ({data})")
+    sizes = np.array(
+        [
+            labels.sizes[-1, [2, 1]]
+            for file in files
+            if file.stem != "0005"
+            for labels in read_labels(file).values()
+            if CLASSES.get(labels.kind) == "car"
+        ]
+    )
+    mean, std = sizes.mean(axis=0), sizes.std(axis=0)
+    print(f"\n{len(sizes)} cars and vans: {mean} m, relative standard deviations {std / mean}")
+    found = dict(zip(SIZES, [*mean, *(std / mean)], strict=True))
+    assert found == pytest.approx(SIZES, abs=5e-3)
