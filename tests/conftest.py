@@ -1,7 +1,12 @@
 """What every test may use: a cache of its own, away from the user's."""
 
-import pytest
-from browser import open_page as open_page
+import os
+
+# Before NumPy is imported: with two threads for each of two test processes, BLAS mostly waits.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import pytest  # noqa: E402
+from browser import open_page as open_page  # noqa: E402
 
 
 @pytest.fixture(scope="session")
