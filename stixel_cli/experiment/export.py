@@ -51,11 +51,14 @@ def export_kitti(stored: RunResult, folder: Path, progress: Progress | None = No
         "rig.pitch": rig.pitch,
         "rig.camera_height": rig.camera_height,
         "stereo.nearest": configuration.stereo.nearest,
+        "stereo.subpixel": configuration.stereo.subpixel,
         "occupancy.nearest": configuration.occupancy.nearest,
         "source.sample_time": configuration.path.sample_time,
     }
     chosen = {"source": "kitti_tracking", "source.folder": folder, "source.sequence": SEQUENCE}
     chosen |= {"source.target": 0, "road": configuration.road.kind}
+    # A recording has values of its own for what is not chosen.
+    chosen |= {group: stored.composition.choices[group] for group in ("stereo", "prior")}
     return [f"{name}={value}" for name, value in (chosen | values).items()]
 
 

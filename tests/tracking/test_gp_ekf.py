@@ -356,7 +356,7 @@ def test_same_scans_give_the_same_bytes(tracker):
         if one is None:
             assert other is None
         else:
-            assert one.tobytes() == other.tobytes()
+            assert np.asarray(one).tobytes() == np.asarray(other).tobytes()
 
 
 def test_no_scans_give_an_empty_track(tracker):

@@ -27,6 +27,20 @@ STAGES: dict[str, Definition] = {
         same("road_user", "measurement"),
         files=("road_user.mesh",),
     ),
+    "label_truths": Definition(
+        only("recordings.label_truths:label_truths"),
+        "once",
+        {
+            "rig": "rig",
+            "first": "recording.first",
+            "left_camera": "recording.left_camera",
+            "layout": "recording.table_layout",
+        },
+        recorded="label_files",
+    ),
+    "label_scores": Definition(
+        only("evaluation.label_scores:score_tracks"), "once", {"road_user": "road_user.kind"}
+    ),
     "scores": Definition(only("evaluation.evaluate:evaluate"), "once", {"road_user": "true_class"}),
     "stage_errors": Definition(
         only("validation.stage_errors:stage_errors"),
