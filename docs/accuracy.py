@@ -4,6 +4,8 @@ import csv
 import sys
 from pathlib import Path
 
+import yaml
+
 from stixel_cli.studies.tables import markdown_row, number, with_interval
 
 PAGE = Path(__file__).parent / "accuracy.md"
@@ -17,9 +19,14 @@ TABLES = {
 
 def main(folder: Path) -> None:
     """Replace what is between the two comments of the page."""
-    parts = [f"From `{folder.name}`.\n"]
+    study = yaml.safe_load((folder / "study.yaml").read_text(encoding="utf-8"))
+    parts = [f"`{study['command']}`, revision {study['git']['revision'][:7]}.\n"]
     for name, caption in TABLES.items():
-        with (folder / "tables" / f"{name}.csv").open(encoding="utf-8") as file:
+        table = folder / "tables" / f"{name}.csv"
+        if not table.exists():
+            # A study that was made smaller has no runs of it.
+            continue
+        with table.open(encoding="utf-8") as file:
             header, *rows = csv.reader(file)
         parts.append(f"{caption}:\n\n{markdown(header, rows)}\n")
     text = PAGE.read_text(encoding="utf-8")
