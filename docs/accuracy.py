@@ -53,7 +53,9 @@ def markdown(header: list[str], rows: list[list[str]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _number(cell: str) -> float | str | None:
+def _number(cell: str) -> float | int | str | None:
+    if cell.isdecimal():
+        return int(cell)
     try:
         return float(cell) if cell else None
     except ValueError:
