@@ -5,8 +5,8 @@ import os
 # Before NumPy is imported: with two threads for each of two test processes, BLAS mostly waits.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import pytest  # noqa: E402
-from browser import open_page as open_page  # noqa: E402
+import pytest
+from browser import open_page as open_page
 
 
 @pytest.fixture(scope="session")
