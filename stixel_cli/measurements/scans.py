@@ -81,20 +81,6 @@ class Scans:
     def __len__(self) -> int:
         return len(self.times)
 
-    def first(self, count: int) -> "Scans":
-        """The first scans, `count` at most."""
-        points, unknown = self.offsets[: count + 1], self.unknown_offsets[: count + 1]
-        return Scans(
-            self.times[:count],
-            self.sensor_poses_world[:count],
-            points,
-            self.points_world[: points[-1]],
-            self.covariances_world[: points[-1]],
-            self.correlations[: points[-1]],
-            unknown,
-            self.unknown_bearings[: unknown[-1]],
-        )
-
     def rows(self, k: int) -> slice:
         """The rows of scan k."""
         return slice(int(self.offsets[k]), int(self.offsets[k + 1]))

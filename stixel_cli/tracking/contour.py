@@ -35,7 +35,7 @@ import numpy as np
 
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.class_bank import CHECKED, contradicted, most_probable, start_of_other
+from stixel_cli.tracking.class_bank import contradicted, most_probable, start_of_other
 from stixel_cli.tracking.class_shape import ClassShape, class_shape
 from stixel_cli.tracking.class_size import CLASSES, class_size
 from stixel_cli.tracking.contour_parameters import ContourParameters
@@ -59,11 +59,11 @@ def track(
     """
     if prior.road_user == "unknown":
         return most_probable(_others(scans, initial, prior, tracker), None)
-    own = {prior.road_user: track_class(scans, initial, prior, tracker)}
-    first = own | _others(scans.first(CHECKED), initial, prior, tracker)
-    if not contradicted(first, prior.road_user).any():
-        return own[prior.road_user]
-    return most_probable(own | _others(scans, initial, prior, tracker), prior.road_user)
+    own = track_class(scans, initial, prior, tracker)
+    if not contradicted(own, prior.road_user).any():
+        return own
+    tracks = {prior.road_user: own} | _others(scans, initial, prior, tracker)
+    return most_probable(tracks, prior.road_user)
 
 
 def _others(
