@@ -2,8 +2,8 @@
 
     python -m stixel_cli.experiment.class_shapes
 
-takes the mean outline of drawn shapes, runs the classes on four paths with tuning seeds and shapes
-(1000 and above), and fits what stixels and lidars see of them. Run it again when the renderer, the
+takes the mean outline and the mean box of drawn shapes, runs the classes on four paths with tuning
+seeds and shapes (1000 and above), and fits what stixels and lidars see of them. Run it again when the renderer, the
 matcher, the stixels or the road users' shapes have changed.
 """
 
@@ -24,7 +24,7 @@ from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.class_shape import ClassShape, SeenShape
 from stixel_cli.tracking.class_size import CLASSES, ClassSize
-from stixel_cli.validation.seen_shape import class_shape_of, seen_shape_of
+from stixel_cli.validation.seen_shape import class_shape_of, outline_seen_of, seen_shape_of
 
 PATHS = ("turn", "crossing", "approach", "s_curve")
 SEEDS = (1000, 1001, 1002)
@@ -55,12 +55,13 @@ def main() -> None:
     for road_user in CLASSES:
         samples = {sensor: _samples(road_user, sensor) for sensor in MEASUREMENTS}
         drawn = [_scenario(road_user, seed) for seed in OUTLINES]
-        shape = class_shape_of(drawn)
         sizes = np.array([np.ptp(scenario.box_target, axis=0) for scenario in drawn])
         mean, std = sizes.mean(axis=0), sizes.std(axis=0)
         size = ClassSize(mean.round(2), (std / mean).round(2))
         print(f"conf/prior/{road_user}.yaml: {size}")  # noqa: T201
-        seen = {sensor: seen_shape_of(pairs) for sensor, pairs in samples.items()}
+        shape = class_shape_of(drawn)
+        seen = {sensor: seen_shape_of(pairs, shape) for sensor, pairs in samples.items()}
+        seen["outline"] = outline_seen_of(drawn, shape)
         text += entry(road_user, size, shape, seen)
     target = Path(__file__).parents[1] / "tracking" / "class_shapes.py"
     target.write_text(text + "}\n", encoding="utf-8")

@@ -2,7 +2,7 @@
 
 The numbers are in `class_shapes.py`, which is generated. They differ from the prior's rectangle or
 ellipse in two ways. The outline is the class's own. And it comes with *seen* shapes, one for
-stixels and one for lidars: for every aspect and offset of a ray (see `ray_table.py`), how far
+stixels, one for lidars and one for a sensor that measures the outline itself: for every aspect and offset of a ray (see `ray_table.py`), how far
 behind the outline a point is measured, and where the sensor sees the road user begin and end. Thin
 parts at the edge, such as a wheel seen from the front or a hand, are no obstacle of their column of
 the image, so a stixel shows what is behind them; a lidar's beams miss them.
@@ -30,16 +30,14 @@ class ClassShape:
     Attributes:
         outline: (N, 2) m, the mean outline: counter-clockwise, at even angles from the heading on.
         outline_stds: (N,) m, standard deviation of the radius of the class's outlines, scaled to
-            the mean length and width.
+            one box.
+        size: (2,) m, length and width of this box, which holds the limbs in all poses. The outline
+            may be smaller. A road user whose box is twice as long has an outline twice as long.
     """
 
     outline: np.ndarray
     outline_stds: np.ndarray
-
-    @property
-    def size(self) -> np.ndarray:
-        """Length and width (2,) m of the mean outline."""
-        return np.ptp(self.outline, axis=0)
+    size: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -72,11 +70,14 @@ def class_shape(road_user: RoadUserClass) -> ClassShape:
     return ClassShape(
         outline=radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1),
         outline_stds=_metres(known["radius_stds"]),
+        size=_metres(known["size"]),
     )
 
 
-def seen_shape(road_user: RoadUserClass, sensor: Literal["simulated", "lidar"]) -> SeenShape:
-    """What stixels (`simulated`) or a `lidar` see of `road_user`, from `class_shapes.py`."""
+def seen_shape(
+    road_user: RoadUserClass, sensor: Literal["simulated", "lidar", "outline"]
+) -> SeenShape:
+    """What stixels (`simulated`), a `lidar` or a sensor of the outline see of `road_user`."""
     known = class_shapes.SHAPES[road_user][sensor]
     return SeenShape(
         depth_biases=_metres(known["depth_biases"]).reshape(NODES),

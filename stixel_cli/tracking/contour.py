@@ -7,13 +7,11 @@ velocity, as a road user does not slide sideways: x' = v cos psi, y' = v sin psi
 
 A point is the range r along its ray, whose direction is known well. The measurement is
 
-    r = h(state, ray) + shared error + neighbours' error + own error
+    r = h(state, ray) + error
 
 where h casts the ray on the shape that the sensor sees (`ray_table.py`). Its Jacobian is a central
-difference over about a standard deviation of the state, as the shape has edges. The covariance of a
-scan's errors is R = D + s sᵀ + C: D the points' own; s the part that all points share, such as the
-matcher's error on one surface; C_ij = c² exp(-d_ij² / 2 l²) what neighbours share, such as a shape
-that is not the class's. So n points are not n independent ones.
+difference over about a standard deviation of the state, as the shape has edges. A scan's errors are
+not independent, of each other and of the next scan's; a factor on their deviations stands for that.
 
 A real sensor's ranges also have an error b that does not change from scan to scan, such as that of
 a rig's calibration. The scans do not show b, so it is not estimated but considered: the filter has

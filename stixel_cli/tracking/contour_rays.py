@@ -1,6 +1,6 @@
 """The rays of a scan: how a sensor sees a class, association, and the errors that points share."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -8,10 +8,7 @@ from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.tracking.class_shape import class_shape, seen_shape, seen_table
 from stixel_cli.tracking.class_size import RoadUserClass
 from stixel_cli.tracking.contour_parameters import ContourParameters
-from stixel_cli.tracking.ray_table import RayTable, expected, outline_table
-
-OUTLINE_STD = 0.02
-"""How well the outline of the class fits a road user without limbs, of mean shape, m."""
+from stixel_cli.tracking.ray_table import RayTable, expected
 
 NEAR_RANGE, NEAR_ACROSS = 0.3, 0.15
 """A point this near to the expected one, m, along the ray and across, is in every gate."""
@@ -72,18 +69,13 @@ class Rays:
 
 
 def sight_of(road_user: RoadUserClass, tracker: ContourParameters) -> Sight:
-    """What the sensor sees of a class: the seen shape; for fabricated scans the outline."""
-    shape = class_shape(road_user)
-    outline = shape.outline
-    if tracker.seen_by not in ("simulated", "lidar"):
-        table = outline_table(outline, OUTLINE_STD)
-        # Bodies differ and limbs move, inside of limits that differ less.
-        of_class = np.sqrt(np.mean(shape.outline_stds**2))
-        table = replace(table, stds=np.hypot(table.stds, of_class))
-        return Sight(table, 0.0, 1.0, True)
-    seen = seen_shape(road_user, tracker.seen_by)
-    table = seen_table(outline, seen, blurred=tracker.seen_by == "simulated")
-    return Sight(table, seen.bias_per_std, seen.std_factor, False)
+    """What the sensor sees of a class: stixels and lidars less than the outline."""
+    outline = tracker.seen_by not in ("simulated", "lidar")
+    seen = seen_shape(road_user, "outline" if outline else tracker.seen_by)
+    table = seen_table(
+        class_shape(road_user).outline, seen, blurred=tracker.seen_by == "simulated"
+    )
+    return Sight(table, seen.bias_per_std, seen.std_factor, outline)
 
 
 def rays_of(points_world: np.ndarray, covariances: np.ndarray, sensor: np.ndarray) -> Rays:
@@ -126,7 +118,7 @@ def associate(
     reach = np.hypot(*(sight.table.high - sight.table.low)[[0, len(sight.table.low) // 4]])
     turned = 0.25 * reach**2 * covariance[2, 2]
     errors = rays.ranges - ranges[0] - sight.bias_per_std * rays.stds
-    variance = rays.stds**2 + stds**2 + tracker.shared_std**2 + position + turned
+    variance = rays.stds**2 + stds**2 + position + turned
     fits = np.abs(errors) < NEAR_RANGE + tracker.gate_std * np.sqrt(variance)
     meets = misses[0] < NEAR_ACROSS + tracker.gate_std * np.sqrt(position + turned)
     return np.flatnonzero(fits & meets)
@@ -148,14 +140,3 @@ def range_biases(rays: Rays, tracker: ContourParameters) -> np.ndarray:
     """Standard deviations (n,) m of the error of the ranges that all scans share."""
     return tracker.bias_std * (rays.ranges / 10.0) ** 2
 
-
-def shared_covariance(rays: Rays, tracker: ContourParameters) -> np.ndarray:
-    """Covariance (n, n) m² of the errors that points of a scan share."""
-    across = rays.bearings * rays.ranges.mean()
-    apart = (across[:, None] - across) / tracker.neighbour_distance
-    shared = tracker.shared_factor * rays.stds
-    return (
-        tracker.neighbour_std**2 * np.exp(-0.5 * apart**2)
-        + tracker.shared_std**2
-        + shared[:, None] * shared
-    )

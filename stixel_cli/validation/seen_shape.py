@@ -1,7 +1,10 @@
-"""What is known of a class, estimated from simulated scans and their ground truth.
+"""What is known of a class, estimated from drawn shapes, simulated scans and their ground truth.
 
-The outline is the mean over the scenarios' outlines. The seen shape is a regression of the points'
-distance behind the outline, along their rays, on aspect and offset: bilinear between nodes, with a
+All shapes are scaled to one box, that of the class, in all poses of the limbs: what differs between
+road users of one size, and what swings, is then an error of the class's shape.
+
+The outline is the mean over the drawn outlines. The seen shape is a regression of the points'
+distance behind this outline, along their rays, on aspect and offset: bilinear between nodes, with a
 penalty on differences of neighbouring nodes, which fills aspects without points; mirrored, as road
 users have two equal sides; and with weights that fall for outliers (Cauchy), since points of the
 background are among the scans.
@@ -31,50 +34,90 @@ LEAST_DEPTH_STD, LEAST_INSET_STD = 0.03, 0.015
 
 ROUNDS = 4
 
+DRAWN_RAYS = (72, 20)
+"""Even aspects, and even offsets over an outline's width, of the rays on drawn outlines."""
+
 
 def class_shape_of(scenarios: Sequence[Scenario]) -> ClassShape:
-    """The mean outline of the road users of `scenarios`."""
-    radii, stds = mean_radii(
-        [contour for scenario in scenarios for contour in scenario.contours_target]
-    )
-    angles = 2.0 * np.pi * np.arange(RADII) / RADII
-    outline = radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    return ClassShape(outline=outline, outline_stds=stds)
+    """The mean outline of the road users of `scenarios`, and the mean of their boxes.
+
+    A mean of radii is smaller than the outlines that it is the mean of, where limbs swing. So it is
+    scaled, to half-way between the mean extents of the outlines and the box, which holds the limbs
+    in all poses: the one is what the outline of an instant is compared with, the other the box.
+    """
+    size = _boxes(scenarios).mean(axis=0)
+    outlines = _of_size(scenarios, size)
+    radii, stds = mean_radii(outlines)
+    outline = radii[:, None] * _unit(_angles())
+    extents = 0.5 * (size + np.mean([np.ptp(each, axis=0) for each in outlines], axis=0))
+    radii = _radii(outline * (extents / np.ptp(outline, axis=0)), _angles())
+    return ClassShape(outline=radii[:, None] * _unit(_angles()), outline_stds=stds, size=size)
 
 
-def seen_shape_of(samples: Sequence[tuple[Scenario, Scans]]) -> SeenShape:
+def outline_seen_of(scenarios: Sequence[Scenario], shape: ClassShape) -> SeenShape:
+    """What a sensor sees that measures the outlines of the road users of `scenarios` themselves."""
+    aspects = 2.0 * np.pi * (np.arange(DRAWN_RAYS[0]) + 0.5) / DRAWN_RAYS[0]
+    share = (np.arange(DRAWN_RAYS[1]) + 0.5) / DRAWN_RAYS[1]
+    low, high = (limit[:, None] for limit in widths(shape.outline, aspects))
+    rows, ends = [], []
+    for outline in _of_size(scenarios, shape.size):
+        own_low, own_high = (limit[:, None] for limit in widths(outline, aspects))
+        offsets = own_low + share * (own_high - own_low)
+        behind = first_depths(outline, aspects, offsets)
+        behind -= first_depths(shape.outline, aspects, offsets)
+        place = (2.0 * offsets - low - high) / (high - low)
+        columns = (aspects[:, None], offsets, low, high, behind, LEAST_DEPTH_STD, place)
+        rows.append(np.stack(np.broadcast_arrays(*columns), axis=-1).reshape(-1, len(columns)))
+        ends.append(np.column_stack([aspects, own_low - low]))
+        ends.append(np.column_stack([-aspects, high - own_high]))
+    found = np.concatenate(rows)
+    found = found[np.abs(found[:, 4]) < NEAR_DEPTH]
+    biases, _, depth_stds, _ = _depths(np.concatenate([found, _mirrored(found)]))
+    insets, inset_stds = _insets(*np.concatenate(ends).T)
+    return SeenShape(biases, 0.0, depth_stds, 1.0, insets, inset_stds)
+
+
+def seen_shape_of(samples: Sequence[tuple[Scenario, Scans]], shape: ClassShape) -> SeenShape:
     """What a sensor sees of a class, from scenarios with its road users, and their scans."""
-    scenes = [_points(scenario, scans, k) for scenario, scans in samples for k in range(len(scans))]
+    scenes = [
+        _points(scenario, scans, k, shape) for scenario, scans in samples for k in range(len(scans))
+    ]
     seen = [points for points in scenes if len(points)]
     rows = np.concatenate(seen)
     biases, per_std, depth_stds, factor = _depths(np.concatenate([rows, _mirrored(rows)]))
     low = np.stack([points[np.argmin(points[:, 1])] for points in seen])
     high = np.stack([points[np.argmax(points[:, 1])] for points in seen])
     ends = np.concatenate([low, _mirrored(high)])
-    inset, inset_std = _insets(ends[:, 0], ends[:, 1] - ends[:, 2])
-    other_side = -np.arange(NODES[0]) % NODES[0]
-    return SeenShape(
-        depth_biases=biases,
-        bias_per_std=per_std,
-        depth_stds=depth_stds,
-        std_factor=factor,
-        insets=np.stack([inset, inset[other_side]]),
-        inset_stds=np.stack([inset_std, inset_std[other_side]]),
-    )
+    insets, inset_stds = _insets(ends[:, 0], ends[:, 1] - ends[:, 2])
+    return SeenShape(biases, per_std, depth_stds, factor, insets, inset_stds)
 
 
 def mean_radii(outlines: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Mean radii (360,) m of outlines (M, 2) m, and their std (360,) m when scaled to one size."""
-    sizes = np.stack([np.ptp(outline, axis=0) for outline in outlines])
-    mean_size = sizes.mean(axis=0)
-    angles = 2.0 * np.pi * np.arange(RADII) / RADII
-    radii = np.stack(
-        [
-            _radii(outline * (mean_size / size), angles)
-            for outline, size in zip(outlines, sizes, strict=True)
-        ]
-    )
+    """Mean radii (360,) m of outlines (M, 2) m, and their standard deviations (360,) m."""
+    radii = np.stack([_radii(outline, _angles()) for outline in outlines])
     return radii.mean(axis=0), radii.std(axis=0)
+
+
+def _boxes(scenarios: Sequence[Scenario]) -> np.ndarray:
+    """Lengths and widths (n, 2) m of the road users' boxes, in all poses of the limbs."""
+    return np.array([np.ptp(scenario.box_target, axis=0) for scenario in scenarios])
+
+
+def _of_size(scenarios: Sequence[Scenario], size: np.ndarray) -> list[np.ndarray]:
+    """The outlines (M, 2) m, one for each pose of the limbs, of road users with a box of `size`."""
+    return [
+        contour * (size / box)
+        for scenario, box in zip(scenarios, _boxes(scenarios), strict=True)
+        for contour in scenario.contours_target
+    ]
+
+
+def _angles() -> np.ndarray:
+    return 2.0 * np.pi * np.arange(RADII) / RADII
+
+
+def _unit(angles: np.ndarray) -> np.ndarray:
+    return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
 
 
 def _radii(outline: np.ndarray, angles: np.ndarray) -> np.ndarray:
@@ -91,11 +134,11 @@ def _radii(outline: np.ndarray, angles: np.ndarray) -> np.ndarray:
     return np.where(crossed, radius, 0.0).max(axis=1)
 
 
-def _points(scenario: Scenario, scans: Scans, k: int) -> np.ndarray:
+def _points(scenario: Scenario, scans: Scans, k: int, shape: ClassShape) -> np.ndarray:
     """The target's points of scan k: rows (n, 7).
 
-    Aspect rad; offset m; the outline's least and greatest offset m at that aspect; distance behind
-    the outline m; standard deviation of the range m; offset in halves of the outline's width from
+    The outline is that of the class, with the size of the target. Aspect rad; offset m; the
+    outline's least and greatest offset m at that aspect; distance behind the outline m; standard deviation of the range m; offset in halves of the outline's width from
     its middle.
     """
     pose, sensor = scenario.target_poses_world[k], scans.sensor_poses_world[k]
@@ -111,8 +154,9 @@ def _points(scenario: Scenario, scans: Scans, k: int) -> np.ndarray:
     aspect = np.arctan2(-along[:, 1], -along[:, 0])
     offset = along[:, 0] * origin[1] - along[:, 1] * origin[0]
     depth = np.einsum("ni,ni->n", body, along)
-    low, high = widths(scenario.contour_target(k), aspect)
-    outline = first_depths(scenario.contour_target(k), aspect, offset[:, None])[:, 0]
+    scaled = shape.outline * (_boxes([scenario])[0] / shape.size)
+    low, high = widths(scaled, aspect)
+    outline = first_depths(scaled, aspect, offset[:, None])[:, 0]
     behind = depth - outline
     place = (2.0 * offset - low - high) / (high - low)
     near = (
@@ -184,7 +228,10 @@ def _depths(rows: np.ndarray) -> tuple[np.ndarray, float, np.ndarray, float]:
 
 
 def _insets(aspect: np.ndarray, inset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and standard deviation (24,) m of the insets (n,) m of ends seen at `aspect` (n,)."""
+    """`insets` (2, 24) m and `inset_stds` of the insets (n,) m of low ends at `aspect` (n,) rad.
+
+    The high ends are those of the mirrored target.
+    """
     nodes = _aspect_weights(aspect)
     penalty = 2.0 * _penalty(NODES[0], 1) + 0.3 * np.eye(NODES[0])
     weights = np.ones(len(nodes))
@@ -195,4 +242,6 @@ def _insets(aspect: np.ndarray, inset: np.ndarray) -> tuple[np.ndarray, np.ndarr
         left = inset - nodes @ found
         weights = 1.0 / (1.0 + (left / 0.08) ** 2)
     squares = inverse @ (weighted.T @ np.minimum(left**2, 0.3**2) + 0.3 * 0.06**2)
-    return found, np.sqrt(np.maximum(squares, LEAST_INSET_STD**2))
+    stds = np.sqrt(np.maximum(squares, LEAST_INSET_STD**2))
+    other_side = -np.arange(NODES[0]) % NODES[0]
+    return np.stack([found, found[other_side]]), np.stack([stds, stds[other_side]])
