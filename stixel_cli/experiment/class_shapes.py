@@ -3,8 +3,8 @@
     python -m stixel_cli.experiment.class_shapes
 
 takes the mean outline and the mean box of drawn shapes, runs the classes on four paths with tuning
-seeds and shapes (1000 and above), and fits what stixels and lidars see of them. Run it again when the renderer, the
-matcher, the stixels or the road users' shapes have changed.
+seeds and shapes (1000 and above), and fits what stixels and lidars see of them. Run it again when
+the renderer, the matcher, the stixels or the road users' shapes have changed.
 """
 
 import dataclasses

@@ -1,11 +1,12 @@
 """What is known of a class of road users: its mean outline, and what a sensor sees of it.
 
 The numbers are in `class_shapes.py`, which is generated. They differ from the prior's rectangle or
-ellipse in two ways. The outline is the class's own. And it comes with *seen* shapes, one for
-stixels, one for lidars and one for a sensor that measures the outline itself: for every aspect and offset of a ray (see `ray_table.py`), how far
-behind the outline a point is measured, and where the sensor sees the road user begin and end. Thin
-parts at the edge, such as a wheel seen from the front or a hand, are no obstacle of their column of
-the image, so a stixel shows what is behind them; a lidar's beams miss them.
+ellipse in two ways. The outline is the class's own. And it comes with *seen* shapes, one each for
+stixels, for lidars and for a sensor that measures the outline itself: for every aspect and offset
+of a ray (see `ray_table.py`), how far behind the outline a point is measured, and where the sensor
+sees the road user begin and end. Thin parts at the edge, such as a wheel seen from the front or a
+hand, are no obstacle of their column of the image, so a stixel shows what is behind them; a lidar's
+beams miss them.
 
 Frame: target, x along the heading, y left; m and rad.
 """

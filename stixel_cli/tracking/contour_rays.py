@@ -72,9 +72,7 @@ def sight_of(road_user: RoadUserClass, tracker: ContourParameters) -> Sight:
     """What the sensor sees of a class: stixels and lidars less than the outline."""
     outline = tracker.seen_by not in ("simulated", "lidar")
     seen = seen_shape(road_user, "outline" if outline else tracker.seen_by)
-    table = seen_table(
-        class_shape(road_user).outline, seen, blurred=tracker.seen_by == "simulated"
-    )
+    table = seen_table(class_shape(road_user).outline, seen, blurred=tracker.seen_by == "simulated")
     return Sight(table, seen.bias_per_std, seen.std_factor, outline)
 
 
@@ -139,4 +137,3 @@ def sampling_inset(rays: Rays, sight: Sight) -> tuple[float, float]:
 def range_biases(rays: Rays, tracker: ContourParameters) -> np.ndarray:
     """Standard deviations (n,) m of the error of the ranges that all scans share."""
     return tracker.bias_std * (rays.ranges / 10.0) ** 2
-

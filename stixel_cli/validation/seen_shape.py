@@ -34,7 +34,7 @@ LEAST_DEPTH_STD, LEAST_INSET_STD = 0.03, 0.015
 
 ROUNDS = 4
 
-DRAWN_RAYS = (72, 20)
+DRAWN_RAYS = (24, 10)
 """Even aspects, and even offsets over an outline's width, of the rays on drawn outlines."""
 
 
@@ -138,8 +138,8 @@ def _points(scenario: Scenario, scans: Scans, k: int, shape: ClassShape) -> np.n
     """The target's points of scan k: rows (n, 7).
 
     The outline is that of the class, with the size of the target. Aspect rad; offset m; the
-    outline's least and greatest offset m at that aspect; distance behind the outline m; standard deviation of the range m; offset in halves of the outline's width from
-    its middle.
+    outline's least and greatest offset m at that aspect; distance behind the outline m; standard
+    deviation of the range m; offset in halves of the outline's width from its middle.
     """
     pose, sensor = scenario.target_poses_world[k], scans.sensor_poses_world[k]
     points = scans.points_world[scans.rows(k)]

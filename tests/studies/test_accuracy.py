@@ -88,7 +88,7 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny, tmp_path):
     assert all(row["mean IoU, hull"] != "" and row["mean IoU, box"] != "" for row in near)
     assert [(row["road user"], row["without"]) for row in table(folder, "ablation")] == [
         ("pedestrian", "–"),
-        ("pedestrian", "error that all points share"),
+        ("pedestrian", "Student weights"),
     ]
     right, other = table(folder, "wrong_class")
     assert (right["prior"], other["prior"]) == ("pedestrian", "car")
@@ -100,7 +100,7 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny, tmp_path):
     page = load_page(tmp_path)
     page.main(folder)
     text = page.PAGE.read_text(encoding="utf-8")
-    assert "| pedestrian | error that all points share |" in text
+    assert "| pedestrian | Student weights |" in text
     assert "Not measured yet" not in text and text.count("<!--") == 2
 
 

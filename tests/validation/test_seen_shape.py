@@ -9,8 +9,14 @@ from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.fabricated import fabricate_scans
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
+from stixel_cli.tracking.class_shape import seen_table
 from stixel_cli.tracking.class_size import ClassSize
-from stixel_cli.validation.seen_shape import class_shape_of, mean_radii, seen_shape_of
+from stixel_cli.validation.seen_shape import (
+    class_shape_of,
+    mean_radii,
+    outline_seen_of,
+    seen_shape_of,
+)
 
 BOX = np.array([[2.0, -0.9], [2.0, 0.9], [-2.0, 0.9], [-2.0, -0.9]])
 BEHIND, PER_STD = 0.2, 0.5
@@ -39,21 +45,62 @@ def sample():
     return scenario, dataclasses.replace(scans, points_world=behind)
 
 
-def test_seen_shape_is_found_behind_the_outline(sample):
-    shape = seen_shape_of([sample])
-    assert np.abs(shape.depth_biases[:, 2:-2] - BEHIND).max() < 0.06
-    assert shape.bias_per_std == pytest.approx(PER_STD, abs=0.3)
-    assert 0.7 < shape.std_factor < 1.3
-    assert np.abs(shape.insets).max() < 0.08
+@pytest.fixture(scope="module")
+def shape(sample):
+    return class_shape_of([sample[0]])
 
 
-def test_outline_of_one_road_user_is_its_own(sample):
-    shape = class_shape_of([sample[0]])
+def test_seen_shape_is_found_behind_the_outline(sample, shape):
+    seen = seen_shape_of([sample], shape)
+    assert np.abs(seen.depth_biases[:, 2:-2] - BEHIND).max() < 0.06
+    assert seen.bias_per_std == pytest.approx(PER_STD, abs=0.3)
+    assert 0.7 < seen.std_factor < 1.3
+    assert np.abs(seen.insets).max() < 0.08
+
+
+def test_outline_of_one_road_user_is_its_own(shape):
     np.testing.assert_allclose(shape.size, [4.0, 1.8], rtol=0.02)
+    np.testing.assert_allclose(np.ptp(shape.outline, axis=0), [4.0, 1.8], rtol=0.02)
     np.testing.assert_array_equal(shape.outline_stds, 0.0)
 
 
-def test_points_of_the_background_do_not_change_the_seen_shape(sample):
+def walker(stride, scale):
+    """A road user whose length is 0.4 m, at half of the instants that plus its stride."""
+    half = 0.5 * np.array([[0.4, -0.5], [0.4, 0.5], [-0.4, 0.5], [-0.4, -0.5]])
+    poses = [half, half * [1.0 + stride / 0.4, 1.0]]
+    return Scenario(
+        times=np.arange(2.0),
+        ego_poses_world=np.zeros((2, 3)),
+        target_poses_world=np.zeros((2, 3)),
+        target_rates_world=np.zeros((2, 3)),
+        contours_target=scale * np.stack(poses),
+        limb_poses=np.array([0, 1]),
+        star_convex=True,
+    )
+
+
+def test_one_that_walks_has_the_size_of_its_box_and_an_outline_between_all_instants_and_it():
+    shape = class_shape_of([walker(0.16, 1.0), walker(0.16, 1.5)])
+    np.testing.assert_allclose(shape.size, [0.7, 0.625])
+    # The outlines of that size are 0.5 and 0.7 m long.
+    np.testing.assert_allclose(np.ptp(shape.outline, axis=0), [0.65, 0.625], rtol=0.01)
+
+
+def test_a_sensor_of_the_outline_sees_its_mean_and_how_far_it_swings():
+    walkers = [walker(0.16, 1.0), walker(0.16, 1.5)]
+    shape = class_shape_of(walkers)
+    table = seen_table(shape.outline, outline_seen_of(walkers, shape), blurred=False)
+    middle, side = table.depths.shape[1] // 2, len(table.depths) // 4
+    assert table.depths[0, middle] == pytest.approx(-0.3, abs=0.02)
+    assert table.stds[0, middle] == pytest.approx(0.05, abs=0.02)
+    # From the side the swing moves the ends and not the depth.
+    assert table.depths[side, middle] == pytest.approx(-0.3125, abs=0.02)
+    assert table.stds[side, middle] < 0.04
+    assert table.high[side] == pytest.approx(0.3, abs=0.02)
+    assert table.high_stds[side] == pytest.approx(0.05, abs=0.03)
+
+
+def test_points_of_the_background_do_not_change_the_seen_shape(sample, shape):
     scenario, scans = sample
     wall = np.array([[0.0, 40.0], [3.0, 40.0]])
     parts = [
@@ -64,22 +111,20 @@ def test_points_of_the_background_do_not_change_the_seen_shape(sample):
         for k in range(len(scans))
     ]
     mixed = Scans.of_each(scans.times, scans.sensor_poses_world, parts)
-    plain, among = seen_shape_of([sample]), seen_shape_of([(scenario, mixed)])
+    plain, among = (seen_shape_of([each], shape) for each in (sample, (scenario, mixed)))
     np.testing.assert_allclose(among.depth_biases, plain.depth_biases, atol=1e-9)
 
 
-def test_mean_outline_of_two_sizes_has_the_mean_size():
+def test_mean_radii_of_two_sizes_are_those_of_the_mean_size():
     radii, stds = mean_radii([BOX, 1.2 * BOX])
     assert radii[0] == pytest.approx(2.2)
     assert radii[len(radii) // 4] == pytest.approx(0.99)
-    np.testing.assert_allclose(stds, 0.0, atol=1e-12)
-    _, stds = mean_radii([BOX, np.array([[2.0, 0.0], [0.0, 0.9], [-2.0, 0.0], [0.0, -0.9]])])
-    assert stds.max() > 0.1
+    assert (stds[0], stds[len(radii) // 4]) == pytest.approx((0.2, 0.09))
 
 
-def test_knowledge_comes_from_tuning_seeds_and_survives_its_text(sample):
+def test_knowledge_comes_from_tuning_seeds_and_survives_its_text(sample, shape):
     assert min(SEEDS) >= 1000
-    shape, seen = class_shape_of([sample[0]]), seen_shape_of([sample])
+    seen = seen_shape_of([sample], shape)
     size = ClassSize(np.array([4.52, 1.83]), np.array([0.07, 0.04]))
     text = entry("car", size, shape, {"lidar": seen})
     known = eval("{" + text + "}", {})["car"]

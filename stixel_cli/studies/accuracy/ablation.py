@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 TERMS = {
-    "error that all points share": ("shared_std", "shared_factor"),
-    "error that neighbours share": ("neighbour_std",),
     "Student weights": ("degrees_of_freedom",),
     "silhouettes": ("silhouette_factor",),
     "seen shape": ("seen_by",),
