@@ -34,6 +34,9 @@ LEAST_DEPTH_STD, LEAST_INSET_STD = 0.03, 0.015
 
 ROUNDS = 4
 
+TOWARDS_BOX = 2.0 / 3.0
+"""0: the best outlines of drawn pedestrians; 1: the best boxes. Cars are best at 0.5."""
+
 DRAWN_RAYS = (24, 10)
 """Even aspects, and even offsets over an outline's width, of the rays on drawn outlines."""
 
@@ -41,16 +44,15 @@ DRAWN_RAYS = (24, 10)
 def class_shape_of(scenarios: Sequence[Scenario]) -> ClassShape:
     """The mean outline of the road users of `scenarios`, and the mean of their boxes.
 
-    A mean of radii is smaller than the outlines that it is the mean of, where limbs swing. So it is
-    scaled, to half-way between the mean extents of the outlines and the box, which holds the limbs
-    in all poses: the one is what the outline of an instant is compared with, the other the box.
+    A mean of radii is smaller than the outlines that it is the mean of, where limbs swing or mirrors
+    differ in place. The outline is compared with that of an instant, its box with one that holds
+    the limbs in all poses. So its extents are `TOWARDS_BOX` of the way from the mean's to the box.
     """
     size = _boxes(scenarios).mean(axis=0)
-    outlines = _of_size(scenarios, size)
-    radii, stds = mean_radii(outlines)
+    radii, stds = mean_radii(_of_size(scenarios, size))
     outline = radii[:, None] * _unit(_angles())
-    extents = 0.5 * (size + np.mean([np.ptp(each, axis=0) for each in outlines], axis=0))
-    radii = _radii(outline * (extents / np.ptp(outline, axis=0)), _angles())
+    extents = np.ptp(outline, axis=0)
+    radii = _radii(outline * (1.0 + TOWARDS_BOX * (size / extents - 1.0)), _angles())
     return ClassShape(outline=radii[:, None] * _unit(_angles()), outline_stds=stds, size=size)
 
 

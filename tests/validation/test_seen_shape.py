@@ -79,11 +79,11 @@ def walker(stride, scale):
     )
 
 
-def test_one_that_walks_has_the_size_of_its_box_and_an_outline_between_all_instants_and_it():
+def test_one_that_walks_has_the_size_of_its_box_and_an_outline_between_the_mean_and_it():
     shape = class_shape_of([walker(0.16, 1.0), walker(0.16, 1.5)])
     np.testing.assert_allclose(shape.size, [0.7, 0.625])
     # The outlines of that size are 0.5 and 0.7 m long.
-    np.testing.assert_allclose(np.ptp(shape.outline, axis=0), [0.65, 0.625], rtol=0.01)
+    np.testing.assert_allclose(np.ptp(shape.outline, axis=0), [0.6 + 0.2 / 3.0, 0.625], rtol=0.01)
 
 
 def test_a_sensor_of_the_outline_sees_its_mean_and_how_far_it_swings():
@@ -95,7 +95,7 @@ def test_a_sensor_of_the_outline_sees_its_mean_and_how_far_it_swings():
     assert table.stds[0, middle] == pytest.approx(0.05, abs=0.02)
     # From the side the swing moves the ends and not the depth.
     assert table.depths[side, middle] == pytest.approx(-0.3125, abs=0.02)
-    assert table.stds[side, middle] < 0.04
+    assert table.stds[side, middle] < 0.045
     assert table.high[side] == pytest.approx(0.3, abs=0.02)
     assert table.high_stds[side] == pytest.approx(0.05, abs=0.03)
 
