@@ -1,4 +1,4 @@
-"""The page that plays a run back, in a browser: what it shows."""
+"""What the tests read and set on the page that plays a run back, in a browser."""
 
 import re
 
