@@ -14,9 +14,9 @@ from stixel_cli.studies.file import find_study, read_study
 from stixel_cli.studies.motions import tracks
 from stixel_cli.studies.motions.findings import (
     ALIKE,
-    HOLDS,
     NEW,
     REVERSED,
+    SAME,
     TOO_FEW,
     UNCONFIRMED,
     Finding,
@@ -162,7 +162,7 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny, data, monkeypatch):
 
 
 VERDICTS = {
-    HOLDS: ((0.1, 0.3), (0.2, 0.9)),
+    SAME: ((0.1, 0.3), (0.2, 0.9)),
     ALIKE: ((-0.1, 0.3), (-0.2, 0.9)),
     UNCONFIRMED: ((-0.3, -0.1), (-0.2, 0.9)),
     NEW: ((-0.3, 0.1), (0.2, 0.9)),

@@ -32,7 +32,7 @@ POINTS = {
 FABRICATED = "fabricated"
 HAND, REAL = "hand-made", "real"
 
-HOLDS, ALIKE = "holds", "no difference in either"
+SAME, ALIKE = "same sign", "no difference in either"
 UNCONFIRMED, NEW, REVERSED, TOO_FEW = "not confirmed", "new", "reversed", "too few motions"
 
 
@@ -86,7 +86,7 @@ class Finding:
         if sides[0] * sides[1] < 0:
             return REVERSED
         if sides[0] == sides[1]:
-            return HOLDS if sides[0] else ALIKE
+            return SAME if sides[0] else ALIKE
         return UNCONFIRMED if sides[0] else NEW
 
 

@@ -15,11 +15,11 @@ from stixel_cli.studies.motions.findings import (
     ALIKE,
     ERRORS,
     HAND,
-    HOLDS,
     NEW,
     POINTS,
     REAL,
     REVERSED,
+    SAME,
     TOO_FEW,
     UNCONFIRMED,
     Finding,
@@ -114,7 +114,7 @@ def _answer(question: str, found: Sequence[Finding]) -> dict[str, Any]:
     """The findings of a question by verdict, and those that differ between the motions."""
     by_verdict = {
         verdict: [one for one in found if one.verdict == verdict]
-        for verdict in (HOLDS, ALIKE, UNCONFIRMED, NEW, REVERSED, TOO_FEW)
+        for verdict in (SAME, ALIKE, UNCONFIRMED, NEW, REVERSED, TOO_FEW)
     }
     return {
         "question": question,
