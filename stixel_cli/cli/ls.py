@@ -14,7 +14,7 @@ from stixel_cli.errors import UserError
 if TYPE_CHECKING:
     from stixel_cli.results.reader import ListedRun
 
-MOST_AXES = 4
+MOST_AXES = 5
 """Axes of a sweep in its line."""
 
 SHOWN = ("centre_rmse_m", "iou_mean", "iou_box_mean")
@@ -90,7 +90,7 @@ def _swept(folder: Path) -> str:
         if keys
     ]
     if len(axes) > MOST_AXES:
-        axes = [*axes[:MOST_AXES], f"+{len(axes) - MOST_AXES} axes"]
+        axes = [*axes[:MOST_AXES], f"and {len(axes) - MOST_AXES} more"]
     count = len(request.runs)
     runs = f"{count} run" if count == 1 else f"{count} runs"
     return ", ".join([" ".join(axes), runs] if axes else [runs])
