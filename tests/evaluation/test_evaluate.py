@@ -380,6 +380,20 @@ def test_only_scans_with_a_truth_that_counts_are_scored():
     assert "scored_scans" not in evaluate(track_with(SHIFTS), SCENARIO, SCANS).metrics
 
 
+@pytest.mark.filterwarnings("error")
+def test_without_any_truth_there_are_metrics_of_the_scans():
+    unknown = np.full((COUNT, 3), np.nan)
+    scenario = dataclasses.replace(
+        SCENARIO,
+        target_poses_world=unknown,
+        target_rates_world=unknown,
+        contours_target=np.zeros((1, 0, 2)),
+    )
+    metrics = evaluate(track_with(SHIFTS), scenario, SCANS).metrics
+    assert metrics["scans"] == 5 and metrics["nis_mean"] == pytest.approx(5.5 / 4)
+    assert "centre_rmse_m" not in metrics and "iou_mean" not in metrics
+
+
 def test_if_no_scan_counts_there_are_no_scores():
     scenario = dataclasses.replace(SCENARIO, scored=np.zeros(5, dtype=bool))
     metrics = evaluate(track_with(SHIFTS), scenario, SCANS).metrics
