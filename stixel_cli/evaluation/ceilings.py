@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from stixel_cli.evaluation.contour_errors import areas, overlaps
+from stixel_cli.evaluation.overlaps import areas, overlaps
 from stixel_cli.evaluation.scan_errors import Ceilings
 from stixel_cli.scene.mesh import corners
 from stixel_cli.scene.outline import outline

@@ -2,12 +2,13 @@
 
 Conventions: K scans. The contours of all scans are polygons (K, M, 2) m in one frame, the first
 vertex not repeated. Poses (K, 3) = x m, y m, heading rad in that frame. If a polygon is not finite,
-its error is NaN, but an overlap is 0. The functions compute all scans at once.
+its error is NaN. The functions compute all scans at once.
 """
 
 import numpy as np
 import shapely
 
+from stixel_cli.evaluation.overlaps import CHUNK, cross
 from stixel_cli.geometry.pose import rotation
 
 SAMPLES = 72
@@ -19,9 +20,6 @@ COVERED = 1.96
 SHRUNK = 0.01
 """Parts of a target that are thinner than twice this, m, hide nothing of it."""
 
-CHUNK = 4
-"""Scans whose distances are computed at once: their arrays fit into the processor's cache."""
-
 
 def in_frames(points: np.ndarray, poses: np.ndarray) -> np.ndarray:
     """Points (K, N, 2) m in the frames whose poses are (K, 3)."""
@@ -31,27 +29,6 @@ def in_frames(points: np.ndarray, poses: np.ndarray) -> np.ndarray:
 def _rotations(poses: np.ndarray) -> np.ndarray:
     """Rotation matrices (K, 2, 2) of the headings."""
     return np.moveaxis(rotation(poses[:, 2]), -1, 0)
-
-
-def areas(polygons: np.ndarray) -> np.ndarray:
-    """Valid shapely geometries (K,) of polygons; empty where a polygon is not finite.
-
-    A polygon that crosses itself is repaired by shapely's `make_valid`: its area consists of the
-    points that it encloses an odd number of times.
-    """
-    found = np.full(len(polygons), shapely.Polygon(), dtype=object)
-    finite = np.isfinite(polygons).all(axis=(1, 2))
-    found[finite] = shapely.polygons(polygons[finite])
-    crossed = ~shapely.is_valid(found)
-    found[crossed] = shapely.make_valid(found[crossed])
-    return found
-
-
-def overlaps(estimated: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """Intersection over union (K,), 0 … 1, of shapely geometries (K,); 0 for two empty ones."""
-    common = shapely.area(shapely.intersection(estimated, true))
-    union = shapely.area(estimated) + shapely.area(true) - common
-    return np.clip(np.divide(common, union, out=np.zeros_like(common), where=union > 0.0), 0.0, 1.0)
 
 
 def boxes(polygons: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -172,20 +149,15 @@ def seen_points(
             shapely.get_rings(shapely.get_parts(inside)), return_index=True
         )
         along, is_edge, ends = np.diff(corners, axis=0), np.diff(rings) == 0, points[pose]
-        beyond = _cross(along, ends[:, None] - corners[:-1]) > 0.0
+        beyond = cross(along, ends[:, None] - corners[:-1]) > 0.0
         for k in np.flatnonzero(poses == pose):
             # The sensor and the point are on different sides of the edge's line, and the edge's
             # ends are on different sides of the line from the sensor to the point.
             offsets, rays = corners - sensors[k], ends - sensors[k]
-            between = is_edge & ((_cross(offsets[:-1], along) > 0.0) != beyond)
+            between = is_edge & ((cross(offsets[:-1], along) > 0.0) != beyond)
             side = (rays[:, ::-1] * [-1.0, 1.0]) @ offsets.T > 0.0
             seen[k] = ~(between & (side[:, 1:] != side[:, :-1])).any(axis=1)
     return seen
-
-
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Cross products of vectors (…, 2)."""
-    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
 def differences_along_rays(

@@ -14,18 +14,17 @@ import shapely
 
 from stixel_cli.evaluation.contour_errors import (
     COVERED,
-    areas,
     boundary_distances,
     boxes,
     differences_along_rays,
     even_points,
     gaussian_wasserstein,
     in_frames,
-    overlaps,
     seen_points,
 )
 from stixel_cli.evaluation.label_types import LabelScores
 from stixel_cli.evaluation.metric_table import METRICS, OF_CLASSES, OF_SIZE, Scores
+from stixel_cli.evaluation.overlaps import areas, intersections_over_unions, overlaps
 from stixel_cli.evaluation.scan_errors import LEAST_OFF, NO_CEILINGS, Ceilings, ScanErrors
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
@@ -182,7 +181,9 @@ def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
     estimated_boxes, sides = boxes(estimated, np.column_stack([places, headings]))
     # The box of all poses of the limbs: that of a label.
     low, high = scenario.box_target
-    iou_box = overlaps(areas(estimated_boxes), shapely.box(*low, *high))
+    corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+    true_boxes = np.broadcast_to(corners, estimated_boxes.shape)
+    iou_box = intersections_over_unions(estimated_boxes, true_boxes)
     length, width = (sides - (high - low)).T
     errors: dict[str, Any] = {
         "iou_box": iou_box,
@@ -194,8 +195,7 @@ def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
         names = ("iou", "iou_hull", "gaussian_wasserstein", "hausdorff", "contour_distance")
         missing = (*names, "seen_contour", "band_coverage")
         return errors | {name: np.full(len(truth), np.nan) for name in missing}
-    estimated_areas, true_areas = areas(estimated), areas(contours)
-    hulls = shapely.convex_hull(true_areas)
+    hulls, true_hulls = (shapely.convex_hull(areas(one)) for one in (estimated, contours))
     on_contours = even_points(contours)
     points = on_contours[limbs]
     to_true = boundary_distances(even_points(estimated), true)
@@ -212,19 +212,14 @@ def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
     )
     hidden = np.ma.masked_array(to_estimated, ~seen)
     return errors | {
-        "iou": overlaps(estimated_areas, true_areas[limbs]),
-        "iou_hull": overlaps(shapely.convex_hull(estimated_areas), hulls[limbs]),
+        "iou": intersections_over_unions(estimated, true),
+        "iou_hull": overlaps(hulls, true_hulls[limbs]),
         "gaussian_wasserstein": gaussian_wasserstein(estimated, true),
         "hausdorff": both.max(axis=1),
         "contour_distance": both.mean(axis=1),
         "seen_contour": hidden.mean(axis=1).filled(np.nan),
         "band_coverage": np.mean(np.abs(differences) <= COVERED * std, axis=1),
     }
-
-
-def intersections_over_unions(estimated: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """IoU (K,) of the areas inside polygons, see `contour_errors.areas`; 0 if not finite."""
-    return overlaps(areas(estimated), areas(true))
 
 
 def off_target(centre: np.ndarray, iou_box: np.ndarray, length: float) -> np.ndarray:

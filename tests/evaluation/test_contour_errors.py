@@ -9,16 +9,15 @@ from scipy.spatial.distance import directed_hausdorff
 from stixel_cli.evaluation.contour_errors import (
     SHRUNK,
     area_moments,
-    areas,
     boundary_distances,
     boxes,
     differences_along_rays,
     even_points,
     gaussian_wasserstein,
-    overlaps,
     seen_points,
 )
-from stixel_cli.evaluation.evaluate import intersections_over_unions, normalised_errors
+from stixel_cli.evaluation.evaluate import normalised_errors
+from stixel_cli.evaluation.overlaps import areas, common_areas, intersections_over_unions, overlaps
 from stixel_cli.geometry.pose import target_from_world, world_from_target
 
 SQUARE = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]], float)
@@ -161,6 +160,21 @@ def test_difference_along_rays_agrees_with_shapely():
             )
             expected = apart - shapely.distance(met, shapely.Point(centres[k]))
             assert difference == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e-15, 1e-9, 1e-3, 1.0, 100.0])
+def test_common_areas_agree_with_shapely(shift):
+    """Also of polygons that are equal, or nearly equal, and of vertical edges."""
+    one, _ = contours(13, 5)
+    other = np.concatenate([one[:3] + shift, contours(14, 2)[0]])
+    for first, second in ((one, other), (other[:, ::-1], one)):
+        expected = shapely.area(shapely.intersection(areas(first), areas(second)))
+        np.testing.assert_allclose(common_areas(first, second), expected, rtol=1e-9, atol=1e-12)
+    box = np.array([[0, 0], [4, 0], [4, 2], [0, 2]], float)
+    for turn in (0.0, 0.5 * np.pi, np.pi):
+        moved = world_from_target(box, np.array([shift, 1.0, turn]))
+        expected = shapely.Polygon(box).intersection(shapely.Polygon(moved)).area
+        assert common_areas(moved[None], box[None]) == pytest.approx(expected, abs=1e-9)
 
 
 def test_distance_of_a_point_on_an_outline_without_length_or_area():

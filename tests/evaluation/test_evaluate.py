@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from stixel_cli.evaluation.evaluate import (
     centre_errors,
     evaluate,
-    intersections_over_unions,
     normalised_errors,
     orientation_errors,
 )
+from stixel_cli.evaluation.overlaps import intersections_over_unions
 from stixel_cli.evaluation.scan_errors import Ceilings
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.scans import Scans
