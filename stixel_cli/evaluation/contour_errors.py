@@ -100,26 +100,25 @@ def boundary_distances(points: np.ndarray, polygons: np.ndarray) -> np.ndarray:
     is beyond its ends. Both are linear in the point, so that a small one keeps its digits.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
-        # Near the origin, so that the distance from it does not cost digits.
-        start, offsets = polygons - polygons[:, :1], points - polygons[:, :1]
-        end = np.roll(start, -1, axis=1)
-        length = np.hypot(*np.moveaxis(end - start, -1, 0))[..., None]
+        # Near the origin, so that the distance from it does not cost digits. Complex numbers are
+        # the vectors: a product with the conjugate of a direction gives both parts.
+        start = (polygons - polygons[:, :1]) @ [1.0, 1j]
+        edge = np.roll(start, -1, axis=1) - start
+        length = np.abs(edge)
         # An edge without a length is a point: any direction is right.
-        tangent = np.where(length > 0.0, (end - start) / length, [1.0, 0.0])
-        normal = tangent[..., ::-1] * [-1.0, 1.0]
-        middle = 0.5 * (start + end)
-        forms = [
-            np.concatenate([way, -(way * middle).sum(axis=-1, keepdims=True)], axis=-1)
-            for way in (tangent, normal)
-        ]
-        places = np.concatenate([offsets, np.ones_like(offsets[..., :1])], axis=-1)
-        places = places.transpose(0, 2, 1)
+        tangent = np.where(length > 0.0, edge / length, 1.0)
+        middle = tangent.conj() * (start + 0.5 * edge)
+        along_form = np.stack([tangent.real, tangent.imag, -middle.real], axis=-1)
+        across_form = np.stack([-tangent.imag, tangent.real, -middle.imag], axis=-1)
+        half = 0.5 * length[..., None]
+        places = np.ones((len(points), 3, points.shape[1]))
+        places[:, :2] = (points - polygons[:, :1]).transpose(0, 2, 1)
         square = np.empty(points.shape[:2])
         for k in range(0, len(points), CHUNK):
             few = slice(k, k + CHUNK)
-            along, across = (form[few] @ places[few] for form in forms)
+            along, across = along_form[few] @ places[few], across_form[few] @ places[few]
             np.abs(along, out=along)
-            along -= 0.5 * length[few]
+            along -= half[few]
             np.maximum(along, 0.0, out=along)
             along *= along
             across *= across
@@ -150,13 +149,14 @@ def seen_points(
         )
         along, is_edge, ends = np.diff(corners, axis=0), np.diff(rings) == 0, points[pose]
         beyond = cross(along, ends[:, None] - corners[:-1]) > 0.0
-        for k in np.flatnonzero(poses == pose):
+        scans = np.flatnonzero(poses == pose)
+        for few in np.split(scans, range(CHUNK, len(scans), CHUNK)):
             # The sensor and the point are on different sides of the edge's line, and the edge's
             # ends are on different sides of the line from the sensor to the point.
-            offsets, rays = corners - sensors[k], ends - sensors[k]
-            between = is_edge & ((cross(offsets[:-1], along) > 0.0) != beyond)
-            side = (rays[:, ::-1] * [-1.0, 1.0]) @ offsets.T > 0.0
-            seen[k] = ~(between & (side[:, 1:] != side[:, :-1])).any(axis=1)
+            offsets, rays = corners - sensors[few, None], ends - sensors[few, None]
+            between = is_edge & ((cross(offsets[:, :-1], along) > 0.0)[:, None] != beyond)
+            side = (rays[..., ::-1] * [-1.0, 1.0]) @ offsets.transpose(0, 2, 1) > 0.0
+            seen[few] = ~(between & (side[..., 1:] != side[..., :-1])).any(axis=2)
     return seen
 
 
