@@ -94,11 +94,11 @@ def test_tracker_runs(benchmark, cache, tmp_path, how):
     benchmark.pedantic(calls, rounds=1)
 
 
-@pytest.mark.benchmark(group="scores of a track, 100 scans")
 @pytest.mark.parametrize("tracker", ["gp_ekf", "contour"])
-@pytest.mark.parametrize("how", ["evaluate", "shapely, scan by scan"])
+@pytest.mark.parametrize("how", ["shapely, IoU and distances of outlines", "evaluate, all scores"])
 def test_scores(benchmark, cache, tracker, how):
-    """All scores; the reference computes only the outlines' overlaps and distances."""
+    """The reference computes only two of the scores, scan by scan."""
+    benchmark.group = f"scores of a track of {tracker}, 100 scans"
     import shapely
 
     from stixel_cli.engine.one_thread import one_thread
@@ -124,7 +124,7 @@ def test_scores(benchmark, cache, tracker, how):
         return np.mean(ious), np.maximum(farthest[::2], farthest[1::2]).mean()
 
     with one_thread():
-        if how == "evaluate":
+        if how == "evaluate, all scores":
             metrics = benchmark(evaluate, track, scenario, scans).metrics
             assert metrics["iou_mean"] == scores.metrics["iou_mean"]
         else:
