@@ -7,6 +7,7 @@ import sys
 import time
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from stixel_cli.cli.plan import plan as plan_command
@@ -91,6 +92,44 @@ def test_tracker_runs(benchmark, cache, tmp_path, how):
                 evaluate(found, given.scenario, given.scans)
 
     benchmark.pedantic(calls, rounds=1)
+
+
+@pytest.mark.parametrize("tracker", ["gp_ekf", "contour"])
+@pytest.mark.parametrize("how", ["shapely, IoU and distances of outlines", "evaluate, all scores"])
+def test_scores(benchmark, cache, tracker, how):
+    """The reference computes only two of the scores, scan by scan."""
+    benchmark.group = f"scores of a track of {tracker}, 100 scans"
+    import shapely
+
+    from stixel_cli.engine.one_thread import one_thread
+    from stixel_cli.evaluation.evaluate import evaluate
+
+    line = ["measurement=fabricated", f"tracker={tracker}", "seed=0,1"]
+    assert new_sweep(line).complete
+    graph = plan_runs(design_runs(sweep_design(line)))[0].graph
+    track, scenario, scans, scores = (
+        cache.load(graph.of_stage(name)[0].key) for name in ("track", "scenario", "scans", "scores")
+    )
+
+    def plain():
+        ious, farthest = [], []
+        for contours in zip(track.contours_world, scenario.contours_world, strict=True):
+            one, other = map(shapely.Polygon, contours)
+            common = one.intersection(other).area
+            ious.append(common / (one.area + other.area - common))
+            for points, outline in ((one, other), (other, one)):
+                along = np.arange(72) / 72
+                on = shapely.line_interpolate_point(points.exterior, along, normalized=True)
+                farthest.append(shapely.distance(on, outline.exterior).max())
+        return np.mean(ious), np.maximum(farthest[::2], farthest[1::2]).mean()
+
+    with one_thread():
+        if how == "evaluate, all scores":
+            metrics = benchmark(evaluate, track, scenario, scans).metrics
+            assert metrics["iou_mean"] == scores.metrics["iou_mean"]
+        else:
+            expected = scores.metrics["iou_mean"], scores.metrics["hausdorff_m"]
+            assert benchmark(plain) == pytest.approx(expected, rel=1e-9)
 
 
 def test_the_whole_process(tmp_path, cache):

@@ -27,6 +27,7 @@ SELECTED = (
     "bench_rendering_parts.py",
     "bench_tracking.py::test_scan",
     "bench_sweep.py::test_tracker_runs",
+    "bench_sweep.py::test_scores",
 )
 REAL = (DATA / "kitti2015").is_dir()
 INTRODUCTION = """# Benchmark

@@ -11,7 +11,7 @@ from stixel_cli.studies.tables import markdown_row, number, with_interval
 PAGE = Path(__file__).parent / "accuracy.md"
 BEGIN, END = "<!-- tables of the study -->", "<!-- end of the tables -->"
 TABLES = {
-    "ablation": "Each term left out (the first row of a road user: none)",
+    "ablation": "Each term left out (the first row of a road user has all terms)",
     "wrong_class": "The prior of another class, and of no class, next to that of the right one",
     "goals": "The tracker with all terms, next to the project's goals",
 }

@@ -9,9 +9,13 @@ from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.errors import tell
 from stixel_cli.cli.options import Json
 from stixel_cli.cli.terminal import print_json, print_table
+from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
     from stixel_cli.results.reader import ListedRun
+
+MOST_AXES = 5
+"""Axes of a sweep in its line."""
 
 SHOWN = ("centre_rmse_m", "iou_mean", "iou_box_mean")
 
@@ -30,7 +34,7 @@ def ls(
 ) -> int:
     """List runs and sweeps, oldest first, with what differs from the default.
 
-    Runs of a sweep are listed with the values that differ between them: give the sweep's folder.
+    A sweep is one line with its values. To list its runs, give its folder.
     """
     from stixel_cli.evaluation.metric_table import metric
     from stixel_cli.results.reader import list_runs
@@ -57,6 +61,8 @@ def ls(
 def _differences(run: "ListedRun") -> str:
     from stixel_cli.config.run_names import differences, short_setting
 
+    if run.kind == "sweep":
+        return _swept(run.path)
     if run.swept:
         return " ".join(short_setting(key, value) for key, value in run.swept.items())
     # The seed has a column of its own.
@@ -64,10 +70,35 @@ def _differences(run: "ListedRun") -> str:
     return " ".join(differences(run.choices, others))
 
 
+def _swept(folder: Path) -> str:
+    """`tracker=gp_ekf,contour seed=0..9, 20 runs`."""
+    from stixel_cli.config.run_names import swept_setting
+    from stixel_cli.sweeps.folder import SweepFolder
+
+    try:
+        request = SweepFolder(folder).request()
+    except UserError as fault:
+        tell(str(fault))
+        return "a sweep"
+    given = []
+    for overrides in request.runs:
+        parts = (text.partition("=") for text in overrides)
+        given.append({key.strip().lstrip("+"): value.strip() for key, _, value in parts})
+    axes = [
+        swept_setting(keys, list(dict.fromkeys(run[keys[0]] for run in given)))
+        for keys in request.axes
+        if keys
+    ]
+    if len(axes) > MOST_AXES:
+        axes = [*axes[:MOST_AXES], f"and {len(axes) - MOST_AXES} more"]
+    count = len(request.runs)
+    runs = f"{count} run" if count == 1 else f"{count} runs"
+    return ", ".join([" ".join(axes), runs] if axes else [runs])
+
+
 def _row(run: "ListedRun") -> list[str]:
     from stixel_cli.report.metrics import shown_value
 
-    what = "a sweep" if run.kind == "sweep" else _differences(run)
     seed = "" if run.seed is None else str(run.seed)
     shown = [shown_value(n, run.metrics[n]) if n in run.metrics else "" for n in SHOWN]
-    return [str(run.path), run.created[:19].replace("T", " "), what, seed, *shown]
+    return [str(run.path), run.created[:19].replace("T", " "), _differences(run), seed, *shown]

@@ -25,8 +25,8 @@ VALUES = {
     "stereo.subpixel": "phase_table",
     "occupancy.nearest": 2.0,
 }
-"""Values for real images, where the user sets none: the road may be steep, obstacles near. One
-matching is half of the time, and on real pairs as good as two (docs/real-data.md)."""
+"""Values for real images, unless the user sets them: the road may be steep, obstacles near. One
+matching takes half of the time, and is as good as two on real pairs (docs/real-data.md)."""
 
 SIZES = {
     "prior.length": 4.0,

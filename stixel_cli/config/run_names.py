@@ -50,7 +50,25 @@ def short_setting(key: str, value: str) -> str:
         value = value.rstrip("/").rpartition("/")[2]  # a file, such as a mesh
     if key in WITHOUT_KEY:
         return value
-    return f"{re.split('[./]', key)[-1]}={value}"
+    return f"{_last(key)}={value}"
+
+
+def swept_setting(keys: Sequence[str], values: Sequence[str]) -> str:
+    """`tracker=gp_ekf,contour` or `seed=0..9`: an axis of a sweep, shortened.
+
+    Args:
+        keys: of the axis; of several zipped keys, the first is shown with the number of the others.
+        values: of its first key, as typed.
+    """
+    whole = [int(value) for value in values if re.fullmatch(r"-?\d{1,9}", value)]
+    if len(whole) == len(values) > 2 and whole == list(range(whole[0], whole[-1] + 1)):
+        text = f"{whole[0]}..{whole[-1]}"
+    else:
+        text = ",".join(_printable(value.rstrip("/").rpartition("/")[2]) for value in values)
+        if len(text) > LONGEST_PART:
+            text = f"{len(values)} values"
+    others = f"+{len(keys) - 1}" if len(keys) > 1 else ""
+    return f"{_printable(_last(keys[0]))}{others}={text}"
 
 
 def run_name(choices: Mapping[str, str], overrides: Sequence[str]) -> str:
@@ -66,6 +84,10 @@ def joined_name(parts: Sequence[str]) -> str:
         kept.pop()
         left_out += 1
     return "-".join(kept) + (f"+{left_out}" if left_out else "")
+
+
+def _last(key: str) -> str:
+    return re.split("[./]", key)[-1]
 
 
 def _is_default(key: str, value: str, group: str, choices: Mapping[str, str]) -> bool:

@@ -9,6 +9,7 @@ from stixel_cli.engine.code import CodeIndex
 from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.keys import LAYOUT, digest
 from stixel_cli.engine.loaded_code import may_run_here
+from stixel_cli.engine.source_files import save_digests
 from stixel_cli.engine.store import Store
 from stixel_cli.engine.versions import python_version
 
@@ -29,6 +30,8 @@ def remembered(
         compute: a pure function of `content`.
     """
     code = CodeIndex(store.folder).code(modules)
+    # Otherwise each process parses these modules: only they may be missing in the store.
+    save_digests(store.folder)
     if not may_run_here(code):
         return compute()
     versions = {"python": python_version(), **code.versions}

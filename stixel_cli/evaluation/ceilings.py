@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from stixel_cli.evaluation.contour_errors import areas, boxes, overlaps
+from stixel_cli.evaluation.overlaps import areas, overlaps
 from stixel_cli.evaluation.scan_errors import Ceilings
 from stixel_cli.scene.mesh import corners
 from stixel_cli.scene.outline import outline
@@ -40,15 +40,16 @@ def find_ceilings(scenario: Scenario, road_user: RoadUser, measurement: Any) -> 
         ]
     except ValueError:
         return Ceilings(star_convex, np.nan, np.nan, np.nan)
-    gated, full = areas(parts), areas(contours)
+    # The parts differ in their number of vertices.
+    gated = np.concatenate([areas(part[None]) for part in parts])
+    full = areas(contours)
     (left, bottom), (right, top) = scenario.box_target
-    box = np.full(len(parts), shapely.box(left, bottom, right, top))
-    boxed = areas(boxes(parts, np.zeros((len(parts), 3)))[0])
+    boxed = shapely.box(*shapely.bounds(gated).T)
     return Ceilings(
         star_convex,
         float(overlaps(gated, full).mean()),
         float(overlaps(shapely.convex_hull(gated), shapely.convex_hull(full)).mean()),
-        float(overlaps(boxed, box).mean()),
+        float(overlaps(boxed, shapely.box(left, bottom, right, top)).mean()),
     )
 
 

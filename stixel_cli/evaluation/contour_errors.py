@@ -1,15 +1,14 @@
 """Errors of estimated contours against true ones, one value per scan.
 
-Conventions: K scans. A contour of a scan is a polygon (M, 2) m in the world, the first vertex not
-repeated; M may differ between scans. Poses (K, 3) = x m, y m, heading rad. If a polygon is not
-finite, its error is NaN, but an overlap is 0.
+Conventions: K scans. The contours of all scans are polygons (K, M, 2) m in one frame, the first
+vertex not repeated. Poses (K, 3) = x m, y m, heading rad in that frame. If a polygon is not finite,
+its error is NaN. The functions compute all scans at once.
 """
-
-from collections.abc import Sequence
 
 import numpy as np
 import shapely
 
+from stixel_cli.evaluation.overlaps import CHUNK, cross
 from stixel_cli.geometry.pose import rotation
 
 SAMPLES = 72
@@ -21,70 +20,50 @@ COVERED = 1.96
 SHRUNK = 0.01
 """Parts of a target that are thinner than twice this, m, hide nothing of it."""
 
-Contours = Sequence[np.ndarray]
+
+def in_frames(points: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    """Points (K, N, 2) m in the frames whose poses are (K, 3)."""
+    return (points - poses[:, None, :2]) @ _rotations(poses)
 
 
-def areas(polygons: Contours) -> np.ndarray:
-    """Valid shapely geometries (K,) of polygons; empty where a polygon is not finite.
-
-    A polygon that crosses itself is repaired by shapely's `make_valid`: its area consists of the
-    points that it encloses an odd number of times.
-    """
-    empty = shapely.Polygon()
-    found = np.array(
-        [shapely.Polygon(p) if np.isfinite(p).all() else empty for p in polygons], dtype=object
-    )
-    crossed = ~shapely.is_valid(found)
-    if crossed.any():
-        found[crossed] = shapely.make_valid(found[crossed])
-    return found
+def _rotations(poses: np.ndarray) -> np.ndarray:
+    """Rotation matrices (K, 2, 2) of the headings."""
+    return np.moveaxis(rotation(poses[:, 2]), -1, 0)
 
 
-def overlaps(estimated: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """Intersection over union (K,), 0 … 1, of shapely geometries (K,); 0 for two empty ones."""
-    common = shapely.area(shapely.intersection(estimated, true))
-    union = shapely.area(estimated) + shapely.area(true) - common
-    return np.clip(np.divide(common, union, out=np.zeros_like(common), where=union > 0.0), 0.0, 1.0)
-
-
-def boxes(polygons: Contours, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def boxes(polygons: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The least boxes along the headings: corners (K, 4, 2) m, counter-clockwise; sides (K, 2) m.
 
     The sides are the length along the heading and the width across it.
     """
-    corners, sides = np.empty((len(polygons), 4, 2)), np.empty((len(polygons), 2))
-    for k, (polygon, pose) in enumerate(zip(polygons, poses, strict=True)):
-        turn = rotation(pose[2])
-        body = (polygon - pose[:2]) @ turn
-        low, high = body.min(axis=0), body.max(axis=0)
-        box = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
-        corners[k], sides[k] = box @ turn.T + pose[:2], high - low
-    return corners, sides
+    body = in_frames(polygons, poses)
+    low, high = body.min(axis=1), body.max(axis=1)
+    x, y = np.stack([low, high], axis=-1).transpose(1, 0, 2)
+    corners = np.stack([x[:, [0, 1, 1, 0]], y[:, [0, 0, 1, 1]]], axis=-1)
+    return corners @ _rotations(poses).transpose(0, 2, 1) + poses[:, None, :2], high - low
 
 
-def area_moments(polygons: Contours) -> tuple[np.ndarray, np.ndarray]:
+def area_moments(polygons: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean (K, 2) m and covariance (K, 2, 2) m² of the uniform density inside simple polygons.
 
     By Green's theorem, about each polygon's first vertex, so that the distance from the origin does
     not cost digits. A polygon without an area has the mean of its vertices, and covariance zero.
     """
-    means, covariances = np.empty((len(polygons), 2)), np.zeros((len(polygons), 2, 2))
-    for k, polygon in enumerate(polygons):
-        a = polygon - polygon[0]
-        b = np.roll(a, -1, axis=0)
-        cross = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-        doubled, total = cross.sum(), a + b
-        if doubled == 0.0:
-            means[k] = polygon.mean(axis=0)
-            continue
-        mean = cross @ total / (3.0 * doubled)
-        second = sum((part * cross[:, None]).T @ part for part in (a, b, total))
-        covariances[k] = second / (12.0 * doubled) - np.outer(mean, mean)
-        means[k] = mean + polygon[0]
-    return means, covariances
+    first = polygons[:, :1]
+    a = polygons - first
+    b = np.roll(a, -1, axis=1)
+    cross = (a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])[:, None]
+    doubled, total = cross.sum(axis=2)[..., None], a + b
+    flat = doubled[:, 0, 0] == 0.0
+    doubled[flat] = 1.0
+    means = cross @ total / (3.0 * doubled)
+    second = sum((part.transpose(0, 2, 1) * cross) @ part for part in (a, b, total))
+    covariances = second / (12.0 * doubled) - means.transpose(0, 2, 1) * means
+    means[flat], covariances[flat] = a[flat].mean(axis=1, keepdims=True), 0.0
+    return (means + first)[:, 0], covariances
 
 
-def gaussian_wasserstein(estimated: Contours, true: Contours) -> np.ndarray:
+def gaussian_wasserstein(estimated: np.ndarray, true: np.ndarray) -> np.ndarray:
     """Gaussian-Wasserstein distance (K,) m of the uniform areas inside two polygons each.
 
     d² = ‖m₁ - m₂‖² + tr(C₁ + C₂ - 2 (C₁^½ C₂ C₁^½)^½), Yang, Baum, Granström 2016, *Metrics for
@@ -103,76 +82,125 @@ def _determinant(matrices: np.ndarray) -> np.ndarray:
     return matrices[:, 0, 0] * matrices[:, 1, 1] - matrices[:, 0, 1] * matrices[:, 1, 0]
 
 
-def even_points(polygons: Contours, count: int = SAMPLES) -> np.ndarray:
+def even_points(polygons: np.ndarray, count: int = SAMPLES) -> np.ndarray:
     """Points (K, count, 2) m on polygons, even in arc length, the first vertex first."""
-    found = np.empty((len(polygons), count, 2))
-    for k, polygon in enumerate(polygons):
-        closed = np.concatenate([polygon, polygon[:1]])
-        lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
-        wanted = np.arange(count) * (lengths[-1] / count)
-        found[k] = np.stack([np.interp(wanted, lengths, closed[:, i]) for i in range(2)], axis=-1)
-    return found
+    closed = np.concatenate([polygons, polygons[:, :1]], axis=1) @ [1.0, 1j]
+    lengths = np.cumsum(np.abs(np.diff(closed, axis=1, prepend=closed[:, :1])), axis=1)
+    wanted = lengths[:, -1:] * (np.arange(count) / count)
+    found = np.empty((len(polygons), count), dtype=complex)
+    for k in range(len(polygons)):
+        found[k] = np.interp(wanted[k], lengths[k], closed[k])
+    return np.stack([found.real, found.imag], axis=-1)
 
 
-def boundary_distances(points: np.ndarray, polygons: Contours) -> np.ndarray:
-    """Distances (K, S) m of points (K, S, 2) from the outlines of polygons; NaN if not finite."""
-    found = np.full(points.shape[:2], np.nan)
-    for k, polygon in enumerate(polygons):
-        if np.isfinite(polygon).all() and np.isfinite(points[k]).all():
-            found[k] = shapely.distance(shapely.points(points[k]), shapely.LinearRing(polygon))
-    return found
+def boundary_distances(points: np.ndarray, polygons: np.ndarray) -> np.ndarray:
+    """Distances (K, S) m of points (K, S, 2) from the outlines of polygons; NaN if not finite.
 
-
-def seen_points(points: np.ndarray, polygons: Contours, sensors: np.ndarray) -> np.ndarray:
-    """Which `points` (K, S, 2) on the outlines of polygons a sensor at `sensors` (K, 2) m sees.
-
-    A polygon hides only itself. It is first shrunk by `SHRUNK`, so that an outline does not hide
-    its own points from a ray along it.
+    The distance from an edge has two parts: across it, from its line; along it, how far the point
+    is beyond its ends. Both are linear in the point, so that a small one keeps its digits.
     """
-    seen = np.empty(points.shape[:2], dtype=bool)
-    for k, (polygon, sensor) in enumerate(zip(polygons, sensors, strict=True)):
-        inside = shapely.buffer(shapely.Polygon(polygon), -SHRUNK, quad_segs=1)
-        shapely.prepare(inside)
-        ends = np.stack([np.broadcast_to(sensor, points[k].shape), points[k]], axis=1)
-        seen[k] = ~shapely.intersects(inside, shapely.linestrings(ends))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        # Near the origin, so that the distance from it does not cost digits. Complex numbers are
+        # the vectors: a product with the conjugate of a direction gives both parts.
+        start = (polygons - polygons[:, :1]) @ [1.0, 1j]
+        edge = np.roll(start, -1, axis=1) - start
+        length = np.abs(edge)
+        # An edge without a length is a point: any direction is right.
+        tangent = np.where(length > 0.0, edge / length, 1.0)
+        middle = tangent.conj() * (start + 0.5 * edge)
+        along_form = np.stack([tangent.real, tangent.imag, -middle.real], axis=-1)
+        across_form = np.stack([-tangent.imag, tangent.real, -middle.imag], axis=-1)
+        half = 0.5 * length[..., None]
+        places = np.ones((len(points), 3, points.shape[1]))
+        places[:, :2] = (points - polygons[:, :1]).transpose(0, 2, 1)
+        square = np.empty(points.shape[:2])
+        for k in range(0, len(points), CHUNK):
+            few = slice(k, k + CHUNK)
+            along, across = along_form[few] @ places[few], across_form[few] @ places[few]
+            np.abs(along, out=along)
+            along -= half[few]
+            np.maximum(along, 0.0, out=along)
+            along *= along
+            across *= across
+            along += across
+            square[few] = along.min(axis=1)
+    return np.sqrt(square)
+
+
+def seen_points(
+    points: np.ndarray, contours: np.ndarray, poses: np.ndarray, sensors: np.ndarray
+) -> np.ndarray:
+    """Which points of a target's outline a sensor sees, (K, S).
+
+    The target hides only itself. Its outline is first shrunk by `SHRUNK`, so that it does not hide
+    its own points from a ray along it. A point is hidden if the line to the sensor crosses an edge.
+
+    Args:
+        points: (L, S, 2) m, on the outlines of the L poses of its limbs.
+        contours: (L, M, 2) m, these outlines.
+        poses: (K,), index of the pose of its limbs at each scan.
+        sensors: (K, 2) m, in the frame of the outlines.
+    """
+    seen = np.ones((len(poses), points.shape[1]), dtype=bool)
+    for pose in np.unique(poses):
+        inside = shapely.buffer(shapely.Polygon(contours[pose]), -SHRUNK, quad_segs=1)
+        corners, rings = shapely.get_coordinates(
+            shapely.get_rings(shapely.get_parts(inside)), return_index=True
+        )
+        along, is_edge, ends = np.diff(corners, axis=0), np.diff(rings) == 0, points[pose]
+        beyond = cross(along, ends[:, None] - corners[:-1]) > 0.0
+        scans = np.flatnonzero(poses == pose)
+        for few in np.split(scans, range(CHUNK, len(scans), CHUNK)):
+            # The sensor and the point are on different sides of the edge's line, and the edge's
+            # ends are on different sides of the line from the sensor to the point.
+            offsets, rays = corners - sensors[few, None], ends - sensors[few, None]
+            between = is_edge & ((cross(offsets[:, :-1], along) > 0.0)[:, None] != beyond)
+            side = (rays[..., ::-1] * [-1.0, 1.0]) @ offsets.transpose(0, 2, 1) > 0.0
+            seen[few] = ~(between & (side[..., 1:] != side[..., :-1])).any(axis=2)
     return seen
 
 
 def differences_along_rays(
-    centre: np.ndarray,
+    centres: np.ndarray,
     directions: np.ndarray,
-    contour: np.ndarray,
+    contours: np.ndarray,
     std: np.ndarray,
     points: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """How far points are outside an estimated star-convex contour, along rays from its centre.
+    """How far points are outside estimated star-convex contours, along rays from their centres.
 
     Args:
-        centre: (2,) m.
-        directions: (M, 2) unit vectors to the contour's points, counter-clockwise, over one turn.
-        contour: (M, 2) m.
-        std: (M,) m, standard deviations of the contour's distance from the centre.
-        points: (S, 2) m.
+        centres: (K, 2) m.
+        directions: (K, M, 2) unit vectors to the contours' points, counter-clockwise, over one
+            turn.
+        contours: (K, M, 2) m.
+        std: (K, M) m, standard deviations of the contours' distances from the centres.
+        points: (K, S, 2) m.
 
     Returns:
-        The differences (S,) m, negative inside, and standard deviations (S,) m, interpolated by
-        angle.
+        The differences (K, S) m, negative inside, and standard deviations (K, S) m, interpolated
+        by angle.
     """
-    count, turn = len(contour), 2.0 * np.pi
-    offsets = points - centre
-    bearings = np.arctan2(directions[:, 1], directions[:, 0])
-    starts = np.mod(bearings - bearings[0], turn)
-    angles = np.mod(np.arctan2(offsets[:, 1], offsets[:, 0]) - bearings[0], turn)
-    before = np.maximum(np.searchsorted(starts, angles, side="right") - 1, 0)
-    after = (before + 1) % count
-    width = np.mod(starts[after] - starts[before], turn)
-    along = angles - starts[before]
-    radii = np.hypot(*(contour - centre).T)
-    first, second = radii[before], radii[after]
+    turn = 2.0 * np.pi
+    offsets = points - centres[:, None]
+    bearings = np.arctan2(directions[..., 1], directions[..., 0])
+    starts = np.mod(bearings - bearings[:, :1], turn)
+    angles = np.mod(np.arctan2(offsets[..., 1], offsets[..., 0]) - bearings[:, :1], turn)
+    before = np.empty(angles.shape, dtype=np.int64)
+    for k in range(len(angles)):
+        before[k] = np.searchsorted(starts[k], angles[k], side="right")
+    before = np.maximum(before - 1, 0)
+    after = (before + 1) % contours.shape[1]
+    start = np.take_along_axis(starts, before, 1)
+    width = np.mod(np.take_along_axis(starts, after, 1) - start, turn)
+    along = angles - start
+    radii = np.hypot(*np.moveaxis(contours - centres[:, None], -1, 0))
+    first, second = (np.take_along_axis(radii, at, 1) for at in (before, after))
     # The edge between two vertices at the angles 0 and `width`, met by the ray at `along`.
     sines = first * np.sin(along) + second * np.sin(width - along)
     with np.errstate(divide="ignore", invalid="ignore"):
         met = np.where(sines > 0.0, first * second * np.sin(width) / sines, 0.0)
         weight = along / width
-    deviations = (1.0 - weight) * std[before] + weight * std[after]
-    return np.hypot(offsets[:, 0], offsets[:, 1]) - met, deviations
+    std_before, std_after = (np.take_along_axis(std, at, 1) for at in (before, after))
+    deviations = (1.0 - weight) * std_before + weight * std_after
+    return np.hypot(offsets[..., 0], offsets[..., 1]) - met, deviations

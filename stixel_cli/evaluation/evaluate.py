@@ -14,18 +14,17 @@ import shapely
 
 from stixel_cli.evaluation.contour_errors import (
     COVERED,
-    Contours,
-    areas,
     boundary_distances,
     boxes,
     differences_along_rays,
     even_points,
     gaussian_wasserstein,
-    overlaps,
+    in_frames,
     seen_points,
 )
 from stixel_cli.evaluation.label_types import LabelScores
 from stixel_cli.evaluation.metric_table import METRICS, OF_CLASSES, OF_SIZE, Scores
+from stixel_cli.evaluation.overlaps import areas, intersections_over_unions, overlaps
 from stixel_cli.evaluation.scan_errors import LEAST_OFF, NO_CEILINGS, Ceilings, ScanErrors
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
@@ -136,13 +135,13 @@ def class_errors(track: Track, road_user: str | None) -> dict[str, Any]:
             "class_wrong": missing,
             "class_replaced": missing,
         }
+    replaced = track.class_replaced
     names = np.array(list(track.class_probabilities))
     found = names[np.argmax(list(track.class_probabilities.values()), axis=0)]
-    of_prior = track.class_of_prior
     return {
         "class_probabilities": track.class_probabilities,
         "class_wrong": missing if road_user is None else (found != road_user).astype(float),
-        "class_replaced": missing if of_prior is None else (found != of_prior).astype(float),
+        "class_replaced": missing if replaced is None else replaced.astype(float),
     }
 
 
@@ -170,51 +169,60 @@ def size_errors(track: Track, scans: Scans) -> dict[str, np.ndarray]:
 def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
     """The errors of the contour at the n scans with a known truth, each (n,).
 
-    The keys are fields of `ScanErrors`.
+    The keys are fields of `ScanErrors`. All is computed in the frame of the true target, in which
+    the truth is the same at all scans with equal poses of the limbs.
     """
     scans = np.flatnonzero(scenario.known)
-    estimated = track.contours_world[scans]
-    poses, truth = track.means[scans, :3], scenario.target_poses_world[scans]
-    true = scenario.contours_world[scans]
-    estimated_areas, true_areas = areas(estimated), areas(true)
-    estimated_boxes, estimated_sides = boxes(estimated, poses)
+    truth, limbs = scenario.target_poses_world[scans], scenario.limb_poses[scans]
+    contours, true = scenario.contours_target, scenario.contours_target[limbs]
+    places = in_frames(track.means[scans, None, :2], truth)[:, 0]
+    headings = track.means[scans, 2] - truth[:, 2]
+    estimated = in_frames(track.contours_world[scans], truth)
+    estimated_boxes, sides = boxes(estimated, np.column_stack([places, headings]))
     # The box of all poses of the limbs: that of a label.
-    true_boxes, true_sides = boxes(scenario.boxes_world[scans], truth)
-    iou_box = overlaps(areas(estimated_boxes), areas(true_boxes))
-    length, width = (estimated_sides - true_sides).T
+    low, high = scenario.box_target
+    corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+    true_boxes = np.broadcast_to(corners, estimated_boxes.shape)
+    iou_box = intersections_over_unions(estimated_boxes, true_boxes)
+    length, width = (sides - (high - low)).T
     errors: dict[str, Any] = {
         "iou_box": iou_box,
         "length": length,
         "width": width,
-        "lost": off_target(centre_errors(poses, truth), iou_box, true_sides[:, 0]),
+        "lost": off_target(np.hypot(*places.T), iou_box, high[0] - low[0]),
     }
-    if scenario.only_box:
+    if scenario.only_box or not len(scans):
         names = ("iou", "iou_hull", "gaussian_wasserstein", "hausdorff", "contour_distance")
         missing = (*names, "seen_contour", "band_coverage")
         return errors | {name: np.full(len(truth), np.nan) for name in missing}
-    points = even_points(true)
+    hulls, true_hulls = (shapely.convex_hull(areas(one)) for one in (estimated, contours))
+    on_contours = even_points(contours)
+    points = on_contours[limbs]
     to_true = boundary_distances(even_points(estimated), true)
     to_estimated = boundary_distances(points, estimated)
     both = np.concatenate([to_true, to_estimated], axis=1)
-    seen = seen_points(points, true, scenario.ego_poses_world[scans, :2])
+    sensors = in_frames(scenario.ego_poses_world[scans, None, :2], truth)[:, 0]
+    seen = seen_points(on_contours, contours, limbs, sensors)
+    differences, std = differences_along_rays(
+        places,
+        in_frames(track.contour_directions[scans], truth * [0.0, 0.0, 1.0]),
+        estimated,
+        track.contour_std[scans],
+        points,
+    )
     hidden = np.ma.masked_array(to_estimated, ~seen)
     return errors | {
-        "iou": overlaps(estimated_areas, true_areas),
-        "iou_hull": overlaps(shapely.convex_hull(estimated_areas), shapely.convex_hull(true_areas)),
+        "iou": intersections_over_unions(estimated, true),
+        "iou_hull": overlaps(hulls, true_hulls[limbs]),
         "gaussian_wasserstein": gaussian_wasserstein(estimated, true),
         "hausdorff": both.max(axis=1),
         "contour_distance": both.mean(axis=1),
         "seen_contour": hidden.mean(axis=1).filled(np.nan),
-        "band_coverage": band_coverage(track, scans, points),
+        "band_coverage": np.mean(np.abs(differences) <= COVERED * std, axis=1),
     }
 
 
-def intersections_over_unions(estimated_world: Contours, true_world: Contours) -> np.ndarray:
-    """IoU (K,) of the areas inside polygons, see `contour_errors.areas`; 0 if not finite."""
-    return overlaps(areas(estimated_world), areas(true_world))
-
-
-def off_target(centre: np.ndarray, iou_box: np.ndarray, length: np.ndarray) -> np.ndarray:
+def off_target(centre: np.ndarray, iou_box: np.ndarray, length: float) -> np.ndarray:
     """Whether an estimate (K,) is off the target.
 
     It is where its box does not overlap the true one, or its centre is farther away than
@@ -222,26 +230,6 @@ def off_target(centre: np.ndarray, iou_box: np.ndarray, length: np.ndarray) -> n
     """
     near = centre <= np.maximum(LEAST_OFF, 0.5 * length)
     return ~(near & (iou_box > 0.0))
-
-
-def band_coverage(track: Track, scans: np.ndarray, points_world: np.ndarray) -> np.ndarray:
-    """Share (n,) of points (n, S, 2) of the true contour in the track's 95 % band at n `scans`.
-
-    A point is in the band if its distance from the estimated contour, along the ray from the
-    estimated centre, is at most `COVERED` times the standard deviation that the track states there.
-    An estimate that is not finite covers no point.
-    """
-    covered = np.zeros(len(scans))
-    for i, (k, points) in enumerate(zip(scans, points_world, strict=True)):
-        differences, std = differences_along_rays(
-            track.means[k, :2],
-            track.contour_directions[k],
-            track.contours_world[k],
-            track.contour_std[k],
-            points,
-        )
-        covered[i] = np.mean(np.abs(differences) <= COVERED * std)
-    return covered
 
 
 def _over_time(values: np.ndarray, known: np.ndarray) -> np.ndarray:
@@ -267,12 +255,14 @@ def normalised_errors(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray
 
     NaN where P is not positive definite.
     """
-    result = np.full(len(errors), np.nan)
-    for k, (error, covariance) in enumerate(zip(errors, covariances, strict=True)):
-        try:
-            root = np.linalg.cholesky(covariance)
-        except np.linalg.LinAlgError:
-            continue
-        whitened = np.linalg.solve(root, error)
-        result[k] = whitened @ whitened / len(error)
-    return result
+    try:
+        roots = np.linalg.cholesky(covariances)
+    except np.linalg.LinAlgError:
+        if len(errors) == 1:
+            return np.array([np.nan])
+        # NumPy does not report which covariance is not valid.
+        middle = len(errors) // 2
+        halves = slice(middle), slice(middle, None)
+        return np.concatenate([normalised_errors(errors[h], covariances[h]) for h in halves])
+    whitened = np.linalg.solve(roots, errors[..., None])[..., 0]
+    return np.mean(whitened**2, axis=1)

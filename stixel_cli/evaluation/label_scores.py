@@ -9,8 +9,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stixel_cli.evaluation.contour_errors import areas, boxes, overlaps
+from stixel_cli.evaluation.contour_errors import boxes
 from stixel_cli.evaluation.label_types import LabelScore, LabelScores
+from stixel_cli.evaluation.overlaps import intersections_over_unions
 from stixel_cli.evaluation.scan_errors import LEAST_OFF
 from stixel_cli.recordings.types import LabelTruth
 from stixel_cli.tracking.followed import line
@@ -86,7 +87,7 @@ def _score(truth: LabelTruth, matched: np.ndarray, tracks: Sequence[ObjectTrack]
         contours = np.stack([one.track.contours_world[row] for one, row in rows])
         estimated, _ = boxes(contours, means)
         true, _ = boxes(scenario.boxes_world[at], poses[at])
-        iou = overlaps(areas(estimated), areas(true))
+        iou = intersections_over_unions(estimated, true)
     in_order = matched[matched >= 0]
     return LabelScore(
         label=truth.name,

@@ -40,7 +40,8 @@ def labelled_scenario(
 def box_scenario(
     ego_motion: EgoMotion, poses: np.ndarray, contour: np.ndarray, scored: np.ndarray
 ) -> Scenario:
-    """Ground truth of a target of which the box `contour` (M, 2) m is known, by its `poses`."""
+    """Ground truth of a target with the box `contour` (M, 2) m at `poses` (K, 3); only the box is
+    known. `scored` (K,) are the scans that count."""
     return Scenario.rigid(
         times=ego_motion.times,
         ego_poses_world=ego_motion.poses_world,
@@ -56,7 +57,7 @@ def slopes(times: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Slope (K, n) of each column of `values` (K, n) at `times` (K,), by least squares.
 
     Over the rows without NaN among the `HALF_WINDOW` before and after; at an end of the labels,
-    over the nearest `LEAST_FRAMES`. Fewer rows give NaN, and a row of NaN has none.
+    over the nearest `LEAST_FRAMES`. Fewer rows give NaN, and so does a row of NaN.
     """
     found = np.full(values.shape, np.nan)
     known = np.flatnonzero(np.isfinite(values).all(axis=1))

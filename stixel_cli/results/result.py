@@ -215,10 +215,7 @@ def track_columns(track: Track) -> dict[str, np.ndarray]:
         "points_used": np.diff(track.used_offsets),
         "nis": track.nis,
         "nis_degrees_of_freedom": track.nis_degrees_of_freedom,
-        **{
-            f"{name}_probability": values
-            for name, values in (track.class_probabilities or {}).items()
-        },
+        **class_columns(track),
     }
 
 
@@ -292,5 +289,11 @@ def truth_arrays(scenario: Scenario) -> dict[str, np.ndarray]:
 
 
 def track_arrays(track: Track) -> dict[str, np.ndarray]:
-    """All arrays of the track by name; shapes as in `Track`."""
-    return {name: value for name, value in vars(track).items() if isinstance(value, np.ndarray)}
+    """All arrays of the track by name; shapes as in `Track`. A class has an array of its own."""
+    arrays = {name: value for name, value in vars(track).items() if isinstance(value, np.ndarray)}
+    return arrays | class_columns(track)
+
+
+def class_columns(track: Track) -> dict[str, np.ndarray]:
+    """The probability of each class, (K,); empty if the tracker did not compare classes."""
+    return {f"{name}_probability": p for name, p in (track.class_probabilities or {}).items()}

@@ -73,8 +73,14 @@ class StudyFolder:
         return True
 
     def begin(self, plan: StudyPlan, command: str, fresh: bool) -> None:
-        """Make the folder, or check that the existing one can be resumed."""
+        """Make the folder, or resume the existing one, whose provenance is then the present one.
+
+        Runs that are out of date are computed again, so the results are those of this revision.
+        """
         if self.check(plan, fresh):
+            content = read_yaml(self.path / FILE) | provenance()
+            with written(self.path):
+                write_whole(self.path / FILE, yaml_text(content))
             return
         content = {
             "title": plan.study.title,

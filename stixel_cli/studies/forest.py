@@ -3,9 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from stixel_cli.evaluation.metric_table import Metric
 from stixel_cli.report import style
 from stixel_cli.studies.tables import number, with_interval
 from stixel_cli.studies.types import Figure
+from stixel_cli.sweeps.statistics import Statistic
 
 _TEXT = 9.0
 """Size of all letters, points."""
@@ -45,6 +47,22 @@ class Row:
     tested: bool = False
     significant: bool = False
     more_is_better: bool = False
+
+
+def difference_row(
+    metric: Metric, sides: str, group: str, series: str, difference: Statistic
+) -> Row:
+    """The row of a metric's difference between two `sides`, such as "one − other"; not tested."""
+    return Row(
+        group=group,
+        series=series,
+        metric=f"{metric.short_label}, {sides}",
+        unit=metric.unit,
+        value=difference.mean,
+        low=difference.low,
+        high=difference.high,
+        more_is_better=metric.better == "more",
+    )
 
 
 def forest(name: str, rows: Sequence[Row], left: str = "", right: str = "") -> Figure | None:

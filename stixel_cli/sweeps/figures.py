@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections import defaultdict
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -88,7 +89,11 @@ def _figure(
     """A figure over `keys` with a line for each label in `others`; one line if that is empty."""
     known = {name for run in metrics for name in run}
     names = [name for name in DRAWN if name in known] or sorted(known)[:4]
-    values = list(dict.fromkeys(tuple(setting[key] for key in keys) for setting in settings))
+    members: dict[tuple[tuple[str, ...], str], list[int]] = defaultdict(list)
+    for i, setting in enumerate(settings):
+        other = _label(setting, keys) if others else ""
+        members[tuple(setting[key] for key in keys), other].append(i)
+    values = list(dict.fromkeys(value for value, _ in members))
     numbers = _numbers(values)
     if numbers is not None:
         values = [value for _, value in sorted(zip(numbers, values, strict=True))]
@@ -106,13 +111,7 @@ def _figure(
             for line, other in enumerate(others or [""]):
                 rows = []
                 for value in values:
-                    members = [
-                        i
-                        for i, setting in enumerate(settings)
-                        if tuple(setting[key] for key in keys) == value
-                        and (not others or _label(setting, keys) == other)
-                    ]
-                    values_of = [metrics[i].get(name) for i in members]
+                    values_of = [metrics[i].get(name) for i in members[value, other]]
                     rows.append(statistic({}, over_runs(name), values_of))
                 counts |= {row.n for row in rows}
                 shifted = [place + steps[line] for place in places]

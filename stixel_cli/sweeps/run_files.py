@@ -1,8 +1,10 @@
 """The files of a run's folder. They are small: large results stay in the cache under their keys."""
 
+import json
 import shlex
 import traceback
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -52,12 +54,23 @@ def run_files(
     }
     columns = score_columns(scores)
     return {
-        "config.yaml": yaml_text(run.composition.resolved),
+        "config.yaml": yaml_of_parts(run.composition.resolved),
         "manifest.json": json_text(manifest),
         "metrics.json": json_text(scores.metrics),
         lineage.FILE: lineage_text,
         "scores.npz": lambda file: np.savez(file, **columns),
     }
+
+
+def yaml_of_parts(resolved: Mapping[str, Any]) -> str:
+    """The same as `yaml_text` of it, faster: runs of a sweep have most parts in common."""
+    # As JSON, because 1, 1.0 and true are equal in Python.
+    return "".join(_yaml_of_part(json.dumps({key: part})) for key, part in resolved.items())
+
+
+@lru_cache(maxsize=1000)
+def _yaml_of_part(part: str) -> str:
+    return yaml_text(json.loads(part))
 
 
 def failure_files(run: SweepRun, node: str, failure: StageFailure, first: int) -> dict[str, str]:

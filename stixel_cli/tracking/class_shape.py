@@ -32,8 +32,8 @@ class ClassShape:
         outline: (N, 2) m, the mean outline: counter-clockwise, at even angles from the heading on.
         outline_stds: (N,) m, standard deviation of the radius of the class's outlines, scaled to
             one box.
-        size: (2,) m, length and width of this box, which holds the limbs in all poses. The outline
-            may be smaller. A road user whose box is twice as long has an outline twice as long.
+        size: (2,) m, length and width of this box, which contains the limbs in all poses. The
+            outline may be smaller. It is twice as long if the box is.
     """
 
     outline: np.ndarray

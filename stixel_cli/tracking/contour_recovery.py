@@ -61,7 +61,7 @@ def look_again(
         begin[:2] = place + rotation(turn) @ (mean[:2] - place)
         begin[2] += turn
         results.append(update(mean, covariance + WIDE, of_bias, own, sight, tracker, begin))
-    return indices, max(results, key=lambda result: result[-1])
+    return indices, max(results, key=lambda result: np.nan_to_num(result[-1], nan=-np.inf))
 
 
 def cluster_of(

@@ -43,8 +43,8 @@ class Track:
             points; None if the tracker does not report them.
         class_probabilities: class to (K,), its probability given the scans up to k; the reported
             state is that of the most probable one. None if the tracker did not compare classes.
-        class_of_prior: the class of the prior, if it is known and the tracker compared others with
-            it. Until the scans contradict it, it is reported whatever the probabilities.
+        class_replaced: (K,) bool, whether another class than the prior's is reported; None if the
+            prior's is unknown or the tracker compared no others.
         uses_scans: whether the tracker is one that uses points at all.
     """
 
@@ -61,7 +61,7 @@ class Track:
     size_deviations: np.ndarray | None = None
     log_likelihoods: np.ndarray | None = None
     class_probabilities: dict[str, np.ndarray] | None = None
-    class_of_prior: str | None = None
+    class_replaced: np.ndarray | None = None
     uses_scans: bool = True
 
     @classmethod

@@ -44,9 +44,10 @@ DRAWN_RAYS = (24, 10)
 def class_shape_of(scenarios: Sequence[Scenario]) -> ClassShape:
     """The mean outline of the road users of `scenarios`, and the mean of their boxes.
 
-    A mean of radii is smaller than the outlines that it is the mean of, where limbs swing or mirrors
-    differ in place. The outline is compared with that of an instant, its box with one that holds
-    the limbs in all poses. So its extents are `TOWARDS_BOX` of the way from the mean's to the box.
+    A mean of radii is smaller than the outlines that it is the mean of, where limbs swing or the
+    place of mirrors differs. The outline is compared with that of an instant, its box with one that
+    contains the limbs in all poses. So its extents are `TOWARDS_BOX` of the way from the mean's to
+    the box.
     """
     size = _boxes(scenarios).mean(axis=0)
     radii, stds = mean_radii(_of_size(scenarios, size))

@@ -6,6 +6,7 @@ import pytest
 from result_folders import CONFIG, make_folder
 
 from stixel_cli.cli.app import main
+from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
 
 
 @pytest.fixture
@@ -58,6 +59,56 @@ def test_ls_shows_what_differs_and_the_swept_values(tmp_path, capsys):
     make_folder(runs / "0000", manifest=changed | {"swept": swept})
     (found,) = answer(capsys, "ls", str(runs))
     assert found["choices"] == "point sigma_q=0.5"
+
+
+def make_sweep(folder, axes, runs):
+    request = SweepRequest(axes, runs, None, False, (), "", {})
+    SweepFolder(folder).create(request)
+
+
+def test_the_line_of_a_sweep_has_its_values_and_its_number_of_runs(tmp_path, capsys):
+    axes = (("tracker",), ("road_user.mesh",), ("tracker.sigma_f", "tracker.sigma_q"), ("seed",))
+    runs = tuple(
+        (f"tracker={tracker}", f"road_user.mesh=/m/{mesh}.obj", f"+tracker.sigma_f = {sigma}",
+         f"tracker.sigma_q={sigma}", f"seed={seed}")
+        for tracker in ("gp_ekf", "contour")
+        for mesh in ("a", "b")
+        for sigma in ("0.5", "2")
+        for seed in range(10)
+    )  # fmt: skip
+    make_sweep(tmp_path / "one", axes, runs)
+    (found,) = answer(capsys, "ls", str(tmp_path))
+    assert found["choices"] == (
+        "tracker=gp_ekf,contour mesh=a.obj,b.obj sigma_f+1=0.5,2 seed=0..9, 80 runs"
+    )
+    assert main(["ls", str(tmp_path)]) == 0
+    assert found["choices"] in " ".join(capsys.readouterr().out.split())
+
+
+def test_the_line_of_a_long_sweep_is_short(tmp_path, capsys):
+    keys = [f"tracker.key_{i}" for i in range(6)]
+    runs = tuple(tuple(f"{key}={0.123456 + i}" for key in keys) for i in range(9))
+    make_sweep(tmp_path / "one", tuple((key,) for key in keys), runs)
+    (found,) = answer(capsys, "ls", str(tmp_path))
+    assert found["choices"] == (
+        f"{' '.join(f'key_{i}=9 values' for i in range(5))} and 1 more, 9 runs"
+    )
+
+
+@pytest.mark.parametrize("axes", [(), ((),)])
+def test_the_line_of_a_sweep_without_axes_is_its_number_of_runs(tmp_path, capsys, axes):
+    make_sweep(tmp_path / "one", axes, (("seed=0",),))
+    (found,) = answer(capsys, "ls", str(tmp_path))
+    assert found["choices"] == "1 run"
+
+
+def test_a_damaged_sweep_is_a_line_and_a_message(tmp_path, capsys):
+    (tmp_path / "one").mkdir()
+    (tmp_path / "one" / "sweep.yaml").write_text("runs: []\n")
+    assert main(["ls", str(tmp_path)]) == 0
+    said = capsys.readouterr()
+    assert "a sweep" in said.out
+    assert said.err.count("\n") == 1 and "sweep.yaml" in said.err
 
 
 def test_ls_names_what_cannot_be_read(results, capsys):

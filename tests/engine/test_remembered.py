@@ -5,7 +5,8 @@ import sys
 
 import pytest
 
-from stixel_cli.engine import loaded_code
+from stixel_cli.engine import loaded_code, source_files
+from stixel_cli.engine.code import CodeIndex
 from stixel_cli.engine.remembered import remembered
 from stixel_cli.engine.store import Store
 
@@ -40,6 +41,14 @@ def test_the_same_content_is_computed_once(draw):
     for value in store.folder.glob("??/*/value.joblib"):
         value.write_bytes(b"damaged")
     assert run({"a": [1, 2]}) == ((1, {"a": [1, 2]}), True)
+
+
+def test_the_next_process_parses_no_module_again(draw, monkeypatch):
+    run, _, store = draw
+    run("x")
+    monkeypatch.setattr(source_files, "_digests", {})
+    monkeypatch.setattr(source_files.ast, "parse", lambda *_, **__: pytest.fail("parsed"))
+    assert CodeIndex(store.folder).code(["drawn_module"]).modules.keys() == {"drawn_module"}
 
 
 def test_edited_code_is_computed_again_and_not_stored_by_a_process_that_has_the_old(

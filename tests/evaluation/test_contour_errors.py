@@ -7,18 +7,18 @@ from scipy.linalg import sqrtm
 from scipy.spatial.distance import directed_hausdorff
 
 from stixel_cli.evaluation.contour_errors import (
+    SHRUNK,
     area_moments,
-    areas,
     boundary_distances,
     boxes,
     differences_along_rays,
     even_points,
     gaussian_wasserstein,
-    overlaps,
     seen_points,
 )
-from stixel_cli.evaluation.evaluate import intersections_over_unions, normalised_errors
-from stixel_cli.geometry.pose import world_from_target
+from stixel_cli.evaluation.evaluate import normalised_errors
+from stixel_cli.evaluation.overlaps import areas, common_areas, intersections_over_unions, overlaps
+from stixel_cli.geometry.pose import target_from_world, world_from_target
 
 SQUARE = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]], float)
 
@@ -66,8 +66,8 @@ def test_wasserstein_distance_agrees_with_scipy_far_from_the_origin():
 
 def test_area_moments_of_a_rectangle_and_of_nothing():
     turned = world_from_target(SQUARE * [2.0, 0.5], np.array([7.0, -3.0, 0.3]))
-    nothing = np.tile([[3.0, 4.0]], (5, 1))
-    means, covariances = area_moments([turned, turned[::-1], nothing])
+    nothing = np.tile([[3.0, 4.0]], (4, 1))
+    means, covariances = area_moments(np.stack([turned, turned[::-1], nothing]))
     np.testing.assert_allclose(means, [[7, -3], [7, -3], [3, 4]], atol=1e-12)
     axes = np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]])
     expected = axes @ np.diag([4.0 / 3.0, 0.25 / 3.0]) @ axes.T
@@ -80,12 +80,12 @@ def test_area_moments_of_a_rectangle_and_of_nothing():
 def test_box_follows_the_heading_and_has_its_sides():
     pose = np.array([3.0, 4.0, 0.7])
     triangle = np.array([[2.0, 0.0], [-1.0, 1.0], [-1.0, -0.5]])
-    corners, sides = boxes([world_from_target(triangle, pose)], pose[None])
+    corners, sides = boxes(world_from_target(triangle, pose)[None], pose[None])
     np.testing.assert_allclose(sides, [[3.0, 1.5]], atol=1e-12)
     expected = world_from_target(np.array([[-1, -0.5], [2, -0.5], [2, 1], [-1, 1]], float), pose)
     np.testing.assert_allclose(corners[0], expected, atol=1e-12)
-    bounds = shapely.bounds(areas([triangle]))[0]
-    flat, _ = boxes([triangle], np.zeros((1, 3)))
+    bounds = shapely.bounds(areas(triangle[None]))[0]
+    flat, _ = boxes(triangle[None], np.zeros((1, 3)))
     np.testing.assert_allclose(overlaps(areas(flat), np.array([shapely.box(*bounds)])), [1.0])
 
 
@@ -98,11 +98,11 @@ def test_distances_of_outlines_agree_with_shapely_and_scipy():
         np.testing.assert_allclose(found, expected, atol=1e-9)
         # Against SciPy's distance of point sets: the outline's samples are 2 cm apart.
         assert directed_hausdorff(sparse[k], dense[k])[0] == pytest.approx(found.max(), abs=0.03)
-    assert np.isnan(boundary_distances(sparse[:1], [one[0] * np.nan])).all()
+    assert np.isnan(boundary_distances(sparse[:1], one[:1] * np.nan)).all()
 
 
 def test_points_are_even_in_arc_length():
-    points = even_points([SQUARE], 16)[0]
+    points = even_points(SQUARE[None], 16)[0]
     np.testing.assert_allclose(points[:3], [[1, -1], [1, -0.5], [1, 0]], atol=1e-12)
     lengths = np.linalg.norm(np.diff(points, axis=0, append=points[:1]), axis=1)
     np.testing.assert_allclose(lengths, 0.5, atol=1e-12)
@@ -110,9 +110,9 @@ def test_points_are_even_in_arc_length():
 
 def test_the_sensor_sees_the_sides_that_face_it():
     """From straight below, one side of a square; from the corner, two; from inside, none."""
-    points = np.repeat(even_points([SQUARE], 40), 3, axis=0)
+    points = even_points(SQUARE[None], 40)
     sensors = np.array([[0.0, -10.0], [10.0, -10.0], [0.2, 0.1]])
-    below, corner, inside = seen_points(points, [SQUARE] * 3, sensors)
+    below, corner, inside = seen_points(points, SQUARE[None], np.zeros(3, int), sensors)
     x, y = points[0].T
     np.testing.assert_array_equal(below, y == -1.0)
     np.testing.assert_array_equal(corner, (y == -1.0) | (x == 1.0))
@@ -122,8 +122,9 @@ def test_the_sensor_sees_the_sides_that_face_it():
 def test_a_part_that_sticks_out_hides_what_is_behind_it():
     """An L: the arm at the front hides the left half of the back."""
     shape = np.array([[0, 0], [2, 0], [2, 2], [1, 2], [1, 1], [0, 1]], float)
-    points = even_points([shape], 80)
-    from_left = seen_points(points, [shape], np.array([[-50.0, 0.5]]))[0]
+    points = even_points(shape[None], 80)
+    sensor = np.array([[-50.0, 0.5]])
+    from_left = seen_points(points, shape[None], np.zeros(1, int), sensor)[0]
     x, y = points[0].T
     np.testing.assert_array_equal(from_left[(x == 0.0) & (y > 0.1) & (y < 0.9)], True)
     np.testing.assert_array_equal(from_left[x == 2.0], False)
@@ -135,7 +136,8 @@ def test_difference_along_rays_of_known_contours():
     directions = SQUARE / np.sqrt(2.0)
     points = centre + np.array([[1.5, 0], [0, -0.25], [2, 2], [1, 0.5], [-3, -1]], float)
     std = np.array([0.1, 0.1, 0.3, 0.3])
-    found, deviations = differences_along_rays(centre, directions, SQUARE + centre, std, points)
+    given = centre, directions, SQUARE + centre, std, points
+    (found,), (deviations,) = differences_along_rays(*(value[None] for value in given))
     expected = [0.5, -0.75, np.sqrt(2), 0.0, np.sqrt(10) * 2 / 3]
     np.testing.assert_allclose(found, expected, atol=1e-12)
     # Straight right and down are half way between vertices of std 0.1 and 0.1, 0.3 and 0.1.
@@ -145,16 +147,83 @@ def test_difference_along_rays_of_known_contours():
 
 def test_difference_along_rays_agrees_with_shapely():
     (one, poses), (other, _) = contours(7), contours(8)
+    centres = poses[:, :2]
+    directions = one - centres[:, None]
+    directions /= np.linalg.norm(directions, axis=2, keepdims=True)
+    found, _ = differences_along_rays(centres, directions, one, np.ones(one.shape[:2]), other)
     for k, contour in enumerate(one):
-        centre = poses[k, :2]
-        directions = contour - centre
-        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-        points = other[k]
-        found, _ = differences_along_rays(centre, directions, contour, np.ones(40), points)
-        for point, difference in zip(points, found, strict=True):
-            ray = centre + 100.0 * (point - centre) / np.linalg.norm(point - centre)
+        for point, difference in zip(other[k], found[k], strict=True):
+            apart = np.linalg.norm(point - centres[k])
+            ray = centres[k] + 100.0 * (point - centres[k]) / apart
             met = shapely.intersection(
-                shapely.LineString([centre, ray]), shapely.LinearRing(contour)
+                shapely.LineString([centres[k], ray]), shapely.LinearRing(contour)
             )
-            expected = np.linalg.norm(point - centre) - shapely.distance(met, shapely.Point(centre))
+            expected = apart - shapely.distance(met, shapely.Point(centres[k]))
             assert difference == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e-15, 1e-9, 1e-3, 1.0, 100.0])
+def test_common_areas_agree_with_shapely(shift):
+    """Also of polygons that are equal, or nearly equal, and of vertical edges."""
+    one, _ = contours(13, 5)
+    other = np.concatenate([one[:3] + shift, contours(14, 2)[0]])
+    for first, second in ((one, other), (other[:, ::-1], one)):
+        expected = shapely.area(shapely.intersection(areas(first), areas(second)))
+        np.testing.assert_allclose(common_areas(first, second), expected, rtol=1e-9, atol=1e-12)
+    box = np.array([[0, 0], [4, 0], [4, 2], [0, 2]], float)
+    for turn in (0.0, 0.5 * np.pi, np.pi):
+        moved = world_from_target(box, np.array([shift, 1.0, turn]))
+        expected = shapely.Polygon(box).intersection(shapely.Polygon(moved)).area
+        assert common_areas(moved[None], box[None]) == pytest.approx(expected, abs=1e-9)
+
+
+def test_distance_of_a_point_on_an_outline_without_length_or_area():
+    """All vertices of an estimate may be one point; the first edge of another has no length."""
+    polygons = np.array([np.tile([3.0, 4.0], (4, 1)), SQUARE[[0, 0, 1, 2]]])
+    points = np.array([[[0.0, 0.0]], [[1.0, -1.0]]])
+    np.testing.assert_allclose(boundary_distances(points, polygons), [[5.0], [0.0]], atol=1e-15)
+
+
+def test_points_and_boxes_agree_with_shapely():
+    polygons, poses = contours(9)
+    for k, found in enumerate(even_points(polygons)):
+        ring = shapely.LinearRing(polygons[k])
+        expected = shapely.line_interpolate_point(ring, np.arange(72) / 72, normalized=True)
+        np.testing.assert_allclose(found, shapely.get_coordinates(expected), rtol=0, atol=1e-12)
+    corners, _ = boxes(polygons, poses)
+    for k, (box, pose) in enumerate(zip(corners, poses, strict=True)):
+        expected = shapely.bounds(shapely.Polygon(target_from_world(polygons[k], pose)))
+        found = target_from_world(box, pose)[[0, 2]].ravel()
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+
+
+def test_seen_points_agree_with_shapely():
+    """Outlines of two poses of the limbs; the second is in several parts once it is shrunk."""
+    shape = contours(10, 1, 12)[0][0]
+    left = [[-2, -1], [-1, -1], [-1, -0.005], [1, -0.005], [1, -1], [2, -1]]
+    dumbbell = np.concatenate([left, -np.array(left)])
+    shapes = np.stack([shape - shape.mean(axis=0), dumbbell])
+    points, limbs = even_points(shapes), np.array([1, 0, 1, 0, 0])
+    sensors = 15.0 * np.array([[0, -1], [1, -1], [-1, 0.3], [0.1, 1], [0.01, 0.02]])
+    seen = seen_points(points, shapes, limbs, sensors)
+    parts = 0
+    for limb, sensor, found in zip(limbs, sensors, seen, strict=True):
+        inside = shapely.buffer(shapely.Polygon(shapes[limb]), -SHRUNK, quad_segs=1)
+        parts = max(parts, shapely.get_num_geometries(inside))
+        lines = shapely.linestrings([[sensor, point] for point in points[limb]])
+        np.testing.assert_array_equal(found, ~shapely.intersects(inside, lines))
+    assert parts > 1 and seen.any() and not seen.all()
+
+
+def test_errors_of_one_scan_do_not_depend_on_the_others():
+    """An estimate that is not finite and a covariance that is not valid are NaN on their own."""
+    (one, poses), (other, _) = contours(11, 9), contours(12, 9)
+    one[4, 7], covariances = np.nan, np.tile(np.eye(3), (9, 1, 1))
+    covariances[[0, 5]] = -np.eye(3)
+    given = boundary_distances(even_points(other), one), gaussian_wasserstein(one, other)
+    for found in (*given, boundary_distances(even_points(one), other)):
+        assert np.isnan(found[4]).all() and np.isfinite(np.delete(found, 4, axis=0)).all()
+    found = normalised_errors(poses, covariances)
+    expected = (poses**2).mean(axis=1)
+    expected[[0, 5]] = np.nan
+    np.testing.assert_allclose(found, expected, rtol=1e-12)

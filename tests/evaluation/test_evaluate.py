@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from stixel_cli.evaluation.evaluate import (
     centre_errors,
     evaluate,
-    intersections_over_unions,
     normalised_errors,
     orientation_errors,
 )
+from stixel_cli.evaluation.overlaps import intersections_over_unions
 from stixel_cli.evaluation.scan_errors import Ceilings
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.scans import Scans
@@ -242,12 +242,13 @@ def test_classes_are_compared_with_the_road_user_and_the_prior():
     track = dataclasses.replace(track_with(SHIFTS), class_probabilities=values)
     names = ("car_probability", "cyclist_probability", "pedestrian_probability")
     names += ("class_error", "class_replaced_share")
+    replaced = np.array([False, False, True, True, True])
     for road_user, of_prior, expected in (
         ("cyclist", None, [0.0, 0.9, 0.1, 0.0, None]),
-        ("pedestrian", "pedestrian", [0.0, 0.9, 0.1, 1.0, 0.6]),
-        (None, "car", [0.0, 0.9, 0.1, None, 1.0]),
+        ("pedestrian", replaced, [0.0, 0.9, 0.1, 1.0, 0.6]),
+        (None, replaced, [0.0, 0.9, 0.1, None, 0.6]),
     ):
-        own = dataclasses.replace(track, class_of_prior=of_prior)
+        own = dataclasses.replace(track, class_replaced=of_prior)
         metrics = evaluate(own, SCENARIO, SCANS, CEILINGS, road_user).metrics
         assert [metrics[name] for name in names] == pytest.approx(expected)
     assert not set(names) & set(evaluate(track_with(SHIFTS), SCENARIO, SCANS).metrics)
@@ -378,6 +379,20 @@ def test_only_scans_with_a_truth_that_counts_are_scored():
     assert scores.metrics["centre_mean_m"] == pytest.approx(1 / 3)
     assert np.isnan(scores.iou).tolist() == [False, False, False, True, False]
     assert "scored_scans" not in evaluate(track_with(SHIFTS), SCENARIO, SCANS).metrics
+
+
+@pytest.mark.filterwarnings("error")
+def test_without_any_truth_there_are_metrics_of_the_scans():
+    unknown = np.full((COUNT, 3), np.nan)
+    scenario = dataclasses.replace(
+        SCENARIO,
+        target_poses_world=unknown,
+        target_rates_world=unknown,
+        contours_target=np.zeros((1, 0, 2)),
+    )
+    metrics = evaluate(track_with(SHIFTS), scenario, SCANS).metrics
+    assert metrics["scans"] == 5 and metrics["nis_mean"] == pytest.approx(5.5 / 4)
+    assert "centre_rmse_m" not in metrics and "iou_mean" not in metrics
 
 
 def test_if_no_scan_counts_there_are_no_scores():

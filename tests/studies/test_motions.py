@@ -12,14 +12,15 @@ from scipy.stats import ttest_ind
 from stixel_cli.errors import MissingData
 from stixel_cli.studies.file import find_study, read_study
 from stixel_cli.studies.motions import tracks
-from stixel_cli.studies.motions.report import (
+from stixel_cli.studies.motions.findings import (
     ALIKE,
-    HOLDS,
     NEW,
     REVERSED,
+    SAME,
     TOO_FEW,
     UNCONFIRMED,
     Finding,
+    findings_forest,
 )
 from stixel_cli.studies.tables import over_seeds
 from stixel_cli.sweeps.statistics import Statistic
@@ -154,13 +155,14 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny, data, monkeypatch):
     overlaps = [row for row in rows if "IoU" in row["measure"]]
     assert {row["n, hand-made"] for row in overlaps} == {"2"}
     assert {row["n, real"] for row in overlaps} == {"1"}
+    assert (folder / "figures" / "answer_forest.svg").exists()
     cyclists = table(folder, "cyclists")
     assert {row["clip/track"] for row in cyclists} == {"0001/0"}
     assert len(cyclists) == 6 and {row["scans"] for row in cyclists} == {"6"}
 
 
 VERDICTS = {
-    HOLDS: ((0.1, 0.3), (0.2, 0.9)),
+    SAME: ((0.1, 0.3), (0.2, 0.9)),
     ALIKE: ((-0.1, 0.3), (-0.2, 0.9)),
     UNCONFIRMED: ((-0.3, -0.1), (-0.2, 0.9)),
     NEW: ((-0.3, 0.1), (0.2, 0.9)),
@@ -173,6 +175,36 @@ VERDICTS = {
 def test_verdicts(verdict, ends):
     sides = [Statistic({}, "", 5, 0.0, 0.1, *one) for one in ends]
     assert Finding("RQ2", "", "car", "iou_mean", *sides).verdict == verdict
+
+
+def test_the_plot_has_a_row_for_each_kind_of_motion_and_a_panel_for_each_difference(monkeypatch):
+    drawn = []
+
+    def keep(figure):
+        drawn.append(figure)
+        return b"<svg"
+
+    monkeypatch.setattr("stixel_cli.report.style.svg", keep)
+    sides = [over_seeds([0.1, 0.3, 0.2]), over_seeds([0.5])]
+    unknown = [over_seeds([]), over_seeds([])]
+    found = [
+        Finding("RQ2", "stixels − lidar", "car", "centre_rmse_m", *sides),
+        Finding("RQ2", "stixels − lidar", "cyclist", "centre_rmse_m", *unknown),
+        Finding("RQ2", "stixels − lidar", "car", "iou_mean", *sides),
+        Finding("RQ3", "fabricated − stixels", "car", "centre_rmse_m", *sides),
+    ]
+    assert findings_forest(found).name == "answer_forest"
+    panels = drawn[0].axes
+    assert [axes.get_xlabel() for axes in panels] == [
+        "centre RMSE, stixels − lidar (m)",
+        "centre RMSE, fabricated − stixels (m)",
+    ]
+    for axes in panels:
+        assert [label.get_text() for label in axes.get_yticklabels()] == [
+            "car, hand-made",
+            "car, real",
+        ]
+    assert findings_forest(found[1:2]) is None
 
 
 def test_a_change_has_welchs_interval():

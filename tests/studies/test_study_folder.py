@@ -7,8 +7,8 @@ import pytest
 import yaml
 
 from stixel_cli.studies.file import read_study
-from stixel_cli.studies.folder import differences
-from stixel_cli.studies.plan import StudyPlan
+from stixel_cli.studies.folder import StudyFolder, differences
+from stixel_cli.studies.plan import StudyPlan, plan_study
 
 
 def test_a_folder_with_another_request_is_refused_without_name_or_fresh(studies, toy):
@@ -38,6 +38,22 @@ def test_a_folder_with_another_request_is_refused_without_name_or_fresh(studies,
     ):
         (folder / "study.yaml").write_text(content)
         assert "study.yaml: not a valid study file" in studies.refused(file, *same)
+
+
+def test_a_resumed_folder_has_the_revision_of_its_results(toy, tmp_path, monkeypatch):
+    folder = StudyFolder(tmp_path / "study")
+    plan = plan_study(read_study(toy()), [])
+    found = []
+    for revision in ("old", "new"):
+        monkeypatch.setattr(
+            "stixel_cli.studies.folder.provenance", lambda own=revision: {"git": {"revision": own}}
+        )
+        folder.begin(plan, f"command of {revision}", fresh=False)
+        found.append(yaml.safe_load((folder.path / "study.yaml").read_text()))
+    first, resumed = found
+    assert resumed["git"]["revision"] == "new"
+    assert resumed | {"git": first["git"]} == first
+    assert folder.check(plan, fresh=False)
 
 
 def test_differences_between_requests_are_shown_briefly():

@@ -6,7 +6,9 @@ from runs_of import sweep_runs
 from stixel_cli.config.compose import compose
 from stixel_cli.config.folders import group_options
 from stixel_cli.errors import ConfigurationError, UserError
+from stixel_cli.results.text import yaml_text
 from stixel_cli.sweeps.graphs import check_axes, plan_runs
+from stixel_cli.sweeps.run_files import yaml_of_parts
 
 USERS = group_options()["road_user"]
 FABRICATED = "measurement=fabricated"
@@ -258,3 +260,11 @@ def test_no_such_file(name):
         sweep_runs([], file=name)
     assert "rq1" not in str(error.value), "a study is no sweep"
     assert "\n" not in str(error.value)
+
+
+def test_config_file_of_a_run_does_not_depend_on_the_runs_before_it():
+    """Parts of the YAML are kept: 1, 1.0 and true are equal in Python, and differ in the file."""
+    run = sweep_runs(["tracker.sigma_q=1,2"])[0]
+    for value in (1, 1.0, True, None, [1.5, "a: b"], {"deep": {"é": 1e-7}}):
+        resolved = {**run.composition.resolved, "one": value}
+        assert yaml_of_parts(resolved) == yaml_text(resolved)

@@ -7,7 +7,6 @@ import pytest
 
 from stixel_cli.config.compose import compose
 from stixel_cli.tracking.class_bank import (
-    CLUTTER_LENGTH,
     CONTRADICTED,
     CORRELATED_SCANS,
     SPEEDS,
@@ -47,7 +46,7 @@ def test_weights_match_a_calculation_by_hand():
     weights = log_weights(
         track(0, [-1.0, -2.0, -3.0, 0.0], 2, [0.0, 1.0, 2.0, 3.0], 5.0), "cyclist"
     )
-    gains = np.array([-1.0, -3.0, -6.0, -6.0]) + 2 * np.log(CLUTTER_LENGTH) * np.arange(1, 5)
+    gains = np.array([-1.0, -3.0, -6.0, -6.0])
     of_size, of_speed = np.array([0.0, 0.5, 2.0, 4.5]), 0.5 * (5.0 / SPEEDS["cyclist"]) ** 2
     expected = gains / CORRELATED_SCANS - of_size - of_speed - np.log(SPEEDS["cyclist"])
     np.testing.assert_allclose(weights, expected)
@@ -59,7 +58,7 @@ def test_a_point_that_fits_better_than_clutter_is_not_left_out_for_free():
     many, few = log_weights(track(0, 5 * each, 5), "car"), log_weights(track(0, 3 * each, 3), "car")
     assert (many > few).all()
     # A point that fits worse than clutter is better left out.
-    worse = log_weights(track(0, 5 * each - 2.0 * np.log(CLUTTER_LENGTH), 6), "car")
+    worse = log_weights(track(0, 5 * each - 2.0, 6), "car")
     assert (worse < many).all()
 
 
@@ -97,7 +96,7 @@ def test_the_class_of_the_prior_is_reported_until_the_scans_contradict_it():
     found = most_probable(tracks, "car")
     np.testing.assert_array_equal(found.means[:, 0], [0, 1, 1, 1])
     np.testing.assert_array_equal(found.size_deviations, off)
-    assert found.class_of_prior == "car"
+    np.testing.assert_array_equal(found.class_replaced, [False, True, True, True])
     # The other classes fit less well: the track is the same as without them.
     tracks["cyclist"] = track(1, -99.0, 3, speed=1.0)
     assert most_probable(tracks, "car") is tracks["car"]
@@ -140,3 +139,14 @@ def test_sizes_are_those_of_the_priors():
     np.testing.assert_allclose([unknown.length, unknown.width], sizes.mean(axis=0), atol=6e-3)
     stds = sizes.std(axis=0) / sizes.mean(axis=0)
     np.testing.assert_allclose([unknown.length_std, unknown.width_std], stds, atol=6e-3)
+
+
+def test_a_speed_that_is_not_measured_yet_contradicts_no_class():
+    """A start with the sensor's motion: the speed is that of the ego car."""
+    tracks = {name: track(i, 99.0 * i, 3, speed=9.0) for i, name in enumerate(CLASSES)}
+    uncertain = np.tile(9.0 * np.eye(8), (COUNT, 1, 1))
+    own = dataclasses.replace(tracks["pedestrian"], covariances=uncertain)
+    assert most_probable(dict(tracks, pedestrian=own), "pedestrian") is own
+    measured = dataclasses.replace(own, covariances=0.01 * uncertain)
+    found = most_probable(dict(tracks, pedestrian=measured), "pedestrian")
+    assert found.class_replaced.any()

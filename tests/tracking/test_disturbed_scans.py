@@ -113,7 +113,7 @@ def test_a_wrong_class_is_reported_without_the_truth(user, prior, fits):
     result = of_prior(user, prior)
     metrics = evaluate(result, scenario, scans, road_user=user).metrics
     assert (metrics["track_lost"], metrics["diverged"]) == (0, 0)
-    assert result.class_of_prior == (None if fits else prior)
+    assert (result.class_replaced is None) == fits
     assert metrics.get("class_error") == (None if fits else 0)
     assert any("do not fit the class" in text for text in verdict(metrics)) != fits
     # Of the scans alone: a truth elsewhere changes nothing.

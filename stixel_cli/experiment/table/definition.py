@@ -42,6 +42,15 @@ class Definition:
     calls: str = ""
 
 
+FROM_LABELS = {
+    "rig": "rig",
+    "first": "recording.first",
+    "left_camera": "recording.left_camera",
+    "layout": "recording.table_layout",
+}
+"""The `reads` of stages that move the labels of a recording into the world."""
+
+
 def only(function: str) -> dict[str, str]:
     """The `functions` of a stage with one implementation."""
     return {"": f"stixel_cli.{function}"}

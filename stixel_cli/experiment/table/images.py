@@ -1,7 +1,7 @@
 """Stages from the scenario to the stixels, of rendered images and of recordings."""
 
 from stixel_cli.config.schema import Renderer, StereoParameters
-from stixel_cli.experiment.table.definition import Definition, by_kind, only, same
+from stixel_cli.experiment.table.definition import FROM_LABELS, Definition, by_kind, only, same
 
 STAGES: dict[str, Definition] = {
     "ego_motion": Definition(
@@ -59,13 +59,7 @@ STAGES: dict[str, Definition] = {
     "recorded_scenario": Definition(
         only("recordings.scenario:recorded_scenario"),
         "once",
-        {
-            "rig": "rig",
-            "first": "recording.first",
-            "left_camera": "recording.left_camera",
-            "target": "recording.target",
-            "layout": "recording.table_layout",
-        },
+        FROM_LABELS | {"target": "recording.target"},
         recorded="truth_files",
     ),
     "read_pairs": Definition(

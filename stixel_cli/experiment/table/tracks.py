@@ -1,7 +1,7 @@
 """Stages that start trackers, track, and score."""
 
 from stixel_cli.config.schema import Tracker
-from stixel_cli.experiment.table.definition import Definition, by_kind, only, same
+from stixel_cli.experiment.table.definition import FROM_LABELS, Definition, by_kind, only, same
 
 STAGES: dict[str, Definition] = {
     "truth_start": Definition(
@@ -30,12 +30,7 @@ STAGES: dict[str, Definition] = {
     "label_truths": Definition(
         only("recordings.label_truths:label_truths"),
         "once",
-        {
-            "rig": "rig",
-            "first": "recording.first",
-            "left_camera": "recording.left_camera",
-            "layout": "recording.table_layout",
-        },
+        FROM_LABELS,
         recorded="label_files",
     ),
     "label_scores": Definition(
@@ -51,12 +46,7 @@ STAGES: dict[str, Definition] = {
     "label_errors": Definition(
         only("validation.label_errors:label_errors"),
         "once",
-        {
-            "rig": "rig",
-            "first": "recording.first",
-            "left_camera": "recording.left_camera",
-            "layout": "recording.table_layout",
-        },
+        FROM_LABELS,
         recorded="label_files",
     ),
     "track_points": Definition(

@@ -12,7 +12,7 @@ from stixel_cli.studies.accuracy.ablation import ablation_table
 from stixel_cli.studies.accuracy.goals import TRACKER, goals_table
 from stixel_cli.studies.accuracy.wrong_class import wrong_class_table
 from stixel_cli.studies.data import StudyData, StudyRun, chosen, names, run_frame
-from stixel_cli.studies.forest import Row, forest
+from stixel_cli.studies.forest import difference_row, forest
 from stixel_cli.studies.runs import metric_over_seeds, paired_difference
 from stixel_cli.studies.tables import MINUS, interval_columns, with_unit
 from stixel_cli.studies.types import Figure, Material, Table
@@ -95,7 +95,7 @@ def _answer(user: str, runs: "pd.DataFrame") -> dict[str, Any]:
 
 def _forest(runs: "pd.DataFrame") -> Figure | None:
     """`TRACKER` minus each other tracker: pairs of runs with the same scans."""
-    rows = []
+    rows, label = [], f"{TRACKER} {MINUS} the other"
     for name in COMPARED:
         row = metric_row(over_runs(name))
         for user in names(runs, "road_user"):
@@ -105,18 +105,8 @@ def _forest(runs: "pd.DataFrame") -> Figure | None:
                     continue
                 sides = (chosen(own, tracker=one) for one in (TRACKER, other))
                 apart = paired_difference(*sides, name)
-                rows.append(
-                    Row(
-                        group=user,
-                        series=other.replace("_", " "),
-                        metric=f"{row.short_label}, {TRACKER} {MINUS} the other",
-                        unit=row.unit,
-                        value=apart.mean,
-                        low=apart.low,
-                        high=apart.high,
-                        more_is_better=row.better == "more",
-                    )
-                )
+                series = other.replace("_", " ")
+                rows.append(difference_row(row, label, user, series, apart))
     return forest("answer_forest", rows, f"{TRACKER} better", f"{TRACKER} worse")
 
 

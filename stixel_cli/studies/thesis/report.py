@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config.folders import EXPERIMENT
 from stixel_cli.studies.data import STIXELS, StudyData, StudyRun, chosen, names
-from stixel_cli.studies.forest import Row, forest
+from stixel_cli.studies.forest import difference_row, forest
 from stixel_cli.studies.real_time import on_cores, real_time_table, seconds_a_scan
 from stixel_cli.studies.rq1.report import by_frame, contact_sheet
 from stixel_cli.studies.rq2.figures import over_time
@@ -127,18 +127,8 @@ def _forest(runs: "pd.DataFrame") -> Figure | None:
                 own = chosen(runs, road_user=user, tracker=kernel)
                 sides = (chosen(own, measurement_kind=kind) for kind in (STIXELS, "fabricated"))
                 apart = paired_difference(*sides, metric.name)
-                rows.append(
-                    Row(
-                        group=user,
-                        series=kernel,
-                        metric=f"{metric.short_label}, simulated {MINUS} fabricated",
-                        unit=metric.unit,
-                        value=apart.mean,
-                        low=apart.low,
-                        high=apart.high,
-                        more_is_better=metric.better == "more",
-                    )
-                )
+                label = f"simulated {MINUS} fabricated"
+                rows.append(difference_row(metric, label, user, kernel, apart))
     return forest("answer_forest", rows, "simulated better", "simulated worse")
 
 

@@ -1,0 +1,49 @@
+"""The table of what a variant of a tracker gains or loses, of a frame made by hand."""
+
+import pandas as pd
+import pytest
+
+from stixel_cli.studies.accuracy.effects import Effects, effects_table
+from stixel_cli.studies.tables import name_of
+
+EFFECTS = Effects("losses", "prior", "prior", "loss", ("iou_mean",), ("track_lost",))
+
+
+def run(user, prior, seed, iou, lost=0.0):
+    row = {"road_user": user, "path": "turn", "seed": seed, "prior": prior}
+    return row | {"iou_mean": iou, "track_lost": lost}
+
+
+FRAME = pd.DataFrame(
+    [
+        run("car", "cyclist", 0, 0.5, lost=1.0),
+        run("car", "cyclist", 1, 0.7),
+        run("car", "car", 0, 0.8),
+        run("car", "car", 1, 0.9),
+        run("cyclist", "car", 0, 0.6),
+    ]
+)
+
+
+@pytest.fixture
+def rows():
+    table = effects_table(EFFECTS, FRAME, {"car": "car", "cyclist": "cyclist"})
+    columns = [name_of(column) for column in table.columns]
+    return [dict(zip(columns, row, strict=True)) for row in table.rows]
+
+
+def test_an_effect_is_the_reference_minus_the_variant_of_the_same_runs(rows):
+    wrong, right, _ = rows
+    assert (wrong["road user"], wrong["prior"], wrong["n"]) == ("car", "cyclist", 2)
+    assert wrong["mean IoU"] == pytest.approx(0.6)
+    assert wrong["loss, mean IoU"] == pytest.approx(0.25)
+    assert wrong["low loss, mean IoU"] < 0.25 < wrong["high loss, mean IoU"]
+    assert wrong["track loss rate"] == pytest.approx(0.5)
+    # The reference is compared with nothing, and `track_lost` has no effect.
+    assert right["loss, mean IoU"] is None
+    assert not any("loss, track" in column for column in right)
+
+
+def test_without_runs_of_the_reference_there_is_no_effect(rows):
+    assert rows[2]["mean IoU"] == pytest.approx(0.6)
+    assert rows[2]["loss, mean IoU"] is None

@@ -1,0 +1,95 @@
+"""The truth with which each stage is compared."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from stage_scene import (
+    DISPARITY,
+    GRID,
+    PATH,
+    ROAD,
+    make_rig,
+    scene,
+    truth_of,
+)
+
+from stixel_cli.rendering.frames import BACKGROUND_ID, ROAD_ID, SKY_ID, TARGET_ID
+from stixel_cli.validation.stage_errors import (
+    zones,
+)
+from stixel_cli.validation.stage_truth import frame_truth, nearest_rows
+
+
+@pytest.mark.parametrize("pitch", [0.0, 2.0])
+def test_stage_truth_matches_the_scene_at_any_pitch(pitch):
+    rig = make_rig(pitch)
+    truth = truth_of(rig)
+    assert np.array_equal(np.flatnonzero(truth.of_target), np.arange(40, 58))
+    assert truth.nearest_depth[40:58] == pytest.approx(rig.depth_from_disparity(DISPARITY))
+    assert truth.nearest_depth[:40] == pytest.approx(25.0)
+    on_target = truth.ids == TARGET_ID
+    assert truth.height[on_target].min() >= -1e-9 and truth.height[on_target].max() <= 1.5 + 1e-9
+    # Rendered depth is along the optical axis, in the column's nearest rows.
+    depth = scene(rig, rig.depth_from_disparity(DISPARITY))[0][on_target]
+    slope = (np.arange(40, 58) - rig.u0) / rig.focal
+    assert np.all(truth.nearest_lateral[40:58] / slope >= depth.min() - 1e-9)
+    assert np.all(truth.nearest_lateral[40:58] / slope <= depth.max() + 1e-9)
+    if pitch:
+        level = rig.depth_from_disparity(DISPARITY)
+        assert np.all(np.abs(truth.nearest_lateral[40:58] / slope - level) > 1e-4)
+
+
+def test_true_obstacles_exclude_low_small_and_far_objects_and_the_road():
+    rig = make_rig()
+    assert not truth_of(rig, height=0.2).of_target.any()
+    assert np.isnan(truth_of(rig, wall=60.0).nearest_depth[:40]).all()
+    assert truth_of(rig, depth=3.1).of_target.any()
+    assert not truth_of(rig, depth=2.9).of_target.any()
+    # What hangs higher than an obstacle may be is none, and the road is none at any height.
+    depth, ids = scene(rig, 12.0, height=9.0)
+    high = frame_truth(depth, ids, rig, replace(ROAD, least_height=2.9), GRID, PATH)
+    assert not high.of_target.any()
+    road = np.where(ids == TARGET_ID, ROAD_ID, ids)
+    assert np.isnan(frame_truth(depth, road, rig, ROAD, GRID, PATH).nearest_depth[50])
+    depth, ids = scene(rig, 12.0, columns=(0, 0))
+    ids[30:34, 50] = TARGET_ID
+    depth[30:34, 50] = 8.0
+    # Four pixels are fewer than the five that free space asks for: the wall behind is the obstacle.
+    assert not frame_truth(depth, ids, rig, ROAD, GRID, PATH).of_target.any()
+    ids[34, 50], depth[34, 50] = TARGET_ID, 8.5
+    found = frame_truth(depth, ids, rig, ROAD, GRID, PATH)
+    assert found.of_target[50] and found.nearest_depth[50] == 8.5
+
+
+def test_nearest_rows_match_a_plain_search():
+    rng = np.random.default_rng(3)
+    depth = np.where(rng.random((14, 30)) < 0.4, np.inf, rng.uniform(2.0, 30.0, (14, 30)))
+    depth[:, 7] = np.inf
+    rows, found = nearest_rows(depth, 40.0, 3.0)
+    for u in range(30):
+        expected = None
+        for n, v in enumerate(sorted(range(14), key=lambda v: depth[v, u]), start=1):
+            z = depth[v, u]
+            if np.isfinite(z) and n >= 3.0 and n >= 40.0 / z:
+                expected = v
+                break
+        assert found[u] == (expected is not None)
+        assert expected is None or rows[u] == expected
+    assert not nearest_rows(np.full((4, 3), np.inf), 40.0, 3.0)[1].any()
+
+
+def test_zones_depend_on_the_distance_to_another_object():
+    ids = np.full((20, 20), ROAD_ID, np.uint8)
+    ids[4:16, 2:10], ids[4:16, 10:18], ids[:4] = TARGET_ID, BACKGROUND_ID, SKY_ID
+    zone = zones(ids)
+    for v in range(20):
+        for u in range(20):
+            window = ids[max(v - 2, 0) : v + 3, max(u - 2, 0) : u + 3]
+            inside = (window == ids[v, u]).all()
+            expected = -1
+            if ids[v, u] == TARGET_ID:
+                expected = 0 if inside else 1
+            elif ids[v, u] == BACKGROUND_ID and inside:
+                expected = 2
+            assert zone[v, u] == expected
