@@ -80,7 +80,7 @@ def _tables(bodies: list[Body]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.
     return first.texture, first.normals, last.texture, last.normals
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(inline="always")
 def _continues(one, two, body, triangle, depth, texture0, normals0, texture1, normals1, bend, jump):
     """Whether pixels `one` and `two` show one surface: no other body or texture, no bend or gap."""
     if body[one] != body[two]:
@@ -100,7 +100,7 @@ def _continues(one, two, body, triangle, depth, texture0, normals0, texture1, no
     return product >= bend and far - near <= jump * near
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(inline="always")
 def _contrasts(one, two, light, encode, contrast):
     """Whether the colours of two pixels differ by more than `contrast` grey levels."""
     top = np.float32(len(encode) - 1)

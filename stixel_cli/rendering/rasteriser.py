@@ -154,7 +154,7 @@ def _rasterise(
                 pixel += 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(inline="always")
 def _edge_functions(points, focal, u0, v0, edges):
     """Write the edge functions (3, 3) of the triangle `points` (3, 3), and return its volume.
 
@@ -180,7 +180,7 @@ def _edge_functions(points, focal, u0, v0, edges):
     return volume
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(inline="always")
 def _span(edges, row):
     """The first and the last column of `row` with a pixel that the triangle can touch."""
     low, high = -np.inf, np.inf

@@ -119,7 +119,7 @@ def moved_rays(moved, rays, transform):
             moved[i, axis], moved[i, 3 + axis] = point, direction
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(inline="always")
 def _bilinear(texels, start, width, height, s, t):
     """The packed colour, times 256, at (s, t) of a level that repeats; 65536 is one texel."""
     left, top = (s >> 16) & (width - 1), (t >> 16) & (height - 1)
@@ -136,7 +136,7 @@ def _bilinear(texels, start, width, height, s, t):
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(inline="always")
 def _filtered(texels, levels, first, past, s, t, sx, tx, sy, ty, finer):
     """The texture's colour round (s, t), averaged over a pixel's footprint.
 

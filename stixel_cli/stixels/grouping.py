@@ -150,7 +150,7 @@ def _group_columns(
     return found
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(inline="always")
 def _members(left, right, obstacle, window, base_row, members):
     """The median column of a group, and how many of its columns are a stixel, or 0.
 
@@ -174,7 +174,7 @@ def _members(left, right, obstacle, window, base_row, members):
     return middle, kept
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(inline="always")
 def _median_column(values, members, n):
     """That of the first `n` columns in `members` whose value is the upper median.
 
@@ -191,7 +191,7 @@ def _median_column(values, members, n):
     return members[0]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(inline="always")
 def front_face(count, total, columns, extent):
     """Disparity, px, of the nearest face: the greatest mean over `extent` rows next to each other.
 
@@ -225,7 +225,7 @@ def front_face(count, total, columns, extent):
     return summed / max(pixels, 1)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(inline="always")
 def _vote(
     columns, members, n, tops, foot, scale, centre, reach, bins_per_pixel, histogram, count, total
 ):
@@ -257,7 +257,7 @@ def _vote(
     return least, most, first, last, rows
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(inline="always")
 def histogram_peak(histogram, kernel):
     """Place, in bins, of the maximum of a histogram (n,) smoothed with a kernel (2 r + 1,).
 

@@ -44,7 +44,7 @@ def top_rows(
     return cheapest_tops(cost, base_row, np.nan_to_num(tied).astype(np.float32))
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(inline="always")
 def _power_of_two(y):
     """2 ** y, float32, for -16 <= y <= 1 with an error below 3e-6.
 

@@ -86,7 +86,7 @@ def _align(found, rows, left, right, columns, areas, disparities, scale, errors)
                 break
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(inline="always")
 def _normal_equation(
     left, right, columns, rows, count, first, last, given, disparity, scale, error
 ):
