@@ -192,7 +192,7 @@ def test_edges(benchmark, scene):
 
 
 def test_compilation(benchmark, tmp_path):
-    """Of all kernels, with an empty cache; on two processes, so the wall time is about half."""
+    """Of all kernels, with an empty cache, in one process."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     command = [sys.executable, "-m", "stixel_cli.experiment.compile_kernels"]
     compare(

@@ -33,10 +33,13 @@ def edge_pixels(
     Returns:
         Two masks (n,) bool.
     """
-    return edge_masks(
+    edge, at_shadow = np.zeros((2, len(lit)), dtype=bool)
+    _mark_edges(
+        edge,
+        at_shadow,
         len(lit) // rows,
-        (hits.body, hits.triangle, hits.depth),
-        _tables(bodies),
+        *(hits.body, hits.triangle, hits.depth),
+        *_tables(bodies),
         lit,
         light,
         ENCODE,
@@ -44,6 +47,7 @@ def edge_pixels(
         EDGE_BEND,
         EDGE_JUMP,
     )
+    return edge, at_shadow
 
 
 def unclear_pixels(bodies: list[Body], hits: Hits, lit: np.ndarray, rows: int) -> np.ndarray:
@@ -57,14 +61,17 @@ def unclear_pixels(bodies: list[Body], hits: Hits, lit: np.ndarray, rows: int) -
     Returns:
         Indices of the odd fields that meet something and stay unknown.
     """
-    return spread_light(
+    unclear = np.empty(len(lit), dtype=np.int64)
+    found = _spread_light(
+        unclear,
         len(lit) // rows,
-        (hits.body, hits.triangle, hits.depth),
-        _tables(bodies),
+        *(hits.body, hits.triangle, hits.depth),
+        *_tables(bodies),
         lit,
         FLAT,
         EDGE_JUMP,
     )
+    return unclear[:found]
 
 
 def _tables(bodies: list[Body]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -73,11 +80,9 @@ def _tables(bodies: list[Body]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.
     return first.texture, first.normals, last.texture, last.normals
 
 
-@njit(cache=True, nogil=True)
-def _continues(one, two, hits, tables, bend, jump):
+@njit(inline="always")
+def _continues(one, two, body, triangle, depth, texture0, normals0, texture1, normals1, bend, jump):
     """Whether pixels `one` and `two` show one surface: no other body or texture, no bend or gap."""
-    body, triangle, depth = hits
-    texture0, normals0, texture1, normals1 = tables
     if body[one] != body[two]:
         return False
     a, b = triangle[one], triangle[two]
@@ -95,7 +100,7 @@ def _continues(one, two, hits, tables, bend, jump):
     return product >= bend and far - near <= jump * near
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def _contrasts(one, two, light, encode, contrast):
     """Whether the colours of two pixels differ by more than `contrast` grey levels."""
     top = np.float32(len(encode) - 1)
@@ -110,9 +115,26 @@ def _contrasts(one, two, light, encode, contrast):
     return False
 
 
-@njit(cache=True, nogil=True)
-def edge_masks(width, hits, tables, lit, light, encode, contrast, bend, jump):
-    """Two masks (n,) bool, of the pixels of `edge_pixels`.
+@njit(cache=True, nogil=True, error_model="numpy")
+def _mark_edges(
+    edge,
+    at_shadow,
+    width,
+    body,
+    triangle,
+    depth,
+    texture0,
+    normals0,
+    texture1,
+    normals1,
+    lit,
+    light,
+    encode,
+    contrast,
+    bend,
+    jump,
+):
+    """Set the pixels of `edge_pixels` in its two masks (n,) bool.
 
     Inside one surface the texture's own filter is enough, and an invisible edge needs no
     further samples. So an edge needs another surface or another light than that of a neighbour (of
@@ -121,18 +143,16 @@ def edge_masks(width, hits, tables, lit, light, encode, contrast, bend, jump):
 
     Args:
         width: of the image.
-        hits: body, triangle and depth (n,) of the pixels in row-major order, as `Hits` has them.
-        tables: texture (T,) and normals (T, 3) of the first body, then those of the second.
+        body, triangle, depth: (n,) of the pixels in row-major order, as `Hits` has them.
+        texture0, normals0: (T,) and (T, 3) of the first body's triangles; texture1, normals1: of
+            the second's.
         lit, light: (n,) bool and (n, 3) float32, of the same pixels.
         encode: (m,) uint8, sRGB of linear light.
         contrast: least difference of colours, grey levels.
         bend: neighbours whose normals' scalar product is below this are bent.
         jump: least relative difference of two depths that make an edge.
     """
-    body, triangle, _ = hits
     count = len(body)
-    edge = np.zeros(count, dtype=np.bool_)
-    at_shadow = np.zeros(count, dtype=np.bool_)
     column = -1
     for one in range(count):
         column = column + 1 if column < width - 1 else 0
@@ -143,20 +163,35 @@ def edge_masks(width, hits, tables, lit, light, encode, contrast, bend, jump):
             other_light = lit[one] != lit[two]
             if body[one] == body[two] and triangle[one] == triangle[two] and not other_light:
                 continue
-            same = _continues(one, two, hits, tables, bend, jump)
+            same = _continues(
+                one, two, body, triangle, depth, texture0, normals0, texture1, normals1, bend, jump
+            )
             if other_light and same:
                 at_shadow[one] = at_shadow[two] = True
             if (other_light or not same) and _contrasts(one, two, light, encode, contrast):
                 edge[one] = edge[two] = True
-    return edge, at_shadow
 
 
-@njit(cache=True, nogil=True)
-def spread_light(width, hits, tables, lit, bend, jump):
-    """Indices for `unclear_pixels`, whose arguments are as in `edge_masks`; writes to `lit`."""
-    body, triangle, _ = hits
+@njit(cache=True, nogil=True, error_model="numpy")
+def _spread_light(
+    unclear,
+    width,
+    body,
+    triangle,
+    depth,
+    texture0,
+    normals0,
+    texture1,
+    normals1,
+    lit,
+    bend,
+    jump,
+):
+    """Write the indices of `unclear_pixels`, and to `lit`; return how many indices there are.
+
+    The other arguments are those of `_mark_edges`.
+    """
     count = len(body)
-    unclear = np.empty(count, dtype=np.int64)
     found = 0
     column, row = -1, 0
     for one in range(count):
@@ -172,7 +207,19 @@ def spread_light(width, hits, tables, lit, bend, jump):
                 two = one + step
                 if lit[two] == agreed and triangle[one] == triangle[two] and body[one] == body[two]:
                     continue
-                if lit[two] != agreed or not _continues(one, two, hits, tables, bend, jump):
+                if lit[two] != agreed or not _continues(
+                    one,
+                    two,
+                    body,
+                    triangle,
+                    depth,
+                    texture0,
+                    normals0,
+                    texture1,
+                    normals1,
+                    bend,
+                    jump,
+                ):
                     clear = False
                     break
         if clear:
@@ -180,4 +227,4 @@ def spread_light(width, hits, tables, lit, bend, jump):
         else:
             unclear[found] = one
             found += 1
-    return unclear[:found]
+    return found

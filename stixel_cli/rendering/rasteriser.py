@@ -17,22 +17,21 @@ MARGIN = 1e-6
 """Rounding of a triangle's extent in the image, px; samples keep further off a pixel's border."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def rasterise(
-    inverse,
-    found,
-    first,
-    corners,
-    projection,
-    origin,
-    focal,
-    u0,
-    v0,
-    columns,
-    row_starts,
-    right,
-    down,
-):
+    inverse: np.ndarray,
+    found: np.ndarray,
+    first: int,
+    corners: np.ndarray,
+    projection: np.ndarray,
+    origin: np.ndarray,
+    focal: float,
+    u0: float,
+    v0: float,
+    columns: np.ndarray,
+    row_starts: np.ndarray,
+    right: np.ndarray,
+    down: np.ndarray,
+) -> None:
     """Write the nearest triangle of a body into the samples of pixels, where it is nearer.
 
     Args:
@@ -45,10 +44,36 @@ def rasterise(
         row_starts: (H + 1,) int64, the first pixel of each row of the image.
         right, down: (s,) float64 px, the samples' offsets from a pixel's centre.
     """
+    memory = np.zeros(len(columns)), np.empty((3, 3)), np.empty((3, 3))
+    pinhole = projection, origin, focal, u0, v0
+    _rasterise(inverse, found, *memory, first, corners, *pinhole, columns, row_starts, right, down)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _rasterise(
+    inverse,
+    found,
+    filled,
+    points,
+    edges,
+    first,
+    corners,
+    projection,
+    origin,
+    focal,
+    u0,
+    v0,
+    columns,
+    row_starts,
+    right,
+    down,
+):
+    """Do `rasterise`.
+
+    What is behind `filled` (n,) 1/m need not be looked at: a triangle fills the pixel. It is zero
+    at first; `points` and `edges` (3, 3) are working memory.
+    """
     height, samples, most = len(row_starts) - 1, len(right), 1.0 / NEAREST
-    # What lies behind a triangle that fills the pixel need not be looked at.
-    filled = np.zeros(len(columns))
-    points, edges = np.empty((3, 3)), np.empty((3, 3))
     for t in range(len(corners)):
         nearest, depth = -np.inf, np.inf
         for i in range(3):
@@ -129,7 +154,7 @@ def rasterise(
                 pixel += 1
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def _edge_functions(points, focal, u0, v0, edges):
     """Write the edge functions (3, 3) of the triangle `points` (3, 3), and return its volume.
 
@@ -155,7 +180,7 @@ def _edge_functions(points, focal, u0, v0, edges):
     return volume
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(inline="always")
 def _span(edges, row):
     """The first and the last column of `row` with a pixel that the triangle can touch."""
     low, high = -np.inf, np.inf
@@ -171,8 +196,17 @@ def _span(edges, row):
     return low - MARGIN, high + MARGIN
 
 
-@njit(cache=True, nogil=True)
-def fragments(found, inverse, second, rows, columns, parts, split, right, down):
+def fragments(
+    found: np.ndarray,
+    inverse: np.ndarray,
+    second: int,
+    rows: np.ndarray,
+    columns: np.ndarray,
+    parts: np.ndarray,
+    split: np.ndarray,
+    right: np.ndarray,
+    down: np.ndarray,
+) -> tuple[np.ndarray, ...]:
     """The distinct triangles of each pixel, in the order of their first samples.
 
     Args:
@@ -188,16 +222,41 @@ def fragments(found, inverse, second, rows, columns, parts, split, right, down):
         the mean u and v of these, px, and the depth there, m, inf without a triangle, float64;
         the body, int8, and its triangle, int32, both -1 without one.
     """
-    count, samples = found.shape
     # Memory that is not written is not taken.
-    room = count * samples
-    pixels = np.empty(room, dtype=np.int64)
-    covered = np.empty(room, dtype=np.int64)
-    u, v, depth = np.empty(room), np.empty(room), np.empty(room)
-    body = np.empty(room, dtype=np.int8)
-    triangle = np.empty(room, dtype=np.int32)
-    numbers = np.empty(samples, dtype=np.int32)
-    own_parts = np.empty(samples, dtype=np.int64)
+    types = np.int64, np.int64, np.float64, np.float64, np.float64, np.int8, np.int32
+    results = [np.empty(found.size, dtype) for dtype in types]
+    numbers, own_parts = np.empty(len(right), dtype=np.int32), np.empty(len(right), dtype=np.int64)
+    samples = rows, columns, parts, split, right, down
+    past = _fragments(*results, numbers, own_parts, found, inverse, second, *samples)
+    return tuple(result[:past] for result in results)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fragments(
+    pixels,
+    covered,
+    u,
+    v,
+    depth,
+    body,
+    triangle,
+    numbers,
+    own_parts,
+    found,
+    inverse,
+    second,
+    rows,
+    columns,
+    parts,
+    split,
+    right,
+    down,
+):
+    """Write the results of `fragments`, and return how many there are.
+
+    `numbers` (s,) int32 and `own_parts` (s,) int64 are working memory.
+    """
+    count, samples = found.shape
     past = 0
     for pixel in range(count):
         begin, own, at = past, 0, 0
@@ -228,12 +287,4 @@ def fragments(found, inverse, second, rows, columns, parts, split, right, down):
             depth[to] = covered[to] / depth[to] if number >= 0 else np.inf
             body[to] = -1 if number < 0 else 0 if number < second else 1
             triangle[to] = number - second if number >= second else number
-    return (
-        pixels[:past],
-        covered[:past],
-        u[:past],
-        v[:past],
-        depth[:past],
-        body[:past],
-        triangle[:past],
-    )
+    return past

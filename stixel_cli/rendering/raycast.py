@@ -21,10 +21,15 @@ from stixel_cli.rendering.surfaces import Surfaces, build_surfaces, with_other_v
 from stixel_cli.rendering.tracing import Body
 from stixel_cli.rendering.views import StaticView, static_view, view_with_target
 from stixel_cli.scene.mesh import Mesh, bounding_box
+from stixel_cli.scene.open3d_import import import_open3d_bindings
 from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.scene.world_parameters import World
+
+# Half a second, here and not with the first picture: a worker that waits for the scenario imports
+# this module.
+import_open3d_bindings()
 
 
 def render(

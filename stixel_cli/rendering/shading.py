@@ -4,6 +4,8 @@ A sample is a point (u, v) in px on the image of a camera, given by `rotation` (
 camera to the frame, `origin` (3,) m, `focal`, `u0`, `v0` px. Directions have depth 1 along the
 optical axis, so a ray's parameter is the depth in m. All is in one frame, that of the body in
 question.
+
+The callers make the arrays that kernels write: Numba compiles an allocation as slowly as a loop.
 """
 
 import numpy as np
@@ -22,25 +24,22 @@ SHADOW_OFFSET = 2e-3
 """Rays to the sun start this far off the surface, m: single precision at 100 m is a tenth of it."""
 
 
-@njit(cache=True, nogil=True)
-def camera_rays(u, v, rotation, origin, focal, u0, v0):
-    """Rays (n, 6) float32 (origin, direction) through samples (n,) float64."""
-    rays = np.empty((len(u), 6), dtype=np.float32)
+@njit(cache=True, nogil=True, error_model="numpy")
+def camera_rays(rays, u, v, rotation, origin, focal, u0, v0):
+    """Write the rays (n, 6) float32 (origin, direction) through samples (n,) float64."""
     for i in range(len(u)):
         x, y = (u[i] - u0) / focal, (v[i] - v0) / focal
         for axis in range(3):
             rays[i, axis] = origin[axis]
             rays[i, 3 + axis] = rotation[axis, 0] * x + rotation[axis, 1] * y + rotation[axis, 2]
-    return rays
 
 
-@njit(cache=True, nogil=True)
-def exact_depths(u, v, triangle, hit, rotation, origin, focal, u0, v0, normals, offsets):
-    """Depths (n,) float64 in m of the hits: the ray against the triangle's plane; inf: no hit.
+@njit(cache=True, nogil=True, error_model="numpy")
+def exact_depths(depth, u, v, triangle, hit, rotation, origin, focal, u0, v0, normals, offsets):
+    """Write depths (n,) float64 m of the hits: the ray against the triangle's plane; inf: no hit.
 
     `hit` (n,) float32 is the caster's own depth, kept where the ray grazes the plane.
     """
-    depth = np.empty(len(u), dtype=np.float64)
     for i in range(len(u)):
         t = triangle[i]
         if t < 0:
@@ -57,19 +56,34 @@ def exact_depths(u, v, triangle, hit, rotation, origin, focal, u0, v0, normals, 
             exact = start / slope
             if abs(exact - hit[i]) < 1e-3 * hit[i]:
                 depth[i] = exact
-    return depth
 
 
-@njit(cache=True, nogil=True)
-def sun_rays(u, v, depth, body, triangle, index, rotation, origin, focal, u0, v0, normals, sun):
-    """Rays (m, 6) float32 from the hits on body `index` that face the sun; their samples (m,).
+@njit(cache=True, nogil=True, error_model="numpy")
+def sun_rays(
+    rays,
+    which,
+    direction,
+    u,
+    v,
+    depth,
+    body,
+    triangle,
+    index,
+    rotation,
+    origin,
+    focal,
+    u0,
+    v0,
+    normals,
+    sun,
+):
+    """Write rays from the hits on body `index` that face the sun, and return how many there are.
 
-    `sun` (3,) is the unit vector towards the sun. A back face counts as if it were turned round.
+    `rays` (n, 6) float32 gets them, `which` (n,) int64 their samples. `direction` (3,) is working
+    memory. `sun` (3,) is the unit vector towards the sun. A back face counts as if it were turned
+    round.
     """
-    rays = np.empty((len(u), 6), dtype=np.float32)
-    which = np.empty(len(u), dtype=np.int64)
     count = 0
-    direction = np.empty(3)
     for i in range(len(u)):
         if body[i] != index:
             continue
@@ -90,13 +104,12 @@ def sun_rays(u, v, depth, body, triangle, index, rotation, origin, focal, u0, v0
             rays[count, 3 + axis] = sun[axis]
         which[count] = i
         count += 1
-    return rays[:count], which[:count]
+    return count
 
 
-@njit(cache=True, nogil=True)
-def moved_rays(rays, transform):
-    """Rays (n, 6) float32 in the frame that `transform` (4, 4) leads to."""
-    moved = np.empty_like(rays)
+@njit(cache=True, nogil=True, error_model="numpy")
+def moved_rays(moved, rays, transform):
+    """Write rays (n, 6) float32 in the frame that `transform` (4, 4) leads to."""
     for i in range(len(rays)):
         for axis in range(3):
             point, direction = transform[axis, 3], 0.0
@@ -104,10 +117,9 @@ def moved_rays(rays, transform):
                 point += transform[axis, k] * rays[i, k]
                 direction += transform[axis, k] * rays[i, 3 + k]
             moved[i, axis], moved[i, 3 + axis] = point, direction
-    return moved
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def _bilinear(texels, start, width, height, s, t):
     """The packed colour, times 256, at (s, t) of a level that repeats; 65536 is one texel."""
     left, top = (s >> 16) & (width - 1), (t >> 16) & (height - 1)
@@ -124,7 +136,7 @@ def _bilinear(texels, start, width, height, s, t):
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(inline="always")
 def _filtered(texels, levels, first, past, s, t, sx, tx, sy, ty, finer):
     """The texture's colour round (s, t), averaged over a pixel's footprint.
 
@@ -284,7 +296,7 @@ def shade(
         light[i, 2] = blue * (direct * sunlight[2] + above * skylight[2] + below * groundlight[2])
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def sky_light(light, u, v, body, rotation, focal, u0, v0, stretch, zenith, horizon):
     """Write the linear light of the sky into `light` (n, 3) float32 where no body is hit.
 

@@ -65,8 +65,10 @@ def intersect(
     u, v = np.add.outer(columns, right).ravel(), np.add.outer(rows, down).ravel()
     surfaces = body.surfaces
     seen = pinhole(camera.seen_from(body.world_from_body))
-    hit, triangle = surfaces.tree.first_hits(shading.camera_rays(u, v, *seen))
-    depth = shading.exact_depths(u, v, triangle, hit, *seen, surfaces.normals, surfaces.offsets)
+    rays, depth = np.empty((len(u), 6), dtype=np.float32), np.empty(len(u))
+    shading.camera_rays(rays, u, v, *seen)
+    hit, triangle = surfaces.tree.first_hits(rays)
+    shading.exact_depths(depth, u, v, triangle, hit, *seen, surfaces.normals, surfaces.offsets)
     return depth, triangle
 
 
@@ -105,7 +107,12 @@ def sunlit(
     """
     lit = np.zeros(len(u), dtype=bool)
     for index, body in enumerate(bodies):
-        rays, facing = shading.sun_rays(
+        rays = np.empty((len(u), 6), dtype=np.float32)
+        facing = np.empty(len(u), dtype=np.int64)
+        count = shading.sun_rays(
+            rays,
+            facing,
+            np.empty(3),
             u,
             v,
             hits.depth,
@@ -116,12 +123,14 @@ def sunlit(
             body.surfaces.normals,
             body.world_from_body[:3, :3].T @ sun,
         )
+        rays, facing = rays[:count], facing[:count]
         for blocker in blockers:
             other = bodies[blocker]
             asked = rays
             if blocker != index:
-                asked = shading.moved_rays(
-                    rays, np.linalg.inv(other.world_from_body) @ body.world_from_body
+                asked = np.empty_like(rays)
+                shading.moved_rays(
+                    asked, rays, np.linalg.inv(other.world_from_body) @ body.world_from_body
                 )
             free = ~other.surfaces.tree.blocked(asked)
             rays, facing = rays[free], facing[free]

@@ -1,6 +1,7 @@
 """Columns grouped to stixels, and each stixel's disparity: the kernel of the extraction.
 
-Loops stand in for NumPy's sort, argmax and slices: Numba would compile those for seconds.
+Loops stand in for NumPy's sort, argmax and sums, and the caller makes the arrays: Numba would
+compile those for seconds.
 """
 
 import numpy as np
@@ -10,23 +11,22 @@ LEAST_ROWS = 5
 """A front face has at least this many rows."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def group_columns(
-    columns,
-    obstacle,
-    window,
-    tops,
-    foot,
-    base_row,
-    scale,
-    stixel_width,
-    bins,
-    bins_per_pixel,
-    kernel,
-    least_pixels,
-    front_rows,
-    front_margin,
-):
+    columns: np.ndarray,
+    obstacle: np.ndarray,
+    window: np.ndarray,
+    tops: np.ndarray,
+    foot: np.ndarray,
+    base_row: np.ndarray,
+    scale: np.ndarray,
+    stixel_width: int,
+    bins: int,
+    bins_per_pixel: int,
+    kernel: np.ndarray,
+    least_pixels: int,
+    front_rows: float,
+    front_margin: float,
+) -> tuple[np.ndarray, np.ndarray]:
     """Areas and disparities of one frame's stixels.
 
     A group of columns is a stixel if at least half of them have an obstacle. The columns of the
@@ -56,11 +56,61 @@ def group_columns(
     groups = (width + stixel_width - 1) // stixel_width
     areas = np.empty((groups, 4), dtype=np.int64)
     values = np.empty((groups, 2), dtype=np.float64)
-    histogram = np.zeros(bins, dtype=np.int32)
-    members = np.empty(stixel_width, dtype=np.int64)
-    row_count = np.zeros(height, dtype=np.int64)
-    row_total = np.zeros(height, dtype=np.float64)
-    found = 0
+    found = _group_columns(
+        areas,
+        values,
+        np.zeros(bins, dtype=np.int32),
+        np.empty(stixel_width, dtype=np.int64),
+        np.zeros(height, dtype=np.int64),
+        np.zeros(height, dtype=np.float64),
+        columns,
+        obstacle,
+        window,
+        tops,
+        # With the type of `obstacle`, one kernel finds the median of both.
+        tops.astype(np.float32),
+        foot,
+        base_row,
+        scale,
+        stixel_width,
+        bins_per_pixel,
+        kernel,
+        least_pixels,
+        front_rows,
+        front_margin,
+    )
+    return areas[:found], values[:found]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _group_columns(
+    areas,
+    values,
+    histogram,
+    members,
+    row_count,
+    row_total,
+    columns,
+    obstacle,
+    window,
+    tops,
+    top_values,
+    foot,
+    base_row,
+    scale,
+    stixel_width,
+    bins_per_pixel,
+    kernel,
+    least_pixels,
+    front_rows,
+    front_margin,
+):
+    """Write the result of `group_columns`, and return how many stixels it has.
+
+    `histogram` (bins,), `row_count` and `row_total` (H,) are zero, `members` has the length
+    `stixel_width`.
+    """
+    width, found = len(columns), 0
     for left in range(0, width, stixel_width):
         right = min(left + stixel_width, width)
         middle, kept = _members(left, right, obstacle, window, base_row, members)
@@ -72,36 +122,42 @@ def group_columns(
             row_count, row_total,
         )  # fmt: skip
         of_row, sum_of_row = row_count[first : last + 1], row_total[first : last + 1]
-        pixels = of_row.sum()
+        pixels = 0
+        for v in range(first, last + 1):
+            pixels += row_count[v]
         if pixels >= least_pixels:
             extent = max(LEAST_ROWS, int(front_rows * centre + 0.5))
             front = front_face(of_row, sum_of_row, kept, extent)
             start = max(least, int(np.ceil((front - front_margin) * bins_per_pixel)))
-            votes = histogram[start : most + 1].sum()
+            votes = 0
+            for b in range(start, most + 1):
+                votes += histogram[b]
             # So few pixels are no face: noise, or something small in front of it.
             if 2 * votes < extent * kept:
                 start = least
             peak = histogram_peak(histogram[start : most + 1], kernel)
             areas[found, 0], areas[found, 1] = left, right
-            areas[found, 2] = tops[_median_column(tops, members, kept)]
+            areas[found, 2] = tops[_median_column(top_values, members, kept)]
             areas[found, 3] = base_row[middle]
             values[found, 0] = (peak + start) / bins_per_pixel
             values[found, 1] = rows / pixels
             found += 1
         for b in range(least, most + 1):
             histogram[b] = 0
-        of_row[:] = 0
-        sum_of_row[:] = 0.0
-    return areas[:found], values[:found]
+        for v in range(first, last + 1):
+            row_count[v] = 0
+            row_total[v] = 0.0
+    return found
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def _members(left, right, obstacle, window, base_row, members):
     """The median column of a group, and how many of its columns are a stixel, or 0.
 
     Those are written to `members`.
     """
-    n = 0
+    # Not a literal 0, for whose type Numba would compile `_median_column` once more.
+    n = left - left
     for u in range(left, right):
         if base_row[u] >= 0:
             members[n] = u
@@ -118,7 +174,7 @@ def _members(left, right, obstacle, window, base_row, members):
     return middle, kept
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def _median_column(values, members, n):
     """That of the first `n` columns in `members` whose value is the upper median.
 
@@ -135,7 +191,7 @@ def _median_column(values, members, n):
     return members[0]
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def front_face(count, total, columns, extent):
     """Disparity, px, of the nearest face: the greatest mean over `extent` rows next to each other.
 
@@ -162,10 +218,14 @@ def front_face(count, total, columns, extent):
                 found, nearest = True, mean
     if found:
         return nearest
-    return total.sum() / max(count.sum(), 1)
+    pixels, summed = 0, 0.0
+    for v in range(len(count)):
+        pixels += count[v]
+        summed += total[v]
+    return summed / max(pixels, 1)
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def _vote(
     columns, members, n, tops, foot, scale, centre, reach, bins_per_pixel, histogram, count, total
 ):
@@ -197,7 +257,7 @@ def _vote(
     return least, most, first, last, rows
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def histogram_peak(histogram, kernel):
     """Place, in bins, of the maximum of a histogram (n,) smoothed with a kernel (2 r + 1,).
 
@@ -205,16 +265,18 @@ def histogram_peak(histogram, kernel):
     """
     reach = len(kernel) // 2
     n = len(histogram)
-    smooth = np.zeros(n + 2 * reach + 2)
-    for b in range(n):
-        if histogram[b] > 0:
-            for i in range(len(kernel)):
-                smooth[b + i + 1] += histogram[b] * kernel[i]
-    best = 0
-    for b in range(len(smooth)):
-        if smooth[b] > smooth[best]:
-            best = b
-    before, peak, after = smooth[best - 1], smooth[best], smooth[best + 1]
+    best, last = 0, 0.0
+    before = peak = after = 0.0
+    # One bin beyond what the kernel reaches on either side: both are empty.
+    for at in range(1, n + 2 * reach + 2):
+        smooth = 0.0
+        for b in range(max(at - len(kernel), 0), min(at, n)):
+            smooth += histogram[b] * kernel[at - 1 - b]
+        if at == best + 1:
+            after = smooth
+        if smooth > peak:
+            best, before, peak = at, last, smooth
+        last = smooth
     curvature = before - 2.0 * peak + after
     offset = 0.5 * (before - after) / curvature if curvature < 0 else 0.0
     return best - reach - 1 + offset

@@ -44,7 +44,7 @@ def top_rows(
     return cheapest_tops(cost, base_row, np.nan_to_num(tied).astype(np.float32))
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(inline="always")
 def _power_of_two(y):
     """2 ** y, float32, for -16 <= y <= 1 with an error below 3e-6.
 
@@ -64,16 +64,28 @@ def _power_of_two(y):
     return p * p
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def membership_costs(columns, obstacle, window, base_row, scale):
+def membership_costs(
+    columns: np.ndarray,
+    obstacle: np.ndarray,
+    window: np.ndarray,
+    base_row: np.ndarray,
+    scale: np.ndarray,
+) -> np.ndarray:
     """Costs (W, H) float32 of a top in row v: C(u, v) of thesis (14), in rows 0 … base_row.
 
     Membership is 2 ** (1 - ((d - obstacle[u]) / window[u]) ** 2) - 1, d = raw * scale[v], and zero
     where there is no disparity. Other rows and free columns (base_row < 0) are not written.
     """
-    width, height = columns.shape
-    cost = np.empty((width, height), dtype=np.float32)
-    membership = np.empty(height, dtype=np.float32)
+    cost = np.empty(columns.shape, dtype=np.float32)
+    membership = np.empty(columns.shape[1], dtype=np.float32)
+    _membership_costs(cost, membership, columns, obstacle, window, base_row, scale)
+    return cost
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _membership_costs(cost, membership, columns, obstacle, window, base_row, scale):
+    """Write `membership_costs`; `membership` (H,) float32 is working memory."""
+    width = len(columns)
     one = np.float32(1.0)
     for u in range(width):
         rows = base_row[u] + 1
@@ -94,19 +106,24 @@ def membership_costs(columns, obstacle, window, base_row, scale):
         # Σ above - Σ below = 2 Σ above - Σ all.
         for v in range(rows):
             of_column[v] = np.float32(2.0) * of_column[v] - above
-    return cost
 
 
-@njit(cache=True, nogil=True)
-def cheapest_tops(cost, base_row, tied):
+def cheapest_tops(cost: np.ndarray, base_row: np.ndarray, tied: np.ndarray) -> np.ndarray:
     """Rows (W,) int32 of least sum of cost[u, v_u] + tied[u] |v_u - v_{u + 1}|.
 
     v_u is in 0 … base_row[u]; free columns (base_row < 0) get -1 and end the chain. Exact in
     O(pixels) by the distance transform of a linear cost. Overwrites `cost` (W, H) float32.
     """
     width, height = cost.shape
-    below = np.empty(height, dtype=np.float32)
-    above = np.empty(height, dtype=np.float32)
+    tops = np.empty(width, dtype=np.int32)
+    _cheapest_tops(tops, *np.empty((2, height), dtype=np.float32), cost, base_row, tied)
+    return tops
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cheapest_tops(tops, below, above, cost, base_row, tied):
+    """Write `cheapest_tops`; `below` and `above` (H,) float32 are working memory."""
+    width = len(cost)
     for u in range(1, width):
         rows, rows_before = base_row[u] + 1, base_row[u - 1] + 1
         if rows <= 0 or rows_before <= 0:
@@ -128,7 +145,6 @@ def cheapest_tops(cost, base_row, tied):
             shift = slope * np.float32(v)
             # Less the best so far: the sum stays small and keeps its digits.
             now[v] += min(below[v] + shift, above[v] - shift) - best
-    tops = np.empty(width, dtype=np.int32)
     after = -1
     for u in range(width - 1, -1, -1):
         slope = tied[u] if after >= 0 else np.float32(0.0)
@@ -138,4 +154,3 @@ def cheapest_tops(cost, base_row, tied):
             if value < least:
                 top, least = v, value
         tops[u] = after = top
-    return tops

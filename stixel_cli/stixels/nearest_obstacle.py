@@ -70,8 +70,12 @@ def nearest_obstacle(
     return refine(path, histogram, grid.disparities, grid.reaches, BINS_PER_PIXEL)
 
 
-@njit(cache=True, nogil=True)
-def cell_costs(occupancy, inverse_requirement, bound, free_cost):
+def cell_costs(
+    occupancy: np.ndarray,
+    inverse_requirement: np.ndarray,
+    bound: np.float32,
+    free_cost: np.float32,
+) -> np.ndarray:
     """Costs (W, R + 1) float32 of the cells: 1 / D, at most `bound`; the last row: `free_cost`.
 
     D is the occupancy (W, R) times `inverse_requirement` (R,), 1 for the least obstacle. The
@@ -80,6 +84,14 @@ def cell_costs(occupancy, inverse_requirement, bound, free_cost):
     """
     width, rows = occupancy.shape
     costs = np.full((width, rows + 1), bound, dtype=np.float32)
+    _cell_costs(costs, occupancy, inverse_requirement, bound, free_cost)
+    return costs
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cell_costs(costs, occupancy, inverse_requirement, bound, free_cost):
+    """Write those of the costs of `cell_costs` that are below `bound`, and the last row."""
+    width, rows = occupancy.shape
     least = np.float32(1.0) / np.float32(bound)
     for u in range(width):
         found = False
@@ -95,10 +107,9 @@ def cell_costs(occupancy, inverse_requirement, bound, free_cost):
             if value > least:
                 costs[u, j] = np.float32(1.0) / value
         costs[u, rows] = free_cost
-    return costs
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def add_temporal(costs, depths, expected, cost, limit):
     """Add `cost` min(|z_j - z'_u|, `limit`) to costs (W, R + 1); z' (W,) is NaN where unknown."""
     width, rows = costs.shape
@@ -109,22 +120,30 @@ def add_temporal(costs, depths, expected, cost, limit):
                 costs[u, j] += cost * min(abs(depths[j] - z), limit)
 
 
-@njit(cache=True, nogil=True)
-def cheapest_path(costs, depths, cost, limit):
+def cheapest_path(
+    costs: np.ndarray, depths: np.ndarray, cost: np.float32, limit: np.float32
+) -> np.ndarray:
     """Rows (W,) int32 of least sum of costs[u, j_u] + `cost` min(|z_j - z_l|, `limit`).
 
     `depths` (R + 1,) ascending. Exact in O(W R): the truncated linear cost of the step is a
     distance transform (Felzenszwalb, Huttenlocher 2012), which is valid for uneven depths as well.
     """
     width, rows = costs.shape
+    path = np.empty(width, dtype=np.int32)
     total = np.empty((width, rows), dtype=np.float32)
-    slope = np.empty(rows, dtype=np.float32)
+    slope, below, above = np.empty((3, rows), dtype=np.float32)
+    _cheapest_path(path, total, slope, below, above, costs, depths, cost, limit)
+    return path
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cheapest_path(path, total, slope, below, above, costs, depths, cost, limit):
+    """Write `cheapest_path`; `total` (W, R + 1) and the next three (R + 1,) are working memory."""
+    width, rows = costs.shape
     for j in range(rows):
         slope[j] = cost * depths[j]
     for j in range(rows):
         total[0, j] = costs[0, j]
-    below = np.empty(rows, dtype=np.float32)
-    above = np.empty(rows, dtype=np.float32)
     for u in range(1, width):
         last, now, of_column = total[u - 1], total[u], costs[u]
         best = last[0]
@@ -142,7 +161,6 @@ def cheapest_path(costs, depths, cost, limit):
             step = min(min(below[j] + slope[j], above[j] - slope[j]), cap)
             # Less the best so far: the sum stays small and keeps its digits.
             now[j] = of_column[j] + (step - best)
-    path = np.empty(width, dtype=np.int32)
     for u in range(width - 1, -1, -1):
         row, least = 0, np.float32(np.inf)
         for j in range(rows):
@@ -152,18 +170,29 @@ def cheapest_path(costs, depths, cost, limit):
             if value < least:
                 row, least = j, value
         path[u] = row
-    return path
 
 
-@njit(cache=True, nogil=True)
-def refine(path, histogram, disparities, reach, bins_per_pixel):
+def refine(
+    path: np.ndarray,
+    histogram: np.ndarray,
+    disparities: np.ndarray,
+    reach: np.ndarray,
+    bins_per_pixel: int,
+) -> np.ndarray:
     """Disparity (W,) float32 of the obstacles in px, finer than the rows; NaN without an obstacle.
 
     Mean of the column's histogram (W, bins) within `reach` (R,) px of the row's disparity, or that
     disparity itself where no vote is so near. `path` (W,) with R for "no obstacle".
     """
+    refined = np.empty(len(path), dtype=np.float32)
+    _refine(refined, path, histogram, disparities, reach, bins_per_pixel)
+    return refined
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _refine(refined, path, histogram, disparities, reach, bins_per_pixel):
+    """Write `refine`."""
     width, bins = histogram.shape
-    refined = np.empty(width, dtype=np.float32)
     for u in range(width):
         j = path[u]
         if j == len(disparities):
@@ -177,4 +206,3 @@ def refine(path, histogram, disparities, reach, bins_per_pixel):
             votes += histogram[u, b]
             moment += histogram[u, b] * b
         refined[u] = moment / (votes * bins_per_pixel) if votes > 0 else centre
-    return refined

@@ -156,15 +156,24 @@ def to_polar(cartesian: np.ndarray, grid: Layout, rig: Rig) -> np.ndarray:
     return polar
 
 
-@njit(cache=True, nogil=True)
-def column_histograms(columns, lowest, highest, scale, bins):
+def column_histograms(
+    columns: np.ndarray, lowest: np.ndarray, highest: np.ndarray, scale: np.ndarray, bins: int
+) -> np.ndarray:
     """Histograms (W, bins) uint16 of the obstacle pixels' pitch-compensated disparities.
 
     `columns` (W, H) int16 raw; a pixel counts if lowest[v] <= raw <= highest[v], in the bin
     round(raw * scale[v]).
     """
+    histogram = np.zeros((len(columns), bins), dtype=np.uint16)
+    _count_obstacles(histogram, columns, lowest, highest, scale)
+    return histogram
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _count_obstacles(histogram, columns, lowest, highest, scale):
+    """Add up `column_histograms`."""
     width, height = columns.shape
-    histogram = np.zeros((width, bins), dtype=np.uint16)
+    bins = histogram.shape[1]
     top, end = 0, height
     while top < end and lowest[top] > highest[top]:
         top += 1
@@ -177,14 +186,21 @@ def column_histograms(columns, lowest, highest, scale, bins):
             raw = np.int32(columns[u, v])
             if lowest[v] <= raw <= highest[v]:
                 of_column[min(np.int32(raw * scale[v] + half), bins - 1)] += 1
-    return histogram
 
 
-@njit(cache=True, nogil=True)
-def fill(histogram, likelihoods, first, last):
+def fill(
+    histogram: np.ndarray, likelihoods: np.ndarray, first: np.ndarray, last: np.ndarray
+) -> np.ndarray:
     """Occupancy (W, R) float32: each column's histogram (W, bins) times likelihoods (bins, R)."""
+    values = np.zeros((len(histogram), likelihoods.shape[1]), dtype=np.float32)
+    _add_likelihoods(values, histogram, likelihoods, first, last)
+    return values
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_likelihoods(values, histogram, likelihoods, first, last):
+    """Add up `fill`."""
     width, bins = histogram.shape
-    values = np.zeros((width, likelihoods.shape[1]), dtype=np.float32)
     for u in range(width):
         of_column = values[u]
         for b in range(1, bins):
@@ -193,18 +209,26 @@ def fill(histogram, likelihoods, first, last):
                 row = likelihoods[b]
                 for j in range(first[b], last[b]):
                     of_column[j] += votes * row[j]
-    return values
 
 
-@njit(cache=True, nogil=True)
-def spread_laterally(polar, starts, widths, cells, std):
+def spread_laterally(
+    polar: np.ndarray, starts: np.ndarray, widths: np.ndarray, cells: int, std: float
+) -> np.ndarray:
     """Cartesian occupancy (cells, R) float32 of a polar one (W, R).
 
     Each column's value is spread by the normal density in u, averaged over the cells. In row j the
     first cell begins at starts[j] and each is widths[j] wide, px; `std` in px.
     """
+    values = np.zeros((cells, polar.shape[1]), dtype=np.float32)
+    _spread_laterally(values, polar, starts, widths, std)
+    return values
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _spread_laterally(values, polar, starts, widths, std):
+    """Add up `spread_laterally`."""
     width, rows = polar.shape
-    values = np.zeros((cells, rows), dtype=np.float32)
+    cells = len(values)
     root = np.sqrt(0.5) / std
     reach = REACH * std
     for u in range(width):
@@ -221,4 +245,3 @@ def spread_laterally(polar, starts, widths, cells, std):
                 after = math.erf((edge + (i + 1) * step - u) * root)
                 values[i, j] += share * (after - before)
                 before = after
-    return values

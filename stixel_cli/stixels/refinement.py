@@ -19,8 +19,15 @@ MOST_ROWS = 32
 """More rows of a patch cost time and add little; then they are evenly spaced."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def aligned(left, right, columns, areas, disparities, scale, errors):
+def aligned(
+    left: np.ndarray,
+    right: np.ndarray,
+    columns: np.ndarray,
+    areas: np.ndarray,
+    disparities: np.ndarray,
+    scale: np.ndarray,
+    errors: np.ndarray,
+) -> np.ndarray:
     """Disparities (S,) float64 px for which the stixels' patches in both images agree best.
 
     Gauss-Newton on the sum of squared differences, without their mean, with one disparity for the
@@ -38,9 +45,16 @@ def aligned(left, right, columns, areas, disparities, scale, errors):
         scale: (H,) float32.
         errors: (W,) px, by which disparities in the images are greater; see `Rig.disparity_errors`.
     """
-    width, height = columns.shape
     found = disparities.copy()
-    rows = np.empty(height, dtype=np.int64)
+    rows = np.empty(columns.shape[1], dtype=np.int64)
+    _align(found, rows, left, right, columns, areas, disparities, scale, errors)
+    return found
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _align(found, rows, left, right, columns, areas, disparities, scale, errors):
+    """Write those of `aligned` that are not the given ones; `rows` (H,) is working memory."""
+    width = len(columns)
     for s in range(len(areas)):
         start = disparities[s]
         count = 0
@@ -70,10 +84,9 @@ def aligned(left, right, columns, areas, disparities, scale, errors):
             now += step
             if not abs(now - start) <= TOLERANCE:
                 break
-    return found
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(inline="always")
 def _normal_equation(
     left, right, columns, rows, count, first, last, given, disparity, scale, error
 ):

@@ -123,13 +123,14 @@ def find_road(
     pitches = rig.pitch_radians + np.radians(road.pitch_range) * spread
     heights = rig.camera_height * (1.0 + road.height_range * spread)
     lines = road_line(*(a.ravel() for a in np.meshgrid(pitches, heights, indexing="ij")), rig)
-    votes = _votes(np.cumsum(histogram, axis=1, dtype=np.int32), lines, road.tolerance)
+    votes = np.zeros(len(lines), dtype=np.int64)
+    _add_votes(votes, np.cumsum(histogram, axis=1, dtype=np.int32), lines, road.tolerance)
     # Ties, and the empty image, go to the plane nearest to the rig's.
     away = (np.abs(spread)[:, None] + np.abs(spread)[None, :]).ravel()
     line = lines[np.lexsort((away, -votes))[0]]
     tolerance = road.tolerance
     for _ in range(REFINEMENTS):
-        refined = _least_squares(histogram, line, tolerance)
+        refined = np.array(_least_squares(histogram, line, tolerance))
         pitch, height = pitch_and_height(refined, rig) if refined[0] > 0 else (np.inf, np.inf)
         if (
             abs(pitch - rig.pitch_radians) > np.radians(road.pitch_range)
@@ -140,24 +141,28 @@ def find_road(
     return line
 
 
-@njit(cache=True, nogil=True)
-def v_disparity(columns, count, step):
+def v_disparity(columns: np.ndarray, count: int, step: int) -> np.ndarray:
     """Histogram (H, 4 count) int32 of the disparities of each row, in bins of a quarter pixel."""
+    histogram = np.zeros((columns.shape[1], 4 * count), dtype=np.int32)
+    _count_disparities(histogram, columns, step)
+    return histogram
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _count_disparities(histogram, columns, step):
+    """Add up `v_disparity`."""
     width, height = columns.shape
-    histogram = np.zeros((height, 4 * count), dtype=np.int32)
     for u in range(0, width, step):
         for v in range(height):
             raw = columns[u, v]
             if raw > 0:
                 histogram[v, raw >> 2] += 1
-    return histogram
 
 
-@njit(cache=True, nogil=True)
-def _votes(cumulative, lines, tolerance):
-    """Pixels (n,) int64 within `tolerance` px of each line; `cumulative` along the bins."""
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_votes(votes, cumulative, lines, tolerance):
+    """Add to (n,) int64 the pixels within `tolerance` px of each line; bins are cumulative."""
     height, bins = cumulative.shape
-    votes = np.zeros(len(lines), dtype=np.int64)
     for n in range(len(lines)):
         for v in range(height):
             centre = lines[n, 0] * v + lines[n, 1]
@@ -167,12 +172,14 @@ def _votes(cumulative, lines, tolerance):
             high = min(int(4.0 * (centre + tolerance)), bins - 1)
             if low <= high:
                 votes[n] += cumulative[v, high] - (cumulative[v, low - 1] if low > 0 else 0)
-    return votes
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _least_squares(histogram, line, tolerance):
-    """Line (2,) through the pixels within `tolerance` px of `line`, which stays if they are few."""
+    """Slope and offset of the line through the pixels within `tolerance` px of `line` (2,).
+
+    Those of `line` if the pixels are few.
+    """
     height, bins = histogram.shape
     n = sv = sd = svv = svd = 0.0
     for v in range(height):
@@ -191,6 +198,6 @@ def _least_squares(histogram, line, tolerance):
             svd += weight * v * disparity
     spread = n * svv - sv * sv
     if n < 100.0 or spread <= 0.0:
-        return line.copy()
+        return line[0], line[1]
     slope = (n * svd - sv * sd) / spread
-    return np.array([slope, (sd - slope * sv) / n])
+    return slope, (sd - slope * sv) / n

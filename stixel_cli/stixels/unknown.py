@@ -57,20 +57,23 @@ def unknown_rows(
         np.clip(SUBPIXELS * values, 0, np.iinfo(np.int16).max).astype(np.int32)
         for values in (np.floor(lowest), np.ceil(highest))
     ]
-    return _unknown_rows(columns, base_row, extents, end, free_space.least_density, *limits)
+    rows = np.full(rig.width, -1, dtype=np.int32)
+    before = np.zeros(rig.height + 1, dtype=np.int32)
+    density = free_space.least_density
+    _find_unknown(rows, before, columns, base_row, extents, end, density, *limits)
+    return rows
 
 
-@njit(cache=True, nogil=True)
-def _unknown_rows(columns, base_row, extents, end, least_density, lowest, highest):
-    """Lowest row (W,) int32 with too little road in the `extents` (H,) rows that end in it.
+@njit(cache=True, nogil=True, error_model="numpy")
+def _find_unknown(rows, before, columns, base_row, extents, end, least_density, lowest, highest):
+    """Write the lowest row (W,) int32 with too little road in the `extents` (H,) rows up from it.
 
     A pixel shows the road if its raw disparity is from `lowest` to `highest` (H,). Of those rows,
     the lowest without road. Only rows below `base_row` and from `end` on
     count. Where fewer than `LEAST_ROWS` or half of the rows do, there are too few to judge.
+    `before` (H + 1,) is working memory.
     """
     width, height = columns.shape
-    rows = np.full(width, -1, dtype=np.int32)
-    before = np.zeros(height + 1, dtype=np.int32)
     for u in range(width):
         first = max(base_row[u] + 1, end)
         for v in range(first, height):
@@ -87,4 +90,3 @@ def _unknown_rows(columns, base_row, extents, end, least_density, lowest, highes
                 v -= 1
             rows[u] = v
             break
-    return rows

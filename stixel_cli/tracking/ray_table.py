@@ -13,7 +13,7 @@ Frames: target, x along the heading, y left; m and rad.
 """
 
 from dataclasses import dataclass
-from math import atan2, cos, exp, pi, sin, sqrt
+from math import atan2, cos, exp, inf, pi, sin, sqrt
 
 import numpy as np
 from numba import njit
@@ -75,22 +75,29 @@ def widths(outline: np.ndarray, angles: np.ndarray) -> tuple[np.ndarray, np.ndar
     return offsets.min(axis=0), offsets.max(axis=0)
 
 
-@njit(cache=True)
-def first_depths(outline, aspects, offsets):
+def first_depths(outline: np.ndarray, aspects: np.ndarray, offsets: np.ndarray) -> np.ndarray:
     """Depths (n, m) m at which rays first meet a polygon (M, 2) m.
 
     `aspects` (n,) rad and `offsets` (n, m) m name the rays. A ray that passes by the polygon has
     the depth of the nearest ray of its aspect that meets it.
     """
     depths = np.full(offsets.shape, np.inf)
+    _first_depths(depths, *np.empty((2, len(outline))), outline, aspects, offsets)
+    return depths
+
+
+# The callers of kernels make the arrays: Numba compiles an allocation as slowly as a loop.
+@njit(cache=True, error_model="numpy")
+def _first_depths(depths, offset, depth, outline, aspects, offsets):
+    """Write `first_depths` over inf; `offset` and `depth` (M,) are working memory."""
     corners = len(outline)
-    offset, depth = np.empty(corners), np.empty(corners)
     for i in range(len(aspects)):
         x, y = -cos(aspects[i]), -sin(aspects[i])
+        least, most = inf, -inf
         for c in range(corners):
             offset[c] = x * outline[c, 1] - y * outline[c, 0]
             depth[c] = x * outline[c, 0] + y * outline[c, 1]
-        least, most = offset.min(), offset.max()
+            least, most = min(least, offset[c]), max(most, offset[c])
         inner = 1e-9 * (most - least)
         for j in range(offsets.shape[1]):
             wanted = min(max(offsets[i, j], least + inner), most - inner)
@@ -101,7 +108,6 @@ def first_depths(outline, aspects, offsets):
                     share = (wanted - offset[c]) / width if width != 0.0 else 0.0
                     crossing = depth[c] + share * (depth[following] - depth[c])
                     depths[i, j] = min(depths[i, j], crossing)
-    return depths
 
 
 def outline_table(outline: np.ndarray, std: float, size: tuple[int, int] = FINE) -> RayTable:
@@ -126,8 +132,40 @@ def outline_table(outline: np.ndarray, std: float, size: tuple[int, int] = FINE)
     )
 
 
-@njit(cache=True)
 def expected(
+    states: np.ndarray,
+    sensor: np.ndarray,
+    directions: np.ndarray,
+    first: int,
+    last: int,
+    *table: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Ranges and silhouettes that states of a target predict for the rays of a scan.
+
+    `states` (S, 5): x, y, heading, and the logarithms of the factors on length and width;
+    `sensor` (2,) m; `directions` (n, 2) unit vectors of the rays in the world; `first`, `last` the
+    indices of the rays with the least and the greatest bearing; then `RayTable.arrays`.
+
+    Returns:
+        ranges (S, n) m; insets (S, 2) m, how far inside the shape's seen limits the first and the
+        last ray pass; misses (S, n) m, how far outside of them each ray passes, negative inside;
+        range_stds (n,) m and inset_stds (2,) m of the first state.
+    """
+    count, rays = len(states), len(directions)
+    ranges, misses = np.empty((count, rays)), np.empty((count, rays))
+    insets, range_stds, inset_stds = np.empty((count, 2)), np.empty(rays), np.empty(2)
+    results = ranges, insets, misses, range_stds, inset_stds
+    _expect(*results, states, sensor, directions, first, last, *table)
+    return results
+
+
+@njit(cache=True, error_model="numpy")
+def _expect(
+    ranges,
+    insets,
+    misses,
+    range_stds,
+    inset_stds,
     states,
     sensor,
     directions,
@@ -142,21 +180,9 @@ def expected(
     low_stds,
     high_stds,
 ):
-    """Ranges and silhouettes that states of a target predict for the rays of a scan.
-
-    `states` (S, 5): x, y, heading, and the logarithms of the factors on length and width;
-    `sensor` (2,) m; `directions` (n, 2) unit vectors of the rays in the world; `first`, `last` the
-    indices of the rays with the least and the greatest bearing; then `RayTable.arrays`.
-
-    Returns:
-        ranges (S, n) m; insets (S, 2) m, how far inside the shape's seen limits the first and the
-        last ray pass; misses (S, n) m, how far outside of them each ray passes, negative inside;
-        range_stds (n,) m and inset_stds (2,) m of the first state.
-    """
+    """Write `expected`."""
     count, rays = states.shape[0], directions.shape[0]
     rows, columns = depths.shape
-    ranges, misses = np.empty((count, rays)), np.empty((count, rays))
-    insets, range_stds, inset_stds = np.empty((count, 2)), np.empty(rays), np.empty(2)
     for s in range(count):
         cosine, sine = cos(states[s, 2]), sin(states[s, 2])
         shrink_x, shrink_y = exp(-states[s, 3]), exp(-states[s, 4])
@@ -203,4 +229,3 @@ def expected(
                     inset_stds[0] = low_stds[a] * (1.0 - f) + low_stds[b] * f
                 if i == last:
                     inset_stds[1] = high_stds[a] * (1.0 - f) + high_stds[b] * f
-    return ranges, insets, misses, range_stds, inset_stds

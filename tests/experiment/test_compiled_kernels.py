@@ -1,5 +1,6 @@
 """Which kernels are still to be compiled."""
 
+import ast
 import os
 import re
 
@@ -13,6 +14,25 @@ def test_the_modules_with_kernels_are_named():
         if re.search(r"^from numba import .*\bnjit\b", file.read_text(encoding="utf-8"), re.M)
     }
     assert found == set(kernels.KERNELS)
+
+
+SCALARS = {"float32", "float64", "int32", "int64", "uint64"}
+SCALARS |= {"ceil", "floor", "isnan", "log2", "sqrt"}
+
+
+def test_kernels_make_no_arrays():
+    """Numba compiles an allocation or a sum of an array as slowly as a loop: 5 s of all kernels."""
+    dear = []
+    for name in kernels.KERNELS:
+        file = kernels.PACKAGE.joinpath(*name.split(".")).with_suffix(".py")
+        for function in ast.parse(file.read_text(encoding="utf-8")).body:
+            if any("njit" in ast.unparse(d) for d in getattr(function, "decorator_list", ())):
+                calls = [node.func for node in ast.walk(function) if isinstance(node, ast.Call)]
+                methods = {ast.unparse(call) for call in calls if isinstance(call, ast.Attribute)}
+                allowed = {f"np.{scalar}" for scalar in SCALARS} | {"math.erf"}
+                # The decorator is a call of a name.
+                dear += [f"{name}.{function.name}: {call}" for call in methods - allowed]
+    assert not dear, dear
 
 
 def test_a_module_is_compiled_if_its_index_is_not_older(tmp_path, monkeypatch):

@@ -217,7 +217,9 @@ def test_texture_is_averaged_over_the_pixel_area():
     offsets = (np.arange(16) + 0.5) / 16 - 0.5
     du, dv = (array.ravel() for array in np.meshgrid(offsets, offsets))
     uu, vv = np.add.outer(u, du).ravel(), np.add.outer(v, dv).ravel()
-    rays = camera_rays(uu, vv, camera.rotation, camera.origin, camera.focal, camera.u0, camera.v0)
+    pinhole = camera.rotation, camera.origin, camera.focal, camera.u0, camera.v0
+    rays = np.empty((len(uu), 6), dtype=np.float32)
+    camera_rays(rays, uu, vv, *pinhole)
     points = rays[:, :3] + rays[:, 3:] * (12.0 / rays[:, 4])[:, None]
     columns = np.floor((points[:, 0] + 9) / 18 * 3 * 64).astype(int) % 64
     rows = np.floor((8 - points[:, 2]) / 14 * 3 * 64).astype(int) % 64

@@ -7,7 +7,7 @@ from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stixels.extraction import unknown_bearings
 from stixel_cli.stixels.free_space import find_free_space
 from stixel_cli.stixels.road import base_rows, road_line
-from stixel_cli.stixels.unknown import LEAST_ROWS, _unknown_rows
+from stixel_cli.stixels.unknown import LEAST_ROWS, _find_unknown
 
 
 @pytest.fixture
@@ -78,7 +78,8 @@ def test_unknown_rows_match_a_brute_force_search():
                 if np.sum(window >= 0) < 0.5 * len(window):
                     expected[u] = max(w for w in range(v + 1) if columns[u, w] < 0)
         limits = np.zeros(30, dtype=np.int32), np.full(30, 9, dtype=np.int32)
-        found = _unknown_rows(columns, base, extents, end, 0.5, *limits)
+        found, before = np.full(8, -1, dtype=np.int32), np.zeros(31, dtype=np.int32)
+        _find_unknown(found, before, columns, base, extents, end, 0.5, *limits)
         assert found.tolist() == expected.tolist()
 
 
