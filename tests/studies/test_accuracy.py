@@ -34,8 +34,12 @@ def tiny(tmp_path):
     wrong = content["sweeps"]["wrong_class"]
     wrong["axes"] = {"road_user": ["pedestrian"], "prior": ["pedestrian", "car"], "path": ["turn"]}
     wrong["fixed"], wrong["seeds"] = {**wrong["fixed"], **SMALL}, [0, 1]
+    peers = content["sweeps"]["peers"]
+    names = ["full_scgp", "ggiw"]
+    peers["axes"] = {"road_user": ["pedestrian"], "path": ["turn"], "tracker.name": names}
+    peers["fixed"], peers["seeds"] = {**peers["fixed"], **SMALL}, [0]
     for name, sweep in content["sweeps"].items():
-        if name in ("ablation", "wrong_class"):
+        if name in ("ablation", "wrong_class", "peers"):
             continue
         sweep["fixed"] = {**sweep["fixed"], **SMALL}
         if name == "long_range":
@@ -90,6 +94,10 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny, tmp_path):
         ("pedestrian", "–"),
         ("pedestrian", "Student weights"),
     ]
+    assert [row["tracker"] for row in table(folder, "peers")] == [
+        "PyRecEst full_scgp",
+        "PyRecEst ggiw",
+    ]
     right, other = table(folder, "wrong_class")
     assert (right["prior"], other["prior"]) == ("pedestrian", "car")
     assert (right["loss, mean IoU"], float(other["loss, mean IoU"]) > 0.0) == ("", True)
@@ -125,7 +133,7 @@ def test_each_variant_of_the_ablation_switches_one_known_term_off():
 
 def test_the_shipped_study_has_ten_seeds_with_a_shape_each():
     study = read_study(find_study("accuracy"))
-    fewer = {"long_range": 2, "one_mesh": 3, "wrong_class": 3}
+    fewer = {"long_range": 2, "one_mesh": 3, "wrong_class": 3, "peers": 3}
     for sweep in study.sweeps:
         assert sweep.content["seeds"] == fewer.get(sweep.name, 10)
         linked = sweep.content["fixed"].get("road_user.shape_seed")

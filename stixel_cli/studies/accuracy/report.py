@@ -49,6 +49,8 @@ def report(data: StudyData) -> Material:
     sweeps = {name: sweep for name, sweep in data.sweeps.items() if name not in OWN_TABLES}
     frames = {name: run_frame(sweep.runs) for name, sweep in sweeps.items()}
     frames["long_range"] = _within(frames["long_range"])
+    peers = frames["peers"]
+    frames["peers"] = peers.assign(tracker="PyRecEst " + peers["tracker.name"])
     fabricated = pd.concat([frames.pop("fabricated_car"), frames["fabricated"]])
     frames["fabricated"] = fabricated.assign(measurement="fabricated")
     simulated = frames["simulated"]
