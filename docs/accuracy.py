@@ -12,6 +12,7 @@ PAGE = Path(__file__).parent / "accuracy.md"
 BEGIN, END = "<!-- tables of the study -->", "<!-- end of the tables -->"
 TABLES = {
     "ablation": "Each term left out (the first row of a road user has all terms)",
+    "ablation_lidar": "The same on the 64-layer lidar",
     "wrong_class": "The prior of another class, and of no class, next to that of the right one",
     "goals": "The tracker with all terms, next to the project's goals",
     "simulated": "The trackers on simulated measurements",

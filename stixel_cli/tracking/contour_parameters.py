@@ -28,6 +28,9 @@ class ContourParameters:
         bias_std: standard deviation, m at a range of 10 m, of an error of the sensor that all
             ranges of a recording share; it grows with the square of the range, as that of a
             disparity does.
+        neighbour_std, neighbour_distance: standard deviation of an error along the ray that
+            neighbours share, relative to the size of the class (the geometric mean of length and
+            width), and the distance across the rays at which it is uncorrelated, m.
         offset_std: standard deviation, m, of the shape across the rays: where a ray grazes the
             shape it makes the range uncertain.
         silhouette_factor: factor on the standard deviation of the silhouette.
@@ -49,6 +52,8 @@ class ContourParameters:
     width_std: Annotated[float, Gt(0), Le(1)]
     noise_factor: Annotated[float, Gt(0), Le(100)]
     bias_std: Annotated[float, Ge(0), Le(10)]
+    neighbour_std: Annotated[float, Ge(0), Le(1)]
+    neighbour_distance: Annotated[float, Gt(0), Le(10)]
     offset_std: Annotated[float, Ge(0), Le(10)]
     silhouette_factor: Annotated[float, Gt(0), Le(100)]
     silhouette_std: Annotated[float, Ge(0), Le(10)]

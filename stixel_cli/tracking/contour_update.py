@@ -10,6 +10,7 @@ from stixel_cli.tracking.contour_rays import (
     Sight,
     range_biases,
     sampling_inset,
+    shared_covariance,
 )
 from stixel_cli.tracking.ray_table import expected
 
@@ -49,6 +50,7 @@ def update(
     edges = (np.radians(tracker.silhouette_std) * rays.ranges[[first, last]]) ** 2
     silhouettes = uncut(rays.bearings[[first, last]], tracker.horizontal_fov)
     rows = np.concatenate([np.ones(count, bool), silhouettes])
+    correlated = shared_covariance(rays, sight, tracker)
     biases = np.concatenate([range_biases(rays, tracker), [0.0, 0.0]])
     spread = covariance
     iterate = mean if first_iterate is None else first_iterate
@@ -72,11 +74,13 @@ def update(
             stds[count:] ** 2 + inset_variance + edges
         )
         total = variances.copy()
-        total[:count] += biases[:count] ** 2
+        total[:count] += np.diag(correlated) + biases[:count] ** 2
         freedom = tracker.degrees_of_freedom
         weights = np.minimum((freedom + 1.0) / (freedom + errors**2 / total), 1.0)
-        noise = np.diag((variances / weights)[rows])
-        matrix, errors = matrix[rows], errors[rows]
+        noise = np.diag(variances / weights)
+        noise[:count, :count] += correlated
+
+        matrix, errors, noise = matrix[rows], errors[rows], noise[np.ix_(rows, rows)]
         innovation = errors + matrix @ (iterate - mean)
         crossed = matrix @ covariance + np.outer(biases[rows], of_bias)
         shared = matrix @ of_bias + biases[rows]

@@ -11,6 +11,7 @@ import yaml
 
 from stixel_cli.config.compose import compose
 from stixel_cli.studies.accuracy.ablation import TERMS
+from stixel_cli.studies.accuracy.report import ABLATIONS
 from stixel_cli.studies.file import find_study, read_study
 
 SMALL = {
@@ -26,11 +27,14 @@ SMALL = {
 def tiny(tmp_path):
     """The file of the shipped study with fewer values, frames and pixels."""
     content = yaml.safe_load(find_study("accuracy").read_text(encoding="utf-8"))
-    ablation = content["sweeps"]["ablation"]
-    (zipped,) = ablation["zipped"]
-    ablation["zipped"] = [{key: values[:2] for key, values in zipped.items()}]
-    ablation["axes"], ablation["seeds"] = {"road_user": ["pedestrian"], "path": ["turn"]}, [0, 1]
-    ablation["fixed"] |= SMALL
+    (zipped,) = content["sweeps"]["ablation"]["zipped"]
+    for name in ABLATIONS:
+        content["sweeps"][name] |= {
+            "zipped": [{key: values[:2] for key, values in zipped.items()}],
+            "axes": {"road_user": ["pedestrian"], "path": ["turn"]},
+            "seeds": [0, 1],
+            "fixed": content["sweeps"][name]["fixed"] | SMALL,
+        }
     wrong = content["sweeps"]["wrong_class"]
     wrong["axes"] = {"road_user": ["pedestrian"], "prior": ["pedestrian", "car"], "path": ["turn"]}
     wrong["fixed"], wrong["seeds"] = {**wrong["fixed"], **SMALL}, [0, 1]
@@ -39,7 +43,7 @@ def tiny(tmp_path):
     peers["axes"] = {"road_user": ["pedestrian"], "path": ["turn"], "tracker.name": names}
     peers["fixed"], peers["seeds"] = {**peers["fixed"], **SMALL}, [0]
     for name, sweep in content["sweeps"].items():
-        if name in ("ablation", "wrong_class", "peers"):
+        if name in (*ABLATIONS, "wrong_class", "peers"):
             continue
         sweep["fixed"] = {**sweep["fixed"], **SMALL}
         if name == "long_range":
@@ -90,10 +94,11 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny, tmp_path):
     assert (folder / "figures" / "answer_forest.svg").exists()
     near = table(folder, "long_range")
     assert all(row["mean IoU, hull"] != "" and row["mean IoU, box"] != "" for row in near)
-    assert [(row["road user"], row["without"]) for row in table(folder, "ablation")] == [
-        ("pedestrian", "–"),
-        ("pedestrian", "Student weights"),
-    ]
+    for name in ABLATIONS:
+        assert [(row["road user"], row["without"]) for row in table(folder, name)] == [
+            ("pedestrian", "–"),
+            ("pedestrian", "error that neighbours share"),
+        ]
     assert [row["tracker"] for row in table(folder, "peers")] == [
         "PyRecEst full_scgp",
         "PyRecEst ggiw",
@@ -108,15 +113,16 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny, tmp_path):
     page = load_page(tmp_path)
     page.main(folder)
     text = page.PAGE.read_text(encoding="utf-8")
-    assert "| pedestrian | Student weights |" in text
+    assert "| pedestrian | error that neighbours share |" in text
     assert "Not measured yet" not in text and text.count("<!--") == 2
 
 
-def test_each_variant_of_the_ablation_switches_one_known_term_off():
+@pytest.mark.parametrize("name", ABLATIONS)
+def test_each_variant_of_the_ablation_switches_one_known_term_off(name):
     (axis,) = [
         axis
         for sweep in read_study(find_study("accuracy")).sweeps
-        if sweep.name == "ablation"
+        if sweep.name == name
         for axis in sweep.design().axes
         if len(axis.keys) > 1
     ]
@@ -127,7 +133,7 @@ def test_each_variant_of_the_ablation_switches_one_known_term_off():
     ]
     assert sorted(left_out) == sorted(TERMS.values())
     # The first is the tracker as it is.
-    plain = ["tracker=contour", "road_user=cyclist"]
+    plain = ["tracker=contour", "road_user=cyclist", "measurement=lidar_64"]
     assert compose([*plain, *whole]).configuration == compose(plain).configuration
 
 

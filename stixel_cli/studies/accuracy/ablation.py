@@ -1,12 +1,14 @@
 """What each term of the tracker `contour` gains."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from stixel_cli.studies.accuracy.effects import Effects, effects_table
 from stixel_cli.studies.data import StudyRun, names, run_frame
 from stixel_cli.studies.types import Table
 
 TERMS = {
+    "error that neighbours share": ("neighbour_std",),
     "Student weights": ("degrees_of_freedom",),
     "silhouettes": ("silhouette_factor",),
     "seen shape": ("seen_by",),
@@ -30,10 +32,11 @@ EFFECTS = Effects(
 )
 
 
-def ablation_table(runs: Sequence[StudyRun]) -> Table:
+def ablation_table(name: str, runs: Sequence[StudyRun]) -> Table:
     """One row for each road user and variant of the tracker; the first variant has all terms."""
     frame = run_frame(runs).assign(term=[_term(run, runs[0]) for run in runs])
-    return effects_table(EFFECTS, frame, dict.fromkeys(names(frame, "road_user"), WHOLE))
+    references = dict.fromkeys(names(frame, "road_user"), WHOLE)
+    return effects_table(replace(EFFECTS, name=name), frame, references)
 
 
 def _term(run: StudyRun, first: StudyRun) -> str:

@@ -33,7 +33,9 @@ MEASURES = (
 """Metrics of the tables, in this order."""
 COMPARED = ("centre_rmse_m", "orientation_rmse_deg", "iou_box_mean")
 """Metrics of the answer's plot."""
-OWN_TABLES = ("ablation", "wrong_class")
+ABLATIONS = ("ablation", "ablation_lidar")
+"""Sweeps that leave out one term of `TRACKER` each."""
+OWN_TABLES = (*ABLATIONS, "wrong_class")
 """Sweeps with tables of their own."""
 APART = "s_curve"
 """A path that is reported on its own: the means are over the others."""
@@ -45,7 +47,6 @@ def report(data: StudyData) -> Material:
     """Values and tables of the template."""
     import pandas as pd
 
-    ablation = ablation_table(data.sweeps["ablation"].runs)
     sweeps = {name: sweep for name, sweep in data.sweeps.items() if name not in OWN_TABLES}
     frames = {name: run_frame(sweep.runs) for name, sweep in sweeps.items()}
     frames["long_range"] = _within(frames["long_range"])
@@ -67,7 +68,7 @@ def report(data: StudyData) -> Material:
                 name: accuracy_table(name, frame, ("road_user", "measurement", "tracker"))
                 for name, frame in frames.items()
             },
-            "ablation": ablation,
+            "ablations": {name: ablation_table(name, data.sweeps[name].runs) for name in ABLATIONS},
             "wrong_class": wrong_class_table(data.sweeps["wrong_class"].runs),
             "goals": goals_table({name: together(frame) for name, frame in frames.items()}),
             "by_path": accuracy_table(
