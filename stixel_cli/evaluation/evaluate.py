@@ -60,7 +60,7 @@ def evaluate(
     `ceilings` are the greatest values that the overlaps can have, `road_user` is the true class,
     None if it is unknown, `labels` are the scores of the tracks of all that moves. Where the truth
     is unknown, errors over time are NaN and metrics leave them out. Without any truth there are
-    only the metrics that need none.
+    only the metrics of scans and track.
 
     Raises:
         ValueError: as `validate` does.

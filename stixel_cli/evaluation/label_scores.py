@@ -47,7 +47,7 @@ def score_tracks(
 
 
 def _matches(tracks: Sequence[ObjectTrack], truths: Sequence[LabelTruth]) -> np.ndarray:
-    """The track of each label at each scan (N, K), its index; -1 for none."""
+    """The track of each label at each scan (N, K), its index, or -1."""
     from scipy.optimize import linear_sum_assignment
 
     count = len(truths[0].scenario.times)

@@ -14,11 +14,11 @@ class LabelScore:
         expected: 1 if a track is expected: it moves, and is in as many frames as a track needs.
         frames: number of these frames.
         tracked_frames: those of them with a track.
-        found_s: time from the first of these frames to the first with a track, s; NaN if none.
+        found_s: time from the first of these frames to the first with a track, s; NaN without one.
         tracks: number of different tracks that match the label in any frame.
         switches: changes from one of them to another.
-        iou_box: mean intersection over union of the boxes, in the tracked frames; NaN if none.
-        centre_m: mean centre error there, m; NaN if none.
+        iou_box: mean intersection over union of the boxes, in the tracked frames; NaN without one.
+        centre_m: mean centre error there, m; NaN without one.
     """
 
     label: str

@@ -147,7 +147,7 @@ def _chosen(scans: Scans, clusters: Sequence[list[np.ndarray]], start: ScansStar
         if value is not None
     ]
     raise ValueError(
-        f"start: no scan has a cluster of the class's size in {' and '.join(bounds)}: widen them"
+        f"no scan has a cluster of the class's size in {' and '.join(bounds)}: widen them"
     )
 
 
@@ -187,7 +187,7 @@ def _moving(scans: Scans, clusters: Sequence[list[np.ndarray]], start: ScansStar
         if best is not None:
             return best[1]
     raise ValueError(
-        "start: no cluster of the class's size moves: give start.bearing=[LO,HI] (degrees) and "
+        "no cluster of the class's size moves: give start.bearing=[LO,HI] (degrees) and "
         "start.range=[LO,HI] (m)"
     )
 
