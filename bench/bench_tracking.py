@@ -1,6 +1,7 @@
 """A scan of `gp_ekf` beside the textbook's dense update and the plain information form.
 
-600 points, 50 basis points, one BLAS thread: `pytest bench/bench_tracking.py`.
+600 points, 50 basis points, one BLAS thread. And whole tracks with about 60 points in a scan:
+`pytest bench/bench_tracking.py`.
 """
 
 import numpy as np
@@ -8,11 +9,18 @@ import pytest
 from scipy.linalg import block_diag, cho_factor, cho_solve
 from threadpoolctl import threadpool_limits
 
+from stixel_cli.config.compose import compose
+from stixel_cli.evaluation.evaluate import evaluate
+from stixel_cli.measurements.fabricated import fabricate_scans
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.scene.build import build_scenario
+from stixel_cli.scene.ego import ego_motion
+from stixel_cli.tracking import contour, gp_ekf
 from stixel_cli.tracking.gp_ekf import GpEkfParameters, track, update
 from stixel_cli.tracking.kernel import contour_process, kernel
 from stixel_cli.tracking.motion import predict, process_noise, transition
 from stixel_cli.tracking.prior import PriorShape
+from stixel_cli.tracking.start import noisy_start
 from stixel_cli.tracking.track import InitialState
 
 POINTS, SCANS, INTERVAL, STD = 600, 30, 0.1, 0.1
@@ -164,3 +172,22 @@ def test_scan(benchmark, scan, scans, state, tracked):
 def test_whole_track(benchmark, scans):
     """Thirty scans with all that a track is: association, NIS, contours. Divide by 30."""
     benchmark(track, scans, START, CAR, TRACKER)
+
+
+@pytest.mark.parametrize("module", [gp_ekf, contour], ids=["gp_ekf", "contour"])
+def test_track_of_100_scans(benchmark, module):
+    """A fabricated car on the default path, seen by fewer rays than columns."""
+    benchmark.group = "A track of 100 scans with about 60 points each"
+    name = module.__name__.rpartition(".")[2]
+    overrides = (f"tracker={name}", "measurement=fabricated", "measurement.rays=280")
+    p = compose(overrides).configuration
+    ego = ego_motion(p.ego, p.path.duration, p.path.sample_time)
+    scenario = build_scenario(ego, p.road_user, p.path)
+    scans = fabricate_scans(scenario, p.rig, p.measurement, 0)
+    initial = noisy_start(scenario, p.start, 0)
+    found = benchmark(module.track, scans, initial, p.prior, p.tracker)
+    metrics = evaluate(found, scenario, scans).metrics
+    benchmark.extra_info["accuracy"] = (
+        f"{len(scans)} scans, {len(scans.points_world) / len(scans):.0f} points, "
+        f"IoU {metrics['iou_mean']:.2f}"
+    )

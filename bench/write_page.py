@@ -26,6 +26,7 @@ SELECTED = (
     "bench_raycast.py::test_plain_pair_with_four_rays_everywhere",
     "bench_rendering_parts.py",
     "bench_tracking.py::test_scan",
+    "bench_tracking.py::test_track_of_100_scans",
     "bench_sweep.py::test_tracker_runs",
     "bench_sweep.py::test_scores",
 )
