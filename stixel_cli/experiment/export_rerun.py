@@ -9,6 +9,7 @@ from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.export_folder import repeated_run, write_new_folder
 from stixel_cli.report.camera_frames import WIDEST
+from stixel_cli.report.style import depth_colours
 from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.results.result import RunResult
 
@@ -16,6 +17,9 @@ FILE = "run.rrd"
 
 TRACK, TRUTH, POINTS, EGO = (0, 114, 178), (0, 158, 115), (213, 94, 0), (90, 90, 90)
 """Colours, RGB (Okabe & Ito)."""
+
+LINE_RADIUS = 0.1
+"""px of the image: half of the width of a stixel's lines. The image is seen between them."""
 
 
 def rerun_library() -> Any:
@@ -74,7 +78,7 @@ def log_run(library: Any, recording: Any, run: RunResult) -> None:
 
 
 def _log_camera(library: Any, recording: Any, chunk: CameraFrames, times: np.ndarray) -> None:
-    """The left images and the boxes of their stixels, px of the reduced image."""
+    """The left images and the boxes of their stixels, px of the reduced image: near is yellow."""
     scale = min(1.0, WIDEST / chunk.width)
     for i, image in enumerate(chunk.images):
         k = chunk.first + i
@@ -86,7 +90,10 @@ def _log_camera(library: Any, recording: Any, chunk: CameraFrames, times: np.nda
         low = np.stack([chunk.left[rows], chunk.top[rows]], axis=1)
         size = np.stack([chunk.right[rows] - chunk.left[rows],
                          chunk.base[rows] + 1 - chunk.top[rows]], axis=1)  # fmt: skip
-        boxes = library.Boxes2D(mins=scale * low, sizes=scale * size)
+        colours = np.round(255.0 * depth_colours(chunk.depth[rows])).astype(np.uint8)
+        boxes = library.Boxes2D(
+            mins=scale * low, sizes=scale * size, colors=colours, radii=LINE_RADIUS
+        )
         recording.log("camera/image/stixels", boxes)
 
 
