@@ -5,6 +5,8 @@ PYTHON ?= $(shell for p in python3.12 python3.11 python3 python; do \
 	$$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' 2>/dev/null \
 	&& echo $$p && break; done)
 BIN := .venv/bin
+INSTALL := PIP_CONSTRAINT=constraints.txt PIP_DISABLE_PIP_VERSION_CHECK=1 \
+	$(BIN)/python -m pip install --quiet --editable
 ARGS ?=
 
 .PHONY: setup run test lint bench clean
@@ -14,8 +16,12 @@ setup: .venv/kernels
 .venv/installed: pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "make: Python 3.11 or 3.12 is needed; name it with PYTHON=…" >&2; exit 2; }
 	$(PYTHON) -m venv .venv
-	PIP_CONSTRAINT=constraints.txt PIP_DISABLE_PIP_VERSION_CHECK=1 \
-		$(BIN)/python -m pip install --quiet --editable '.[test]'
+	$(INSTALL) '.[peers]'
+	@touch $@
+
+# The tests' packages, of which a run needs none.
+.venv/installed-for-tests: .venv/installed
+	$(INSTALL) '.[test]'
 	@touch $@
 
 # Numba's kernels, compiled where they have changed. Without this, the first run compiles them.
@@ -29,11 +35,11 @@ run: setup
 test: setup lint
 	$(BIN)/python -m pytest -n 2 -p no:benchmark $(ARGS)
 
-lint: setup
+lint: setup .venv/installed-for-tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-bench: setup
+bench: setup .venv/installed-for-tests
 	$(BIN)/python bench/write_page.py $(ARGS)
 
 clean:
