@@ -52,12 +52,12 @@ def area_moments(polygons: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     first = polygons[:, :1]
     a = polygons - first
     b = np.roll(a, -1, axis=1)
-    cross = (a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])[:, None]
-    doubled, total = cross.sum(axis=2)[..., None], a + b
+    parts = cross(a, b)[:, None]
+    doubled, total = parts.sum(axis=2)[..., None], a + b
     flat = doubled[:, 0, 0] == 0.0
     doubled[flat] = 1.0
-    means = cross @ total / (3.0 * doubled)
-    second = sum((part.transpose(0, 2, 1) * cross) @ part for part in (a, b, total))
+    means = parts @ total / (3.0 * doubled)
+    second = sum((ends.transpose(0, 2, 1) * parts) @ ends for ends in (a, b, total))
     covariances = second / (12.0 * doubled) - means.transpose(0, 2, 1) * means
     means[flat], covariances[flat] = a[flat].mean(axis=1, keepdims=True), 0.0
     return (means + first)[:, 0], covariances

@@ -85,7 +85,7 @@ def main() -> None:
     print("compiling the kernels (once, about 10 s) …", file=sys.stderr)  # noqa: T201
     start = perf_counter()
     # The compiler makes millions of small objects: without the collection of cycles, which
-    # would find few of them, it takes a fifth less time, and 0.3 GB.
+    # would find few of them, it takes a fifth less time, and 0.3 GB of memory.
     gc.disable()
     for call in CALLS:
         call()

@@ -33,7 +33,7 @@ class ClassShape:
         outline_stds: (N,) m, standard deviation of the radius of the class's outlines, scaled to
             one box.
         size: (2,) m, length and width of this box, which contains the limbs in all poses. The
-            outline may be smaller. It is twice as long if the box is.
+            outline may be smaller; it is scaled with the box.
     """
 
     outline: np.ndarray

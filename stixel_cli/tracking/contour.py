@@ -21,7 +21,7 @@ b's covariance with the state, and its estimate does not become more certain tha
 (Schmidt 1966; Jazwinski 1970, *Stochastic Processes and Filtering Theory*, 8.4).
 
 The first and the last ray that meet the target give two more measurements, the silhouette: how far
-inside the limits of the seen shape they pass. Nothing else holds the target across the rays.
+inside the limits of the seen shape they pass. Ranges hardly measure the place across the rays.
 
 Errors have heavy tails, so D is divided by the weights (nu + 1) / (nu + e²) ≤ 1 of a Student
 distribution, e the normalised error at the current iterate (Lange, Little, Taylor 1989, *Robust

@@ -144,7 +144,8 @@ def expected(
 
     `states` (S, 5): x, y, heading, and the logarithms of the factors on length and width;
     `sensor` (2,) m; `directions` (n, 2) unit vectors of the rays in the world; `first`, `last` the
-    indices of the rays with the least and the greatest bearing; then `RayTable.arrays`.
+    indices of the rays with the least and the greatest bearing; then `RayTable.arrays`. With an
+    index of -1 the inset and its standard deviation are not computed: their values are undefined.
 
     Returns:
         ranges (S, n) m; insets (S, 2) m, how far inside the shape's seen limits the first and the

@@ -44,7 +44,7 @@ class Track:
         class_probabilities: class to (K,), its probability given the scans up to k; the reported
             state is that of the most probable one. None if the tracker did not compare classes.
         class_replaced: (K,) bool, whether another class than the prior's is reported; None if the
-            prior's is unknown or the tracker compared no others.
+            prior's is unknown, or reported at all scans.
         uses_scans: whether the tracker is one that uses points at all.
     """
 

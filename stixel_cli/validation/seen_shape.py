@@ -35,7 +35,10 @@ LEAST_DEPTH_STD, LEAST_INSET_STD = 0.03, 0.015
 ROUNDS = 4
 
 TOWARDS_BOX = 2.0 / 3.0
-"""0: the best outlines of drawn pedestrians; 1: the best boxes. Cars are best at 0.5."""
+"""How far the outline's extents are from the mean outline's (0) to the box's (1).
+
+Of drawn pedestrians, 0 gives the best outlines and 1 the best boxes. Cars are best at 0.5.
+"""
 
 DRAWN_RAYS = (24, 10)
 """Even aspects, and even offsets over an outline's width, of the rays on drawn outlines."""
@@ -200,7 +203,7 @@ def _regression(matrix: np.ndarray, weights: np.ndarray, values: np.ndarray) -> 
     """Coefficients of nodes, a constant and one more column, with the penalty on the nodes."""
     penalty = np.zeros((matrix.shape[1],) * 2)
     nodes = NODES[0] * NODES[1]
-    # A sensor with one deviation for all points does not tell the last two apart.
+    # The last two are one if all points of a sensor have the same standard deviation.
     penalty[-1, -1] = PULL * np.mean(matrix[:, -1] ** 2)
     penalty[:nodes, :nodes] = SMOOTHNESS * _penalty(*NODES) + PULL * np.eye(nodes)
     weighted = matrix * (weights / weights.mean())[:, None]
