@@ -73,14 +73,8 @@ class StudyFolder:
         return True
 
     def begin(self, plan: StudyPlan, command: str, fresh: bool) -> None:
-        """Make the folder, or resume the existing one, whose provenance is then the present one.
-
-        Runs that are out of date are computed again, so the results are those of this revision.
-        """
+        """Make the folder, or check that the existing one can be resumed."""
         if self.check(plan, fresh):
-            content = read_yaml(self.path / FILE) | provenance()
-            with written(self.path):
-                write_whole(self.path / FILE, yaml_text(content))
             return
         content = {
             "title": plan.study.title,
@@ -97,8 +91,15 @@ class StudyFolder:
             write_whole(self.path / FILE, yaml_text(content))
 
     def write(self, html: str, findings: Findings | None) -> Path:
-        """Write the report with its tables and figures; return the page's path."""
+        """Write the report with its tables and figures; return the page's path.
+
+        With `findings` the study is complete, and runs that were out of date were computed again:
+        it then has the present provenance.
+        """
         with written(self.path):
+            if findings is not None:
+                content = read_yaml(self.path / FILE) | provenance()
+                write_whole(self.path / FILE, yaml_text(content))
             for name in ("tables", "figures"):
                 shutil.rmtree(self.path / name, ignore_errors=True)
             for name, content in files_of(findings).items() if findings is not None else ():

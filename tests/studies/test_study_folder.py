@@ -9,6 +9,7 @@ import yaml
 from stixel_cli.studies.file import read_study
 from stixel_cli.studies.folder import StudyFolder, differences
 from stixel_cli.studies.plan import StudyPlan, plan_study
+from stixel_cli.studies.types import Findings
 
 
 def test_a_folder_with_another_request_is_refused_without_name_or_fresh(studies, toy):
@@ -49,6 +50,11 @@ def test_a_resumed_folder_has_the_revision_of_its_results(toy, tmp_path, monkeyp
             "stixel_cli.studies.folder.provenance", lambda own=revision: {"git": {"revision": own}}
         )
         folder.begin(plan, f"command of {revision}", fresh=False)
+        if found:
+            # Not before its results: a sweep that is refused leaves the file as it is.
+            folder.write("", None)
+            assert yaml.safe_load((folder.path / "study.yaml").read_text()) == found[0]
+        folder.write("", Findings((), (), {}))
         found.append(yaml.safe_load((folder.path / "study.yaml").read_text()))
     first, resumed = found
     assert resumed["git"]["revision"] == "new"
