@@ -207,7 +207,8 @@ def _expect(
             start = lowest[a] * (1.0 - f) + lowest[b] * f
             end = highest[a] * (1.0 - f) + highest[b] * f
             column = (offset - start) / (end - start) * (columns - 1)
-            column = min(max(column, 0.0), columns - 1.0)
+            # Not a number, of a point at the sensor itself, is no index.
+            column = min(column, columns - 1.0) if column >= 0.0 else 0.0
             c = min(int(column), columns - 2)
             g = column - c
             depth = (depths[a, c] * (1.0 - g) + depths[a, c + 1] * g) * (1.0 - f) + (

@@ -96,3 +96,13 @@ def test_table_covers_a_full_turn_evenly():
     np.testing.assert_allclose(
         table.depths, np.roll(table.depths, len(table.depths) // 2, 0), atol=1e-9
     )
+
+
+def test_a_point_at_the_sensor_has_no_range_and_changes_no_other():
+    table = outline_table(RECTANGLE, 0.02).arrays()
+    directions = np.array([[0.0, 1.0], [0.0, 0.0], [0.01, 1.0]])
+    state, sensor = np.array([[0.0, 10.0, 0.3, 0.0, 0.0]]), np.zeros(2)
+    ranges, _, misses, stds, _ = expected(state, sensor, directions, 0, 2, *table)
+    alone, _, _, _, _ = expected(state, sensor, directions[[0, 2]], 0, 1, *table)
+    assert np.isnan([ranges[0, 1], misses[0, 1], stds[1]]).all()
+    np.testing.assert_array_equal(ranges[0, [0, 2]], alone[0])
