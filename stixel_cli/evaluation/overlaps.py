@@ -10,6 +10,9 @@ import shapely
 CHUNK = 4
 """Scans that are computed at once: their arrays fit into the processor's cache."""
 
+LEAST = 1e-9
+"""An overlap below this is a rounding error: areas do not overlap."""
+
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Cross products of vectors (…, 2)."""
@@ -48,7 +51,7 @@ def _ratios(common: np.ndarray, both: np.ndarray) -> np.ndarray:
 
 
 def intersections_over_unions(estimated: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """IoU (K,) of the areas inside polygons, see `areas`; 0 if not finite.
+    """IoU (K,) of the areas inside polygons, see `areas`; 0 if not finite or less than `LEAST`.
 
     Polygons that cross themselves are left to shapely, which is slower.
     """
@@ -57,7 +60,8 @@ def intersections_over_unions(estimated: np.ndarray, true: np.ndarray) -> np.nda
     found = _ratios(common, _enclosed(estimated) + _enclosed(true))
     crossed = ~(shapely.is_valid(_unrepaired(estimated)) & shapely.is_valid(_unrepaired(true)))
     found[crossed] = overlaps(areas(estimated[crossed]), areas(true[crossed]))
-    return found
+    # Whether areas overlap at all decides whether a track is off its target.
+    return np.where(found < LEAST, 0.0, found)
 
 
 def _enclosed(polygons: np.ndarray) -> np.ndarray:

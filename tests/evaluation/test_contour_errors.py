@@ -177,6 +177,15 @@ def test_common_areas_agree_with_shapely(shift):
         assert common_areas(moved[None], box[None]) == pytest.approx(expected, abs=1e-9)
 
 
+def test_polygons_next_to_each_other_do_not_overlap_at_all():
+    """Turned, so that terms of the sum over edges cancel up to rounding only."""
+    poses = np.array([[0.3, 2.3, angle] for angle in np.linspace(-0.1, 0.1, 20)])
+    beside = np.array([world_from_target(SQUARE, pose) for pose in poses])
+    squares = np.broadcast_to(SQUARE, beside.shape)
+    assert (common_areas(beside, squares) > 0.0).any()
+    np.testing.assert_array_equal(intersections_over_unions(beside, squares), 0.0)
+
+
 def test_distance_of_a_point_on_an_outline_without_length_or_area():
     """All vertices of an estimate may be one point; the first edge of another has no length."""
     polygons = np.array([np.tile([3.0, 4.0], (4, 1)), SQUARE[[0, 0, 1, 2]]])
