@@ -8,7 +8,6 @@ its error is NaN. The functions compute all scans at once.
 import numpy as np
 import shapely
 
-from stixel_cli.evaluation.overlaps import CHUNK, cross
 from stixel_cli.geometry.pose import rotation
 
 SAMPLES = 72
@@ -19,6 +18,15 @@ COVERED = 1.96
 
 SHRUNK = 0.01
 """Parts of a target that are thinner than twice this, m, hide nothing of it."""
+
+
+CHUNK = 4
+"""Scans that are computed at once: their arrays fit into the processor's cache."""
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Cross products of vectors (…, 2)."""
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
 def in_frames(points: np.ndarray, poses: np.ndarray) -> np.ndarray:
@@ -52,7 +60,7 @@ def area_moments(polygons: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     first = polygons[:, :1]
     a = polygons - first
     b = np.roll(a, -1, axis=1)
-    parts = cross(a, b)[:, None]
+    parts = _cross(a, b)[:, None]
     doubled, total = parts.sum(axis=2)[..., None], a + b
     flat = doubled[:, 0, 0] == 0.0
     doubled[flat] = 1.0
@@ -148,13 +156,13 @@ def seen_points(
             shapely.get_rings(shapely.get_parts(inside)), return_index=True
         )
         along, is_edge, ends = np.diff(corners, axis=0), np.diff(rings) == 0, points[pose]
-        beyond = cross(along, ends[:, None] - corners[:-1]) > 0.0
+        beyond = _cross(along, ends[:, None] - corners[:-1]) > 0.0
         scans = np.flatnonzero(poses == pose)
         for few in np.split(scans, range(CHUNK, len(scans), CHUNK)):
             # The sensor and the point are on different sides of the edge's line, and the edge's
             # ends are on different sides of the line from the sensor to the point.
             offsets, rays = corners - sensors[few, None], ends - sensors[few, None]
-            between = is_edge & ((cross(offsets[:, :-1], along) > 0.0)[:, None] != beyond)
+            between = is_edge & ((_cross(offsets[:, :-1], along) > 0.0)[:, None] != beyond)
             side = (rays[..., ::-1] * [-1.0, 1.0]) @ offsets.transpose(0, 2, 1) > 0.0
             seen[few] = ~(between & (side[..., 1:] != side[..., :-1])).any(axis=2)
     return seen

@@ -17,7 +17,7 @@ from stixel_cli.evaluation.contour_errors import (
     seen_points,
 )
 from stixel_cli.evaluation.evaluate import normalised_errors
-from stixel_cli.evaluation.overlaps import areas, common_areas, intersections_over_unions, overlaps
+from stixel_cli.evaluation.overlaps import areas, intersections_over_unions, overlaps
 from stixel_cli.geometry.pose import target_from_world, world_from_target
 
 SQUARE = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]], float)
@@ -162,27 +162,11 @@ def test_difference_along_rays_agrees_with_shapely():
             assert difference == pytest.approx(expected, abs=1e-9)
 
 
-@pytest.mark.parametrize("shift", [0.0, 1e-15, 1e-9, 1e-3, 1.0, 100.0])
-def test_common_areas_agree_with_shapely(shift):
-    """Also of polygons that are equal, or nearly equal, and of vertical edges."""
-    one, _ = contours(13, 5)
-    other = np.concatenate([one[:3] + shift, contours(14, 2)[0]])
-    for first, second in ((one, other), (other[:, ::-1], one)):
-        expected = shapely.area(shapely.intersection(areas(first), areas(second)))
-        np.testing.assert_allclose(common_areas(first, second), expected, rtol=1e-9, atol=1e-12)
-    box = np.array([[0, 0], [4, 0], [4, 2], [0, 2]], float)
-    for turn in (0.0, 0.5 * np.pi, np.pi):
-        moved = world_from_target(box, np.array([shift, 1.0, turn]))
-        expected = shapely.Polygon(box).intersection(shapely.Polygon(moved)).area
-        assert common_areas(moved[None], box[None]) == pytest.approx(expected, abs=1e-9)
-
-
 def test_polygons_next_to_each_other_do_not_overlap_at_all():
-    """Turned, so that terms of the sum over edges cancel up to rounding only."""
+    """Whether they do decides whether a track is off its target."""
     poses = np.array([[0.3, 2.3, angle] for angle in np.linspace(-0.1, 0.1, 20)])
     beside = np.array([world_from_target(SQUARE, pose) for pose in poses])
     squares = np.broadcast_to(SQUARE, beside.shape)
-    assert (common_areas(beside, squares) > 0.0).any()
     np.testing.assert_array_equal(intersections_over_unions(beside, squares), 0.0)
 
 

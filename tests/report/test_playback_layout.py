@@ -87,7 +87,7 @@ def test_page_respects_reduced_motion(open_page, pages):
 
 
 def test_touch_targets_are_large_enough(open_page, pages):
-    """44 px a side, on a phone; and no more is needed to the right for it."""
+    """44 px a side, on a phone, and the page does not become wider for it."""
     opened = open_page(pages / "two.html", 390, 844, touch=True)
     small = opened.page.evaluate(
         "[...document.querySelectorAll('button, select, input[type=range], label')]"
