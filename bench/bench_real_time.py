@@ -86,7 +86,9 @@ def follow(recorded, cores):
                     disparities, free_space, pairs, p.rig, p.height, p.extraction, frames
                 )
             )
-    track = gp_ekf.track(gather_scans(stixels, ego, p.measurement), initial, p.prior, p.tracker)
+    track = gp_ekf.track(
+        gather_scans(stixels, ego, p.measurement, p.rig), initial, p.prior, p.tracker
+    )
     return (time.perf_counter() - started) / count, track.means
 
 

@@ -42,7 +42,7 @@ def follow_road_user(p, seed: int) -> tuple[Scans, Track, Scores]:
         disparities, ego, p.rig, p.road, p.occupancy, p.free_space, frames, previous=None
     )
     stixels = extract_stixels(disparities, free_space, pairs, p.rig, p.height, p.extraction, frames)
-    scans = gather_scans([stixels], ego, p.measurement)
+    scans = gather_scans([stixels], ego, p.measurement, p.rig)
 
     # The tracker starts at the noisy truth. Its track is compared with the truth, and with the
     # greatest overlaps that any track could have.

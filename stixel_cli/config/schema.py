@@ -130,11 +130,10 @@ class Configuration:
     @property
     def field_of_view(self) -> tuple[float, float] | None:
         """Bearings of the sensor's right and left border, rad; None if they are unknown."""
-        if isinstance(self.measurement, FileParameters):
-            return None
-        own = getattr(getattr(self.measurement, "scanner", None), "horizontal_fov", None)
+        scanner = getattr(self.measurement, "scanner", self.measurement)
+        own = getattr(scanner, "horizontal_fov", None)
         if own is None:
-            return self.rig.field_of_view
+            return None if isinstance(self.measurement, FileParameters) else self.rig.field_of_view
         return -math.radians(0.5 * own), math.radians(0.5 * own)
 
     @property

@@ -54,7 +54,10 @@ def disturb_scans(
     # An object that hides the target also hides what is known of the space behind it; but no
     # tracker uses the bearings of an empty scan.
     return replace(
-        whole, unknown_offsets=scans.unknown_offsets, unknown_bearings=scans.unknown_bearings
+        whole,
+        unknown_offsets=scans.unknown_offsets,
+        unknown_bearings=scans.unknown_bearings,
+        field_of_view=scans.field_of_view,
     )
 
 

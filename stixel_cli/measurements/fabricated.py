@@ -10,7 +10,7 @@ from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.disturbance_parameters import Disturbance
 from stixel_cli.measurements.noise import Noise, columns_per_point, measure, range_std
 from stixel_cli.measurements.rays import Rays, first_crossings, spread_rays
-from stixel_cli.measurements.scans import Scans, points_along
+from stixel_cli.measurements.scans import FieldOfView, Scans, points_along
 from stixel_cli.parameters import parameters
 from stixel_cli.randomness import generator
 from stixel_cli.scene.scenario import Scenario
@@ -87,7 +87,8 @@ def fabricate_scans(
         )
         for k, ego in enumerate(scenario.ego_poses_world)
     ]
-    return Scans.of_each(scenario.times, scenario.ego_poses_world, scans)
+    view = FieldOfView(*rig.field_of_view)
+    return Scans.of_each(scenario.times, scenario.ego_poses_world, scans, field_of_view=view)
 
 
 def fabricate_scan(

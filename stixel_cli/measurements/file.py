@@ -10,7 +10,7 @@ import numpy as np
 
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
-from stixel_cli.measurements.scans import Scans
+from stixel_cli.measurements.scans import FieldOfView, Scans
 from stixel_cli.measurements.tables import read_table, row_name, scan_indices
 
 VARIANCES = ("var_xx", "var_xy", "var_yy")
@@ -19,7 +19,12 @@ SAME_TIME = 1e-3
 """The times of one scan in the two files may differ by this, s: files have rounded numbers."""
 
 
-def read_scans(path: str, ego: str | None, range_std: float) -> Scans:
+def read_scans(
+    path: str,
+    ego: str | None,
+    range_std: float,
+    field_of_view: tuple[float, float] | None = None,
+) -> Scans:
     """Scans of the points in the file `path`, in their order in the file.
 
     Args:
@@ -28,6 +33,7 @@ def read_scans(path: str, ego: str | None, range_std: float) -> Scans:
             (0, 0, pi/2), the scans are 0 to the largest k, and the times of absent k are
             interpolated.
         range_std: m. Without variances the covariance of a point is range_std² I.
+        field_of_view: bearings of the sensor's right and left border, rad; None: unknown.
 
     Raises:
         UserError: in one line that names file, place and cause.
@@ -49,6 +55,7 @@ def read_scans(path: str, ego: str | None, range_std: float) -> Scans:
         offsets=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
         points_world=np.stack([table["x"], table["y"]], axis=1)[order],
         covariances_world=_covariances(file, table, range_std)[order],
+        field_of_view=None if field_of_view is None else FieldOfView(*field_of_view),
     )
 
 

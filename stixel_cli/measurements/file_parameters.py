@@ -18,6 +18,7 @@ class FileParameters(Disturbance):
             the origin, and an absent k is an empty scan.
         truth: the target's true poses and size or contour; null: unknown, so no errors are scored.
         range_std: standard deviation of a point along each axis, m, if the file has no variances.
+        horizontal_fov: field of view in degrees, symmetric to the sensor's heading; null: unknown.
     """
 
     kind: Literal["file"]
@@ -25,6 +26,7 @@ class FileParameters(Disturbance):
     ego: str | None
     truth: str | None
     range_std: Annotated[float, Gt(0), Le(10)]
+    horizontal_fov: Annotated[float, Gt(0), Le(360)] | None
 
     def check(self) -> None:
         """Raise ValueError for an empty file name."""

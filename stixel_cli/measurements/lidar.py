@@ -12,7 +12,7 @@ from annotated_types import Ge, Gt, Le
 
 from stixel_cli.measurements.disturbance_parameters import Disturbance
 from stixel_cli.measurements.scanner import LidarReturns, Scanner
-from stixel_cli.measurements.scans import Scans, check_gates, points_along
+from stixel_cli.measurements.scans import FieldOfView, Scans, check_gates, points_along
 from stixel_cli.parameters import parameters
 from stixel_cli.randomness import generator
 from stixel_cli.scene.scenario import EgoMotion
@@ -60,7 +60,11 @@ class LidarParameters(Disturbance):
 
 
 def lidar_scans(
-    returns: LidarReturns, ego_motion: EgoMotion, measurement: LidarParameters, seed: int
+    returns: LidarReturns,
+    ego_motion: EgoMotion,
+    measurement: LidarParameters,
+    field_of_view: tuple[float, float],
+    seed: int,
 ) -> Scans:
     """Scans of the returns inside the gates, with noise along the beam, on the world's ground.
 
@@ -72,7 +76,8 @@ def lidar_scans(
     standard deviation: 0.6 of it for two that measure the same face, 1.5 for ten.
 
     The covariance of a point is the noise along the beam, projected to the ground, and
-    (r dtheta)² / 12 across.
+    (r dtheta)² / 12 across. `field_of_view` has the bearings of the lidar's
+    right and left border, rad.
 
     Raises:
         ValueError: unless the returns are those of the ego motion's times.
@@ -83,7 +88,8 @@ def lidar_scans(
         _scan(returns, k, pose, measurement, generator(seed, "lidar", k))
         for k, pose in enumerate(ego_motion.poses_world)
     ]
-    return Scans.of_each(ego_motion.times, ego_motion.poses_world, scans)
+    view = FieldOfView(*field_of_view)
+    return Scans.of_each(ego_motion.times, ego_motion.poses_world, scans, field_of_view=view)
 
 
 def _scan(

@@ -7,6 +7,21 @@ import numpy as np
 
 
 @dataclass(frozen=True)
+class FieldOfView:
+    """What a sensor sees: a target at a border may be cut off.
+
+    Attributes:
+        right, left: bearings of the borders, rad from the sensor's heading.
+        baseline: distance to a second camera on the right, m, in whose field of view a point must
+            be, too; 0: there is none.
+    """
+
+    right: float
+    left: float
+    baseline: float = 0.0
+
+
+@dataclass(frozen=True)
 class Scans:
     """Candidate points of K scans, gated by the scene and not by a tracker.
 
@@ -26,6 +41,7 @@ class Scans:
         unknown_bearings: (U, 2) rad in the world, least and greatest, counter-clockwise and not
             wrapped: between them something may be nearer than the points, or be there without a
             point. That no point is there is no evidence that nothing is. By default there are none.
+        field_of_view: of the sensor; None: unknown.
     """
 
     times: np.ndarray
@@ -36,6 +52,7 @@ class Scans:
     correlations: np.ndarray = None
     unknown_offsets: np.ndarray = None
     unknown_bearings: np.ndarray = None
+    field_of_view: FieldOfView | None = None
 
     def __post_init__(self) -> None:
         if self.unknown_bearings is None:
@@ -52,6 +69,7 @@ class Scans:
         scans: Sequence[tuple[np.ndarray, np.ndarray]],
         correlations: Sequence[np.ndarray] | None = None,
         unknown_bearings: Sequence[np.ndarray] | None = None,
+        field_of_view: FieldOfView | None = None,
     ) -> "Scans":
         """From `times` (K,) s, poses (K, 3), and points (n_k, 2) m and covariances (n_k, 2, 2) m².
 
@@ -76,6 +94,7 @@ class Scans:
             unknown_bearings=None
             if unknown_bearings is None
             else np.concatenate([np.zeros((0, 2)), *unknown_bearings]),
+            field_of_view=field_of_view,
         )
 
     def __len__(self) -> int:

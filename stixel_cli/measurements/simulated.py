@@ -7,9 +7,10 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotate_covariances, world_from_ego
+from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.disturbance_parameters import Disturbance
 from stixel_cli.measurements.gates import Gates, candidates
-from stixel_cli.measurements.scans import Scans, check_gates
+from stixel_cli.measurements.scans import FieldOfView, Scans, check_gates
 from stixel_cli.parameters import parameters
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stixels.types import SAME_OBJECT, Stixels
@@ -45,7 +46,10 @@ class SimulatedParameters(Disturbance):
 
 
 def gather_scans(
-    stixels: Iterable[Stixels], ego_motion: EgoMotion, measurement: SimulatedParameters
+    stixels: Iterable[Stixels],
+    ego_motion: EgoMotion,
+    measurement: SimulatedParameters,
+    rig: Rig,
 ) -> Scans:
     """Scans of the stixels inside the gates of height and range, in the world frame.
 
@@ -76,7 +80,10 @@ def gather_scans(
             correlations.append(_correlations(chunk, chosen, measurement.correlation_columns))
     if len(scans) != len(ego_motion.times):
         raise ValueError(f"stixels of {len(scans)} frames, but {len(ego_motion.times)} scans")
-    return Scans.of_each(ego_motion.times, ego_motion.poses_world, scans, correlations, unknown)
+    view = FieldOfView(*rig.field_of_view, rig.baseline)
+    return Scans.of_each(
+        ego_motion.times, ego_motion.poses_world, scans, correlations, unknown, view
+    )
 
 
 def _correlations(chunk: Stixels, chosen: np.ndarray, columns: float) -> np.ndarray:

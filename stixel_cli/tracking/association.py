@@ -9,6 +9,8 @@ of any rectangle has the squared distance 6, an ellipse's outline 4, while the c
 
 import numpy as np
 
+from stixel_cli.measurements.scans import FieldOfView
+
 BORDER = np.radians(1.2)
 """A silhouette nearer than this to the border of the field of view, rad, may be cut off."""
 
@@ -52,9 +54,18 @@ def associate(
     return np.flatnonzero(distance <= chdtri(2, 1.0 - probability))
 
 
-def uncut(bearings: np.ndarray, horizontal_fov: float | None) -> np.ndarray:
-    """Which of the two silhouettes (2,) are inside of the field of view's border."""
-    if horizontal_fov is None:
+def uncut(
+    bearings: np.ndarray, ranges: np.ndarray, field_of_view: FieldOfView | None
+) -> np.ndarray:
+    """Which of two silhouettes (2,), the right and the left, are away from the border.
+
+    They are at `bearings` (2,) rad and `ranges` (2,) m. A second camera's field of view begins
+    farther to the right, so the left silhouette must be inside as that camera sees it.
+    """
+    if field_of_view is None:
         return np.ones(2, bool)
-    half = 0.5 * np.radians(horizontal_fov) - BORDER
-    return np.array([bearings[0] > -half, bearings[1] < half])
+    x, y = ranges[1] * np.cos(bearings[1]), ranges[1] * np.sin(bearings[1])
+    leftmost = np.arctan2(y + field_of_view.baseline, x)
+    return np.array(
+        [bearings[0] > field_of_view.right + BORDER, leftmost < field_of_view.left - BORDER]
+    )

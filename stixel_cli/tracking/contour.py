@@ -115,7 +115,10 @@ def track_class(
         mean, covariance = predict(mean, covariance, interval, tracker)
         rows = scans.rows(k)
         rays = rays_of(
-            scans.points_world[rows], scans.covariances_world[rows], scans.sensor_poses_world[k]
+            scans.points_world[rows],
+            scans.covariances_world[rows],
+            scans.sensor_poses_world[k],
+            scans.field_of_view,
         )
         indices = associate(rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], sight, tracker)
         if len(indices):

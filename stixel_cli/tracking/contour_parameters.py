@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from annotated_types import Ge, Gt, Le, Lt
+from annotated_types import Ge, Gt, Le
 
 from stixel_cli.parameters import parameters
 
@@ -15,8 +15,6 @@ class ContourParameters:
         seen_by: kind of measurement, which decides what of the shape is seen: stixels
             (`simulated`) see less than the outline. Points of a `file` or of the user's `own`
             source are taken to be on the outline, as fabricated ones are.
-        horizontal_fov: field of view in degrees, symmetric to the sensor's heading; a silhouette at
-            its border is not used. null: unknown.
         acceleration: process noise of the speed, a white acceleration's root density, m/s^1.5.
         turn_acceleration: process noise of the turn rate, rad/s^1.5.
         slip: process noise of the position, m/s^0.5: motion that is not along the heading.
@@ -44,7 +42,6 @@ class ContourParameters:
 
     kind: Literal["contour"]
     seen_by: Literal["simulated", "fabricated", "lidar", "file", "own"]
-    horizontal_fov: Annotated[float, Gt(0), Lt(180)] | None
     acceleration: Annotated[float, Ge(0), Le(100)]
     turn_acceleration: Annotated[float, Ge(0), Le(100)]
     slip: Annotated[float, Ge(0), Le(10)]

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stixel_cli.geometry.pose import wrap_angle
+from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.tracking.class_shape import class_shape, seen_shape, seen_table
 from stixel_cli.tracking.class_size import RoadUserClass
 from stixel_cli.tracking.contour_parameters import ContourParameters
@@ -44,6 +45,7 @@ class Rays:
         ranges: (n,) m.
         stds: (n,) m, of the ranges.
         across_variances: (n,) m², of the points across their rays.
+        field_of_view: of the sensor; None: unknown.
     """
 
     sensor: np.ndarray
@@ -52,6 +54,7 @@ class Rays:
     ranges: np.ndarray
     stds: np.ndarray
     across_variances: np.ndarray
+    field_of_view: FieldOfView | None = None
 
     @property
     def normals(self) -> np.ndarray:
@@ -67,6 +70,7 @@ class Rays:
             self.ranges[indices],
             self.stds[indices],
             self.across_variances[indices],
+            self.field_of_view,
         )
 
 
@@ -80,7 +84,12 @@ def sight_of(road_user: RoadUserClass, tracker: ContourParameters) -> Sight:
     return Sight(table, seen.bias_per_std, seen.std_factor, outline, size)
 
 
-def rays_of(points_world: np.ndarray, covariances: np.ndarray, sensor: np.ndarray) -> Rays:
+def rays_of(
+    points_world: np.ndarray,
+    covariances: np.ndarray,
+    sensor: np.ndarray,
+    field_of_view: FieldOfView | None = None,
+) -> Rays:
     """The rays from a `sensor` (3,) through points (n, 2) m with covariances (n, 2, 2) m²."""
     offsets = points_world - sensor[:2]
     ranges = np.hypot(offsets[:, 0], offsets[:, 1])
@@ -95,6 +104,7 @@ def rays_of(points_world: np.ndarray, covariances: np.ndarray, sensor: np.ndarra
         ranges,
         np.sqrt(np.maximum(variances, 0.0)),
         np.maximum(across, 0.0),
+        field_of_view,
     )
 
 

@@ -48,7 +48,9 @@ def update(
     first, last = int(np.argmin(rays.bearings)), int(np.argmax(rays.bearings))
     inset, inset_variance = sampling_inset(rays, sight)
     edges = (np.radians(tracker.silhouette_std) * rays.ranges[[first, last]]) ** 2
-    silhouettes = uncut(rays.bearings[[first, last]], tracker.horizontal_fov)
+    silhouettes = uncut(
+        rays.bearings[[first, last]], rays.ranges[[first, last]], rays.field_of_view
+    )
     rows = np.concatenate([np.ones(count, bool), silhouettes])
     correlated = shared_covariance(rays, sight, tracker)
     biases = np.concatenate([range_biases(rays, tracker), [0.0, 0.0]])

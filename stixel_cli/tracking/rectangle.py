@@ -53,8 +53,6 @@ class RectangleParameters:
         measurement_std: m, along each axis, added to the covariance of each point.
         side_std: standard deviation, m, of an error that all points on a side share in a scan.
         corner_std: standard deviation, m, of the place across the ray where the target ends.
-        horizontal_fov: field of view in degrees, symmetric to the sensor's heading; an end of the
-            target at its border is not used. null: unknown.
         gate_probability: chi-square probability of the gates; null takes every point.
         contour_points: number M of points of the rectangle that is reported.
     """
@@ -66,7 +64,6 @@ class RectangleParameters:
     measurement_std: Annotated[float, Ge(1e-6), Le(10)]
     side_std: Annotated[float, Ge(1e-6), Le(10)]
     corner_std: Annotated[float, Ge(1e-6), Le(10)]
-    horizontal_fov: Annotated[float, Gt(0), Lt(180)] | None
     gate_probability: Annotated[float, Gt(0), Lt(1)] | None
     contour_points: Annotated[int, Ge(8), Le(1000)]
 
@@ -113,7 +110,7 @@ def track(
                     scans.sensor_poses_world[k],
                     fullness,
                     tracker.corner_std,
-                    tracker.horizontal_fov,
+                    scans.field_of_view,
                 ),
                 slip_row(mean, tracker.slip),
             )

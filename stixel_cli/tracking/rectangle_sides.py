@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation, target_from_world, wrap_angle
+from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.tracking.association import uncut
 
 NORMALS = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
@@ -56,13 +57,13 @@ def measure(
     sensor_pose: np.ndarray,
     fullness: float,
     corner_std: float,
-    horizontal_fov: float | None,
+    field_of_view: FieldOfView | None,
 ) -> Rows:
     """The rows of points (n, 2) m with covariances (n, 2, 2) m², n > 0, at the state `mean` (8,).
 
     First one for each point, then the two ends of the target where they can be used.
     `sensor_pose` (3,) is that of the sensor in the world, `fullness` the area of the class's shape
-    over that of its box, `horizontal_fov` in degrees.
+    over that of its box, `field_of_view` as in `Scans`.
     """
     turn = rotation(mean[2])
     body = target_from_world(points_world, mean[:3])
@@ -80,7 +81,7 @@ def measure(
     across = normals @ turn.T
     variances = np.einsum("ni,nij,nj->n", across, noises, across)
 
-    ends = _ends(mean, points_world, noises, sensor_pose, corner_std, horizontal_fov)
+    ends = _ends(mean, points_world, noises, sensor_pose, corner_std, field_of_view)
     return joined(Rows(-distances, points, variances), ends)
 
 
@@ -102,7 +103,7 @@ def _ends(
     noises: np.ndarray,
     sensor_pose: np.ndarray,
     corner_std: float,
-    horizontal_fov: float | None,
+    field_of_view: FieldOfView | None,
 ) -> Rows:
     """The rows of the right and the left end of the target, as the sensor sees it."""
     if len(points_world) < ENDS_POINTS:
@@ -123,7 +124,7 @@ def _ends(
         matrix[i, 2] = outwards @ turn @ [-body[corner, 1], body[corner, 0]]
         matrix[i, 6:8] = 0.5 * CORNERS[corner] * (outwards @ turn)
         variances[i] = gap**2 / 12.0 + outwards @ noises[last[i]] @ outwards + corner_std**2
-    kept = uncut(bearings[last], horizontal_fov)
+    kept = uncut(bearings[last], np.hypot(*offsets[last].T), field_of_view)
     return Rows(innovations[kept], matrix[kept], variances[kept])
 
 

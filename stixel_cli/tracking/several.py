@@ -55,5 +55,6 @@ def own_scans(scans: Scans, found: FoundTrack) -> tuple[Scans, np.ndarray]:
         [(scans.points_world[own], scans.covariances_world[own]) for own in rows],
         correlations,
         unknown,
+        scans.field_of_view,
     )
     return own_of_each, np.concatenate(rows)

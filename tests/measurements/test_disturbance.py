@@ -6,7 +6,7 @@ import pytest
 from stixel_cli.config.compose import compose
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.measurements.disturbance import disturb_scans
-from stixel_cli.measurements.scans import Scans, points_along
+from stixel_cli.measurements.scans import FieldOfView, Scans, points_along
 
 FIELD = (-0.5, 0.4)
 
@@ -23,6 +23,7 @@ def scans(count=30):
         [points_along(pose, angles, ranges, along, across) for pose in poses],
         [np.array([0.0, 0.5, 0.5])] * count,
         [np.array([[0.1, 0.2]])] * count,
+        FieldOfView(*FIELD),
     )
 
 
@@ -38,6 +39,7 @@ def test_scans_are_empty_in_the_dropout_and_as_before_elsewhere():
             own, before = getattr(found, name), getattr(SCANS, name)
             np.testing.assert_array_equal(own[found.rows(k)], before[SCANS.rows(k)])
     np.testing.assert_array_equal(found.unknown_bearings, SCANS.unknown_bearings)
+    assert found.field_of_view == SCANS.field_of_view == FieldOfView(*FIELD)
 
 
 def test_clutter_is_even_over_field_of_view_and_range_and_follows_the_points():

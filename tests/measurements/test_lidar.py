@@ -204,7 +204,7 @@ def test_lidar_points_are_in_the_world_frame_of_a_moving_ego_car():
     truth = scenario()
     ego = EgoMotion(truth.times, truth.ego_poses_world)
     returns = cast_beams(STATIC, {0: BOX}, truth, SCANNER, FIELD)
-    scans = lidar_scans(returns, ego, EXACT, seed=0)
+    scans = lidar_scans(returns, ego, EXACT, FIELD, seed=0)
     for k, pose in enumerate(truth.target_poses_world):
         rows = scans.rows(k)
         points = scans.points_world[rows]
@@ -234,7 +234,7 @@ def test_gates_use_measured_height_and_distance():
         ],
         elevations,
     )
-    scans = lidar_scans(returns, ego, dataclasses.replace(EXACT, returns="all"), seed=0)
+    scans = lidar_scans(returns, ego, dataclasses.replace(EXACT, returns="all"), FIELD, seed=0)
     assert scans.offsets.tolist() == [0, 0, 1, 3]
     root = np.sqrt(0.75)
     expected = [[0, 2.3 * root], [0, 79.0], [0, 1.9 * root]]
@@ -248,12 +248,12 @@ def test_returns_nearest_keeps_one_per_azimuth_and_all_keeps_every_return():
         [np.degrees(-np.arctan2(1.5, 4.0)), -2.0, 1.0],
         [-10.0, 10.0],
     )
-    nearest = lidar_scans(returns, ego, EXACT, seed=0)
+    nearest = lidar_scans(returns, ego, EXACT, FIELD, seed=0)
     distances = np.linalg.norm(nearest.points_world, axis=1)
     np.testing.assert_allclose(distances, np.cos(np.radians([2.0, 1.0])) * [10.0, 9.0], rtol=1e-6)
     bearings = np.degrees(np.arctan2(*nearest.points_world.T[::-1]))
     np.testing.assert_allclose(bearings, [80.0, 100.0])
-    every = lidar_scans(returns, ego, dataclasses.replace(EXACT, returns="all"), seed=0)
+    every = lidar_scans(returns, ego, dataclasses.replace(EXACT, returns="all"), FIELD, seed=0)
     assert len(every.points_world) == 3
     assert {tuple(p) for p in nearest.points_world} < {tuple(p) for p in every.points_world}
 
@@ -262,7 +262,7 @@ def test_lidar_noise_along_the_beam_matches_its_covariance():
     elevations, azimuths = np.linspace(-2.0, 2.0, 5), np.linspace(-30.0, 30.0, 61)
     returns, ego = made(np.full((40, 5, 61), 20.0), elevations, azimuths)
     noisy = dataclasses.replace(EXACT, range_std=0.1, returns="all")
-    scans = lidar_scans(returns, ego, noisy, seed=3)
+    scans = lidar_scans(returns, ego, noisy, FIELD, seed=3)
     assert len(scans.points_world) == 40 * 5 * 61
     along = np.stack(
         [np.cos(AHEAD + np.radians(azimuths)), np.sin(AHEAD + np.radians(azimuths))], axis=-1
@@ -288,26 +288,28 @@ def test_lidar_noise_along_the_beam_matches_its_covariance():
 def test_lidar_random_numbers_depend_only_on_seed_and_scan():
     returns, ego = made(np.full((20, 3, 30), 15.0), [-1.0, 0.0, 1.0], np.arange(30.0))
     noisy = dataclasses.replace(EXACT, range_std=0.1, returns="all")
-    first, again = (lidar_scans(returns, ego, noisy, seed=3) for _ in range(2))
+    first, again = (lidar_scans(returns, ego, noisy, FIELD, seed=3) for _ in range(2))
     assert first.points_world.tobytes() == again.points_world.tobytes()
-    other = lidar_scans(returns, ego, noisy, seed=4)
+    other = lidar_scans(returns, ego, noisy, FIELD, seed=4)
     assert not np.array_equal(first.points_world, other.points_world)
     few, few_ego = made(np.full((5, 3, 30), 15.0), [-1.0, 0.0, 1.0], np.arange(30.0))
-    shorter = lidar_scans(few, few_ego, noisy, seed=3)
+    shorter = lidar_scans(few, few_ego, noisy, FIELD, seed=3)
     np.testing.assert_array_equal(shorter.points_world, first.points_world[: 5 * 90])
-    missed = lidar_scans(returns, ego, dataclasses.replace(noisy, missed_probability=0.3), seed=3)
+    missed = lidar_scans(
+        returns, ego, dataclasses.replace(noisy, missed_probability=0.3), FIELD, seed=3
+    )
     assert {tuple(p) for p in missed.points_world} < {tuple(p) for p in first.points_world}
     assert 0.65 < len(missed.points_world) / len(first.points_world) < 0.75
 
 
 def test_lidar_scan_can_be_empty_and_requires_a_pose():
     returns, ego = made(np.full((3, 2, 4), np.inf), [-1.0, 0.0], np.arange(4.0))
-    scans = lidar_scans(returns, ego, EXACT, seed=0)
+    scans = lidar_scans(returns, ego, EXACT, FIELD, seed=0)
     assert len(scans) == 3
     assert scans.points_world.shape == (0, 2)
     assert scans.covariances_world.shape == (0, 2, 2)
     with pytest.raises(ValueError, match="3 scans, but 2 times"):
-        lidar_scans(returns, EgoMotion(ego.times[:2], ego.poses_world[:2]), EXACT, seed=0)
+        lidar_scans(returns, EgoMotion(ego.times[:2], ego.poses_world[:2]), EXACT, FIELD, seed=0)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rotation
+from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.measurements.simulated import SimulatedParameters, gather_scans
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stixels.types import Stixels
@@ -18,6 +20,7 @@ GATES = SimulatedParameters(
     range_max=40.0,
     correlation_columns=5.0,
 )
+RIG = compose([]).configuration.rig
 
 
 def stixels(first, per_frame, points, heights, covariances=None):
@@ -52,7 +55,7 @@ def test_points_and_covariances_are_in_the_world_frame():
         stixels(0, [1, 2], [[1, 10], [2, 20], [0, 5]], [1, 1, 1]),
         stixels(2, [1], [[0, 5]], [1]),
     ]
-    scans = gather_scans(iter(chunks), ego(poses), GATES)
+    scans = gather_scans(iter(chunks), ego(poses), GATES, RIG)
     assert scans.offsets.tolist() == [0, 1, 3, 4]
     turn = rotation(0.4)
     expected = [[1, 10], [3, 4] + turn @ [2, 20], [3, 4] + turn @ [0, 5], [5, 0]]
@@ -65,7 +68,9 @@ def test_points_and_covariances_are_in_the_world_frame():
 def test_gates_use_only_height_and_range_and_are_inclusive():
     points = [[0, 10]] * 4 + [[0, 0.9], [0, 1], [0, 40], [30, 30]]
     heights = [0.29, 0.3, 2.5, 2.51, 1, 1, 1, 1]
-    scans = gather_scans([stixels(0, [8, 0], points, heights)], ego([[0, 0, np.pi / 2]] * 2), GATES)
+    chunks = [stixels(0, [8, 0], points, heights)]
+    scans = gather_scans(chunks, ego([[0, 0, np.pi / 2]] * 2), GATES, RIG)
+    assert scans.field_of_view == FieldOfView(*RIG.field_of_view, RIG.baseline)
     np.testing.assert_allclose(scans.points_world, [[0, 10], [0, 10], [0, 1], [0, 40]])
     assert scans.offsets.tolist() == [0, 4, 4]
 
@@ -74,7 +79,7 @@ def test_stixel_without_finite_position_is_dropped():
     covariances = np.tile(np.eye(2), (3, 1, 1))
     covariances[1, 0, 0] = np.inf
     chunk = stixels(0, [3], [[0, 10], [0, 11], [np.nan, 12]], [1, 1, 1], covariances)
-    scans = gather_scans([chunk], ego([[0, 0, np.pi / 2]]), GATES)
+    scans = gather_scans([chunk], ego([[0, 0, np.pi / 2]]), GATES, RIG)
     np.testing.assert_allclose(scans.points_world, [[0, 10]])
 
 
@@ -82,7 +87,7 @@ def test_stixel_without_finite_position_is_dropped():
 def test_frames_must_match_the_ego_motion(firsts):
     chunks = [stixels(first, [1], [[0, 10]], [1]) for first in firsts]
     with pytest.raises(ValueError, match="frame"):
-        gather_scans(chunks, ego([[0, 0, np.pi / 2]] * 2), GATES)
+        gather_scans(chunks, ego([[0, 0, np.pi / 2]] * 2), GATES, RIG)
 
 
 def test_empty_gates_are_rejected():
@@ -100,11 +105,11 @@ def test_errors_of_neighbours_on_one_object_are_correlated():
         right=np.array([3, 6, 9, 12, 3]),
         depth=np.array([10.0, 10.0, 10.5, 12.5, 10.0]),
     )
-    scans = gather_scans([chunk], ego([[0, 0, np.pi / 2]] * 2), GATES)
+    scans = gather_scans([chunk], ego([[0, 0, np.pi / 2]] * 2), GATES, RIG)
     # The second one is above the gate: its neighbours are six columns apart.
     np.testing.assert_allclose(scans.correlations, [0.0, np.exp(-6 / 5), 0.0, 0.0])
     independent = dataclasses.replace(GATES, correlation_columns=0.0)
-    scans = gather_scans([chunk], ego([[0, 0, np.pi / 2]] * 2), independent)
+    scans = gather_scans([chunk], ego([[0, 0, np.pi / 2]] * 2), independent, RIG)
     assert not scans.correlations.any()
 
 
@@ -114,10 +119,10 @@ def test_unknown_bearings_turn_with_the_ego_car():
         unknown_offsets=np.array([0, 1, 3]),
         unknown_ego=np.array([[1.0, 1.1], [1.2, 1.3], [1.6, 1.8]]),
     )
-    scans = gather_scans([chunk], ego([[0, 0, np.pi / 2], [3, 4, np.pi / 2 + 0.4]]), GATES)
+    scans = gather_scans([chunk], ego([[0, 0, np.pi / 2], [3, 4, np.pi / 2 + 0.4]]), GATES, RIG)
     assert scans.unknown_offsets.tolist() == [0, 1, 3]
     expected = [[1.0, 1.1], [1.6, 1.7], [2.0, 2.2]]
     np.testing.assert_allclose(scans.unknown_bearings, expected)
     # By default all is known.
-    known = gather_scans([stixels(0, [1], [[0, 10]], [1])], ego([[0, 0, np.pi / 2]]), GATES)
+    known = gather_scans([stixels(0, [1], [[0, 10]], [1])], ego([[0, 0, np.pi / 2]]), GATES, RIG)
     assert known.unknown_offsets.tolist() == [0, 0] and known.unknown_bearings.shape == (0, 2)

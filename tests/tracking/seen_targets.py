@@ -1,7 +1,7 @@
 """Scans of a moving outline as one sensor sees it."""
 
 import numpy as np
-from tracking_cases import scans_of
+from tracking_cases import FIELD, scans_of
 
 from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.measurements.rays import first_crossings, spread_rays
@@ -14,7 +14,7 @@ SENSOR = np.array([0.0, 0.0, np.pi / 2])
 def seen(outline, poses, noise=0.0, seed=0, rays=240):
     """Points and covariances of an `outline` (M, 2) m at `poses` (K, 3), seen from `SENSOR`."""
     random = np.random.default_rng(seed)
-    fan = spread_rays(rays, (-0.52, 0.52), False)
+    fan = spread_rays(rays, (FIELD.right, FIELD.left), False)
     points, covariances = [], []
     for pose in poses:
         body = (world_from_target(outline, pose) - SENSOR[:2]) @ rotation(SENSOR[2])
@@ -58,6 +58,7 @@ def moved(scans, initial, angle, shift):
         offsets=scans.offsets,
         points_world=scans.points_world @ turn.T + shift,
         covariances_world=turn @ scans.covariances_world @ turn.T,
+        field_of_view=scans.field_of_view,
     )
     mean = whole @ initial.mean + np.array([*shift, angle, 0.0, 0.0, 0.0])
     return turned, InitialState(mean, whole @ initial.covariance @ whole.T)

@@ -11,6 +11,7 @@ from tracking_cases import CAR, START, scans_of
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rotation, wrap_angle
+from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.class_shape import class_shape, seen_shape, seen_table
 from stixel_cli.tracking.contour import predict, start, track
@@ -254,10 +255,37 @@ def test_start_turns_the_heading_towards_the_velocity():
 
 
 def test_silhouettes_at_the_border_of_the_field_of_view_are_not_used():
-    bearings = np.radians([-29.8, 10.0])
-    np.testing.assert_array_equal(uncut(bearings, 60.0), [False, True])
-    np.testing.assert_array_equal(uncut(-bearings[::-1], 60.0), [True, False])
-    np.testing.assert_array_equal(uncut(bearings, None), [True, True])
+    bearings, ranges = np.radians([-29.8, 10.0]), np.array([8.0, 9.0])
+    view = FieldOfView(*np.radians([-30.0, 40.0]))
+    np.testing.assert_array_equal(uncut(bearings, ranges, view), [False, True])
+    mirrored = FieldOfView(-view.left, -view.right)
+    np.testing.assert_array_equal(uncut(-bearings[::-1], ranges, mirrored), [True, False])
+    np.testing.assert_array_equal(uncut(bearings, ranges, None), [True, True])
+    # 0.5 m to the right of the sensor, a camera does not see 28 degrees to the left at 9 m.
+    left, pair = np.radians([10.0, 28.0]), FieldOfView(*np.radians([-30.0, 30.0]), 0.5)
+    np.testing.assert_array_equal(
+        uncut(left, ranges, dataclasses.replace(pair, baseline=0.0)), [True, True]
+    )
+    np.testing.assert_array_equal(uncut(left, ranges, pair), [True, False])
+    np.testing.assert_array_equal(uncut(-left[::-1], ranges, pair), [True, True])
+
+
+def test_a_target_cut_off_by_the_field_of_view_keeps_size_and_heading():
+    poses = np.tile([0.0, 10.0, 0.0], (10, 1))
+    whole = scans_seen(poses, noise=0.02)
+    offsets = whole.points_world - SENSOR[:2]
+    bearings = wrap_angle(np.arctan2(offsets[:, 1], offsets[:, 0]) - SENSOR[2])
+    inside = bearings > 0.0
+    cut = scans_of([whole.points_world[whole.rows(k)][inside[whole.rows(k)]] for k in range(10)])
+    results = [
+        track(dataclasses.replace(cut, field_of_view=view), start_at(poses), CAR, TRACKER)
+        for view in (None, FieldOfView(0.0, 0.6))
+    ]
+    counts = np.diff(cut.offsets)
+    np.testing.assert_array_equal(results[0].nis_degrees_of_freedom, counts + 2)
+    np.testing.assert_array_equal(results[1].nis_degrees_of_freedom, counts + 1)
+    errors = [np.abs(result.means[-1, :2] - poses[-1, :2]).max() for result in results]
+    assert errors[1] < 0.1 < errors[0]
 
 
 def test_deviation_of_a_range_is_that_along_the_ray():

@@ -62,7 +62,9 @@ def disturbed(user):
         (found.points_world[rows], found.covariances_world[rows])
         for rows in (slice(0, 0) if k % 7 == 6 else found.rows(k) for k in range(len(found)))
     ]
-    return Scans.of_each(found.times, found.sensor_poses_world, each)
+    return Scans.of_each(
+        found.times, found.sensor_poses_world, each, field_of_view=found.field_of_view
+    )
 
 
 @pytest.mark.parametrize("start", ["default", "scans"])

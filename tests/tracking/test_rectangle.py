@@ -10,6 +10,7 @@ from tracking_cases import CAR, START, scans_of
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rotation, target_from_world, wrap_angle
+from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.tracking.prior import fullness_of
 from stixel_cli.tracking.rectangle import contours_of, track, update
 from stixel_cli.tracking.rectangle_sides import (
@@ -201,12 +202,17 @@ def test_an_end_at_the_border_of_the_field_of_view_is_not_used():
     poses = np.array([[0.0, 10.0, 0.0]])
     points, noises = (one[0] for one in seen(OUTLINE, poses))
     mean = np.array([*poses[0], 4.0, 0.0, 0.0, 4.2, 1.7])
-    seen_angle = 2.0 * np.degrees(np.arctan2(2.1, 9.15))
+    half = np.arctan2(2.1, 9.15)
     counts = [
-        len(measure(mean, points, noises, SENSOR, 1.0, 0.1, fov).innovations) - len(points)
-        for fov in (None, seen_angle + 10.0, seen_angle)
+        len(measure(mean, points, noises, SENSOR, 1.0, 0.1, view).innovations) - len(points)
+        for view in (
+            None,
+            FieldOfView(-half - 0.1, half + 0.1),
+            FieldOfView(-half, half + 0.1),
+            FieldOfView(-half, half),
+        )
     ]
-    assert counts == [2, 2, 0]
+    assert counts == [2, 2, 1, 0]
 
 
 @settings(derandomize=True, deadline=None, max_examples=10)

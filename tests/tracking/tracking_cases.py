@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stixel_cli.measurements.scans import Scans
+from stixel_cli.measurements.scans import FieldOfView, Scans
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
@@ -42,6 +42,8 @@ TRACKER = GpEkfParameters(
     contour_points=60,
 )
 
+FIELD = FieldOfView(-0.52, 0.52)
+
 START = InitialState(
     mean=np.array([7.5, 12.0, 0.1, 5.0, 0.5, 0.2]),
     covariance=np.diag([0.1, 0.1, 0.01, 0.25, 0.25, 0.01]),
@@ -64,6 +66,7 @@ def scans_of(points, times=None, covariances=None, sensor_poses=None):
         covariances_world=(
             np.tile(0.01 * np.eye(2), (len(flat), 1, 1)) if covariances is None else covariances
         ),
+        field_of_view=FIELD,
     )
 
 

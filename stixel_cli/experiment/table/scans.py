@@ -7,7 +7,7 @@ STAGES: dict[str, Definition] = {
         only("measurements.objects:find_objects"), "map", {"gates": "measurement.gates"}
     ),
     "gather_scans": Definition(
-        only("measurements.simulated:gather_scans"), "once", same("measurement")
+        only("measurements.simulated:gather_scans"), "once", same("measurement", "rig")
     ),
     "fabricate_scans": Definition(
         only("measurements.fabricated:fabricate_scans"),
@@ -27,7 +27,10 @@ STAGES: dict[str, Definition] = {
         files=("road_user.mesh",),
     ),
     "lidar_scans": Definition(
-        only("measurements.lidar:lidar_scans"), "once", same("measurement"), seeded=True
+        only("measurements.lidar:lidar_scans"),
+        "once",
+        same("measurement", "field_of_view"),
+        seeded=True,
     ),
     "read_scans": Definition(
         only("measurements.file:read_scans"),
@@ -36,6 +39,7 @@ STAGES: dict[str, Definition] = {
             "path": "measurement.path",
             "ego": "measurement.ego",
             "range_std": "measurement.range_std",
+            "field_of_view": "field_of_view",
         },
         files=("measurement.path", "measurement.ego"),
     ),

@@ -60,7 +60,9 @@ def every(scans: Scans, step: int) -> Scans:
         away = points - pose[:2]
         order = np.argsort(np.arctan2(away[:, 1], away[:, 0]), kind="stable")[step // 2 :: step]
         kept.append((points[order], covariances[order]))
-    return Scans.of_each(scans.times, scans.sensor_poses_world, kept)
+    return Scans.of_each(
+        scans.times, scans.sensor_poses_world, kept, field_of_view=scans.field_of_view
+    )
 
 
 def width_table(values: dict[str, dict[str, Statistic]]) -> Table:
