@@ -34,7 +34,7 @@ def noise_of(run: RunResult) -> dict[str, Any]:
         return _own(run, added, f"R = the scan's + ({std:.3g} m)²")
     if kind == "contour":
         covariances = _stretched(run.scans, tracker.noise_factor, tracker.offset_std)
-        text = f"R along the ray = ({tracker.noise_factor:g} σ)², and neighbours' errors"
+        text = f"R along the ray = ({tracker.noise_factor:g} σ)², and the shape's error"
         return _own(run, covariances, text)
     return _of_the_scan("the covariance that the scan states")
 

@@ -7,13 +7,13 @@ velocity, as a road user does not slide sideways: x' = v cos psi, y' = v sin psi
 
 A point is the range r along its ray, whose direction is known well. The measurement is
 
-    r = h(state, ray) + neighbours' error + own error
+    r = h(state, ray) + error
 
 where h casts the ray on the shape that the sensor sees (`ray_table.py`). Its Jacobian is a central
-difference over about a standard deviation of the state, as the shape has edges. The covariance of a
-scan's errors is R = D + C: D the points' own; C_ij = c² exp(-d_ij² / 2 l²) what neighbours share,
-such as a shape that is not the class's. So n points are not n independent ones, and many points of
-a lidar are not worth more than they show.
+difference over about a standard deviation of the state, as the shape has edges. The error has the
+sensor's variance and that of the shape, as no road user has quite the class's shape. Neighbours and
+successive scans share the latter, so n points are not n independent ones: a large factor on the
+shape's standard deviation stands for that.
 
 A real sensor's ranges also have an error b that does not change from scan to scan, such as that of
 a rig's calibration. The scans do not show b, so it is not estimated but considered: the filter has

@@ -23,12 +23,11 @@ class ContourParameters:
         noise_factor: factor on the standard deviation of a point's range. The errors of
             successive scans are correlated, which the filter does not model; a factor above 1
             stands for that.
+        shape_factor: factor on the standard deviation of the seen shape. Neighbours share its
+            error, and it changes little from scan to scan, so this factor is larger.
         bias_std: standard deviation, m at a range of 10 m, of an error of the sensor that all
             ranges of a recording share; it grows with the square of the range, as that of a
             disparity does.
-        neighbour_std, neighbour_distance: standard deviation of an error along the ray that
-            neighbours share, relative to the size of the class (the geometric mean of length and
-            width), and the distance across the rays at which it is uncorrelated, m.
         offset_std: standard deviation, m, of the shape across the rays: where a ray grazes the
             shape it makes the range uncertain.
         silhouette_factor: factor on the standard deviation of the silhouette.
@@ -48,9 +47,8 @@ class ContourParameters:
     length_std: Annotated[float, Gt(0), Le(1)]
     width_std: Annotated[float, Gt(0), Le(1)]
     noise_factor: Annotated[float, Gt(0), Le(100)]
+    shape_factor: Annotated[float, Gt(0), Le(100)]
     bias_std: Annotated[float, Ge(0), Le(10)]
-    neighbour_std: Annotated[float, Ge(0), Le(1)]
-    neighbour_distance: Annotated[float, Gt(0), Le(10)]
     offset_std: Annotated[float, Ge(0), Le(10)]
     silhouette_factor: Annotated[float, Gt(0), Le(100)]
     silhouette_std: Annotated[float, Ge(0), Le(10)]

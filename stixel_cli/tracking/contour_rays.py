@@ -1,4 +1,4 @@
-"""The rays of a scan: how a sensor sees a class, association, and the errors that points share."""
+"""The rays of a scan: how a sensor sees a class, and association."""
 
 from dataclasses import dataclass
 
@@ -24,14 +24,12 @@ class Sight:
         bias_per_std, std_factor: see `SeenShape`.
         outline: whether the sensor sees the outline itself, between whose ends the first and last
             ray fall at random.
-        size: m, of the class: the geometric mean of its length and width.
     """
 
     table: RayTable
     bias_per_std: float
     std_factor: float
     outline: bool
-    size: float
 
 
 @dataclass(frozen=True)
@@ -80,8 +78,7 @@ def sight_of(road_user: RoadUserClass, tracker: ContourParameters) -> Sight:
     seen = seen_shape(road_user, "outline" if outline else tracker.seen_by)
     shape = class_shape(road_user)
     table = seen_table(shape.outline, seen, blurred=tracker.seen_by == "simulated")
-    size = float(np.sqrt(shape.size.prod()))
-    return Sight(table, seen.bias_per_std, seen.std_factor, outline, size)
+    return Sight(table, seen.bias_per_std, seen.std_factor, outline)
 
 
 def rays_of(
@@ -151,10 +148,3 @@ def sampling_inset(rays: Rays, sight: Sight) -> tuple[float, float]:
 def range_biases(rays: Rays, tracker: ContourParameters) -> np.ndarray:
     """Standard deviations (n,) m of the error of the ranges that all scans share."""
     return tracker.bias_std * (rays.ranges / 10.0) ** 2
-
-
-def shared_covariance(rays: Rays, sight: Sight, tracker: ContourParameters) -> np.ndarray:
-    """Covariance (n, n) m² of the errors that neighbouring points of a scan share."""
-    across = rays.bearings * rays.ranges.mean()
-    apart = (across[:, None] - across) / tracker.neighbour_distance
-    return (tracker.neighbour_std * sight.size) ** 2 * np.exp(-0.5 * apart**2)

@@ -10,7 +10,6 @@ from stixel_cli.tracking.contour_rays import (
     Sight,
     range_biases,
     sampling_inset,
-    shared_covariance,
 )
 from stixel_cli.tracking.ray_table import expected
 
@@ -52,21 +51,22 @@ def update(
         rays.bearings[[first, last]], rays.ranges[[first, last]], rays.field_of_view
     )
     rows = np.concatenate([np.ones(count, bool), silhouettes])
-    correlated = shared_covariance(rays, sight, tracker)
     biases = np.concatenate([range_biases(rays, tracker), [0.0, 0.0]])
-    spread = covariance
+    # With the considered error, of variance 1, after the state.
+    joint = np.eye(8)
+    joint[:7, :7], joint[:7, 7], joint[7, :7] = covariance, of_bias, of_bias
+    posterior = joint
     iterate = mean if first_iterate is None else first_iterate
     for _ in range(tracker.iterations):
-        predicted, slopes, stds = _linearise(iterate, spread, rays, first, last, sight)
-        matrix = np.zeros((count + 2, 7))
-        matrix[:, SEEN] = slopes.T
+        predicted, slopes, stds = _linearise(iterate, posterior, rays, first, last, sight)
+        matrix = np.zeros((count + 2, 8))
+        matrix[:, SEEN], matrix[:, 7] = slopes.T, biases
         errors = -predicted
         errors[:count] += rays.ranges - sight.bias_per_std * rays.stds
         errors[count:] -= inset
         variances = np.empty(count + 2)
-        variances[:count] = tracker.noise_factor**2 * (
-            (sight.std_factor * rays.stds) ** 2 + stds[:count] ** 2
-        )
+        variances[:count] = (tracker.noise_factor * sight.std_factor * rays.stds) ** 2
+        variances[:count] += (tracker.shape_factor * stds[:count]) ** 2
         # Where the ray grazes the shape, a small error across it is a large one of the range.
         across = (
             slopes[1, :count] * rays.directions[:, 0] - slopes[0, :count] * rays.directions[:, 1]
@@ -75,31 +75,39 @@ def update(
         variances[count:] = tracker.silhouette_factor**2 * (
             stds[count:] ** 2 + inset_variance + edges
         )
-        total = variances.copy()
-        total[:count] += np.diag(correlated) + biases[:count] ** 2
         freedom = tracker.degrees_of_freedom
-        weights = np.minimum((freedom + 1.0) / (freedom + errors**2 / total), 1.0)
-        noise = np.diag(variances / weights)
-        noise[:count, :count] += correlated
+        weights = (freedom + 1.0) / (freedom + errors**2 / (variances + biases**2))
 
-        matrix, errors, noise = matrix[rows], errors[rows], noise[np.ix_(rows, rows)]
-        innovation = errors + matrix @ (iterate - mean)
-        crossed = matrix @ covariance + np.outer(biases[rows], of_bias)
-        shared = matrix @ of_bias + biases[rows]
-        innovation_covariance = crossed @ matrix.T + np.outer(shared, biases[rows]) + noise
-        gain = np.linalg.solve(innovation_covariance, crossed).T
-        moved = mean + gain @ innovation
-        spread = covariance - gain @ crossed
-        spread = 0.5 * (spread + spread.T)
+        noise = (variances / np.minimum(weights, 1.0))[rows]
+        matrix, errors = matrix[rows], errors[rows]
+        innovation = errors + matrix[:, :7] @ (iterate - mean)
+        correction, posterior, nis, likelihood = condition(joint, matrix, noise, innovation)
+        moved = mean + correction[:7]
         change = np.abs(moved - iterate).max()
         iterate = moved
         if change < CONVERGED:
             break
-    nis = innovation @ np.linalg.solve(innovation_covariance, innovation)
-    determinant = np.linalg.slogdet(innovation_covariance)[1]
-    likelihood = -0.5 * (nis + determinant + len(innovation) * np.log(2.0 * np.pi))
-    of_bias = of_bias - gain @ shared
-    return iterate, spread, of_bias, float(nis), len(innovation), float(likelihood)
+    # The considered error is not estimated: its variance stays 1.
+    return iterate, posterior[:7, :7], posterior[:7, 7], nis, len(innovation), likelihood
+
+
+def condition(
+    covariance: np.ndarray, matrix: np.ndarray, noise: np.ndarray, innovation: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float, float]:
+    """A Kalman update with independent errors: correction (d,), covariance (d, d), NIS, density.
+
+    `covariance` (d, d) is the prior's, `matrix` (n, d) the measurement's, `noise` (n,) variances.
+    The density is the logarithm of that of the `innovation` (n,). In the information form the cost
+    grows with n and not with n³.
+    """
+    scale = np.eye(len(covariance)) + covariance @ (matrix.T @ (matrix / noise[:, None]))
+    posterior = np.linalg.solve(scale, covariance)
+    posterior = 0.5 * (posterior + posterior.T)
+    pull = matrix.T @ (innovation / noise)
+    nis = innovation @ (innovation / noise) - pull @ posterior @ pull
+    determinant = np.linalg.slogdet(scale)[1] + np.log(noise).sum()
+    density = -0.5 * (nis + determinant + len(innovation) * np.log(2.0 * np.pi))
+    return posterior @ pull, posterior, float(nis), float(density)
 
 
 def _linearise(

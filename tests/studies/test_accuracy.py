@@ -97,7 +97,7 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny, tmp_path):
     for name in ABLATIONS:
         assert [(row["road user"], row["without"]) for row in table(folder, name)] == [
             ("pedestrian", "–"),
-            ("pedestrian", "error that neighbours share"),
+            ("pedestrian", "Student weights"),
         ]
     assert [row["tracker"] for row in table(folder, "peers")] == [
         "PyRecEst full_scgp",
@@ -113,7 +113,7 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny, tmp_path):
     page = load_page(tmp_path)
     page.main(folder)
     text = page.PAGE.read_text(encoding="utf-8")
-    assert "| pedestrian | error that neighbours share |" in text
+    assert "| pedestrian | Student weights |" in text
     assert "Not measured yet" not in text and text.count("<!--") == 2
 
 

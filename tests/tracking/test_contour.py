@@ -6,6 +6,7 @@ import seen_targets
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import multivariate_normal
 from seen_targets import SENSOR, start_at, turning
 from tracking_cases import CAR, START, scans_of
 
@@ -17,6 +18,7 @@ from stixel_cli.tracking.class_shape import class_shape, seen_shape, seen_table
 from stixel_cli.tracking.contour import predict, start, track
 from stixel_cli.tracking.contour_rays import rays_of
 from stixel_cli.tracking.contour_report import LEAST_OUTLINE_STD, contours_of, reported
+from stixel_cli.tracking.contour_update import condition
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
 
@@ -330,3 +332,21 @@ def test_prior_names_its_class():
     for name in SHAPES:
         assert compose([f"road_user={name}"]).configuration.prior.road_user == name
     assert isinstance(CAR, PriorShape)
+
+
+@settings(derandomize=True, deadline=None, max_examples=20)
+@given(seed=SEEDS, count=st.integers(1, 30))
+def test_the_information_form_is_the_kalman_update(seed, count):
+    random = np.random.default_rng(seed)
+    root = random.standard_normal((8, 8))
+    covariance, matrix = root @ root.T, random.standard_normal((count, 8))
+    noise, innovation = random.uniform(0.1, 2.0, count), random.standard_normal(count)
+    correction, posterior, nis, density = condition(covariance, matrix, noise, innovation)
+    innovation_covariance = matrix @ covariance @ matrix.T + np.diag(noise)
+    gain = covariance @ matrix.T @ np.linalg.inv(innovation_covariance)
+    np.testing.assert_allclose(correction, gain @ innovation, rtol=1e-6, atol=1e-8)
+    expected = covariance - gain @ matrix @ covariance
+    np.testing.assert_allclose(posterior, expected, rtol=1e-6, atol=1e-8)
+    assert nis == pytest.approx(innovation @ np.linalg.solve(innovation_covariance, innovation))
+    whole = multivariate_normal(np.zeros(count), innovation_covariance)
+    assert density == pytest.approx(whole.logpdf(innovation))

@@ -8,13 +8,13 @@ from stixel_cli.studies.data import StudyRun, names, run_frame
 from stixel_cli.studies.types import Table
 
 TERMS = {
-    "error that neighbours share": ("neighbour_std",),
     "Student weights": ("degrees_of_freedom",),
     "silhouettes": ("silhouette_factor",),
     "seen shape": ("seen_by",),
     "heading tied to the velocity": ("slip",),
     "size as a state": ("length_std", "width_std"),
     "factor on the noise": ("noise_factor",),
+    "factor on the shape's error": ("shape_factor",),
     "iteration": ("iterations",),
 }
 """The keys of `tracker` that switch each term off."""
