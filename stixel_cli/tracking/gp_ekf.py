@@ -117,18 +117,14 @@ def linearise(points_world: np.ndarray, mean: np.ndarray, process: ContourProces
     _, variances = process.regression(correlations, out=matrix[:, SEEN:])
     expected = process.mean_radius + matrix[:, SEEN:] @ deviations
     slopes = process.slope(directions_target, correlations, deviations)
-    turn = slopes / distances
-    # dθ/dw = (delta_y, -delta_x) / r² = (p_y, -p_x) / r
-    matrix[:, 0] = directions[:, 0] + turn * directions[:, 1]
-    matrix[:, 1] = directions[:, 1] - turn * directions[:, 0]
-    matrix[:, 2] = -slopes
+    matrix[:, :SEEN] = _pose_columns(directions, distances, slopes)
     return Linearisation(
         directions=directions,
         residuals=distances - expected,
         radial_matrix=matrix,
         tangential_slopes=1.0 - expected / distances,
         radius_variances=variances,
-        turns=turn,
+        turns=slopes / distances,
     )
 
 
@@ -288,20 +284,40 @@ def contours_of(
     meets the contour by the radial row J of the measurement model, so its variance is J P Jᵀ + R^f.
     """
     angles, directions = contour_directions(means[:, 2], points)
-    matrix, _ = process.at(angles)
+    unit = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    # The points are at the same angles of the target's frame in each scan.
+    correlations = process.correlations(unit)
+    matrix, variances = process.regression(correlations)
     deviations = means[:, 2 * SEEN :] - process.mean_radius
     radii = np.maximum(process.mean_radius + deviations @ matrix.T, 0.0)
     contours = means[:, None, :2] + radii[..., None] * directions
     seen = np.r_[:SEEN, 2 * SEEN : means.shape[1]]
+    rows = np.empty((points, SEEN + matrix.shape[1]))
+    rows[:, SEEN:] = matrix
     std = np.empty_like(radii)
     for k, covariance in enumerate(covariances):
-        # The rows need a direction, which a point in the centre does not have.
-        away = np.maximum(radii[k], NO_DIRECTION)[:, None]
-        model = linearise(means[k, :2] + away * directions[k], means[k], process)
-        rows = model.radial_matrix
+        slopes = process.slope(unit, correlations, deviations[k])
+        rows[:, :SEEN] = _pose_columns(directions[k], np.maximum(radii[k], NO_DIRECTION), slopes)
         spread = np.einsum("ij,ij->i", rows @ covariance[np.ix_(seen, seen)], rows)
-        std[k] = np.sqrt(np.maximum(spread, 0.0) + model.radius_variances)
+        std[k] = np.sqrt(np.maximum(spread, 0.0) + variances)
     return contours, directions, std
+
+
+def _pose_columns(directions: np.ndarray, distances: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+    """Derivatives (n, 3) of the radial component of h by x, y and heading; thesis (77).
+
+    Of points at `distances` (n,) m from the centre in `directions` (n, 2), where the slope of the
+    radius is `slopes` (n,) m/rad.
+    """
+    turn = slopes / distances
+    # dθ/dw = (delta_y, -delta_x) / r² = (p_y, -p_x) / r
+    return np.column_stack(
+        [
+            directions[:, 0] + turn * directions[:, 1],
+            directions[:, 1] - turn * directions[:, 0],
+            -slopes,
+        ]
+    )
 
 
 def _measurement_covariances(covariances_world: np.ndarray, tracker: GpEkfParameters) -> np.ndarray:
