@@ -7,6 +7,7 @@ that this module does not read.
 
 import os
 import re
+import warnings
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -42,9 +43,10 @@ def load_mesh(path: str, contrast: float) -> Mesh:
     Raises:
         ValueError: if there is no such file, Open3D cannot read it, a number in it is not finite,
             it has no triangles or one of a vertex that it lacks, it has no area seen from above,
-            or a side of the box around it is not 0.1 … 30 m.
+            a side of the box around it is not 0.1 … 30 m, or a texture is too large to decode.
     """
     _check_counts(path)
+    _check_textures(path)
     open3d = import_open3d_bindings()
     # Without this, Open3D would print a second message.
     with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
@@ -112,6 +114,29 @@ def _check_counts(path: str) -> None:
                 f"road_user.mesh: {path!r} declares {count[:20].decode('ascii', 'replace')} "
                 f"elements, which a file of {size} bytes cannot have"
             )
+
+
+def _check_textures(path: str) -> None:
+    """Check the sizes of the images that the mesh refers to: Open3D decodes each of them whole.
+
+    Raises:
+        ValueError: if one has more pixels than Pillow takes for harmless.
+    """
+    from PIL import Image
+
+    for file in referred_files(Path(path)):
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error", Image.DecompressionBombWarning)
+                Image.open(file).close()
+        except (Image.DecompressionBombWarning, Image.DecompressionBombError):
+            raise ValueError(
+                f"road_user.mesh: {str(file)!r}, a texture of {path!r}, has more than "
+                f"{Image.MAX_IMAGE_PIXELS // 10**6} million pixels"
+            ) from None
+        except OSError:
+            # No image, or one that Open3D reports.
+            continue
 
 
 def _parts(found, vertices, triangles, contrast):

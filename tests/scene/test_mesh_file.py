@@ -1,5 +1,7 @@
 import json
 import os
+import struct
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +62,20 @@ def test_user_mesh_keeps_its_texture_upright(tmp_path):
     above, below = rows[heights > 0.5], rows[heights < 0.5]
     assert (part.texture[above, 0] == [255, 0, 0]).all()
     assert (part.texture[below, 0] == [0, 0, 255]).all()
+
+
+def test_a_texture_that_is_too_large_to_decode_gives_a_one_line_error(tmp_path):
+    size = struct.pack(">IIBBBBB", 40000, 40000, 8, 2, 0, 0, 0)
+    chunks = [
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        for kind, data in ((b"IHDR", size), (b"IDAT", zlib.compress(b"")))
+    ]
+    (tmp_path / "image.png").write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunks))
+    (tmp_path / "wedge.mtl").write_text("newmtl coat\nmap_Kd image.png\n")
+    path = tmp_path / "wedge.obj"
+    path.write_text(wedge("mtllib wedge.mtl\nusemtl coat\n"))
+    with pytest.raises(ValueError, match=r"image\.png.*more than 89 million pixels"):
+        load_mesh(str(path), 0.5)
 
 
 def test_user_mesh_keeps_vertex_colours(tmp_path):
