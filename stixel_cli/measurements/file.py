@@ -23,7 +23,7 @@ def read_scans(
     path: str,
     ego: str | None,
     range_std: float,
-    field_of_view: tuple[float, float] | None = None,
+    horizontal_fov: float | None = None,
 ) -> Scans:
     """Scans of the points in the file `path`, in their order in the file.
 
@@ -33,7 +33,7 @@ def read_scans(
             (0, 0, pi/2), the scans are 0 to the largest k, and the times of absent k are
             interpolated.
         range_std: m. Without variances the covariance of a point is range_std² I.
-        field_of_view: bearings of the sensor's right and left border, rad; None: unknown.
+        horizontal_fov: of the sensor, degrees, symmetric to its heading; None: unknown.
 
     Raises:
         UserError: in one line that names file, place and cause.
@@ -49,13 +49,16 @@ def read_scans(
         _check_times(file, Path(ego), k, table["t"], times)
     order = np.argsort(k, kind="stable")
     counts = np.bincount(k, minlength=len(times))
+    view = None
+    if horizontal_fov is not None:
+        view = FieldOfView(-np.radians(0.5 * horizontal_fov), np.radians(0.5 * horizontal_fov))
     return Scans(
         times=times,
         sensor_poses_world=poses,
         offsets=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
         points_world=np.stack([table["x"], table["y"]], axis=1)[order],
         covariances_world=_covariances(file, table, range_std)[order],
-        field_of_view=None if field_of_view is None else FieldOfView(*field_of_view),
+        field_of_view=view,
     )
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.measurements.disturbance_parameters import Disturbance
-from stixel_cli.measurements.scans import Scans
+from stixel_cli.measurements.scans import FieldOfView, Scans
 from stixel_cli.own_code import OwnCode, further_arguments, loaded
 from stixel_cli.parameters import parameters
 from stixel_cli.scene.scenario import Scenario
@@ -35,6 +35,11 @@ def own_scans(scenario: Scenario, function: str, parameters: Mapping[str, Any], 
         raise ValueError(f"{function}: must return Scans, returned a {type(scans).__name__}")
     if not np.array_equal(scans.times, scenario.times):
         raise ValueError(f"{function}: the times of its scans must be those of the scenario")
+    if not isinstance(scans.field_of_view, FieldOfView | None):
+        raise ValueError(
+            f"{function}: field_of_view of its scans must be a FieldOfView or None, "
+            f"got a {type(scans.field_of_view).__name__}"
+        )
     count = len(scans.points_world)
     shapes = {
         "sensor_poses_world": (len(scenario.times), 3),

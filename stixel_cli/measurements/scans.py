@@ -12,8 +12,8 @@ class FieldOfView:
 
     Attributes:
         right, left: bearings of the borders, rad from the sensor's heading.
-        baseline: distance to a second camera on the right, m, in whose field of view a point must
-            be, too; 0: there is none.
+        baseline: distance to a second camera on the right, m, which must see a point, too; 0: no
+            second camera.
     """
 
     right: float

@@ -134,7 +134,7 @@ def _check_textures(path: str) -> None:
                 f"road_user.mesh: {str(file)!r}, a texture of {path!r}, has more than "
                 f"{Image.MAX_IMAGE_PIXELS // 10**6} million pixels"
             ) from None
-        except OSError:
+        except (OSError, ValueError):
             # No image, or one that Open3D reports.
             continue
 

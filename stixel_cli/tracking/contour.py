@@ -12,8 +12,8 @@ A point is the range r along its ray, whose direction is known well. The measure
 where h casts the ray on the shape that the sensor sees (`ray_table.py`). Its Jacobian is a central
 difference over about a standard deviation of the state, as the shape has edges. The error has the
 sensor's variance and that of the shape, as no road user has quite the class's shape. Neighbours and
-successive scans share the latter, so n points are not n independent ones: a large factor on the
-shape's standard deviation stands for that.
+successive scans share the shape's error, so n points are not n independent ones. A large factor on
+its standard deviation accounts for that.
 
 A real sensor's ranges also have an error b that does not change from scan to scan, such as that of
 a rig's calibration. The scans do not show b, so it is not estimated but considered: the filter has
@@ -22,11 +22,12 @@ b's covariance with the state, and its estimate does not become more certain tha
 
 The first and the last ray that meet the target give two more measurements, the silhouette: how far
 inside the limits of the seen shape they pass. Ranges hardly measure the place across the rays.
+A silhouette at the border of the field of view is not used.
 
-Errors have heavy tails, so D is divided by the weights (nu + 1) / (nu + e²) ≤ 1 of a Student
-distribution, e the normalised error at the current iterate (Lange, Little, Taylor 1989, *Robust
-statistical modeling using the t distribution*). The update is iterated (Bell, Cathey 1993, *The
-iterated Kalman filter update as a Gauss-Newton method*).
+Errors have heavy tails, so their variances are divided by the weights (nu + 1) / (nu + e²) ≤ 1 of a
+Student distribution, e the normalised error at the current iterate (Lange, Little, Taylor 1989,
+*Robust statistical modeling using the t distribution*). The update is iterated (Bell, Cathey 1993,
+*The iterated Kalman filter update as a Gauss-Newton method*).
 """
 
 from dataclasses import replace

@@ -96,9 +96,9 @@ def condition(
 ) -> tuple[np.ndarray, np.ndarray, float, float]:
     """A Kalman update with independent errors: correction (d,), covariance (d, d), NIS, density.
 
-    `covariance` (d, d) is the prior's, `matrix` (n, d) the measurement's, `noise` (n,) variances.
-    The density is the logarithm of that of the `innovation` (n,). In the information form the cost
-    grows with n and not with n³.
+    `covariance` (d, d) is the prior's, `matrix` (n, d) the measurement's, `noise` (n,) variances,
+    which must be far above rounding. The density is the logarithm of that of the `innovation` (n,).
+    In the information form the cost grows with n and not with n³.
     """
     scale = np.eye(len(covariance)) + covariance @ (matrix.T @ (matrix / noise[:, None]))
     posterior = np.linalg.solve(scale, covariance)

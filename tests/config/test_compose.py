@@ -2,6 +2,7 @@ import shutil
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import yaml
 
@@ -357,3 +358,22 @@ def test_few_compositions_stay_stored(tmp_path, monkeypatch):
     for option in ("turn", "circle", "approach"):
         compose([f"path={option}"])
     assert len(list((tmp_path / choose.FOLDER).iterdir())) == 2
+
+
+@pytest.mark.parametrize(
+    ("overrides", "half"),
+    [
+        (["rig=long_range"], 22.5),
+        (["measurement=lidar"], 30.0),
+        (["measurement=lidar", "measurement.scanner.horizontal_fov=100"], 50.0),
+        (["measurement=file", "measurement.path=scans.csv"], None),
+        (
+            ["measurement=file", "measurement.path=scans.csv", "measurement.horizontal_fov=270"],
+            135.0,
+        ),
+    ],
+)
+def test_the_field_of_view_is_that_of_the_sensor(overrides, half):
+    view = compose(overrides).configuration.field_of_view
+    expected = None if half is None else pytest.approx(np.radians([-half, half]), abs=1e-3)
+    assert view == expected

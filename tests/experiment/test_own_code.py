@@ -96,6 +96,12 @@ def no_scans(scenario, seed):
     return []
 
 
+def no_view(scenario, seed):
+    from dataclasses import replace
+
+    return replace(dots(scenario, seed), field_of_view=(-0.5, 0.5))
+
+
 def offset_m(track, scenario, scans):
     return np.mean(track.means[:, 0] - scenario.target_poses_world[:, 0])
 
@@ -257,6 +263,7 @@ def test_the_folders_name_is_not_in_the_key(own, tmp_path, monkeypatch):
         (["tracker={}:wrong"], "must return a Track, returned a dict"),
         (["tracker={}:short"], "nis of its track must have shape (3), got (1,)"),
         (["measurement={}:no_scans"], "must return Scans, returned a list"),
+        (["measurement={}:no_view"], "must be a FieldOfView or None, got a tuple"),
         (["metrics=[{}:words]"], "must return a number, returned a str"),
     ],
 )

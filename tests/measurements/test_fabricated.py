@@ -7,6 +7,7 @@ from stixel_cli.geometry.pose import ego_from_world, rotation, world_from_target
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import FabricatedParameters, fabricate_scans
 from stixel_cli.measurements.noise import ConstantNoise, FittedNoise, StereoNoise
+from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.scene.scenario import Scenario
 
 RIG = Rig(
@@ -57,6 +58,7 @@ def test_points_without_noise_are_on_contour_and_rays(spacing):
     truth = scenario()
     scans = fabricate_scans(truth, RIG, dataclasses.replace(EXACT, spacing=spacing), seed=1)
     assert len(scans.points_world) > 500
+    assert scans.field_of_view == FieldOfView(RIGHT, LEFT)
     for k in range(len(scans)):
         points = scans.points_world[scans.rows(k)]
         outline = world_from_target(BOX, truth.target_poses_world[k])

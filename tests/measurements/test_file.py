@@ -37,6 +37,9 @@ def test_rows_become_scans_in_the_order_of_k_and_an_absent_k_is_an_empty_scan(wr
     scans = read_scans(write(SCANS), None, 0.5)
     assert np.array_equal(scans.times, [0.0, 0.1, 0.2])
     assert np.array_equal(scans.offsets, [0, 2, 2, 3])
+    assert scans.field_of_view is None
+    view = read_scans(write(SCANS), None, 0.5, horizontal_fov=90.0).field_of_view
+    assert (view.right, view.left) == pytest.approx((-np.pi / 4, np.pi / 4))
     assert np.array_equal(scans.points_world, [[1, 10], [2, 11], [1.5, 9]])
     assert np.array_equal(scans.covariances_world[2], [[0.04, 0.01], [0.01, 0.09]])
     assert np.array_equal(scans.sensor_poses_world, [[0, 0, 0.5 * np.pi]] * 3)

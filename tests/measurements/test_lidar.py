@@ -17,6 +17,7 @@ from stixel_cli.measurements.lidar_casting import (
     ray_tree,
 )
 from stixel_cli.measurements.scanner import LidarReturns, Scanner
+from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.scene.mesh import Mesh, corners
 from stixel_cli.scene.open3d_import import import_open3d_bindings
 from stixel_cli.scene.road_user import road_user_meshes
@@ -205,6 +206,7 @@ def test_lidar_points_are_in_the_world_frame_of_a_moving_ego_car():
     ego = EgoMotion(truth.times, truth.ego_poses_world)
     returns = cast_beams(STATIC, {0: BOX}, truth, SCANNER, FIELD)
     scans = lidar_scans(returns, ego, EXACT, FIELD, seed=0)
+    assert scans.field_of_view == FieldOfView(*FIELD)
     for k, pose in enumerate(truth.target_poses_world):
         rows = scans.rows(k)
         points = scans.points_world[rows]

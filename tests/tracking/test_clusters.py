@@ -7,7 +7,7 @@ import pytest
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
-from stixel_cli.measurements.scans import Scans
+from stixel_cli.measurements.scans import FieldOfView, Scans
 from stixel_cli.tracking.clusters import BEGIN, END, assign, find_tracks, follow
 from stixel_cli.tracking.found import LEAST_SCANS
 from stixel_cli.tracking.motion import transition
@@ -130,10 +130,11 @@ def test_a_thing_larger_than_the_class_is_no_road_user():
 
 
 def test_the_tracker_gets_the_points_of_its_own_road_user():
-    scans = two_cars(12)
+    scans = dataclasses.replace(two_cars(12), field_of_view=FieldOfView(-0.5, 0.6))
     found = find_tracks(scans, PRIOR, STD)
     later = dataclasses.replace(found[1], scans=found[1].scans[2::2], rows=found[1].rows[2::2])
     own, rows = own_scans(scans, later)
+    assert own.field_of_view == scans.field_of_view
     assert len(own) == 9 and np.diff(own.offsets).tolist() == [8, 0] * 4 + [8]
     np.testing.assert_array_equal(own.points_world, scans.points_world[rows])
     # The point before the first of a scan is another road user's.

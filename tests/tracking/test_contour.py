@@ -272,7 +272,7 @@ def test_silhouettes_at_the_border_of_the_field_of_view_are_not_used():
     np.testing.assert_array_equal(uncut(-left[::-1], ranges, pair), [True, True])
 
 
-def test_a_target_cut_off_by_the_field_of_view_keeps_size_and_heading():
+def test_a_target_cut_off_by_the_field_of_view_keeps_its_place():
     poses = np.tile([0.0, 10.0, 0.0], (10, 1))
     whole = scans_seen(poses, noise=0.02)
     offsets = whole.points_world - SENSOR[:2]

@@ -39,7 +39,7 @@ STAGES: dict[str, Definition] = {
             "path": "measurement.path",
             "ego": "measurement.ego",
             "range_std": "measurement.range_std",
-            "field_of_view": "field_of_view",
+            "horizontal_fov": "measurement.horizontal_fov",
         },
         files=("measurement.path", "measurement.ego"),
     ),
