@@ -135,7 +135,9 @@ class _Run:
             with self._leased():
                 axes = self.plan.study.further_axes(one.sweep.derive, self._data())
             design = derived_design(self.plan, one, axes)
-        result = self._sweep(name, one, design)
+        # A sweep keeps the cache's limit at its end: the results of the sweeps before must stay.
+        with self._leased():
+            result = self._sweep(name, one, design)
         self.results[name] = result
         if result.complete:
             self.sweeps[name] = study_sweep(name, result, self.store, self.node_seconds)

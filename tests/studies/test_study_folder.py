@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
+import study_toy
 import yaml
 
 from stixel_cli.studies.file import read_study
@@ -60,6 +61,20 @@ def test_a_resumed_folder_has_the_revision_of_its_results(toy, tmp_path, monkeyp
     assert resumed["git"]["revision"] == "new"
     assert resumed | {"git": first["git"]} == first
     assert folder.check(plan, fresh=False)
+
+
+def test_a_cache_that_is_too_small_keeps_what_the_report_reads(
+    studies, toy, own_cache, monkeypatch
+):
+    plain = study_toy.report
+
+    def reading(data):
+        for sweep in data.sweeps.values():
+            assert all(len(run.load("scans")) == 3 for run in sweep.runs)
+        return plain(data)
+
+    monkeypatch.setattr(study_toy, "report", reading)
+    assert studies.run(toy(), "cache.max_size=1kB")["complete"]
 
 
 def test_differences_between_requests_are_shown_briefly():
