@@ -3,8 +3,8 @@
 A thin road user seen from its end looks nearly the same turned to either side, and the update,
 which is local, stays on the side where it began. As the target turns on, less and less of it is in
 the gate, and the track is lost. The normalised innovation squared (NIS) shows this early: it stays
-far below its degrees of freedom on a target that is tracked, and above them on one that is not.
-Then the update is done again with all points of the target's cluster, with a wide prior, from
+far below its degrees of freedom on a target that is tracked, and near them or above on one that is
+not. Then the update is done again with all points of the target's cluster, with a wide prior, from
 several headings; the most likely result is taken. Where the NIS is small, nothing changes.
 """
 
@@ -16,7 +16,7 @@ from stixel_cli.tracking.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour_rays import Rays, Sight
 from stixel_cli.tracking.contour_update import Posterior, update
 
-RECENT, DOUBTFUL = 3, 1.0
+RECENT, DOUBTFUL = 3, 0.7
 """A track is doubtful if the mean NIS / degrees of freedom of so many scans is above this."""
 
 TURNS = np.radians([0.0, -10.0, 10.0, -20.0, 20.0, -30.0, 30.0, -40.0, 40.0])

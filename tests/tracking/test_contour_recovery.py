@@ -57,7 +57,7 @@ def test_a_track_that_the_scans_do_not_contradict_is_left_as_it_is(monkeypatch):
 
 def test_a_track_is_doubtful_after_enough_scans_with_a_great_innovation():
     degrees = np.array([4, 4, 0, 4, 4])
-    nis = np.array([0.1, 5.0, np.nan, 5.0, 5.0])
+    nis = np.array([0.1, 4.0, np.nan, 4.0, 4.0])
     assert [is_doubtful(nis[:k], degrees[:k]) for k in range(1, 6)] == [False] * 4 + [True]
     assert not is_doubtful(nis[: RECENT - 1], degrees[: RECENT - 1])
     assert not is_doubtful(nis / 2.0, degrees)
