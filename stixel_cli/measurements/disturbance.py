@@ -13,14 +13,14 @@ def disturb_scans(
     scans: Scans,
     dropout: tuple[float, float] | None,
     clutter_rate: float,
-    field_of_view: tuple[float, float] | None,
     range_max: float | None,
     seed: int,
 ) -> Scans:
     """The scans with clutter points after their own, and empty during the dropout.
 
     The number of clutter points of a scan is Poisson distributed; their places are uniform over the
-    area of field of view and range. A clutter point has the variances, along and across its ray, of
+    area of field of view and range. Where the field of view is unknown, its borders are the
+    outermost points of all scans. A clutter point has the variances, along and across its ray, of
     the measured point of any scan whose range is nearest, the variance across scaled to its range;
     so scans without any point have no clutter. Its error is independent of its neighbours'.
 
@@ -28,8 +28,6 @@ def disturb_scans(
         scans: of any sensor.
         dropout: first and last time without points, s since the first scan; None for none.
         clutter_rate: mean number of clutter points per scan.
-        field_of_view: bearings of the sensor's borders, rad from its heading; None: those of the
-            outermost points of all scans.
         range_max: m; None: the range of the farthest point of all scans.
         seed: of the random numbers, drawn from (seed, "clutter", k).
     """
@@ -38,7 +36,7 @@ def disturb_scans(
     if dropout is not None:
         # Times are multiples of the sample time, up to rounding.
         hidden = (elapsed >= dropout[0] - 1e-9) & (elapsed <= dropout[1] + 1e-9)
-    clutter = _clutter(scans, clutter_rate, field_of_view, range_max, seed)
+    clutter = _clutter(scans, clutter_rate, range_max, seed)
     own, correlations = [], []
     for k, (points, covariances) in enumerate(clutter):
         rows = slice(0, 0) if hidden[k] else scans.rows(k)
@@ -64,7 +62,6 @@ def disturb_scans(
 def _clutter(
     scans: Scans,
     rate: float,
-    field_of_view: tuple[float, float] | None,
     range_max: float | None,
     seed: int,
 ) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -77,9 +74,11 @@ def _clutter(
     along = offsets / ranges[:, None]
     along_variances = np.einsum("ni,nij,nj->n", along, scans.covariances_world, along)
     across = np.trace(scans.covariances_world, axis1=1, axis2=2) - along_variances
-    if field_of_view is None:
+    if scans.field_of_view is None:
         bearings = wrap_angle(np.arctan2(offsets[:, 1], offsets[:, 0]) - poses[:, 2])
-        field_of_view = (float(bearings.min()), float(bearings.max()))
+        borders = bearings.min(), bearings.max()
+    else:
+        borders = scans.field_of_view.right, scans.field_of_view.left
     farthest = float(ranges.max()) if range_max is None else range_max
     order = np.argsort(ranges, kind="stable")
     middles = 0.5 * (ranges[order][1:] + ranges[order][:-1])
@@ -87,7 +86,7 @@ def _clutter(
     for k, pose in enumerate(scans.sensor_poses_world):
         random = generator(seed, "clutter", k)
         count = random.poisson(rate)
-        angles = random.uniform(*field_of_view, count)
+        angles = random.uniform(*borders, count)
         # Even over the area, so the range is a square root.
         distances = farthest * np.sqrt(random.random(count))
         like = order[np.searchsorted(middles, distances)]

@@ -1,5 +1,7 @@
 """Dropout and clutter, after the scans of any sensor."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -31,7 +33,7 @@ SCANS = scans()
 
 
 def test_scans_are_empty_in_the_dropout_and_as_before_elsewhere():
-    found = disturb_scans(SCANS, (0.5, 1.5), 0.0, FIELD, 40.0, seed=0)
+    found = disturb_scans(SCANS, (0.5, 1.5), 0.0, 40.0, seed=0)
     empty = np.flatnonzero(np.diff(found.offsets) == 0)
     np.testing.assert_array_equal(empty, np.arange(5, 16))
     for k in set(range(30)) - set(empty):
@@ -43,7 +45,7 @@ def test_scans_are_empty_in_the_dropout_and_as_before_elsewhere():
 
 
 def test_clutter_is_even_over_field_of_view_and_range_and_follows_the_points():
-    found = disturb_scans(SCANS, (0.0, 0.0), 20.0, FIELD, 40.0, seed=0)
+    found = disturb_scans(SCANS, (0.0, 0.0), 20.0, 40.0, seed=0)
     assert len(found.points_world[found.rows(0)]) == 0
     distances, angles, correlations = [], [], []
     for k in range(1, 30):
@@ -65,7 +67,7 @@ def test_clutter_is_even_over_field_of_view_and_range_and_follows_the_points():
 
 
 def test_clutter_has_the_variances_of_the_point_of_nearest_range():
-    found = disturb_scans(SCANS, None, 20.0, FIELD, 40.0, seed=0)
+    found = disturb_scans(SCANS, None, 20.0, 40.0, seed=0)
     points, covariances = found.points_world[3:10], found.covariances_world[3:10]
     offsets = points - SCANS.sensor_poses_world[0, :2]
     ranges = np.hypot(*offsets.T)
@@ -77,7 +79,7 @@ def test_clutter_has_the_variances_of_the_point_of_nearest_range():
 
 
 def test_without_a_field_of_view_clutter_is_where_points_are():
-    found = disturb_scans(SCANS, None, 20.0, None, None, seed=0)
+    found = disturb_scans(replace(SCANS, field_of_view=None), None, 20.0, None, seed=0)
     pose = SCANS.sensor_poses_world[0]
     offsets = found.points_world[found.rows(0)] - pose[:2]
     angles = np.arctan2(offsets[:, 1], offsets[:, 0]) - pose[2]
@@ -86,9 +88,9 @@ def test_without_a_field_of_view_clutter_is_where_points_are():
 
 
 def test_clutter_depends_only_on_seed_and_scan():
-    whole, again = (disturb_scans(SCANS, None, 3.0, FIELD, 40.0, seed=1) for _ in range(2))
-    other = disturb_scans(SCANS, None, 3.0, FIELD, 40.0, seed=2)
-    part = disturb_scans(SCANS, (0.0, 1.0), 3.0, FIELD, 40.0, seed=1)
+    whole, again = (disturb_scans(SCANS, None, 3.0, 40.0, seed=1) for _ in range(2))
+    other = disturb_scans(SCANS, None, 3.0, 40.0, seed=2)
+    part = disturb_scans(SCANS, (0.0, 1.0), 3.0, 40.0, seed=1)
     assert whole.points_world.tobytes() == again.points_world.tobytes()
     assert not np.array_equal(whole.offsets, other.offsets)
     np.testing.assert_array_equal(
@@ -100,7 +102,7 @@ def test_scans_without_any_point_have_no_clutter():
     empty = Scans.of_each(
         SCANS.times, SCANS.sensor_poses_world, [(np.zeros((0, 2)), np.zeros((0, 2, 2)))] * 30
     )
-    assert len(disturb_scans(empty, None, 5.0, FIELD, 40.0, seed=0).points_world) == 0
+    assert len(disturb_scans(empty, None, 5.0, 40.0, seed=0).points_world) == 0
 
 
 @pytest.mark.parametrize(

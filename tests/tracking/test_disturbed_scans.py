@@ -54,10 +54,10 @@ def followed(user, scans, start):
 
 def disturbed(user):
     """The scans with 1 s of dropout, clutter of 10 % of the points; every seventh scan is empty."""
-    p, _, scans = clean(user)
+    _, _, scans = clean(user)
     rate = 0.1 * len(scans.points_world) / len(scans)
     # Not the greatest range: there clutter would hardly ever be near the target.
-    found = disturb_scans(scans, (2.0, 2.9), rate, p.rig.field_of_view, 20.0, SEED)
+    found = disturb_scans(scans, (2.0, 2.9), rate, 20.0, SEED)
     each = [
         (found.points_world[rows], found.covariances_world[rows])
         for rows in (slice(0, 0) if k % 7 == 6 else found.rows(k) for k in range(len(found)))

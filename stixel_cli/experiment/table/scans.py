@@ -62,7 +62,6 @@ STAGES: dict[str, Definition] = {
         {
             "dropout": "measurement.dropout",
             "clutter_rate": "measurement.clutter_rate",
-            "field_of_view": "field_of_view",
             "range_max": "range_max",
         },
         seeded=True,
