@@ -37,6 +37,13 @@ Right classes stay below, on stixels and lidar. Other classes' likelihoods do no
 gate takes points of other objects, which a lidar sees next to a pedestrian.
 """
 
+MISFITS = {3: 1.0, 10: 0.6}
+"""They also do once the mean NIS / degrees of freedom of so many scans is above this.
+
+The shape's noise is large, so right classes have a mean of 0.1 to 0.5 over ten scans, others up
+to 2 (tuning seeds, stixels and lidar).
+"""
+
 
 def log_weights(track: Track, road_user: str) -> np.ndarray:
     """Log weight (K,) of a class whose tracker reports `track`; one that is not finite is -1e9.
@@ -73,6 +80,12 @@ def contradicted(own: Track, road_user: str) -> np.ndarray:
     stds = np.sqrt(np.linalg.eigvalsh(own.covariances[:, 3:5, 3:5])[:, -1])
     speeds = np.where(stds < SPEEDS[road_user], speed_deviations(own, road_user), 0.0)
     beyond = np.maximum(own.size_deviations, speeds) > CONTRADICTED
+    known = np.flatnonzero(np.isfinite(own.nis))
+    ratios = own.nis[known] / own.nis_degrees_of_freedom[known]
+    for count, greatest in MISFITS.items():
+        if len(known) >= count:
+            means = np.convolve(ratios, np.full(count, 1.0 / count), mode="valid")
+            beyond[known[count - 1 :]] |= means > greatest
     return np.logical_or.accumulate(beyond)
 
 
