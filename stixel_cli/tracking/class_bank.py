@@ -38,10 +38,11 @@ gate takes points of other objects, which a lidar sees next to a pedestrian.
 """
 
 MISFITS = {3: 1.0, 10: 0.6}
-"""They also do once the mean NIS / degrees of freedom of so many scans is above this.
+"""So do so many scans whose NIS, over their degrees of freedom, is above this: both are summed.
 
-The shape's noise is large, so right classes have a mean of 0.1 to 0.5 over ten scans, others up
-to 2 (tuning seeds, stixels and lidar).
+The shape's noise is large, so that right classes have at most 0.5 over ten scans, others up to 1.5
+(tuning seeds, stixels and lidar). A mean of the scans' ratios would count scans of a few points, as
+from a start that is far off, as much as others.
 """
 
 
@@ -81,11 +82,13 @@ def contradicted(own: Track, road_user: str) -> np.ndarray:
     speeds = np.where(stds < SPEEDS[road_user], speed_deviations(own, road_user), 0.0)
     beyond = np.maximum(own.size_deviations, speeds) > CONTRADICTED
     known = np.flatnonzero(np.isfinite(own.nis))
-    ratios = own.nis[known] / own.nis_degrees_of_freedom[known]
     for count, greatest in MISFITS.items():
         if len(known) >= count:
-            means = np.convolve(ratios, np.full(count, 1.0 / count), mode="valid")
-            beyond[known[count - 1 :]] |= means > greatest
+            nis, degrees = (
+                np.convolve(values[known], np.ones(count), mode="valid")
+                for values in (own.nis, own.nis_degrees_of_freedom)
+            )
+            beyond[known[count - 1 :]] |= nis > greatest * degrees
     return np.logical_or.accumulate(beyond)
 
 
