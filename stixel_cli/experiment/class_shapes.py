@@ -27,7 +27,8 @@ from stixel_cli.tracking.class_size import CLASSES, ClassSize
 from stixel_cli.validation.seen_shape import class_shape_of, outline_seen_of, seen_shape_of
 
 PATHS = ("turn", "crossing", "approach", "s_curve")
-SEEDS = (1000, 1001, 1002)
+SEEDS = range(1000, 1008)
+"""Seeds and shape seeds of the scans: of three cyclists, none had the panniers that 30 % have."""
 OUTLINES = range(1000, 1020)
 """Shape seeds of the mean outline."""
 MEASUREMENTS = {"simulated": ("simulated",), "lidar": ("lidar", "lidar_64")}
@@ -49,7 +50,7 @@ def main() -> None:
     """Run the experiments that are not cached, fit, and write the module."""
     text = HEADER.format(
         paths=", ".join(PATHS),
-        seeds=", ".join(map(str, SEEDS)),
+        seeds=f"{SEEDS[0]} to {SEEDS[-1]}",
         outlines=f"{OUTLINES[0]} to {OUTLINES[-1]}",
     )
     for road_user in CLASSES:
@@ -59,7 +60,8 @@ def main() -> None:
         mean, std = sizes.mean(axis=0), sizes.std(axis=0)
         size = ClassSize(mean.round(2), (std / mean).round(2))
         print(f"conf/prior/{road_user}.yaml: {size}")  # noqa: T201
-        shape = class_shape_of(drawn)
+        # The size that is written, whole centimetres, is that of the fit.
+        shape = dataclasses.replace(class_shape_of(drawn), size=size.mean)
         seen = {sensor: seen_shape_of(pairs, shape) for sensor, pairs in samples.items()}
         seen["outline"] = outline_seen_of(drawn, shape)
         text += entry(road_user, size, shape, seen)

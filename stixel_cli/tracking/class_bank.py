@@ -37,6 +37,14 @@ Right classes stay below, on stixels and lidar. Other classes' likelihoods do no
 gate takes points of other objects, which a lidar sees next to a pedestrian.
 """
 
+MISFITS = {3: 1.0, 10: 0.6}
+"""So do so many scans whose NIS, over their degrees of freedom, is above this: both are summed.
+
+The shape's noise is large, so that right classes have at most 0.5 over ten scans, others up to 1.5
+(tuning seeds, stixels and lidar). A mean of the scans' ratios would count scans of a few points, as
+from a start that is far off, as much as others.
+"""
+
 
 def log_weights(track: Track, road_user: str) -> np.ndarray:
     """Log weight (K,) of a class whose tracker reports `track`; one that is not finite is -1e9.
@@ -73,6 +81,14 @@ def contradicted(own: Track, road_user: str) -> np.ndarray:
     stds = np.sqrt(np.linalg.eigvalsh(own.covariances[:, 3:5, 3:5])[:, -1])
     speeds = np.where(stds < SPEEDS[road_user], speed_deviations(own, road_user), 0.0)
     beyond = np.maximum(own.size_deviations, speeds) > CONTRADICTED
+    known = np.flatnonzero(np.isfinite(own.nis))
+    for count, greatest in MISFITS.items():
+        if len(known) >= count:
+            nis, degrees = (
+                np.convolve(values[known], np.ones(count), mode="valid")
+                for values in (own.nis, own.nis_degrees_of_freedom)
+            )
+            beyond[known[count - 1 :]] |= nis > greatest * degrees
     return np.logical_or.accumulate(beyond)
 
 
