@@ -9,7 +9,7 @@ from stixel_cli.images import ImageStack
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo import sgm
 from stixel_cli.stereo.disparities import INVALID
-from stixel_cli.stereo.half_size import combined, halved, halved_range
+from stixel_cli.stereo.half_size import HOLE, combined, halved, halved_range
 from stixel_cli.stereo.sgm import SgmParameters
 
 FAR, NEAR = 12, 90
@@ -64,14 +64,16 @@ def test_near_and_far_planes_are_found(pairs, subpixel, minimum, count):
     box = raw[shrunk(BOX, 6)]
     assert np.mean(box != INVALID) > 0.95
     assert np.all(np.abs(box[box != INVALID] - 16 * NEAR) <= 8)
-    # Left of the box, the right camera sees the box in front of the far plane.
+    # Left of the box, the right camera sees the box in front of the far plane. What is matched
+    # there next to the far plane is mostly of it.
     rows, first, last = BOX[0], BOX[1].start - NEAR + FAR, BOX[1].stop
     outside = np.zeros(raw.shape, dtype=bool)
     outside[:, FAR + 6 : -6] = True
     outside[rows.start - 6 : rows.stop + 6, first - 6 : last + 6] = False
     assert np.mean(valid[outside]) > 0.95
     assert np.all(np.abs(raw[outside & valid] - 16 * FAR) <= 8)
-    assert np.mean(valid[rows, first + 6 : BOX[1].start - 6]) < 0.1
+    hidden = raw[rows, first + 6 : BOX[1].start - 6]
+    assert np.mean((hidden != INVALID) & (np.abs(hidden - 16 * FAR) > 48)) < 0.1
 
 
 def test_without_the_half_size_the_near_plane_is_not_found(pairs):
@@ -128,22 +130,28 @@ def test_the_range_at_half_the_size_has_all_disparities(minimum, count):
 
 def test_both_sizes_are_combined_pixel_by_pixel():
     rng = np.random.default_rng(8)
-    full = rng.integers(-1, 32 * 16, (7, 9)).astype(np.int16)
-    half = rng.integers(10 * 16, 60 * 16, (4, 5)).astype(np.int16)
-    # Some that agree, and some without a match.
+    full = rng.integers(0, 32 * 16, (40, 60)).astype(np.int16)
+    half = rng.integers(1, 60 * 16, (20, 30)).astype(np.int16)
+    # Some agree, some have no match, and some have no match near them.
     full[::2, ::2] = 2 * half + rng.integers(-40, 40, half.shape)
-    full[1, :], half[1, 1], half[2, :3] = INVALID, 28, INVALID
-    full[full >= 32 * 16] = INVALID
+    full[(full < 0) | (full >= 32 * 16) | (rng.random(full.shape) < 0.1)] = INVALID
+    half[rng.random(half.shape) < 0.3] = half[5:18, 4:17] = INVALID
+    full[20:24, 20:24] = 4
     found = combined(full, half, 32, 100)
     kinds = set()
     for v, u in np.ndindex(full.shape):
         a, b = int(full[v, u]), int(half[v // 2, u // 2])
-        if a >= 0 and b >= 0 and abs(a - 2 * b) <= 32:
-            expected, kind = a, "agree"
+        rows, columns = (slice(max(i // 2 - HOLE, 0), i // 2 + HOLE + 1) for i in (v, u))
+        around = half[rows, columns]
+        around = around[around != INVALID].tolist()
+        of_half = [b] if b != INVALID else [min(around), max(around)] if around else []
+        if a != INVALID and any(abs(a - 2 * d) <= 32 for d in of_half):
+            expected, kind = a, "agree" if b != INVALID else "hole"
         elif 30 * 16 <= 2 * b < 100 * 16:
             expected, kind = 2 * b, "near"
         else:
-            expected, kind = INVALID, "invalid"
+            expected, kind = INVALID, "invalid" if around else "nothing near"
         assert found[v, u] == expected
         kinds.add(kind)
-    assert kinds == {"agree", "near", "invalid"} and found.dtype == np.int16
+    assert kinds == {"agree", "hole", "near", "invalid", "nothing near"}
+    assert found.dtype == np.int16
