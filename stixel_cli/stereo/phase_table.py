@@ -21,12 +21,9 @@ def correct_phases(raw: np.ndarray) -> np.ndarray:
     """
     import cv2
 
-    # OpenCV's look-up and NumPy's in-place operations take a third of the time of new arrays.
+    # OpenCV looks up bytes: the lowest one of a raw disparity has its phase.
     steps = np.array(PHASE_TABLE, dtype=np.int8) - np.arange(SUBPIXELS, dtype=np.int8)
-    phases = (raw & (SUBPIXELS - 1)).astype(np.uint8)
-    table = np.zeros(256, dtype=np.int8)
-    table[:SUBPIXELS] = steps
-    corrected = raw + cv2.LUT(phases, table)
+    corrected = raw + cv2.LUT(raw.astype(np.uint8), np.tile(steps, 256 // SUBPIXELS))
     median = cv2.medianBlur(corrected, 5)
     near = (raw >= 0) & (median >= 0) & (np.abs(median - corrected) <= NEAR)
     np.copyto(corrected, median, where=near)
