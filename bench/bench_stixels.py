@@ -255,10 +255,18 @@ IMAGES = (
 
 
 @pytest.mark.benchmark(group=IMAGES, timer=time.process_time)
-@pytest.mark.parametrize("subpixel", ["second_match", "phase_table", "parabola"])
-def test_images_to_stixels(benchmark, pairs, raw, subpixel):
+@pytest.mark.parametrize(
+    ("subpixel", "at_full_size"),
+    [
+        pytest.param("second_match", None, id="second_match"),
+        pytest.param("phase_table", None, id="phase_table"),
+        pytest.param("phase_table", 64, id="phase_table, 64 at full size"),
+        pytest.param("parabola", None, id="parabola"),
+    ],
+)
+def test_images_to_stixels(benchmark, pairs, raw, subpixel, at_full_size):
     road, occupancy, grid, expected = prepared(raw)
-    stereo = replace(STEREO, subpixel=subpixel)
+    stereo = replace(STEREO, subpixel=subpixel, disparities_at_full_size=at_full_size)
 
     def frame():
         found = sgm.match(pairs, stereo, RIG, range(1)).raw(0)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -52,6 +53,12 @@ def decode_png(data: bytes) -> np.ndarray:
     Raises:
         ValueError: if they are not a PNG image.
     """
+    return _decoded(data).copy()
+
+
+@lru_cache(maxsize=8)
+def _decoded(data: bytes) -> np.ndarray:
+    """As `decode_png`. The stages of one frame read its two images and its disparities twice."""
     import cv2
 
     image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)

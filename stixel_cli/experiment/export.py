@@ -55,6 +55,9 @@ def export_kitti(stored: RunResult, folder: Path, progress: Progress | None = No
         "occupancy.nearest": configuration.occupancy.nearest,
         "source.sample_time": configuration.path.sample_time,
     }
+    if configuration.stereo.kind == "sgm":
+        at_full_size = configuration.stereo.disparities_at_full_size
+        values["stereo.disparities_at_full_size"] = at_full_size or "null"
     chosen = {"source": "kitti_tracking", "source.folder": folder, "source.sequence": SEQUENCE}
     chosen |= {"source.target": 0, "road": configuration.road.kind}
     # A recording has values of its own for what is not chosen.

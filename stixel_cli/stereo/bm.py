@@ -8,7 +8,7 @@ from annotated_types import Ge, Le
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stereo.matching import MatchingParameters, check_odd, disparity_count, match_pairs
+from stixel_cli.stereo.matching import MatchingParameters, check_odd, match_pairs
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,12 +50,15 @@ def match(pairs: StereoPairs, stereo: BmParameters, rig: Rig, frames: range) -> 
         "normalized_response": cv2.StereoBM_PREFILTER_NORMALIZED_RESPONSE,
         "x_sobel": cv2.StereoBM_PREFILTER_XSOBEL,
     }
-    count = disparity_count(stereo, rig)
-    matcher = cv2.StereoBM_create(numDisparities=count, blockSize=stereo.block_size)
-    matcher.setMinDisparity(stereo.minimum_disparity)
-    matcher.setPreFilterType(filters[stereo.pre_filter])
-    matcher.setPreFilterSize(stereo.pre_filter_size)
-    matcher.setPreFilterCap(stereo.pre_filter_cap)
-    matcher.setTextureThreshold(stereo.texture_threshold)
-    matcher.setSpeckleRange(stereo.speckle_range)
-    return match_pairs(pairs, frames, matcher, stereo, rig, count, margin=stereo.block_size // 2)
+
+    def create(minimum: int, count: int) -> cv2.StereoBM:
+        matcher = cv2.StereoBM_create(numDisparities=count, blockSize=stereo.block_size)
+        matcher.setMinDisparity(minimum)
+        matcher.setPreFilterType(filters[stereo.pre_filter])
+        matcher.setPreFilterSize(stereo.pre_filter_size)
+        matcher.setPreFilterCap(stereo.pre_filter_cap)
+        matcher.setTextureThreshold(stereo.texture_threshold)
+        matcher.setSpeckleRange(stereo.speckle_range)
+        return matcher
+
+    return match_pairs(pairs, frames, create, stereo, rig, margin=stereo.block_size // 2)

@@ -38,7 +38,8 @@ class Disparities:
 
     def raw(self, index: int) -> np.ndarray:
         """Raw disparity (H, W) int16 in 1/16 px of the `index`-th frame; `INVALID`: no match."""
-        return (self.stored[index].astype(np.int32) - 1).astype(np.int16)
+        # As unsigned numbers, 0 - 1 is the greatest one: the bits of INVALID.
+        return (self.stored[index] - np.uint16(1)).view(np.int16)
 
     def pixels(self, index: int) -> np.ndarray:
         """Disparity (H, W) float32 in px of the `index`-th frame here; NaN where invalid."""

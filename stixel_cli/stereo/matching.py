@@ -1,5 +1,6 @@
 """Shared by both matchers: the range of disparities, the padded border and the threads."""
 
+from collections.abc import Callable
 from contextlib import contextmanager
 from typing import Annotated, Any
 
@@ -10,6 +11,7 @@ from stixel_cli.geometry.rig import Rig
 from stixel_cli.parameters import parameters
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo.disparities import INVALID, SUBPIXELS, Disparities
+from stixel_cli.stereo.half_size import combined, halved, halved_range
 from stixel_cli.stereo.phase_table import correct_phases
 
 
@@ -77,41 +79,67 @@ def disparity_count(stereo: MatchingParameters, rig: Rig) -> int:
 def match_pairs(
     pairs: StereoPairs,
     frames: range,
-    matcher: Any,
+    create: Callable[[int, int], Any],
     stereo: MatchingParameters,
     rig: Rig,
-    count: int,
-    margin: int,
+    margin: int = 0,
+    at_full_size: int | None = None,
 ) -> Disparities:
-    """Disparities of the pairs of `frames` by an OpenCV `matcher`.
+    """Disparities of the pairs of `frames` by OpenCV matchers.
 
-    The matcher reports nothing in the leftmost `stereo.minimum_disparity` + `count` + `margin`
-    columns, so that much is put in front of the images and taken off again. `count` is the number
-    of disparities that it searches, `margin` half its window where it needs one, px. The errors of
-    the `rig`'s disparities are taken off, rounded to 1/16 px.
+    A matcher reports nothing in the leftmost columns, as many as its greatest disparity and
+    `margin`, so that much is put in front of the images and taken off again. The errors of the
+    `rig`'s disparities are taken off, rounded to 1/16 px.
+
+    Args:
+        create: makes a matcher for a least disparity and a number of them, px.
+        margin: half the matcher's window where it needs one, px.
+        at_full_size: number of disparities searched on whole images; the others are searched on
+            images of half the size. None: all.
     """
-    minimum = stereo.minimum_disparity
+    minimum, count = stereo.minimum_disparity, disparity_count(stereo, rig)
+    greatest = minimum + count
     errors = np.rint(SUBPIXELS * rig.disparity_errors()).astype(np.int16)
-    border = minimum + count + margin
-    checks = stereo.left_right_difference, stereo.uniqueness_ratio, stereo.speckle_window
+    full, half = create(minimum, count), None
+    if at_full_size is not None and at_full_size < count:
+        full = create(minimum, at_full_size)
+        half = create(*halved_range(minimum, count, BLOCK))
     raw = []
     with _one_thread():
         for k in frames:
             left, right = pairs.left[k - pairs.first], pairs.right[k - pairs.first]
-            _set_checks(matcher, *checks)
-            found = _match(matcher, left, right, minimum, border)
-            if stereo.subpixel == "second_match":
-                # The first match has rejected what is wrong: checks here would only take time.
-                _set_checks(matcher, -1, 0, 0)
-                moved = _match(matcher, left, half_pixel_right(right), minimum, border)
-                found = cancel_errors(found, moved)
-            elif stereo.subpixel == "phase_table":
-                found = correct_phases(found)
+            found = _find(full, left, right, stereo, margin, checked=half is None)
+            if half is not None:
+                near = _find(half, halved(left), halved(right), stereo, margin, checked=True)
+                found = combined(found, near, minimum + at_full_size, greatest)
             # In the leftmost columns a large disparity points into the border, outside the image.
-            beyond = found > np.arange(found.shape[1], dtype=np.int32) * SUBPIXELS
-            found = np.where(beyond, np.int16(INVALID), found)
-            raw.append(corrected(found, errors, minimum + count) if errors.any() else found)
-    return Disparities.from_raw(frames.start, minimum + count, raw)
+            border = found[:, :greatest]
+            columns = np.arange(border.shape[1], dtype=np.int32)
+            border[border > columns * SUBPIXELS] = INVALID
+            raw.append(corrected(found, errors, greatest) if errors.any() else found)
+    return Disparities.from_raw(frames.start, greatest, raw)
+
+
+def _find(
+    matcher: Any,
+    left: np.ndarray,
+    right: np.ndarray,
+    stereo: MatchingParameters,
+    margin: int,
+    checked: bool,
+) -> np.ndarray:
+    """Raw disparity (H, W) int16, 1/16 px, corrected as `stereo.subpixel` demands."""
+    if checked:
+        checks = stereo.left_right_difference, stereo.uniqueness_ratio, stereo.speckle_window
+        _set_checks(matcher, *checks)
+    else:
+        _set_checks(matcher, -1, 0, 0)
+    found = _match(matcher, left, right, margin)
+    if stereo.subpixel == "second_match":
+        # The first match has rejected what is wrong: checks here would only take time.
+        _set_checks(matcher, -1, 0, 0)
+        return cancel_errors(found, _match(matcher, left, half_pixel_right(right), margin))
+    return correct_phases(found) if stereo.subpixel == "phase_table" else found
 
 
 def _set_checks(matcher: Any, difference: int, uniqueness: int, speckle_window: int) -> None:
@@ -120,10 +148,10 @@ def _set_checks(matcher: Any, difference: int, uniqueness: int, speckle_window: 
     matcher.setSpeckleWindowSize(speckle_window)
 
 
-def _match(
-    matcher: Any, left: np.ndarray, right: np.ndarray, minimum: int, border: int
-) -> np.ndarray:
+def _match(matcher: Any, left: np.ndarray, right: np.ndarray, margin: int) -> np.ndarray:
     """Raw disparity (H, W) int16 in 1/16 px of two grey images (H, W) uint8."""
+    minimum = matcher.getMinDisparity()
+    border = minimum + matcher.getNumDisparities() + margin
     widen = ((0, 0), (border, 0))
     raw = matcher.compute(np.pad(left, widen, mode="edge"), np.pad(right, widen, mode="edge"))
     raw = raw[:, border:]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from stixel_cli.stereo.disparities import SUBPIXELS
+from stixel_cli.stereo.disparities import INVALID, SUBPIXELS
 
 PHASE_TABLE = (0, 2, 4, 5, 6, 7, 7, 8, 8, 8, 9, 9, 10, 11, 12, 14)
 """True phase by matched phase, 1/16 px. `python bench/phase_table.py` prints it."""
@@ -21,9 +21,11 @@ def correct_phases(raw: np.ndarray) -> np.ndarray:
     """
     import cv2
 
-    whole = raw & ~(SUBPIXELS - 1)
-    corrected = whole + np.array(PHASE_TABLE, dtype=np.int16)[raw - whole]
-    corrected = np.where(raw >= 0, corrected, raw)
+    # OpenCV looks up bytes: the lowest one of a raw disparity has its phase.
+    steps = np.array(PHASE_TABLE, dtype=np.int8) - np.arange(SUBPIXELS, dtype=np.int8)
+    corrected = raw + cv2.LUT(raw.astype(np.uint8), np.tile(steps, 256 // SUBPIXELS))
     median = cv2.medianBlur(corrected, 5)
     near = (raw >= 0) & (median >= 0) & (np.abs(median - corrected) <= NEAR)
-    return np.where(near, median, corrected)
+    np.copyto(corrected, median, where=near)
+    # The phase of INVALID moved it, but it is still negative.
+    return np.maximum(corrected, INVALID, out=corrected)

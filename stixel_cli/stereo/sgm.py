@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from annotated_types import Ge, Le
+from annotated_types import Ge, Le, MultipleOf
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stereo.matching import MatchingParameters, disparity_count, match_pairs
+from stixel_cli.stereo.matching import BLOCK, MatchingParameters, match_pairs
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,6 +20,8 @@ class SgmParameters(MatchingParameters):
         p1, p2: penalty of a disparity change by one, and by more, between neighbours; p2 > p1.
         subpixel: also "phase_table": by a table fitted to this matcher, and a median, in half of
             the time of "second_match".
+        disparities_at_full_size: number of disparities searched on whole images, px, a multiple of
+            16. Images of half the size then give the larger ones, and check the others. null: all.
     """
 
     kind: Literal["sgm"]
@@ -28,6 +30,7 @@ class SgmParameters(MatchingParameters):
     p1: Annotated[int, Ge(0), Le(100000)]
     p2: Annotated[int, Ge(0), Le(100000)]
     subpixel: Literal["parabola", "phase_table", "second_match"]
+    disparities_at_full_size: Annotated[int, Ge(BLOCK), Le(1024), MultipleOf(BLOCK)] | None
 
     def check(self) -> None:
         """Raise ValueError if the parameters contradict each other."""
@@ -50,15 +53,19 @@ def match(pairs: StereoPairs, stereo: SgmParameters, rig: Rig, frames: range) ->
         "3way": cv2.STEREO_SGBM_MODE_SGBM_3WAY,
         "hh4": cv2.STEREO_SGBM_MODE_HH4,
     }
-    count = disparity_count(stereo, rig)
-    matcher = cv2.StereoSGBM_create(
-        minDisparity=stereo.minimum_disparity,
-        numDisparities=count,
-        blockSize=stereo.block_size,
-        P1=stereo.p1,
-        P2=stereo.p2,
-        preFilterCap=stereo.pre_filter_cap,
-        speckleRange=stereo.speckle_range,
-        mode=modes[stereo.mode],
+
+    def create(minimum: int, count: int) -> cv2.StereoSGBM:
+        return cv2.StereoSGBM_create(
+            minDisparity=minimum,
+            numDisparities=count,
+            blockSize=stereo.block_size,
+            P1=stereo.p1,
+            P2=stereo.p2,
+            preFilterCap=stereo.pre_filter_cap,
+            speckleRange=stereo.speckle_range,
+            mode=modes[stereo.mode],
+        )
+
+    return match_pairs(
+        pairs, frames, create, stereo, rig, at_full_size=stereo.disparities_at_full_size
     )
-    return match_pairs(pairs, frames, matcher, stereo, rig, count, margin=0)

@@ -8,6 +8,7 @@ by column, nearest row first.
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numba import njit
@@ -54,6 +55,7 @@ class Layout:
     laterals: np.ndarray
 
 
+@lru_cache(maxsize=1)
 def layout(occupancy: OccupancyParameters, rig: Rig, count: int) -> Layout:
     """Layout of a grid for a rig and the number of disparities searched."""
     if isinstance(occupancy, ColumnDisparityOccupancy):

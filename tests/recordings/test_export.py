@@ -47,6 +47,8 @@ def test_a_clip_gives_the_scans_and_the_truth_of_its_run(rendered, results, tmp_
     assert printed == str(clip)
     words = shlex.split(command)
     assert words[:2] == ["stixel", "run"]
+    # Recordings have another value.
+    assert "stereo.disparities_at_full_size=null" in words
     more = ("pictures.frames=[]", "executor=threads", "road.pitch_range=2")
     again = ["--results", str(results), "--name", "again"]
     assert main([*words[1:], *more, *again]) == 0

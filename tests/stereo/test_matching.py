@@ -35,6 +35,7 @@ SGM = SgmParameters(
     speckle_window=0,
     speckle_range=2,
     subpixel="parabola",
+    disparities_at_full_size=None,
 )
 BM = BmParameters(
     kind="bm",
@@ -195,6 +196,12 @@ def test_phase_table_corrects_every_surface_and_keeps_edges_and_holes():
     expected = np.where(raw == INVALID, INVALID, raw - 2 + PHASE_TABLE[2])
     expected[:, 12:] = np.where(raw[:, 12:] == INVALID, INVALID, 16 * 10 + PHASE_TABLE[14])
     assert np.array_equal(found, expected)
+
+
+def test_phase_table_keeps_pixels_without_a_match():
+    raw = np.zeros((9, 9), dtype=np.int16)
+    raw[4, 4] = raw[:, 7:] = INVALID
+    assert np.array_equal(correct_phases(raw), raw)
 
 
 def test_phase_table_takes_the_median_of_near_disparities_only():

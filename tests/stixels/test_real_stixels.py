@@ -2,6 +2,7 @@
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -72,12 +73,13 @@ def stixels_of(rig, left, right, road="rig"):
     return processed(rig, left, right, road)[1]
 
 
-def processed(rig, left, right, road="rig"):
-    """Free space and stixels of a pair of files."""
+def processed(rig, left, right, road="rig", **stereo):
+    """Free space and stixels of a pair of files; `stereo` replaces values of that group."""
     grey = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in (left, right)]
     pairs = StereoPairs(0, *(ImageStack.from_images([image]) for image in grey))
     frames = range(1)
-    disparities = sgm.match(pairs, shipped(StereoParameters, "stereo/sgm"), rig, frames)
+    parameters = replace(shipped(StereoParameters, "stereo/sgm"), **stereo)
+    disparities = sgm.match(pairs, parameters, rig, frames)
     free_space = free_space_of(disparities, rig, road)
     return free_space, extract_stixels(
         disparities,
@@ -145,15 +147,31 @@ def test_dark_car_beside_the_camera_is_unknown_and_not_free(data):
     folder = data / "kitti_object"
     rig, _, _ = object_rig(folder)
     images = folder / "left.png", folder / "right.png"
-    free_space, stixels = processed(rig, *images, road="estimated")
+    free_space, stixels = processed(rig, *images, "estimated", disparities_at_full_size=None)
     unknown = free_space.unknown_row[0] >= 0
-    # The car is in the last 400 columns, from the bottom of the image on; 80 % of its pixels have
-    # no disparity. The road ahead is known.
+    # The car is in the last 400 columns, from the bottom of the image on; at full size, 80 % of its
+    # pixels have no disparity. The road ahead is known.
     assert np.mean(unknown[-400:]) > 0.6
     assert np.mean(unknown[100:800]) < 0.02
     # What the right image does not show of the left border is unknown as well.
     assert unknown[:20].all()
     assert len(stixels.unknown_ego) > 1 and np.all(np.diff(stixels.unknown_ego.ravel()) > 0)
+
+
+def test_half_the_size_finds_more_of_a_dark_car(data):
+    rig, left, right, truth = pair_with_truth(data, "kitti_object")
+    road = shipped(RoadParameters, "road/estimated")
+    free_space = shipped(FreeSpaceParameters, "free_space/default")
+    true = true_obstacles(truth, rig, road, free_space)
+    columns = {}
+    for count in (None, 64):
+        found, _ = processed(rig, left, right, "estimated", disparities_at_full_size=count)
+        depth = rig.depth_from_disparity(found.disparity[0])
+        with np.errstate(invalid="ignore"):
+            right_depth = np.abs(depth - true) < 0.1 * true
+            columns[count] = int(np.sum(right_depth & (true < 6.0)))
+    print(f"\nnearer than 6 m and right to 10 %, columns by disparities at full size: {columns}")
+    assert columns[64] > 2 * columns[None]
 
 
 def lidar_disparities(folder, rig, left, matrices):
