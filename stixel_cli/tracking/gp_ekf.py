@@ -144,17 +144,23 @@ def information(
     of a point are made independent: the radial one given the tangential one.
     """
     px, py = np.ascontiguousarray(model.directions.T)
+    px2, py2 = px * px, py * py
     xx, xy, yy = covariances[..., 0, 0], covariances[..., 0, 1], covariances[..., 1, 1]
-    px2, py2, mixed = px * px, py * py, 2.0 * xy * px * py
-    tangential = xx * py2 - mixed + yy * px2
-    cross = xy * (px2 - py2) + (yy - xx) * px * py
-    radial = xx * px2 + mixed + yy * py2 + model.radius_variances
-    gain = cross / tangential
-    scale = 1.0 / np.sqrt(radial - gain * cross)
     tangent_rows = np.stack([-py, px], axis=-1) * model.tangential_slopes[:, None]
-
-    rows = model.radial_matrix * scale[:, None]
-    rows[:, :2] -= (gain * scale)[:, None] * tangent_rows
+    if xy.any() or (xx != yy).any():
+        mixed = 2.0 * xy * px * py
+        tangential = xx * py2 - mixed + yy * px2
+        cross = xy * (px2 - py2) + (yy - xx) * px * py
+        radial = xx * px2 + mixed + yy * py2 + model.radius_variances
+        gain = cross / tangential
+        scale = 1.0 / np.sqrt(radial - gain * cross)
+        rows = model.radial_matrix * scale[:, None]
+        rows[:, :2] -= (gain * scale)[:, None] * tangent_rows
+    else:
+        # R is a multiple of I: the rows are independent, and the gain of the others is 0.
+        tangential = xx * py2 + yy * px2
+        scale = 1.0 / np.sqrt(xx * px2 + yy * py2 + model.radius_variances)
+        rows = model.radial_matrix * scale[:, None]
     residuals = model.residuals * scale
     matrix = rows.T @ rows
     tangent_rows /= np.sqrt(tangential)[:, None]
@@ -259,6 +265,8 @@ def track(
     means, covariances = np.empty((count, size)), np.empty((count, size, size))
     used: list[np.ndarray] = []
     nis = np.full(count, np.nan)
+    same = tracker.measurement_covariance == "isotropic"
+    isotropic = tracker.measurement_std**2 * np.eye(2)
     steps = intervals(scans.times)
     noises_of = {
         interval: process_noise(interval, tracker.sigma_q, tracker.sigma_q_psi)
@@ -276,7 +284,7 @@ def track(
         )
         rows = scans.rows(k)
         points = scans.points_world[rows]
-        noises = _measurement_covariances(scans.covariances_world[rows], tracker)
+        noises = isotropic if same else scans.covariances_world[rows]
         indices = _associated(points, noises, mean, covariance, process, tracker)
         used.append(indices + rows.start)
         if len(indices):
@@ -337,13 +345,6 @@ def _fill_pose_columns(
     np.add(directions[:, 0], turn * directions[:, 1], out=matrix[:, 0])
     np.subtract(directions[:, 1], turn * directions[:, 0], out=matrix[:, 1])
     np.negative(slopes, out=matrix[:, 2])
-
-
-def _measurement_covariances(covariances_world: np.ndarray, tracker: GpEkfParameters) -> np.ndarray:
-    """R: (2, 2) if isotropic, else the scan's own, (n, 2, 2)."""
-    if tracker.measurement_covariance == "isotropic":
-        return tracker.measurement_std**2 * np.eye(2)
-    return covariances_world
 
 
 def _associated(
