@@ -24,7 +24,7 @@ from stixel_cli.evaluation.contour_errors import (
 )
 from stixel_cli.evaluation.label_types import LabelScores
 from stixel_cli.evaluation.metric_table import METRICS, OF_CLASSES, OF_SIZE, Scores
-from stixel_cli.evaluation.overlaps import areas, intersections_over_unions, overlaps
+from stixel_cli.evaluation.overlaps import areas, overlaps
 from stixel_cli.evaluation.scan_errors import LEAST_OFF, NO_CEILINGS, Ceilings, ScanErrors
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
@@ -182,8 +182,7 @@ def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
     # The box of all poses of the limbs: that of a label.
     low, high = scenario.box_target
     corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
-    true_boxes = np.broadcast_to(corners, estimated_boxes.shape)
-    iou_box = intersections_over_unions(estimated_boxes, true_boxes)
+    iou_box = overlaps(areas(estimated_boxes), areas(corners[None]))
     length, width = (sides - (high - low)).T
     errors: dict[str, Any] = {
         "iou_box": iou_box,
@@ -195,7 +194,9 @@ def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
         names = ("iou", "iou_hull", "gaussian_wasserstein", "hausdorff", "contour_distance")
         missing = (*names, "seen_contour", "band_coverage")
         return errors | {name: np.full(len(truth), np.nan) for name in missing}
-    hulls, true_hulls = (shapely.convex_hull(areas(one)) for one in (estimated, contours))
+    # Those of the truth once for each pose of the limbs.
+    outlines, true_outlines = areas(estimated), areas(contours)
+    hulls, true_hulls = shapely.convex_hull(outlines), shapely.convex_hull(true_outlines)
     on_contours = even_points(contours)
     points = on_contours[limbs]
     to_true = boundary_distances(even_points(estimated), true)
@@ -212,7 +213,7 @@ def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
     )
     hidden = np.ma.masked_array(to_estimated, ~seen)
     return errors | {
-        "iou": intersections_over_unions(estimated, true),
+        "iou": overlaps(outlines, true_outlines[limbs]),
         "iou_hull": overlaps(hulls, true_hulls[limbs]),
         "gaussian_wasserstein": gaussian_wasserstein(estimated, true),
         "hausdorff": both.max(axis=1),

@@ -161,35 +161,36 @@ def build_textures(images: Iterable[np.ndarray]) -> Textures:
     Raises:
         ValueError: if a side is not a power of two.
     """
-    texels, levels, first_level, count = [], [], [0], 0
+    images = [np.asarray(image) for image in images]
+    levels, first_level, count = [], [0], 0
     for image in images:
-        level = linear_from_srgb(np.asarray(image))
-        for side in level.shape[:2]:
-            if side & (side - 1):
-                raise ValueError(f"a texture has the size {level.shape[:2]}: must be powers of two")
+        height, width = image.shape[:2]
+        if height & (height - 1) or width & (width - 1):
+            raise ValueError(f"a texture has the size {(height, width)}: must be powers of two")
         while True:
-            height, width = level.shape[:2]
-            texels.append(_packed(level).ravel())
             levels.append((count, width, height))
             count += width * height
             if width == height == 1:
                 break
-            if height > 1:
-                level = np.float32(0.5) * (level[::2] + level[1::2])
-            if width > 1:
-                level = np.float32(0.5) * (level[:, ::2] + level[:, 1::2])
+            height, width = max(height // 2, 1), max(width // 2, 1)
         first_level.append(len(levels))
+    texels = np.zeros(count, dtype=np.uint64)
+    for image, first, stop in zip(images, first_level, first_level[1:], strict=False):
+        # Channel by channel: NumPy is slow where the last axis has three values.
+        for channel, shift in zip(np.moveaxis(image, 2, 0), (RED, GREEN, 0), strict=True):
+            level = linear_from_srgb(channel)
+            for start, width, height in levels[first:stop]:
+                if level.shape[0] > height:
+                    level = np.float32(0.5) * (level[::2] + level[1::2])
+                if level.shape[1] > width:
+                    level = np.float32(0.5) * (level[:, ::2] + level[:, 1::2])
+                steps = np.rint(level / np.float32(TEXEL_STEP)).astype(np.uint64)
+                texels[start : start + width * height] |= (steps << np.uint64(shift)).ravel()
     return Textures(
-        np.concatenate(texels),
+        texels,
         np.array(levels, dtype=np.int64),
         np.array(first_level, dtype=np.int32),
     )
-
-
-def _packed(light: np.ndarray) -> np.ndarray:
-    """Linear light (h, w, 3) in [0, 1] as the packed colours (h, w) uint64 of `Textures`."""
-    red, green, blue = np.moveaxis(np.rint(light / np.float32(TEXEL_STEP)).astype(np.uint64), 2, 0)
-    return red << RED | green << GREEN | blue
 
 
 def srgb_from_linear(light: np.ndarray) -> np.ndarray:

@@ -22,6 +22,7 @@ class SweepProgress(Progress):
         visible: bool = True,
         label: str = "",
         uncompiled: Collection[str] = (),
+        prepare: Callable[[], None] = lambda: None,
     ):
         """Start with no run of `waiting` done.
 
@@ -35,6 +36,7 @@ class SweepProgress(Progress):
             visible: show more than notes.
             label: prefix of the counts.
             uncompiled: as in `Progress`.
+            prepare: called once, as soon as the first nodes run: the workers start meanwhile.
         """
         super().__init__(make_display() if visible else None, uncompiled)
         self.runs_total = finished + len(waiting)
@@ -43,6 +45,7 @@ class SweepProgress(Progress):
         self.node_seconds: dict[str, float] = {}
         self.expect(known_seconds, workers)
         self._on_run = on_run
+        self._prepare: Callable[[], None] | None = prepare
         self._label = f"{label}: " if label else ""
         self._left = {one.run.index: set(one.targets) for one in waiting}
         self._runs = {one.run.index: one for one in waiting}
@@ -57,6 +60,13 @@ class SweepProgress(Progress):
         to_run = {node.key for node in nodes}
         for target in [target for target in self._waiting_for if target not in to_run]:
             self._done(target)
+
+    def tick(self) -> None:
+        """Update the display; the first time, prepare the end of the sweep."""
+        super().tick()
+        if self._prepare is not None:
+            self._prepare()
+            self._prepare = None
 
     def finished(self, node: Node, seconds: float) -> None:
         """Count the node, and report the runs that waited only for it."""

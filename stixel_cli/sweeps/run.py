@@ -3,6 +3,7 @@
 import shlex
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -136,6 +137,7 @@ class _Sweep:
             visible,
             label,
             uncompiled() if visible else (),
+            self._prepare,
         )
         execution = execute(
             self.plan.graph,
@@ -156,6 +158,12 @@ class _Sweep:
                 self.take(planned, progress.node_seconds)
             else:
                 self.note_failure(planned, *failure)
+
+    def _prepare(self) -> None:
+        """Import what the statistics and the figures need, which takes as long as a few runs."""
+        import_module("scipy.special")
+        if self.folder is not None:
+            import_module("stixel_cli.sweeps.figures")
 
     def take(self, planned: PlannedRun, seconds: Mapping[str, float]) -> None:
         """Load the scores of a complete run, and write its folder."""

@@ -18,6 +18,7 @@ parameters, and SciPy takes 0.2 s.
 """
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Annotated, Literal
 
 import numpy as np
@@ -74,6 +75,12 @@ class GpEkfParameters:
 SEEN = 3
 """The first states, the pose, are seen by a point; then come three rates, which are not."""
 
+_BLOCKS = (
+    (slice(None, SEEN), slice(None, SEEN)),
+    (slice(SEEN, None), slice(2 * SEEN, None)),
+)
+"""Pose and radii without and with the rates between them."""
+
 NO_DIRECTION = 1e-3
 """A point nearer than this to the predicted centre, m, has no direction from it: not used."""
 
@@ -117,7 +124,7 @@ def linearise(points_world: np.ndarray, mean: np.ndarray, process: ContourProces
     _, variances = process.regression(correlations, out=matrix[:, SEEN:])
     expected = process.mean_radius + matrix[:, SEEN:] @ deviations
     slopes = process.slope(directions_target, correlations, deviations)
-    matrix[:, :SEEN] = _pose_columns(directions, distances, slopes)
+    _fill_pose_columns(matrix, directions, distances, slopes)
     return Linearisation(
         directions=directions,
         residuals=distances - expected,
@@ -136,17 +143,24 @@ def information(
     R_l = p R^f pᵀ + R, thesis (68c), with `covariances` R in m²: (2, 2), or (n, 2, 2). The two rows
     of a point are made independent: the radial one given the tangential one.
     """
-    px, py = model.directions.T
+    px, py = np.ascontiguousarray(model.directions.T)
+    px2, py2 = px * px, py * py
     xx, xy, yy = covariances[..., 0, 0], covariances[..., 0, 1], covariances[..., 1, 1]
-    tangential = xx * py**2 - 2.0 * xy * px * py + yy * px**2
-    cross = xy * (px**2 - py**2) + (yy - xx) * px * py
-    radial = xx * px**2 + 2.0 * xy * px * py + yy * py**2 + model.radius_variances
-    gain = cross / tangential
-    scale = 1.0 / np.sqrt(radial - gain * cross)
     tangent_rows = np.stack([-py, px], axis=-1) * model.tangential_slopes[:, None]
-
-    rows = model.radial_matrix * scale[:, None]
-    rows[:, :2] -= (gain * scale)[:, None] * tangent_rows
+    if xy.any() or (xx != yy).any():
+        mixed = 2.0 * xy * px * py
+        tangential = xx * py2 - mixed + yy * px2
+        cross = xy * (px2 - py2) + (yy - xx) * px * py
+        radial = xx * px2 + mixed + yy * py2 + model.radius_variances
+        gain = cross / tangential
+        scale = 1.0 / np.sqrt(radial - gain * cross)
+        rows = model.radial_matrix * scale[:, None]
+        rows[:, :2] -= (gain * scale)[:, None] * tangent_rows
+    else:
+        # R is a multiple of I: the rows are independent, and the gain of the others is 0.
+        tangential = xx * py2 + yy * px2
+        scale = 1.0 / np.sqrt(xx * px2 + yy * py2 + model.radius_variances)
+        rows = model.radial_matrix * scale[:, None]
     residuals = model.residuals * scale
     matrix = rows.T @ rows
     tangent_rows /= np.sqrt(tangential)[:, None]
@@ -181,8 +195,14 @@ def factor(covariance: np.ndarray) -> np.ndarray:
     packed, pivots, rank, _ = dpstrf(covariance, lower=1)
     packed[:, rank:] = 0.0
     lower = np.empty_like(packed)
-    lower[pivots - 1] = np.tril(packed)
+    lower[pivots - 1] = np.where(_lower_triangle(len(packed)), packed, 0.0)
     return lower
+
+
+@cache
+def _lower_triangle(size: int) -> np.ndarray:
+    """Where a lower triangular matrix (size, size) may differ from 0."""
+    return np.tri(size, dtype=bool)
 
 
 def update(
@@ -245,20 +265,26 @@ def track(
     means, covariances = np.empty((count, size)), np.empty((count, size, size))
     used: list[np.ndarray] = []
     nis = np.full(count, np.nan)
-    for k, interval in enumerate(intervals(scans.times)):
-        noise = process_noise(interval, tracker.sigma_q, tracker.sigma_q_psi)
+    same = tracker.measurement_covariance == "isotropic"
+    isotropic = tracker.measurement_std**2 * np.eye(2)
+    steps = intervals(scans.times)
+    noises_of = {
+        interval: process_noise(interval, tracker.sigma_q, tracker.sigma_q_psi)
+        for interval in set(steps)
+    }
+    for k, interval in enumerate(steps):
         mean, covariance = predict(
             mean,
             covariance,
             interval,
-            noise,
+            noises_of[interval],
             tracker.forgetting_rate,
             process.covariance,
             process.mean_radius,
         )
         rows = scans.rows(k)
         points = scans.points_world[rows]
-        noises = _measurement_covariances(scans.covariances_world[rows], tracker)
+        noises = isotropic if same else scans.covariances_world[rows]
         indices = _associated(points, noises, mean, covariance, process, tracker)
         used.append(indices + rows.start)
         if len(indices):
@@ -291,40 +317,34 @@ def contours_of(
     deviations = means[:, 2 * SEEN :] - process.mean_radius
     radii = np.maximum(process.mean_radius + deviations @ matrix.T, 0.0)
     contours = means[:, None, :2] + radii[..., None] * directions
-    seen = np.r_[:SEEN, 2 * SEEN : means.shape[1]]
     rows = np.empty((points, SEEN + matrix.shape[1]))
     rows[:, SEEN:] = matrix
+    seen = np.empty((rows.shape[1], rows.shape[1]))
     std = np.empty_like(radii)
     for k, covariance in enumerate(covariances):
         slopes = process.slope(unit, correlations, deviations[k])
-        rows[:, :SEEN] = _pose_columns(directions[k], np.maximum(radii[k], NO_DIRECTION), slopes)
-        spread = np.einsum("ij,ij->i", rows @ covariance[np.ix_(seen, seen)], rows)
+        _fill_pose_columns(rows, directions[k], np.maximum(radii[k], NO_DIRECTION), slopes)
+        for own, its in _BLOCKS:
+            for other, other_its in _BLOCKS:
+                seen[own, other] = covariance[its, other_its]
+        spread = np.einsum("ij,ij->i", rows @ seen, rows)
         std[k] = np.sqrt(np.maximum(spread, 0.0) + variances)
     return contours, directions, std
 
 
-def _pose_columns(directions: np.ndarray, distances: np.ndarray, slopes: np.ndarray) -> np.ndarray:
-    """Derivatives (n, 3) of the radial component of h by x, y and heading; thesis (77).
+def _fill_pose_columns(
+    matrix: np.ndarray, directions: np.ndarray, distances: np.ndarray, slopes: np.ndarray
+) -> None:
+    """Write the derivatives by x, y and heading into the first columns of a radial `matrix` (n, …).
 
     Of points at `distances` (n,) m from the centre in `directions` (n, 2), where the slope of the
-    radius is `slopes` (n,) m/rad.
+    radius is `slopes` (n,) m/rad; thesis (77).
     """
     turn = slopes / distances
     # dθ/dw = (delta_y, -delta_x) / r² = (p_y, -p_x) / r
-    return np.column_stack(
-        [
-            directions[:, 0] + turn * directions[:, 1],
-            directions[:, 1] - turn * directions[:, 0],
-            -slopes,
-        ]
-    )
-
-
-def _measurement_covariances(covariances_world: np.ndarray, tracker: GpEkfParameters) -> np.ndarray:
-    """R: (2, 2) if isotropic, else the scan's own, (n, 2, 2)."""
-    if tracker.measurement_covariance == "isotropic":
-        return tracker.measurement_std**2 * np.eye(2)
-    return covariances_world
+    np.add(directions[:, 0], turn * directions[:, 1], out=matrix[:, 0])
+    np.subtract(directions[:, 1], turn * directions[:, 0], out=matrix[:, 1])
+    np.negative(slopes, out=matrix[:, 2])
 
 
 def _associated(

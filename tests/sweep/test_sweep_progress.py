@@ -35,5 +35,19 @@ def test_runs_and_nodes_are_counted(capsys):
     progress.close()
 
 
+def test_the_end_of_a_sweep_is_prepared_once_after_its_first_nodes_started():
+    waiting = plan_runs(sweep_runs(["measurement=fabricated", "seed=1,2"]))
+    calls = []
+    progress = SweepProgress(
+        waiting, 0, 2, {}, lambda run, seconds: None, False, prepare=lambda: calls.append("now")
+    )
+    progress.begin([one.graph.nodes[one.scores] for one in waiting], cached=0)
+    progress.started(waiting[0].graph.nodes[waiting[0].scores])
+    assert calls == []
+    progress.tick()
+    progress.tick()
+    assert calls == ["now"]
+
+
 def test_times_in_words():
     assert [duration(s) for s in (0.2, 80, 600, 12_000)] == ["1 s", "80 s", "10 min", "3 h 20 min"]

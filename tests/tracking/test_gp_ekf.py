@@ -72,8 +72,8 @@ def test_jacobian_matches_finite_differences(seed, mean_radius):
 
 
 @settings(derandomize=True, deadline=None, max_examples=40)
-@given(seed=SEEDS, each=st.booleans(), rank=st.integers(3, 22))
-def test_update_matches_the_textbook(seed, each, rank):
+@given(seed=SEEDS, each=st.booleans(), isotropic=st.booleans(), rank=st.integers(3, 22))
+def test_update_matches_the_textbook(seed, each, isotropic, rank):
     """Also with a covariance that is singular: it is never inverted."""
     random = np.random.default_rng(seed)
     mean, points = some_state(random)
@@ -81,6 +81,8 @@ def test_update_matches_the_textbook(seed, each, rank):
     covariance = root @ root.T
     roots = 0.2 * random.standard_normal((7 if each else 1, 2, 2))
     noises = roots @ np.swapaxes(roots, 1, 2) + 0.01 * np.eye(2)
+    if isotropic:
+        noises = noises[:, :1, :1] * np.eye(2)
     predicted, matrix, blocks = dense_model(points, mean, PROCESS)
     noise = np.zeros((14, 14))
     for i in range(7):
