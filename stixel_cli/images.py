@@ -58,7 +58,11 @@ def decode_png(data: bytes) -> np.ndarray:
 
 @lru_cache(maxsize=8)
 def _decoded(data: bytes) -> np.ndarray:
-    """As `decode_png`. The stages of one frame read its two images and its disparities twice."""
+    """As `decode_png`, but not to be changed.
+
+    Matching, free space and stixels of one pair decode its images and its disparities twice. Stages
+    that take the frames in chunks gain nothing.
+    """
     import cv2
 
     image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)

@@ -27,8 +27,8 @@ VALUES = {
     "occupancy.nearest": 2.0,
 }
 """Values for real images, unless the user sets them: the road may be steep, obstacles near. One
-matching takes half of the time, and is as good as two on real pairs (docs/real-data.md). So is
-matching at two sizes, in two thirds of that."""
+matching takes half of the time, and is as good as two on real pairs; matching at two sizes halves
+it again (docs/real-data.md)."""
 
 SIZES = {
     "prior.length": 4.0,

@@ -28,7 +28,7 @@ from stixel_cli.validation.seen_shape import class_shape_of, outline_seen_of, se
 
 PATHS = ("turn", "crossing", "approach", "s_curve")
 SEEDS = range(1000, 1008)
-"""Seeds and shape seeds of the scans: of three cyclists, none had the panniers that 30 % have."""
+"""Seeds and shape seeds of the scans: so many that some cyclists have panniers, as 30 % have."""
 OUTLINES = range(1000, 1020)
 """Shape seeds of the mean outline."""
 MEASUREMENTS = {"simulated": ("simulated",), "lidar": ("lidar", "lidar_64")}

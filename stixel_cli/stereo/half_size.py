@@ -5,10 +5,10 @@ import numpy as np
 from stixel_cli.stereo.disparities import INVALID, SUBPIXELS
 
 AGREE = 2
-"""Disparities of both sizes that are as near to each other are of the same surface, px."""
+"""Disparities of both sizes that differ by at most this are of the same surface, px."""
 
 HOLE = 5
-"""A pixel without a match is of a surface with one as many pixels of half the size away."""
+"""A pixel without a match may be of the surface of one so many pixels away, at half the size."""
 
 
 def halved(image: np.ndarray) -> np.ndarray:
@@ -31,8 +31,8 @@ def combined(full: np.ndarray, half: np.ndarray, end: int, greatest: int) -> np.
 
     Where both agree, that of the full size is taken: it is more precise. Where the half size has no
     match, its least or greatest one within `HOLE` may agree. Else that of the half size is doubled,
-    if it is outside of the range of the full size: there the full size finds a wrong point or no
-    point. Other pixels are invalid.
+    if it is above `end` - `AGREE`: there the full size finds a wrong point or no point. Other
+    pixels are invalid.
 
     Args:
         full: (H, W) int16, searched below `end` px. It needs no checks of its own.

@@ -21,7 +21,8 @@ class SgmParameters(MatchingParameters):
         subpixel: also "phase_table": by a table fitted to this matcher, and a median, in half of
             the time of "second_match".
         disparities_at_full_size: number of disparities searched on whole images, px, a multiple of
-            16. Images of half the size then give the larger ones, and check the others. null: all.
+            16; null: all. Images of half the size then give the larger ones, and check the others.
+            `left_right_difference` and the speckles' keys are then in pixels of these images.
     """
 
     kind: Literal["sgm"]

@@ -57,7 +57,7 @@ class Layout:
 
 @lru_cache(maxsize=1)
 def layout(occupancy: OccupancyParameters, rig: Rig, count: int) -> Layout:
-    """Layout of a grid for a rig and the number of disparities searched."""
+    """Layout of a grid for a rig and the number of disparities searched; not to be changed."""
     if isinstance(occupancy, ColumnDisparityOccupancy):
         step = occupancy.disparity_step
         near, far = rig.disparity_from_depth(np.array([occupancy.nearest, occupancy.farthest]))

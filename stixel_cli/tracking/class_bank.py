@@ -37,12 +37,13 @@ Right classes stay below, on stixels and lidar. Other classes' likelihoods do no
 gate takes points of other objects, which a lidar sees next to a pedestrian.
 """
 
-MISFITS = {3: 1.0, 10: 0.6}
-"""So do so many scans whose NIS, over their degrees of freedom, is above this: both are summed.
+GREATEST_NIS = {3: 1.0, 10: 0.6}
+"""Number of successive scans with points: greatest ratio of their NIS to its degrees of freedom.
 
-The shape's noise is large, so that right classes have at most 0.5 over ten scans, others up to 1.5
-(tuning seeds, stixels and lidar). A mean of the scans' ratios would count scans of a few points, as
-from a start that is far off, as much as others.
+Above one of them the scans contradict the class, too. The shape's noise is large: right classes
+have at most 0.5 over ten scans, others up to 1.5 (tuning seeds, stixels and lidar). NIS and degrees
+of freedom are summed before the division: scans with few points, as after a start that is far off,
+then count less.
 """
 
 
@@ -82,7 +83,7 @@ def contradicted(own: Track, road_user: str) -> np.ndarray:
     speeds = np.where(stds < SPEEDS[road_user], speed_deviations(own, road_user), 0.0)
     beyond = np.maximum(own.size_deviations, speeds) > CONTRADICTED
     known = np.flatnonzero(np.isfinite(own.nis))
-    for count, greatest in MISFITS.items():
+    for count, greatest in GREATEST_NIS.items():
         if len(known) >= count:
             nis, degrees = (
                 np.convolve(values[known], np.ones(count), mode="valid")

@@ -157,7 +157,7 @@ def information(
         rows = model.radial_matrix * scale[:, None]
         rows[:, :2] -= (gain * scale)[:, None] * tangent_rows
     else:
-        # R is a multiple of I: the rows are independent, and the gain of the others is 0.
+        # R is a multiple of I: the two rows of a point are independent.
         tangential = xx * py2 + yy * px2
         scale = 1.0 / np.sqrt(xx * px2 + yy * py2 + model.radius_variances)
         rows = model.radial_matrix * scale[:, None]

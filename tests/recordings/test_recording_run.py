@@ -56,7 +56,7 @@ def test_the_recording_gives_rig_times_class_and_what_suits_real_images(clip):
     assert made.choices["road"] == "estimated" and chosen.road.pitch_range == 4.0
     assert chosen.stereo.nearest == chosen.occupancy.nearest == 2.0
     assert made.resolved["source"]["frames"] == "0:5"
-    # A third of the time of two matchings at full size.
+    # Each halves the time of matching.
     assert chosen.stereo.subpixel == "phase_table"
     assert chosen.stereo.disparities_at_full_size == 64
     # The labels' cars are smaller than the drawn ones.

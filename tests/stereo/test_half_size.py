@@ -76,11 +76,6 @@ def test_near_and_far_planes_are_found(pairs, subpixel, minimum, count):
     assert np.mean((hidden != INVALID) & (np.abs(hidden - 16 * FAR) > 48)) < 0.1
 
 
-def test_without_the_half_size_the_near_plane_is_not_found(pairs):
-    raw = sgm.match(pairs, replace(STEREO, disparities=32), RIG, range(1)).raw(0)
-    assert np.all(raw < 32 * 16)
-
-
 def test_a_near_plane_is_found_up_to_the_left_border():
     """A point in column u with a disparity above u is outside the right image."""
     dots = np.random.default_rng(5).integers(0, 256, (64, 320 + NEAR), dtype=np.uint8)
