@@ -79,7 +79,7 @@ _BLOCKS = (
     (slice(None, SEEN), slice(None, SEEN)),
     (slice(SEEN, None), slice(2 * SEEN, None)),
 )
-"""Pose and radii without and with the rates between them."""
+"""Places of pose and radii: in a state without the rates, and in the whole one."""
 
 NO_DIRECTION = 1e-3
 """A point nearer than this to the predicted centre, m, has no direction from it: not used."""
@@ -265,10 +265,11 @@ def track(
     means, covariances = np.empty((count, size)), np.empty((count, size, size))
     used: list[np.ndarray] = []
     nis = np.full(count, np.nan)
-    same = tracker.measurement_covariance == "isotropic"
-    isotropic = tracker.measurement_std**2 * np.eye(2)
+    isotropic = None
+    if tracker.measurement_covariance == "isotropic":
+        isotropic = tracker.measurement_std**2 * np.eye(2)
     steps = intervals(scans.times)
-    noises_of = {
+    process_noises = {
         interval: process_noise(interval, tracker.sigma_q, tracker.sigma_q_psi)
         for interval in set(steps)
     }
@@ -277,14 +278,14 @@ def track(
             mean,
             covariance,
             interval,
-            noises_of[interval],
+            process_noises[interval],
             tracker.forgetting_rate,
             process.covariance,
             process.mean_radius,
         )
         rows = scans.rows(k)
         points = scans.points_world[rows]
-        noises = isotropic if same else scans.covariances_world[rows]
+        noises = scans.covariances_world[rows] if isotropic is None else isotropic
         indices = _associated(points, noises, mean, covariance, process, tracker)
         used.append(indices + rows.start)
         if len(indices):
