@@ -160,7 +160,7 @@ class _Sweep:
                 self.note_failure(planned, *failure)
 
     def _prepare(self) -> None:
-        """Import what the statistics and the figures need, which takes as long as a few runs."""
+        """Import the modules of the statistics and the figures: as long as a few runs take."""
         import_module("scipy.special")
         if self.folder is not None:
             import_module("stixel_cli.sweeps.figures")
