@@ -120,11 +120,13 @@ def _axes_for(points: np.ndarray, margin: float, cells: float) -> tuple[Figure, 
 
 
 def _label_times(axes: Axes, times, poses, chosen, distance: float) -> None:
-    """Times next to the contours: on the outer side of the path if it is free."""
+    """Times next to the contours, inside the axes: on the path's outer side if it is free."""
     middle = poses[:, :2].mean(axis=0)
     height = np.diff(axes.get_ylim()).item()
     distance = distance + 0.03 * height
     room = np.array([0.08, 0.035]) * height  # of a label
+    low, high = np.transpose([axes.get_xlim(), axes.get_ylim()])
+    low, high = low + 0.5 * room, high - 0.5 * room
     places: list[np.ndarray] = []
     for k in chosen:
         heading = poses[k, 2]
@@ -132,9 +134,10 @@ def _label_times(axes: Axes, times, poses, chosen, distance: float) -> None:
         outwards = side @ (poses[k, :2] - middle)
         # On a straight path both sides are alike: the right one, or the upper one.
         toward = np.sign(outwards) if abs(outwards) > 0.05 * distance else np.sign(side.sum())
-        place = poses[k, :2] + distance * (toward or 1.0) * side
+        away = distance * (toward or 1.0) * side
+        place = np.clip(poses[k, :2] + away, low, high)
         if any((np.abs(place - other) < room).all() for other in places):
-            place = 2.0 * poses[k, :2] - place
+            place = np.clip(poses[k, :2] - away, low, high)
         places.append(place)
         text = f"{times[k]:.1f} s"
         label = {"ha": "center", "va": "center", "size": 7.5, "color": "#444444", "zorder": 6}

@@ -19,7 +19,7 @@ from stixel_cli.report import camera_panels
 from stixel_cli.report.birds_eye import track_pictures
 from stixel_cli.report.camera import camera_pictures
 from stixel_cli.report.over_time import run_pictures
-from stixel_cli.report.path_figure import spaced_frames
+from stixel_cli.report.path_figure import path_figure, spaced_frames
 from stixel_cli.stixels.types import OccupancyGrid
 
 VIEW = make_rig().field_of_view
@@ -190,3 +190,22 @@ def test_spaced_frames_keep_their_distance():
     assert np.diff(places[list(chosen), 0]).min() > 3.0
     assert spaced_frames(np.zeros((7, 2)), size=1.0) == (6,)
     assert spaced_frames(np.zeros((1, 2)), size=1.0) == (0,)
+
+
+def test_the_times_along_a_path_are_inside_its_axes(run):
+    """The outer side of a turn is at the edge of the axes, which are as wide as the path."""
+    scenario, track = run["scenario"], run["track"]
+    angles = np.radians(np.linspace(150.0, 390.0, len(scenario.times)))
+    places = 8.0 * np.stack([np.cos(angles), np.sin(angles)], axis=-1) + [0.0, 18.0]
+    poses = np.column_stack([places, angles + 0.5 * np.pi])
+    means = np.column_stack([poses, track.means[:, 3:]])
+    scenario = replace(scenario, target_poses_world=poses)
+    figure = path_figure(replace(track, means=means), scenario, VIEW)
+    figure.draw_without_rendering()
+    axes = figure.axes[0].get_window_extent()
+    texts = [text for text in figure.axes[0].texts if text.get_text().endswith(" s")]
+    assert len(texts) > 3
+    for text in texts:
+        box = text.get_window_extent()
+        assert axes.x0 <= box.x0 and box.x1 <= axes.x1, text.get_text()
+        assert axes.y0 <= box.y0 and box.y1 <= axes.y1, text.get_text()
