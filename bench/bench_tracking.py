@@ -16,7 +16,8 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.build import build_scenario
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.tracking import contour, gp_ekf
-from stixel_cli.tracking.gp_ekf import GpEkfParameters, track, update
+from stixel_cli.tracking.gp_ekf import GpEkfParameters, track
+from stixel_cli.tracking.gp_ekf_update import update
 from stixel_cli.tracking.kernel import contour_process, kernel
 from stixel_cli.tracking.motion import predict, process_noise, transition
 from stixel_cli.tracking.prior import PriorShape

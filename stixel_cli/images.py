@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
@@ -52,16 +51,6 @@ def decode_png(data: bytes) -> np.ndarray:
 
     Raises:
         ValueError: if they are not a PNG image.
-    """
-    return _decoded(data).copy()
-
-
-@lru_cache(maxsize=8)
-def _decoded(data: bytes) -> np.ndarray:
-    """As `decode_png`, but not to be changed.
-
-    Matching, free space and stixels of one pair decode its images and its disparities twice. Stages
-    that take the frames in chunks gain nothing.
     """
     import cv2
 

@@ -12,7 +12,8 @@ from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking import gp_ekf
-from stixel_cli.tracking.gp_ekf import contours_of, factor, linearise, project, track, update
+from stixel_cli.tracking.gp_ekf import contours_of, track
+from stixel_cli.tracking.gp_ekf_update import factor, linearise, project, update
 from stixel_cli.tracking.kernel import contour_process
 from stixel_cli.tracking.prior import PriorShape, mean_radius, prior_radii
 from stixel_cli.tracking.track import InitialState
