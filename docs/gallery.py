@@ -16,14 +16,19 @@ from stixel_cli.config.folders import group_options
 
 DOCS = Path(__file__).parent
 FOLDER = "figures/gallery"
-WIDEST = 760
-"""Greatest width of a picture, px."""
-
 QUALITY = 72
 
 NEAR = {"car": "[-0.4,13]", "cyclist": "[-0.2,7.5]", "pedestrian": "[0,6.5]"}
 """Start of each road user for its picture, m; a new one starts where the car does."""
 
+STAGES = {
+    "left": "Left image.",
+    "disparity": "Disparity.",
+    "occupancy": "Occupancy grid.",
+    "free_space": "Free space.",
+    "height": "Height segmentation.",
+    "stixels": "Stixels.",
+}
 STREET = ["path=crossing", "path.duration=1.6", "pictures.frames=[15]"]
 FABRICATED = ["measurement=fabricated", "pictures.frames=[]"]
 
@@ -37,14 +42,12 @@ class Entry:
         caption: text next to the picture.
         overrides: of the run.
         source: path of the picture in the run's `figures/`.
-        width: greatest width, px.
     """
 
     name: str
     caption: str
     overrides: list[str]
     source: str
-    width: int = WIDEST
 
 
 def sections() -> dict[str, list[Entry]]:
@@ -53,8 +56,8 @@ def sections() -> dict[str, list[Entry]]:
     users = options["road_user"]
     return {
         "The stages of one frame": [
-            Entry("stages", "Image, disparity, grid, free space, height, stixels.", STREET,
-                  "k0015/camera.png"),
+            Entry(f"stage_{stage}", caption, STREET, f"k0015/{stage}.png")
+            for stage, caption in STAGES.items()
         ],
         "Road users": [
             Entry(f"road_user_{user}", f"`road_user={user}`",
@@ -62,59 +65,58 @@ def sections() -> dict[str, list[Entry]]:
                    f"path.start={NEAR.get(user, NEAR['car'])}",
                    "path.heading=-35", "path.duration=0.2", "rig.horizontal_fov=32",
                    "pictures.frames=[0]"],
-                  "k0000/left.png", 420)
+                  "k0000/left.png")
             for user in users
         ],
         "Paths": [
-            Entry(f"path_{path}", f"`path={path}`", [f"path={path}", *FABRICATED], "path.png", 400)
+            Entry(f"path_{path}", f"`path={path}`", [f"path={path}", *FABRICATED], "path.png")
             for path in options["path"]
             if path != "recorded"  # needs files of the user's
         ],
         "Ego motions": [
             Entry(f"ego_{ego}", f"`ego={ego}`", [f"ego={ego}", "path=turn", *FABRICATED],
-                  "path.png", 400)
+                  "path.png")
             for ego in options["ego"]
         ],
         "Rigs": [
             Entry(f"rig_{rig}", f"`rig={rig}`",
                   [f"rig={rig}", "path=crossing", "path.start=[-3,16]", "path.duration=0.2",
                    "pictures.frames=[0]"],
-                  "k0000/left.png", 520)
+                  "k0000/left.png")
             for rig in options["rig"]
         ],
         "Renderers": [
             Entry(f"renderer_{renderer}", f"`renderer={renderer}`",
                   [f"renderer={renderer}", "path=crossing", "path.start=[-3,11]",
                    "path.duration=0.2", "pictures.frames=[0]"],
-                  "k0000/left.png", 420)
+                  "k0000/left.png")
             for renderer in options["renderer"]
         ],
         "Matchers": [
             Entry(f"stereo_{stereo}", f"`stereo={stereo}`", [f"stereo={stereo}", *STREET],
-                  "k0015/disparity.png", 420)
+                  "k0015/disparity.png")
             for stereo in options["stereo"]
         ],
         "Occupancy grids": [
             Entry(f"occupancy_{grid}", f"`occupancy={grid}`", [f"occupancy={grid}", *STREET],
-                  "k0015/occupancy.png", 420)
+                  "k0015/occupancy.png")
             for grid in options["occupancy"]
         ],
         "Measurements": [
             Entry(f"measurement_{measurement}", f"`measurement={measurement}`",
-                  [f"measurement={measurement}", *STREET], "k0015/birds_eye.png", 640)
+                  [f"measurement={measurement}", *STREET], "k0015/birds_eye.png")
             for measurement in options["measurement"]
             if measurement != "file"  # needs a file of the user's
         ],
         "Trackers": [
             Entry(f"tracker_{tracker}", f"`tracker={tracker}`",
                   [f"tracker={tracker}", "road_user=cyclist", "measurement=fabricated", *STREET],
-                  "k0015/birds_eye.png", 640)
+                  "k0015/birds_eye.png")
             for tracker in options["tracker"]
             if tracker != "pyrecest"  # an extra
         ],
         "A whole run": [
-            Entry("errors", "Errors over time, with their χ² bounds.", FABRICATED, "errors.png",
-                  640),
+            Entry("errors", "Errors over time, with their χ² bounds.", FABRICATED, "errors.png"),
         ],
     }  # fmt: skip
 
@@ -124,7 +126,7 @@ def page() -> str:
     lines = [
         "# Gallery",
         "",
-        "Every picture is from the `figures/` of a run, scaled down; the command is below it.",
+        "Every picture is from the `figures/` of a run; the command is below it.",
         "`python docs/gallery.py` writes this page and all its pictures.",
     ]
     for heading, entries in sections().items():
@@ -144,15 +146,14 @@ def page() -> str:
     return "\n".join(lines) + "\n"
 
 
-def small_picture(png: bytes, width: int) -> bytes:
-    """WebP of a PNG, at most `width` px wide."""
+def small_file(png: bytes) -> bytes:
+    """WebP of a PNG, of the same size: scaled down, letters would be smaller than 10 px."""
     from PIL import Image
 
-    image = Image.open(io.BytesIO(png)).convert("RGB")
-    if image.width > width:
-        image = image.resize((width, round(image.height * width / image.width)), Image.LANCZOS)
     buffer = io.BytesIO()
-    image.save(buffer, format="webp", quality=QUALITY, method=6)
+    Image.open(io.BytesIO(png)).convert("RGB").save(
+        buffer, format="webp", quality=QUALITY, method=6
+    )
     return buffer.getvalue()
 
 
@@ -172,7 +173,7 @@ def main(names: list[str]) -> None:
         raise SystemExit(f"{unknown[0]}: unknown picture; must be one of {', '.join(entries)}")
     for entry in map(entries.get, names or entries):
         pictures = run(entry.overrides).pictures
-        data = small_picture(pictures[entry.source], entry.width)
+        data = small_file(pictures[entry.source])
         (folder / f"{entry.name}.webp").write_bytes(data)
         print(f"{entry.name}: {len(data) / 1000:.0f} kB", flush=True)  # noqa: T201
     for file in folder.iterdir():

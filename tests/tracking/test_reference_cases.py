@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from tracking_cases import GOLDEN, scans_of
 
-from stixel_cli.tracking import gp_ekf
-from stixel_cli.tracking.gp_ekf import GpEkfParameters
+from stixel_cli.tracking.gp_ekf import GpEkfParameters, track
+from stixel_cli.tracking.gp_ekf_update import linearise, update
 from stixel_cli.tracking.kernel import contour_process
 from stixel_cli.tracking.motion import predict, process_noise, transition
 from stixel_cli.tracking.prior import PriorShape
@@ -55,7 +55,7 @@ def test_every_posterior_matches_the_reference(case):
             mean, covariance, float(case["T"]), noise, float(case["alpha"]), process.covariance
         )
         np.testing.assert_allclose(mean, case["expected_x_predicted"][k], rtol=0, atol=1e-5)
-        mean, covariance, _ = gp_ekf.update(mean, covariance, points, measurement, process)
+        mean, covariance, _ = update(mean, covariance, points, measurement, process)
         np.testing.assert_allclose(mean, case["expected_x"][k], rtol=0, atol=1e-5)
         np.testing.assert_allclose(
             np.diag(covariance), case["expected_P_diag"][k], rtol=0, atol=1e-5
@@ -68,7 +68,7 @@ def test_every_posterior_matches_the_reference(case):
 def test_measurement_model_of_the_second_scan_matches_the_reference(case):
     process, points = process_of(case), points_of(case)[1]
     mean = case["expected_x_predicted"][1]
-    model = gp_ekf.linearise(points, mean, process)
+    model = linearise(points, mean, process)
     p = model.directions
     t = np.stack([-p[:, 1], p[:, 0]], axis=-1)
 
@@ -123,10 +123,10 @@ def test_whole_track_matches_the_reference(case):
     points = points_of(case)
     scans = scans_of(points, times=float(case["T"]) * np.arange(len(points)))
     initial = InitialState(mean=case["x0"][:6], covariance=case["P0"][:6, :6])
-    track = gp_ekf.track(scans, initial, point, tracker)
-    np.testing.assert_allclose(track.means, case["expected_x"], rtol=0, atol=1e-5)
+    result = track(scans, initial, point, tracker)
+    np.testing.assert_allclose(result.means, case["expected_x"], rtol=0, atol=1e-5)
     np.testing.assert_allclose(
-        np.einsum("kii->ki", track.covariances), case["expected_P_diag"], rtol=0, atol=1e-5
+        np.einsum("kii->ki", result.covariances), case["expected_P_diag"], rtol=0, atol=1e-5
     )
-    np.testing.assert_array_equal(np.diff(track.used_offsets), case["meas_count"])
-    np.testing.assert_array_equal(track.used_points, np.arange(len(case["meas"])))
+    np.testing.assert_array_equal(np.diff(result.used_offsets), case["meas_count"])
+    np.testing.assert_array_equal(result.used_points, np.arange(len(case["meas"])))
