@@ -4,12 +4,16 @@ pytest bench/bench_engine.py
 """
 
 import itertools
+import pickle
 import sys
 import time
 from dataclasses import replace
 
+import joblib
+import numpy as np
 import pytest
 
+from stixel_cli.api import run
 from stixel_cli.engine import source_files
 from stixel_cli.engine.cleanup import keep_limit
 from stixel_cli.engine.code import CodeIndex
@@ -179,16 +183,36 @@ def test_plan_of_cached_nodes(benchmark, graph, tmp_path):
     assert not planned.missing
 
 
-@pytest.mark.benchmark(group="store of 16 MB")
-@pytest.mark.parametrize("what", ["plain", "store"])
-def test_load(benchmark, tmp_path, what):
-    import joblib
-    import numpy as np
+@pytest.fixture(scope="module")
+def scores(tmp_path_factory):
+    """The scores of a run: a few dataclasses with many small arrays."""
+    found = run("measurement=fabricated", cache=tmp_path_factory.mktemp("scores"))
+    return found.scores
 
-    store, key = Store(tmp_path / "cache"), "0" * 64
-    store.save(key, np.zeros(2_000_000))
-    path = store.entry(key) / "value.joblib"
-    benchmark(store.load, key) if what == "store" else benchmark(joblib.load, path)
+
+@pytest.mark.benchmark(group="write and read a result")
+@pytest.mark.parametrize("what", ["16 MB", "scores"])
+@pytest.mark.parametrize("how", ["pickle", "joblib", "store"])
+def test_write_and_read(benchmark, tmp_path, scores, how, what):
+    """The store adds locks, digests and notes."""
+    value = scores if what == "scores" else np.zeros(2_000_000)
+    store, path = Store(tmp_path / "cache"), tmp_path / "value"
+    keys = (f"{i:064x}" for i in itertools.count())
+
+    def with_pickle():
+        path.write_bytes(pickle.dumps(value, protocol=5))
+        return pickle.loads(path.read_bytes())
+
+    def with_joblib():
+        joblib.dump(value, path)
+        return joblib.load(path)
+
+    def with_store():
+        key = next(keys)
+        store.save(key, value)
+        return store.load(key)
+
+    benchmark({"pickle": with_pickle, "joblib": with_joblib, "store": with_store}[how])
 
 
 FUNCTIONS = [

@@ -186,7 +186,7 @@ def digest(tree: Any) -> str:
     return sha256(text.encode()).hexdigest()
 
 
-LAYOUT = 3
+LAYOUT = 4
 """Version of the stored format. Entries of other versions are not read."""
 
 

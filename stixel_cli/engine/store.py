@@ -8,6 +8,7 @@ digest reveals an incomplete entry. The notes have the digest of the value, and 
 import io
 import json
 import os
+import pickle
 import shutil
 import socket
 import stat
@@ -26,8 +27,11 @@ from stixel_cli.engine.parameters import (
     parse_size,
 )
 
-VALUE = "value.joblib"
+VALUE = "value.pickle"
 META = "meta.json"
+
+PROTOCOL = 5
+"""Of pickle: arrays are written from their own memory."""
 
 
 class NotARegularFile(OSError):
@@ -89,10 +93,7 @@ class Store:
         with suppress(OSError):
             # The time of last use, for the cleanup. A cache may be read-only.
             os.utime(self.entry(key))
-        # Imported here, because a run whose results are all cached may load none.
-        import joblib
-
-        return joblib.load(io.BytesIO(content))
+        return pickle.loads(content)
 
     def meta(self, key: str) -> dict[str, Any]:
         """Read the notes of an entry: stage, label, seconds, size, digest, ….
@@ -124,15 +125,13 @@ class Store:
         Raises:
             CacheError: it cannot be written. Nothing of it remains.
         """
-        import joblib
-
         partial = self.folder / "tmp" / f"{key[:16]}-{socket.gethostname()}-{os.getpid()}"
         partial = partial.with_name(f"{partial.name}-{time.monotonic_ns():x}")
         try:
             partial.mkdir(parents=True)
             with (partial / VALUE).open("wb") as file:
                 writer = _HashingWriter(file)
-                joblib.dump(value, writer)
+                pickle.dump(value, writer, protocol=PROTOCOL)
             size = writer.tell()
             meta = {**notes, "key": key, "size": size, "digest": writer.digest()}
             (partial / META).write_bytes(_notes_content(meta))

@@ -171,7 +171,7 @@ def test_bad_entries_are_named_and_set_aside(store):
     assert [reason.partition(" (")[0] for _, reason in bad] == [
         "its content has changed",
         "it is truncated",
-        "value.joblib is missing",
+        "value.pickle is missing",
     ]
     assert seen == [(i, 5) for i in range(1, 6)]
     assert left(store) == [KEYS[0], KEYS[2]]
