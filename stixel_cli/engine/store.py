@@ -243,7 +243,9 @@ _OWN_DIGEST_END = b'",'
 
 def _notes_content(meta: dict[str, Any]) -> bytes:
     """Encode notes as JSON whose first entry is the digest of the text that follows."""
-    rest = json.dumps(meta, indent=1).encode("ascii").removeprefix(b"{")
+    # A line for each note. `json.dumps` of all with an indent would be written in Python.
+    lines = (f"\n {json.dumps(name)}: {json.dumps(value)}" for name, value in meta.items())
+    rest = f"{','.join(lines)}\n}}".encode("ascii")
     return _OWN_DIGEST + sha256(rest).hexdigest().encode() + _OWN_DIGEST_END + rest
 
 

@@ -15,21 +15,21 @@ BORDER = np.radians(1.2)
 """A silhouette nearer than this to the border of the field of view, rad, may be cut off."""
 
 
-def contour_moments(angles: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def contour_moments(directions: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Centroid (2,) in m and second central moments (2, 2) in m² of the area inside a contour.
 
-    `angles` (n,) rad, even over a full turn, and `radii` (n,) m describe the contour from its
-    centre; the moments are in the same frame. Negative radii count as zero. In polar form the
-    moments are integrals of r², r³ and r⁴. An area of zero has all moments zero.
+    The unit vectors `directions` (n, 2), even over a full turn, and `radii` (n,) m describe the
+    contour from its centre; the moments are in the same frame. Negative radii count as zero. In
+    polar form the moments are integrals of r², r³ and r⁴. An area of zero has all moments zero.
     """
     radii = np.maximum(radii, 0.0)
-    directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    area = 0.5 * np.sum(radii**2)
+    squares = radii * radii
+    area = 0.5 * float(squares.sum())
     if area <= 0.0:
         return np.zeros(2), np.zeros((2, 2))
-    centroid = (radii**3 / 3.0) @ directions / area
-    second = (directions * (radii**4 / 4.0)[:, None]).T @ directions / area
-    return centroid, second - np.outer(centroid, centroid)
+    centroid = (squares * radii) @ directions / (3.0 * area)
+    second = (directions.T * (squares * squares)) @ directions / (4.0 * area)
+    return centroid, second - centroid[:, None] * centroid
 
 
 def associate(

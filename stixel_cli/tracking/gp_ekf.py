@@ -175,7 +175,7 @@ def _associated(
 ) -> np.ndarray:
     """Indices of the points in the gate round the predicted contour that have a direction."""
     turn = rotation(mean[2])
-    centroid, extent = contour_moments(process.basis_angles, mean[2 * SEEN :])
+    centroid, extent = contour_moments(process.basis_directions, mean[2 * SEEN :])
     indices = associate(
         points_world,
         mean[:2] + turn @ centroid,

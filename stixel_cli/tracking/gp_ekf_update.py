@@ -87,7 +87,9 @@ def information(
     px, py = np.ascontiguousarray(model.directions.T)
     px2, py2 = px * px, py * py
     xx, xy, yy = covariances[..., 0, 0], covariances[..., 0, 1], covariances[..., 1, 1]
-    tangent_rows = np.stack([-py, px], axis=-1) * model.tangential_slopes[:, None]
+    tangent_rows = np.empty((len(px), 2))
+    np.multiply(-py, model.tangential_slopes, out=tangent_rows[:, 0])
+    np.multiply(px, model.tangential_slopes, out=tangent_rows[:, 1])
     if xy.any() or (xx != yy).any():
         mixed = 2.0 * xy * px * py
         tangential = xx * py2 - mixed + yy * px2

@@ -37,6 +37,7 @@ class ContourProcess:
 
     Attributes:
         basis_angles: (N,) u^f in rad, even in [0, 2 pi).
+        basis_directions: (N, 2) unit vectors (cos u^f, sin u^f).
         covariance: (N, N) K = k(u^f, u^f) in m², without jitter.
         inverse: (N, N) (K + jitter I)⁻¹.
         length_scale, sigma_f, sigma_r: of the kernel; rad, m, m.
@@ -45,13 +46,13 @@ class ContourProcess:
     """
 
     basis_angles: np.ndarray
+    basis_directions: np.ndarray
     covariance: np.ndarray
     inverse: np.ndarray
     length_scale: float
     sigma_f: float
     sigma_r: float
     mean_radius: float
-    _basis_directions: np.ndarray
     _weights: np.ndarray
     _offset: np.ndarray
 
@@ -61,7 +62,7 @@ class ContourProcess:
         `directions` (n, 2) = (cos u, sin u). As -2 sin²(x / 2) = cos x - 1, the exponent is a
         matrix product of rank two.
         """
-        exponent = (directions / self.length_scale**2) @ self._basis_directions.T
+        exponent = (directions / self.length_scale**2) @ self.basis_directions.T
         exponent -= 1.0 / self.length_scale**2
         return np.exp(exponent, out=exponent)
 
@@ -92,7 +93,7 @@ class ContourProcess:
 
         sin(u - u_i) = sin u cos u_i - cos u sin u_i, so no second kernel matrix is needed.
         """
-        weighted = self._basis_directions * (self.inverse @ radii)[:, None]
+        weighted = self.basis_directions * (self.inverse @ radii)[:, None]
         sums = correlations @ weighted
         cross = directions[:, 1] * sums[:, 0] - directions[:, 0] * sums[:, 1]
         return -((self.sigma_f / self.length_scale) ** 2) * cross
@@ -125,13 +126,13 @@ def contour_process(
     inverse = 0.5 * (inverse + inverse.T)
     return ContourProcess(
         basis_angles=angles,
+        basis_directions=np.stack([np.cos(angles), np.sin(angles)], axis=-1),
         covariance=covariance,
         inverse=inverse,
         length_scale=length_scale,
         sigma_f=sigma_f,
         sigma_r=sigma_r,
         mean_radius=mean_radius,
-        _basis_directions=np.stack([np.cos(angles), np.sin(angles)], axis=-1),
         _weights=sigma_f**2 * inverse,
         _offset=sigma_r**2 * inverse.sum(axis=0),
     )

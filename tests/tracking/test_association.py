@@ -11,28 +11,29 @@ from stixel_cli.tracking.gp_ekf import track
 from stixel_cli.tracking.prior import PriorShape, prior_radii
 
 ANGLES = 2.0 * np.pi * np.arange(2000) / 2000
+DIRECTIONS = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=-1)
 
 
 def test_moments_of_ellipse_and_rectangle_are_exact():
     radii = 2.0 * 0.5 / np.hypot(0.5 * np.cos(ANGLES), 2.0 * np.sin(ANGLES))
-    centroid, moments = contour_moments(ANGLES, radii)
+    centroid, moments = contour_moments(DIRECTIONS, radii)
     np.testing.assert_allclose(centroid, 0.0, atol=1e-12)
     np.testing.assert_allclose(moments, np.diag([2.0**2 / 4, 0.5**2 / 4]), atol=1e-6)
     sharp = PriorShape(4.5, 1.8, "rectangle", 0.0, 1.0, 1.0, 0.1, 0.3, "car", 0.06, 0.06)
-    _, moments = contour_moments(ANGLES, prior_radii(sharp, ANGLES))
+    _, moments = contour_moments(DIRECTIONS, prior_radii(sharp, ANGLES))
     np.testing.assert_allclose(moments, np.diag([4.5**2 / 12, 1.8**2 / 12]), rtol=1e-3, atol=1e-9)
 
 
 def test_moments_use_the_centroid_of_an_asymmetric_contour():
     # A circle of radius 2 seen from a point 1 m from its centre.
     radii = np.cos(ANGLES) + np.sqrt(4.0 - np.sin(ANGLES) ** 2)
-    centroid, moments = contour_moments(ANGLES, radii)
+    centroid, moments = contour_moments(DIRECTIONS, radii)
     np.testing.assert_allclose(centroid, [1.0, 0.0], atol=1e-9)
     np.testing.assert_allclose(moments, np.eye(2), atol=1e-9)
 
 
 def test_contour_without_area_has_no_moments():
-    centroid, moments = contour_moments(ANGLES, -np.ones(2000))
+    centroid, moments = contour_moments(DIRECTIONS, -np.ones(2000))
     assert not centroid.any()
     assert not moments.any()
 
@@ -63,7 +64,7 @@ def test_no_gate_accepts_all_points_and_an_empty_scan_gives_no_point():
 def test_contour_is_inside_its_own_gate(size, shape):
     prior = PriorShape(*size, shape, 0.0, 1.0, 1.0, 0.1, 0.3, "car", 0.06, 0.06)
     radii = prior_radii(prior, ANGLES)
-    centroid, moments = contour_moments(ANGLES, radii)
+    centroid, moments = contour_moments(DIRECTIONS, radii)
     outline = radii[:, None] * np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=-1)
     assert len(associate(outline, centroid, moments, 0.99)) == len(outline)
 
