@@ -91,7 +91,10 @@ def test_import_of_open3d(benchmark):
 
 
 def test_png(benchmark, scene):
-    """Next to OpenCV with the compression level 1, which changes its filter and strategy."""
+    """Next to OpenCV with the compression level 1, which changes its filter and strategy.
+
+    Of a rendered pair, the right image is stored without compression.
+    """
     left, right, depth, ids = render_frame(*scene, motion(False), 0)
     steps = np.where(np.isfinite(depth), np.rint(depth / DEPTH_STEP), 0).astype(np.uint32)
     high, low = (steps >> 16).astype(np.uint16), (steps & 0xFFFF).astype(np.uint16)
@@ -106,9 +109,15 @@ def test_png(benchmark, scene):
         def default(images=images):
             return [encode_png(image) for image in images]
 
+        def stored(images=images):
+            return [encode_png(image, compressed=image is not right) for image in images]
+
         title = f"PNG of {name}"
-        compare(benchmark, title, 9, level_1=level, default=default)
-        for label, way in {"level_1": level, "default": default}.items():
+        ways = {"level_1": level, "default": default}
+        if len(images) > 1:
+            ways["right stored"] = stored
+        compare(benchmark, title, 9, **ways)
+        for label, way in ways.items():
             size = sum(len(data) for data in way()) / 1e3
             record(benchmark, title, label, f"{size:.0f} kB")
 

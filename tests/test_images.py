@@ -15,11 +15,12 @@ IMAGES = {
 }
 
 
+@pytest.mark.parametrize("compressed", [True, False])
 @pytest.mark.parametrize("kind", IMAGES)
-def test_an_image_survives_compression_and_its_bytes_repeat(kind):
+def test_an_image_survives_compression_and_its_bytes_repeat(kind, compressed):
     image = IMAGES[kind]
-    data = encode_png(image)
-    assert data == encode_png(np.asfortranarray(image))
+    data = encode_png(image, compressed)
+    assert data == encode_png(np.asfortranarray(image), compressed)
     again = decode_png(data)
     assert again.dtype == image.dtype and np.array_equal(again, image)
     stack = ImageStack.from_images([image, image[::-1]])

@@ -47,7 +47,8 @@ class RenderedFrames:
             steps = np.where(np.isfinite(depth), np.rint(depth / DEPTH_STEP), 0).astype(np.uint32)
             high, low = (steps >> 16).astype(np.uint16), (steps & 0xFFFF).astype(np.uint16)
             for stack, image in zip(stacks, (left, right, high, low, ids), strict=True):
-                stack.append(encode_png(image))
+                # Only the sensor's noise reads the right image, once.
+                stack.append(encode_png(image, compressed=image is not right))
         return cls(first, *(ImageStack(tuple(stack)) for stack in stacks))
 
     def __len__(self) -> int:
