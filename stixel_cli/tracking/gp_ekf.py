@@ -59,12 +59,6 @@ class GpEkfParameters:
     contour_points: Annotated[int, Ge(8), Le(1000)]
 
 
-_BLOCKS = (
-    (slice(None, SEEN), slice(None, SEEN)),
-    (slice(SEEN, None), slice(2 * SEEN, None)),
-)
-"""Places of pose and radii: in a state without the rates, and in the whole one."""
-
 NO_DIRECTION = 1e-3
 """A point nearer than this to the predicted centre, m, has no direction from it: not used."""
 
@@ -150,19 +144,13 @@ def contours_of(
     deviations = means[:, 2 * SEEN :] - process.mean_radius
     radii = np.maximum(process.mean_radius + deviations @ matrix.T, 0.0)
     contours = means[:, None, :2] + radii[..., None] * directions
-    rows = np.empty((points, SEEN + matrix.shape[1]))
-    rows[:, SEEN:] = matrix
-    seen = np.empty((rows.shape[1], rows.shape[1]))
-    std = np.empty_like(radii)
-    for k, covariance in enumerate(covariances):
-        slopes = process.slope(unit, correlations, deviations[k])
-        fill_pose_columns(rows, directions[k], np.maximum(radii[k], NO_DIRECTION), slopes)
-        for own, its in _BLOCKS:
-            for other, other_its in _BLOCKS:
-                seen[own, other] = covariance[its, other_its]
-        spread = np.einsum("ij,ij->i", rows @ seen, rows)
-        std[k] = np.sqrt(np.maximum(spread, 0.0) + variances)
-    return contours, directions, std
+    rows = np.empty((*radii.shape, SEEN + matrix.shape[1]))
+    rows[..., SEEN:] = matrix
+    slopes = process.slope(unit, correlations, deviations)
+    fill_pose_columns(rows, directions, np.maximum(radii, NO_DIRECTION), slopes)
+    seen = np.r_[:SEEN, 2 * SEEN : means.shape[1]]
+    spread = np.einsum("kij,kij->ki", rows @ covariances[:, seen[:, None], seen], rows)
+    return contours, directions, np.sqrt(np.maximum(spread, 0.0) + variances)
 
 
 def _associated(

@@ -183,13 +183,13 @@ def update(
 def fill_pose_columns(
     matrix: np.ndarray, directions: np.ndarray, distances: np.ndarray, slopes: np.ndarray
 ) -> None:
-    """Write the derivatives by x, y and heading into the first columns of a radial `matrix` (n, …).
+    """Write the derivatives by x, y and heading into the first columns of `matrix` (…, n, 3 + N).
 
-    Of points at `distances` (n,) m from the centre in `directions` (n, 2), where the slope of the
-    radius is `slopes` (n,) m/rad; thesis (77).
+    Of points at `distances` (…, n) m from the centre in `directions` (…, n, 2), where the slope of
+    the radius is `slopes` (…, n) m/rad; thesis (77).
     """
     turn = slopes / distances
     # dθ/dw = (delta_y, -delta_x) / r² = (p_y, -p_x) / r
-    np.add(directions[:, 0], turn * directions[:, 1], out=matrix[:, 0])
-    np.subtract(directions[:, 1], turn * directions[:, 0], out=matrix[:, 1])
-    np.negative(slopes, out=matrix[:, 2])
+    np.add(directions[..., 0], turn * directions[..., 1], out=matrix[..., 0])
+    np.subtract(directions[..., 1], turn * directions[..., 0], out=matrix[..., 1])
+    np.negative(slopes, out=matrix[..., 2])

@@ -85,17 +85,17 @@ class ContourProcess:
     def slope(
         self, directions: np.ndarray, correlations: np.ndarray, radii: np.ndarray
     ) -> np.ndarray:
-        """(∂H^f / ∂u) x^f, shape (n,) in m/rad, for the basis points' `radii` (N,) m; thesis (77i).
+        """(∂H^f / ∂u) x^f, (…, n) in m/rad, for the basis points' `radii` (…, N) m; thesis (77i).
 
-        With a mean function they are the differences from it.
-
-        `correlations` (n, N) are those of `directions` (n, 2).
+        With a mean function they are the differences from it. `correlations` (n, N) are those of
+        `directions` (n, 2).
 
         sin(u - u_i) = sin u cos u_i - cos u sin u_i, so no second kernel matrix is needed.
         """
-        weighted = self.basis_directions * (self.inverse @ radii)[:, None]
+        # The inverse is symmetric.
+        weighted = self.basis_directions * (radii @ self.inverse)[..., None]
         sums = correlations @ weighted
-        cross = directions[:, 1] * sums[:, 0] - directions[:, 0] * sums[:, 1]
+        cross = directions[:, 1] * sums[..., 0] - directions[:, 0] * sums[..., 1]
         return -((self.sigma_f / self.length_scale) ** 2) * cross
 
     def at(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
