@@ -10,6 +10,7 @@ import io
 import shlex
 import sys
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 
 from stixel_cli.config.folders import group_options
@@ -126,23 +127,22 @@ def page() -> str:
     lines = [
         "# Gallery",
         "",
-        "Every picture is from the `figures/` of a run; the command is below it.",
+        "Every picture is from the `figures/` of a run; the command is below the run's last picture.",
         "`python docs/gallery.py` writes this page and all its pictures.",
     ]
     for heading, entries in sections().items():
         lines += ["", f"## {heading}"]
-        for entry in entries:
-            command = shlex.join(["stixel", "run", *entry.overrides])
+        for entry, following in zip_longest(entries, entries[1:]):
             lines += [
                 "",
                 f"![{entry.caption.strip('`')}]({FOLDER}/{entry.name}.webp)",
                 "",
-                f"{entry.caption.removesuffix('.')}: `{entry.source}` of",
-                "",
-                "```sh",
-                command,
-                "```",
+                f"{entry.caption.removesuffix('.')}: `{entry.source}`",
             ]
+            if following is None or following.overrides != entry.overrides:
+                command = shlex.join(["stixel", "run", *entry.overrides])
+                lines[-1] += " of"
+                lines += ["", "```sh", command, "```"]
     return "\n".join(lines) + "\n"
 
 

@@ -12,6 +12,7 @@ from stixel_cli.config import messages
 from stixel_cli.config.choose import choose, store_compositions
 from stixel_cli.config.file_runs import implied_by_file
 from stixel_cli.config.folders import (
+    EXPERIMENT,
     absolute,
     conf_state,
     configuration_folder,
@@ -146,6 +147,7 @@ class Composer:
             return self._with_replay(parsed, typed)
         # Reads and checks files; imported only here, because most runs have no recording.
         from stixel_cli.config import recorded
+        from stixel_cli.config.experiments import set_by_experiment
 
         more = recorded.guessed_source(typed, self._working_directory)
         parsed = [*parsed, *map(self.parse, more)]
@@ -155,7 +157,8 @@ class Composer:
         recording = recorded.recording_in(section, typed, self._working_directory)
         if recording is None:
             return _resolved(parsed, self._state)
-        more = recorded.suitable_overrides(recording, typed)
+        preset = set_by_experiment(typed[EXPERIMENT]) if EXPERIMENT in typed else {}
+        more = recorded.suitable_overrides(recording, typed, preset)
         resolved, choices = _resolved([*parsed, *map(self.parse, more)], self._state)
         resolved["source"] = section
         recorded.with_recording(resolved, choices, recording, typed)

@@ -22,6 +22,23 @@ def experiment_sources(option: str) -> dict[str, str]:
     return dict((content or {}).get(SOURCES, {}))
 
 
+def set_by_experiment(option: str) -> dict[str, Any]:
+    """The groups and keys that an experiment's file sets, with their options and values."""
+    content = read_yaml(option_file(EXPERIMENT, option)) or {}
+    found = dict(content.get(INNER, {}))
+    for entry in content.get("defaults", ()):
+        if isinstance(entry, Mapping):
+            found |= {name.removeprefix("override").strip(" /"): entry[name] for name in entry}
+    pending = {name: content[name] for name in content if name not in ("defaults", INNER, SOURCES)}
+    while pending:
+        name, value = pending.popitem()
+        if isinstance(value, Mapping):
+            pending |= {f"{name}.{key}": inner for key, inner in value.items()}
+        else:
+            found[name] = value
+    return found
+
+
 def missing_options(
     plain: Mapping[str, Any], choices: Mapping[str, str], chosen: Sequence[str]
 ) -> list[str]:

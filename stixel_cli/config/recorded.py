@@ -27,8 +27,8 @@ VALUES = {
     "occupancy.nearest": 2.0,
 }
 """Values for real images, unless the user sets them: the road may be steep, obstacles near. One
-matching takes half of the time, and is as good as two on real pairs; matching at two sizes halves
-it again (docs/real-data.md)."""
+matching takes half of the time, and is as good as two on real pairs; so does matching at two sizes
+with KITTI's 208 disparities (docs/real-data.md)."""
 
 SIZES = {
     "prior.length": 4.0,
@@ -114,14 +114,22 @@ def recording_in(
     return find_recording(source)
 
 
-def suitable_overrides(recording: Recording, typed: Mapping[str, Any]) -> list[str]:
+def suitable_overrides(
+    recording: Recording, typed: Mapping[str, Any], preset: Mapping[str, Any]
+) -> list[str]:
     """The options and values that the recording needs and the user does not set.
+
+    Args:
+        recording: what the images are of.
+        typed: keys and groups that the user gives, with their values and options.
+        preset: those that an experiment's file sets. They do not replace `OPTIONS`.
 
     Raises:
         ConfigurationError: if the label has no class of road user and none is chosen.
     """
     options = OPTIONS | ({} if recording.label else {"start": "scans"})
     found = [f"{group}={option}" for group, option in options.items() if group not in typed]
+    typed = {name: value for name, value in preset.items() if name not in options} | dict(typed)
     if "road_user" not in typed:
         if recording.label is None:
             raise ConfigurationError(

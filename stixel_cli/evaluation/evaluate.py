@@ -194,7 +194,7 @@ def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
         names = ("iou", "iou_hull", "gaussian_wasserstein", "hausdorff", "contour_distance")
         missing = (*names, "seen_contour", "band_coverage")
         return errors | {name: np.full(len(truth), np.nan) for name in missing}
-    # Those of the truth once for each pose of the limbs.
+    # The true outlines are made once for each pose of the limbs.
     outlines, true_outlines = areas(estimated), areas(contours)
     hulls, true_hulls = shapely.convex_hull(outlines), shapely.convex_hull(true_outlines)
     on_contours = even_points(contours)

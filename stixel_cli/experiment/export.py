@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from stixel_cli.config.compose import compose
+from stixel_cli.config.messages import override_text
 from stixel_cli.engine.progress import Progress
 from stixel_cli.experiment.export_folder import (
     repeated_run,
@@ -23,6 +25,9 @@ from stixel_cli.stereo.disparities import INVALID, SUBPIXELS, Disparities
 SEQUENCE = "0000"
 """Name of an exported clip."""
 
+FROM_IMAGES = tuple("road stereo occupancy free_space height extraction measurement".split())
+"""Groups of the stages from the images to the scans."""
+
 
 def export_kitti(stored: RunResult, folder: Path, progress: Progress | None = None) -> list[str]:
     """Write the images, calibration, labels, ego poses and disparities of a run as a KITTI clip.
@@ -30,7 +35,7 @@ def export_kitti(stored: RunResult, folder: Path, progress: Progress | None = No
     Results that the cache lacks are computed.
 
     Returns:
-        The overrides with which `stixel run` reads the clip as this run does.
+        The overrides with which `stixel run` makes the scans of this run from the clip.
 
     Raises:
         UserError: if the run has no rendered images, or the folder exists or cannot be written.
@@ -47,22 +52,26 @@ def export_kitti(stored: RunResult, folder: Path, progress: Progress | None = No
             write_disparities(partial, disparities)
 
         write_new_folder(folder, write)
-    values = {
+    choices = stored.composition.choices
+    given = {
+        "source": "kitti_tracking",
+        "source.folder": str(folder),
+        "source.sequence": SEQUENCE,
+        "source.target": 0,
+        "source.sample_time": configuration.path.sample_time,
         "rig.pitch": rig.pitch,
         "rig.camera_height": rig.camera_height,
-        "stereo.nearest": configuration.stereo.nearest,
-        "stereo.subpixel": configuration.stereo.subpixel,
-        "occupancy.nearest": configuration.occupancy.nearest,
-        "source.sample_time": configuration.path.sample_time,
+        **{group: choices[group] for group in (*FROM_IMAGES, "prior")},
     }
-    if configuration.stereo.kind == "sgm":
-        at_full_size = configuration.stereo.disparities_at_full_size
-        values["stereo.disparities_at_full_size"] = at_full_size or "null"
-    chosen = {"source": "kitti_tracking", "source.folder": folder, "source.sequence": SEQUENCE}
-    chosen |= {"source.target": 0, "road": configuration.road.kind}
-    # A recording has values of its own for what is not chosen.
-    chosen |= {group: stored.composition.choices[group] for group in ("stereo", "prior")}
-    return [f"{name}={value}" for name, value in (chosen | values).items()]
+    overrides = [override_text(name, value) for name, value in given.items()]
+    # A recording has values of its own, and the run has those of its command line.
+    read = compose(overrides).resolved
+    return overrides + [
+        override_text(f"{group}.{name}", value)
+        for group in FROM_IMAGES
+        for name, value in stored.settings[group].items()
+        if value != read[group][name]
+    ]
 
 
 def write_disparities(folder: Path, disparities: Iterable[Disparities]) -> None:

@@ -21,8 +21,9 @@ class SgmParameters(MatchingParameters):
         subpixel: also "phase_table": by a table fitted to this matcher, and a median, in half of
             the time of "second_match".
         disparities_at_full_size: number of disparities searched on whole images, px, a multiple of
-            16; null: all. Images of half the size then give the larger ones, and check the others.
-            `left_right_difference` and the speckles' keys are then in pixels of these images.
+            16; null, or a number that is not below that of all disparities: all. Images of half the
+            size then give the larger ones, and check the others. `left_right_difference` and the
+            speckles' keys are then in pixels of these images.
     """
 
     kind: Literal["sgm"]
@@ -31,7 +32,7 @@ class SgmParameters(MatchingParameters):
     p1: Annotated[int, Ge(0), Le(100000)]
     p2: Annotated[int, Ge(0), Le(100000)]
     subpixel: Literal["parabola", "phase_table", "second_match"]
-    disparities_at_full_size: Annotated[int, Ge(BLOCK), Le(1024), MultipleOf(BLOCK)] | None
+    disparities_at_full_size: Annotated[int, Ge(BLOCK), Le(1024), MultipleOf(BLOCK)] | None = None
 
     def check(self) -> None:
         """Raise ValueError if the parameters contradict each other."""

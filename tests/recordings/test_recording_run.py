@@ -15,6 +15,7 @@ from made_clip import make_clip, small_scenario
 from stixel_cli import compose
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import from_resolved
+from stixel_cli.config.folders import use_presets
 from stixel_cli.engine.keys import GIVEN
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.experiment.stages import pipeline_stages, recording_of, scan_count
@@ -72,6 +73,24 @@ def test_what_the_user_sets_stays(clip):
     assert chosen.configuration.stereo.nearest == 4.0
     assert chosen.choices["prior"] == "pedestrian"
     assert (chosen.configuration.path.sample_time, scan_count(chosen.configuration)) == (0.2, 3)
+
+
+def test_what_an_experiment_sets_stays(clip, tmp_path):
+    (tmp_path / "experiment").mkdir()
+    head = "# @package _global_\ndefaults:\n  - override /stereo: "
+    far = f"{head}sgm\nstereo: {{nearest: 3.0, disparities_at_full_size: 128}}\n"
+    (tmp_path / "experiment" / "far.yaml").write_text(far)
+    (tmp_path / "experiment" / "blocks.yaml").write_text(f"{head}bm\n")
+    use_presets(tmp_path)
+    try:
+        chosen = compose(of(clip, "experiment=far")).configuration.stereo
+        blocks = compose(of(clip, "experiment=blocks")).configuration.stereo
+        typed = compose(of(clip, "experiment=far", "stereo.nearest=5")).configuration.stereo
+    finally:
+        use_presets(None)
+    assert (chosen.nearest, chosen.disparities_at_full_size) == (3.0, 128)
+    assert (chosen.subpixel, typed.nearest) == ("phase_table", 5.0)
+    assert (blocks.kind, blocks.nearest) == ("bm", 2.0)
 
 
 def test_the_errors_of_a_real_rig_are_those_of_its_calibration(clip):
