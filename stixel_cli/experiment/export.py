@@ -25,7 +25,9 @@ from stixel_cli.stereo.disparities import INVALID, SUBPIXELS, Disparities
 SEQUENCE = "0000"
 """Name of an exported clip."""
 
-FROM_IMAGES = tuple("road stereo occupancy free_space height extraction measurement".split())
+FROM_IMAGES = tuple(
+    ["road", "stereo", "occupancy", "free_space", "height", "extraction", "measurement"]
+)
 """Groups of the stages from the images to the scans."""
 
 
