@@ -127,7 +127,7 @@ def page() -> str:
     lines = [
         "# Gallery",
         "",
-        "Every picture is from the `figures/` of a run; the command is below the run's last picture.",
+        "The pictures are from the `figures/` of runs; the command of a run is below its last one.",
         "`python docs/gallery.py` writes this page and all its pictures.",
     ]
     for heading, entries in sections().items():
