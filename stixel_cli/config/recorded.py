@@ -49,6 +49,10 @@ EDGE = 4.0
 """Standard deviation of an object's left and right edge in a disparity image, px: car 31 of clip
 0005 in frames 0 to 7 (docs/real-data.md)."""
 
+NOISE_FACTOR = 2.5
+"""Factor on a point's standard deviation, larger than for rendered images: the errors of real
+stixels change more slowly (docs/real-data.md)."""
+
 FROM_SCANS = {"start.motion": "sensor", "start.velocity": 3.0}
 """Values of start=scans, where the user sets none: a road user ahead mostly drives as the ego."""
 
@@ -166,13 +170,14 @@ def suitable_overrides(
 
 
 def _of_contour(calibration: Calibration) -> dict[str, float]:
-    """The errors of a real rig in the parameters of the tracker `contour`."""
+    """The errors of real images in the parameters of the tracker `contour`."""
     # A disparity error e moves a point at range r by e r² / (f B).
     at_ten_metres = BIAS * 100.0 / (calibration.focal_length * calibration.baseline)
     edge = math.degrees(EDGE / calibration.focal_length)
     return {
         "tracker.bias_std": round(at_ten_metres, 4),
         "tracker.silhouette_std": round(edge, 3),
+        "tracker.noise_factor": NOISE_FACTOR,
     }
 
 
