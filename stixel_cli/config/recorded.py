@@ -50,8 +50,8 @@ EDGE = 4.0
 0005 in frames 0 to 7 (docs/real-data.md)."""
 
 NOISE_FACTOR = 2.5
-"""Factor on a point's standard deviation, larger than for rendered images: the errors of real
-stixels change more slowly (docs/real-data.md)."""
+"""Factor on a point's standard deviation. That of rendered images is smaller, and worse on clip
+0005 (docs/real-data.md)."""
 
 FROM_SCANS = {"start.motion": "sensor", "start.velocity": 3.0}
 """Values of start=scans, where the user sets none: a road user ahead mostly drives as the ego."""
