@@ -31,7 +31,7 @@ class ImageStack:
 def encode_png(image: np.ndarray, compressed: bool = True) -> bytes:
     """One image, (H, W) uint8 or uint16 or (H, W, 3) uint8 RGB, as the bytes of a PNG.
 
-    Not `compressed`, a picture takes twice the space and a tenth of the time, here and to decode.
+    Not `compressed`, a picture takes twice the space and less time, here and to decode.
 
     Raises:
         ValueError: for an image of another shape or type.
