@@ -1,52 +1,24 @@
-"""An extended Kalman filter on pose and size that casts the scan's rays on the class's shape.
+"""The tracker `contour`: a filter per class, see `contour_filter.py`, and which is reported."""
 
-State: x, y, heading psi, speed v along the heading, turn rate omega, and the logarithms of the
-factors on the class's length and width; world frame, m, rad, s. The heading is tied to the
-velocity, as a road user does not slide sideways: x' = v cos psi, y' = v sin psi, psi' = omega
-(Bar-Shalom, Li & Kirubarajan 2001, 11.7).
-
-A point is the range r along its ray, whose direction is known well. The measurement is
-
-    r = h(state, ray) + error
-
-where h casts the ray on the shape that the sensor sees (`ray_table.py`). Its Jacobian is a central
-difference over about a standard deviation of the state, as the shape has edges. The error has the
-sensor's variance and that of the shape, as no road user has quite the class's shape. Neighbours and
-successive scans share the shape's error, so n points are not n independent ones. A large factor on
-its standard deviation accounts for that.
-
-A real sensor's ranges also have an error b that does not change from scan to scan, such as that of
-a rig's calibration. The scans do not show b, so it is not estimated but considered: the filter has
-b's covariance with the state, and its estimate does not become more certain than b allows
-(Schmidt 1966; Jazwinski 1970, *Stochastic Processes and Filtering Theory*, 8.4).
-
-The first and the last ray that meet the target give two more measurements, the silhouette: how far
-inside the limits of the seen shape they pass. Ranges hardly measure the place across the rays.
-A silhouette at the border of the field of view is not used.
-
-Errors have heavy tails, so their variances are divided by the weights (nu + 1) / (nu + e²) ≤ 1 of a
-Student distribution, e the normalised error at the current iterate (Lange, Little, Taylor 1989,
-*Robust statistical modeling using the t distribution*). The update is iterated (Bell, Cathey 1993,
-*The iterated Kalman filter update as a Gauss-Newton method*).
-"""
-
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
-from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.class_bank import contradicted, most_probable, start_of_other
-from stixel_cli.tracking.class_shape import ClassShape, class_shape
+from stixel_cli.tracking.class_bank import (
+    CONTRADICTED,
+    OUT_OF_QUESTION,
+    probabilities_of,
+    reported_classes,
+    start_of_other,
+)
 from stixel_cli.tracking.class_size import CLASSES, class_size
+from stixel_cli.tracking.contour_filter import ClassFilter
 from stixel_cli.tracking.contour_parameters import ContourParameters
-from stixel_cli.tracking.contour_rays import associate, rays_of, sight_of
-from stixel_cli.tracking.contour_recovery import is_doubtful, look_again
-from stixel_cli.tracking.contour_report import contours_of, reported
-from stixel_cli.tracking.contour_update import SEEN, update
+from stixel_cli.tracking.contour_rays import rays_of
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.prior import PriorShape
-from stixel_cli.tracking.track import InitialState, Track
+from stixel_cli.tracking.track import InitialState, Track, used_rows
 
 
 def track(
@@ -54,66 +26,16 @@ def track(
 ) -> Track:
     """Track one target through `scans`, of the prior's class or of one that is found.
 
-    If the prior's class is `unknown`, one filter for each class tracks the target, and each scan
-    reports the most probable class, see `class_bank`. With a known class this begins at the scan
-    that contradicts the class; without such a scan the other classes change nothing.
+    One filter for each class tracks the target, until its class is out of question. If the prior's
+    class is `unknown`, each scan reports the most probable class, see `class_bank`. A known class
+    is reported until the scans contradict it; if they do not, the others change nothing.
     """
-    if prior.road_user == "unknown":
-        return most_probable(_others(scans, initial, prior, tracker), None)
-    own = track_class(scans, initial, prior, tracker)
-    if not contradicted(own, prior.road_user).any():
-        return own
-    tracks = {prior.road_user: own} | _others(scans, initial, prior, tracker)
-    return most_probable(tracks, prior.road_user)
-
-
-def _others(
-    scans: Scans, initial: InitialState, prior: PriorShape, tracker: ContourParameters
-) -> dict[str, Track]:
-    """The tracks of all classes but the prior's, from the same start."""
-    tracks = {}
-    for road_user in CLASSES:
-        if road_user == prior.road_user:
-            continue
-        size = class_size(road_user)
-        begin = initial
-        if prior.road_user != "unknown":
-            begin = start_of_other(initial, np.array([prior.length, prior.width]), size)
-        length, width = size.mean.tolist()
-        length_std, width_std = size.stds.tolist()
-        tracks[road_user] = track_class(
-            scans,
-            begin,
-            replace(prior, road_user=road_user, length=length, width=width),
-            replace(tracker, length_std=length_std, width_std=width_std),
-        )
-    return tracks
-
-
-def track_class(
-    scans: Scans, initial: InitialState, prior: PriorShape, tracker: ContourParameters
-) -> Track:
-    """Track a road user of a class: predict, associate, update at every scan, the first too.
-
-    The state starts as `initial`, one sample before the first scan, with the size of the class's
-    `prior`. Reads no truth. The reported states are x, y, heading, their rates, and the two
-    logarithms of size; the velocity is along the heading. A scan with n points has n degrees of
-    freedom, and one for each silhouette that is used. `contour_std` is that of the reported contour
-    along the ray from the estimated centre: pose, size and shape together.
-    """
-    shape = class_shape(prior.road_user)
-    sight = sight_of(prior.road_user, tracker)
-    mean, covariance = start(initial, prior, shape, tracker)
-    of_bias = np.zeros(7)
-
-    count = len(scans)
-    means, covariances = np.empty((count, 7)), np.empty((count, 7, 7))
-    used: list[np.ndarray] = []
-    nis, degrees = np.full(count, np.nan), np.zeros(count, np.int64)
-    likelihoods = np.zeros(count)
+    filters = {
+        road_user: ClassFilter(scans, *_of_class(road_user, initial, prior, tracker))
+        for road_user in CLASSES
+    }
+    followed, best = dict(filters), 0.0
     for k, interval in enumerate(intervals(scans.times)):
-        of_bias = transition(mean, interval) @ of_bias
-        mean, covariance = predict(mean, covariance, interval, tracker)
         rows = scans.rows(k)
         rays = rays_of(
             scans.points_world[rows],
@@ -121,86 +43,70 @@ def track_class(
             scans.sensor_poses_world[k],
             scans.field_of_view,
         )
-        indices = associate(rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], sight, tracker)
-        if len(indices):
-            predicted = mean, covariance, of_bias
-            mean, covariance, of_bias, nis[k], degrees[k], likelihoods[k] = update(
-                mean, covariance, of_bias, rays.subset(indices), sight, tracker
-            )
-            if is_doubtful(nis[: k + 1], degrees[: k + 1]):
-                indices, posterior = look_again(*predicted, rays, indices, sight, tracker)
-                mean, covariance, of_bias, nis[k], degrees[k], likelihoods[k] = posterior
-        used.append(indices + rows.start)
-        means[k], covariances[k] = mean, covariance
+        for one in followed.values():
+            # To look again costs ten updates, and a class that is improbable needs no better fit.
+            probable = k == 0 or one.log_weights[k - 1] > best - CONTRADICTED
+            one.step(k, interval, rays, recovers=probable)
+        best = max(one.log_weights[k] for one in followed.values())
+        followed = {
+            road_user: one
+            for road_user, one in followed.items()
+            if one.log_weights[k] > best - OUT_OF_QUESTION
+        }
+    return _reported(filters, None if prior.road_user == "unknown" else prior.road_user)
 
-    contours = contours_of(means, covariances, shape, tracker.contour_points)
-    states = reported(means, covariances, tracker.slip)
-    of_class = np.log(np.array([prior.length, prior.width]) / shape.size)
-    deviations = (means[:, 5:] - of_class) / [tracker.length_std, tracker.width_std]
-    return replace(
-        Track.of_scans(scans.times, states, contours, used, nis, degrees),
-        log_likelihoods=likelihoods,
-        size_deviations=np.abs(deviations).max(axis=1),
+
+def _of_class(
+    road_user: str, initial: InitialState, prior: PriorShape, tracker: ContourParameters
+) -> tuple[InitialState, PriorShape, ContourParameters]:
+    """Start, prior and parameters of the filter of a class."""
+    if road_user == prior.road_user:
+        return initial, prior, tracker
+    size = class_size(road_user)
+    if prior.road_user != "unknown":
+        initial = start_of_other(initial, np.array([prior.length, prior.width]), size)
+    length, width = size.mean.tolist()
+    length_std, width_std = size.stds.tolist()
+    return (
+        initial,
+        replace(prior, road_user=road_user, length=length, width=width),
+        replace(tracker, length_std=length_std, width_std=width_std),
     )
 
 
-def start(
-    initial: InitialState, prior: PriorShape, shape: ClassShape, tracker: ContourParameters
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (7,) and covariance (7, 7) from an initial state and the prior's size.
-
-    The velocity is split along and across the heading. The part across is measured as zero: that
-    turns the heading towards the velocity.
-    """
-    heading = initial.mean[2]
-    turn = np.eye(6)
-    turn[3:5, 3:5] = rotation(-heading)
-    mean, covariance = turn @ initial.mean, turn @ initial.covariance @ turn.T
-    # The velocity across the heading, v_y - v_x (psi - heading), is 0 ± slip.
-    row = np.zeros(6)
-    row[2], row[4] = -mean[3], 1.0
-    gain = covariance @ row / (row @ covariance @ row + tracker.slip**2)
-    mean, covariance = mean - gain * mean[4], covariance - np.outer(gain, row @ covariance)
-    kept = [0, 1, 2, 3, 5]
-    whole, spread = np.zeros(7), np.zeros((7, 7))
-    whole[:5], spread[:5, :5] = mean[kept], covariance[np.ix_(kept, kept)]
-    whole[5:] = np.log(np.array([prior.length, prior.width]) / shape.size)
-    spread[5, 5], spread[6, 6] = tracker.length_std**2, tracker.width_std**2
-    return whole, spread
-
-
-def predict(
-    mean: np.ndarray, covariance: np.ndarray, interval: float, tracker: ContourParameters
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (7,) and covariance (7, 7) one `interval` in s later: a turn at constant rate.
-
-    The displacement has the heading of the middle of the interval.
-    """
-    predicted = mean.copy()
-    predicted[:2] += mean[3] * _forward(mean, interval)
-    predicted[2] += mean[4] * interval
-    matrix = transition(mean, interval)
-    noise = np.zeros((7, 7))
-    noise[0, 0] = noise[1, 1] = tracker.slip**2 * interval
-    # The heading's noise keeps its covariance away from zero.
-    noise[2, 2] = tracker.turn_acceleration**2 * interval**3 / 3.0 + 1e-4 * interval
-    noise[2, 4] = noise[4, 2] = tracker.turn_acceleration**2 * interval**2 / 2.0
-    noise[4, 4] = tracker.turn_acceleration**2 * interval
-    noise[3, 3] = tracker.acceleration**2 * interval
-    return predicted, matrix @ covariance @ matrix.T + noise
+def _reported(filters: dict[str, ClassFilter], class_of_prior: str | None) -> Track:
+    """The track that is, at each scan, that of the class that is reported there."""
+    names = list(filters)
+    log_weights = {name: one.log_weights for name, one in filters.items()}
+    best = reported_classes(log_weights, class_of_prior)
+    own = None if class_of_prior is None else names.index(class_of_prior)
+    if (best == own).all():
+        return filters[names[own]].track()
+    tracks = {names[i]: filters[names[i]].track() for i in np.unique(best)}
+    chosen = [tracks[names[i]] for i in best]
+    values = {
+        field.name: np.stack([getattr(one, field.name)[k] for k, one in enumerate(chosen)])
+        for field in fields(Track)
+        if field.name not in SHARED
+    }
+    offsets, rows = used_rows(
+        [one.used_points[slice(*one.used_offsets[k : k + 2])] for k, one in enumerate(chosen)]
+    )
+    return replace(
+        chosen[0],
+        **values,
+        used_offsets=offsets,
+        used_points=rows,
+        class_probabilities=probabilities_of(log_weights),
+        class_replaced=None if own is None else best != own,
+    )
 
 
-def transition(mean: np.ndarray, interval: float) -> np.ndarray:
-    """Jacobian (7, 7) of the state one `interval` in s later."""
-    forward = _forward(mean, interval)
-    left = mean[3] * np.array([-forward[1], forward[0]])
-    matrix = np.eye(7)
-    matrix[:2, 2], matrix[:2, 3], matrix[:2, 4] = left, forward, 0.5 * interval * left
-    matrix[2, 4] = interval
-    return matrix
-
-
-def _forward(mean: np.ndarray, interval: float) -> np.ndarray:
-    """Displacement (2,) in m at a speed of 1 m/s."""
-    middle = mean[2] + 0.5 * mean[4] * interval
-    return interval * np.array([np.cos(middle), np.sin(middle)])
+SHARED = (
+    "used_offsets",
+    "used_points",
+    "class_probabilities",
+    "class_replaced",
+    "uses_scans",
+)
+"""Fields of a track without one row for each scan."""

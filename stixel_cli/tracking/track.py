@@ -39,8 +39,6 @@ class Track:
         nis_degrees_of_freedom: (K,) int64.
         size_deviations: (K,) how far length or width, the farther one, is from the mean of the
             class, in the class's standard deviations; None if the tracker does not estimate them.
-        log_likelihoods: (K,) of the points of each scan, given those before; 0 at a scan without
-            points; None if the tracker does not report them.
         class_probabilities: class to (K,), its probability given the scans up to k; the reported
             state is that of the most probable one. None if the tracker did not compare classes.
         class_replaced: (K,) bool, whether another class than the prior's is reported; None if the
@@ -59,7 +57,6 @@ class Track:
     nis: np.ndarray
     nis_degrees_of_freedom: np.ndarray
     size_deviations: np.ndarray | None = None
-    log_likelihoods: np.ndarray | None = None
     class_probabilities: dict[str, np.ndarray] | None = None
     class_replaced: np.ndarray | None = None
     uses_scans: bool = True

@@ -7,7 +7,7 @@ from tracking_cases import CAR
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import wrap_angle
-from stixel_cli.tracking import contour, contour_recovery
+from stixel_cli.tracking import contour_filter, contour_recovery
 from stixel_cli.tracking.class_shape import class_shape
 from stixel_cli.tracking.contour import track
 from stixel_cli.tracking.contour_rays import rays_of, sight_of
@@ -50,7 +50,7 @@ def test_a_track_that_the_scans_do_not_contradict_is_left_as_it_is(monkeypatch):
     poses = coming(-105, 0.4)
     scans = scans_seen(SHAPE.outline, poses, noise=0.02)
     with_recovery = track(scans, start_at(poses), CYCLIST, TRACKER)
-    monkeypatch.setattr(contour, "is_doubtful", lambda nis, degrees: False)
+    monkeypatch.setattr(contour_filter, "is_doubtful", lambda nis, degrees: False)
     without = track(scans, start_at(poses), CYCLIST, TRACKER)
     assert with_recovery.means.tobytes() == without.means.tobytes()
 

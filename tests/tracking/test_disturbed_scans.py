@@ -15,6 +15,7 @@ from stixel_cli.measurements.fabricated import fabricate_scans
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.build import build_scenario
 from stixel_cli.scene.ego import ego_motion
+from stixel_cli.tracking import contour
 from stixel_cli.tracking.contour import track
 from stixel_cli.tracking.start import noisy_start
 from stixel_cli.tracking.start_scans import start_from_scans
@@ -105,9 +106,7 @@ def test_an_unknown_class_is_found(user):
     ("user", "prior", "fits"),
     [
         *((user, user, True) for user in USERS),
-        ("car", "cyclist", False),
-        ("cyclist", "pedestrian", False),
-        ("pedestrian", "car", False),
+        *((user, prior, False) for user in USERS for prior in USERS if user != prior),
     ],
 )
 def test_a_wrong_class_is_reported_without_the_truth(user, prior, fits):
@@ -123,3 +122,24 @@ def test_a_wrong_class_is_reported_without_the_truth(user, prior, fits):
     moved = dataclasses.replace(scenario, target_poses_world=away)
     for name in OF_SIZE:
         assert evaluate(result, moved, scans).metrics[name] == metrics[name]
+
+
+def test_each_scan_has_the_state_of_the_class_that_it_reports(monkeypatch):
+    p, scenario, scans = clean("cyclist")
+    unknown = compose(["prior=unknown", "tracker=contour", "measurement=fabricated"]).configuration
+    initial = noisy_start(scenario, p.start, SEED)
+    monkeypatch.setattr(contour, "OUT_OF_QUESTION", np.inf)
+
+    def reporting(classes):
+        monkeypatch.setattr(contour, "reported_classes", lambda weights, prior: classes)
+        return track(scans, initial, unknown.prior, unknown.tracker)
+
+    count = len(scans)
+    known = [reporting(np.full(count, i)) for i in range(len(USERS))]
+    result = reporting(np.arange(count) % len(USERS))
+    for k in range(count):
+        one = known[k % len(USERS)]
+        for name in ("means", "covariances", "contours_world", "contour_std", "nis"):
+            np.testing.assert_array_equal(getattr(result, name)[k], getattr(one, name)[k])
+        rows, own = (t.used_points[slice(*t.used_offsets[k : k + 2])] for t in (result, one))
+        np.testing.assert_array_equal(rows, own)
