@@ -14,6 +14,7 @@ TABLES = {
     "ablation": "Each term left out (the first row of a road user has all terms)",
     "ablation_lidar": "The same on the 64-layer lidar",
     "wrong_class": "The prior of another class, and of no class, next to that of the right one",
+    "wrong_class_lidar": "The same on the 64-layer lidar",
     "goals": "The tracker with all terms, next to the project's goals",
     "simulated": "The trackers on simulated measurements",
     "peers": "The trackers of PyRecEst on the same measurements",

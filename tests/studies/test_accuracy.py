@@ -11,7 +11,7 @@ import yaml
 
 from stixel_cli.config.compose import compose
 from stixel_cli.studies.accuracy.ablation import TERMS
-from stixel_cli.studies.accuracy.report import ABLATIONS
+from stixel_cli.studies.accuracy.report import ABLATIONS, OWN_TABLES, WRONG_CLASSES
 from stixel_cli.studies.file import find_study, read_study
 
 SMALL = {
@@ -35,15 +35,16 @@ def tiny(tmp_path):
             "seeds": [0, 1],
             "fixed": content["sweeps"][name]["fixed"] | SMALL,
         }
-    wrong = content["sweeps"]["wrong_class"]
-    wrong["axes"] = {"road_user": ["pedestrian"], "prior": ["pedestrian", "car"], "path": ["turn"]}
-    wrong["fixed"], wrong["seeds"] = {**wrong["fixed"], **SMALL}, [0, 1]
+    priors = {"road_user": ["pedestrian"], "prior": ["pedestrian", "car"], "path": ["turn"]}
+    for name in WRONG_CLASSES:
+        wrong = content["sweeps"][name]
+        wrong |= {"axes": priors, "fixed": wrong["fixed"] | SMALL, "seeds": [0, 1]}
     peers = content["sweeps"]["peers"]
     names = ["full_scgp", "ggiw"]
     peers["axes"] = {"road_user": ["pedestrian"], "path": ["turn"], "tracker.name": names}
     peers["fixed"], peers["seeds"] = {**peers["fixed"], **SMALL}, [0]
     for name, sweep in content["sweeps"].items():
-        if name in (*ABLATIONS, "wrong_class", "peers"):
+        if name in (*OWN_TABLES, "peers"):
             continue
         sweep["fixed"] = {**sweep["fixed"], **SMALL}
         if name == "long_range":
@@ -103,8 +104,9 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny, tmp_path):
         "PyRecEst full_scgp",
         "PyRecEst ggiw",
     ]
-    right, other = table(folder, "wrong_class")
-    assert (right["prior"], other["prior"]) == ("pedestrian", "car")
+    for name in WRONG_CLASSES:
+        right, other = table(folder, name)
+        assert (right["prior"], other["prior"]) == ("pedestrian", "car")
     assert (right["loss, mean IoU"], float(other["loss, mean IoU"]) > 0.0) == ("", True)
     goals = table(folder, "goals")
     assert {row["met"] for row in goals} <= {"yes", "no"}
@@ -139,7 +141,7 @@ def test_each_variant_of_the_ablation_switches_one_known_term_off(name):
 
 def test_the_shipped_study_has_ten_seeds_with_a_shape_each():
     study = read_study(find_study("accuracy"))
-    fewer = {"long_range": 2, "one_mesh": 3, "wrong_class": 3, "peers": 3}
+    fewer = {"long_range": 2, "one_mesh": 3, "peers": 3}
     for sweep in study.sweeps:
         assert sweep.content["seeds"] == fewer.get(sweep.name, 10)
         linked = sweep.content["fixed"].get("road_user.shape_seed")

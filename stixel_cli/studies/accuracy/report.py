@@ -35,7 +35,9 @@ COMPARED = ("centre_rmse_m", "orientation_rmse_deg", "iou_box_mean")
 """Metrics of the answer's plot."""
 ABLATIONS = ("ablation", "ablation_lidar")
 """Sweeps that leave out one term of `TRACKER` each."""
-OWN_TABLES = (*ABLATIONS, "wrong_class")
+WRONG_CLASSES = ("wrong_class", "wrong_class_lidar")
+"""Sweeps of `TRACKER` with the priors of all classes and of none."""
+OWN_TABLES = (*ABLATIONS, *WRONG_CLASSES)
 """Sweeps with tables of their own."""
 APART = "s_curve"
 """A path that is reported on its own: the means are over the others."""
@@ -69,7 +71,9 @@ def report(data: StudyData) -> Material:
                 for name, frame in frames.items()
             },
             "ablations": {name: ablation_table(name, data.sweeps[name].runs) for name in ABLATIONS},
-            "wrong_class": wrong_class_table(data.sweeps["wrong_class"].runs),
+            "wrong_classes": {
+                name: wrong_class_table(name, data.sweeps[name].runs) for name in WRONG_CLASSES
+            },
             "goals": goals_table({name: together(frame) for name, frame in frames.items()}),
             "by_path": accuracy_table(
                 "by_path", simulated, ("road_user", "path", "tracker"), apart=False

@@ -1,6 +1,7 @@
 """What the tracker `contour` loses with the prior of another class, or of no class."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,10 +23,11 @@ EFFECTS = Effects(
 )
 
 
-def wrong_class_table(runs: Sequence[StudyRun]) -> Table:
+def wrong_class_table(name: str, runs: Sequence[StudyRun]) -> Table:
     """One row for each road user and prior."""
     frame = run_frame(runs)
     frame = frame.assign(**{WARNED: [float(misfits_class(run.metrics)) for run in runs]})
     if "class_error" not in frame:
         frame = frame.assign(class_error=np.nan)
-    return effects_table(EFFECTS, frame, {user: user for user in names(frame, "road_user")})
+    references = {user: user for user in names(frame, "road_user")}
+    return effects_table(replace(EFFECTS, name=name), frame, references)
