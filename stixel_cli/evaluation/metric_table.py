@@ -244,7 +244,7 @@ _TABLE = (
     Metric("points_beside_share", "points next to the used ones that were not used, share",
            "points beside", "", None, (0.0, 1.0),
            lambda e: share_of(e.points_beside, e.points_used), (None, 0.1)),
-    # Only of a tracker that compares classes.
+    # Only of a track with probabilities of the classes.
     *(Metric(f"{name}_probability", f"probability of the class {name}, last scan",
              f"probability, {name}", "", None, (0.0, 1.0),
              lambda e, name=name: mean(e.class_probabilities[name][-1:])) for name in CLASSES),
@@ -262,7 +262,7 @@ PROBABILITIES = {name: f"{name}_probability" for name in CLASSES}
 """Class to the metric of its probability."""
 
 OF_CLASSES = (*PROBABILITIES.values(), "class_error", "class_replaced_share")
-"""The metrics that only a tracker that compared classes has."""
+"""The metrics that only a track with probabilities of the classes has."""
 
 METRICS = {metric.name: metric for metric in _TABLE}
 """Name to row, in the order in which tables show them."""

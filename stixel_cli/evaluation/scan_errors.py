@@ -78,9 +78,10 @@ class ScanErrors:
         points_beside: points near a used one that the tracker did not use, and
         size_deviations: see `Track`; both (K,), NaN if the tracker does not estimate a class's
             size.
-        class_probabilities: class to (K,), see `Track`; NaN if the tracker did not compare classes.
+        class_probabilities: class to (K,), see `Track`; NaN if that has none.
         class_wrong: whether the most probable class is not the road user's, 0 or 1; NaN if unknown.
-        class_replaced: whether it is not that of the prior, 0 or 1; NaN if that is unknown.
+        class_replaced: whether the reported class is not that of the prior, 0 or 1; NaN if that is
+            unknown.
         uses_scans: see `Track`.
     """
 

@@ -227,9 +227,14 @@ def tracks_columns(tracks: Sequence[ObjectTrack]) -> dict[str, np.ndarray]:
     tables = [track_columns(one.track) for one in tracks]
     for one, table in zip(tracks, tables, strict=True):
         table["k"] = table["k"] + one.first
+    # A track of the prior's class has no probabilities.
+    names = dict.fromkeys(name for table in tables for name in table)
     numbers = np.repeat(np.arange(len(tracks)), [len(table["k"]) for table in tables])
     return {"track": numbers} | {
-        name: np.concatenate([table[name] for table in tables]) for name in tables[0]
+        name: np.concatenate(
+            [table.get(name, np.full(len(table["k"]), np.nan)) for table in tables]
+        )
+        for name in names
     }
 
 
@@ -295,5 +300,5 @@ def track_arrays(track: Track) -> dict[str, np.ndarray]:
 
 
 def class_columns(track: Track) -> dict[str, np.ndarray]:
-    """The probability of each class, (K,); empty if the tracker did not compare classes."""
+    """The probability of each class, (K,); empty for a track without them."""
     return {f"{name}_probability": p for name, p in (track.class_probabilities or {}).items()}

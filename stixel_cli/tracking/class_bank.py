@@ -1,4 +1,4 @@
-"""Which class the points are of: one filter for each class, weighed by likelihood.
+"""Which class the points are of: one filter for each class, weighted by likelihood.
 
 The classes are equally probable at first. After the scans up to k, the log weight of a class is
 
@@ -36,30 +36,33 @@ OVERSTATED = 4.0
 The filter states a noise for errors that its scans share, so the NIS of the right class is far
 below its degrees of freedom, and that of another class hardly above. With the stated covariance a
 car that takes in a post beside a pedestrian was more likely than the pedestrian, and cyclists
-became cars. From 4 to 8 no tuning run of the right class has odds against it above 2, and each of a
-wrong class is above 100 within 43 scans.
+became cars. With the default factors on the noise and from 4 to 8, every wrong class of the tuning
+runs is replaced and no right one: sweeps of road_user, prior, path and measurement, seeds from
+1000.
 """
 
 CONTRADICTED = np.log(100.0)
 """The scans contradict the prior's class once the log odds of another are above this."""
 
-OUT_OF_QUESTION = 30.0
-"""A class whose log odds are this far below the best is not followed any more.
+RULED_OUT = 30.0
+"""The tracker drops a class once its log odds against the best are this far below zero.
 
-Begun from the start of a wrong class, the right one was down to -23 before it was the best.
+With the start of a wrong class, the log odds of the right one can fall below -20 before it becomes
+the best.
 """
 
 
-def log_likelihood(likelihood: float, nis: float, degrees: int) -> float:
-    """Log likelihood of a scan with `OVERSTATED` counted, from that of the stated covariance.
+def log_likelihood(stated: float, nis: float, degrees: int) -> float:
+    """Log likelihood of a scan with the stated covariance over `OVERSTATED`.
 
-    `nis` is that of the stated covariance, `degrees` its degrees of freedom.
+    `stated` is that with the stated covariance, and `nis` too; `degrees` are its degrees of
+    freedom.
     """
-    return likelihood - 0.5 * (OVERSTATED - 1.0) * nis + 0.5 * degrees * np.log(OVERSTATED)
+    return stated - 0.5 * (OVERSTATED - 1.0) * nis + 0.5 * degrees * np.log(OVERSTATED)
 
 
 def log_weight(
-    sum_of_likelihoods: float,
+    sum_of_log_likelihoods: float,
     size_deviation: float,
     speed: float,
     speed_variance: float,
@@ -68,13 +71,13 @@ def log_weight(
     """Log weight of a class, see above; -1e9 if it is not finite.
 
     Args:
-        sum_of_likelihoods: of `log_likelihood`, over the scans.
+        sum_of_log_likelihoods: of `log_likelihood`, over the scans.
         size_deviation: d.
         speed, speed_variance: v in m/s and V.
         road_user: the class.
     """
     variance = SPEEDS[road_user] ** 2 + speed_variance
-    weight = sum_of_likelihoods / CORRELATED_SCANS
+    weight = sum_of_log_likelihoods / CORRELATED_SCANS
     weight -= 0.5 * (size_deviation**2 + speed**2 / variance + np.log(variance))
     return weight if np.isfinite(weight) else -1e9
 
@@ -92,7 +95,7 @@ def reported_classes(
     """Which of the classes is reported at each scan, (K,) indices.
 
     Args:
-        log_weights: class to (K,), -inf where the class is out of question.
+        log_weights: class to (K,), -inf where the class is dropped.
         class_of_prior: reported until the scans contradict it, then the most probable one. None: it
             is unknown, and the most probable one is reported from the start.
     """

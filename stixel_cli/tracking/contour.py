@@ -1,4 +1,4 @@
-"""The tracker `contour`: a filter per class, see `contour_filter.py`, and which is reported."""
+"""The tracker `contour`: one filter per class (`contour_filter.py`), and which one is reported."""
 
 from dataclasses import fields, replace
 
@@ -7,7 +7,7 @@ import numpy as np
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.class_bank import (
     CONTRADICTED,
-    OUT_OF_QUESTION,
+    RULED_OUT,
     probabilities_of,
     reported_classes,
     start_of_other,
@@ -26,7 +26,7 @@ def track(
 ) -> Track:
     """Track one target through `scans`, of the prior's class or of one that is found.
 
-    One filter for each class tracks the target, until its class is out of question. If the prior's
+    One filter for each class tracks the target, until the scans rule its class out. If the prior's
     class is `unknown`, each scan reports the most probable class, see `class_bank`. A known class
     is reported until the scans contradict it; if they do not, the others change nothing.
     """
@@ -44,14 +44,15 @@ def track(
             scans.field_of_view,
         )
         for one in followed.values():
-            # To look again costs ten updates, and a class that is improbable needs no better fit.
+            # It takes nine updates. On the tuning runs an improbable class needs it no more: each
+            # wrong class is replaced without it, too.
             probable = k == 0 or one.log_weights[k - 1] > best - CONTRADICTED
             one.step(k, interval, rays, recovers=probable)
         best = max(one.log_weights[k] for one in followed.values())
         followed = {
             road_user: one
             for road_user, one in followed.items()
-            if one.log_weights[k] > best - OUT_OF_QUESTION
+            if one.log_weights[k] > best - RULED_OUT
         }
     return _reported(filters, None if prior.road_user == "unknown" else prior.road_user)
 
@@ -80,10 +81,10 @@ def _reported(filters: dict[str, ClassFilter], class_of_prior: str | None) -> Tr
     log_weights = {name: one.log_weights for name, one in filters.items()}
     best = reported_classes(log_weights, class_of_prior)
     own = None if class_of_prior is None else names.index(class_of_prior)
-    if (best == own).all():
+    if own is not None and (best == own).all():
         return filters[names[own]].track()
-    tracks = {names[i]: filters[names[i]].track() for i in np.unique(best)}
-    chosen = [tracks[names[i]] for i in best]
+    tracks = {i: filters[names[i]].track() for i in np.unique(best)}
+    chosen = [tracks[i] for i in best]
     values = {
         field.name: np.stack([getattr(one, field.name)[k] for k, one in enumerate(chosen)])
         for field in fields(Track)

@@ -51,7 +51,8 @@ class ClassFilter:
     """The filter of a target of one class through K scans: predict, associate, update at each.
 
     The state starts as `initial`, one sample before the first scan, with the size of the class's
-    `prior`. Reads no truth.
+    `prior`. Reads no truth. It keeps its state between scans, as the filters of all classes take
+    the same scan before the next.
 
     Attributes:
         log_weights: (K,) of the class given the scans up to k, see `class_bank`; -inf at scans
@@ -67,7 +68,7 @@ class ClassFilter:
         self._of_class = np.log(np.array([prior.length, prior.width]) / self._shape.size)
         self._mean, self._covariance = start(initial, prior, self._shape, tracker)
         self._of_bias = np.zeros(7)
-        self._sum_of_likelihoods = 0.0
+        self._sum_of_log_likelihoods = 0.0
         count = len(scans)
         self._means = np.tile(self._mean, (count, 1))
         self._covariances = np.tile(self._covariance, (count, 1, 1))
@@ -88,18 +89,19 @@ class ClassFilter:
         if len(indices):
             predicted = mean, covariance, of_bias
             posterior = update(*predicted, rays.subset(indices), sight, tracker)
-            self._nis[k], self._degrees[k] = posterior[3:5]
+            *_, self._nis[k], self._degrees[k], _ = posterior
             if recovers and is_doubtful(self._nis[: k + 1], self._degrees[: k + 1]):
                 indices, posterior = look_again(*predicted, rays, indices, sight, tracker)
-            mean, covariance, of_bias, self._nis[k], self._degrees[k], likelihood = posterior
-            self._sum_of_likelihoods += log_likelihood(likelihood, *posterior[3:5])
+            mean, covariance, of_bias, nis, degrees, stated = posterior
+            self._nis[k], self._degrees[k] = nis, degrees
+            self._sum_of_log_likelihoods += log_likelihood(stated, nis, degrees)
         self._mean, self._covariance, self._of_bias = mean, covariance, of_bias
         self._means[k], self._covariances[k] = mean, covariance
         self._used[k] = indices + self._scans.rows(k).start
         deviations = (mean[5:] - self._of_class) / [tracker.length_std, tracker.width_std]
         self._size_deviations[k] = np.abs(deviations).max()
         self.log_weights[k] = log_weight(
-            self._sum_of_likelihoods,
+            self._sum_of_log_likelihoods,
             self._size_deviations[k],
             mean[3],
             covariance[3, 3],
@@ -107,7 +109,7 @@ class ClassFilter:
         )
 
     def track(self) -> Track:
-        """What the filter has of all scans; a scan without a step has the state of the start.
+        """The posteriors of all scans; a scan without a step has the state of the start.
 
         The states are x, y, heading, their rates, and the two logarithms of size; the velocity is
         along the heading. A scan with n points has n degrees of freedom, and one for each

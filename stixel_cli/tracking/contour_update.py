@@ -1,4 +1,4 @@
-"""The update of the tracker `contour`: rays on the class's shape; see `contour.py`."""
+"""The update of the tracker `contour`: rays on the class's shape; see `contour_filter.py`."""
 
 import numpy as np
 

@@ -38,9 +38,9 @@ class Track:
         nis: (K,) normalised innovation squared; NaN where no point was used.
         nis_degrees_of_freedom: (K,) int64.
         size_deviations: (K,) how far length or width, the farther one, is from the mean of the
-            class, in the class's standard deviations; None if the tracker does not estimate them.
-        class_probabilities: class to (K,), its probability given the scans up to k; the reported
-            state is that of the most probable one. None if the tracker did not compare classes.
+            reported class, in its standard deviations; None if the tracker does not estimate them.
+        class_probabilities: class to (K,), its probability given the scans up to k. None if the
+            prior's class is reported at all scans, or the tracker does not compare classes.
         class_replaced: (K,) bool, whether another class than the prior's is reported; None if the
             prior's is unknown, or reported at all scans.
         uses_scans: whether the tracker is one that uses points at all.

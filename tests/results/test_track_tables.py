@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stixel_cli.results.result import track_arrays, track_columns
+from stixel_cli.results.result import track_arrays, track_columns, tracks_columns
+from stixel_cli.tracking.found import ObjectTrack
 from stixel_cli.tracking.track import Track
 
 COUNT = 3
@@ -34,3 +35,14 @@ def test_both_files_have_the_probability_of_each_class(track, table):
     found = table(replace(track, class_probabilities={"car": car, "cyclist": 1.0 - car}))
     np.testing.assert_array_equal(found["car_probability"], car)
     np.testing.assert_array_equal(found["cyclist_probability"], 1.0 - car)
+
+
+@pytest.mark.parametrize("replaced", [0, 1])
+def test_a_track_without_probabilities_has_none_in_the_table_of_all(track, replaced):
+    car = np.array([0.5, 0.7, 0.9])
+    both = [track, track]
+    both[replaced] = replace(track, class_probabilities={"car": car})
+    found = tracks_columns([ObjectTrack(0, both[0]), ObjectTrack(5, both[1])])
+    np.testing.assert_array_equal(found["k"], [0, 1, 2, 5, 6, 7])
+    np.testing.assert_array_equal(found["car_probability"][found["track"] == replaced], car)
+    assert np.isnan(found["car_probability"][found["track"] != replaced]).all()

@@ -107,7 +107,7 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny, tmp_path):
     for name in WRONG_CLASSES:
         right, other = table(folder, name)
         assert (right["prior"], other["prior"]) == ("pedestrian", "car")
-    assert (right["loss, mean IoU"], float(other["loss, mean IoU"]) > 0.0) == ("", True)
+        assert (right["loss, mean IoU"], float(other["loss, mean IoU"]) > 0.0) == ("", True)
     goals = table(folder, "goals")
     assert {row["met"] for row in goals} <= {"yes", "no"}
     assert {row["measurement"] for row in goals} == {"simulated", "long range", "fabricated"}

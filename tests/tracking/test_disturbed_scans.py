@@ -1,6 +1,7 @@
 """`tracker=contour` through dropout, empty scans and clutter, and with another class's prior."""
 
 import dataclasses
+import pickle
 from functools import cache
 
 import numpy as np
@@ -17,6 +18,9 @@ from stixel_cli.scene.build import build_scenario
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.tracking import contour
 from stixel_cli.tracking.contour import track
+from stixel_cli.tracking.contour_filter import ClassFilter
+from stixel_cli.tracking.contour_rays import rays_of
+from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.start import noisy_start
 from stixel_cli.tracking.start_scans import start_from_scans
 
@@ -128,7 +132,7 @@ def test_each_scan_has_the_state_of_the_class_that_it_reports(monkeypatch):
     p, scenario, scans = clean("cyclist")
     unknown = compose(["prior=unknown", "tracker=contour", "measurement=fabricated"]).configuration
     initial = noisy_start(scenario, p.start, SEED)
-    monkeypatch.setattr(contour, "OUT_OF_QUESTION", np.inf)
+    monkeypatch.setattr(contour, "RULED_OUT", np.inf)
 
     def reporting(classes):
         monkeypatch.setattr(contour, "reported_classes", lambda weights, prior: classes)
@@ -143,3 +147,52 @@ def test_each_scan_has_the_state_of_the_class_that_it_reports(monkeypatch):
             np.testing.assert_array_equal(getattr(result, name)[k], getattr(one, name)[k])
         rows, own = (t.used_points[slice(*t.used_offsets[k : k + 2])] for t in (result, one))
         np.testing.assert_array_equal(rows, own)
+
+
+@pytest.mark.parametrize("user", USERS)
+def test_the_other_classes_change_nothing_while_the_prior_fits(user):
+    p, scenario, scans = clean(user)
+    initial = noisy_start(scenario, p.start, SEED)
+    alone = ClassFilter(scans, initial, p.prior, p.tracker)
+    for k, interval in enumerate(intervals(scans.times)):
+        rows = scans.rows(k)
+        points, covariances = scans.points_world[rows], scans.covariances_world[rows]
+        rays = rays_of(points, covariances, scans.sensor_poses_world[k], scans.field_of_view)
+        alone.step(k, interval, rays, recovers=True)
+    assert pickle.dumps(alone.track()) == pickle.dumps(track(scans, initial, p.prior, p.tracker))
+
+
+@pytest.mark.parametrize("user", USERS)
+def test_classes_that_are_dropped_would_change_nothing(user, monkeypatch):
+    others = [prior for prior in (*USERS, "unknown") if prior != user]
+    dropped = [of_prior(user, prior) for prior in others]
+    monkeypatch.setattr(contour, "RULED_OUT", np.inf)
+    for prior, expected in zip(others, dropped, strict=True):
+        found = of_prior(user, prior)
+        np.testing.assert_array_equal(found.means, expected.means)
+        np.testing.assert_array_equal(found.class_replaced, expected.class_replaced)
+        for name, values in found.class_probabilities.items():
+            np.testing.assert_allclose(values, expected.class_probabilities[name], atol=1e-12)
+
+
+def test_a_pedestrian_beside_a_post_is_found_with_the_prior_of_a_car():
+    """A car takes in the post, too: with the stated covariance the odds stay open for a second."""
+    p, scenario, scans = clean("pedestrian")
+    place = scenario.target_poses_world[0, :2]
+    away = place - scans.sensor_poses_world[0, :2]
+    aside = np.array([-away[1], away[0]]) / np.hypot(*away)
+    post = place + 1.5 * aside + np.array([[0.0, 0.0], [0.05, 0.0], [0.1, 0.0]])
+    spread = np.tile(0.05**2 * np.eye(2), (len(post), 1, 1))
+    each = [
+        (
+            np.concatenate([scans.points_world[rows], post]),
+            np.concatenate([scans.covariances_world[rows], spread]),
+        )
+        for rows in map(scans.rows, range(len(scans)))
+    ]
+    beside = Scans.of_each(
+        scans.times, scans.sensor_poses_world, each, field_of_view=scans.field_of_view
+    )
+    car = compose(["prior=car", "tracker=contour", "measurement=fabricated"]).configuration
+    found = track(beside, noisy_start(scenario, p.start, SEED), car.prior, car.tracker)
+    assert found.class_probabilities["pedestrian"][5:].min() > 0.99

@@ -22,19 +22,23 @@ TERMS = {
 WHOLE = "–"
 """The name of the variant with all terms."""
 
+REPLACED = "class_replaced_share"
+
 EFFECTS = Effects(
     name="ablation",
     column="term",
     heading="without",
     effect="gain",
     measures=("iou_mean", "iou_hull_mean", "iou_box_mean", "centre_rmse_m"),
-    others=("nees_position_mean", "band_coverage", "track_lost"),
+    others=("nees_position_mean", "band_coverage", "track_lost", REPLACED),
 )
 
 
 def ablation_table(name: str, runs: Sequence[StudyRun]) -> Table:
     """One row for each road user and variant of the tracker; the first variant has all terms."""
     frame = run_frame(runs).assign(term=[_term(run, runs[0]) for run in runs])
+    # A track of the prior's class has no such metric.
+    frame = frame.assign(**{REPLACED: frame.get(REPLACED, 0.0)}).fillna({REPLACED: 0.0})
     references = dict.fromkeys(names(frame, "road_user"), WHOLE)
     return effects_table(replace(EFFECTS, name=name), frame, references)
 
