@@ -5,6 +5,8 @@ vertex not repeated. Poses (K, 3) = x m, y m, heading rad in that frame. If a po
 its error is NaN. The functions compute all scans at once.
 """
 
+from functools import lru_cache
+
 import numpy as np
 import shapely
 
@@ -149,6 +151,17 @@ def seen_points(
         poses: (K,), index of the pose of its limbs at each scan.
         sensors: (K, 2) m, in the frame of the outlines.
     """
+    # Trackers of one scenario ask for the same, and it takes an eighth of the time of their scores.
+    arrays = points, contours, poses, sensors
+    return _seen_points(*((values.tobytes(), values.dtype.str, values.shape) for values in arrays))
+
+
+@lru_cache(maxsize=1)
+def _seen_points(*arrays: tuple[bytes, str, tuple[int, ...]]) -> np.ndarray:
+    """`seen_points` of the bytes, types and shapes of its arrays; not to be written."""
+    points, contours, poses, sensors = (
+        np.frombuffer(data, dtype).reshape(shape) for data, dtype, shape in arrays
+    )
     seen = np.ones((len(poses), points.shape[1]), dtype=bool)
     for pose in np.unique(poses):
         inside = shapely.buffer(shapely.Polygon(contours[pose]), -SHRUNK, quad_segs=1)
@@ -165,6 +178,7 @@ def seen_points(
             between = is_edge & ((_cross(offsets[:, :-1], along) > 0.0)[:, None] != beyond)
             side = (rays[..., ::-1] * [-1.0, 1.0]) @ offsets.transpose(0, 2, 1) > 0.0
             seen[few] = ~(between & (side[..., 1:] != side[..., :-1])).any(axis=2)
+    seen.flags.writeable = False
     return seen
 
 
