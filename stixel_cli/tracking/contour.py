@@ -34,7 +34,7 @@ def track(
         road_user: ClassFilter(scans, *_of_class(road_user, initial, prior, tracker))
         for road_user in CLASSES
     }
-    followed, best = dict(filters), 0.0
+    kept, best = dict(filters), 0.0
     for k, interval in enumerate(intervals(scans.times)):
         rows = scans.rows(k)
         rays = rays_of(
@@ -43,15 +43,14 @@ def track(
             scans.sensor_poses_world[k],
             scans.field_of_view,
         )
-        for one in followed.values():
-            # It takes nine updates. On the tuning runs an improbable class needs it no more: each
-            # wrong class is replaced without it, too.
+        for one in kept.values():
+            # To look again takes nine updates. A class that the scans contradict does without.
             probable = k == 0 or one.log_weights[k - 1] > best - CONTRADICTED
             one.step(k, interval, rays, recovers=probable)
-        best = max(one.log_weights[k] for one in followed.values())
-        followed = {
+        best = max(one.log_weights[k] for one in kept.values())
+        kept = {
             road_user: one
-            for road_user, one in followed.items()
+            for road_user, one in kept.items()
             if one.log_weights[k] > best - RULED_OUT
         }
     return _reported(filters, None if prior.road_user == "unknown" else prior.road_user)
