@@ -2,13 +2,13 @@
 
 import os
 import signal
+import threading
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Future
 from contextlib import contextmanager
 from queue import SimpleQueue
-from threading import Thread, current_thread, main_thread
 from typing import Any, Literal, Protocol
 
 from stixel_cli.engine.one_thread import ENVIRONMENT
@@ -17,6 +17,10 @@ from stixel_cli.engine.parameters import DaskExecutor, Executor, LocalExecutor, 
 ExecutorName = Literal["local", "threads", "dask", "serial"]
 ORPHAN_INTERVAL = 0.5
 """Seconds between two checks of a worker that its parent is alive."""
+FEEDER = "QueueFeederThread"
+"""Name of the thread by which loky sends tasks to its processes."""
+FEEDER_TIME = 1.0
+"""Maximum wait for that thread, in seconds: it may hang in a pipe that no process reads."""
 
 NAMES = ("local", "threads", "dask", "serial")
 
@@ -111,8 +115,13 @@ class ProcessPool(Pool):
     def close(self) -> None:
         """Kill the processes."""
         if self._executor is not None:
+            feeders = [thread for thread in threading.enumerate() if thread.name == FEEDER]
             self._executor.shutdown(wait=True, kill_workers=True)
             self._executor = None
+            # loky does not wait for it. If this process ended while the thread deletes a semaphore,
+            # a semaphore would be reported as leaked.
+            for feeder in feeders:
+                feeder.join(FEEDER_TIME)
 
 
 class ThreadPool(Pool):
@@ -121,7 +130,7 @@ class ThreadPool(Pool):
     def __init__(self, workers: int):
         self.limit = workers + 1
         self._tasks: SimpleQueue[tuple[Future, Callable[..., Any], tuple] | None] = SimpleQueue()
-        self._threads = [Thread(target=self._work, daemon=True) for _ in range(workers)]
+        self._threads = [threading.Thread(target=self._work, daemon=True) for _ in range(workers)]
         for thread in self._threads:
             thread.start()
 
@@ -217,7 +226,7 @@ def deferred_interrupts() -> Iterator[Callable[[], None]]:
         if pending:
             raise KeyboardInterrupt
 
-    here = current_thread() is main_thread()
+    here = threading.current_thread() is threading.main_thread()
     ours = [
         number
         for number in (signal.SIGINT, signal.SIGTERM)
@@ -253,7 +262,7 @@ def _prepare_worker(parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # A copy of the parent has its handler.
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    Thread(target=_end_with, args=(parent,), daemon=True).start()
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     from joblib.externals.loky import process_executor
 
     # With psutil installed, loky takes growth of a worker by 300 MB for a leak and replaces it.

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 import traceback
 from concurrent.futures import wait
@@ -267,6 +268,16 @@ def test_processes_that_want_the_same_compute_it_once(project):
         assert (process.returncode, output, errors) == (0, "", "")
     assert project.calls() == ["wait 0", "wait 1"]
     assert list((project.store.folder / "locks").iterdir()) == []
+
+
+def test_a_closed_pool_leaves_no_thread():
+    """One that deletes a semaphore as this process ends would have it reported as leaked."""
+    before = set(threading.enumerate())
+    for _ in range(5):
+        pool = pools.ProcessPool(1)
+        assert pool.submit(abs, -1).result() == 1
+        pool.close()
+        assert set(threading.enumerate()) <= before
 
 
 def test_a_killed_process_leaves_nothing_that_blocks_or_misleads(project):
