@@ -13,6 +13,9 @@ from numba import njit
 NEAREST = 1e-3
 """Surfaces nearer to the camera than this along its axis, m, are not seen."""
 
+NARROW = 8
+"""A triangle of at most this many columns is looked for in all of them, not in each row's own."""
+
 MARGIN = 1e-6
 """Rounding of a triangle's extent in the image, px; samples keep further off a pixel's border."""
 
@@ -28,7 +31,8 @@ def rasterise(
     u0: float,
     v0: float,
     columns: np.ndarray,
-    row_starts: np.ndarray,
+    preceding: np.ndarray,
+    width: int,
     right: np.ndarray,
     down: np.ndarray,
 ) -> None:
@@ -41,12 +45,13 @@ def rasterise(
         corners: (T, 3, 3) float64 m, triangles in the frame of the body.
         projection, origin, focal, u0, v0: the camera in that frame, see `Camera.projection`.
         columns: (n,) int64 of the pixels, which are sorted by row and then by column.
-        row_starts: (H + 1,) int64, the first pixel of each row of the image.
+        preceding: (H W + 1,) int32, how many of the pixels precede each of the image, row by row.
+        width: of the image, px.
         right, down: (s,) float64 px, the samples' offsets from a pixel's centre.
     """
     memory = np.zeros(len(columns)), np.empty((3, 3)), np.empty((3, 3))
-    pinhole = projection, origin, focal, u0, v0
-    _rasterise(inverse, found, *memory, first, corners, *pinhole, columns, row_starts, right, down)
+    pinhole, pixels = (projection, origin, focal, u0, v0), (columns, preceding, width)
+    _rasterise(inverse, found, *memory, first, corners, *pinhole, *pixels, right, down)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -64,7 +69,8 @@ def _rasterise(
     u0,
     v0,
     columns,
-    row_starts,
+    preceding,
+    width,
     right,
     down,
 ):
@@ -73,7 +79,7 @@ def _rasterise(
     What is behind `filled` (n,) 1/m need not be looked at: a triangle fills the pixel. It is zero
     at first; `points` and `edges` (3, 3) are working memory.
     """
-    height, samples, most = len(row_starts) - 1, len(right), 1.0 / NEAREST
+    height, samples, most = len(preceding) // width, len(right), 1.0 / NEAREST
     for t in range(len(corners)):
         nearest, depth = -np.inf, np.inf
         for i in range(3):
@@ -87,16 +93,17 @@ def _rasterise(
             nearest, depth = max(nearest, points[i, 2]), min(depth, points[i, 2])
         if nearest < NEAREST:
             continue
-        top, bottom = 0, height
+        start, end, top, bottom = 0, width, 0, height
         if depth > NEAREST:
-            low = high = points[0, 1] / points[0, 2]
+            low_u = high_u = points[0, 0] / points[0, 2]
+            low_v = high_v = points[0, 1] / points[0, 2]
             for i in range(1, 3):
-                tangent = points[i, 1] / points[i, 2]
-                low, high = min(low, tangent), max(high, tangent)
-            top = max(int(np.ceil(max(low * focal + v0 - 0.5 - MARGIN, -1.0))), 0)
-            bottom = int(np.floor(min(high * focal + v0 + 0.5 + MARGIN, height + 1.0))) + 1
-            bottom = min(bottom, height)
-        if top >= bottom or row_starts[top] == row_starts[bottom]:
+                x, y = points[i, 0] / points[i, 2], points[i, 1] / points[i, 2]
+                low_u, high_u = min(low_u, x), max(high_u, x)
+                low_v, high_v = min(low_v, y), max(high_v, y)
+            start, end = _touched(low_u * focal + u0, high_u * focal + u0, width)
+            top, bottom = _touched(low_v * focal + v0, high_v * focal + v0, height)
+        if start >= end or top >= bottom or preceding[top * width] == preceding[bottom * width]:
             continue
         volume = _edge_functions(points, focal, u0, v0, edges)
         if volume == 0.0:
@@ -112,29 +119,21 @@ def _rasterise(
         half2 = 0.5 * (abs(a2) + abs(b2))
         own = np.int32(first + t)
         for row in range(top, bottom):
-            start, end = row_starts[row], row_starts[row + 1]
-            if start == end:
-                continue
-            low, high = _span(edges, row)
-            if low > high or high < columns[start] or low > columns[end - 1]:
-                continue
-            pixel = start
-            if low > columns[start]:
-                # The first pixel of the row that is not left of the span.
-                past = end
-                while pixel < past:
-                    middle = (pixel + past) // 2
-                    if columns[middle] < low:
-                        pixel = middle + 1
-                    else:
-                        past = middle
-            while pixel < end and columns[pixel] <= high:
+            left, past = start, end
+            if end - start > NARROW:
+                low, high = _span(edges, row)
+                left, past = _touched(low, high, width)
+                if left >= past:
+                    continue
+            for pixel in range(preceding[row * width + left], preceding[row * width + past]):
                 u = columns[pixel]
                 centre = across * u + along * row + level
                 if centre + ahead > filled[pixel]:
                     e0 = edges[0, 0] * u + edges[0, 1] * row + edges[0, 2]
                     e1 = edges[1, 0] * u + edges[1, 1] * row + edges[1, 2]
                     e2 = edges[2, 0] * u + edges[2, 1] * row + edges[2, 2]
+                    if e0 < -half0 or e1 < -half1 or e2 < -half2:
+                        continue
                     # Without branches, so that the processor takes several samples at a time.
                     for k in range(samples):
                         dx, dy = right[k], down[k]
@@ -151,7 +150,16 @@ def _rasterise(
                         found[pixel, k] = own if seen else number
                     if e0 >= half0 and e1 >= half1 and e2 >= half2 and centre + ahead < most:
                         filled[pixel] = max(filled[pixel], centre - ahead)
-                pixel += 1
+
+
+@njit(inline="always")
+def _touched(low, high, count):
+    """The first of an axis's `count` pixels that an extent can touch, and the one past the last.
+
+    The extent, from `low` to `high` px, may be infinite.
+    """
+    first = np.ceil(min(max(low - 0.5 - MARGIN, 0.0), count))
+    return int(first), int(np.floor(max(min(high + 0.5 + MARGIN, count - 1.0), -1.0))) + 1
 
 
 @njit(inline="always")
@@ -182,18 +190,18 @@ def _edge_functions(points, focal, u0, v0, edges):
 
 @njit(inline="always")
 def _span(edges, row):
-    """The first and the last column of `row` with a pixel that the triangle can touch."""
+    """The extent of the triangle's part in `row`, px; (inf, -inf) if it has none."""
     low, high = -np.inf, np.inf
     for i in range(3):
         a = edges[i, 0]
-        rest = edges[i, 1] * row + edges[i, 2] + 0.5 * (abs(a) + abs(edges[i, 1]))
+        rest = edges[i, 1] * row + edges[i, 2] + 0.5 * abs(edges[i, 1])
         if a > 0.0:
             low = max(low, -rest / a)
         elif a < 0.0:
             high = min(high, -rest / a)
         elif rest < 0.0:
-            return 1.0, 0.0
-    return low - MARGIN, high + MARGIN
+            return np.inf, -np.inf
+    return low, high
 
 
 def fragments(
@@ -259,24 +267,29 @@ def _fragments(
     count, samples = found.shape
     past = 0
     for pixel in range(count):
-        begin, own, at = past, 0, 0
-        for k in range(samples):
+        begin, own, k = past, 0, 0
+        while k < samples:
             number = found[pixel, k]
             part = parts[k] if split[pixel] else 0
-            # Mostly that of the sample before.
-            if at == own or numbers[at] != number or own_parts[at] != part:
-                at = 0
-                while at < own and (numbers[at] != number or own_parts[at] != part):
-                    at += 1
+            at = 0
+            while at < own and (numbers[at] != number or own_parts[at] != part):
+                at += 1
             to = begin + at
             if at == own:
                 own += 1
                 numbers[at], own_parts[at], covered[to] = number, part, 0
                 u[to] = v[to] = depth[to] = 0.0
-            covered[to] += 1
-            u[to] += right[k]
-            v[to] += down[k]
-            depth[to] += inverse[pixel, k]
+            # Mostly the next sample shows the same: such a run is summed up in local variables.
+            run, sum_u, sum_v, sum_depth = covered[to], u[to], v[to], depth[to]
+            while k < samples and found[pixel, k] == number:
+                if split[pixel] and parts[k] != part:
+                    break
+                run += 1
+                sum_u += right[k]
+                sum_v += down[k]
+                sum_depth += inverse[pixel, k]
+                k += 1
+            covered[to], u[to], v[to], depth[to] = run, sum_u, sum_v, sum_depth
         past += own
         for at in range(own):
             to, number = begin + at, numbers[at]

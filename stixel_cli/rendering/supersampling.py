@@ -83,13 +83,16 @@ def rasterised(
     """
     inverse = np.zeros((len(rows), len(right)))
     found = np.full(inverse.shape, -1, dtype=np.int32)
-    row_starts = np.searchsorted(rows, np.arange(camera.height + 1))
+    preceding = np.zeros(camera.height * camera.width + 1, dtype=np.int32)
+    preceding[rows * camera.width + columns + 1] = 1
+    np.cumsum(preceding, out=preceding)
+    pixels = columns, preceding, camera.width
     first = 0
     for body in bodies:
         corners = body.surfaces.corners
         seen = camera.seen_from(body.world_from_body)
         pinhole = seen.projection, seen.origin, seen.focal, seen.u0, seen.v0
-        rasterise(inverse, found, first, corners, *pinhole, columns, row_starts, right, down)
+        rasterise(inverse, found, first, corners, *pinhole, *pixels, right, down)
         first += len(corners)
     return inverse, found
 
