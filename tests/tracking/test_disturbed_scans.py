@@ -175,6 +175,26 @@ def test_classes_that_are_dropped_would_change_nothing(user, monkeypatch):
             np.testing.assert_allclose(values, expected.class_probabilities[name], atol=1e-12)
 
 
+@pytest.mark.parametrize("user", USERS)
+def test_only_a_class_that_is_not_contradicted_looks_for_its_target_again(user, monkeypatch):
+    """At odds of 100 : 1 against it or more it does not: that takes nine updates of the filter."""
+    filters, recovers = {}, {}
+    step = ClassFilter.step
+
+    def recorded(one, k, *arguments, **keywords):
+        filters[id(one)] = one
+        recovers[id(one), k] = keywords["recovers"]
+        step(one, k, *arguments, **keywords)
+
+    monkeypatch.setattr(ClassFilter, "step", recorded)
+    of_prior(user, "unknown")
+    assert len(filters) == len(USERS) and not all(recovers.values())
+    weights = {name: one.log_weights for name, one in filters.items()}
+    for (name, k), again in recovers.items():
+        odds = max(others[k - 1] for others in weights.values()) - weights[name][k - 1]
+        assert again == (k == 0 or odds < np.log(100.0))
+
+
 def test_a_pedestrian_beside_a_post_is_found_with_the_prior_of_a_car():
     """A car takes in the post, too: with the stated covariance the odds stay open for a second."""
     p, scenario, scans = clean("pedestrian")
