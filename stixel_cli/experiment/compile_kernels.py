@@ -69,7 +69,7 @@ def call_stixel_kernels() -> None:
 
 def call_tracking_kernels() -> None:
     """Call every kernel of `stixel_cli.tracking`."""
-    table = outline_table(np.array([[1.0, -1.0], [1.0, 1.0], [-1.0, 0.0]]), 0.1)
+    table = outline_table(np.array([[1.0, -1.0], [1.0, 1.0], [-1.0, 0.0]]))
     rays = np.array([[1.0, 0.0]])
     expected(np.zeros((1, 5)), np.array([-9.0, 0.0]), rays, 0, 0, *table.arrays())
 

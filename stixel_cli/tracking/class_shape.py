@@ -93,7 +93,7 @@ def seen_shape(
 def seen_table(outline: np.ndarray, seen: SeenShape, blurred: bool) -> RayTable:
     """The table of what a sensor sees of an `outline` (N, 2) m; stixels see it `blurred`."""
     size = COARSE if blurred else FINE
-    table = outline_table(outline, 0.0, size)
+    table = outline_table(outline, size)
     row = np.arange(size[0]) * (NODES[0] / size[0])
     column = np.linspace(0.0, NODES[1] - 1.0, size[1])
     inset = [_interpolated(values[:, None], row)[:, 0] for values in seen.insets]

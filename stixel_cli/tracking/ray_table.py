@@ -110,8 +110,8 @@ def _first_depths(depths, offset, depth, outline, aspects, offsets):
                     depths[i, j] = min(depths[i, j], crossing)
 
 
-def outline_table(outline: np.ndarray, std: float, size: tuple[int, int] = FINE) -> RayTable:
-    """The table of a sensor that sees the outline (M, 2) m itself, up to `std` m."""
+def outline_table(outline: np.ndarray, size: tuple[int, int] = FINE) -> RayTable:
+    """The table of a sensor that sees the outline (M, 2) m itself, without an error."""
     angles = even_aspects(size[0])
     low, high = widths(outline, angles)
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
@@ -119,16 +119,16 @@ def outline_table(outline: np.ndarray, std: float, size: tuple[int, int] = FINE)
     share = np.linspace(0.0, 1.0, size[1])
     offsets = lowest[:, None] + share * (highest - lowest)[:, None]
     depths = first_depths(outline, angles, offsets)
-    constant = np.full(size[0], std)
+    exact = np.zeros(size[0])
     return RayTable(
         lowest=lowest,
         highest=highest,
         depths=depths,
-        stds=np.full_like(depths, std),
+        stds=np.zeros_like(depths),
         low=low,
         high=high,
-        low_stds=constant,
-        high_stds=constant,
+        low_stds=exact,
+        high_stds=exact,
     )
 
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -43,7 +45,8 @@ def some_state(random):
 def test_expected_ranges_are_those_of_rays_cast_on_the_scaled_outline(seed):
     state, sensor = some_state(np.random.default_rng(seed))
     directions, ranges = rays_at(RECTANGLE, state, sensor)
-    table = outline_table(RECTANGLE, 0.02).arrays()
+    table = outline_table(RECTANGLE)
+    table = replace(table, stds=np.full_like(table.stds, 0.02)).arrays()
     found, _, misses, stds, _ = expected(state[None], sensor[:2], directions, 0, -1, *table)
     # The table is linear between its nodes, so it is coarse at the corners.
     errors = np.abs(found[0] - ranges)
@@ -64,7 +67,7 @@ def test_rays_of_one_aspect_meet_a_notch_at_its_floor():
 @pytest.mark.parametrize(("name", "index"), [("low", -1), ("high", 1)])
 def test_a_ray_through_an_end_of_the_shape_has_no_inset(name, index):
     # From the front the ends are at the sides: the left one, +y, is the high one.
-    table = outline_table(RECTANGLE, 0.02)
+    table = outline_table(RECTANGLE)
     state, sensor = np.array([0.0, 0.0, np.pi, 0.0, 0.0]), np.array([-10.0, 0.0])
     across = 0.8 * index
     ray = np.array([[10.0, across]]) / np.hypot(10.0, across)
@@ -80,7 +83,7 @@ def test_expectation_is_invariant_to_rigid_motions_of_the_world(seed, angle):
     random = np.random.default_rng(seed)
     state, sensor = some_state(random)
     directions, _ = rays_at(RECTANGLE, state, sensor)
-    table = outline_table(RECTANGLE, 0.02).arrays()
+    table = outline_table(RECTANGLE).arrays()
     turn, shift = rotation(angle), random.uniform(-20, 20, 2)
     moved = np.array([*(turn @ state[:2] + shift), state[2] + angle, *state[3:]])
     last = len(directions) - 1
@@ -91,7 +94,7 @@ def test_expectation_is_invariant_to_rigid_motions_of_the_world(seed, angle):
 
 
 def test_table_covers_a_full_turn_evenly():
-    table = outline_table(RECTANGLE, 0.02)
+    table = outline_table(RECTANGLE)
     # Half a turn on, a symmetric shape looks the same.
     np.testing.assert_allclose(
         table.depths, np.roll(table.depths, len(table.depths) // 2, 0), atol=1e-9
@@ -99,7 +102,7 @@ def test_table_covers_a_full_turn_evenly():
 
 
 def test_a_point_at_the_sensor_has_no_range_and_changes_no_other():
-    table = outline_table(RECTANGLE, 0.02).arrays()
+    table = outline_table(RECTANGLE).arrays()
     directions = np.array([[0.0, 1.0], [0.0, 0.0], [0.01, 1.0]])
     state, sensor = np.array([[0.0, 10.0, 0.3, 0.0, 0.0]]), np.zeros(2)
     ranges, _, misses, stds, _ = expected(state, sensor, directions, 0, 2, *table)
