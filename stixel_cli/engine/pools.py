@@ -20,7 +20,7 @@ ORPHAN_INTERVAL = 0.5
 FEEDER = "QueueFeederThread"
 """Name of the thread by which loky sends tasks to its processes."""
 FEEDER_TIME = 1.0
-"""Maximum wait for that thread, in seconds: it may hang in a pipe that no process reads."""
+"""Maximum wait for such threads, in seconds: one may hang in a pipe that no process reads."""
 
 NAMES = ("local", "threads", "dask", "serial")
 
@@ -115,13 +115,14 @@ class ProcessPool(Pool):
     def close(self) -> None:
         """Kill the processes."""
         if self._executor is not None:
-            feeders = [thread for thread in threading.enumerate() if thread.name == FEEDER]
             self._executor.shutdown(wait=True, kill_workers=True)
             self._executor = None
-            # loky does not wait for it. If this process ended while the thread deletes a semaphore,
-            # a semaphore would be reported as leaked.
-            for feeder in feeders:
-                feeder.join(FEEDER_TIME)
+            # loky does not join its feeder thread. If this process ends while that thread deletes a
+            # semaphore, Python's tracker of resources reports a leak.
+            deadline = time.monotonic() + FEEDER_TIME
+            for thread in threading.enumerate():
+                if thread.name == FEEDER:
+                    thread.join(max(deadline - time.monotonic(), 0.0))
 
 
 class ThreadPool(Pool):

@@ -14,7 +14,7 @@ NEAREST = 1e-3
 """Surfaces nearer to the camera than this along its axis, m, are not seen."""
 
 NARROW = 8
-"""A triangle of at most this many columns is looked for in all of them, not in each row's own."""
+"""For a triangle of at most this many columns, all rows search the same columns."""
 
 MARGIN = 1e-6
 """Rounding of a triangle's extent in the image, px; samples keep further off a pixel's border."""
@@ -79,7 +79,7 @@ def _rasterise(
     What is behind `filled` (n,) 1/m need not be looked at: a triangle fills the pixel. It is zero
     at first; `points` and `edges` (3, 3) are working memory.
     """
-    height, samples, most = len(preceding) // width, len(right), 1.0 / NEAREST
+    height, samples, most = (len(preceding) - 1) // width, len(right), 1.0 / NEAREST
     for t in range(len(corners)):
         nearest, depth = -np.inf, np.inf
         for i in range(3):
@@ -132,6 +132,7 @@ def _rasterise(
                     e0 = edges[0, 0] * u + edges[0, 1] * row + edges[0, 2]
                     e1 = edges[1, 0] * u + edges[1, 1] * row + edges[1, 2]
                     e2 = edges[2, 0] * u + edges[2, 1] * row + edges[2, 2]
+                    # No sample is inside.
                     if e0 < -half0 or e1 < -half1 or e2 < -half2:
                         continue
                     # Without branches, so that the processor takes several samples at a time.
@@ -279,7 +280,7 @@ def _fragments(
                 own += 1
                 numbers[at], own_parts[at], covered[to] = number, part, 0
                 u[to] = v[to] = depth[to] = 0.0
-            # Mostly the next sample shows the same: such a run is summed up in local variables.
+            # The next sample mostly shows the same triangle: sum such runs in local variables.
             run, sum_u, sum_v, sum_depth = covered[to], u[to], v[to], depth[to]
             while k < samples and found[pixel, k] == number:
                 if split[pixel] and parts[k] != part:

@@ -74,7 +74,7 @@ def rasterised(
     Args:
         bodies: with their poses.
         camera: in the world.
-        rows, columns: (n,) of the pixels, in row-major order.
+        rows, columns: (n,) of the pixels, distinct, inside the image, in row-major order.
         right, down: (s,) px, the samples' offsets from a pixel's centre.
 
     Returns:

@@ -111,7 +111,7 @@ def _first_depths(depths, offset, depth, outline, aspects, offsets):
 
 
 def outline_table(outline: np.ndarray, size: tuple[int, int] = FINE) -> RayTable:
-    """The table of a sensor that sees the outline (M, 2) m itself, without an error."""
+    """The table of a sensor that sees the outline (M, 2) m exactly; all its stds are 0."""
     angles = even_aspects(size[0])
     low, high = widths(outline, angles)
     middle, half = 0.5 * (low + high), 0.5 * (high - low)

@@ -271,7 +271,7 @@ def test_processes_that_want_the_same_compute_it_once(project):
 
 
 def test_a_closed_pool_leaves_no_thread():
-    """One that deletes a semaphore as this process ends would have it reported as leaked."""
+    """One that deletes a semaphore while this process ends makes the tracker report a leak."""
     before = set(threading.enumerate())
     for _ in range(5):
         pool = pools.ProcessPool(1)

@@ -177,7 +177,7 @@ def test_classes_that_are_dropped_would_change_nothing(user, monkeypatch):
 
 @pytest.mark.parametrize("user", USERS)
 def test_only_a_class_that_is_not_contradicted_looks_for_its_target_again(user, monkeypatch):
-    """At odds of 100 : 1 against it or more it does not: that takes nine updates of the filter."""
+    """At odds of 100 : 1 against it or more it does not: looking again takes nine updates."""
     filters, recovers = {}, {}
     step = ClassFilter.step
 
