@@ -22,7 +22,7 @@ from stixel_cli.experiment.stages import recording_of
 from stixel_cli.geometry.pose import target_from_world
 from stixel_cli.measurements.clusters import cluster, distances
 from stixel_cli.measurements.gates import candidates
-from stixel_cli.recordings.kitti_labels import read_labels
+from stixel_cli.recordings.tables import read_labels
 from stixel_cli.rendering.frames import TARGET_ID
 from stixel_cli.stixels.types import Stixels
 
@@ -94,7 +94,7 @@ def recorded() -> Iterator[Frame]:
     source += ["source.sequence=0005", "road_user=car", "start.range=[5,60]"]
     configuration, chunks = results(source, "stixels")
     recording = recording_of(configuration)
-    labels = read_labels(recording.labels)
+    labels = read_labels(recording.label_files, recording.table_layout)
 
     def truth(number: int, i: int, rows: np.ndarray) -> np.ndarray:
         chunk = chunks[number]
