@@ -43,7 +43,8 @@ def simulated():
             previous=None,
             **frames,
         )
-        return call(stages, "stixels", disparities=disparities, free_space=free_space, **frames)
+        given = {"pairs": pairs, "disparities": disparities, "free_space": free_space}
+        return call(stages, "stixels", **given, **frames)
 
     return scenario, scans
 
