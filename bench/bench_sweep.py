@@ -22,7 +22,13 @@ LINES = {
     "1,000 settings, simulated": ["tracker.sigma_q=range(0.1,100.1,0.1)"],
     "1,000 seeds, fabricated": ["measurement=fabricated", "seed=range(1000)"],
 }
-GROUPS = ["road_user=glob(*)", "path=glob(*)", "ego=glob(*)", "rig=glob(*)", "stereo=glob(*)"]
+GROUPS = [
+    "road_user=glob(*)",
+    "path=glob(*,exclude=recorded)",
+    "ego=glob(*)",
+    "rig=glob(*)",
+    "stereo=glob(*)",
+]
 TRACKER_RUNS = 200
 
 
