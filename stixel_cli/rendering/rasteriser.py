@@ -93,7 +93,7 @@ def _rasterise(
             nearest, depth = max(nearest, points[i, 2]), min(depth, points[i, 2])
         if nearest < NEAREST:
             continue
-        start, end, top, bottom = 0, width, 0, height
+        first_column, past_column, top, bottom = 0, width, 0, height
         if depth > NEAREST:
             low_u = high_u = points[0, 0] / points[0, 2]
             low_v = high_v = points[0, 1] / points[0, 2]
@@ -101,9 +101,11 @@ def _rasterise(
                 x, y = points[i, 0] / points[i, 2], points[i, 1] / points[i, 2]
                 low_u, high_u = min(low_u, x), max(high_u, x)
                 low_v, high_v = min(low_v, y), max(high_v, y)
-            start, end = _touched(low_u * focal + u0, high_u * focal + u0, width)
+            first_column, past_column = _touched(low_u * focal + u0, high_u * focal + u0, width)
             top, bottom = _touched(low_v * focal + v0, high_v * focal + v0, height)
-        if start >= end or top >= bottom or preceding[top * width] == preceding[bottom * width]:
+        if first_column >= past_column or top >= bottom:
+            continue
+        if preceding[top * width] == preceding[bottom * width]:
             continue
         volume = _edge_functions(points, focal, u0, v0, edges)
         if volume == 0.0:
@@ -119,8 +121,8 @@ def _rasterise(
         half2 = 0.5 * (abs(a2) + abs(b2))
         own = np.int32(first + t)
         for row in range(top, bottom):
-            left, past = start, end
-            if end - start > NARROW:
+            left, past = first_column, past_column
+            if past_column - first_column > NARROW:
                 low, high = _span(edges, row)
                 left, past = _touched(low, high, width)
                 if left >= past:
@@ -281,16 +283,16 @@ def _fragments(
                 numbers[at], own_parts[at], covered[to] = number, part, 0
                 u[to] = v[to] = depth[to] = 0.0
             # The next sample mostly shows the same triangle: sum such runs in local variables.
-            run, sum_u, sum_v, sum_depth = covered[to], u[to], v[to], depth[to]
+            summed, sum_u, sum_v, sum_depth = covered[to], u[to], v[to], depth[to]
             while k < samples and found[pixel, k] == number:
                 if split[pixel] and parts[k] != part:
                     break
-                run += 1
+                summed += 1
                 sum_u += right[k]
                 sum_v += down[k]
                 sum_depth += inverse[pixel, k]
                 k += 1
-            covered[to], u[to], v[to], depth[to] = run, sum_u, sum_v, sum_depth
+            covered[to], u[to], v[to], depth[to] = summed, sum_u, sum_v, sum_depth
         past += own
         for at in range(own):
             to, number = begin + at, numbers[at]
