@@ -5,16 +5,19 @@ PYTHON ?= $(shell for p in python3.12 python3.11 python3 python; do \
 	$$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' 2>/dev/null \
 	&& echo $$p && break; done)
 BIN := .venv/bin
+MINIMUM := .venv-minimum
 INSTALL := PIP_CONSTRAINT=constraints.txt PIP_DISABLE_PIP_VERSION_CHECK=1 \
 	$(BIN)/python -m pip install --quiet --editable
+CHECK_PYTHON := @test -n "$(PYTHON)" || \
+	{ echo "make: Python 3.11 or 3.12 is needed; name it with PYTHON=…" >&2; exit 2; }
 ARGS ?=
 
-.PHONY: setup run test lint bench clean
+.PHONY: setup run test lint bench minimum clean
 
 setup: .venv/kernels
 
 .venv/installed: pyproject.toml constraints.txt
-	@test -n "$(PYTHON)" || { echo "make: Python 3.11 or 3.12 is needed; name it with PYTHON=…" >&2; exit 2; }
+	$(CHECK_PYTHON)
 	$(PYTHON) -m venv .venv
 	$(INSTALL) '.[peers]'
 	@touch $@
@@ -26,7 +29,7 @@ setup: .venv/kernels
 
 # Numba's kernels, compiled where they have changed. Without this, the first run compiles them.
 .venv/kernels: .venv/installed $(shell grep -rl --include='*.py' 'import njit' stixel_cli)
-	$(BIN)/python -m stixel_cli.experiment.compile_kernels
+	$(BIN)/python -m stixel_cli.machine.compile_kernels
 	@touch $@
 
 run: setup
@@ -42,5 +45,19 @@ lint: setup .venv/installed-for-tests
 bench: setup .venv/installed-for-tests
 	$(BIN)/python bench/write_page.py $(ARGS)
 
+# The lowest declared version of every dependency, in a venv of its own: one fabricated and one
+# rendered run, computed anew.
+minimum:
+	$(CHECK_PYTHON)
+	$(PYTHON) -m venv --clear $(MINIMUM)
+	$(PYTHON) tests/minimum_versions.py > $(MINIMUM)/requirements.txt
+	$(MINIMUM)/bin/python -m pip --disable-pip-version-check install --quiet \
+		--requirement $(MINIMUM)/requirements.txt .
+	$(MINIMUM)/bin/stixel run --help > /dev/null
+	STIXEL_CACHE=$(MINIMUM)/cache $(MINIMUM)/bin/stixel run --results $(MINIMUM)/results \
+		measurement=fabricated path.duration=2
+	STIXEL_CACHE=$(MINIMUM)/cache $(MINIMUM)/bin/stixel run --results $(MINIMUM)/results \
+		path.duration=0.3 rig.width=160 rig.height=120 'pictures.frames=[1]'
+
 clean:
-	rm -rf .venv build dist .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv $(MINIMUM) build dist .pytest_cache .ruff_cache .hypothesis

@@ -10,11 +10,12 @@ from dataclasses import replace
 from pkgutil import resolve_name
 
 import pytest
+from small import IMAGES, sized
 
 from stixel_cli.config.compose import compose
 from stixel_cli.experiment.stages import pipeline_stages
 
-FRAMES = range(30, 40)
+FRAMES = sized(range(30, 40), range(2))
 
 
 def call(stages, name, **inputs):
@@ -26,7 +27,7 @@ def call(stages, name, **inputs):
 
 @pytest.fixture(scope="module")
 def simulated():
-    stages = {stage.name: stage for stage in pipeline_stages(compose().configuration)}
+    stages = {stage.name: stage for stage in pipeline_stages(compose(IMAGES))}
     ego_motion = call(stages, "ego_motion")
     scenario = call(stages, "scenario", ego_motion=ego_motion)
 
@@ -51,8 +52,8 @@ def simulated():
 
 def test_fabricated_scan_against_a_simulated_one(benchmark, simulated):
     scenario, simulate = simulated
-    configuration = compose(["measurement=fabricated"]).configuration
-    stages = {stage.name: stage for stage in pipeline_stages(configuration)}
+    composition = compose(["measurement=fabricated", *IMAGES])
+    stages = {stage.name: stage for stage in pipeline_stages(composition)}
     few = replace(
         scenario,
         **{

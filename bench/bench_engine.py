@@ -12,6 +12,7 @@ from dataclasses import replace
 import joblib
 import numpy as np
 import pytest
+from small import sized
 
 from stixel_cli.api import run
 from stixel_cli.engine import source_files
@@ -25,7 +26,7 @@ from stixel_cli.engine.keys import Stage
 from stixel_cli.engine.plan import plan
 from stixel_cli.engine.store import Store
 
-NODES = 200
+NODES = sized(200, 8)
 STAGES = """
 import numpy as np
 
@@ -81,7 +82,7 @@ def test_overhead_of_a_node(benchmark, graph, tmp_path, executor, monkeypatch):
 
 
 @pytest.mark.benchmark(group="400 more nodes")
-@pytest.mark.parametrize("executor", ["serial", "threads", "local", "dask"])
+@pytest.mark.parametrize("executor", ["serial", "threads", "local", "dask"][: sized(None, 2)])
 def test_overhead_without_the_start(benchmark, tmp_path, executor, monkeypatch, graph):
     """Time per node of 600 nodes minus 200 nodes, so without the start of the workers."""
     if executor == "dask":
@@ -98,12 +99,12 @@ def test_overhead_without_the_start(benchmark, tmp_path, executor, monkeypatch, 
         execute(build_graph(stages, nodes // 2, 1), ["add"], store, executor=executor)
         return time.perf_counter() - started
 
-    found = [(seconds(600, i) - seconds(200, i)) / 400 for i in range(3)]
-    benchmark.extra_info["ms per node"] = 1e3 * sorted(found)[1]
+    found = [(seconds(3 * NODES, i) - seconds(NODES, i)) / (2 * NODES) for i in range(sized(3, 1))]
+    benchmark.extra_info["ms per node"] = 1e3 * sorted(found)[len(found) // 2]
     benchmark.pedantic(lambda: None, rounds=1)
 
 
-POINTS = 1000
+POINTS = sized(1000, 50)
 
 
 @pytest.fixture
@@ -164,7 +165,7 @@ def test_plan_of_many_points(benchmark, points, tmp_path, how):
 def test_upkeep(benchmark, graph, tmp_path, what):
     store = Store(tmp_path / "cache", max_size=10**12)
     modules = {f"package.module{i}": f"{i:032x}" for i in range(40)}
-    for i in range(5000):
+    for i in range(sized(5000, 50)):
         stage = f"stage{i % 16}" if i % 16 else "make"
         store.save(f"{i:064x}"[::-1], 0, stage=stage, label="x", modules=modules, created=0.0)
     run = {
@@ -186,16 +187,17 @@ def test_plan_of_cached_nodes(benchmark, graph, tmp_path):
 @pytest.fixture(scope="module")
 def scores(tmp_path_factory):
     """The scores of a run: a few dataclasses with many small arrays."""
-    found = run("measurement=fabricated", cache=tmp_path_factory.mktemp("scores"))
+    overrides = ["measurement=fabricated", *sized([], ["path.duration=1"])]
+    found = run(*overrides, cache=tmp_path_factory.mktemp("scores"))
     return found.scores
 
 
 @pytest.mark.benchmark(group="write and read a result")
-@pytest.mark.parametrize("what", ["16 MB", "scores"])
+@pytest.mark.parametrize("what", ["200 MB", "16 MB", "scores"])
 @pytest.mark.parametrize("how", ["pickle", "joblib", "store"])
 def test_write_and_read(benchmark, tmp_path, scores, how, what):
     """The store adds locks, digests and notes."""
-    value = scores if what == "scores" else np.zeros(2_000_000)
+    value = scores if what == "scores" else np.zeros(int(what[:-3]) * 125_000)
     store, path = Store(tmp_path / "cache"), tmp_path / "value"
     keys = (f"{i:064x}" for i in itertools.count())
 
@@ -223,9 +225,9 @@ FUNCTIONS = [
     "stixel_cli.stixels.extraction:extract_stixels",
     "stixel_cli.tracking.gp_ekf:track",
     "stixel_cli.evaluation.evaluate:evaluate",
-    "stixel_cli.report.camera:camera_pictures",
-    "stixel_cli.report.birds_eye:track_pictures",
-    "stixel_cli.report.over_time:run_pictures",
+    "stixel_cli.pictures.camera:camera_pictures",
+    "stixel_cli.pictures.birds_eye:track_pictures",
+    "stixel_cli.pictures.over_time:run_pictures",
 ]
 
 

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 from sklearn.cluster import DBSCAN, HDBSCAN
+from small import IMAGES, sized
 
 from stixel_cli.config.compose import compose
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.store import open_store
 from stixel_cli.experiment.run import experiment_graph
-from stixel_cli.experiment.stages import recording_of
 from stixel_cli.geometry.pose import target_from_world
 from stixel_cli.measurements.clusters import cluster, distances
 from stixel_cli.measurements.gates import candidates
@@ -57,12 +57,13 @@ Frame = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def results(words: list[str], *names: str) -> tuple:
-    """The configuration, and all chunks of the stages `names`."""
-    configuration = compose([*words, "executor=threads"]).configuration
-    store, graph = open_store(configuration.cache), experiment_graph(configuration)
+    """The composition, and all chunks of the stages `names`."""
+    composition = compose([*words, "executor=threads"])
+    configuration = composition.configuration
+    store, graph = open_store(configuration.cache), experiment_graph(composition)
     execute(graph, list(names), store, executor=configuration.executor)
     loaded = [[store.load(node.key) for node in graph.of_stage(name)] for name in names]
-    return configuration, *loaded
+    return composition, *loaded
 
 
 def frames_of(configuration, chunks: list[Stixels], truth) -> Iterator[Frame]:
@@ -74,8 +75,8 @@ def frames_of(configuration, chunks: list[Stixels], truth) -> Iterator[Frame]:
 
 
 def rendered(words: str) -> Iterator[Frame]:
-    given = [*words.split(), "path.duration=4", "path.sample_time=1.0"]
-    configuration, chunks, images = results(given, "stixels", "render")
+    given = [*words.split(), f"path.duration={sized(4, 1)}", "path.sample_time=1.0", *IMAGES]
+    composition, chunks, images = results(given, "stixels", "render")
 
     def truth(number: int, i: int, rows: np.ndarray) -> np.ndarray:
         chunk, ids = chunks[number], images[number].ids[i]
@@ -86,14 +87,14 @@ def rendered(words: str) -> Iterator[Frame]:
             found.append(np.bincount(own).argmax() if len(own) else 0)
         return np.array(found, dtype=np.int64)
 
-    return frames_of(configuration, chunks, truth)
+    return frames_of(composition.configuration, chunks, truth)
 
 
 def recorded() -> Iterator[Frame]:
     source = ["source=kitti_tracking", f"source.folder={DATA / 'kitti_tracking'}"]
     source += ["source.sequence=0005", "road_user=car", "start.range=[5,60]"]
-    configuration, chunks = results(source, "stixels")
-    recording = recording_of(configuration)
+    composition, chunks = results(source, "stixels")
+    recording = composition.recording
     labels = read_labels(recording.label_files, recording.table_layout)
 
     def truth(number: int, i: int, rows: np.ndarray) -> np.ndarray:
@@ -115,7 +116,7 @@ def recorded() -> Iterator[Frame]:
                 found[inside & seen] = TARGET_ID + track
         return found
 
-    return frames_of(configuration, chunks, truth)
+    return frames_of(composition.configuration, chunks, truth)
 
 
 def score(method, frames: list[Frame], wanted) -> tuple[int, float, float, float]:
@@ -137,7 +138,7 @@ def score(method, frames: list[Frame], wanted) -> tuple[int, float, float, float
 
 def main() -> None:
     """Print one table per kind of frames."""
-    scenes = [frame for words in SCENES for frame in rendered(words)]
+    scenes = [frame for words in SCENES[: sized(None, 1)] for frame in rendered(words)]
     kinds = {
         "target, rendered": (scenes, lambda one: one == TARGET_ID),
         "other things, rendered": (scenes, lambda one: one != TARGET_ID),

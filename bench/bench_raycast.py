@@ -5,12 +5,14 @@ nothing from frame to frame. Run it with `pytest bench/bench_raycast.py`.
 """
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from omegaconf import OmegaConf
 from pydantic import TypeAdapter
+from small import sized
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.camera_rays import rig_cameras
@@ -28,6 +30,7 @@ from stixel_cli.scene.world_parameters import World
 
 CONF = Path(__file__).parents[1] / "conf"
 CHUNK = 10
+SIZE = sized({}, {"width": 160, "height": 120})
 PAIR = "A rendered pair, 640 × 480 px, one thread"
 
 
@@ -47,7 +50,7 @@ def motion(moving: bool) -> Scenario:
 
 @pytest.fixture(scope="module")
 def scene():
-    rig = preset("rig", "default", Rig)
+    rig = replace(preset("rig", "default", Rig), **SIZE)
     renderer = preset("renderer", "raycast", RaycastParameters)
     static = StaticScene(numbered_objects(preset("world", "street", World)), rig, renderer)
     target = Target(road_user_meshes(preset("road_user", "car", RoadUser)))
@@ -70,7 +73,7 @@ def test_chunk_of_ten_pairs(benchmark, scene, ego):
         rounds=5,
     )
     benchmark.extra_info["seconds_per_pair"] = benchmark.stats.stats.median / CHUNK
-    assert [pair[0].shape for pair in pairs] == [(480, 640, 3)] * CHUNK
+    assert [pair[0].shape for pair in pairs] == [(static.rig.height, static.rig.width, 3)] * CHUNK
 
 
 def test_first_pair(benchmark, scene):

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from small import IMAGES, sized
 
 from stixel_cli.config.compose import compose
-from stixel_cli.experiment.stages import recording_of
 from stixel_cli.measurements.simulated import gather_scans
 from stixel_cli.recordings.motion import recorded_motion
 from stixel_cli.recordings.pairs import read_pairs
@@ -35,7 +35,7 @@ from stixel_cli.tracking.start import noisy_start
 @pytest.fixture(scope="module")
 def recorded():
     """Parameters, ego motion, start and image pairs of two seconds of the default run."""
-    p = compose(["path.duration=2"]).configuration
+    p = compose([f"path.duration={sized(2, 0.2)}", *IMAGES]).configuration
     ego = ego_motion(p.ego, p.path.duration, p.path.sample_time)
     scenario = build_scenario(ego, p.road_user, p.path)
     frames = range(len(ego.times))
@@ -51,8 +51,8 @@ def clip():
     if not folder.is_dir():
         pytest.skip(f"no real clip: STIXEL_DATA names no folder with kitti_tracking ({folder})")
     of_clip = ("source=kitti_tracking", f"source.folder={folder}", "source.sequence=0005")
-    p = compose([*of_clip, "source.target=31"]).configuration
-    files = recording_of(p)
+    composed = compose([*of_clip, "source.target=31"])
+    p, files = composed.configuration, composed.recording
     ego = recorded_motion(files.pose_files, p.rig, files.first, files.count, p.source.sample_time)
     label = files.first, files.left_camera, files.target
     scenario = recorded_scenario(ego, files.truth_files, p.rig, *label)
@@ -95,7 +95,7 @@ def follow(recorded, cores):
 def test_images_to_track_on_one_core_and_on_two(benchmark, recorded):
     sample_time = recorded[0].path.sample_time
     follow(recorded, 1)
-    one, alone = min((follow(recorded, 1) for _ in range(3)), key=lambda found: found[0])
+    one, alone = min((follow(recorded, 1) for _ in range(sized(3, 1))), key=lambda found: found[0])
     _, together = benchmark.pedantic(follow, (recorded, 2), rounds=5)
     two = benchmark.stats.stats.min / len(recorded[1].times)
     assert np.array_equal(alone, together)
@@ -111,7 +111,7 @@ def test_files_of_a_real_clip_to_track_on_one_core_and_on_two(benchmark, clip):
     cpu = time.process_time()
     follow(clip, 1)
     cpu = (time.process_time() - cpu) / len(clip[1].times)
-    one, alone = min((follow(clip, 1) for _ in range(2)), key=lambda found: found[0])
+    one, alone = min((follow(clip, 1) for _ in range(sized(2, 1))), key=lambda found: found[0])
     _, together = benchmark.pedantic(follow, (clip, 2), rounds=3)
     two = benchmark.stats.stats.min / len(clip[1].times)
     assert np.array_equal(alone, together)

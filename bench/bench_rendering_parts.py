@@ -8,12 +8,14 @@ import os
 import resource
 import subprocess
 import sys
+from dataclasses import replace
 from itertools import product
 
 import cv2
 import numpy as np
 import pytest
-from bench_raycast import motion, preset
+from bench_raycast import SIZE, motion, preset
+from small import sized
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import encode_png
@@ -42,7 +44,7 @@ def cpu(who: int = resource.RUSAGE_SELF) -> float:
 def compare(benchmark, title: str, rounds: int, who: int = resource.RUSAGE_SELF, **ways) -> None:
     """Print and record the CPU times of `ways`, and each one's ratio to the first."""
     times = {name: [] for name in ways}
-    for _ in range(rounds):
+    for _ in range(sized(rounds, 1)):
         for name, way in ways.items():
             start = cpu(who)
             way()
@@ -67,7 +69,7 @@ def record(benchmark, title: str, way: str, accuracy: str) -> None:
 
 @pytest.fixture(scope="module")
 def scene():
-    rig = preset("rig", "default", Rig)
+    rig = replace(preset("rig", "default", Rig), **SIZE)
     renderer = preset("renderer", "raycast", RaycastParameters)
     static = StaticScene(numbered_objects(preset("world", "street", World)), rig, renderer)
     return static, Target(road_user_meshes(preset("road_user", "car", RoadUser)))
@@ -202,8 +204,8 @@ def test_edges(benchmark, scene):
 
 def test_compilation(benchmark, tmp_path):
     """Of all kernels, with an empty cache, in one process."""
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    command = [sys.executable, "-m", "stixel_cli.experiment.compile_kernels"]
+    environment = os.environ | sized({"NUMBA_CACHE_DIR": str(tmp_path)}, {})
+    command = [sys.executable, "-m", "stixel_cli.machine.compile_kernels"]
     compare(
         benchmark,
         "compilation of all kernels, from the cache and without",

@@ -9,16 +9,19 @@ compiled, as after `make setup` and a first run.
 import os
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 
 import psutil
 import pytest
+from small import IMAGES, sized
 
 RUN = "`stixel run`, whole process"
 STUDY = "`stixel study`, whole process"
+SIZE = sized((), ("path.duration=0.3", "pictures.frames=[1]", *IMAGES, "executor=threads"))
 TINY_STUDY = ("study", "rq2", "road_user=car", "path=turn", "measurement=fabricated,lidar")
-TINY_STUDY += ("seed=range(0,2)", "path.duration=2", "--name", "tiny")
+TINY_STUDY += ("seed=range(0,2)", f"path.duration={sized(2, 0.5)}", "--name", "tiny", *SIZE[-1:])
 
 
 def process(cache, results, *arguments):
@@ -28,8 +31,11 @@ def process(cache, results, *arguments):
     before = os.times()
     started = time.perf_counter()
     command = [sys.executable, "-m", "stixel_cli", *arguments, "--results", str(results)]
-    pipe, null = subprocess.PIPE, subprocess.DEVNULL
-    with subprocess.Popen(command, env=environment, stdout=pipe, stderr=null) as process:
+    pipe = subprocess.PIPE
+    with (
+        tempfile.TemporaryFile("w+") as errors,
+        subprocess.Popen(command, env=environment, stdout=pipe, stderr=errors) as process,
+    ):
         peak = [0.0]
         watcher = threading.Thread(target=watch, args=(process.pid, peak), daemon=True)
         watcher.start()
@@ -37,8 +43,9 @@ def process(cache, results, *arguments):
         process.stdout.read(1)
         scores = time.perf_counter() - started
         process.stdout.read()
-        assert process.wait() == 0
-        wall = time.perf_counter() - started
+        code, wall = process.wait(), time.perf_counter() - started
+        errors.seek(0)
+        assert code == 0, errors.read()
     watcher.join()
     after = os.times()
     cpu = (after.children_user + after.children_system) - (
@@ -77,8 +84,8 @@ def watch(pid: int, peak: list[float]) -> None:
 def folders(tmp_path_factory):
     """A results folder and a cache that a default run has filled, and the record of that run."""
     results, cache = tmp_path_factory.mktemp("results"), tmp_path_factory.mktemp("cache")
-    process(tmp_path_factory.mktemp("first"), results, "run", "measurement=fabricated")
-    return results, cache, process(cache, results, "run")
+    process(tmp_path_factory.mktemp("first"), results, "run", *SIZE, "measurement=fabricated")
+    return results, cache, process(cache, results, "run", *SIZE)
 
 
 def measure(benchmark, group, run, rounds):
@@ -97,7 +104,8 @@ def test_cold_default_run(benchmark, folders):
 
 
 def test_cold_run_with_a_moving_ego(benchmark, folders, tmp_path):
-    measure(benchmark, RUN, lambda: process(tmp_path, folders[0], "run", "ego=straight"), rounds=1)
+    run = ("run", *SIZE, "ego=straight")
+    measure(benchmark, RUN, lambda: process(tmp_path, folders[0], *run), rounds=1)
 
 
 def test_cold_fabricated_run(benchmark, folders, tmp_path_factory):
@@ -105,7 +113,7 @@ def test_cold_fabricated_run(benchmark, folders, tmp_path_factory):
         benchmark,
         RUN,
         lambda: process(
-            tmp_path_factory.mktemp("cold"), folders[0], "run", "measurement=fabricated"
+            tmp_path_factory.mktemp("cold"), folders[0], "run", *SIZE, "measurement=fabricated"
         ),
         rounds=3,
     )
@@ -113,7 +121,7 @@ def test_cold_fabricated_run(benchmark, folders, tmp_path_factory):
 
 def test_warm_default_run(benchmark, folders):
     results, cache, _ = folders
-    measure(benchmark, RUN, lambda: process(cache, results, "run"), rounds=7)
+    measure(benchmark, RUN, lambda: process(cache, results, "run", *SIZE), rounds=7)
 
 
 def test_changed_tracker_parameter(benchmark, folders):
@@ -122,16 +130,25 @@ def test_changed_tracker_parameter(benchmark, folders):
     measure(
         benchmark,
         RUN,
-        lambda: process(cache, results, "run", f"tracker.sigma_q={1.5 + next(values) / 100}"),
+        lambda: process(
+            cache, results, "run", *SIZE, f"tracker.sigma_q={1.5 + next(values) / 100}"
+        ),
         rounds=7,
     )
 
 
-def test_cold_tiny_study(benchmark, folders, tmp_path):
+@pytest.fixture(scope="module")
+def study(folders, tmp_path_factory):
+    """A folder for the cache and the results of a study that has been made, and its record."""
+    folder = tmp_path_factory.mktemp("study")
+    return folder, process(folder, folder / "1", *TINY_STUDY)
+
+
+def test_cold_tiny_study(benchmark, study):
     """Eight fabricated and lidar runs of two seconds, and the report."""
-    measure(benchmark, STUDY, lambda: process(tmp_path, tmp_path / "1", *TINY_STUDY), rounds=1)
+    measure(benchmark, STUDY, lambda: study[1], rounds=1)
 
 
-def test_report_again_from_the_cache(benchmark, folders, tmp_path):
-    process(tmp_path, tmp_path / "1", *TINY_STUDY)
-    measure(benchmark, STUDY, lambda: process(tmp_path, tmp_path / "1", *TINY_STUDY), rounds=3)
+def test_report_again_from_the_cache(benchmark, study):
+    folder, _ = study
+    measure(benchmark, STUDY, lambda: process(folder, folder / "1", *TINY_STUDY), rounds=3)

@@ -16,6 +16,7 @@ import pytest
 import yaml
 from pydantic import TypeAdapter
 from scipy.special import ndtr
+from small import sized
 
 from stixel_cli.config.schema import StereoParameters
 from stixel_cli.geometry.rig import Rig
@@ -37,8 +38,9 @@ from stixel_cli.stixels.road import find_road, obstacle_limits, road_line
 from stixel_cli.stixels.unknown import unknown_rows
 
 ROOT = Path(__file__).parents[1]
-COUNT = 128
-RIG = Rig(1242, 375, None, 721.5377, 609.5593, 172.854, 0.5327254, 1.65, 0.0, None)
+COUNT = sized(128, 32)
+CAMERA = sized((1242, 375, None, 721.5377, 609.5593, 172.854), (310, 94, None, 180.4, 152.4, 43.2))
+RIG = Rig(*CAMERA, 0.5327254, 1.65, 0.0, None)
 FOLDER = Path(os.environ.get("STIXEL_DATA", ROOT / "../shared/data")) / "kitti2015"
 
 

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from small import sized
 
 from stixel_cli.cli.plan import plan as plan_command
 from stixel_cli.config.compose import Composer, compose
@@ -17,10 +18,16 @@ from stixel_cli.sweeps.graphs import plan_runs, plan_sweep
 from stixel_cli.sweeps.runs import design_runs, sweep_design
 from stixel_cli.sweeps.whole import new_sweep
 
+RUNS, TRACKER_RUNS = sized((1000, 200), (10, 3))
+SETTINGS = f"tracker.sigma_q=range(0.1,{TRACKER_RUNS / 10 + 0.1:.1f},0.1)"
+FABRICATED = ["measurement=fabricated", *sized([], ["path.duration=1"])]
 LINES = {
-    "100 settings × 10 seeds, simulated": ["tracker.sigma_q=range(1,101)", "seed=range(10)"],
-    "1,000 settings, simulated": ["tracker.sigma_q=range(0.1,100.1,0.1)"],
-    "1,000 seeds, fabricated": ["measurement=fabricated", "seed=range(1000)"],
+    "100 settings × 10 seeds, simulated": [
+        f"tracker.sigma_q=range(1,{RUNS // 10 + 1})",
+        "seed=range(10)",
+    ],
+    "1,000 settings, simulated": [f"tracker.sigma_q=range(0.1,{RUNS // 10}.1,0.1)"],
+    "1,000 seeds, fabricated": ["measurement=fabricated", f"seed=range({RUNS})"],
 }
 GROUPS = [
     "road_user=glob(*)",
@@ -28,8 +35,7 @@ GROUPS = [
     "ego=glob(*)",
     "rig=glob(*)",
     "stereo=glob(*)",
-]
-TRACKER_RUNS = 200
+][sized(0, 3) :]
 
 
 @pytest.fixture
@@ -45,10 +51,10 @@ def test_plan(benchmark, cache, capsys, line):
     plan = plan_sweep(plan_runs(design_runs(sweep_design(LINES[line]))), cache)
     for key in plan.needed:
         cache.save(key, None)
-    assert len(plan.runs) == 1000
+    assert len(plan.runs) == RUNS
     benchmark.pedantic(plan_command, args=(LINES[line],), rounds=3)
     benchmark.extra_info["nodes"] = len(plan.needed)
-    assert "1000 runs, 1000 complete" in capsys.readouterr().out
+    assert f"{RUNS} runs, {RUNS} complete" in capsys.readouterr().out
 
 
 @pytest.mark.benchmark(group="200 configurations")
@@ -56,8 +62,8 @@ def test_plan(benchmark, cache, capsys, line):
 @pytest.mark.parametrize("what", ["keys", "groups"])
 def test_compose(benchmark, how, what):
     """With a composer per configuration, and with one for all."""
-    line = ["tracker.sigma_q=range(0.1,20.1,0.1)"] if what == "keys" else GROUPS
-    texts = [run.overrides for run in design_runs(sweep_design(line))][:200]
+    line = [SETTINGS] if what == "keys" else GROUPS
+    texts = [run.overrides for run in design_runs(sweep_design(line))][:TRACKER_RUNS]
     one = compose if how == "compose" else None
 
     def run(each):
@@ -70,8 +76,8 @@ def test_compose(benchmark, how, what):
 @pytest.mark.parametrize("how", ["plain calls", "sweep"])
 def test_tracker_runs(benchmark, cache, tmp_path, how):
     """100 scans each, two workers; compared with plain calls in one process without a store."""
-    line = ["measurement=fabricated", "tracker.sigma_q=range(0.1,20.1,0.1)"]
-    made = new_sweep([*line[:1], "tracker.sigma_q=30,31"])
+    line = [*FABRICATED, SETTINGS]
+    made = new_sweep([*FABRICATED, "tracker.sigma_q=30,31"])
     assert made.complete
     plan = plan_sweep(plan_runs(design_runs(sweep_design(line))), cache)
     assert {stage.name for stage in plan.stages if stage.to_run} == {"track", "scores"}
@@ -93,7 +99,7 @@ def test_tracker_runs(benchmark, cache, tmp_path, how):
     def calls():
         with one_thread():
             for planned in plan.runs:
-                configuration = planned.run.composition.configuration
+                configuration = planned.composition.configuration
                 found = track(given.scans, given.start, configuration.prior, configuration.tracker)
                 evaluate(found, given.scenario, given.scans)
 
@@ -110,7 +116,7 @@ def test_scores(benchmark, cache, tracker, how):
     from stixel_cli.engine.one_thread import one_thread
     from stixel_cli.evaluation.evaluate import evaluate
 
-    line = ["measurement=fabricated", f"tracker={tracker}", "seed=0,1"]
+    line = [*FABRICATED, f"tracker={tracker}", "seed=0,1"]
     assert new_sweep(line).complete
     graph = plan_runs(design_runs(sweep_design(line)))[0].graph
     track, scenario, scans, scores = (

@@ -7,6 +7,7 @@
 import numpy as np
 import pytest
 from scipy.linalg import block_diag, cho_factor, cho_solve
+from small import sized
 from threadpoolctl import threadpool_limits
 
 from stixel_cli.config.compose import compose
@@ -15,7 +16,8 @@ from stixel_cli.measurements.fabricated import fabricate_scans
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.build import build_scenario
 from stixel_cli.scene.ego import ego_motion
-from stixel_cli.tracking import contour, gp_ekf
+from stixel_cli.tracking import gp_ekf
+from stixel_cli.tracking.contour import contour
 from stixel_cli.tracking.gp_ekf import GpEkfParameters, track
 from stixel_cli.tracking.gp_ekf_update import update
 from stixel_cli.tracking.kernel import contour_process, kernel
@@ -24,7 +26,7 @@ from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.start import noisy_start
 from stixel_cli.tracking.track import InitialState
 
-POINTS, SCANS, INTERVAL, STD = 600, 30, 0.1, 0.1
+POINTS, SCANS, INTERVAL, STD = *sized((600, 30), (60, 12)), 0.1, 0.1
 CAR = PriorShape(4.2, 1.7, "rectangle", 0.3, 2.0, 0.8, 0.1, 0.3, "car", 0.06, 0.06)
 TRACKER = GpEkfParameters(
     kind="gp_ekf",
@@ -40,7 +42,6 @@ TRACKER = GpEkfParameters(
     measurement_covariance="isotropic",
     measurement_std=STD,
     gate_probability=0.99,
-    contour_points=120,
 )
 START = InitialState(
     np.array([7.5, 12.0, 0.1, 5.0, 0.5, 0.2]), np.diag([0.1, 0.1, 0.01, 0.25, 0.25, 0.01])
@@ -181,6 +182,7 @@ def test_track_of_100_scans(benchmark, module):
     benchmark.group = "A track of 100 scans with about 60 points each"
     name = module.__name__.rpartition(".")[2]
     overrides = (f"tracker={name}", "measurement=fabricated", "measurement.rays=280")
+    overrides += sized((), ("path.duration=1",))
     p = compose(overrides).configuration
     ego = ego_motion(p.ego, p.path.duration, p.path.sample_time)
     scenario = build_scenario(ego, p.road_user, p.path)

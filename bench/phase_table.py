@@ -11,6 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from bench_cost import call
+from small import IMAGES, sized
 
 from stixel_cli.config.compose import compose
 from stixel_cli.experiment.stages import pipeline_stages
@@ -25,7 +26,7 @@ APPROACH = [
     *("path=approach", "path.start=[-0.5,52.5]", "path.heading=-90.0", "path.speed=5.0"),
     *("path.sample_time=0.25", "path.duration=9.75"),
 ]
-RIGS = ("default", "long_range", "kitti")
+RIGS = sized(("default", "long_range", "kitti"), ("default",))
 WAYS = ("second_match", "phase_table", "parabola")
 KITTI = Rig(1242, 375, None, 721.5377, 609.5593, 172.854, 0.5327254, 1.65, 0.0, None)
 DATA = Path(os.environ.get("STIXEL_DATA", Path(__file__).parents[1] / "../shared/data"))
@@ -34,8 +35,9 @@ FAR = 25.0
 
 def rendered_frames(overrides, frames):
     """Configuration, pairs, true disparities px, ids and depths m of some frames of a run."""
-    configuration = compose([*APPROACH, *overrides]).configuration
-    stages = {stage.name: stage for stage in pipeline_stages(configuration)}
+    composition = compose([*APPROACH, *overrides, *IMAGES])
+    configuration = composition.configuration
+    stages = {stage.name: stage for stage in pipeline_stages(composition)}
     scenario = call(stages, "scenario", ego_motion=call(stages, "ego_motion"))
     for k in frames:
         one = {"frames": range(k, k + 1)}
@@ -56,10 +58,10 @@ def fit() -> np.ndarray:
     """The table (16,), 1/16 px: true phases are even, so it is the cumulated histogram."""
     count = np.zeros(16)
     for rig in RIGS:
-        for seed in (1000, 1001):
+        for seed in sized((1000, 1001), (1000,)):
             for user in ("car", "pedestrian"):
                 run = f"rig={rig} road_user={user} seed={seed} world.seed={seed}".split()
-                for configuration, pairs, *_ in rendered_frames(run, (8, 18, 30)):
+                for configuration, pairs, *_ in rendered_frames(run, sized((8, 18, 30), (18,))):
                     raw = matched(configuration, pairs, "parabola").raw(0)
                     phases = raw[raw >= 0] % 16
                     count += np.bincount(phases, minlength=16) / len(phases)
@@ -78,9 +80,10 @@ def rms(errors: np.ndarray) -> float:
 def rendered_errors(rig: str) -> dict[str, dict[str, np.ndarray]]:
     """Errors px of each way on seed 0: of all pixels, of the target, and of it beyond `FAR` m."""
     errors = {way: {"all": [], "target": [], "far target": []} for way in WAYS}
+    frames = sized(range(2, 38, 4), (14,))
     for user in ("car", "pedestrian"):
         run = f"rig={rig} road_user={user} seed=0".split()
-        for configuration, pairs, true, ids, depth in rendered_frames(run, range(2, 38, 4)):
+        for configuration, pairs, true, ids, depth in rendered_frames(run, frames):
             inside = cv2.erode((ids == TARGET_ID).astype(np.uint8), np.ones((5, 5))) > 0
             zones = {"all": np.isfinite(depth), "target": inside}
             zones["far target"] = inside & (depth >= FAR)

@@ -13,9 +13,10 @@ from pathlib import Path
 
 from bench_run import RUN, STUDY
 from phase_table import DATA, FAR, WAYS, accuracy
+from small import FOLDER
 
 ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs/benchmark.md"
+PAGE = Path(FOLDER or ROOT / "docs") / "benchmark.md"
 SELECTED = (
     "bench_run.py",
     "bench_stixels.py::test_images_to_stixels",
@@ -94,7 +95,8 @@ def sections(benchmarks: list[dict]) -> list[str]:
         for title, ways in one["extra_info"].get("ways", {}).items():
             rows = [(name, w["seconds"], w.get("accuracy", "")) for name, w in ways.items()]
             parts.append(f"## {title[0].upper()}{title[1:]}, CPU time\n\n{timed(rows)}")
-        if "ways" not in one["extra_info"]:
+        # Those of SELECTED have a group.
+        if "ways" not in one["extra_info"] and one["group"]:
             groups.setdefault(one["group"], []).append(one)
     wholes = []
     for title, found in groups.items():
@@ -150,6 +152,9 @@ def main() -> None:
         if len(sys.argv) == 1:
             tests = [f"bench/{name}" for name in SELECTED]
             options = ["-o", "python_files=bench_*.py", f"--benchmark-json={path}"]
+            if FOLDER:
+                tests += sorted({str(file) for file in Path("bench").glob("bench_*.py")})
+                options += ["--benchmark-min-rounds=1", "--benchmark-max-time=0"]
             subprocess.run([sys.executable, "-m", "pytest", *options, *tests], cwd=ROOT, check=True)
         record = json.loads(path.read_text())
     parts = [

@@ -3,24 +3,18 @@
 Run it as: python docs/studies.py FOLDER...
 """
 
-import html
-import re
+import json
 import sys
 from pathlib import Path
+from typing import Any
 
-import pandas as pd
 import yaml
 
-from stixel_cli.evaluation.metric_table import metric, over_runs
-from stixel_cli.studies.tables import markdown_row, with_unit
+from stixel_cli.report.tables import markdown_table
 
 README = Path(__file__).parent.parent / "README.md"
 PAGE = Path(__file__).parent / "studies.md"
 BEGIN, END = "<!-- from the studies -->", "<!-- end -->"
-COLUMNS = (
-    *("iou_mean", "iou_box_mean", "centre_rmse_m", "orientation_rmse_deg"),
-    *("nees_position_mean", "track_lost"),
-)
 
 
 def main(folders: list[Path]) -> None:
@@ -28,7 +22,7 @@ def main(folders: list[Path]) -> None:
     write(PAGE, "\n".join(answer(folder) for folder in folders))
     for folder in folders:
         if folder.name == "rq2":
-            write(README, trackers(folder))
+            write(README, trackers(report(folder)["tables"]["trackers"]["rows"]))
 
 
 def write(page: Path, content: str) -> None:
@@ -39,27 +33,27 @@ def write(page: Path, content: str) -> None:
     page.write_text(f"{before}{BEGIN}\n\n{content}\n{END}{after}", encoding="utf-8")
 
 
+def report(folder: Path) -> dict[str, Any]:
+    """The report of a study as data."""
+    return json.loads((folder / "report.json").read_text(encoding="utf-8"))
+
+
 def answer(folder: Path) -> str:
     """A study's title, command and revision, and the sentences at the top of its report."""
     study = yaml.safe_load((folder / "study.yaml").read_text(encoding="utf-8"))
-    report = (folder / "report.html").read_text(encoding="utf-8")
-    block = re.search(r'<div class="answer">(.*?)</div>', report, re.S)[1]
-    sentences = [html.unescape(p) for p in re.findall(r"<p>(.*?)</p>", block, re.S)]
     revision = study["git"]["revision"][:7]
     lines = [f"### {study['title']}", "", f"`{study['command']}`, revision {revision}:", ""]
-    return "\n".join([*lines, *(f"- {sentence}" for sentence in sentences), ""])
+    return "\n".join([*lines, *(f"- {sentence}" for sentence in report(folder)["leads"]), ""])
 
 
-def trackers(folder: Path) -> str:
+def trackers(rows: list[dict[str, Any]]) -> str:
     """A table of RQ2's trackers on stixels: the means over paths and seeds."""
-    runs = pd.read_csv(folder / "sweeps" / "tracking" / "runs.csv")
-    means = runs[runs["measurement"] == "simulated"].groupby(["road_user", "tracker"], sort=False)
-    header = ["road user", "tracker", *(with_unit(metric(over_runs(name))) for name in COLUMNS)]
-    lines = [markdown_row(header), "| --- | --- |" + " ---: |" * len(COLUMNS)]
-    for (user, tracker), row in means[list(COLUMNS)].mean().iterrows():
-        cells = [f"{row[name]:.2f}" for name in COLUMNS]
-        lines.append(markdown_row([user, f"`{tracker}`", *cells]))
-    return "\n".join([*lines, ""])
+    header = [column for column in rows[0] if column != "n"]
+    cells = [
+        [row[column] if i < 2 else f"{row[column]:.2f}" for i, column in enumerate(header)]
+        for row in rows
+    ]
+    return "\n".join([*markdown_table(header, cells, [i > 1 for i in range(len(header))]), ""])
 
 
 if __name__ == "__main__":

@@ -6,23 +6,35 @@ can correct are raised as `stixel_cli.errors.UserError`, in one line.
 
 import dataclasses
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stixel_cli.config.compose import Composition, from_resolved
 from stixel_cli.config.compose import compose as compose_overrides
+from stixel_cli.config.texts import split_override
 from stixel_cli.engine.displays import in_notebook
 from stixel_cli.engine.progress import Progress, make_progress
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.kernels import uncompiled
 from stixel_cli.experiment.run import record_run
+from stixel_cli.machine.kernels import uncompiled
 from stixel_cli.results.result import RunResult
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from stixel_cli.sweeps.run import SweepResult
+
+
+def _notebook_view(result: RunResult) -> str:
+    """HTML of a result: verdict, main metrics, and the picture from above."""
+    from stixel_cli.report.notebook import result_html
+
+    return result_html(result)
+
+
+# Notebooks look for this method; results know no page, so it is attached where Python users enter.
+RunResult._repr_html_ = _notebook_view
 
 
 def compose(*overrides: Sequence[str] | str, last_wins: bool = False) -> Composition:
@@ -75,7 +87,7 @@ def run(
         ["stixel", "run", *composition.overrides],
         results=None if results is None else Path(results),
         name=name,
-        progress=make_progress(uncompiled()) if _visible() else Progress(),
+        progress=make_progress(uncompiled(), advice=True) if _visible() else Progress(),
     )
 
 
@@ -89,6 +101,7 @@ def sweep(
     workers: int | None = None,
     cache: Path | str | None = None,
     last_wins: bool = False,
+    trust_code: bool = False,
 ) -> "SweepResult":
     """Run all combinations of several values; stages that runs share are computed once.
 
@@ -105,11 +118,12 @@ def sweep(
         workers: None for the number in the configuration.
         cache: folder of the cache; None for the one in the configuration.
         last_wins: as in `compose`.
+        trust_code: run the user-defined code that the file names.
 
     Raises:
         UserError: for errors that the user can correct, before anything is computed.
     """
-    from stixel_cli.config.messages import override_text
+    from stixel_cli.config.texts import override_text
     from stixel_cli.sweeps.whole import new_sweep
 
     texts = list(_texts(overrides, last_wins))
@@ -125,6 +139,7 @@ def sweep(
         shuffle,
         pictures,
         visible=_visible(),
+        trust_code=trust_code,
     )
 
 
@@ -141,10 +156,13 @@ def plot(result: RunResult) -> "Figure":
 
 def _texts(given: Sequence[Sequence[str] | str], last_wins: bool) -> tuple[str, ...]:
     """The overrides in one tuple; of several of one key only the last if `last_wins`."""
+    for one in given:
+        if isinstance(one, Mapping):
+            raise UserError("overrides must be texts, such as 'tracker=contour', not a mapping")
     texts = [text for one in given for text in ((one,) if isinstance(one, str) else one)]
     if not last_wins:
         return tuple(texts)
-    return tuple({text.lstrip("+").partition("=")[0].strip(): text for text in texts}.values())
+    return tuple({split_override(text)[0]: text for text in texts}.values())
 
 
 def _visible() -> bool:

@@ -1,5 +1,7 @@
 """Errors that the user can fix: one line, without a traceback."""
 
+from unicodedata import category
+
 
 class UserError(Exception):
     """An error that the user can fix; its text is one line: what is wrong, where, what to do.
@@ -25,6 +27,15 @@ class MissingData(UserError):
 
 class FolderTaken(UserError):
     """Another process has already created the folder."""
+
+
+def escaped(text: str) -> str:
+    """The text with invisible characters escaped, but for line ends, tabs and spaces."""
+    if text.isprintable():
+        return text
+    return "".join(
+        c if c.isprintable() or c in "\n\t" or category(c) == "Zs" else printable(c) for c in text
+    )
 
 
 def printable(text: str, longest: int = 60) -> str:

@@ -89,6 +89,46 @@ def further_arguments(
     return dict(values)
 
 
+def all_values(
+    function: Callable[..., Any], given: int, values: Mapping[str, Any]
+) -> dict[str, Any]:
+    """`values` with the defaults of the other parameters, except those that are not plain.
+
+    Raises:
+        pydantic.ValidationError, ValueError: as `further_arguments` does.
+    """
+    from pydantic import ValidationError
+
+    found = further_arguments(function, given, values)
+    schema = parameters_type(function, given)
+    if schema is None:
+        further = list(inspect.signature(function).parameters.items())[given:]
+        found = {n: one.default for n, one in further if one.default is not one.empty} | found
+    else:
+        (made,) = found.values()
+        found = {
+            one.name: getattr(made, one.name) for one in dataclasses.fields(schema) if one.init
+        }
+        # A list in a file becomes a tuple again.
+        found = {n: list(one) if isinstance(one, tuple) else one for n, one in found.items()}
+    plain = {name: one for name, one in found.items() if _is_plain(one)} | dict(values)
+    try:
+        further_arguments(function, given, plain)
+    except ValidationError:
+        return dict(values)  # A default need not be of its annotated type.
+    return plain
+
+
+def _is_plain(value: Any) -> bool:
+    """Whether a YAML file can have the value as it is."""
+    import json
+
+    try:
+        return json.loads(json.dumps(value, allow_nan=False)) == value
+    except (TypeError, ValueError):
+        return False
+
+
 def _validated(schema: type, values: Mapping[str, Any]) -> Any:
     import json
 

@@ -74,7 +74,7 @@ def open_page() -> Iterator[OpenPage]:
                 is_mobile=touch,
                 reduced_motion="reduce" if still else "no-preference",
             )
-            page.set_default_timeout(10_000)
+            page.set_default_timeout(300_000)
             opened = OpenedPage(page)
             say = opened.problems.append
             page.on(

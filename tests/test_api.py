@@ -127,3 +127,11 @@ def test_later_overrides_win_only_if_asked_for():
     assert compose(base, "rig=kitti").choices["rig"] == "kitti"
     with pytest.raises(UserError, match="one composition"):
         run(composition, "seed=3")
+
+
+@pytest.mark.parametrize("given", [{"tracker": "contour"}, "tracker=contour seed=3"])
+def test_other_forms_of_overrides_are_named(given):
+    with pytest.raises(UserError) as told:
+        run(given)
+    assert "must be texts" in str(told.value) or "several overrides" in str(told.value)
+    assert "\n" not in str(told.value) and "tracker=contour" in str(told.value)

@@ -7,6 +7,9 @@ import tomllib
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
+import pytest
+from minimum_versions import PYPROJECT, minimum_versions
+
 import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
@@ -26,6 +29,10 @@ EXTRAS = {
 def plain(name):
     """A distribution's name as pip compares it; the two wheels of Open3D are one library."""
     return re.sub(r"[-_.]+", "-", name).lower().removesuffix("-cpu")
+
+
+def numbers(version):
+    return [int(number) for number in re.findall(r"\d+", version)]
 
 
 def declared():
@@ -53,3 +60,20 @@ def test_what_is_imported_is_declared_and_what_is_declared_is_imported():
     missing = {EXTRAS.get(name) for name in imported() if name not in distributions}
     assert missing <= {*EXTRAS.values()}
     assert found | missing == declared()
+
+
+def test_every_dependency_has_a_lowest_version_that_the_pinned_one_is_not_below():
+    lines = (PYPROJECT.parent / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    pinned = dict(line.split("==") for line in lines if not line.startswith("#"))
+    pinned = {plain(name): numbers(version) for name, version in pinned.items()}
+    found = [line.split(";")[0].split("==") for line in minimum_versions(PYPROJECT.read_text())]
+    assert len(found) > 30
+    for name, lowest in found:
+        # Where it is not pinned: too large for an extra that few want.
+        assert numbers(lowest) <= pinned.get(plain(name), numbers(lowest)), name
+
+
+def test_a_dependency_without_a_lowest_version_is_named():
+    text = '[project]\ndependencies = ["numpy<3"]\noptional-dependencies = {}\n'
+    with pytest.raises(ValueError, match="numpy<3"):
+        minimum_versions(text)

@@ -30,6 +30,7 @@ from stixel_cli.cli.run import help_of_run, run
 from stixel_cli.cli.show import show
 from stixel_cli.cli.study import study
 from stixel_cli.cli.sweep import sweep
+from stixel_cli.cli.terminal import escaping
 from stixel_cli.cli.verify import verify
 from stixel_cli.engine.one_thread import ENVIRONMENT
 from stixel_cli.errors import UserError
@@ -75,7 +76,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         signal.signal(signal.SIGTERM, signal.default_int_handler)
         # A process that ends need not search its objects for garbage: 0.25 s of a warm run.
         atexit.register(gc.freeze)
-    return guarded(lambda: _run(given or ["--help"]))
+    with escaping():
+        return guarded(lambda: _run(given or ["--help"]))
 
 
 def _run(arguments: list[str]) -> int:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from stixel_cli.cli.completion import complete_override
-from stixel_cli.cli.options import Json, Output, Workers, check_output
+from stixel_cli.cli.options import Json, Workers, check_output
 from stixel_cli.cli.run import with_workers, without_target
 from stixel_cli.cli.terminal import print_json, print_table
 from stixel_cli.errors import UserError
@@ -40,14 +40,17 @@ def assess(
     labels: Annotated[
         Path | None, typer.Option(help="KITTI's labels of the pair.", metavar="FILE")
     ] = None,
-    output: Output = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Output file (default: assess.html)."),
+    ] = None,
     workers: Workers = None,
     json: Json = False,
 ) -> int:
     """Assess the stixels of one pair of images on one page.
 
     It shows the share of the columns that have stixels, their errors against true disparities, the
-    offset between the images and the truth, obstacles called free, and times.
+    offset between the images and the truth, missed obstacles and run times.
 
     \b
     Examples:
@@ -58,9 +61,8 @@ def assess(
     check_output(output)
     from stixel_cli.config.compose import compose
     from stixel_cli.engine.progress import make_progress
-    from stixel_cli.experiment.assess import LABELS
     from stixel_cli.experiment.assess import assess as assessed
-    from stixel_cli.report.assess import page_html, sentences, shown
+    from stixel_cli.report.assess import LABELS, page_html, sentences, shown
     from stixel_cli.report.compare import unused_page, write_page
 
     files = [text for text in arguments if "=" not in text]

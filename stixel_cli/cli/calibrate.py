@@ -14,8 +14,8 @@ from stixel_cli.cli.run import with_workers, without_target
 from stixel_cli.cli.terminal import print_json
 
 if TYPE_CHECKING:
+    from stixel_cli.calibration.disparity_fit import DisparityFit
     from stixel_cli.recordings.parameters import Recorded
-    from stixel_cli.validation.disparity_fit import DisparityFit
 
 
 def calibrate(
@@ -45,7 +45,7 @@ def calibrate(
 ) -> int:
     """Estimate the disparity error of a recording's rig.
 
-    It prints overrides that take the error off, and name how it was estimated. With labels, fit on
+    Print the overrides that correct the error and record how it was estimated. With labels, fit on
     some of the frames (source.frames=0:8) and score on the others.
 
     \b

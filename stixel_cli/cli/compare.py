@@ -12,7 +12,7 @@ from stixel_cli.cli.terminal import print_json, print_table
 from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
-    from stixel_cli.results.code_differences import ModuleDifference
+    from stixel_cli.results.differences import ModuleDifference
 
 
 def compare(
@@ -85,7 +85,7 @@ def compare(
 def _code(folders: list[Path], labels: list[str]) -> "list[ModuleDifference]":
     from stixel_cli.config.compose import compose
     from stixel_cli.engine.store import open_store
-    from stixel_cli.results.code_differences import code_differences
+    from stixel_cli.results.differences import code_differences
 
     store = open_store(compose().configuration.cache)
     return code_differences(*folders, tuple(labels), store.folder)

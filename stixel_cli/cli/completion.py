@@ -15,6 +15,7 @@ from stixel_cli.config.folders import (
     option_values,
     shipped_folder,
 )
+from stixel_cli.config.texts import override_text, split_override
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.files import read_text
 
@@ -56,7 +57,7 @@ def _meaning(word: str) -> str:
     """What `stixel describe` prints first of a group, an option or a key; "" if it has no text."""
     from stixel_cli.config.descriptions import describe_key, meaning_of_group, meaning_of_option
 
-    key, _, values = word.partition("=")
+    key, values = split_override(word)
     option = values.rpartition(",")[2]
     if option in group_options().get(key, ()):
         return meaning_of_option(key, option)
@@ -74,7 +75,7 @@ def _overrides(incomplete: str) -> list[str]:
     before = f"{group}=" if group else ""
     try:
         found = _candidates(before + incomplete, words)
-    except (OSError, ConfigurationError):
+    except (OSError, UserError):
         return []
     return [word.removeprefix(before) for word in found if word != before]
 
@@ -85,7 +86,7 @@ def _swept(incomplete: str) -> list[str]:
     if not comma:
         return _overrides(incomplete)
     _, group = _words_in_bash(incomplete)
-    name, _, values = f"{group}={before}".partition("=") if group else before.partition("=")
+    name, values = split_override(f"{group}={before}" if group else before)
     try:
         options = group_options().get(name, ())
     except (OSError, ConfigurationError):
@@ -143,9 +144,9 @@ def _words_in_bash(incomplete: str) -> tuple[list[str], str]:
 
 
 def _candidates(typed: str, words: list[str]) -> list[str]:
-    key, equals, _ = typed.partition("=")
+    key, _ = split_override(typed)
     groups = [group for group in group_options() if group.startswith(key)]
-    if equals or len(groups) == 1:
+    if "=" in typed or len(groups) == 1:
         # The shell appends a space to a single `group=`, so complete to its options.
         found = [f"{group}={option}" for group in groups for option in group_options()[group]]
         if "tracker" in groups:
@@ -163,16 +164,17 @@ def _candidates(typed: str, words: list[str]) -> list[str]:
 def _keys(group: str, typed: str, words: list[str]) -> list[str]:
     """The keys of the option that the line chooses; a single key also with its value."""
     line = "".join(f" {word}" for word in words).replace(" = ", "=").split()
-    chosen = [word.partition("=")[2] for word in line if word.startswith(f"{group}=")]
+    chosen = [split_override(word)[1] for word in line if word.startswith(f"{group}=")]
     option = chosen[-1] if chosen else default_option(group)
     if option not in group_options()[group]:
         return []
     within = group.replace("/", ".")
-    values = {f"{within}.{key}": text for key, text in option_values(group, option).items()}
+    values = {f"{within}.{key}": value for key, value in option_values(group, option).items()}
     values.pop(f"{within}.kind", None)
     inner = [key for name in inner_options(group, option) for key in _keys(name, typed, words)]
     found = [key for key in values if key.startswith(typed)]
     if len(found) != 1:
         return [f"{key}=" for key in found] + inner
     plain = values[found[0]]
-    return [f"{found[0]}="] + ([f"{found[0]}={plain}"] if plain and plain[0] not in "$[{" else [])
+    of_another = isinstance(plain, list) or "$" in str(plain)
+    return [f"{found[0]}="] + ([] if of_another else [override_text(found[0], plain)])

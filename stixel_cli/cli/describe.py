@@ -9,6 +9,7 @@ import typer
 from stixel_cli.cli.completion import complete_setting
 from stixel_cli.cli.terminal import print_table
 from stixel_cli.config.folders import default_option, group_options
+from stixel_cli.config.texts import split_override
 from stixel_cli.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -22,7 +23,8 @@ def describe(
     name: Annotated[
         str | None,
         typer.Argument(
-            help="A group, an option as GROUP=OPTION, or a key. Without it: all groups.",
+            help="A group, an option as GROUP=OPTION (also MODULE:FUNCTION), or a key. "
+            "Without it: all groups.",
             metavar="NAME",
             autocompletion=complete_setting,
             show_default=False,
@@ -35,10 +37,12 @@ def describe(
 
     Example: stixel describe tracker.sigma_f
     """
+    from stixel_cli.config.descriptions import parameters_of_own
     from stixel_cli.config.keys import known_keys
     from stixel_cli.config.messages import unknown_key, unknown_option
+    from stixel_cli.config.own_options import check_option
 
-    group, equals, option = (name or "").partition("=")
+    group, option = split_override(name or "")
     group = group.replace(".", "/") if group.replace(".", "/") in group_options() else group
     if name is None:
         _print_groups()
@@ -46,7 +50,10 @@ def describe(
         if group not in known_keys():
             raise ConfigurationError(unknown_key(group))
         _print_key(group)
-    elif equals:
+    elif "=" in name and check_option(group, option):
+        columns = (f"key of {name}", "default", "range", "meaning")
+        print_table(columns, parameters_of_own(group, option), width=WIDTH)
+    elif "=" in name:
         if option not in group_options()[group]:
             raise ConfigurationError(unknown_option(group, option))
         _print_option(group, option)

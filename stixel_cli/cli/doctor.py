@@ -2,6 +2,7 @@
 
 import sys
 
+from stixel_cli.cli.errors import tell
 from stixel_cli.cli.options import Json
 from stixel_cli.cli.terminal import print_json, print_table
 
@@ -14,8 +15,10 @@ def doctor(json: Json = False) -> int:
     """
     from stixel_cli.config.compose import compose
     from stixel_cli.engine.store import open_store
-    from stixel_cli.experiment.health import examine
+    from stixel_cli.machine.health import examine
 
+    if not json:
+        tell("checking; each renderer draws a picture, which takes some seconds …")
     checks = examine(open_store(compose().configuration.cache))
     failing = [check for check in checks if check.status == "fails"]
     if json:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from stixel_cli.cli.completion import complete_run_or_override
-from stixel_cli.cli.options import ConfigDir, FromFile, Json
+from stixel_cli.cli.options import ConfigDir, FromFile, Json, TrustCode
 from stixel_cli.cli.terminal import print_json
 from stixel_cli.errors import UserError, printable_path
 
@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from stixel_cli.engine.explain import Change, Explanation
     from stixel_cli.engine.graph import Graph
     from stixel_cli.engine.store import Store
-    from stixel_cli.sweeps.graphs import PlannedRun, SweepPlan
+    from stixel_cli.results.lineage import Lineage
+    from stixel_cli.sweeps.graphs import SweepPlan
+    from stixel_cli.sweeps.runs import PlannedRun
 
 MOST_LINES = 30
 """Lines of a module's difference that are printed; --json gives all."""
@@ -31,12 +33,14 @@ class _Asked(NamedTuple):
     Attributes:
         graph, targets, store: of the nodes.
         runs: the runs of a sweep; () for a single run.
+        lineages: of the runs in the folder to compare with.
     """
 
     graph: "Graph"
     targets: list[str]
     store: "Store"
     runs: "tuple[PlannedRun, ...]" = ()
+    lineages: "Sequence[Lineage | None]" = ()
 
 
 def explain(
@@ -50,6 +54,7 @@ def explain(
         ),
     ] = None,
     file: FromFile = None,
+    trust_code: TrustCode = False,
     json: Json = False,
     config_dir: ConfigDir = None,
 ) -> int:
@@ -69,9 +74,9 @@ def explain(
     from stixel_cli.engine.explain import explain as explain_nodes
     from stixel_cli.experiment.run import one_line_errors
 
-    asked = _asked(what or [], file)
+    asked = _asked(what or [], file, trust_code)
     with one_line_errors():
-        found = explain_nodes(asked.graph, asked.store, asked.targets)
+        found = explain_nodes(asked.graph, asked.store, asked.targets, _before(asked.lineages))
     needed_by = _needed_by(asked.runs, {one.key for one in found})
     if json:
         print_json([_as_json(one, needed_by.get(one.key)) for one in found])
@@ -93,6 +98,13 @@ def explain(
     return 0
 
 
+def _before(lineages: "Sequence[Lineage | None]") -> tuple[set[str], dict[str, str]]:
+    """The keys of all results of a folder, and the digests of their modules."""
+    known = [one for one in lineages if one is not None]
+    keys = {key for one in known for stage in one.stages.values() for key in stage.keys}
+    return keys, {name: digest for one in known for name, digest in (one.code or {}).items()}
+
+
 def _shortened(change: "Change") -> list[str]:
     """The first lines of a module's difference, without its two lines of header."""
     lines = list(change.difference[2:])
@@ -101,11 +113,13 @@ def _shortened(change: "Change") -> list[str]:
     return lines
 
 
-def _asked(what: Sequence[str], file: str | None) -> _Asked:
+def _asked(what: Sequence[str], file: str | None, trust_code: bool) -> _Asked:
     from stixel_cli.config.compose import Composer
     from stixel_cli.experiment.run import has_pictures, read_stored_run
+    from stixel_cli.results.lineage import read_lineage
     from stixel_cli.results.reader import SWEEP_FILE
     from stixel_cli.sweeps.folder import SweepFolder
+    from stixel_cli.sweeps.resume import on_this_machine
     from stixel_cli.sweeps.runs import compose_runs, design_runs, sweep_design
     from stixel_cli.sweeps.whole import planned_sweep
 
@@ -116,17 +130,19 @@ def _asked(what: Sequence[str], file: str | None) -> _Asked:
         if (folder / SWEEP_FILE).exists():
             request = SweepFolder(folder).request()
             composer = Composer(request.working_directory, trusted=False)
-            runs = compose_runs(request.runs, request.keys, composer)
-            return _of_runs(*planned_sweep(runs, None, request.pictures, request.nodes))
+            runs = compose_runs(on_this_machine(request.runs, ()), request.keys, composer)
+            asked = _of_runs(*planned_sweep(runs, None, request.pictures, request.nodes))
+            return asked._replace(lineages=[read_lineage(one) for one in folder.glob("runs/*")])
         stored = read_stored_run(folder)
-        return _of_run(stored.composition, has_pictures(stored))
+        asked = _of_run(stored.composition, has_pictures(stored))
+        return asked._replace(lineages=[stored.lineage])
     folders = [text for text in what if "=" not in text and os.path.isdir(text)]
     if folders:
         raise UserError(f"{folders[0]}: name either one result folder or overrides")
     lost = [text for text in what if "=" not in text and os.sep in text]
     if lost:
         raise UserError(f"{printable_path(lost[0])}: no such folder")
-    design = sweep_design(what, file, one_is_enough=True)
+    design = sweep_design(what, file, one_is_enough=True, trust_code=trust_code)
     runs = design_runs(design)
     if not design.axes:
         return _of_run(runs[0].composition, pictures=True)
@@ -138,7 +154,7 @@ def _of_run(composition: "Composition", pictures: bool) -> _Asked:
     from stixel_cli.experiment.run import experiment_graph, one_line_errors, targets
 
     with one_line_errors():
-        graph = experiment_graph(composition.configuration)
+        graph = experiment_graph(composition)
     store = open_store(composition.configuration.cache)
     return _Asked(graph, targets(graph, pictures), store)
 
@@ -146,7 +162,7 @@ def _of_run(composition: "Composition", pictures: bool) -> _Asked:
 def _of_runs(plan: "SweepPlan", _: Sequence[str]) -> _Asked:
     from stixel_cli.engine.store import open_store
 
-    store = open_store(plan.runs[0].run.composition.configuration.cache)
+    store = open_store(plan.runs[0].composition.configuration.cache)
     wanted = dict.fromkeys(target for one in plan.runs for target in one.targets)
     return _Asked(plan.graph, list(wanted), store, plan.runs)
 
@@ -164,7 +180,7 @@ def _needed_by(runs: "Sequence[PlannedRun]", missing: set[str]) -> dict[str, lis
                 # The sources of a cached node are not needed, missing or not.
                 pending += [s for s in one.graph.nodes[key].sources if s in missing]
         for key in found:
-            needed.setdefault(key, []).append(one.run.index)
+            needed.setdefault(key, []).append(one.index)
     return needed
 
 

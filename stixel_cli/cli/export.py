@@ -7,9 +7,12 @@ from typing import Annotated
 
 import typer
 
-from stixel_cli.cli.options import Folder, Workers
+from stixel_cli.cli.options import Folder, TrustCode, Workers
 from stixel_cli.cli.run import with_workers
 from stixel_cli.errors import UserError
+
+NAMES = "kitti|csv|tum|stx1|rerun"
+"""The formats, here because completion must not import them."""
 
 
 def export(
@@ -21,7 +24,10 @@ def export(
             help="kitti: images, calibration, labels, poses, disparity as a clip of KITTI's "
             "tracking benchmark. csv: scans, track, truth, contours, and their columns. tum: "
             "trajectories, as evo reads them. stx1: stixels for pyStixel-lib. rerun: run.rrd.",
-            metavar="kitti|csv|tum|stx1|rerun",
+            metavar=NAMES,
+            autocompletion=lambda incomplete: [
+                name for name in NAMES.split("|") if name.startswith(incomplete)
+            ],
             show_default=False,
         ),
     ],
@@ -32,6 +38,7 @@ def export(
         ),
     ] = None,
     workers: Workers = None,
+    trust_code: TrustCode = False,
 ) -> int:
     """Write a run in the format of other tools.
 
@@ -43,12 +50,13 @@ def export(
       stixel export results/contour --format csv
     """
     from stixel_cli.engine.progress import make_progress
-    from stixel_cli.experiment.export import FORMATS
-    from stixel_cli.experiment.run import read_stored_run
+    from stixel_cli.experiment.run import read_stored_run, trust_stored_run
+    from stixel_cli.export.export import FORMATS
 
     if format not in FORMATS:
         raise UserError(f"--format: {format!r} is not known: must be one of {', '.join(FORMATS)}")
     stored = read_stored_run(folder, tuple(with_workers((), workers)))
+    trust_stored_run(stored, trust_code)
     target = Path(f"{folder.resolve().name}-{format}") if output is None else output
     answer = FORMATS[format](stored, target.absolute(), make_progress())
     sys.stdout.write(f"{target}\n")

@@ -1,7 +1,7 @@
 """`stixel ls`: list runs and sweeps."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -12,7 +12,7 @@ from stixel_cli.cli.terminal import print_json, print_table
 from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
-    from stixel_cli.results.reader import ListedRun
+    from stixel_cli.results.result import RunResult
 
 MOST_AXES = 5
 """Axes of a sweep in its line."""
@@ -32,22 +32,20 @@ def ls(
     ] = Path("results"),
     json: Json = False,
 ) -> int:
-    """List runs and sweeps, oldest first, with what differs from the default.
+    """List runs and sweeps, oldest first, with the settings that differ from the default.
 
     A sweep is one line with its values. To list its runs, give its folder.
     """
     from stixel_cli.evaluation.metric_table import metric
-    from stixel_cli.results.reader import list_runs
+    from stixel_cli.results.result import list_runs
 
     runs = list_runs(folder)
     if json:
-        print_json(
-            [vars(run) | {"path": str(run.path), "choices": _differences(run)} for run in runs]
-        )
+        print_json(list(map(_json, runs)))
         return 0
     for run in runs:
-        if run.fault is not None:
-            tell(run.fault)
+        if run.failure is not None:
+            tell(str(run.failure))
     if not runs:
         tell(f"{folder}: no result folders")
         return 0
@@ -58,13 +56,35 @@ def ls(
     return 0
 
 
-def _differences(run: "ListedRun") -> str:
+def _json(run: "RunResult") -> dict[str, Any]:
+    return {
+        "path": str(run.folder),
+        "kind": "sweep" if _is_sweep(run) else "run",
+        "created": _created(run),
+        "choices": _differences(run),
+        "overrides": run.overrides,
+        "swept": run.setting,
+        "seed": run.seed,
+        "metrics": run.metrics,
+        "fault": None if run.failure is None else str(run.failure),
+    }
+
+
+def _is_sweep(run: "RunResult") -> bool:
+    return run.failure is None and not (run.folder / "manifest.json").exists()
+
+
+def _created(run: "RunResult") -> str:
+    return str(run.manifest.get("created", ""))
+
+
+def _differences(run: "RunResult") -> str:
     from stixel_cli.config.run_names import differences, short_setting
 
-    if run.kind == "sweep":
-        return _swept(run.path)
-    if run.swept:
-        return " ".join(short_setting(key, value) for key, value in run.swept.items())
+    if _is_sweep(run):
+        return _swept(run.folder)
+    if run.setting:
+        return " ".join(short_setting(key, value) for key, value in run.setting.items())
     # The seed has a column of its own.
     others = [text for text in run.overrides if not text.startswith("seed=")]
     return " ".join(differences(run.choices, others))
@@ -73,6 +93,7 @@ def _differences(run: "ListedRun") -> str:
 def _swept(folder: Path) -> str:
     """`tracker=gp_ekf,contour seed=0..9, 20 runs`."""
     from stixel_cli.config.run_names import swept_setting
+    from stixel_cli.config.texts import split_override
     from stixel_cli.sweeps.folder import SweepFolder
 
     try:
@@ -80,10 +101,7 @@ def _swept(folder: Path) -> str:
     except UserError as fault:
         tell(str(fault))
         return "a sweep"
-    given = []
-    for overrides in request.runs:
-        parts = (text.partition("=") for text in overrides)
-        given.append({key.strip().lstrip("+"): value.strip() for key, _, value in parts})
+    given = [dict(map(split_override, overrides)) for overrides in request.runs]
     axes = [
         swept_setting(keys, list(dict.fromkeys(run[keys[0]] for run in given)))
         for keys in request.axes
@@ -96,9 +114,10 @@ def _swept(folder: Path) -> str:
     return ", ".join([" ".join(axes), runs] if axes else [runs])
 
 
-def _row(run: "ListedRun") -> list[str]:
+def _row(run: "RunResult") -> list[str]:
     from stixel_cli.report.metrics import shown_value
 
     seed = "" if run.seed is None else str(run.seed)
     shown = [shown_value(n, run.metrics[n]) if n in run.metrics else "" for n in SHOWN]
-    return [str(run.path), run.created[:19].replace("T", " "), _differences(run), seed, *shown]
+    created = _created(run)[:19].replace("T", " ")
+    return [str(run.folder), created, _differences(run), seed, *shown]

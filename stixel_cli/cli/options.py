@@ -49,6 +49,15 @@ Folder = Annotated[
         show_default=False,
     ),
 ]
+RunOrSweep = Annotated[
+    Path,
+    typer.Argument(
+        help="Result folder of a run or a sweep.",
+        metavar="FOLDER",
+        autocompletion=complete_folder,
+        show_default=False,
+    ),
+]
 Folders = Annotated[
     list[Path],
     typer.Argument(
@@ -127,11 +136,21 @@ ConfigDir = Annotated[
         is_eager=True,
     ),
 ]
+
+
+def _trust_presets(trusted: bool) -> bool:
+    from stixel_cli.config.folders import trust_presets
+
+    trust_presets(trusted)
+    return trusted
+
+
 TrustCode = Annotated[
     bool,
     typer.Option(
         "--trust-code",
-        help="Run the functions that the folder names and that are not of stixel.",
+        help="Run user-defined code that a result folder, a file or presets refer to.",
+        callback=_trust_presets,
     ),
 ]
 Fresh = Annotated[

@@ -3,9 +3,17 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from stixel_cli.cli.options import ConfigDir, FromFile, Json, Pictures, SweepOverrides, Workers
+from stixel_cli.cli.options import (
+    ConfigDir,
+    FromFile,
+    Json,
+    Pictures,
+    SweepOverrides,
+    TrustCode,
+    Workers,
+)
 from stixel_cli.cli.run import with_workers
-from stixel_cli.cli.terminal import counted, print_json, print_table
+from stixel_cli.cli.terminal import console, counted, print_json, print_table
 
 if TYPE_CHECKING:
     from stixel_cli.sweeps.design import Design
@@ -22,6 +30,7 @@ def plan(
     file: FromFile = None,
     workers: Workers = None,
     pictures: Pictures = False,
+    trust_code: TrustCode = False,
     json: Json = False,
     config_dir: ConfigDir = None,
 ) -> int:
@@ -42,7 +51,8 @@ def plan(
     from stixel_cli.sweeps.runs import design_runs, sweep_design
     from stixel_cli.sweeps.whole import planned_sweep
 
-    design = sweep_design(with_workers(overrides or [], workers), file, one_is_enough=True)
+    words = with_workers(overrides or [], workers)
+    design = sweep_design(words, file, one_is_enough=True, trust_code=trust_code)
     runs = design_runs(design)
     if design.axes:
         planned, notes = planned_sweep(runs, None, pictures)
@@ -59,17 +69,15 @@ def print_plan(plan: "SweepPlan", design: "Design", notes: Sequence[str], json: 
     if json:
         print_json(content)
         return
-    from rich.console import Console
-
     from stixel_cli.engine.progress import duration
 
-    console = Console(highlight=False, soft_wrap=True)
+    printer = console()
     for axis in design.axes:
-        values = [" ".join(step) for step in axis.steps]
+        values = [" ".join(one.text for one in step) for step in axis.steps]
         shown = ", ".join(values[:6]) + (", …" if len(values) > 6 else "")
-        console.print(f"{axis.name}: {counted(len(values), 'value')}: {shown}", markup=False)
+        printer.print(f"{axis.name}: {counted(len(values), 'value')}: {shown}", markup=False)
     for note in notes:
-        console.print(f"note: {note}", markup=False)
+        printer.print(f"note: {note}", markup=False)
     rows = [
         (
             stage.name,
@@ -82,7 +90,7 @@ def print_plan(plan: "SweepPlan", design: "Design", notes: Sequence[str], json: 
     ]
     print_table(("stage", "nodes", "cached", "to run", "time"), rows, right=(1, 2, 3, 4))
     counts = content["nodes"]
-    console.print(
+    printer.print(
         f"{counted(content['runs'], 'run')}, {content['runs_cached']} complete; "
         f"{counted(counts['all'], 'node')}, {counts['cached']} cached, {counts['to_run']} to run"
         f"{_estimate(plan, content)}"
@@ -91,7 +99,7 @@ def print_plan(plan: "SweepPlan", design: "Design", notes: Sequence[str], json: 
 
 def plan_content(plan: "SweepPlan", design: "Design", notes: Sequence[str]) -> dict[str, Any]:
     """A plan in plain types."""
-    configuration = plan.runs[0].run.composition.configuration
+    configuration = plan.runs[0].composition.configuration
     seconds = plan.seconds(configuration.executor.workers)
     return {
         "runs": len(plan.runs),

@@ -1,14 +1,20 @@
 """`stixel rerun`: repeat a run."""
 
 from pathlib import Path
+from typing import Annotated
 
-from stixel_cli.cli.options import Folder, Json, Name, Results, TrustCode, Verbose, Workers
-from stixel_cli.cli.run import print_run, printer_of_scores, with_workers
+import typer
+
+from stixel_cli.cli.options import Folder, Json, Results, TrustCode, Verbose, Workers
+from stixel_cli.cli.run import print_run, printer_of_scores, tell_changed_code, with_workers
 
 
 def rerun(
     folder: Folder,
-    name: Name = None,
+    name: Annotated[
+        str | None,
+        typer.Option(help="Name of the result folder (default: FOLDER-rerun, and the time)."),
+    ] = None,
     results: Results = Path("results"),
     workers: Workers = None,
     trust_code: TrustCode = False,
@@ -23,18 +29,19 @@ def rerun(
     Example: stixel rerun results/contour
     """
     from stixel_cli.engine.progress import make_progress
-    from stixel_cli.experiment.kernels import uncompiled
     from stixel_cli.experiment.run import read_stored_run, record_run, trust_stored_run
+    from stixel_cli.machine.kernels import uncompiled
 
     stored = read_stored_run(folder, tuple(with_workers((), workers)))
     trust_stored_run(stored, trust_code)
+    tell_changed_code(stored)
     made = record_run(
         stored.composition,
         ["stixel", "rerun", str(folder)],
         results=results,
         name=name,
         stem=f"{folder.resolve().name.lstrip('.')[:100]}-rerun",
-        progress=make_progress(uncompiled()),
+        progress=make_progress(uncompiled(), advice=not json),
         notes={"rerun_of": str(folder)},
         on_scores=None if json else printer_of_scores(verbose),
     )

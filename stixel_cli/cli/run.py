@@ -8,16 +8,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from stixel_cli.cli.errors import tell
 from stixel_cli.cli.options import (
     ConfigDir,
     Json,
     Name,
     Overrides,
     Results,
+    TrustCode,
     Verbose,
     Workers,
 )
-from stixel_cli.cli.terminal import print_json, print_table
+from stixel_cli.cli.terminal import console, print_json, print_table
 from stixel_cli.config.folders import group_options, installed_trackers, presets_option
 from stixel_cli.errors import UserError
 
@@ -42,14 +44,15 @@ def run(
             "--dry-run", help="Print the configuration and the missing nodes; compute nothing."
         ),
     ] = False,
+    trust_code: TrustCode = False,
     config_dir: ConfigDir = None,
 ) -> int:
     """Run one experiment; its help is `help_of_run`."""
     from stixel_cli.config.compose import compose
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.engine.store import open_store
-    from stixel_cli.experiment.kernels import uncompiled
     from stixel_cli.experiment.run import record_run
+    from stixel_cli.machine.kernels import uncompiled
     from stixel_cli.results.folder import check_name
 
     composition = compose(with_workers(overrides or [], workers))
@@ -63,7 +66,7 @@ def run(
         command,
         results,
         name,
-        progress=make_progress(uncompiled()),
+        progress=make_progress(uncompiled(), advice=not json),
         on_scores=None if json else printer_of_scores(verbose),
     )
     print_run(made, json)
@@ -124,9 +127,20 @@ def with_workers(overrides: Sequence[str], workers: int | None) -> list[str]:
 
 def without_target(overrides: Sequence[str]) -> list[str]:
     """`overrides` with what a recording without a target needs; no stixel depends on it."""
+    from stixel_cli.config.texts import split_override
+
     needed = {"road_user": "car", "start": "scans", "start.bearing": "[-45,45]"}
-    names = {text.partition("=")[0] for text in overrides}
+    names = {split_override(text)[0] for text in overrides}
     return [*overrides, *(f"{k}={v}" for k, v in needed.items() if k not in names)]
+
+
+def tell_changed_code(stored: "RunResult") -> None:
+    """Name each of the user's modules on stderr that differs from the copy in a folder."""
+    from stixel_cli.experiment.run import changed_code
+    from stixel_cli.results.lineage import CODE_FOLDER
+
+    for name in changed_code(stored):
+        tell(f"{name}: is not as in {stored.folder / CODE_FOLDER}: today's is used")
 
 
 def print_run(made: "RunResult", json: bool) -> None:
@@ -140,7 +154,7 @@ def print_run(made: "RunResult", json: bool) -> None:
         print_json(answer | {"verdict": verdict(made.metrics), "stages": made.stages})
         return
     if "correction" in made.manifest:
-        typer.echo(f"disparity error taken off: {made.manifest['correction']}")
+        typer.echo(f"disparity error corrected: {made.manifest['correction']}")
     computed = [stage["name"] for stage in made.stages if stage["status"] == "computed"]
     stages = ", ".join(computed) or "nothing, all was cached"
     typer.echo(f"computed: {stages}; {made.manifest['seconds']:.1f} s")
@@ -154,8 +168,6 @@ def printer_of_scores(verbose: bool) -> Callable[["Scenario", "Scores"], None]:
     """
 
     def print_scores(scenario: "Scenario", scores: "Scores") -> None:
-        from rich.console import Console
-
         from stixel_cli.evaluation.verdict import verdict
         from stixel_cli.report.metrics import (
             LABEL_COLUMNS,
@@ -164,16 +176,16 @@ def printer_of_scores(verbose: bool) -> Callable[["Scenario", "Scores"], None]:
             scores_table,
         )
 
-        console = Console(highlight=False, soft_wrap=True)
+        printer = console()
         for sentence in verdict(scores.metrics):
-            console.print(sentence, style=_colour(sentence))
-        console.print()
-        console.print(scores_table(scores.metrics if verbose else main_metrics(scores.metrics)))
-        console.print()
+            printer.print(sentence, style=_colour(sentence))
+        printer.print()
+        printer.print(scores_table(scores.metrics if verbose else main_metrics(scores.metrics)))
+        printer.print()
         labels = label_rows(scores.labels)
         if labels:
             print_table(LABEL_COLUMNS, labels, right=range(1, len(LABEL_COLUMNS)))
-            console.print()
+            printer.print()
         sys.stdout.flush()
 
     return print_scores
@@ -193,7 +205,7 @@ def _print_plan(composition: "Composition", store: "Store", json: bool) -> None:
     from stixel_cli.experiment.run import one_line_errors, plan_experiment
 
     with one_line_errors():
-        planned = plan_experiment(composition.configuration, store)
+        planned = plan_experiment(composition, store)
     missing = set(planned.missing)
     stages: list[dict[str, Any]] = []
     for name in planned.graph.stage_names:

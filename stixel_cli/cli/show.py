@@ -3,18 +3,21 @@
 import sys
 from collections import Counter
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from stixel_cli.cli.options import Folder, Json
+from stixel_cli.cli.options import Json, RunOrSweep
 from stixel_cli.cli.terminal import print_json, print_table
 from stixel_cli.errors import UserError
+
+if TYPE_CHECKING:
+    from stixel_cli.results.result import RunResult
 
 MOST_SECTIONS = 4
 WIDTH = 100
 """Characters of a line where stdout is not a terminal: some values are long lists."""
 
 
-def show(folder: Folder, json: Json = False) -> int:
+def show(folder: RunOrSweep, json: Json = False) -> int:
     """Show one run or sweep: its origin, scores and stages.
 
     Example: stixel show results/contour
@@ -22,25 +25,19 @@ def show(folder: Folder, json: Json = False) -> int:
     from stixel_cli.evaluation.metric_table import metric
     from stixel_cli.evaluation.verdict import verdict
     from stixel_cli.report.metrics import shown_value, with_value
-    from stixel_cli.results.reader import (
-        SWEEP_FILE,
-        check_folder,
-        flat_settings,
-        read_config,
-        read_manifest,
-        read_metrics,
-    )
+    from stixel_cli.results.reader import SWEEP_FILE, flat_settings
+    from stixel_cli.results.result import read_run
 
     if (folder / SWEEP_FILE).exists():
         return _show_sweep(folder, json)
-    check_folder(folder)
-    manifest, metrics = read_manifest(folder), read_metrics(folder)
-    settings = flat_settings(read_config(folder))
+    run = read_run(folder)
+    manifest, metrics = run.manifest, run.metrics
+    settings = flat_settings(run.settings)
     if json:
         answer = {"folder": str(folder), "settings": settings, "metrics": metrics}
         print_json(answer | {"verdict": verdict(metrics), "manifest": manifest})
         return 0
-    print_table(("run", str(folder)), _provenance(manifest), width=WIDTH)
+    print_table(("run", str(folder)), _provenance(run), width=WIDTH)
     sys.stdout.write("\n")
     sys.stdout.write("\n".join(verdict(metrics)) + "\n\n")
     rows = [
@@ -71,8 +68,12 @@ def _show_sweep(folder: Path, json: bool) -> int:
     print_table(("sweep", str(folder)), rows, width=WIDTH)
     summary = folder / "summary.md"
     if summary.exists():
-        head, *sections = read_text(summary).split("\n## ")
-        sys.stdout.write("\n## ".join([f"\n{head}", *sections[:MOST_SECTIONS]]))
+        _, *sections = read_text(summary).split("\n## ")
+        for section in sections[:MOST_SECTIONS]:
+            title, _, table = section.partition("\n")
+            sys.stdout.write(f"\n{title}\n")
+            lines = [line.strip("| ").split(" | ") for line in table.splitlines() if line]
+            print_table(lines[0] if lines else (), lines[2:])
         if len(sections) > MOST_SECTIONS:
             sys.stdout.write(f"\n{len(sections) - MOST_SECTIONS} more metrics: {summary}\n")
     return 0
@@ -93,20 +94,21 @@ def _read_rows(file: Path) -> list[dict[str, str]]:
     return rows
 
 
-def _provenance(manifest: dict[str, Any]) -> list[tuple[str, str]]:
+def _provenance(run: "RunResult") -> list[tuple[str, str]]:
+    manifest = run.manifest
     rows = [
         (name, str(manifest[name]))
         for name in ("command", "rerun_of", "created", "seconds", "seed", "workers", "correction")
         if name in manifest
     ]
-    choices = _mapping(manifest, "choices")
-    rows.append(("choices", " ".join(f"{group}={option}" for group, option in choices.items())))
-    git = _mapping(manifest, "git")
+    choices = " ".join(f"{group}={option}" for group, option in run.choices.items())
+    rows.append(("choices", choices))
+    git = run.entry("git")
     if git.get("revision") is not None:
         changes = " with uncommitted changes" if git.get("dirty") else ""
         rows.append(("git", f"{str(git['revision'])[:12]}{changes}"))
     for name in ("versions", "machine"):
-        rows.append((name, ", ".join(f"{k} {v}" for k, v in _mapping(manifest, name).items())))
+        rows.append((name, ", ".join(f"{k} {v}" for k, v in run.entry(name).items())))
     return rows
 
 
@@ -124,8 +126,3 @@ def _stages(manifest: dict[str, Any]) -> list[tuple[str, ...]]:
         for stage in stages
         if isinstance(stage, dict)
     ]
-
-
-def _mapping(manifest: dict[str, Any], name: str) -> dict[str, Any]:
-    value = manifest.get(name)
-    return value if isinstance(value, dict) else {}

@@ -1,7 +1,9 @@
 """`stixel study`: answer a research question by its sweeps and its report."""
 
+import shlex
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,10 +16,11 @@ from stixel_cli.cli.options import (
     Results,
     StudyName,
     StudyWords,
+    TrustCode,
     Workers,
 )
 from stixel_cli.cli.plan import plan_content, print_plan
-from stixel_cli.cli.terminal import print_json, print_table
+from stixel_cli.cli.terminal import console, print_json, print_table
 from stixel_cli.errors import ConfigurationError, MissingData, UserError
 
 if TYPE_CHECKING:
@@ -34,6 +37,7 @@ def study(
     workers: Workers = None,
     fresh: Fresh = False,
     dry_run: DryRun = False,
+    trust_code: TrustCode = False,
     json: Json = False,
     config_dir: ConfigDir = None,
 ) -> int:
@@ -45,7 +49,7 @@ def study(
       rq1       Are these stixels like those of The Stixel World?
       rq2       How well does the tracker work on stixels, compared with lidar?
       rq3       What do fabricated measurements miss?
-      thesis    The experiment of the thesis, chapters 8 and 9.
+      thesis    The experiment of the thesis, plain and improved.
       all       All studies, one after the other.
 
     A study takes minutes to hours. Run the same command again to resume it. Statistics appear once
@@ -68,9 +72,10 @@ def study(
     second = next((word for word in overrides if word in (*shipped, ALL)), None)
     if second is not None:
         raise ConfigurationError(f"{second}: one command runs one study, or {ALL}")
-    options = _options(name, results, workers)
+    options = [*_options(name, results, workers), *(["--trust-code"] if trust_code else [])]
+    wanted = (options, workers, dry_run, fresh, trust_code)
     if chosen != ALL:
-        one = _Command(chosen, overrides, options, workers, dry_run, fresh)
+        one = _Command(chosen, overrides, *wanted)
         plan = one.plan()
         folder = study_folder(results, plan.folder_name if name is None else name)
         answer, code = one.run(plan, folder, json)
@@ -79,7 +84,7 @@ def study(
         return code
     if name is not None:
         raise UserError(f"--name names the folder of one study: leave it out with {ALL}")
-    commands = {one: _Command(one, overrides, options, workers, dry_run, fresh) for one in shipped}
+    commands = {one: _Command(one, overrides, *wanted) for one in shipped}
     answers, codes, plans = {}, [], {}
     # Report studies that cannot run before the first one runs for minutes.
     for one, command in commands.items():
@@ -116,26 +121,22 @@ def _options(name: str | None, results: Path, workers: int | None) -> list[str]:
     return options + ([] if workers is None else ["--workers", str(workers)])
 
 
+@dataclass
 class _Command:
     """One study as it was requested."""
 
-    def __init__(
-        self,
-        study: str,
-        overrides: Sequence[str],
-        options: Sequence[str],
-        workers: int | None,
-        dry_run: bool,
-        fresh: bool,
-    ):
-        import shlex
+    study: str
+    overrides: Sequence[str]
+    options: Sequence[str]
+    workers: int | None
+    dry_run: bool
+    fresh: bool
+    trust_code: bool
 
-        self.study = study
-        self.overrides = list(overrides)
-        self.text = shlex.join(["stixel", "study", study, *overrides, *options])
-        self.workers = workers
-        self.dry_run = dry_run
-        self.fresh = fresh
+    @property
+    def text(self) -> str:
+        """The command line."""
+        return shlex.join(["stixel", "study", self.study, *self.overrides, *self.options])
 
     def plan(self) -> "StudyPlan":
         """The study with its overrides.
@@ -146,7 +147,7 @@ class _Command:
         from stixel_cli.studies.file import find_study, read_study
         from stixel_cli.studies.plan import plan_study
 
-        return plan_study(read_study(find_study(self.study)), self.overrides)
+        return plan_study(read_study(find_study(self.study), self.trust_code), self.overrides)
 
     def run(self, plan: "StudyPlan", folder: Path, json: bool) -> tuple[dict[str, Any], int]:
         """Run the study and print the result unless `json`.
@@ -220,25 +221,23 @@ def _answer(plan: "StudyPlan", result: "StudyResult") -> dict[str, Any]:
 
 
 def _print(plan: "StudyPlan", result: "StudyResult") -> None:
-    from rich.console import Console
+    from stixel_cli.report.blocks import Table
+    from stixel_cli.report.tables import shown_table
 
-    from stixel_cli.studies.tables import shown_table
-    from stixel_cli.studies.types import Table
-
-    console = Console(highlight=False, soft_wrap=True)
+    printer = console()
     if result.findings is not None:
-        console.print(plan.study.title, markup=False, style="bold")
+        printer.print(plan.study.title, markup=False, style="bold")
         for text in result.findings.answer:
-            console.print(text, markup=False)
+            printer.print(text, markup=False)
         for table in (one for one in result.findings.opening if isinstance(one, Table)):
             header, rows, numeric = shown_table(table)
             print()  # noqa: T201
             print_table(header, rows, [i for i, right in enumerate(numeric) if right])
-            console.print(table.caption, markup=False)
+            printer.print(table.caption, markup=False)
     done = sum(state.done for state in result.sweeps)
-    console.print(
+    printer.print(
         f"{done} runs done; nodes: {result.computed} computed, {result.cached} cached; "
         f"{result.seconds:.1f} s"
     )
-    console.print(str(result.page), markup=False)
+    printer.print(str(result.page), markup=False)
     sys.stdout.flush()

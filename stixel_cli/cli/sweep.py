@@ -24,7 +24,7 @@ from stixel_cli.cli.options import (
 )
 from stixel_cli.cli.plan import print_plan
 from stixel_cli.cli.run import with_workers
-from stixel_cli.cli.terminal import counted, print_json, print_table
+from stixel_cli.cli.terminal import console, counted, print_json, print_table
 from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
@@ -88,12 +88,22 @@ def sweep(
         overrides = with_workers(overrides, workers)
         if dry_run:
             check_name(results, name)
-            design = sweep_design(overrides, file, shuffle)
-            plan, notes = planned_sweep(design_runs(design), shuffle, pictures)
+            design = sweep_design(overrides, file, shuffle, trust_code=trust_code)
+            runs = design_runs(design, imports=False)
+            plan, notes = planned_sweep(runs, shuffle, pictures)
             print_plan(plan, design, notes, json)
             return 0
         result = new_sweep(
-            overrides, file, results, name, shuffle, pictures, visible=True, note=tell
+            overrides,
+            file,
+            results,
+            name,
+            shuffle,
+            pictures,
+            True,
+            tell,
+            advice=not json,
+            trust_code=trust_code,
         )
     _report(result, json, time.perf_counter() - started)
     return 0 if result.complete else INCOMPLETE
@@ -118,16 +128,14 @@ def _report(result: "SweepResult", json: bool, seconds: float) -> None:
     if json:
         print_json(_answer(result))
     else:
-        from rich.console import Console
-
-        console = Console(highlight=False, soft_wrap=True)
+        printer = console()
         if result.statistics:
-            _print_statistics(console, result)
-        console.print(
+            _print_statistics(printer, result)
+        printer.print(
             f"{result.count('done')} of {len(result.runs)} runs done; nodes: "
             f"{result.computed} computed, {result.cached} cached; {seconds:.1f} s"
         )
-        console.print(str(result.folder), markup=False)
+        printer.print(str(result.folder), markup=False)
     sys.stdout.flush()
     if not result.complete:
         _tell_what_is_missing(result)
@@ -146,7 +154,7 @@ def _answer(result: "SweepResult") -> dict[str, Any]:
     }
 
 
-def _print_statistics(console: Any, result: "SweepResult") -> None:
+def _print_statistics(printer: Any, result: "SweepResult") -> None:
     """Print the main metrics of the first settings; all of them are in the summary."""
     from stixel_cli.evaluation.metric_table import LOSS_RATE, over_runs
     from stixel_cli.report.metrics import format_value
@@ -161,7 +169,7 @@ def _print_statistics(console: Any, result: "SweepResult") -> None:
     # The interval of a share of runs is not symmetric: it is in the summary only.
     means = [one for one in result.statistics if one.metric != LOSS_RATE]
     spread = any(one.low is not None for one in means)
-    keys = list(result.runs[0].planned.run.setting)
+    keys = list(result.runs[0].setting)
     header = [*keys, "n", *(heading(name) for name in names)]
     rows = []
     for setting, row in list(by_setting.items())[: 2 * _MOST_SHOWN]:
@@ -175,7 +183,7 @@ def _print_statistics(console: Any, result: "SweepResult") -> None:
         rows.append((*(value for _, value in setting), str(n), *cells))
     print_table(header, rows, right=range(len(keys), len(header)))
     more = len(by_setting) - 2 * _MOST_SHOWN
-    console.print(
+    printer.print(
         (
             "Mean over n seeds ± half the 95 % interval (Student's t)"
             if spread
@@ -187,16 +195,15 @@ def _print_statistics(console: Any, result: "SweepResult") -> None:
 
 
 def _tell_what_is_missing(result: "SweepResult") -> None:
-    from stixel_cli.sweeps.results import FAILED, SKIPPED
+    from stixel_cli.results.result import FAILED, SKIPPED
     from stixel_cli.sweeps.resume import resume_command
 
     lines = []
     for status in (FAILED, SKIPPED):
         runs = [run for run in result.runs if run.status == status]
         for one in runs[:_MOST_SHOWN]:
-            run = one.planned.run
             reason = " ".join(str(one.failure).split())
-            lines.append(f"run {run.index} {status} ({run.label}): {reason}")
+            lines.append(f"run {one.index} {status} ({one.label}): {reason}")
         if len(runs) > _MOST_SHOWN:
             lines.append(f"{len(runs) - _MOST_SHOWN} more runs {status}, see runs.csv")
     lacking = len(result.runs) - result.count("done")
@@ -212,4 +219,4 @@ def _tell_what_is_missing(result: "SweepResult") -> None:
         lines.append(f"no statistics yet: {where}")
     for line in lines:
         tell(line)
-    print(resume_command(result.folder), file=sys.stderr)  # noqa: T201
+    print(resume_command(result.folder, result.runs[0].overrides), file=sys.stderr)  # noqa: T201

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from stixel_cli.cli.options import Folder, Json, TrustCode, Workers
-from stixel_cli.cli.run import with_workers
+from stixel_cli.cli.run import tell_changed_code, with_workers
 from stixel_cli.cli.terminal import print_json
 from stixel_cli.errors import UserError
 
@@ -48,6 +48,7 @@ def verify(
 
     stored = read_stored_run(folder, tuple(with_workers((), workers)))
     trust_stored_run(stored, trust_code)
+    tell_changed_code(stored)
     own = open_store(stored.composition.configuration.cache)
     progress = make_progress()
     if cached:

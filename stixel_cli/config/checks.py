@@ -15,6 +15,8 @@ from stixel_cli.tracking.start import NO_TRUTH, TruthStart
 _NEAREST_START = 1.0
 """Minimum distance between the camera and the target at its start, m."""
 
+_NEED_SHAPE = ("point", "rectangle", "random_matrix", "pyrecest")
+
 
 def check(configuration: Configuration) -> None:
     """Refuse a configuration whose keys are valid one by one but contradict each other.
@@ -32,6 +34,7 @@ def check(configuration: Configuration) -> None:
         _check_start(configuration)
         _check_truth(configuration)
         _check_stereo(configuration)
+        _check_shape(configuration)
     except ValueError as fault:
         raise ConfigurationError(" ".join(str(fault).split())) from None
 
@@ -122,6 +125,17 @@ def _check_truth(configuration: Configuration) -> None:
         and isinstance(configuration.start, TruthStart)
     ):
         raise ValueError(NO_TRUTH)
+
+
+def _check_shape(configuration: Configuration) -> None:
+    """Refuse to go without the class's shape where the tracker reads its radii."""
+    tracker = configuration.tracker
+    scaled = getattr(tracker, "mean_function", "zero") != "zero"
+    if configuration.prior.shape == "none" and (scaled or tracker.kind in _NEED_SHAPE):
+        needs = "tracker.mean_function=class_radius" if scaled else f"tracker={tracker.kind}"
+        raise ValueError(
+            f"prior.shape: {needs} needs the shape of the class, got none: choose one, as ellipse"
+        )
 
 
 def _check_stereo(configuration: Configuration) -> None:

@@ -11,11 +11,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from itertools import takewhile
-from typing import Any
+from typing import Any, get_type_hints
 
 from stixel_cli.config import keys
 from stixel_cli.config.folders import (
     EXPERIMENT,
+    PACE,
     configuration_folder,
     default_option,
     group_options,
@@ -24,9 +25,11 @@ from stixel_cli.config.folders import (
     option_values,
     options_of_kind,
 )
-from stixel_cli.config.messages import override_text
+from stixel_cli.config.own_options import GIVEN, imported_option
 from stixel_cli.config.schema import Configuration
+from stixel_cli.config.texts import value_text
 from stixel_cli.files import read_text, read_yaml
+from stixel_cli.own_code import parameters_type
 
 _ENTRY = re.compile(r"^    (\w+(?:, \w+)*): ", re.MULTILINE)
 _UNITS = (
@@ -95,13 +98,17 @@ def keys_of_option(group: str, option: str) -> list[Description]:
 def groups() -> list[str]:
     """The groups that are not inner ones, in the order of the schema."""
     order = [field.name for field in dataclasses.fields(Configuration)]
-    return [name for name in [*order, EXPERIMENT] if name in group_options()]
+    return [name for name in [*order, PACE, EXPERIMENT] if name in group_options()]
 
 
 def meaning_of_group(group: str) -> str:
     """What a group sets, in one line; "" for an inner group."""
     if group == EXPERIMENT:
         return "options and values of several groups under one name"
+    if group == PACE:
+        return (
+            "speeds and first positions of a class of road user; its values are those of the paths"
+        )
     return attribute_texts(Configuration).get(group, "")
 
 
@@ -116,6 +123,25 @@ def meaning_of_option(group: str, option: str) -> str:
         schema = keys.schemas().get((group, kind)) or keys.schemas().get((group, ""))
         text = inspect.getdoc(schema).splitlines()[0] if schema else ""
     return re.split(r"\.(?= [A-Z]|$)", text)[0].strip()
+
+
+def parameters_of_own(group: str, option: str) -> list[tuple[str, str, str, str]]:
+    """Key, default, range and meaning of each parameter of a user's function.
+
+    Raises:
+        ConfigurationError: in one line, if its module cannot be imported.
+    """
+    function, given = imported_option(group, option), GIVEN[group]
+    schema = parameters_type(function, given)
+    owner, given = (function, given) if schema is None else (schema, 0)
+    hints = get_type_hints(owner, include_extras=True)
+    texts = {} if schema is None else attribute_texts(schema)
+    rows = []
+    for name, one in list(inspect.signature(owner).parameters.items())[given:]:
+        default = "required" if one.default is one.empty else str(one.default)
+        words = keys.describe(hints[name]) if name in hints else ""
+        rows.append((f"{group}.{name}", default, words, texts.get(name, "")))
+    return rows
 
 
 def settings_of_top() -> list[Description]:
@@ -173,12 +199,10 @@ def _of_kind(group: str, kind: str) -> list[str]:
 
 def _value(key: keys.Key, group: str, option: str) -> str:
     """The value of a key in an option's file, or the schema's own default, as it is typed."""
-    value: Any = read_yaml(option_file(group, option))
-    for part in key.name[len(group) + 1 :].split("."):
-        value = value.get(part, dataclasses.MISSING) if isinstance(value, dict) else value
-    if value is dataclasses.MISSING:
-        fields = {field.name: field.default for field in dataclasses.fields(key.schema)}
-        value = fields[key.name.rpartition(".")[2]]
+    values = option_values(group, option)
+    fields = {field.name: field.default for field in dataclasses.fields(key.schema)}
+    default = fields[key.name.rpartition(".")[2]]
+    value = values.get(key.name[len(group) + 1 :], default)
     return "" if value is dataclasses.MISSING else _typed(value)
 
 
@@ -191,7 +215,7 @@ def _typed(value: Any) -> str:
     """A value as one would type it; `that of prior.sigma_f` for an interpolation."""
     if isinstance(value, str) and (found := re.fullmatch(r"\$\{([\w.]+)\}", value)):
         return f"that of {found[1]}"
-    return override_text("", value)[1:]
+    return value_text(value)
 
 
 def _followers(name: str) -> Iterator[str]:
@@ -201,7 +225,7 @@ def _followers(name: str) -> Iterator[str]:
         found = [
             f"{group.replace('/', '.')}.{key}"
             for option in options
-            for key, text in option_values(group, option).items()
-            if f"${{{name}}}" in text
+            for key, value in option_values(group, option).items()
+            if f"${{{name}}}" in str(value)
         ]
         yield from dict.fromkeys(found)

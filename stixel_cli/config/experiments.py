@@ -8,35 +8,32 @@ import copy
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from stixel_cli.config.folders import EXPERIMENT, option_file
+from stixel_cli.config.folders import (
+    EXPERIMENT,
+    chosen_options,
+    option_content,
+    option_values,
+)
 from stixel_cli.config.keys import chosen_kinds, known_keys
 from stixel_cli.errors import ConfigurationError
-from stixel_cli.files import read_yaml
 
 INNER, SOURCES = "inner_options", "sources"
 
 
 def experiment_sources(option: str) -> dict[str, str]:
     """The sources that an experiment's file states: key or group to text, in the file's order."""
-    content = read_yaml(option_file(EXPERIMENT, option))
-    return dict((content or {}).get(SOURCES, {}))
+    return dict(option_content(EXPERIMENT, option).get(SOURCES, {}))
 
 
 def set_by_experiment(option: str) -> dict[str, Any]:
     """The groups and keys that an experiment's file sets, with their options and values."""
-    content = read_yaml(option_file(EXPERIMENT, option)) or {}
-    found = dict(content.get(INNER, {}))
-    for entry in content.get("defaults", ()):
-        if isinstance(entry, Mapping):
-            found |= {name.removeprefix("override").strip(" /"): entry[name] for name in entry}
-    pending = {name: content[name] for name in content if name not in ("defaults", INNER, SOURCES)}
-    while pending:
-        name, value = pending.popitem()
-        if isinstance(value, Mapping):
-            pending |= {f"{name}.{key}": inner for key, inner in value.items()}
-        else:
-            found[name] = value
-    return found
+    content = option_content(EXPERIMENT, option)
+    values = option_values(EXPERIMENT, option)
+    return {
+        **content.get(INNER, {}),
+        **chosen_options(content),
+        **{name: v for name, v in values.items() if not name.startswith((INNER, SOURCES))},
+    }
 
 
 def missing_options(
@@ -54,11 +51,10 @@ def missing_options(
         raise ConfigurationError(
             f"{EXPERIMENT}={choices[EXPERIMENT]}: {INNER}: must be GROUP: OPTION pairs"
         )
-    typed = {text.partition("=")[0] for text in chosen}
     return [
         f"{group}={option}"
         for group, option in inner.items()
-        if group in choices and group not in typed
+        if group in choices and not any(text.startswith(f"{group}=") for text in chosen)
     ]
 
 

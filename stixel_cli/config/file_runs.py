@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from stixel_cli.errors import BelongsElsewhere
 
 if TYPE_CHECKING:
-    from hydra.core.override_parser.types import Override
+    from stixel_cli.config.overrides import Override
 
 WITHOUT_EFFECT = (
     "pace",
@@ -35,7 +35,7 @@ def implied_by_file(parsed: "Sequence[Override]") -> list[str]:
     Raises:
         BelongsElsewhere: for a setting that has no effect on such a run.
     """
-    values = {one.key_or_group: one.value() for one in parsed}
+    values = {one.key: one.value for one in parsed}
     if values.get("measurement") != "file":
         return []
     for name in values:

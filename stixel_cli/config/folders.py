@@ -1,30 +1,37 @@
 """The shipped folders, and the groups and options of `conf/` by name.
 
-Nothing here reads YAML: shell completion and messages need only names, fast.
+Shell completion and messages need only names, fast: no schema is imported.
 """
 
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError
-
-if TYPE_CHECKING:
-    from hydra.core.override_parser.types import Override
+from stixel_cli.files import read_yaml
+from stixel_cli.remembered import remembered
 
 EXPERIMENT = "experiment"
 """The group whose options set options and values of other groups; it has no keys of its own."""
+
+PACE = "pace"
+"""The group of speeds and first positions of each class, which the options of `path` refer to."""
+
+OF_THE_MACHINE = ("executor", "cache")
+"""Groups that name where to compute, not what: they never come from a result folder."""
 
 TRACKERS = "stixel.trackers"
 """The group of entry points in which installed packages name their trackers."""
 
 _PACKAGE = Path(__file__).resolve().parents[1]
-_LINE = re.compile(r"^( *)([A-Za-z_]\w*):(.*)$", re.MULTILINE)
-_DEFAULTS = re.compile(r"^defaults:.*\n((?: *-.*\n)+)", re.MULTILINE)
-_DEFAULT = re.compile(r"^ *- ([A-Za-z_]\w*): *(\w+)", re.MULTILINE)
+
+
+def of_the_machine(text: str) -> bool:
+    """Whether an override belongs to a group of `OF_THE_MACHINE`, so no result depends on it."""
+    return re.split(r"[./@:=]", text.lstrip("+~ "), maxsplit=1)[0].strip() in OF_THE_MACHINE
 
 
 def absolute(name: str, working_directory: str) -> str:
@@ -57,11 +64,28 @@ def configuration_folder() -> Path:
 
 
 _own: Path | None = None
+_trusted = False
 
 
 def own_presets() -> Path | None:
     """The folder of the user's own presets, `--config-dir`; None without one."""
     return _own
+
+
+def presets_trusted() -> bool:
+    """Whether the user's own presets may name code, by `--trust-code`."""
+    return _trusted
+
+
+def trust_presets(trusted: bool) -> None:
+    """Let the user's own presets name code, or not."""
+    global _trusted
+    _trusted = trusted
+
+
+def is_shipped(path: Path) -> bool:
+    """Whether a file is one of the shipped pipelines, sweeps and studies."""
+    return path.resolve().is_relative_to(shipped_folder("pipelines").resolve())
 
 
 def presets_option() -> list[str]:
@@ -73,9 +97,10 @@ def use_presets(folder: Path | None) -> None:
     """Add the options in `folder`, laid out as `conf/`, to those of `conf/`; None for none.
 
     Raises:
-        ConfigurationError: if a group is unknown, or an option of that name exists.
+        UserError: if a group is unknown, an option of that name exists, or a file is not a preset.
     """
     global _own
+    trust_presets(False)
     if _own is not None or folder is not None:
         group_options.cache_clear()
         installed_trackers.cache_clear()
@@ -93,8 +118,20 @@ def use_presets(folder: Path | None) -> None:
             )
         if option in groups[group]:
             raise ConfigurationError(f"--config-dir: {path}: {group}={option} exists; rename it")
+        _check_preset(path)
     group_options.cache_clear()
     _own = folder.resolve()
+
+
+def _check_preset(path: Path) -> None:
+    content = read_yaml(path)
+    kinds = {"defaults": list, "inner_options": dict, "sources": dict}
+    if not isinstance(content, dict | None):
+        raise ConfigurationError(f"--config-dir: {path}: must map keys to values")
+    for key, kind in kinds.items():
+        if not isinstance((content or {}).get(key, kind()), kind):
+            what = "list" if kind is list else "mapping"
+            raise ConfigurationError(f"--config-dir: {path}: {key}: must be a {what}")
 
 
 def _roots() -> list[Path]:
@@ -155,11 +192,42 @@ def innermost_group(key: str) -> str:
     return next((name for name in reversed(names) if name in group_options()), "")
 
 
+def option_content(group: str, option: str) -> dict[str, Any]:
+    """The content of an option's file, in plain types; not to be changed.
+
+    Raises:
+        UserError: if it is not valid YAML.
+    """
+    return _content(option_file(group, option))
+
+
+def recorded_values() -> dict[str, Any]:
+    """The content of `conf/recorded.yaml`; not to be changed."""
+    return _content(configuration_folder() / "recorded.yaml")
+
+
+def _content(path: Path) -> dict[str, Any]:
+    content = _parsed(path)
+    return content if isinstance(content, dict) else {}
+
+
+_parsed = remembered(read_yaml)
+
+
+def chosen_options(content: Mapping[str, Any]) -> dict[str, str]:
+    """Group to option, as the list of defaults in a file of `conf/` chooses them."""
+    return {
+        name.removeprefix("override").strip(" /"): option
+        for entry in content.get("defaults") or ()
+        if isinstance(entry, dict)
+        for name, option in entry.items()
+    }
+
+
 def inner_options(group: str, option: str) -> dict[str, str]:
     """The inner groups that an `option` of `group` has, with the option that it chooses of each."""
-    text = option_file(group, option).read_text(encoding="utf-8")
-    lists = "".join(_DEFAULTS.findall(text))
-    return {f"{group}/{inner}": chosen for inner, chosen in _DEFAULT.findall(lists)}
+    chosen = chosen_options(option_content(group, option))
+    return {f"{group}/{inner}": name for inner, name in chosen.items()}
 
 
 def outer_options(group: str) -> tuple[str, ...]:
@@ -186,33 +254,28 @@ def default_option(group: str) -> str:
     if outer:
         owners = outer_options(group)
         return inner_options(outer, owners[0])[group] if owners else group_options()[group][0]
-    text = (configuration_folder() / "config.yaml").read_text(encoding="utf-8")
-    chosen = re.search(rf"^ *- {group}: *(\w+)", text, re.MULTILINE)
-    return chosen[1] if chosen else group_options()[group][0]
+    chosen = configured_option(group)
+    return group_options()[group][0] if chosen is None or "$" in chosen else chosen
 
 
-def option_values(group: str, option: str) -> dict[str, str]:
-    """The keys of an option's file with their values as text; "" for values that are not plain.
+def configured_option(group: str) -> str | None:
+    """The option of a group in `config.yaml`; `${road_user}` for one that follows another group."""
+    return chosen_options(_content(configuration_folder() / "config.yaml")).get(group)
 
-    Keys of nested groups have dots; the list of defaults is left out. It reads only the YAML that
-    `conf/` uses, in a hundredth of a parser's time.
-    """
-    text = option_file(group, option).read_text(encoding="utf-8")
-    values: dict[str, str] = {}
-    outer: list[tuple[int, str]] = []
-    for indent, key, value in _LINE.findall(text):
-        while outer and outer[-1][0] >= len(indent):
-            outer.pop()
-        name = ".".join([*(parent for _, parent in outer), key])
-        if outer:
-            values.pop(name.rpartition(".")[0], None)
-        values[name] = value.partition(" #")[0].strip()
-        if values[name].startswith("{"):
-            inner = re.findall(r"(\w+):", values.pop(name))
-            values |= dict.fromkeys((f"{name}.{key}" for key in inner), "")
-        outer.append((len(indent), key))
-    values.pop("defaults", None)
-    return values
+
+def option_values(group: str, option: str) -> dict[str, Any]:
+    """The keys of an option's file with their values; keys of nested groups have dots."""
+    found: dict[str, Any] = {}
+    pending = [("", option_content(group, option))]
+    while pending:
+        prefix, section = pending.pop(0)
+        for name, value in section.items():
+            if isinstance(value, dict):
+                pending.append((f"{prefix}{name}.", value))
+            else:
+                found[prefix + name] = value
+    found.pop("defaults", None)
+    return found
 
 
 def group_by_dots(name: str, value: Any) -> str:
@@ -223,21 +286,20 @@ def group_by_dots(name: str, value: Any) -> str:
     return f"{name}: is a group: write {group}={meant}"
 
 
-def refuse_without_outer(parsed: "Sequence[Override]") -> None:
+def refuse_without_outer(chosen: Mapping[str, str]) -> None:
     """Refuse an inner group that the chosen outer option does not have.
 
     Args:
-        parsed: all overrides of one run, of one value each.
+        chosen: the keys and groups of all overrides of one run with their values.
 
     Raises:
         BelongsElsewhere: in one line that names the options that have it.
     """
-    chosen = {one.key_or_group: one for one in parsed}
     for group in chosen:
         outer = group.rpartition("/")[0]
         if group not in group_options() or not outer:
             continue
-        option = str(chosen[outer].value()) if outer in chosen else default_option(outer)
+        option = chosen.get(outer) or default_option(outer)
         owners = outer_options(group)
         if option not in owners:
             raise BelongsElsewhere(

@@ -1,7 +1,6 @@
 """Messages about a configuration, in one line each: the key, the fault, and the valid values."""
 
 import json
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import SequenceMatcher
 from typing import Any
@@ -10,8 +9,6 @@ from stixel_cli.config import keys
 from stixel_cli.config.folders import group_options, innermost_group, options_of_kind
 from stixel_cli.errors import printable
 
-_PLAIN_WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_./-]*")
-_WORDS_WITH_MEANING = {"null", "true", "false", "nan", "inf"}
 _OUT_OF_RANGE = {
     "greater_than",
     "greater_than_equal",
@@ -108,10 +105,11 @@ def unknown_key(name: str, kinds: Mapping[str, str] | None = None) -> str:
         for key, variants in keys.known_keys().items()
         if not key.startswith(within) or any(_belongs(variant, kinds) for variant in variants)
     ]
-    hint = suggestion(name, candidates if "." in name else [*group_options(), *candidates])
+    groups = [] if "." in name or name in group_options() else group_options()
+    hint = suggestion(name, [*groups, *candidates])
     if not hint and group in group_options():
         its = [key.removeprefix(within) for key in candidates if key.startswith(within)]
-        hint = f"; {group} has {', '.join(its)}"
+        hint = f"; {group} has {', '.join(its) or 'no keys'}"
     elif not hint:
         hint = "; `stixel run --help` lists the groups, `stixel run --dry-run` every key"
     return f"{name}: unknown key{hint}"
@@ -239,25 +237,6 @@ def describe_faults(
     return f"{text} (and {more})" if others > 0 else text
 
 
-def override_text(name: str, value: Any) -> str:
-    """The override that gives the key or group `name` a plain value, as one would type it."""
-    return f"{name}={_value_text(value)}"
-
-
-def _value_text(value: Any) -> str:
-    from hydra.core.override_parser.types import Quote, QuotedString
-
-    match value:
-        case None:
-            return "null"
-        case bool():
-            return str(value).lower()
-        case str():
-            if _PLAIN_WORD.fullmatch(value) and value.lower() not in _WORDS_WITH_MEANING:
-                return value
-            return QuotedString(text=value, quote=Quote.single).with_quotes()
-        case list():
-            return f"[{','.join(map(_value_text, value))}]"
-        case dict():
-            return "{" + ",".join(f"{key}:{_value_text(item)}" for key, item in value.items()) + "}"
-    return str(value)
+def first_line(fault: Any) -> str:
+    """The first line of an error's text, for a message."""
+    return printable((str(fault).splitlines() or ["no reason given"])[0], LONGEST_REASON)

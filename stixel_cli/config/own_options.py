@@ -3,28 +3,34 @@
 Hydra composes the other groups. The keys (`tracker.alpha=0.5`) are the function's parameters.
 """
 
+import dataclasses
 import os
+import re
 import sys
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_type_hints
 
 from stixel_cli.config.folders import absolute, group_options, installed_trackers
 from stixel_cli.config.keys import describe
 from stixel_cli.config.schema import Configuration
+from stixel_cli.config.texts import override_text, split_override
 from stixel_cli.engine.versions import providers
-from stixel_cli.errors import ConfigurationError, UserError, printable, printable_path
-from stixel_cli.own_code import OwnCode, check_name, further_arguments, parameters_type
+from stixel_cli.errors import ConfigurationError, printable, printable_path
+from stixel_cli.own_code import OwnCode, all_values, check_name, parameters_type
 
 if TYPE_CHECKING:
-    from hydra.core.override_parser.types import Override
+    from stixel_cli.config.overrides import Override
 
 GIVEN = {"tracker": 3, "measurement": 2}
 """Groups whose option can be a function, with its number of arguments before its parameters."""
 
 RESERVED = ("kind", "function")
+
+_RUN_CODE = ("metrics", "code_folders", "cache.folder", "executor.address")
+"""Keys whose values can run code: a cache holds pickles, a scheduler sends them."""
 
 COMMON = {"measurement": {"dropout": None, "clutter_rate": 0.0}}
 """Keys that every option of a group has, with their values if they are not typed."""
@@ -43,11 +49,10 @@ def own_groups(parsed: "Iterable[Override]") -> set[str]:
     """The groups for which an override has an option of the user's own, one of several too."""
     found = set()
     for one in parsed:
-        if one.key_or_group in GIVEN:
-            text = str(one.input_line).partition("=")[2]
-            words = [word.strip().strip("'\"") for word in text.split(",")]
-            if any(own_function(one.key_or_group, word) for word in words):
-                found.add(one.key_or_group)
+        if one.key in GIVEN:
+            words = [word.strip().strip("'\"") for word in one.value_text.split(",")]
+            if any(own_function(one.key, word) for word in words):
+                found.add(one.key)
     return found
 
 
@@ -75,20 +80,16 @@ def is_parameter(name: str, groups: Collection[str]) -> bool:
 
 def own_sections(parsed: "Sequence[Override]") -> dict[str, dict[str, Any]]:
     """The sections of the configuration that are the user's own, by group; of one run."""
-    functions = {
-        one.key_or_group: own_function(one.key_or_group, one.value())
-        for one in parsed
-        if one.key_or_group in GIVEN
-    }
+    functions = {one.key: own_function(one.key, one.value) for one in parsed if one.key in GIVEN}
     sections = {
         g: {"kind": "own", "function": f, **COMMON.get(g, {})}
         for g, f in functions.items()
         if f is not None
     }
     for one in parsed:
-        group, _, key = one.key_or_group.partition(".")
+        group, _, key = one.key.partition(".")
         if group in sections and key:
-            sections[group][key] = one.value()
+            sections[group][key] = one.value
     return sections
 
 
@@ -120,13 +121,38 @@ def require_trust(resolved: Mapping[str, Any], folder: Path, trusted: bool) -> N
     Raises:
         UserError: in one line that names them.
     """
-    names = dict.fromkeys(functions_of(resolved).values())
-    if names and not trusted:
-        shown = printable(", ".join(names), 200)
-        raise UserError(
-            f"{printable_path(folder)}: runs code that is not of stixel, {shown}: read it, and add "
-            "--trust-code if you trust it"
+    if not trusted:
+        refuse_code(folder, functions_of(resolved).values())
+
+
+def refuse_code(source: object, names: Iterable[str]) -> None:
+    """Raise ConfigurationError in one line if `source`, a folder or file, names code."""
+    shown = printable(", ".join(dict.fromkeys(names)), 200)
+    if shown:
+        raise ConfigurationError(
+            f"{printable_path(source)}: uses user-defined code ({shown}): review it, then add "
+            "--trust-code"
         )
+
+
+def code_in(parsed: "Iterable[Override]") -> list[str]:
+    """The overrides of a file that can run code: functions, their folders, cache, scheduler."""
+    return [
+        f"{one.key}={one.value}"
+        for one in parsed
+        if own_function(one.key, one.value) or (one.key in _RUN_CODE and one.value)
+    ]
+
+
+def code_of_presets(resolved: Mapping[str, Any], typed: Iterable[str]) -> list[str]:
+    """The same of a configuration, for the groups of which no key is `typed`."""
+    groups = {name.partition(".")[0] for name in typed}
+    found = functions_of(resolved)
+    for key in _RUN_CODE[1:]:
+        group, _, name = key.partition(".")
+        value = resolved[group].get(name) if name else resolved[group]
+        found |= {key: f"{key}={value}"} if value else {}
+    return [name for key, name in found.items() if re.split(r"[.\[]", key)[0] not in groups]
 
 
 def find_folders(resolved: Mapping[str, Any], working_directory: str) -> list[str]:
@@ -197,20 +223,43 @@ def _exists(folder: Path, module: str) -> bool:
     return path.is_dir() or path.with_name(f"{path.name}.py").is_file()
 
 
-def check_parameters(configuration: Configuration) -> None:
-    """Import the user's functions and check their parameters.
+def with_own_values(overrides: Sequence[str], resolved: Mapping[str, Any]) -> tuple[str, ...]:
+    """The overrides with all parameters of the user's functions, whose defaults may change."""
+    typed = {split_override(text)[0] for text in overrides}
+    own = {g: nested(g, resolved[g])["parameters"] for g in GIVEN if is_own(resolved[g])}
+    values = {f"{group}.{name}": value for group in own for name, value in own[group].items()}
+    return (*overrides, *(override_text(k, v) for k, v in values.items() if k not in typed))
+
+
+def imported_option(group: str, option: str) -> Any:
+    """The user's function that an option names.
+
+    Raises:
+        ConfigurationError: in one line, if it is missing or cannot be imported.
+    """
+    section = {"kind": "own", "function": own_function(group, option)}
+    folders = find_folders({group: section, "code_folders": []}, "")
+    return _imported(group, section["function"], [Path(folder) for folder in folders])
+
+
+def check_parameters(configuration: Configuration) -> dict[str, dict[str, Any]]:
+    """Import the user's functions, check their parameters, and return all values, by group.
 
     Raises:
         ConfigurationError: in one line that names the key, or the file and line of a fault.
     """
     folders = [Path(folder) for folder in configuration.code_folders]
+    values = {}
     for group, given in GIVEN.items():
         own = getattr(configuration, group)
         if isinstance(own, OwnCode):
             function = _imported(group, own.function, folders)
-            _check_values(group, function, given, own.parameters)
+            found = _checked_values(group, function, given, own.parameters)
+            known = (*RESERVED, *COMMON.get(group, ()))
+            values[group] = {key: value for key, value in found.items() if key not in known}
     for i, name in enumerate(configuration.metrics):
         _imported(f"metrics[{i}]", name, folders)
+    return values
 
 
 def _imported(key: str, name: str, folders: Sequence[Path]) -> Any:
@@ -238,11 +287,13 @@ def _imported(key: str, name: str, folders: Sequence[Path]) -> Any:
     return function
 
 
-def _check_values(group: str, function: Any, given: int, values: Mapping[str, Any]) -> None:
+def _checked_values(
+    group: str, function: Any, given: int, values: Mapping[str, Any]
+) -> dict[str, Any]:
     from pydantic import ValidationError
 
     try:
-        further_arguments(function, given, values)
+        return all_values(function, given, values)
     except ValidationError as error:
         fault = error.errors(include_url=False)[0]
         name = ".".join(str(part) for part in fault["loc"])
@@ -252,9 +303,6 @@ def _check_values(group: str, function: Any, given: int, values: Mapping[str, An
 
 
 def _reason(function: Any, given: int, fault: Mapping[str, Any]) -> str:
-    import dataclasses
-    from typing import get_type_hints
-
     from stixel_cli.config.messages import show
 
     schema = parameters_type(function, given)

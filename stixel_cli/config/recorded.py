@@ -1,67 +1,40 @@
-"""A recording completes the configuration: its rig, times and class, and what suits real images."""
+"""A recording completes the configuration: its rig, times and class, and what suits real data.
+
+That is of `source=…` the images, and of `path=recorded` the motion in rendered images. What suits
+them where the user sets nothing is in `conf/recorded.yaml`.
+"""
 
 import json
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from stixel_cli.config import messages
-from stixel_cli.config.folders import absolute
+from stixel_cli.config.folders import absolute, recorded_values
 from stixel_cli.errors import ConfigurationError
-from stixel_cli.recordings.find import find_recording, guess_layout
-from stixel_cli.recordings.kitti_labels import CLASSES
-from stixel_cli.recordings.parameters import Source
-from stixel_cli.recordings.types import Calibration, Recording
-
-OPTIONS = {"road": "estimated", "start": "label"}
-"""Options for real images, where the user chooses none; without a label, start=scans."""
-
-VALUES = {
-    "road.pitch_range": 4.0,
-    "stereo.nearest": 2.0,
-    "stereo.subpixel": "phase_table",
-    "stereo.disparities_at_full_size": 64,
-    "occupancy.nearest": 2.0,
-}
-"""Values for real images, unless the user sets them: the road may be steep, obstacles near. One
-matching takes half of the time, and is as good as two on real pairs; so does matching at two sizes
-with KITTI's 208 disparities (docs/real-data.md)."""
-
-SIZES = {
-    "prior.length": 4.0,
-    "prior.width": 1.65,
-    "prior.length_std": 0.133,
-    "prior.width_std": 0.086,
-}
-"""Cars and vans in KITTI's labels: n = 405, all clips at hand but 0005, which is scored
-(tests/recordings/test_label_sizes.py). They are smaller than the class's drawn shapes."""
-
-OF_KITTI = ("kitti_tracking", "kitti_odometry", "kitti_pair", "virtual_kitti")
-"""Layouts whose cars have these sizes."""
-
-BIAS = 0.25
-"""Standard deviation of the disparity error of a whole recording that calibration leaves, px."""
-
-EDGE = 4.0
-"""Standard deviation of an object's left and right edge in a disparity image, px: car 31 of clip
-0005 in frames 0 to 7 (docs/real-data.md)."""
-
-NOISE_FACTOR = 2.5
-"""Factor on a point's standard deviation. That of rendered images is smaller, and worse on clip
-0005 (docs/real-data.md)."""
-
-FROM_SCANS = {"start.motion": "sensor", "start.velocity": 3.0}
-"""Values of start=scans, where the user sets none: a road user ahead mostly drives as the ego."""
+from stixel_cli.recordings.find import guess_layout
+from stixel_cli.recordings.parameters import Recorded, Source
+from stixel_cli.recordings.types import Recording
+from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
+from stixel_cli.scene.path_parameters import ReplayedPath
 
 OF_THE_SCENE = ("path", "ego", "renderer", "world", "sensor")
-"""Groups of the rendered scene, which a recording does not have."""
+"""Groups of the rendered scene, which recorded images do not have."""
 
+OF_THE_MOTION = {
+    "ego": "the recording has the ego car's motion: leave it out",
+    "path.duration": "follows from the frames of the track: set path.frames=first:stop",
+}
+"""What a replayed motion gives."""
 
-FILES = ("folder", "right", "calibration", "disparity", "labels")
-"""Keys of the group `source` that name a folder or a file."""
+FILE_KEYS = ("folder", "right", "calibration", "disparity", "labels")
+"""Keys that name a folder or a file."""
+
+_SCHEMAS = {"source": Annotated[Source, Field(discriminator="kind")], "path": ReplayedPath}
 
 
 def guessed_source(typed: Mapping[str, Any], working_directory: str) -> list[str]:
@@ -80,126 +53,148 @@ def guessed_source(typed: Mapping[str, Any], working_directory: str) -> list[str
     return [f"source={guess_layout(Path(absolute(folder, working_directory)))}"]
 
 
-def recording_in(
-    section: dict[str, Any], typed: Iterable[str], working_directory: str
-) -> Recording | None:
-    """The recording that the section `source` of a resolved configuration names.
+def given_files(
+    group: str, section: dict[str, Any], typed: Iterable[str], working_directory: str
+) -> Recorded | ReplayedPath:
+    """The parameters in a resolved `section`, `source` or `path`, that name files.
 
-    The folder's name in `section` is made absolute. None for rendered images, and for a section
-    that is not valid: the validation of the whole configuration reports it.
+    The names in `section` are made absolute.
 
     Raises:
-        ConfigurationError: if a needed value is missing, or a group of the rendered scene is set.
-        UserError: if a file of the recording is missing or not valid.
+        ConfigurationError: if a value is missing or wrong, or one is set that the files give.
     """
-    if section["kind"] == "rendered":
-        return None
-    for name in FILES:
+    if group == "path":
+        _refuse_given(typed)
+    for name in FILE_KEYS:
         if isinstance(section.get(name), str) and section[name]:
             section[name] = absolute(section[name], working_directory)
     if type(section.get("sequence")) is int:
         # A name: 0005 is text to Hydra, but 12 is a number.
         section["sequence"] = str(section["sequence"])
+    # The duration follows from the files.
+    content = section if group == "source" else section | {"duration": 1.0}
     try:
         # As JSON, because strict validation of Python values takes only finished objects.
-        source = TypeAdapter(Source).validate_json(json.dumps(section))
-    except ValidationError:
-        return None
-    try:
-        source.check()
+        parameters = TypeAdapter(_SCHEMAS[group]).validate_json(json.dumps(content))
+        parameters.check()
+    except ValidationError as error:
+        faults = [fault | {"loc": (group, *fault["loc"])} for fault in error.errors()]
+        text = messages.describe_faults(faults, {group: content}, typed)
+        raise ConfigurationError(text) from None
     except ValueError as fault:
         raise ConfigurationError(str(fault)) from None
+    if group == "source":
+        _refuse_scene(typed, parameters.kind)
+    return parameters
+
+
+def _refuse_scene(typed: Iterable[str], kind: str) -> None:
     for name in typed:
         group = name.partition(".")[0]
         if group in OF_THE_SCENE and (name, group) != ("ego", "ego"):
             raise ConfigurationError(
-                f"{name}: is of the rendered scene; source={source.kind} has no {group} to set"
+                f"{name}: is of the rendered scene; source={kind} has no {group} to set"
             )
-    return find_recording(source)
+
+
+def _refuse_given(typed: Iterable[str]) -> None:
+    for name in typed:
+        for key, reason in OF_THE_MOTION.items():
+            if name == key or name.startswith(f"{key}."):
+                raise ConfigurationError(f"{name}: with path=recorded, {reason}")
 
 
 def suitable_overrides(
-    recording: Recording, typed: Mapping[str, Any], preset: Mapping[str, Any]
+    group: str, recording: Recording, typed: Mapping[str, Any], preset: Mapping[str, Any]
 ) -> list[str]:
     """The options and values that the recording needs and the user does not set.
 
     Args:
-        recording: what the images are of.
+        group: `source` or `path`, which names the recording.
+        recording: opened.
         typed: keys and groups that the user gives, with their values and options.
-        preset: those that an experiment's file sets. They do not replace `OPTIONS`.
+        preset: those that an experiment's file sets. They do not replace the options that suit.
 
     Raises:
         ConfigurationError: if the label has no class of road user and none is chosen.
     """
-    options = OPTIONS | ({} if recording.label else {"start": "scans"})
-    found = [f"{group}={option}" for group, option in options.items() if group not in typed]
+    suitable = recorded_values()[group]
+    options = dict(suitable["options"])
+    if group == "source" and not recording.label:
+        options["start"] = "scans"
     typed = {name: value for name, value in preset.items() if name not in options} | dict(typed)
+    options["road_user"] = recording.road_user
     if "road_user" not in typed:
-        if recording.label is None:
-            raise ConfigurationError(
-                "road_user: is required, because the recording has no labelled target "
-                "(source.target)"
-            )
-        if recording.label not in CLASSES:
-            raise ConfigurationError(
-                f"source.target: is a {messages.printable(str(recording.label))}, which no class "
-                f"suits; the classes are of {', '.join(CLASSES)}; or choose a road_user"
-            )
-        found.append(f"road_user={CLASSES[recording.label]}")
-    chosen = {group: typed.get(group, option) for group, option in options.items()}
-    values: dict[str, Any] = dict(VALUES)
-    if chosen["start"] == "scans":
-        values |= {} if recording.auto else FROM_SCANS
-        if recording.label:
-            lowest, highest = recording.first_bearings
-            values["start.bearing"] = f"[{lowest:.3f},{highest:.3f}]"
-    elif recording.label is None:
+        _check_class(group, recording)
+    values = {} if group == "path" else _values(suitable, recording, options | typed)
+    found = {name: option for name, option in options.items() if name not in typed}
+    found |= {key: value for key, value in values.items() if key not in typed}
+    return [f"{name}={value}" for name, value in found.items()]
+
+
+def _check_class(group: str, recording: Recording) -> None:
+    if recording.label is None:
+        raise ConfigurationError(
+            "road_user: is required, because the recording has no labelled target (source.target)"
+        )
+    if recording.road_user is None:
+        raise ConfigurationError(
+            f"{group}.target: is a {messages.printable(recording.label)}, which no class "
+            f"suits; the classes are of {', '.join(CLASS_OF_KITTI_TYPE)}; or choose a road_user"
+        )
+
+
+def _values(
+    suitable: Mapping[str, Any], recording: Recording, chosen: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Values for recorded images, by key; `chosen` has options and values by name."""
+    calibration = recording.calibration
+    if calibration.camera_height is None and not {"rig", "rig.camera_height"} & chosen.keys():
+        raise ConfigurationError(
+            "rig.camera_height: is required, because the recording does not state the height of "
+            "the cameras above the road, m"
+        )
+    if chosen["start"] != "scans" and recording.label is None:
         raise ConfigurationError(
             f"start: {chosen['start']} needs a label (source.target); else choose start=scans"
         )
-    if typed.get("stereo", "sgm") != "sgm":
-        del values["stereo.subpixel"], values["stereo.disparities_at_full_size"]
-    if chosen["road"] != "estimated":
-        del values["road.pitch_range"]
-    road_user = typed.get("road_user", CLASSES.get(recording.label or ""))
-    if road_user == "car" and "prior" not in typed and recording.layout in OF_KITTI:
-        values |= SIZES
-    if typed.get("tracker") == "contour":
-        values |= _of_contour(recording.calibration)
-    return [*found, *(f"{key}={value}" for key, value in values.items() if key not in typed)]
+    facts = {**chosen, "source": recording.layout, "auto": recording.auto}
+    values: dict[str, Any] = {}
+    for one in suitable["values"]:
+        if all(facts.get(name) in options for name, options in one.get("when", {}).items()):
+            values |= one["set"]
+    if chosen["start"] == "scans" and recording.label:
+        lowest, highest = recording.first_bearings
+        values["start.bearing"] = f"[{lowest:.3f},{highest:.3f}]"
+    if chosen.get("tracker") == "contour":
+        errors = suitable["errors"]
+        # A disparity error e moves a point at range r by e r² / (f B); here at 10 m.
+        moved = errors["disparity"] * 100.0 / (calibration.focal_length * calibration.baseline)
+        values["tracker.bias_std"] = round(moved, 4)
+        edge = math.degrees(errors["edge"] / calibration.focal_length)
+        values["tracker.silhouette_std"] = round(edge, 3)
+    return values
 
 
-def _of_contour(calibration: Calibration) -> dict[str, float]:
-    """The errors of real images in the parameters of the tracker `contour`."""
-    # A disparity error e moves a point at range r by e r² / (f B).
-    at_ten_metres = BIAS * 100.0 / (calibration.focal_length * calibration.baseline)
-    edge = math.degrees(EDGE / calibration.focal_length)
-    return {
-        "tracker.bias_std": round(at_ten_metres, 4),
-        "tracker.silhouette_std": round(edge, 3),
-        "tracker.noise_factor": NOISE_FACTOR,
-    }
+def complete(
+    resolved: dict[str, Any],
+    choices: dict[str, str],
+    given: Recorded | ReplayedPath,
+    recording: Recording,
+    typed: Iterable[str],
+) -> Recorded | ReplayedPath:
+    """Set what the files of the recording give, and return `given` with it.
 
-
-def with_recording(
-    resolved: dict[str, Any], choices: dict[str, str], recording: Recording, typed: Iterable[str]
-) -> None:
-    """Set the sections that the files of the recording give: `rig`, `path`, `ego`, `source.frames`.
-
-    Values that the user sets stay.
+    That is the path's duration, `frames` and the section `ego`, and of recorded images the sections
+    `rig` and `path`. Values that the user sets stay.
     """
     typed = set(typed)
-    rig = rig_values(recording)
-    given = {name: value for name, value in rig.items() if f"rig.{name}" not in typed}
-    resolved["rig"] = resolved["rig"] | given
-    time = resolved["source"]["sample_time"]
-    resolved["path"] = {
-        "kind": "source",
-        "duration": round(recording.count * time, 9),
-        "sample_time": time,
-    }
-    frames = f"{recording.frames.start}:{recording.frames.stop}"
-    resolved["source"] = resolved["source"] | {"frames": frames}
+    group = "path" if isinstance(given, ReplayedPath) else "source"
+    changes: dict[str, Any] = {"frames": f"{recording.frames.start}:{recording.frames.stop}"}
+    duration = round(recording.count * given.sample_time, 9)
+    if group == "path":
+        changes["duration"] = duration
+    resolved[group] = resolved[group] | changes
     if "ego" not in typed:
         # One frame has no motion.
         if not recording.pose_files and recording.count > 1:
@@ -207,12 +202,16 @@ def with_recording(
                 "ego: the recording has no poses of the ego car; if it does not move, "
                 "choose ego=parked"
             )
-        kind = "source" if recording.pose_files else "parked"
-        resolved["ego"] = {"kind": kind}
-        choices["ego"] = kind
-    choices["path"] = "source"
-    if "rig" not in typed:
-        choices["rig"] = "source"
+        choices["ego"] = "source" if recording.pose_files else "parked"
+        resolved["ego"] = {"kind": choices["ego"]}
+    if group == "source":
+        path = {"kind": "source", "duration": duration, "sample_time": given.sample_time}
+        resolved["path"], choices["path"] = path, "source"
+        rig = {k: v for k, v in rig_values(recording).items() if f"rig.{k}" not in typed}
+        resolved["rig"] = resolved["rig"] | rig
+        if "rig" not in typed:
+            choices["rig"] = "source"
+    return replace(given, **changes)
 
 
 def rig_values(recording: Recording) -> dict[str, Any]:

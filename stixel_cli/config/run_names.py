@@ -4,11 +4,12 @@ import re
 from collections.abc import Mapping, Sequence
 
 from stixel_cli.config.folders import (
-    configuration_folder,
+    configured_option,
     group_options,
     innermost_group,
     option_values,
 )
+from stixel_cli.config.texts import split_override, value_text
 
 ALWAYS = ("road_user", "path")
 """Groups whose options begin each name, whether they are the default or not."""
@@ -35,7 +36,7 @@ def differences(choices: Mapping[str, str], overrides: Sequence[str]) -> list[st
     """
     parts = [str(choices[group]) for group in ALWAYS if group in choices]
     for text in overrides:
-        key, _, value = (part.strip() for part in text.lstrip("+").partition("="))
+        key, value = split_override(text)
         group = innermost_group(key)
         if key in ALWAYS or group.partition("/")[0] in OF_NO_RESULT:
             continue
@@ -92,12 +93,13 @@ def _last(key: str) -> str:
 
 def _is_default(key: str, value: str, group: str, choices: Mapping[str, str]) -> bool:
     if key in group_options():
-        text = (configuration_folder() / "config.yaml").read_text(encoding="utf-8")
-        return re.search(rf"^ *- {key}: *{re.escape(value)} *(#|$)", text, re.MULTILINE) is not None
+        return configured_option(key) == value
     option = choices.get(group, "")
     if option not in group_options().get(group, ()):
         return False
-    return option_values(group, option).get(key[len(group) + 1 :]) == value
+    values = option_values(group, option)
+    name = key[len(group) + 1 :]
+    return name in values and value_text(values[name]) == value
 
 
 def _printable(part: str) -> str:

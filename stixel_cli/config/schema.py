@@ -26,7 +26,6 @@ from stixel_cli.rendering.raycast_parameters import RaycastParameters
 from stixel_cli.rendering.sensor_noise import Sensor
 from stixel_cli.results.pictures import PicturesParameters
 from stixel_cli.scene.ego import Ego
-from stixel_cli.scene.pace_parameters import Pace
 from stixel_cli.scene.path_parameters import Path
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.world_parameters import World
@@ -38,14 +37,14 @@ from stixel_cli.stixels.free_space_parameters import (
     OccupancyParameters,
     RoadParameters,
 )
-from stixel_cli.tracking.box import BoxParameters
-from stixel_cli.tracking.contour_parameters import ContourParameters
+from stixel_cli.tracking.baselines.box import BoxParameters
+from stixel_cli.tracking.baselines.point import PointParameters
+from stixel_cli.tracking.baselines.pyrecest_parameters import PyRecEstParameters
+from stixel_cli.tracking.baselines.random_matrix import RandomMatrixParameters
+from stixel_cli.tracking.baselines.rectangle import RectangleParameters
+from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
-from stixel_cli.tracking.point import PointParameters
 from stixel_cli.tracking.prior import PriorShape
-from stixel_cli.tracking.pyrecest_parameters import PyRecEstParameters
-from stixel_cli.tracking.random_matrix import RandomMatrixParameters
-from stixel_cli.tracking.rectangle import RectangleParameters
 from stixel_cli.tracking.start import TruthStart
 from stixel_cli.tracking.start_scans import ScansStart
 
@@ -79,7 +78,6 @@ class Configuration:
         source: images: rendered, or recorded by a real camera.
         road_user: the target; for your own mesh (triangles; metres, x forward, z up) set
             road_user.mesh.
-        pace: speeds and first positions of the road user on each path.
         prior: what the trackers know about the class: size, shape, noise.
         path: the target's path.
         ego: motion of the ego car.
@@ -104,7 +102,6 @@ class Configuration:
     seed: Annotated[int, Ge(0), Le(2**63 - 1)]
     source: Annotated[Source, _BY_KIND]
     road_user: RoadUser
-    pace: Pace
     prior: PriorShape
     path: Annotated[Path, _BY_KIND]
     ego: Annotated[Ego, _BY_KIND]
@@ -138,7 +135,7 @@ class Configuration:
 
     @property
     def true_class(self) -> str | None:
-        """The class of the road user; None if it is not one of ours."""
+        """The class of the road user; None if its shape is not one of ours, or is recorded."""
         ours = self.source.kind == "rendered" and self.road_user.mesh is None
         if not ours or isinstance(self.measurement, FileParameters):
             return None

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from filelock import Timeout
 
+from stixel_cli.engine.cache_folder import made_here, read_file
 from stixel_cli.engine.entries import EntryFolder, entry_folders, stage_and_label
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.locks import collector_lock, file_lock, leased_keys
@@ -142,7 +143,7 @@ def collect(
         if not dry_run:
             # Empty folders of the keys' first digits. `Store.save` creates them.
             for folder in _inside(store.folder):
-                if len(folder.name) == 2:
+                if re.fullmatch("[0-9a-f]{2}", folder.name):
                     with suppress(OSError):
                         folder.rmdir()
             remove_sources(store.folder, everything=kept == 0)
@@ -162,8 +163,8 @@ def evicted(store: Store) -> dict[str, tuple[str, float]]:
             found[key] = (reason, when)
 
     with suppress(OSError):
-        for line in (store.folder / EVICTED).read_text("utf-8").splitlines():
-            with suppress(ValueError, TypeError):
+        for line in read_file(store.folder / EVICTED).decode(errors="replace").splitlines():
+            with suppress(ValueError, TypeError, RecursionError):
                 key, reason, when = json.loads(line)
                 note(key, reason, when)
     for path in _inside(store.folder / "quarantine"):
@@ -178,7 +179,7 @@ def _remember(store: Store, removed: list[tuple[str, str, float]]) -> None:
         return
     path = store.folder / EVICTED
     with suppress(OSError):
-        lines = path.read_text("utf-8").splitlines() if path.exists() else []
+        lines = read_file(path).decode(errors="replace").splitlines() if path.exists() else []
         lines += [json.dumps([key, reason, round(when, 3)]) for key, reason, when in removed]
         partial = path.with_name(f"{EVICTED}-{os.getpid()}")
         partial.write_text("\n".join(lines[-REMEMBERED:]) + "\n", "utf-8")
@@ -199,14 +200,14 @@ def _remove_entry(store: Store, one: EntryFolder) -> bool:
 def _orphans(store: Store, dry_run: bool) -> Iterator[Removed]:
     """Remove what killed processes left behind: partial entries and lock files."""
     for path in _inside(store.folder / "tmp"):
-        if _is_orphan(path):
+        if made_here(path) and _is_orphan(path):
             size = _size(path)
             if dry_run or _remove(path):
                 yield Removed(path.name, "", size, "orphan")
     if dry_run:
         return
     for path in _inside(store.folder / "locks"):
-        if path.name.endswith(".lock"):
+        if made_here(path):
             lock = file_lock(path)
             with suppress(OSError, Timeout):
                 lock.acquire(timeout=0)
@@ -220,7 +221,7 @@ def _set_aside(
     store: Store, older_than: float | None, max_size: int | None, dry_run: bool
 ) -> Iterator[tuple[Removed, float]]:
     """Remove damaged entries, each with the time since when it is set aside."""
-    for path in _inside(store.folder / "quarantine"):
+    for path in filter(made_here, _inside(store.folder / "quarantine")):
         with suppress(OSError):
             age = time.time() - path.stat().st_mtime
             if max_size is None and (older_than is None or age <= older_than):

@@ -5,11 +5,15 @@ module is that of its syntax tree without comments, layout and docstrings: an ed
 imports included, makes the stage stale.
 
 - First-party modules: the package of the stage, the engine's own package, and every module on the
-  import path that belongs neither to a distribution nor to the standard library.
-- A package's `__init__` counts if code imports a name from it. A package that is bound as an object
+  import path that belongs neither to a distribution nor to the standard library, or to a
+  distribution that is installed in place (`pip install -e`).
+- A package's `__init__` counts if code imports a name from it, and in other packages than the
+  engine's own always: Python runs it. A package that is bound as an object
   (`import package`) counts with all its modules, since any of them can be an attribute.
+- The files that a module declares (`FILES = ["weights.npz"]`, relative to its folder) count by
+  their content, each as a module `module/weights.npz`.
 - A stage declares code that no import statement names (`importlib.import_module`, `sys.modules`)
-  and files that it reads: see `Stage.modules` and `Stage.files`.
+  and other files that it reads: see `Stage.modules` and `Stage.files`.
 """
 
 import importlib
@@ -21,8 +25,15 @@ from importlib.machinery import EXTENSION_SUFFIXES, ModuleSpec, PathFinder
 from importlib.util import find_spec
 from pathlib import Path
 
-from stixel_cli.engine.source_files import DIGITS, load_digests, parse
-from stixel_cli.engine.versions import providers, versions_of
+from stixel_cli.engine.errors import InvalidCode
+from stixel_cli.engine.source_files import (
+    DIGITS,
+    content_digest,
+    declared_files,
+    load_digests,
+    parse,
+)
+from stixel_cli.engine.versions import is_editable, providers, versions_of
 
 OWN_PACKAGE = __name__.partition(".")[0]
 
@@ -35,7 +46,7 @@ class Code:
         roots: the modules that the walk starts from.
         digest: of all modules.
         modules: module -> digest of its syntax tree.
-        files: module -> the file it was read from and the SHA-256 of its bytes.
+        files: module -> the file it was read from and the SHA-256 of its bytes; declared files too.
         versions: distribution that the modules import from -> its version; None for an imported
             name that is not installed.
         folders: searched for modules that the import path lacks.
@@ -48,10 +59,21 @@ class Code:
     versions: dict[str, str | None]
     folders: tuple[Path, ...] = ()
 
+    @property
+    def modules_of_user(self) -> dict[str, str]:
+        """Those of `modules` that are not of the engine's own package."""
+        return {n: digest for n, digest in self.modules.items() if n.split(".")[0] != OWN_PACKAGE}
+
+    @property
+    def of_user(self) -> dict[str, Path]:
+        """The source files of `modules_of_user`, without declared files."""
+        files = {name: self.files[name][0] for name in self.modules_of_user if "/" not in name}
+        return {name: path for name, path in files.items() if path.suffix == ".py"}
+
 
 @dataclass(frozen=True)
 class _Module:
-    """One source file with its digests, and its imports as (module, name or None)."""
+    """One file with its digests, its imports as (module, name or None), and declared files."""
 
     name: str
     path: Path
@@ -59,7 +81,8 @@ class _Module:
     file_digest: str
     code_digest: str
     is_empty: bool
-    imports: tuple[tuple[str, str | None], ...]
+    imports: tuple[tuple[str, str | None], ...] = ()
+    files: tuple["_Module", ...] = ()
 
 
 _added: list[str] = []
@@ -86,7 +109,7 @@ def search_also(folders: Iterable[Path]) -> None:
 def same_files(files: Mapping[str, tuple[Path, str]]) -> bool:
     """Whether all files still have the content of their digests."""
     try:
-        return all(sha256(p.read_bytes()).hexdigest() == digest for p, digest in files.values())
+        return all(content_digest(path) == digest for path, digest in files.values())
     except OSError:
         return False
 
@@ -143,6 +166,8 @@ class _Walk:
             if module is None or name in found:
                 continue
             found[name] = module
+            found |= {one.name: one for one in module.files}
+            pending += self._packages(name)
             for target, attribute in module.imports:
                 top = target.partition(".")[0]
                 if top in first_party or self._is_loose(top):
@@ -161,10 +186,17 @@ class _Walk:
         )
 
     def _is_loose(self, top: str) -> bool:
-        """Whether a top-level module belongs to no distribution, such as a user's own file."""
-        if top in sys.stdlib_module_names or top in providers():
+        """Whether a top-level module is a user's own file, or of a distribution in place."""
+        if top in sys.stdlib_module_names or (top in providers() and not is_editable(top)):
             return False
         return bool(self._search(top))
+
+    def _packages(self, name: str) -> list[str]:
+        """The packages around a module whose `__init__` has statements; not of the engine's own."""
+        parts = name.split(".")
+        above = [".".join(parts[:end]) for end in range(1, len(parts))]
+        found = {one: self._find(one) for one in above if parts[0] != OWN_PACKAGE}
+        return [one for one, module in found.items() if module is not None and not module.is_empty]
 
     def _search(self, top: str) -> tuple[Path, ...]:
         """The folders that contain the top-level module; the import path comes first."""
@@ -218,7 +250,7 @@ class _Walk:
                     return _module(name, path, is_package)
             if base.is_dir():
                 # A namespace package: it has submodules and no code of its own.
-                return _Module(name, base, True, "", "", True, ())
+                return _Module(name, base, True, "", "", True)
         return None
 
 
@@ -241,14 +273,20 @@ def _module(name: str, path: Path, is_package: bool) -> _Module:
     try:
         content = path.read_bytes()
     except OSError as error:
-        raise LookupError(f"{path}: cannot be read: {error.strerror}") from error
+        raise InvalidCode(f"{path}: cannot be read: {error.strerror}") from error
     file_digest = sha256(content).hexdigest()
     if path.suffix != ".py":
-        return _Module(name, path, False, file_digest, file_digest[:DIGITS], False, ())
+        return _Module(name, path, False, file_digest, file_digest[:DIGITS], False)
     source = parse(path, content)
     package = (name if is_package else name.rpartition(".")[0]).split(".")
     imports = tuple((_absolute(level, of, package), what) for level, of, what in source.imports)
-    return _Module(name, path, is_package, file_digest, source.digest, source.is_empty, imports)
+    files = tuple(
+        _Module(f"{name}/{file}", at, False, digest, digest[:DIGITS], False)
+        for file, at, digest in declared_files(path, source)
+    )
+    return _Module(
+        name, path, is_package, file_digest, source.digest, source.is_empty, imports, files
+    )
 
 
 def _absolute(level: int, module: str, package: list[str]) -> str:

@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import Any, Protocol
 
 from stixel_cli.engine.parameters import PROGRAM
+from stixel_cli.errors import escaped
 
 LINE_INTERVAL = 5.0
 """Seconds between two lines."""
@@ -75,13 +76,13 @@ class Bar:
         """Show or update the bar."""
         if self._bar is None:
             self._start()
-        self._bar.update(self._task, completed=share, description=text)
+        self._bar.update(self._task, completed=share, description=escaped(text))
 
     def note(self, text: str) -> bool:
         """Print a line above the bar, if it is shown."""
         if self._bar is None:
             return False
-        self._bar.console.print(f"{PROGRAM}: {text}", markup=False, highlight=False)
+        self._bar.console.print(escaped(f"{PROGRAM}: {text}"), markup=False, highlight=False)
         return True
 
     def close(self) -> None:
@@ -100,7 +101,7 @@ class Bar:
             TaskProgressColumn(),
             TimeElapsedColumn(),
             TextColumn("{task.description}", markup=False),
-            console=Console(stderr=True),
+            console=Console(file=getattr(sys.stderr, "rich_proxied_file", sys.stderr)),
             transient=True,
         )
         self._task = self._bar.add_task("", total=1.0)

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from stixel_cli.engine.cache_folder import made_here, read_file
 from stixel_cli.engine.errors import CacheError, MissingEntry
-from stixel_cli.engine.store import META, VALUE, Store, read_file
+from stixel_cli.engine.store import META, Store
 
 COMPARED = 2000
 """Maximum number of notes per stage that `stored_notes` yields."""
@@ -57,7 +58,7 @@ def entry_folders(store: Store) -> list[EntryFolder]:
                 continue
             with suppress(OSError):
                 last_use = entry.stat().st_mtime
-                size = sum(_file_size(entry.path, name) for name in (META, VALUE))
+                size = _size(entry.path)
                 found.append(EntryFolder(entry.name, Path(entry.path), size, last_use))
     return sorted(found, key=lambda one: (one.last_use, one.key))
 
@@ -133,7 +134,7 @@ def verify_all(
 def set_aside(store: Store) -> int:
     """Number of damaged entries that were set aside and not removed yet."""
     try:
-        return sum(1 for _ in (store.folder / "quarantine").iterdir())
+        return sum(map(made_here, (store.folder / "quarantine").iterdir()))
     except OSError:
         return 0
 
@@ -153,11 +154,10 @@ def stored_notes(store: Store, stages: Container[str]) -> Iterator[dict[str, Any
                 yield store.meta(one.key)
 
 
-def _file_size(folder: str, name: str) -> int:
-    """Bytes of a file; 0 if it is missing, which `verify_all` reports."""
-    with suppress(OSError):
-        return os.stat(os.path.join(folder, name)).st_size
-    return 0
+def _size(folder: str) -> int:
+    """Bytes of the files of an entry; `verify_all` reports one that is missing."""
+    with os.scandir(folder) as inside:
+        return sum(one.stat().st_size for one in inside if one.is_file(follow_symlinks=False))
 
 
 def _folders(folder: Path) -> list[os.DirEntry]:

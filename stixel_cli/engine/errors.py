@@ -3,11 +3,11 @@
 import os.path
 import re
 
+from stixel_cli.errors import UserError
 
-class CacheError(Exception):
+
+class CacheError(UserError):
     """The cache cannot be read or written."""
-
-    one_line = True
 
 
 class MissingEntry(CacheError):
@@ -21,6 +21,10 @@ class MissingEntry(CacheError):
 
     def __str__(self) -> str:
         return f"cache entry {self.key[:12]}: {self.reason}"
+
+
+class InvalidCode(UserError, LookupError):
+    """A module is not valid Python, or declares files that it cannot have."""
 
 
 class CodeChanged(Exception):

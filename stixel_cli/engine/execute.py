@@ -13,7 +13,7 @@ from stixel_cli.engine.loaded_code import check_bytecode, import_function, may_r
 from stixel_cli.engine.locks import Lease
 from stixel_cli.engine.one_thread import one_thread
 from stixel_cli.engine.parameters import Executor, LocalExecutor, ThreadsExecutor
-from stixel_cli.engine.plan import Durations, check_writable, plan
+from stixel_cli.engine.plan import Durations, check_writable, plan, undeclared_reads
 from stixel_cli.engine.pools import (
     ExecutorName,
     Pool,
@@ -165,6 +165,8 @@ def execute(
         keep_sources(store.folder, ((digest, file) for _, digest, file in files))
         save_digests(store.folder)
         check_bytecode({name: file for name, _, file in files})
+        for text in undeclared_reads(nodes) if progress.advice else ():
+            progress.note(text)
         here = not nodes or _runs_here(chosen, nodes, durations)
         # A copy of this process must not run modules that were edited after their import.
         copies = all(may_run_here(node.identity.code) for node in nodes)

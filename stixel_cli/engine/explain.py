@@ -1,6 +1,6 @@
 """Explain why a node would be computed: what differs from the most similar result in the store."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -93,8 +93,16 @@ class Explanation:
         return "; ".join(map(str, self.changes))
 
 
-def explain(graph: Graph, store: Store, targets: Sequence[str] | None = None) -> list[Explanation]:
+def explain(
+    graph: Graph,
+    store: Store,
+    targets: Sequence[str] | None = None,
+    before: tuple[Collection[str], Mapping[str, str]] = ((), {}),
+) -> list[Explanation]:
     """Explain why each node that `targets` (None for all stages) need would be computed.
+
+    A node is compared with one of the results `before`, given as their keys and the digests of all
+    their modules; if the store has none of its stage, with the most similar one and these modules.
 
     Raises:
         KeyError: no such target.
@@ -104,7 +112,7 @@ def explain(graph: Graph, store: Store, targets: Sequence[str] | None = None) ->
     missing = plan(graph, wanted, store, verify=False).missing
     if not missing:
         return []
-    memory = _Memory(store, set(graph.stages))
+    memory = _Memory(store, set(graph.stages), before)
     return [_explain(graph, graph.nodes[key], memory) for key in missing]
 
 
@@ -119,7 +127,8 @@ def by_stage(explanations: Iterable[Explanation]) -> list[tuple[list[Explanation
 class _Memory:
     """Notes of stored entries, reasons of removed ones, and source files."""
 
-    def __init__(self, store: Store, stages: set[str]):
+    def __init__(self, store: Store, stages: set[str], before: tuple[Any, Mapping[str, str]]):
+        self.keys, self.modules = before
         self.by_key: dict[str, dict[str, Any]] = {}
         self.by_stage: dict[str, list[dict[str, Any]]] = {}
         for notes in stored_notes(store, stages):
@@ -143,7 +152,12 @@ def _changes(graph: Graph, node: Node, memory: _Memory) -> list[Change]:
         return [Change(kind, name, WORDS.get(reason, reason))]
     if not known:
         return [Change("new", name)]
-    nearest = min(known, key=lambda notes: _distance(node, notes))
+    own = [notes for notes in known if notes["key"] in memory.keys]
+    nearest = min(own or known, key=lambda notes: _distance(node, notes))
+    if memory.modules and not own:
+        reached = {*nearest.get("modules", {}), *node.identity.code.modules}
+        modules = {one: memory.modules[one] for one in reached & memory.modules.keys()}
+        nearest = nearest | {"code": "", "modules": modules}
     changes = _identity_changes(node, nearest, memory)
     roots = _roots(graph, node, nearest, memory, set())
     if nearest.get("frames") == _frames(node):

@@ -3,11 +3,12 @@
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
-from hashlib import file_digest, sha256
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, Literal
 
 from stixel_cli.engine.code import Code, CodeIndex
+from stixel_cli.engine.source_files import content_digest
 from stixel_cli.engine.versions import python_version
 
 Pattern = Literal["once", "map", "fold", "pick"]
@@ -49,6 +50,8 @@ class Stage:
         own: whether `modules` are the user's own code: an error there is reported with its place.
         keys: argument name -> key of the setting in the configuration, if it differs from the
             argument. Used to explain changes; not part of the result's key.
+        watched: an input whose `watched(begin)` gives the same value, but calls `begin` with a text
+            at each step of the function, such as a scan. A slow step is reported. "": none.
     """
 
     name: str
@@ -64,6 +67,7 @@ class Stage:
     folders: tuple[Path, ...] = ()
     own: bool = False
     keys: Mapping[str, str] = field(default_factory=dict)
+    watched: str = ""
 
     def check(self) -> None:
         """Raise ValueError, in one line, if the stage is not valid."""
@@ -186,7 +190,7 @@ def digest(tree: Any) -> str:
     return sha256(text.encode()).hexdigest()
 
 
-LAYOUT = 4
+LAYOUT = 5
 """Version of the stored format. Entries of other versions are not read."""
 
 
@@ -227,7 +231,7 @@ def stage_identity(stage: Stage, index: CodeIndex) -> Identity:
         "python": python_version(),
         "versions": code.versions,
         "seed": stage.seed,
-        "files": [_content_digest(path) for path in stage.files],
+        "files": [content_digest(path) for path in stage.files],
     }
     return Identity(code, content, digest(content))
 
@@ -255,8 +259,3 @@ def node_key(
             "previous": previous,
         }
     )
-
-
-def _content_digest(path: Path) -> str:
-    with Path(path).open("rb") as file:
-        return file_digest(file, "sha256").hexdigest()

@@ -22,6 +22,7 @@ from typing import Any
 from stixel_cli import FIRST_IMPORT
 from stixel_cli.engine.code import Code, CodeIndex, same_files, search_also
 from stixel_cli.engine.errors import CodeChanged
+from stixel_cli.engine.numba_folders import keep_apart
 
 _started = FIRST_IMPORT
 _lock = threading.Lock()
@@ -55,6 +56,7 @@ def planned_function(name: str, code: Code) -> Callable[..., Any]:
         if not may_run_here(code):
             raise _changed(name)
         check_bytecode({module: path for module, (path, _) in code.files.items()})
+        keep_apart(code)
         module, _, attribute = name.partition(":")
         function = getattr(import_module(module), attribute, None)
         if function is None:
@@ -125,7 +127,7 @@ def check_bytecode(modules: Mapping[str, Path]) -> None:
         CodeChanged: this process has imported stale bytecode, or it cannot be replaced.
     """
     for name, source in modules.items():
-        if source not in _checked:
+        if source not in _checked and source.suffix == ".py":
             _check(name, source)
             _checked.add(source)
 

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
+from stixel_cli.engine.cache_folder import make_folder, read_file
 from stixel_cli.engine.errors import CacheError
 
 _NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP)
@@ -59,7 +60,7 @@ class Lease:
         name = f"{socket.gethostname()}-{os.getpid()}-{time.monotonic_ns():x}"
         path = self._folder / LEASES / f"{name}.keys"
         with suppress(OSError, CacheError):
-            path.parent.mkdir(parents=True, exist_ok=True)
+            make_folder(self._folder, LEASES)
             # A cleanup that has started has read the leases already: wait for its end.
             with collector_lock(self._folder):
                 path.write_text("\n".join(keys), encoding="ascii")
@@ -125,7 +126,7 @@ def leased_keys(folder: Path) -> set[str]:
             lock.acquire(timeout=0)
         except (Timeout, OSError):
             with suppress(OSError):
-                keys.update(path.read_text("ascii").split())
+                keys.update(read_file(path).decode("ascii").split())
             continue
         _drop(path)
         lock.release()

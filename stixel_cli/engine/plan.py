@@ -7,9 +7,11 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from stixel_cli.engine.cache_folder import read_file
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.graph import Graph, Node
 from stixel_cli.engine.parameters import CACHE_VARIABLE, DaskExecutor, Executor
+from stixel_cli.engine.source_files import undeclared_read
 from stixel_cli.engine.store import Store
 
 
@@ -28,6 +30,14 @@ class Plan:
     targets: tuple[str, ...]
     needed: frozenset[str]
     missing: tuple[str, ...]
+
+
+def undeclared_reads(nodes: Iterable[Node]) -> list[str]:
+    """One line for each of the user's modules that may read files which no key contains."""
+    codes = {id(one.identity.code): one.identity.code for one in nodes if one.stage.own}
+    files = sorted({path for code in codes.values() for path in code.of_user.values()})
+    advice = 'the cache does not notice changes of a file: declare FILES = ["NAME"], or FILES = []'
+    return [f"{call}: {advice} (tutorial 4)" for call in map(undeclared_read, files) if call]
 
 
 def plan(graph: Graph, targets: Sequence[str], store: Store, verify: bool = True) -> Plan:
@@ -60,15 +70,20 @@ def missing_nodes(graph: Graph, wanted: Collection[str], store: Store) -> list[s
     return sorted(found, key=lambda key: (graph.nodes[key].depth, graph.nodes[key].first or 0))
 
 
+LONGEST = 1e7
+"""Greatest limit of a node's time, s; a file with other values is damaged."""
+
+
 class Durations:
     """Seconds per node of each stage's function, kept in the store at `folder`."""
 
     def __init__(self, folder: Path):
         self._path = folder / "durations.json"
         self._seconds: dict[str, float] = {}
-        with suppress(OSError, ValueError, TypeError, AttributeError):
-            known = json.loads(self._path.read_text(encoding="utf-8"))
-            self._seconds = {str(name): float(seconds) for name, seconds in known.items()}
+        with suppress(OSError, ValueError, TypeError, AttributeError, RecursionError):
+            known = json.loads(read_file(self._path))
+            seconds = {name: float(one) for name, one in known.items()}
+            self._seconds = {name: one for name, one in seconds.items() if 0.0 <= one < LONGEST}
 
     def estimate(self, nodes: Iterable[Node]) -> float | None:
         """Seconds for `nodes`, one after the other; None if a stage was never measured."""

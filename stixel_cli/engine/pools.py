@@ -92,12 +92,12 @@ class ProcessPool(Pool):
     def _start(self) -> Any:
         from multiprocessing import get_context, resource_tracker
 
-        from joblib.externals.loky import ProcessPoolExecutor
+        from loky import ProcessPoolExecutor
 
         options = {"initializer": _prepare_worker, "initargs": (os.getpid(),), "env": ENVIRONMENT}
         if self._may_fork and fork_is_safe():
             return ProcessPoolExecutor(self._workers, context=get_context("fork"), **options)
-        from joblib.externals.loky.backend import resource_tracker as loky_tracker
+        from loky.backend import resource_tracker as loky_tracker
 
         # Starting these unblocks Ctrl-C, so start them before it is blocked in `submit`.
         resource_tracker.ensure_running()
@@ -264,7 +264,7 @@ def _prepare_worker(parent: int) -> None:
     # A copy of the parent has its handler.
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
-    from joblib.externals.loky import process_executor
+    from loky import process_executor
 
     # With psutil installed, loky takes growth of a worker by 300 MB for a leak and replaces it.
     # Loading large libraries and compiled kernels takes as much.

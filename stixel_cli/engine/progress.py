@@ -25,6 +25,9 @@ class Progress:
             one of them compiles it.
     """
 
+    advice = False
+    """Whether to note files that the user's code may read without declaring them."""
+
     def __init__(self, display: Display | None = None, uncompiled: Collection[str] = ()):
         self.display = display
         self.uncompiled = frozenset(uncompiled)
@@ -182,9 +185,11 @@ def crash_note(labels: Sequence[str], retry: bool) -> str:
     return f"a worker crashed while running {names}; retrying {each}"
 
 
-def make_progress(uncompiled: Collection[str] = ()) -> Progress:
-    """Progress with the display that suits stderr. `uncompiled` is as in `Progress`."""
-    return Progress(make_display(), uncompiled)
+def make_progress(uncompiled: Collection[str] = (), advice: bool = False) -> Progress:
+    """Progress with the display that suits stderr; `uncompiled` and `advice` as in `Progress`."""
+    progress = Progress(make_display(), uncompiled)
+    progress.advice = advice
+    return progress
 
 
 def duration(seconds: float) -> str:

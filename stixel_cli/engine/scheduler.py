@@ -83,6 +83,7 @@ class Run:
         self._skipped: set[str] = set()
         self._tries: Counter[str] = Counter()
         self._deaths: Counter[str] = Counter()
+        self._noted: set[str] = set()
         self._in_flight: dict[Future, str] = {}
         self._ready: list[tuple[bool, int, int, str]] = []
         self._order: dict[str, int] = {}
@@ -263,6 +264,11 @@ class Run:
             self.seconds[key] = self.seconds.get(key, 0.0) + outcome.seconds
             self._written += outcome.size
         self._done.add(key)
+        function = node.stage.settings.get("function", node.stage.function)
+        compiled = node.stage.name not in self.progress.compiling
+        if outcome.note and compiled and function not in self._noted:
+            self._noted.add(function)
+            self.progress.note(f"{function} {outcome.note}")
         self.progress.finished(node, outcome.seconds)
         return True
 
@@ -307,6 +313,4 @@ def _own_files(node: Node) -> frozenset[str]:
     """The files of the user's own code that a node runs."""
     if not node.stage.own:
         return frozenset()
-    package = __name__.partition(".")[0]
-    files = node.identity.code.files.items()
-    return frozenset(str(path) for name, (path, _) in files if name.partition(".")[0] != package)
+    return frozenset(map(str, node.identity.code.of_user.values()))

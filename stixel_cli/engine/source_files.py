@@ -9,6 +9,7 @@ import ast
 import difflib
 import json
 import os
+import re
 import shutil
 import sys
 import time
@@ -16,10 +17,11 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from hashlib import sha256
+from hashlib import file_digest, sha256
 from pathlib import Path
 
-from stixel_cli.engine.store import read_file
+from stixel_cli.engine.cache_folder import made_here, make_folder, read_file
+from stixel_cli.engine.errors import InvalidCode
 
 SOURCES = "sources"
 """Folder in the store."""
@@ -32,6 +34,9 @@ MOST_DIGESTS = 2000
 
 LARGEST_FILE = 16_000_000
 """A larger file of digests, in bytes, is not read."""
+
+LARGEST_FILES = 1_000_000_000
+"""Limit of the bytes of all files that a module declares."""
 
 DIGITS = 32
 """Number of hex digits of a module's digest."""
@@ -46,11 +51,13 @@ class Source:
         is_empty: whether it has no statement.
         imports: (level, module, name) of each import; the level of a relative import, 0 for an
             absolute one; the name is None for `import module`.
+        files: names that the module declares as `FILES`, relative to its folder; None without.
     """
 
     digest: str
     is_empty: bool
     imports: list[tuple[int, str, str | None]]
+    files: list[str] | None
 
 
 _digests: dict[str, list] = {}
@@ -64,7 +71,7 @@ def parse(path: Path, content: bytes) -> Source:
     """Return the meaning of the source file `path` with this content.
 
     Raises:
-        LookupError: it is not valid Python.
+        InvalidCode: it is not valid Python, or declares its files in another form.
     """
     key = sha256(content).hexdigest()
     fields = _digests.pop(key, None)
@@ -73,13 +80,70 @@ def parse(path: Path, content: bytes) -> Source:
             tree = ast.parse(content, filename=str(path))
         except (SyntaxError, ValueError) as error:
             line = f", line {error.lineno}" if isinstance(error, SyntaxError) else ""
-            raise LookupError(f"{path}{line}: not valid Python: {error.args[0]}") from error
+            raise InvalidCode(f"{path}{line}: not valid Python: {error.args[0]}") from error
+        files = _declared_files(path, tree)
         text, imports = _normalised(tree)
         text = text.encode("utf-8", "surrogatepass")
-        fields = [sha256(text).hexdigest()[:DIGITS], not tree.body, imports]
+        fields = [sha256(text).hexdigest()[:DIGITS], not tree.body, imports, files]
         _unsaved.add(key)
     _digests[key] = fields
     return Source(*fields)
+
+
+def _declared_files(path: Path, tree: ast.Module) -> list[str] | None:
+    """The file names in a module's statement `FILES = ["weights.npz"]`; None without one."""
+    for node in tree.body:
+        targets = getattr(node, "targets", [getattr(node, "target", None)])
+        if any(getattr(one, "id", "") == "FILES" for one in targets):
+            items = getattr(getattr(node, "value", None), "elts", [None])
+            names = [getattr(one, "value", None) for one in items]
+            if all(isinstance(name, str) for name in names):
+                return names
+            reason = 'FILES must be a list such as ["weights.npz"]'
+            raise InvalidCode(f"{path}, line {node.lineno}: {reason}")
+    return None
+
+
+def declared_files(path: Path, source: Source) -> Iterator[tuple[str, Path, str]]:
+    """Name, path and digest of each file that the module at `path` declares.
+
+    Raises:
+        InvalidCode: one is missing, not a regular file, or too large.
+    """
+    left = LARGEST_FILES
+    for name in source.files or ():
+        file = path.parent / name
+        try:
+            left -= file.stat().st_size
+            if Path(name).is_absolute() or not file.is_file() or left < 0:
+                raise ValueError("must be a file next to the module; all together at most 1 GB")
+            yield name, file, content_digest(file)
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise InvalidCode(f"{path}: FILES: {name}: {reason}") from error
+
+
+def content_digest(path: Path) -> str:
+    """SHA-256, in hex, of a file's content."""
+    with path.open("rb") as file:
+        return file_digest(file, "sha256").hexdigest()
+
+
+_READ = re.compile(r"(.*\.)?(open|read_text|import_module)|(np|numpy)\.load", re.DOTALL)
+
+
+def undeclared_read(path: Path) -> str | None:
+    """The first call in a source file that may read a file or import a module by its name.
+
+    As `file, line 3: np.load(…)`. None without such a call, or if the module declares `FILES`.
+    """
+    content = path.read_bytes()
+    if parse(path, content).files is not None:
+        return None
+    calls = [node for node in ast.walk(ast.parse(content)) if isinstance(node, ast.Call)]
+    named = [(call.lineno, ast.unparse(call.func)) for call in calls]
+    line, name = min((one for one in named if _READ.fullmatch(one[1])), default=(0, ""))
+    return f"{path}, line {line}: {name[-40:]}(…)" if name else None
 
 
 def _imports(node: ast.Import | ast.ImportFrom) -> Iterator[tuple[int, str, str | None]]:
@@ -157,7 +221,7 @@ def save_digests(store_folder: Path) -> None:
         known = {key: others[key] for key in others if key not in _digests} | _digests
         newest = dict(list(known.items())[-MOST_DIGESTS:])
         content = json.dumps(newest, separators=(",", ":")).encode()
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(store_folder, SOURCES)
         partial = path.with_name(f"digests-{os.getpid()}-{time.monotonic_ns():x}.part")
         partial.write_bytes(sha256(content).hexdigest().encode() + b"\n" + content)
         partial.replace(path)
@@ -173,7 +237,7 @@ def keep_sources(store_folder: Path, files: Iterable[tuple[str, Path]]) -> None:
             if kept.exists():
                 os.utime(kept)
             elif path.suffix == ".py":
-                folder.mkdir(parents=True, exist_ok=True)
+                make_folder(store_folder, SOURCES)
                 partial = folder / f"{digest}-{os.getpid()}.part"
                 shutil.copyfile(path, partial)
                 partial.replace(kept)
@@ -185,7 +249,7 @@ def kept_source(store_folder: Path, digest: str) -> list[str] | None:
         # A digest of a result folder names a file of the store.
         return None
     try:
-        return (store_folder / SOURCES / f"{digest}.py").read_text("utf-8").splitlines()
+        return read_file(store_folder / SOURCES / f"{digest}.py").decode().splitlines()
     except (OSError, ValueError):
         return None
 
@@ -196,23 +260,21 @@ def source_difference(store_folder: Path, before: str, now: Path) -> tuple[str, 
     `before` is the digest of the old module. Without a copy of the old source there are no lines.
     """
     old = kept_source(store_folder, before)
+    if old is None:
+        return ()
     try:
         new = now.read_text("utf-8").splitlines()
     except (OSError, ValueError):
-        return ()
-    if old is None:
         return ()
     return tuple(difflib.unified_diff(old, new, "before", "now", lineterm="", n=1))
 
 
 def remove_sources(store_folder: Path, everything: bool) -> None:
     """Remove all copies and digests, or those that were not used for `UNUSED` seconds."""
-    folder = store_folder / SOURCES
-    if everything:
-        shutil.rmtree(folder, ignore_errors=True)
-        return
     with suppress(OSError):
-        for path in folder.iterdir():
+        for path in filter(made_here, (store_folder / SOURCES).iterdir()):
             with suppress(OSError):
-                if time.time() - path.stat().st_mtime > UNUSED:
+                if everything or time.time() - path.stat().st_mtime > UNUSED:
                     path.unlink()
+        if everything:
+            (store_folder / SOURCES).rmdir()

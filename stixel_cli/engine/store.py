@@ -8,17 +8,23 @@ digest reveals an incomplete entry. The notes have the digest of the value, and 
 import io
 import json
 import os
-import pickle
 import shutil
 import socket
-import stat
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from stixel_cli.engine.cache_folder import (
+    NOTES_LIMIT,
+    NotARegularFile,
+    check_owner,
+    digest_of_file,
+    make_folder,
+    read_file,
+)
 from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.locks import file_lock, unwritable
 from stixel_cli.engine.parameters import (
@@ -27,37 +33,23 @@ from stixel_cli.engine.parameters import (
     parse_size,
 )
 
-VALUE = "value.pickle"
+VALUE = "value.joblib"
 META = "meta.json"
 
-PROTOCOL = 5
-"""Of pickle: arrays are written from their own memory."""
-
-
-class NotARegularFile(OSError):
-    """A folder, FIFO, socket or device in the place of a file."""
-
-
-def read_file(path: Path) -> bytes:
-    """Read a regular file. Other kinds are not opened: a FIFO or a device could block.
-
-    Raises:
-        NotARegularFile: it is of another kind.
-        OSError: it cannot be read.
-    """
-    if not stat.S_ISREG(path.stat().st_mode):
-        raise NotARegularFile(f"{path} is not a regular file")
-    return path.read_bytes()
+MAPPED = 32 * 2**20
+"""Bytes of a value from which on its arrays are memory maps when it is loaded."""
 
 
 def open_store(parameters: CacheParameters) -> "Store":
-    """The store that the configuration names, with its limit. The folder is not created yet."""
-    folder = parameters.folder
-    limit = parameters.max_size
-    return Store(
-        default_cache_folder() if folder is None else Path(folder).expanduser().absolute(),
-        None if limit is None else parse_size(limit),
-    )
+    """The store that the configuration names, with its limit. The folder is not created yet.
+
+    Raises:
+        CacheError: the folder exists, and is not a cache.
+    """
+    name, limit = parameters.folder, parameters.max_size
+    folder = default_cache_folder() if name is None else Path(name).expanduser().absolute()
+    check_owner(folder)
+    return Store(folder, None if limit is None else parse_size(limit))
 
 
 class Store:
@@ -84,16 +76,26 @@ class Store:
     def load(self, key: str) -> Any:
         """Read the value of an entry, as a new object each time.
 
+        Large arrays are memory maps; what is written into them never reaches the entry.
+
         Raises:
             MissingEntry: there is no entry, or it is damaged. A damaged entry is set aside, so
                 that it counts as missing from then on.
             CacheError: it cannot be read.
         """
+        # Its import takes as long as a few hundred loads; most commands load nothing.
+        import joblib
+
         content = self._content(key)
         with suppress(OSError):
             # The time of last use, for the cleanup. A cache may be read-only.
             os.utime(self.entry(key))
-        return pickle.loads(content)
+        if content is not None:
+            return joblib.load(io.BytesIO(content))
+        try:
+            return joblib.load(self.entry(key) / VALUE, mmap_mode="c")
+        except FileNotFoundError:
+            raise MissingEntry(key, "not found") from None
 
     def meta(self, key: str) -> dict[str, Any]:
         """Read the notes of an entry: stage, label, seconds, size, digest, ….
@@ -125,13 +127,16 @@ class Store:
         Raises:
             CacheError: it cannot be written. Nothing of it remains.
         """
+        import joblib
+
         partial = self.folder / "tmp" / f"{key[:16]}-{socket.gethostname()}-{os.getpid()}"
         partial = partial.with_name(f"{partial.name}-{time.monotonic_ns():x}")
         try:
-            partial.mkdir(parents=True)
+            make_folder(self.folder, "tmp")
+            partial.mkdir()
             with (partial / VALUE).open("wb") as file:
                 writer = _HashingWriter(file)
-                pickle.dump(value, writer, protocol=PROTOCOL)
+                joblib.dump(value, writer)
             size = writer.tell()
             meta = {**notes, "key": key, "size": size, "digest": writer.digest()}
             (partial / META).write_bytes(_notes_content(meta))
@@ -151,9 +156,8 @@ class Store:
         Raises:
             CacheError: the folder cannot be written.
         """
-        path = self.folder / "locks" / f"{key}.lock"
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            path = make_folder(self.folder, "locks") / f"{key}.lock"
             lock = file_lock(path)
             lock.acquire()
         except OSError as error:
@@ -169,9 +173,9 @@ class Store:
 
     def check_writable(self) -> None:
         """Raise CacheError if entries cannot be written or locked."""
-        probe = self.folder / "tmp" / f"probe-{os.getpid()}-{time.monotonic_ns():x}"
+        name = f"probe-{os.getpid()}-{time.monotonic_ns():x}"
         try:
-            probe.parent.mkdir(parents=True, exist_ok=True)
+            probe = make_folder(self.folder, "tmp") / name
             probe.touch()
             try:
                 with file_lock(probe):
@@ -181,24 +185,33 @@ class Store:
         except OSError as error:
             raise unwritable(self.folder, error) from error
 
-    def _content(self, key: str) -> bytes:
+    def _content(self, key: str) -> bytes | None:
+        """The checked bytes of a value; None for one to be mapped, whose file is checked."""
         meta = self.meta(key)
-        content = self._read(key, VALUE)
-        if len(content) != meta.get("size"):
-            raise self._set_aside(key, f"it is truncated ({len(content)} bytes)")
-        if sha256(content).hexdigest() != meta.get("digest"):
+        size = meta.get("size", 0)
+        if size < MAPPED:
+            content = self._read(key, VALUE, size)
+            found, digest = len(content), sha256(content).hexdigest()
+        else:
+            content = None
+            found, digest = self._read(key, VALUE, size, digest_of_file)
+        if found != size:
+            raise self._set_aside(key, f"it is truncated ({found} bytes)")
+        if digest != meta.get("digest"):
             raise self._set_aside(key, "its content has changed")
         return content
 
-    def _read(self, key: str, name: str) -> bytes:
+    def _read(
+        self, key: str, name: str, greatest: int = NOTES_LIMIT, read: Callable = read_file
+    ) -> Any:
         try:
-            return read_file(self.entry(key) / name)
+            return read(self.entry(key) / name, greatest)
         except (FileNotFoundError, NotADirectoryError):
             if self.entry(key).is_dir():
                 raise self._set_aside(key, f"{name} is missing") from None
             raise MissingEntry(key, "not found") from None
-        except NotARegularFile:
-            raise self._set_aside(key, f"{name} is not a regular file") from None
+        except NotARegularFile as error:
+            raise self._set_aside(key, f"{name} is {error}") from None
         except OSError as error:
             raise CacheError(
                 f"cannot read the cache {self.folder}: {error.strerror or error}"
@@ -273,7 +286,7 @@ class _HashingWriter:
 
     def write(self, content: bytes | memoryview) -> int:
         self._hash.update(content)
-        self._size += len(memoryview(content).cast("B"))
+        self._size += memoryview(content).nbytes
         return self._file.write(content)
 
     def tell(self) -> int:

@@ -5,6 +5,7 @@ import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
@@ -31,6 +32,7 @@ class Task:
         code: the code that the key was made from.
         notes: stored with the value.
         limit: time limit of the node, None for no limit.
+        watched: see `Stage`.
     """
 
     key: str
@@ -44,6 +46,33 @@ class Task:
     code: Code
     notes: Mapping[str, Any]
     limit: TimeLimit | None
+    watched: str = ""
+
+
+SLOW = 5.0
+"""Seconds of one step of a stage above which it is reported."""
+
+
+class Steps:
+    """The slowest step of a stage, as seconds and text; `begin` ends the step before."""
+
+    def __init__(self, clock: Callable[[], float] = time.perf_counter):
+        self._clock, self._began, self._text = clock, 0.0, ""
+        self.slowest = (0.0, "")
+
+    def begin(self, text: str) -> None:
+        """Begin the step `text`, unless it is the present one."""
+        if text != self._text:
+            now = self._clock()
+            if self._text:
+                self.slowest = max(self.slowest, (now - self._began, self._text))
+            self._began, self._text = now, text
+
+    @property
+    def note(self) -> str:
+        """What took long, in one line; empty if no step did."""
+        seconds, text = self.slowest
+        return f"took {seconds:.0f} s for {text}" if seconds > SLOW else ""
 
 
 @dataclass(frozen=True)
@@ -57,6 +86,7 @@ class Outcome:
         size: bytes that were stored.
         missing: (key, reason) of the missing inputs.
         error, traceback_text: see `StageFailure`.
+        note: what took long in a computed node; "" for nothing.
     """
 
     status: Literal["computed", "cached", "missing", "failed"]
@@ -65,6 +95,7 @@ class Outcome:
     missing: tuple[tuple[str, str], ...] = ()
     error: BaseException | None = None
     traceback_text: str = ""
+    note: str = ""
 
 
 def task_of(node: Node, limit: TimeLimit | None = None) -> Task:
@@ -98,6 +129,7 @@ def task_of(node: Node, limit: TimeLimit | None = None) -> Task:
         code=node.identity.code,
         notes=notes,
         limit=limit,
+        watched=stage.watched,
     )
 
 
@@ -119,6 +151,8 @@ class ChunkSequence(Sequence):
 
 def run_task(task: Task, folder: Path) -> Outcome:
     """Compute a node and store it at `folder`, unless the store has it by now."""
+    # The store needs it; its import is no part of the node's time.
+    import_module("joblib")
     store = Store(folder)
     inputs = _Inputs(store)
     started = time.perf_counter()
@@ -128,8 +162,8 @@ def run_task(task: Task, folder: Path) -> Outcome:
                 return Outcome("cached")
             started = time.perf_counter()
             with limited(task.limit):
-                size = _compute(task, inputs, store)
-            return Outcome("computed", time.perf_counter() - started, size)
+                size, note = _compute(task, inputs, store)
+            return Outcome("computed", time.perf_counter() - started, size, note=note)
     except Exception as error:
         seconds = time.perf_counter() - started
         if inputs.missing:
@@ -137,16 +171,20 @@ def run_task(task: Task, folder: Path) -> Outcome:
         return Outcome("failed", seconds, error=_portable(error), traceback_text=_own_part(error))
 
 
-def _compute(task: Task, inputs: "_Inputs", store: Store) -> int:
-    """Load, call and store; return the size of the result in bytes."""
+def _compute(task: Task, inputs: "_Inputs", store: Store) -> tuple[int, str]:
+    """Load, call and store; return the size of the result in bytes, and a note on slow steps."""
     # CPU time of this thread does not depend on the load of the machine. It does not include
     # processes that the function starts.
     started, cpu_started = time.perf_counter(), time.thread_time()
     check_versions(task.notes)
     function = planned_function(task.function, task.code)
+    arguments, steps = _arguments(task, inputs), Steps()
+    if task.watched:
+        arguments[task.watched] = arguments[task.watched].watched(steps.begin)
     with one_thread():
-        value = function(**_arguments(task, inputs))
-    return store.save(
+        value = function(**arguments)
+    steps.begin("the end")
+    size = store.save(
         task.key,
         value,
         **task.notes,
@@ -155,6 +193,7 @@ def _compute(task: Task, inputs: "_Inputs", store: Store) -> int:
         cpu_seconds=round(time.thread_time() - cpu_started, 6),
         created=round(time.time(), 3),
     )
+    return size, steps.note
 
 
 class _Inputs:

@@ -1,10 +1,12 @@
 """Versions of Python and of the installed distributions that a stage's code imports."""
 
 import inspect
+import json
 import re
 import socket
 import sys
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import Distribution, PackageNotFoundError, distributions
 from typing import Any
@@ -57,6 +59,17 @@ def providers() -> dict[str, list[str]]:
         for top in _top_levels(distribution):
             found.setdefault(top, []).append(name)
     return found
+
+
+@cache
+def is_editable(top: str) -> bool:
+    """Whether `pip install -e` has installed a top-level module: its version names no code."""
+    for name in providers().get(top, ()):
+        with suppress(PackageNotFoundError, ValueError, AttributeError):
+            origin = json.loads(Distribution.from_name(name).read_text("direct_url.json") or "{}")
+            if origin.get("dir_info", {}).get("editable") is True:
+                return True
+    return False
 
 
 def _top_levels(distribution: Distribution) -> set[str]:

@@ -1,4 +1,4 @@
-"""The greatest overlaps with a road user that a tracker can have, whatever it estimates."""
+"""Upper bounds of the IoU that any tracker can reach."""
 
 from typing import Any
 

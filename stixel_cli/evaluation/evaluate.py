@@ -28,16 +28,16 @@ from stixel_cli.evaluation.overlaps import areas, overlaps
 from stixel_cli.evaluation.scan_errors import LEAST_OFF, NO_CEILINGS, Ceilings, ScanErrors
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.scene.classes import ROAD_USER_CLASSES
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.tracking.class_size import CLASSES
-from stixel_cli.tracking.track import Track
+from stixel_cli.tracking.track import Track, check_finite
 
 BESIDE = 0.5
 """A point this near to a used one, m, is likely to be of the same road user."""
 
 
 def validate(track: Track, scenario: Scenario, scans: Scans) -> None:
-    """Raise ValueError unless all three have the same scans, at least one."""
+    """Raise ValueError unless all three have the same scans, at least one, and finite estimates."""
     if len(scenario.times) == 0:
         raise ValueError("no scan to score")
     for name, times in (("track", track.times), ("scans", scans.times)):
@@ -45,6 +45,7 @@ def validate(track: Track, scenario: Scenario, scans: Scans) -> None:
             raise ValueError(f"the times of the {name} differ from those of the scenario")
     if len(track.used_points) and track.used_points.max() >= len(scans.points_world):
         raise ValueError("the track used points that the scans do not have")
+    check_finite(track)
 
 
 def evaluate(
@@ -79,9 +80,6 @@ def evaluate(
     counted = known if scenario.scored is None else known & scenario.scored
     rates = scenario.target_rates_world
     speed = np.hypot(*track.means[:, 3:5].T) - np.hypot(*rates[:, :2].T)
-    finite = np.ones(len(track.times), dtype=bool)
-    for values in (track.means, track.covariances, track.contours_world):
-        finite &= np.isfinite(values).reshape(len(finite), -1).all(axis=1)
     errors = ScanErrors(
         times=(scenario.times - scenario.times[0])[counted],
         centre=centre[counted],
@@ -94,7 +92,6 @@ def evaluate(
         points=np.diff(scans.offsets),
         points_used=np.diff(track.used_offsets),
         scan_times=scenario.times - scenario.times[0],
-        finite=finite,
         **size_errors(track, scans),
         **class_errors(track, road_user),
         uses_scans=track.uses_scans,
@@ -129,7 +126,7 @@ def class_errors(track: Track, road_user: str | None) -> dict[str, Any]:
     """The probabilities of the classes and their errors: fields of `ScanErrors`."""
     missing = np.full(len(track.times), np.nan)
     if track.class_probabilities is None:
-        probabilities = dict.fromkeys(CLASSES, missing)
+        probabilities = dict.fromkeys(ROAD_USER_CLASSES, missing)
         return {
             "class_probabilities": probabilities,
             "class_wrong": missing,

@@ -15,7 +15,7 @@ from stixel_cli.evaluation.overlaps import intersections_over_unions
 from stixel_cli.evaluation.scan_errors import LEAST_OFF
 from stixel_cli.recordings.types import LabelTruth
 from stixel_cli.tracking.followed import line
-from stixel_cli.tracking.found import LEAST_SCANS, ObjectTrack, least_speed
+from stixel_cli.tracking.several.found import LEAST_SCANS, ObjectTrack, least_speed
 
 NEVER = 1e3
 """m, more than any allowed distance."""

@@ -27,7 +27,7 @@ from stixel_cli.evaluation.scan_errors import (
     time_to_divergence,
     time_to_loss,
 )
-from stixel_cli.tracking.class_size import CLASSES
+from stixel_cli.scene.classes import ROAD_USER_CLASSES
 
 
 @dataclass(frozen=True)
@@ -229,7 +229,7 @@ _TABLE = (
            *_RATIO, lambda e: finite_mean(e.nis), _CONSISTENT),
     Metric("scans", "scans", "scans", *_COUNT, lambda e: len(e.points)),
     # Only of a recording: all scans of a rendered run count.
-    Metric("scored_scans", "scans with a truth that counts", "scored scans",
+    Metric("scored_scans", "scored scans (usable ground truth)", "scored scans",
            *_COUNT, lambda e: len(e.centre)),
     Metric("empty_scans", "empty scans", "empty scans",
            *_COUNT, lambda e: int(np.sum(e.points == 0))),
@@ -241,13 +241,14 @@ _TABLE = (
     Metric("size_deviation", "size minus the class's, standard deviations of the class, median",
            "size deviation", "", "less", (0.0, None),
            lambda e: finite_median(second_half(e.size_deviations)), (None, 3.5)),
-    Metric("points_beside_share", "points next to the used ones that were not used, share",
+    Metric("points_beside_share", "share of nearby points not used",
            "points beside", "", None, (0.0, 1.0),
            lambda e: share_of(e.points_beside, e.points_used), (None, 0.1)),
     # Only of a track with probabilities of the classes.
     *(Metric(f"{name}_probability", f"probability of the class {name}, last scan",
              f"probability, {name}", "", None, (0.0, 1.0),
-             lambda e, name=name: mean(e.class_probabilities[name][-1:])) for name in CLASSES),
+             lambda e, name=name: mean(e.class_probabilities[name][-1:]))
+      for name in ROAD_USER_CLASSES),
     Metric("class_error", "class of the last scan is not the road user's (1) or is (0)",
            "class error", *_SHARE, lambda e: mean(e.class_wrong[-1:]), (None, 0.0)),
     Metric("class_replaced_share", "scans of which another class than the prior's is reported, "
@@ -258,7 +259,7 @@ _TABLE = (
 OF_SIZE = ("size_deviation", "points_beside_share")
 """The metrics that only a tracker of a class's size has."""
 
-PROBABILITIES = {name: f"{name}_probability" for name in CLASSES}
+PROBABILITIES = {name: f"{name}_probability" for name in ROAD_USER_CLASSES}
 """Class to the metric of its probability."""
 
 OF_CLASSES = (*PROBABILITIES.values(), "class_error", "class_replaced_share")

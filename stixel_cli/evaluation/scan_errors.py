@@ -74,7 +74,6 @@ class ScanErrors:
         nis: NIS divided by its degrees of freedom; NaN for an empty scan.
         points, points_used: points of the scan, and those that the tracker used.
         scan_times: s since the first scan of the run.
-        finite: whether state, covariance and contour are finite.
         points_beside: points near a used one that the tracker did not use, and
         size_deviations: see `Track`; both (K,), NaN if the tracker does not estimate a class's
             size.
@@ -111,7 +110,6 @@ class ScanErrors:
     points: np.ndarray
     points_used: np.ndarray
     scan_times: np.ndarray
-    finite: np.ndarray
     points_beside: np.ndarray
     size_deviations: np.ndarray
     class_probabilities: dict[str, np.ndarray]
@@ -179,13 +177,12 @@ def time_to_loss(times: np.ndarray, lost: np.ndarray) -> float | None:
 def time_to_divergence(errors: ScanErrors) -> float | None:
     """The time, s, at which the tracker's own output shows that it has diverged; None if never.
 
-    It reads no truth. The track has diverged from the first scan whose state is not finite, or from
-    the first of neighbouring scans with points that are not used over `LOSS_DURATION`, unless the
-    tracker is one that uses no scan; or from the first second whose mean NIS over the degrees of
-    freedom is above `DIVERGED_NIS`, far above χ².
+    It reads no truth. The track has diverged from the first of neighbouring scans with points that
+    are not used over `LOSS_DURATION`, unless the tracker is one that uses no scan; or from the
+    first second whose mean NIS over the degrees of freedom is above `DIVERGED_NIS`, far above χ².
     """
     times, measured = errors.scan_times, errors.points > 0
-    found = [*times[errors.finite == 0.0][:1]]
+    found = []
     if errors.uses_scans:
         found.append(time_to_loss(times[measured], errors.points_used[measured] == 0))
     known = np.isfinite(errors.nis)

@@ -45,7 +45,9 @@ def verdict(metrics: Values) -> list[str]:
     if _beyond(metrics, "class_error"):
         sentences.append("The reported class is not that of the road user.")
     if misfits_class(metrics):
-        sentences.append("The points do not fit the class of the prior: is it another road user?")
+        sentences.append(
+            "The points do not fit the prior's class; the road user may be of another class."
+        )
     if metrics.get("tracks_found") is not None:
         return [_of_labels(metrics), *sentences]
     if metrics.get("track_lost") is None:
@@ -62,7 +64,7 @@ def verdict(metrics: Values) -> list[str]:
 
 
 def misfits_class(metrics: Values) -> bool:
-    """Whether the points do not fit the class of the prior, as far as the tracker shows it."""
+    """Whether the tracker shows that the points do not fit the prior's class."""
     return any(_beyond(metrics, name) for name in (*OF_SIZE, "class_replaced_share"))
 
 
@@ -79,8 +81,8 @@ def _class(metrics: Values) -> list[str]:
 def _diverged(time: float | int | None) -> str:
     since = "" if time is None else f" from {time:.1f} s on"
     return (
-        f"WARNING: the tracker diverged{since}: its state is not finite, its residuals are far "
-        "larger than it assumes, or it used no point for a second. Do not use these estimates."
+        f"WARNING: the tracker diverged{since}: its residuals are far larger than it assumes, "
+        "or it used no point for a second. Do not use these estimates."
     )
 
 

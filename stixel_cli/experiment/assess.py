@@ -1,11 +1,11 @@
 """Assess the stixels of one pair: coverage, errors against truth, obstacles called free."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from stixel_cli.calibration.truth_alignment import fit_truth_error
 from stixel_cli.config.compose import Composition
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.locks import lease
@@ -13,12 +13,12 @@ from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.run import experiment_graph, one_line_errors
-from stixel_cli.experiment.stages import recording_of
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.recordings.disparity_file import read_disparity
-from stixel_cli.recordings.kitti_labels import CLASSES
+from stixel_cli.recordings.image_files import read_disparity
 from stixel_cli.recordings.tables import read_labels
 from stixel_cli.recordings.types import Recording
+from stixel_cli.report.assess import LABELS, Assessment
+from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
 from stixel_cli.stixels.types import FreeSpace, Stixels
 from stixel_cli.validation.pair_errors import (
     AreaErrors,
@@ -27,56 +27,12 @@ from stixel_cli.validation.pair_errors import (
     label_obstacles,
     true_obstacles,
 )
-from stixel_cli.validation.truth_alignment import fit_truth_error
 
 NEAR = 6.0
 """No obstacle nearer than this, m, may be called free."""
 
 STAGES = ("pairs", "match", "free_space", "stixels")
 """Whose times are reported: from the files to the stixels."""
-
-
-@dataclass(frozen=True)
-class Assessment:
-    """How good the stixels of one pair are.
-
-    Attributes:
-        values: by name; a value is None where its truth is missing. Their meaning is in `LABELS`.
-        pictures: PNG by name.
-        seconds: time by stage; None for a stage whose result was in the cache.
-    """
-
-    values: Mapping[str, Any]
-    pictures: Mapping[str, bytes]
-    seconds: Mapping[str, float | None]
-
-
-LABELS = {
-    "stixel_share": ("columns with a stixel", "%", 100.0),
-    "free_share": ("columns without an obstacle", "%", 100.0),
-    "unknown_share": ("columns with an unknown part", "%", 100.0),
-    "disparity_share": ("pixels with a disparity", "%", 100.0),
-    "obstacle_columns": ("columns with a true obstacle", "", 1.0),
-    "obstacle_covered_share": ("of them with a stixel", "%", 100.0),
-    "compared_share": ("stixels with true disparities in their area", "%", 100.0),
-    "stixels_compared": ("stixels compared", "", 1.0),
-    "median_px": ("median size of the error", "px", 1.0),
-    "beyond_1px_share": ("errors beyond 1 px", "%", 100.0),
-    "square_compared": ("stixels compared, on square surfaces", "", 1.0),
-    "square_median_px": ("median size of the error, on square surfaces", "px", 1.0),
-    "square_beyond_1px_share": ("errors beyond 1 px, on square surfaces", "%", 100.0),
-    "offset_px": ("offset of the images against the truth", "px", 1.0),
-    "patches": ("patches that show it", "", 1.0),
-    "square_median_px_aligned": ("median on square surfaces, offset removed", "px", 1.0),
-    "square_beyond_1px_share_aligned": (
-        "beyond 1 px on square surfaces, offset removed",
-        "%",
-        100.0,
-    ),
-    "near_columns": ("columns with a true obstacle nearer than 6 m", "", 1.0),
-    "near_called_free": ("of them called free", "", 1.0),
-}
-"""Label, unit and factor of each value."""
 
 
 def assess(composition: Composition, progress: Progress | None = None) -> Assessment:
@@ -87,13 +43,15 @@ def assess(composition: Composition, progress: Progress | None = None) -> Assess
         StageFailure: if a stage fails.
     """
     configuration = composition.configuration
-    recording = recording_of(configuration)
-    if recording is None:
-        raise UserError("source: rendered has scores of its own: choose a recording, or two images")
+    recording = composition.recording
+    if configuration.source.kind == "rendered":
+        raise UserError(
+            "assess needs a recording or two images; rendered runs are scored by stixel run"
+        )
     store = open_store(configuration.cache)
     wanted = ["camera_pictures", *(["truth_alignment"] if recording.true_disparities else [])]
     with one_line_errors():
-        graph = experiment_graph(configuration)
+        graph = experiment_graph(composition)
         with lease(store.folder, sorted(graph.ancestors(graph.expand(wanted)))):
             done = execute(graph, wanted, store, executor=configuration.executor, progress=progress)
             first = {name: store.load(graph.of_stage(name)[0].key) for name in (*STAGES, *wanted)}
@@ -152,7 +110,7 @@ def _against_truth(first: dict[str, Any], recording: Recording, configuration) -
         }
     if recording.label_files:
         tracks = read_labels(recording.label_files, recording.table_layout)
-        labels = [one for one in tracks.values() if one.kind in CLASSES]
+        labels = [one for one in tracks.values() if one.kind in CLASS_OF_KITTI_TYPE]
         boxes = label_obstacles(labels, recording.first, rig, recording.left_camera)
         obstacles = np.fmin(obstacles, boxes)
     if recording.true_disparities or recording.label_files:

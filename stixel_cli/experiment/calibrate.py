@@ -1,5 +1,9 @@
 """Estimate the disparity error of a recording's rig."""
 
+from stixel_cli.calibration.disparity_fit import DisparityFit
+from stixel_cli.calibration.label_errors import fit_label_errors
+from stixel_cli.calibration.motion_errors import fit_motion_error
+from stixel_cli.calibration.truth_alignment import fit_truth_error
 from stixel_cli.config.compose import Composition
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.locks import lease
@@ -7,12 +11,7 @@ from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.run import experiment_graph, one_line_errors
-from stixel_cli.experiment.stages import recording_of
 from stixel_cli.recordings.types import Recording
-from stixel_cli.validation.disparity_fit import DisparityFit
-from stixel_cli.validation.label_errors import fit_label_errors
-from stixel_cli.validation.motion_errors import fit_motion_error
-from stixel_cli.validation.truth_alignment import fit_truth_error
 
 METHODS = {
     "labels": ("label_errors", fit_label_errors, "label_files", "labels"),
@@ -40,10 +39,10 @@ def calibrate(
     if configuration.source.kind == "rendered":
         raise UserError("source: rendered is exact: choose a recording, source.folder=DIR")
     folder = configuration.source.folder
-    stage, fit, _, _ = METHODS[chosen_method(recording_of(configuration), folder, method)]
+    stage, fit, _, _ = METHODS[chosen_method(composition.recording, folder, method)]
     store = open_store(configuration.cache)
     with one_line_errors():
-        graph = experiment_graph(configuration)
+        graph = experiment_graph(composition)
         (node,) = graph.of_stage(stage)
         with lease(store.folder, sorted(graph.ancestors([node.key]))):
             execute(graph, [stage], store, executor=configuration.executor, progress=progress)

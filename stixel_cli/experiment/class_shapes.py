@@ -1,4 +1,4 @@
-"""Estimate what is known of each class, and write `tracking/class_shapes.py`.
+"""Estimate what is known of each class, and write `tracking/contour/class_shapes.json`.
 
     python -m stixel_cli.experiment.class_shapes
 
@@ -8,11 +8,13 @@ the renderer, the matcher, the stixels or the road users' shapes have changed.
 """
 
 import dataclasses
+import json
+import re
 import sys
 from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
-from textwrap import wrap
+from typing import Any
 
 import numpy as np
 
@@ -20,10 +22,12 @@ from stixel_cli.config.compose import compose
 from stixel_cli.experiment.run import record_run
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.build import build_scenario
+from stixel_cli.scene.classes import ROAD_USER_CLASSES
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.tracking.class_shape import ClassShape, SeenShape
-from stixel_cli.tracking.class_size import CLASSES, ClassSize
+from stixel_cli.tracking.contour import class_size
+from stixel_cli.tracking.contour.class_shape import ClassShape, SeenShape
+from stixel_cli.tracking.contour.class_size import ClassSize
 from stixel_cli.validation.seen_shape import class_shape_of, outline_seen_of, seen_shape_of
 
 PATHS = ("turn", "crossing", "approach", "s_curve")
@@ -34,26 +38,11 @@ OUTLINES = range(1000, 1020)
 MEASUREMENTS = {"simulated": ("simulated",), "lidar": ("lidar", "lidar_64")}
 """Options of `measurement` for each kind of sensor."""
 
-HEADER = '''"""Generated: what is known of each class of road user; `class_shape.py` explains it.
-
-Made by: python -m stixel_cli.experiment.class_shapes
-Outlines of shape seeds {outlines}; scans of paths {paths}, seeds and
-shape seeds {seeds}. Lengths are whole millimetres; size_stds are thousandths of
-the size.
-"""
-
-SHAPES = {{
-'''
-
 
 def main() -> None:
-    """Run the experiments that are not cached, fit, and write the module."""
-    text = HEADER.format(
-        paths=", ".join(PATHS),
-        seeds=f"{SEEDS[0]} to {SEEDS[-1]}",
-        outlines=f"{OUTLINES[0]} to {OUTLINES[-1]}",
-    )
-    for road_user in CLASSES:
+    """Run the experiments that are not cached, fit, and write the file."""
+    shapes = {}
+    for road_user in ROAD_USER_CLASSES:
         samples = {sensor: _samples(road_user, sensor) for sensor in MEASUREMENTS}
         drawn = [_scenario(road_user, seed) for seed in OUTLINES]
         sizes = np.array([np.ptp(scenario.box_target, axis=0) for scenario in drawn])
@@ -64,9 +53,12 @@ def main() -> None:
         shape = dataclasses.replace(class_shape_of(drawn), size=size.mean)
         seen = {sensor: seen_shape_of(pairs, shape) for sensor, pairs in samples.items()}
         seen["outline"] = outline_seen_of(drawn, shape)
-        text += entry(road_user, size, shape, seen)
-    target = Path(__file__).parents[1] / "tracking" / "class_shapes.py"
-    target.write_text(text + "}\n", encoding="utf-8")
+        shapes[road_user] = entry(size, shape, seen)
+    target = Path(class_size.__file__).with_name(class_size.FILES[0])
+    text = json.dumps(shapes, indent=1)
+    # A list in one line.
+    text = re.sub(r"\[[^\]]+\]", lambda numbers: " ".join(numbers[0].split()), text)
+    target.write_text(text + "\n", encoding="utf-8")
     print(target)  # noqa: T201
 
 
@@ -95,29 +87,24 @@ def _samples(road_user: str, sensor: str) -> list[tuple[Scenario, Scans]]:
     return found
 
 
-def entry(road_user: str, size: ClassSize, shape: ClassShape, seen: Mapping[str, SeenShape]) -> str:
-    """The text of one class in the generated module."""
-    lines = [f'    "{road_user}": {{']
-    lines += _lengths("size", size.mean)
-    lines += _lengths("size_stds", size.stds)
-    lines += _lengths("radii", np.hypot(*shape.outline.T))
-    lines += _lengths("radius_stds", shape.outline_stds)
-    for sensor, values in seen.items():
-        lines.append(f'        "{sensor}": {{')
-        for field in dataclasses.fields(values):
-            value = getattr(values, field.name)
-            if isinstance(value, float):
-                lines.append(f'        "{field.name}": {value:.4f},')
-            else:
-                lines += _lengths(field.name, value)
-        lines.append("        },")
-    return "\n".join([*lines, "    },\n"])
+def entry(size: ClassSize, shape: ClassShape, seen: Mapping[str, SeenShape]) -> dict[str, Any]:
+    """One class in the generated file: lengths in whole millimetres."""
+    lengths = {
+        "size": size.mean,
+        "size_stds": size.stds,
+        "radii": np.hypot(*shape.outline.T),
+        "radius_stds": shape.outline_stds,
+        **{sensor: vars(values) for sensor, values in seen.items()},
+    }
+    return {name: _plain(value) for name, value in lengths.items()}
 
 
-def _lengths(name: str, values: np.ndarray) -> list[str]:
-    """The lines of one entry: lengths in m as whole millimetres."""
-    numbers = " ".join(f"{1000.0 * value:.0f}" for value in values.ravel())
-    return [f'        "{name}": """', *wrap(numbers, 100), '        """,']
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _plain(one) for name, one in value.items()}
+    if isinstance(value, float):
+        return round(value, 4)
+    return [round(1000.0 * one) for one in value.ravel().tolist()]
 
 
 if __name__ == "__main__":

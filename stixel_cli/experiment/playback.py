@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from stixel_cli.engine.progress import Progress
-from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.run import one_line_errors, run_experiment
+from stixel_cli.experiment.run import repeated_run
 from stixel_cli.report.playback import playback_html
 from stixel_cli.results.reader import flat_settings
 from stixel_cli.results.result import RunResult
@@ -37,7 +36,12 @@ def folders_page(
     """
     check_one_scene(stored, labels)
     runs = [
-        replace(_recomputed(one, progress), label=name, manifest=one.manifest, folder=one.folder)
+        replace(
+            repeated_run(one, progress, camera=True),
+            label=name,
+            manifest=one.manifest,
+            folder=one.folder,
+        )
         for one, name in zip(stored, _legend(stored, labels), strict=True)
     ]
     for label, run in zip(labels[1:], runs[1:], strict=True):
@@ -85,12 +89,6 @@ def _same_scene(one: RunResult, other: RunResult) -> bool:
         np.array_equal(getattr(one.scenario, name), getattr(other.scenario, name), equal_nan=True)
         for name in names
     )
-
-
-def _recomputed(stored: RunResult, progress: Progress | None) -> RunResult:
-    store = open_store(stored.composition.configuration.cache)
-    with one_line_errors():
-        return run_experiment(stored.composition, store, progress, pictures=False, camera=True)
 
 
 def _legend(stored: Sequence[RunResult], labels: Sequence[str]) -> list[str]:

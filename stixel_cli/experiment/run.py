@@ -2,7 +2,7 @@
 
 import shlex
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -11,6 +11,7 @@ from typing import Any
 
 from stixel_cli import __version__
 from stixel_cli.config.compose import Composition, compose, from_resolved
+from stixel_cli.config.folders import OF_THE_MACHINE
 from stixel_cli.config.own_options import check_parameters, functions_of, require_trust
 from stixel_cli.config.run_names import run_name
 from stixel_cli.config.schema import Configuration
@@ -21,12 +22,13 @@ from stixel_cli.engine.locks import lease
 from stixel_cli.engine.plan import Plan, plan
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store, open_store
-from stixel_cli.errors import ConfigurationError, FolderTaken, UserError
+from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.evaluation.metric_table import Scores
 from stixel_cli.experiment.stages import CHUNK_SIZE, pipeline_stages, scan_count
 from stixel_cli.experiment.table.table import picture_stages
+from stixel_cli.measurements.file_truth import angle_to_motion
 from stixel_cli.report.playback import playback_html
-from stixel_cli.results.folder import check_results, reserve_folder, stamp, write_folder
+from stixel_cli.results.folder import check_results, new_folder, write_folder
 from stixel_cli.results.lineage import lineage_of, read_lineage
 from stixel_cli.results.provenance import provenance
 from stixel_cli.results.result import RunResult, read_run
@@ -35,8 +37,8 @@ from stixel_cli.scene.scenario import Scenario
 RESULTS = ("scenario", "scans", "track", "scores")
 """Stages that every pipeline has; their results are those of the experiment."""
 
-OF_THE_MACHINE = ("executor", "cache")
-"""Groups that name where to compute, not what: a rerun uses those of its own machine."""
+GREATEST_ANGLE = 20.0
+"""Degrees between a target's heading and its motion, above which a truth is doubtful."""
 
 CAMERA = "camera_frames"
 """The stage that prepares the camera's images for the playback page."""
@@ -45,22 +47,22 @@ OBJECTS, TRACKS = "objects", "tracks"
 """Stages of a recording: the objects in its frames; the tracks of all that moves."""
 
 
-def plan_experiment(configuration: Configuration, store: Store) -> Plan:
+def plan_experiment(composition: Composition, store: Store) -> Plan:
     """The nodes that an experiment would compute, given the results in `store`.
 
     Raises:
         UserError: if the pipeline's file is wrong.
         CacheError: if the store cannot be read.
     """
-    graph = experiment_graph(configuration)
+    graph = experiment_graph(composition)
     return plan(graph, targets(graph), store)
 
 
-def experiment_graph(configuration: Configuration) -> Graph:
+def experiment_graph(composition: Composition) -> Graph:
     """The graph of an experiment's nodes."""
-    folder = open_store(configuration.cache).folder
-    stages = pipeline_stages(configuration)
-    return build_graph(stages, scan_count(configuration), CHUNK_SIZE, folder)
+    folder = open_store(composition.configuration.cache).folder
+    stages = pipeline_stages(composition)
+    return build_graph(stages, scan_count(composition), CHUNK_SIZE, folder)
 
 
 def run_experiment(
@@ -89,14 +91,15 @@ def run_experiment(
         CacheError: if the store cannot be read or written.
     """
     configuration = composition.configuration
-    graph = experiment_graph(configuration)
-    with_camera = (pictures if camera is None else camera) and CAMERA in graph.stages
-    wanted = targets(graph, pictures, with_camera)
+    graph = experiment_graph(composition)
+    wanted = targets(graph, pictures, camera)
     # The lease lasts until all is loaded: another process, or the size limit, may remove entries.
     with lease(store.folder, sorted(graph.ancestors(graph.expand(wanted)))):
 
-        def load(name: str) -> Any:
-            return store.load(graph.of_stage(name)[0].key)
+        def load(name: str) -> list[Any]:
+            """The result of each node of a stage; none if it is not wanted."""
+            nodes = graph.of_stage(name) if name in wanted else ()
+            return [store.load(node.key) for node in nodes]
 
         execution = execute(
             graph,
@@ -105,22 +108,23 @@ def run_experiment(
             executor=configuration.executor,
             progress=progress,
             first=RESULTS,
-            on_first=on_scores and (lambda: on_scores(load("scenario"), load("scores"))),
+            on_first=on_scores and (lambda: on_scores(load("scenario")[0], load("scores")[0])),
         )
-        results = {name: load(name) for name in RESULTS}
+        results = {name: load(name)[0] for name in RESULTS}
+        if progress is not None and progress.advice and configuration.measurement.kind == "file":
+            angle = angle_to_motion(results["scenario"])
+            if angle > GREATEST_ANGLE:
+                progress.note(
+                    f"measurement.truth: headings are {angle:.0f}° (median) away from the "
+                    "direction of motion: are they in radians?"
+                )
         files = {
             path: data
-            for name in (picture_stages(graph) if pictures else ())
-            for node in graph.of_stage(name)
-            for path, data in store.load(node.key).files.items()
+            for name in picture_stages(graph)
+            for drawn in load(name)
+            for path, data in drawn.files.items()
         }
-        frames = tuple(
-            store.load(node.key) for node in (graph.of_stage(CAMERA) if with_camera else ())
-        )
-        objects, tracks = (
-            tuple(store.load(node.key) for node in (graph.of_stage(name) if name in wanted else ()))
-            for name in (OBJECTS, TRACKS)
-        )
+        frames, objects, tracks = map(load, (CAMERA, OBJECTS, TRACKS))
         lineage = lineage_of(graph, execution.records, store)
     return RunResult(
         settings=composition.resolved,
@@ -129,11 +133,25 @@ def run_experiment(
         composition=composition,
         **results,
         pictures=files,
-        camera=frames,
-        objects=objects,
+        camera=tuple(frames),
+        objects=tuple(objects),
         tracks=tracks[0] if tracks else (),
         lineage=lineage,
     )
+
+
+def repeated_run(stored: RunResult, progress: Progress | None, camera: bool = False) -> RunResult:
+    """The run without its pictures, with the camera's frames if `camera`.
+
+    Results that the cache lacks are computed.
+
+    Raises:
+        UserError: if the run cannot be repeated.
+        StageFailure: if a stage fails.
+    """
+    store = open_store(stored.composition.configuration.cache)
+    with one_line_errors():
+        return run_experiment(stored.composition, store, progress, pictures=False, camera=camera)
 
 
 def record_run(
@@ -185,22 +203,18 @@ def record_run(
     }
     run = replace(run, manifest=manifest)
     stem = run_name(composition.choices, composition.overrides) if stem is None else stem
-    while results is not None:
-        # Only now: a refused cache or scheduler leaves no folder behind.
-        folder = reserve_folder(results, name, f"{stem}-{stamp(now)}")
-        page = playback_html([replace(run, label=folder.name)], folder.name)
-        try:
-            write_folder(folder, run, page)
-            return replace(run, folder=folder)
-        except FolderTaken:
-            # Two runs in one second: the other was faster, and there are more default names.
-            if name is not None:
-                raise
-    return run
+    if results is None:
+        return run
+
+    def write(folder: Path) -> None:
+        write_folder(folder, run, playback_html([replace(run, label=folder.name)], folder.name))
+
+    # Only now: a refused cache or scheduler leaves no folder behind.
+    return replace(run, folder=new_folder(results, name, stem, now, write))
 
 
 def correction_note(configuration: Configuration) -> dict[str, str]:
-    """The manifest's entry on the disparity error that is taken off; empty without one."""
+    """The manifest's entry on the corrected disparity error; empty without one."""
     rig, source = configuration.rig, configuration.source
     if rig.disparity_offset == 0.0 and rig.disparity_slope == 0.0:
         return {}
@@ -248,6 +262,17 @@ def trust_stored_run(run: RunResult, trusted: bool) -> None:
         check_parameters(run.composition.configuration)
 
 
+def changed_code(stored: RunResult) -> list[str]:
+    """The user's modules, and files that they declare, that differ from those of a stored run."""
+    before = None if stored.lineage is None else stored.lineage.code
+    if before is None or not functions_of(stored.settings):
+        return []
+    graph = experiment_graph(stored.composition)
+    codes = [nodes[0].identity.code for name in graph.stages if (nodes := graph.of_stage(name))]
+    now = {name: digest for code in codes for name, digest in code.modules_of_user.items()}
+    return [name for name in sorted(now) if before.get(name) != now[name]]
+
+
 def read_stored_run(path: Path, overrides: tuple[str, ...] = ()) -> RunResult:
     """Read the result folder `path`, with its validated experiment and its lineage.
 
@@ -263,17 +288,8 @@ def read_stored_run(path: Path, overrides: tuple[str, ...] = ()) -> RunResult:
     try:
         configuration = from_resolved(resolved)
     except ConfigurationError as fault:
-        raise UserError(
-            f"{path / 'config.yaml'}: {fault}{_by_another_version(run.manifest)}"
-        ) from None
-    choices = run.manifest.get("choices")
-    given = run.manifest.get("overrides")
-    composition = Composition(
-        configuration,
-        {str(k): str(v) for k, v in choices.items()} if isinstance(choices, dict) else {},
-        tuple(str(text) for text in given) if isinstance(given, list) else (),
-        resolved,
-    )
+        raise UserError(f"{path / 'config.yaml'}: {fault}{_by_another_version(run)}") from None
+    composition = Composition(configuration, run.choices, run.overrides, resolved)
     return replace(run, settings=resolved, composition=composition, lineage=read_lineage(path))
 
 
@@ -282,9 +298,8 @@ def has_pictures(run: RunResult) -> bool:
     return (run.folder / "figures").is_dir()
 
 
-def _by_another_version(manifest: Mapping[str, Any]) -> str:
-    versions = manifest.get("versions")
-    theirs = versions.get("stixel") if isinstance(versions, dict) else None
+def _by_another_version(run: RunResult) -> str:
+    theirs = run.entry("versions").get("stixel")
     if theirs in (None, __version__):
         return ""
     return f" (the folder was made by stixel {theirs}, this is {__version__})"

@@ -2,12 +2,10 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from stixel_cli.config.compose import Composition
 from stixel_cli.config.folders import shipped_folder
 from stixel_cli.config.schema import Configuration
 from stixel_cli.engine.keys import Stage
@@ -16,14 +14,12 @@ from stixel_cli.experiment.table.definition import Definition
 from stixel_cli.experiment.table.images import REPLAYED
 from stixel_cli.experiment.table.table import TABLE
 from stixel_cli.experiment.table.tracks import OWN
-from stixel_cli.experiment.user_scans import check_files, file_scans
+from stixel_cli.files import read_yaml
 from stixel_cli.measurements.disturbance_parameters import Disturbance, is_disturbed, undisturbed
 from stixel_cli.measurements.file_parameters import FileParameters
 from stixel_cli.own_code import OwnCode
-from stixel_cli.recordings.find import find_recording
-from stixel_cli.recordings.replay import find_replay
 from stixel_cli.recordings.types import Recording
-from stixel_cli.scene.ego import Parked
+from stixel_cli.remembered import remembered
 from stixel_cli.scene.mesh_file import referred_files
 from stixel_cli.scene.path_parameters import ReplayedPath
 
@@ -31,18 +27,17 @@ CHUNK_SIZE = 10
 """Frames per chunk: few enough to keep two workers busy, enough to share a background."""
 
 
-def pipeline_stages(configuration: Configuration) -> list[Stage]:
+def pipeline_stages(composition: Composition) -> list[Stage]:
     """The stages of one experiment, wired by the pipeline of its kind of measurement.
 
     Raises:
         UserError: if the pipeline's file is missing or names an unknown stage, or if a file of the
             recording is missing or not valid.
     """
-    check_files(configuration.measurement)
-    recording = recording_of(configuration)
-    kind = configuration.measurement.kind if recording is None else "recording"
-    if isinstance(configuration.path, ReplayedPath):
-        recording = find_replay(configuration.path)
+    configuration = composition.configuration
+    recording = composition.recording
+    rendered = configuration.source.kind == "rendered"
+    kind = configuration.measurement.kind if rendered else "recording"
     path = shipped_folder("pipelines") / f"{kind}.yaml"
     pipeline = _read(path)
     if recording is not None and recording.auto:
@@ -50,7 +45,7 @@ def pipeline_stages(configuration: Configuration) -> list[Stage]:
     if is_disturbed(configuration.measurement):
         pipeline = _with_disturbance(pipeline)
     return [
-        _stage(configuration, recording, path, name, wiring or {})
+        _stage(composition, recording, path, name, wiring or {})
         for name, wiring in pipeline.items()
     ]
 
@@ -87,36 +82,22 @@ def _with_tracks(
     return {**pipeline, **found, **scored, **drawn}
 
 
-def recording_of(configuration: Configuration) -> Recording | None:
-    """The files that the configuration's `source` names; None if the images are rendered.
-
-    Raises:
-        UserError: if a file is missing or not valid.
-    """
-    source = configuration.source
-    if source.kind == "rendered":
-        return None
-    recording = find_recording(source)
-    if isinstance(configuration.ego, Parked):
-        recording = replace(recording, pose_files=())
-    return recording
-
-
-def scan_count(configuration: Configuration) -> int:
+def scan_count(composition: Composition) -> int:
     """Number K of scans: of the file, or duration / sample time, rounded, and at least one.
 
     Raises:
         UserError: if the file of the scans is missing or not valid.
     """
+    configuration = composition.configuration
     if isinstance(configuration.measurement, FileParameters):
-        return len(file_scans(configuration.measurement))
+        return len(composition.files.scans(configuration.measurement))
     return max(1, round(configuration.path.duration / configuration.path.sample_time))
 
 
-def pictured_frames(configuration: Configuration) -> tuple[int, ...]:
+def pictured_frames(composition: Composition) -> tuple[int, ...]:
     """The frames to draw: those of the configuration, or four spread evenly over the run."""
-    chosen = configuration.pictures.frames
-    last = scan_count(configuration) - 1
+    chosen = composition.configuration.pictures.frames
+    last = scan_count(composition) - 1
     if chosen is not None:
         if chosen and max(chosen) > last:
             raise UserError(
@@ -126,29 +107,17 @@ def pictured_frames(configuration: Configuration) -> tuple[int, ...]:
     return tuple(sorted({round(last * share / 4) for share in (0.5, 1.5, 2.5, 3.5)}))
 
 
-def _read(path: Path) -> dict[str, dict[str, str] | None]:
-    try:
-        stat = path.stat()
-        return _parse(path, stat.st_mtime_ns, stat.st_size)
-    except OSError as error:
-        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
-    except yaml.YAMLError as error:
-        raise UserError(f"{path}: not a YAML file: {str(error).splitlines()[0]}") from error
-
-
-@lru_cache(maxsize=16)
-def _parse(path: Path, *state: int) -> dict[str, dict[str, str] | None]:
-    """Content of the file, parsed once per process while its `state` is the same."""
-    return yaml.safe_load(path.read_text(encoding="utf-8"))
+_read = remembered(read_yaml)
 
 
 def _stage(
-    configuration: Configuration,
+    composition: Composition,
     recording: Recording | None,
     path: Path,
     name: str,
     wiring: dict[str, str],
 ) -> Stage:
+    configuration = composition.configuration
     inputs = dict(wiring)
     if inputs and all(isinstance(value, dict) for value in inputs.values()):
         inputs = dict(inputs[_value(configuration, f"{name}.kind")])
@@ -169,17 +138,18 @@ def _stage(
         folders=tuple(map(Path, configuration.code_folders)) if functions else (),
         own=bool(functions),
         seed=configuration.seed if definition.seeded else None,
-        frames=pictured_frames(configuration) if definition.pattern == "pick" else (),
+        frames=pictured_frames(composition) if definition.pattern == "pick" else (),
         files=(
             *(getattr(recording, definition.recorded) if definition.recorded else ()),
             *_files(_value(configuration, p) for p in definition.files),
         ),
         gives_files=bool(definition.recorded),
         keys=definition.reads,
+        watched=definition.watched,
     )
     if not definition.calls:
         return made
-    called = _stage(configuration, recording, path, definition.calls, {})
+    called = _stage(composition, recording, path, definition.calls, {})
     return replace(
         made,
         settings=made.settings | {"function": called.function, "settings": dict(called.settings)},
@@ -207,6 +177,8 @@ def _files(names: Iterable[str | None]) -> tuple[Path, ...]:
 
 def _setting(configuration: Configuration, recording: Recording | None, path: str) -> Any:
     """A value of the configuration, or one that the files of the recording give."""
+    if path == "true_class" and configuration.source.kind != "rendered":
+        path = "recording.road_user"
     name, _, attribute = path.partition(".")
     if name == "recording":
         return getattr(recording, attribute)

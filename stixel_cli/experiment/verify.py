@@ -16,20 +16,19 @@ from stixel_cli.experiment.run import (
     run_experiment,
 )
 from stixel_cli.files import read_arrays, read_bytes
-from stixel_cli.results.differences import (
-    StageDifference,
-    first_changed_stage,
-    first_difference,
-)
-from stixel_cli.results.ego_frame import pose_columns
+from stixel_cli.results.differences import StageDifference, first_changed_stage, first_difference
 from stixel_cli.results.lineage import Lineage
-from stixel_cli.results.result import (
-    RunResult,
-    scan_columns,
-    score_columns,
-    track_arrays,
-    truth_arrays,
-)
+from stixel_cli.results.result import RunResult
+from stixel_cli.results.tables import run_arrays
+
+COMPARED = {
+    "ego": "scenario",
+    "truth": "scenario",
+    "scans": "scans",
+    "track": "track",
+    "scores": "scores",
+}
+"""NPZ files that are compared, and the stage of each."""
 
 
 @dataclass(frozen=True)
@@ -89,8 +88,7 @@ def verify_run(
         StageFailure: if a stage fails.
     """
     # Before the run, which may take long.
-    names = ("ego.npz", "truth.npz", "scans.npz", "track.npz", "scores.npz")
-    paths = {name: stored.folder / name for name in names}
+    paths = {name: stored.folder / f"{name}.npz" for name in COMPARED}
     arrays = {name: read_arrays(path) for name, path in paths.items() if path.exists()}
     with one_line_errors():
         new = run_experiment(stored.composition, store, progress, has_pictures(stored))
@@ -100,9 +98,9 @@ def verify_run(
     )
     by_key = by_value = None
     if stored.lineage is not None:
-        graph = experiment_graph(stored.composition.configuration)
+        graph = experiment_graph(stored.composition)
         by_key = first_changed_stage(stored.lineage, new.lineage, graph)
-        by_value = _first_by_digest(stored.lineage, new.lineage, old_store, store)
+        by_value = _first_by_digest(stored.lineage, new.lineage, old_store, store, bool(files))
     if by_value is None and files:
         by_value = _first_by_file(files, stored.lineage is not None)
     if by_value is not None and by_key is not None and not by_value.causes:
@@ -112,7 +110,7 @@ def verify_run(
         compared=len(compared),
         by_key=by_key,
         by_value=by_value,
-        changes=tuple(_changes(stored.manifest, now)),
+        changes=tuple(_changes(stored, now)),
         stages=new.stages,
     )
 
@@ -121,19 +119,9 @@ def _compared_files(
     stored: RunResult, old: Mapping[str, Mapping[str, np.ndarray]], new: RunResult
 ) -> Iterator[tuple[str, str, str | None]]:
     """(file, stage, difference or None) of every file with results that the folder has."""
-    for file, stage, columns in (
-        (
-            "ego.npz",
-            "scenario",
-            pose_columns(new.scenario.times, new.scenario.ego_poses_world),
-        ),
-        ("truth.npz", "scenario", truth_arrays(new.scenario)),
-        ("scans.npz", "scans", scan_columns(new.scans)),
-        ("track.npz", "track", track_arrays(new.track)),
-        ("scores.npz", "scores", score_columns(new.scores)),
-    ):
-        if file in old:
-            yield file, stage, first_difference(old[file], columns)
+    arrays = run_arrays(new)
+    for name, content in old.items():
+        yield f"{name}.npz", COMPARED[name], first_difference(content, arrays.get(name))
     yield "metrics.json", "scores", first_difference(stored.metrics, new.metrics)
     for name, data in new.pictures.items():
         picture = stored.folder / "figures" / name
@@ -142,9 +130,12 @@ def _compared_files(
 
 
 def _first_by_digest(
-    old: Lineage, new: Lineage, old_store: Store, new_store: Store
+    old: Lineage, new: Lineage, old_store: Store, new_store: Store, guess: bool
 ) -> StageDifference | None:
-    """The first stage with a node whose stored bytes differ, and whose value does."""
+    """The first stage with a node whose stored bytes differ, and whose value does.
+
+    `guess` that it does where the old value is lost: an older version stored values differently.
+    """
     for name, stage in new.stages.items():
         before = old.stages.get(name)
         if before is None or len(before.keys) != len(stage.keys):
@@ -158,6 +149,8 @@ def _first_by_digest(
                     old_store.load(before.keys[i]), new_store.load(stage.keys[i])
                 )
             except CacheError:
+                if not guess:
+                    continue
                 what = "different bytes (by how much is unknown: the old result is not cached)"
             if what is not None:
                 chunk = f"chunk {i + 1} of {len(stage.keys)}: " if len(stage.keys) > 1 else ""
@@ -176,16 +169,14 @@ def _first_by_file(files: tuple[FileDifference, ...], recorded: bool) -> StageDi
     return StageDifference(file.stage, f"{file.file}: {file.what}", causes)
 
 
-def _changes(manifest: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
+def _changes(stored: RunResult, now: Mapping[str, Any]) -> Iterator[str]:
     """Versions, machine and revision that changed since the run."""
     for name in ("versions", "machine"):
-        old = manifest.get(name)
-        old = old if isinstance(old, dict) else {}
+        old = stored.entry(name)
         for key in dict.fromkeys((*old, *now[name])):
             if old.get(key) != now[name].get(key):
                 yield f"{key} {old.get(key, 'missing')} → {now[name].get(key, 'missing')}"
-    git = manifest.get("git")
-    git = git if isinstance(git, dict) else {}
+    git = stored.entry("git")
     old, new = git.get("revision"), now["git"]["revision"]
     if old != new:
         yield f"git revision {str(old)[:12]} → {str(new)[:12]}"

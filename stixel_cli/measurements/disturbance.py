@@ -1,6 +1,4 @@
-"""Scans with clutter, and without points for a while: of any sensor, after its own stages."""
-
-from dataclasses import replace
+"""Add clutter and dropouts to the scans of any sensor."""
 
 import numpy as np
 
@@ -22,7 +20,7 @@ def disturb_scans(
     area of field of view and range. Where the field of view is unknown, its borders are the
     outermost points of all scans. A clutter point has the variances, along and across its ray, of
     the measured point of any scan whose range is nearest, the variance across scaled to its range;
-    so scans without any point have no clutter. Its error is independent of its neighbours'.
+    so scans without any point have no clutter.
 
     Args:
         scans: of any sensor.
@@ -37,7 +35,7 @@ def disturb_scans(
         # Times are multiples of the sample time, up to rounding.
         hidden = (elapsed >= dropout[0] - 1e-9) & (elapsed <= dropout[1] + 1e-9)
     clutter = _clutter(scans, clutter_rate, range_max, seed)
-    own, correlations = [], []
+    own = []
     for k, (points, covariances) in enumerate(clutter):
         rows = slice(0, 0) if hidden[k] else scans.rows(k)
         points, covariances = (points[:0], covariances[:0]) if hidden[k] else (points, covariances)
@@ -47,16 +45,7 @@ def disturb_scans(
                 np.concatenate([scans.covariances_world[rows], covariances]),
             )
         )
-        correlations.append(np.concatenate([scans.correlations[rows], np.zeros(len(points))]))
-    whole = Scans.of_each(scans.times, scans.sensor_poses_world, own, correlations)
-    # An object that hides the target also hides what is known of the space behind it; but no
-    # tracker uses the bearings of an empty scan.
-    return replace(
-        whole,
-        unknown_offsets=scans.unknown_offsets,
-        unknown_bearings=scans.unknown_bearings,
-        field_of_view=scans.field_of_view,
-    )
+    return Scans.of_each(scans.times, scans.sensor_poses_world, own, scans.field_of_view)
 
 
 def _clutter(

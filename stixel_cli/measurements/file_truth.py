@@ -24,6 +24,9 @@ LIMBS = ("limb_pose",)
 SAME_SIZE = 1e-3
 """The size may differ between rows by this, m: files have rounded numbers."""
 
+LEAST_SPEED = 0.5
+"""A slower target has no direction of motion, m/s."""
+
 MOST_CORNERS = 100_000
 
 
@@ -69,6 +72,16 @@ def differences(poses_world: np.ndarray, times: np.ndarray) -> np.ndarray:
         return np.zeros((len(times), 3))
     unwound = np.column_stack([poses_world[:, :2], np.unwrap(poses_world[:, 2])])
     return np.gradient(unwound, times, axis=0, edge_order=2 if len(times) > 2 else 1)
+
+
+def angle_to_motion(scenario: Scenario) -> float:
+    """Median angle between the target's axis and its motion, 0 … 90°; 0 where it is too slow."""
+    velocity = scenario.target_rates_world[:, :2]
+    moves = np.linalg.norm(velocity, axis=1) > LEAST_SPEED
+    if not moves.any():
+        return 0.0
+    angles = scenario.target_poses_world[moves, 2] - np.arctan2(*velocity[moves, ::-1].T)
+    return float(np.degrees(np.median(np.abs(np.arcsin(np.sin(angles))))))
 
 
 def _known_scans(file: Path, column: np.ndarray, count: int) -> np.ndarray:

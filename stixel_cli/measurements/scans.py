@@ -1,9 +1,17 @@
 """Scans: the input of every tracker, from any sensor; and the gates that two sources share."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+
+FARTHEST = 1e8
+"""Greatest absolute value of a time, s, of scans from any source; and of any number in a file.
+
+After longer gaps the covariance of a prediction is no longer positive definite in float64.
+"""
 
 
 @dataclass(frozen=True)
@@ -33,14 +41,6 @@ class Scans:
         offsets: (K + 1,) int64, the points of scan k are rows offsets[k]:offsets[k + 1].
         points_world: (P, 2) m.
         covariances_world: (P, 2, 2) m².
-        correlations: (P,) correlation, 0 … 1, of a point's error along the ray with that of the row
-            before; 0 for the first row of a scan, and where errors are independent. The correlation
-            of any two rows is the product of those between them. With all equal to c, n points
-            are worth n (1 - c) / (1 + c) independent ones.
-        unknown_offsets: (K + 1,) int64, scan k's rows of `unknown_bearings`.
-        unknown_bearings: (U, 2) rad in the world, least and greatest, counter-clockwise and not
-            wrapped: between them something may be nearer than the points, or be there without a
-            point. That no point is there is no evidence that nothing is. By default there are none.
         field_of_view: of the sensor; None: unknown.
     """
 
@@ -49,17 +49,15 @@ class Scans:
     offsets: np.ndarray
     points_world: np.ndarray
     covariances_world: np.ndarray
-    correlations: np.ndarray = None
-    unknown_offsets: np.ndarray = None
-    unknown_bearings: np.ndarray = None
     field_of_view: FieldOfView | None = None
 
-    def __post_init__(self) -> None:
-        if self.unknown_bearings is None:
-            object.__setattr__(self, "unknown_offsets", np.zeros_like(self.offsets))
-            object.__setattr__(self, "unknown_bearings", np.zeros((0, 2)))
-        if self.correlations is None:
-            object.__setattr__(self, "correlations", np.zeros(len(self.points_world)))
+    def __post_init__(self):
+        wrong = np.flatnonzero(~(np.abs(self.times) <= FARTHEST))
+        if len(wrong):
+            raise ValueError(
+                f"the time of scan {wrong[0]} must be within ±{FARTHEST:g} s, "
+                f"got {self.times[wrong[0]]:g}"
+            )
 
     @classmethod
     def of_each(
@@ -67,15 +65,11 @@ class Scans:
         times: np.ndarray,
         sensor_poses_world: np.ndarray,
         scans: Sequence[tuple[np.ndarray, np.ndarray]],
-        correlations: Sequence[np.ndarray] | None = None,
-        unknown_bearings: Sequence[np.ndarray] | None = None,
         field_of_view: FieldOfView | None = None,
     ) -> "Scans":
         """From `times` (K,) s, poses (K, 3), and points (n_k, 2) m and covariances (n_k, 2, 2) m².
 
-        The last two are given for each scan, in order; all are in the world. `correlations` (n_k,)
-        likewise; None if the points' errors are independent. `unknown_bearings` (u_k, 2) rad
-        likewise; None if there are none.
+        The last two are given for each scan, in order; all are in the world.
         """
         return cls(
             times=np.array(times, dtype=np.float64),
@@ -85,15 +79,6 @@ class Scans:
             covariances_world=np.concatenate(
                 [np.zeros((0, 2, 2)), *(covariances for _, covariances in scans)]
             ),
-            correlations=None
-            if correlations is None
-            else np.concatenate([np.zeros(0), *correlations]),
-            unknown_offsets=None
-            if unknown_bearings is None
-            else np.cumsum([0, *map(len, unknown_bearings)], dtype=np.int64),
-            unknown_bearings=None
-            if unknown_bearings is None
-            else np.concatenate([np.zeros((0, 2)), *unknown_bearings]),
             field_of_view=field_of_view,
         )
 
@@ -103,6 +88,22 @@ class Scans:
     def rows(self, k: int) -> slice:
         """The rows of scan k."""
         return slice(int(self.offsets[k]), int(self.offsets[k + 1]))
+
+    def watched(self, begin: Callable[[str], None]) -> "Scans":
+        """The same scans, which call `begin` with k and the number of points in `rows(k)`."""
+        twin = copy(self)
+
+        def rows(k: int) -> slice:
+            found = self.rows(k)
+            begin(f"scan k = {k} of {found.stop - found.start} points")
+            return found
+
+        object.__setattr__(twin, "rows", rows)
+        return twin
+
+    def __getstate__(self) -> dict[str, Any]:
+        # A tracker may send its scans to processes of its own.
+        return {name: value for name, value in vars(self).items() if name != "rows"}
 
 
 def points_along(

@@ -13,7 +13,7 @@ from stixel_cli.measurements.gates import Gates, candidates
 from stixel_cli.measurements.scans import FieldOfView, Scans, check_gates
 from stixel_cli.parameters import parameters
 from stixel_cli.scene.scenario import EgoMotion
-from stixel_cli.stixels.types import SAME_OBJECT, Stixels
+from stixel_cli.stixels.types import Stixels
 
 
 @parameters
@@ -24,8 +24,6 @@ class SimulatedParameters(Disturbance):
         height_min, height_max: a stixel's height above the road, m, to be a candidate: below are
             kerbs and errors of the road, above are walls, poles and trees.
         range_min, range_max: distance from the sensor on the ground plane, m.
-        correlation_columns: the errors of stixels on one object are correlated by
-            exp(-columns / this), as the matcher's block overlaps both, px.
     """
 
     kind: Literal["simulated"]
@@ -33,7 +31,6 @@ class SimulatedParameters(Disturbance):
     height_max: Annotated[float, Gt(0), Le(100)]
     range_min: Annotated[float, Ge(0), Le(1000)]
     range_max: Annotated[float, Gt(0), Le(1000)]
-    correlation_columns: Annotated[float, Ge(0), Le(1000)]
 
     @property
     def gates(self) -> Gates:
@@ -53,16 +50,13 @@ def gather_scans(
 ) -> Scans:
     """Scans of the stixels inside the gates of height and range, in the world frame.
 
-    Free space is a gate already: a stixel is the nearest obstacle of its columns. Where that is not
-    certain, for lack of disparities, the bearings are unknown. `stixels` are
+    Free space is a gate already: a stixel is the nearest obstacle of its columns. `stixels` are
     chunks in the order of their frames.
 
     Raises:
         ValueError: unless the chunks have each frame of `ego_motion` once, in order.
     """
     scans: list[tuple[np.ndarray, np.ndarray]] = []
-    correlations: list[np.ndarray] = []
-    unknown: list[np.ndarray] = []
     for chunk in stixels:
         if chunk.first != len(scans):
             raise ValueError(f"stixels of frame {len(scans)} expected, got {chunk.first}")
@@ -76,25 +70,7 @@ def gather_scans(
             points = world_from_ego(chunk.points_ego[chosen], pose)
             turn = pose[2] - STRAIGHT_AHEAD
             scans.append((points, rotate_covariances(chunk.covariances_ego[chosen], turn)))
-            unknown.append(chunk.unknown_ego[slice(*chunk.unknown_offsets[i : i + 2])] + turn)
-            correlations.append(_correlations(chunk, chosen, measurement.correlation_columns))
     if len(scans) != len(ego_motion.times):
         raise ValueError(f"stixels of {len(scans)} frames, but {len(ego_motion.times)} scans")
     view = FieldOfView(*rig.field_of_view, rig.baseline)
-    return Scans.of_each(
-        ego_motion.times, ego_motion.poses_world, scans, correlations, unknown, view
-    )
-
-
-def _correlations(chunk: Stixels, chosen: np.ndarray, columns: float) -> np.ndarray:
-    """Correlation (n,) of the error of each of the stixels `chosen` (n,) with the one before.
-
-    They are of one frame, in ascending order of their columns. Stixels on different objects, more
-    than `SAME_OBJECT` m apart in depth, are independent.
-    """
-    correlations = np.zeros(len(chosen))
-    middles = 0.5 * (chunk.left[chosen] + chunk.right[chosen])
-    if columns > 0:
-        correlations[1:] = np.exp(-np.diff(middles) / columns)
-    correlations[1:][np.abs(np.diff(chunk.depth[chosen])) > SAME_OBJECT] = 0.0
-    return correlations
+    return Scans.of_each(ego_motion.times, ego_motion.poses_world, scans, view)

@@ -9,9 +9,7 @@ import numpy as np
 
 from stixel_cli.errors import UserError, printable
 from stixel_cli.files import read_arrays, read_text
-
-FARTHEST = 1e8
-"""Greatest absolute value of any number, in the column's unit."""
+from stixel_cli.measurements.scans import FARTHEST
 
 MOST_SCANS = 100_000
 

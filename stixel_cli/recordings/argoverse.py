@@ -13,8 +13,7 @@ from pathlib import Path
 
 from stixel_cli.errors import UserError
 from stixel_cli.recordings.argoverse_tables import CAMERAS, read_calibration
-from stixel_cli.recordings.assembly import assembled_recording
-from stixel_cli.recordings.listing import numbered_images
+from stixel_cli.recordings.assembly import assembled_recording, numbered_images
 from stixel_cli.recordings.parameters import Argoverse
 from stixel_cli.recordings.types import Recording, TableLayout
 
@@ -59,7 +58,6 @@ def find_recording(source: Argoverse) -> Recording:
         pairs,
         poses=(city, sensors),
         labels=(root / "annotations.feather", city, sensors, intrinsics),
-        target=source.target,
         layout=TableLayout("argoverse", times),
     )
     stated = (rectification.file_width, rectification.file_height)

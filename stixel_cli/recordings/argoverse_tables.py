@@ -12,10 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import UserError, printable
-from stixel_cli.recordings.box import rectangle
 from stixel_cli.recordings.feather import read_columns
-from stixel_cli.recordings.kitti_labels import Tracks, labels_in
+from stixel_cli.recordings.labelled import rectangle
+from stixel_cli.recordings.tables import Tracks, labels_in
 from stixel_cli.recordings.types import Calibration, Rectification
+from stixel_cli.remembered import remembered
 
 CAMERAS = ("stereo_front_left", "stereo_front_right")
 
@@ -89,6 +90,7 @@ def read_poses(city: Path, sensors: Path, times: tuple[int, ...]) -> np.ndarray:
     return np.concatenate([turns @ aligned, (turns @ place + places)[:, :, None]], axis=2)
 
 
+@remembered
 def read_labels(
     annotations: Path, city: Path, sensors: Path, intrinsics: Path, times: tuple[int, ...]
 ) -> Tracks:

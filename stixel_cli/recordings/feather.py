@@ -8,7 +8,8 @@ import numpy as np
 
 from stixel_cli.errors import UserError
 from stixel_cli.files import read_bytes
-from stixel_cli.recordings.rows import MOST_ROWS
+from stixel_cli.recordings.tables import GREATEST as LARGEST
+from stixel_cli.recordings.tables import MOST_ROWS
 
 if TYPE_CHECKING:
     import pyarrow
@@ -32,7 +33,7 @@ def read_columns(
 
     Raises:
         UserError: if the file is missing, damaged or too large, also when unpacked, pyarrow is not
-            installed, a column is missing or of another type, or a number is not finite.
+            installed, a column is missing or of another type, or a number is too large.
     """
     data = read_bytes(file, GREATEST)
     try:
@@ -75,9 +76,11 @@ def read_columns(
         values = np.array(column.to_pylist())
         if name in words:
             values = values.astype(np.str_)
-        elif not np.isfinite(values).all():
-            row = int(np.flatnonzero(~np.isfinite(values))[0])
-            raise UserError(f"{file}: row {row + 1}: {name} is not finite")
+        elif values.dtype.kind == "f" and not (np.abs(values) <= LARGEST).all():
+            row = int(np.flatnonzero(~(np.abs(values) <= LARGEST))[0])
+            raise UserError(
+                f"{file}: row {row + 1}: {name} is {values[row]:g}, must be within ±{LARGEST:g}"
+            )
         found[name] = values
     return found
 

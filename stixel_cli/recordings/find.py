@@ -3,27 +3,20 @@
 from pathlib import Path
 
 from stixel_cli.errors import UserError
-from stixel_cli.recordings import (
-    argoverse,
-    kitti_odometry,
-    kitti_pair,
-    kitti_tracking,
-    pair,
-    plain_folder,
-    virtual_kitti,
-)
+from stixel_cli.recordings import argoverse, kitti, pair, plain_folder, virtual_kitti
 from stixel_cli.recordings.parameters import Source
 from stixel_cli.recordings.types import Recording
 
 LAYOUTS = {
-    "kitti_tracking": kitti_tracking,
-    "kitti_odometry": kitti_odometry,
-    "kitti_pair": kitti_pair,
-    "virtual_kitti": virtual_kitti,
-    "argoverse": argoverse,
-    "folder": plain_folder,
-    "pair": pair,
+    "kitti_tracking": (kitti.is_tracking, kitti.find_tracking),
+    "kitti_odometry": (kitti.is_odometry, kitti.find_odometry),
+    "kitti_pair": (pair.is_benchmark, pair.find_benchmark_pair),
+    "virtual_kitti": (virtual_kitti.is_layout, virtual_kitti.find_recording),
+    "argoverse": (argoverse.is_layout, argoverse.find_recording),
+    "folder": (plain_folder.is_layout, plain_folder.find_recording),
+    "pair": (lambda folder: False, pair.find_named_pair),  # no folder has it
 }
+"""Whether a folder has the layout, and its recording, by the option of `source`."""
 
 
 def find_recording(source: Source) -> Recording:
@@ -34,7 +27,8 @@ def find_recording(source: Source) -> Recording:
     """
     if source.kind != "pair" and not Path(source.folder).is_dir():
         raise UserError(f"source.folder: {source.folder}: no such folder")
-    return LAYOUTS[source.kind].find_recording(source)
+    _, find = LAYOUTS[source.kind]
+    return find(source)
 
 
 def guess_layout(folder: Path) -> str:
@@ -43,8 +37,8 @@ def guess_layout(folder: Path) -> str:
     Raises:
         UserError: if its layout is not known.
     """
-    for name, module in LAYOUTS.items():
-        if module.is_layout(folder):
+    for name, (is_layout, _) in LAYOUTS.items():
+        if is_layout(folder):
             return name
     if not folder.is_dir():
         raise UserError(f"source.folder: {folder}: no such folder")

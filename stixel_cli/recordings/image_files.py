@@ -1,4 +1,4 @@
-"""Image files of any origin: checked before they are decoded, and as grey or colour arrays."""
+"""Image files of any origin: checked before they are decoded; as arrays, and rectified."""
 
 import zlib
 from pathlib import Path
@@ -7,6 +7,7 @@ import numpy as np
 
 from stixel_cli.errors import UserError
 from stixel_cli.files import opened, read_bytes
+from stixel_cli.recordings.types import Rectification
 
 PNG = b"\x89PNG\r\n\x1a\n"
 JPEG = b"\xff\xd8\xff"
@@ -146,3 +147,35 @@ def check_chunks(file: Path, data: bytes) -> None:
             return
         at = end + 4
     raise UserError(f"{file}: a damaged or incomplete PNG image")
+
+
+def read_disparity(file: Path) -> np.ndarray:
+    """The true disparities (H, W) float32 px in a file; NaN where they are unknown.
+
+    As KITTI stores them: PNG of uint16, 256 per px, 0 for unknown.
+
+    Raises:
+        UserError: if it is missing, damaged, or not a grey PNG of 16 bits.
+    """
+    import cv2
+
+    data = read_bytes(file, GREATEST_IMAGE)
+    _, _, bits, colour = png_head(file, data[:33])
+    if (bits, colour) != (16, 0):
+        raise UserError(f"{file}: not a grey PNG of 16 bits: 256 per px of disparity")
+    check_chunks(file, data)
+    image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
+    if image is None or image.dtype != np.uint16 or image.ndim != 2:
+        raise UserError(f"{file}: cannot be decoded as a PNG image")
+    return np.where(image > 0, image / np.float32(256.0), np.float32(np.nan))
+
+
+def rectified(image: np.ndarray, rectification: Rectification | None, right: bool) -> np.ndarray:
+    """An image (H, W) or (H, W, 3) uint8 of the left or the right camera; as it is without one."""
+    if rectification is None:
+        return image
+    import cv2
+
+    turn = np.reshape(rectification.right if right else rectification.left, (3, 3))
+    size = (rectification.width, rectification.height)
+    return cv2.warpPerspective(image, turn, size, flags=cv2.INTER_LINEAR)

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.recordings.kitti_labels import CLASSES
 from stixel_cli.recordings.labelled import labelled_scenario
 from stixel_cli.recordings.tables import read_labels
 from stixel_cli.recordings.types import KITTI, LabelTruth, TableLayout
+from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
 from stixel_cli.scene.scenario import EgoMotion
 
 
@@ -31,7 +31,7 @@ def label_truths(
     return tuple(
         LabelTruth(
             str(name),
-            CLASSES.get(labels.kind, "other"),
+            CLASS_OF_KITTI_TYPE.get(labels.kind, "other"),
             labelled_scenario(ego_motion, labels, rig, first, left_camera),
         )
         for name, labels in (read_labels(files, layout).items() if files else ())

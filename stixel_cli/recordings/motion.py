@@ -6,7 +6,7 @@ import numpy as np
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.recordings.planar import planar_poses
+from stixel_cli.recordings.labelled import planar_poses
 from stixel_cli.recordings.tables import read_poses
 from stixel_cli.recordings.types import KITTI, TableLayout
 from stixel_cli.scene.scenario import EgoMotion

@@ -3,8 +3,7 @@
 from pathlib import Path
 
 from stixel_cli.images import ImageStack
-from stixel_cli.recordings.image_files import read_grey
-from stixel_cli.recordings.rectification import rectified
+from stixel_cli.recordings.image_files import read_grey, rectified
 from stixel_cli.recordings.types import Rectification
 from stixel_cli.rendering.frames import StereoPairs
 

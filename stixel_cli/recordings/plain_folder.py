@@ -10,8 +10,7 @@ from pathlib import Path
 
 from stixel_cli.errors import UserError, printable
 from stixel_cli.files import read_yaml
-from stixel_cli.recordings.assembly import assembled_recording
-from stixel_cli.recordings.listing import numbered_images
+from stixel_cli.recordings.assembly import assembled_recording, numbered_images
 from stixel_cli.recordings.parameters import PlainFolder
 from stixel_cli.recordings.types import Calibration, Recording
 
@@ -39,7 +38,6 @@ def find_recording(source: PlainFolder) -> Recording:
         right=numbered_images(root / "right"),
         labels=(root / "labels.txt",),
         poses=(root / "poses.txt",),
-        target=source.target,
     )
 
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from stixel_cli.recordings.planar import planar_poses
-from stixel_cli.recordings.poses_file import read_poses
+from stixel_cli.recordings.labelled import planar_poses
+from stixel_cli.recordings.tables import read_kitti_poses
 from stixel_cli.scene.scenario import EgoMotion
 
 
@@ -26,5 +26,5 @@ def replayed_motion(
     Raises:
         UserError: if the file is not valid.
     """
-    poses = read_poses(files[0])[first : first + count]
+    poses = read_kitti_poses(files[0])[first : first + count]
     return EgoMotion(sample_time * np.arange(count), planar_poses(poses, np.eye(3)))

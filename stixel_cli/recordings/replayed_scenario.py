@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import BSpline, make_smoothing_spline
 
-from stixel_cli.recordings.kitti_labels import labels_of
-from stixel_cli.recordings.planar import label_pose
+from stixel_cli.recordings.labelled import label_pose
+from stixel_cli.recordings.tables import read_kitti_labels, track_of
 from stixel_cli.scene.contours import moving_target
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.scenario import EgoMotion, Scenario
@@ -40,7 +40,7 @@ def replayed_scenario(
         UserError: if the file is not valid, or has no such target.
     """
     times = ego_motion.times
-    labels = labels_of(files[0], target, "path.target")
+    labels = track_of(read_kitti_labels(files[0]), target, files[0], "path.target")
     rows = np.flatnonzero((labels.frames >= first) & (labels.frames < first + len(times)))
     frames = labels.frames[rows] - first
     places = labels.places[rows] - np.array(left_camera)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.images import ImageStack
+from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
 from stixel_cli.scene.scenario import Scenario
 
 
@@ -104,6 +105,11 @@ class Recording:
     first_box: tuple[float, float] | None = None
     rectification: Rectification | None = None
     true_disparities: tuple[Path, ...] = ()
+
+    @property
+    def road_user(self) -> str | None:
+        """The class of the target's label; None without target, or without a class."""
+        return CLASS_OF_KITTI_TYPE.get(self.label or "")
 
     @property
     def first(self) -> int:

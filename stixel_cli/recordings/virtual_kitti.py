@@ -7,8 +7,7 @@ Cabon, Murray, Humenberger 2020, *Virtual KITTI 2*. Below the folder:
 
 from pathlib import Path
 
-from stixel_cli.recordings.assembly import assembled_recording
-from stixel_cli.recordings.listing import numbered_images
+from stixel_cli.recordings.assembly import assembled_recording, numbered_images
 from stixel_cli.recordings.parameters import VirtualKitti
 from stixel_cli.recordings.types import Recording, TableLayout
 from stixel_cli.recordings.virtual_kitti_tables import read_calibration
@@ -41,6 +40,5 @@ def find_recording(source: VirtualKitti) -> Recording:
         right,
         poses=(root / "extrinsic.txt",),
         labels=tuple(root / name for name in LABELS),
-        target=source.target,
         layout=TableLayout("virtual_kitti"),
     )

@@ -10,10 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import UserError, printable
-from stixel_cli.recordings.kitti_labels import Tracks, labels_in
-from stixel_cli.recordings.poses_file import checked_poses
-from stixel_cli.recordings.rows import check_columns, numbers, text_rows
+from stixel_cli.recordings.tables import (
+    Tracks,
+    check_columns,
+    checked_poses,
+    labels_in,
+    numbers,
+    text_rows,
+)
 from stixel_cli.recordings.types import Calibration
+from stixel_cli.remembered import remembered
 
 VISIBLE = 0.7
 """Least share of its box that a vehicle in full view fills: chosen here, not by the data set."""
@@ -71,6 +77,7 @@ def read_poses(extrinsic: Path) -> np.ndarray:
     return checked_poses(extrinsic, poses)
 
 
+@remembered
 def read_labels(pose: Path, bbox: Path, info: Path) -> Tracks:
     """The labels of each target by its track id, where it has both a pose and a box.
 

@@ -1,8 +1,6 @@
 """Parameters of the renderer `filament`."""
 
-from typing import Annotated, Literal
-
-from annotated_types import Ge, Gt, Le
+from typing import ClassVar, Literal
 
 from stixel_cli.parameters import parameters
 from stixel_cli.scene.world_parameters import Light
@@ -15,13 +13,15 @@ class FilamentParameters:
     Attributes:
         kind: `filament`.
         light: the sun, the sky and the exposure.
-        start_timeout: time that the child may take until it is ready to render, s.
-        frame_timeout: time that the child may take to render one stereo pair, s.
-        attempts: how often a child that hangs or crashes is restarted.
     """
 
     kind: Literal["filament"]
     light: Light
-    start_timeout: Annotated[float, Gt(0), Le(600)]
-    frame_timeout: Annotated[float, Gt(0), Le(600)]
-    attempts: Annotated[int, Ge(1), Le(20)]
+
+    # About 1 start in 30 hangs: a child is restarted, and a hang does not stop a run for long.
+    start_timeout: ClassVar[float] = 30.0
+    """Time that the child may take until it is ready to render, s."""
+    frame_timeout: ClassVar[float] = 20.0
+    """Time that the child may take to render one stereo pair, s."""
+    attempts: ClassVar[int] = 4
+    """How often a child that hangs or crashes is started."""

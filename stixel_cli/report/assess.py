@@ -1,13 +1,12 @@
 """The page of `stixel assess`: sentences, pictures, a table of values and times."""
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
 
 from stixel_cli.report.metrics import NO_VALUE
 from stixel_cli.report.page_svg import picture_for_page
 from stixel_cli.report.page_template import page_template
-
-if TYPE_CHECKING:
-    from stixel_cli.experiment.assess import Assessment
 
 PICTURES = (
     ("stixels", "Stixels, coloured by their depth"),
@@ -17,10 +16,51 @@ PICTURES = (
 """Name and caption of the pictures."""
 
 
-def page_html(found: "Assessment", command: str) -> str:
-    """The page of an assessment; `command` is the command line that writes it."""
-    from stixel_cli.experiment.assess import LABELS
+@dataclass(frozen=True)
+class Assessment:
+    """How good the stixels of one pair are.
 
+    Attributes:
+        values: by name; a value is None where its truth is missing. Their meaning is in `LABELS`.
+        pictures: PNG by name.
+        seconds: time by stage; None for a stage whose result was in the cache.
+    """
+
+    values: Mapping[str, Any]
+    pictures: Mapping[str, bytes]
+    seconds: Mapping[str, float | None]
+
+
+LABELS = {
+    "stixel_share": ("columns with a stixel", "%", 100.0),
+    "free_share": ("columns without an obstacle", "%", 100.0),
+    "unknown_share": ("columns with an unknown part", "%", 100.0),
+    "disparity_share": ("pixels with a disparity", "%", 100.0),
+    "obstacle_columns": ("columns with a true obstacle", "", 1.0),
+    "obstacle_covered_share": ("of them with a stixel", "%", 100.0),
+    "compared_share": ("stixels with true disparities in their area", "%", 100.0),
+    "stixels_compared": ("stixels compared", "", 1.0),
+    "median_px": ("median size of the error", "px", 1.0),
+    "beyond_1px_share": ("errors beyond 1 px", "%", 100.0),
+    "square_compared": ("stixels compared, on square surfaces", "", 1.0),
+    "square_median_px": ("median size of the error, on square surfaces", "px", 1.0),
+    "square_beyond_1px_share": ("errors beyond 1 px, on square surfaces", "%", 100.0),
+    "offset_px": ("offset of the images against the truth", "px", 1.0),
+    "patches": ("patches that show it", "", 1.0),
+    "square_median_px_aligned": ("median on square surfaces, offset removed", "px", 1.0),
+    "square_beyond_1px_share_aligned": (
+        "beyond 1 px on square surfaces, offset removed",
+        "%",
+        100.0,
+    ),
+    "near_columns": ("columns with a true obstacle nearer than 6 m", "", 1.0),
+    "near_called_free": ("of them called free", "", 1.0),
+}
+"""Label, unit and factor of each value."""
+
+
+def page_html(found: Assessment, command: str) -> str:
+    """The page of an assessment; `command` is the command line that writes it."""
     return page_template(__package__, "assess").render(
         sentences=sentences(found),
         rows=[
@@ -39,8 +79,6 @@ def page_html(found: "Assessment", command: str) -> str:
 
 def shown(name: str, value: Any) -> str:
     """A value as text, in its unit."""
-    from stixel_cli.experiment.assess import LABELS
-
     if value is None:
         return NO_VALUE
     if isinstance(value, int):
@@ -49,7 +87,7 @@ def shown(name: str, value: Any) -> str:
     return f"{factor * value:.1f}" if unit == "%" else f"{factor * value:.2f}"
 
 
-def sentences(found: "Assessment") -> list[str]:
+def sentences(found: Assessment) -> list[str]:
     """The answers, the most important first."""
     values = found.values
 

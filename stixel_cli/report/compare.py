@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.metric_table import SERIES, metric
 from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
 from stixel_cli.evaluation.verdict import verdict
-from stixel_cli.report import style
+from stixel_cli.pictures import style
+from stixel_cli.report.charts import DASHES, Panel, chart
 from stixel_cli.report.differences import by_group, differing_settings, warnings
 from stixel_cli.report.metrics import NO_VALUE, best, shown_difference, shown_value, with_value
 from stixel_cli.report.page_svg import Drawing, drawing_for_page, picture_for_page
@@ -69,7 +71,6 @@ def page_html(runs: Sequence[RunResult], command: Sequence[str], page: Path) -> 
         labels=labels,
         styles=[line_style(i) for i in range(len(runs))],
         colours=len(style.RUNS),
-        run_colours=style.RUNS,
         links=[_link(run.folder, page) for run in runs],
         warnings=warnings(runs),
         differing=by_group(differing),
@@ -167,7 +168,7 @@ def _path_picture(run: RunResult) -> dict[str, Any] | None:
     return None if png is None else picture_for_page(png)
 
 
-LINE_STYLES = ("-", "--", "-.", ":")
+_SETTINGS = {"axes.labelsize": 10.0, "xtick.labelsize": 10.0, "ytick.labelsize": 10.0}
 
 
 def run_colour(i: int) -> str:
@@ -177,48 +178,35 @@ def run_colour(i: int) -> str:
 
 def line_style(i: int) -> str:
     """Line style of the i-th run: style and colour are unique among the first 32 runs."""
-    return LINE_STYLES[(i + i // len(style.RUNS)) % len(LINE_STYLES)]
+    return DASHES[(i + i // len(style.RUNS)) % len(DASHES)]
 
 
 def error_curves(runs: Sequence[RunResult]) -> list[tuple[str, Drawing]]:
     """(title, drawing) of each error that a run has; the i-th run has colour `var(--run-i)`."""
     drawn = []
-    with style.drawing({"axes.labelsize": 10.0, "xtick.labelsize": 10.0, "ytick.labelsize": 10.0}):
-        for name, series in SERIES.items():
-            if any(np.isfinite(getattr(run.scores, name)).any() for run in runs):
-                title = series.label + (" (consistent: 1)" if series.ratio else "")
-                svg = _curve_svg(name, title, runs)
-                drawn.append((title, drawing_for_page(svg, f"c{len(drawn)}")))
+    for name, series in SERIES.items():
+        if any(np.isfinite(getattr(run.scores, name)).any() for run in runs):
+            title = series.label + (" (consistent: 1)" if series.ratio else "")
+            drawn.append((title, drawing_for_page(_curve_svg(name, title, runs), f"c{len(drawn)}")))
     return drawn
 
 
 def _curve_svg(name: str, title: str, runs: Sequence[RunResult]) -> str:
     series = SERIES[name]
-    figure = style.new_figure(5.0, 2.7)
-    figure.patch.set_visible(False)
-    axes = figure.add_axes((0.135, 0.175, 0.85, 0.71))
-    axes.patch.set_visible(False)
-    axes.grid(True)
-    if series.ratio:
-        axes.set_yscale("log")
-        axes.yaxis.set_major_formatter("{x:g}")
-        axes.minorticks_off()
-    line = LOW_OVERLAP if name == "iou" else series.consistent
-    if line is not None:
-        axes.axhline(line, color=style.TRUTH, linewidth=0.7, linestyle=(0, (4, 3)))
-    for i, run in enumerate(runs):
-        values = series.factor * getattr(run.scores, name)
-        if series.ratio:
-            values = np.where(values > 0.0, values, np.nan)
-        axes.plot(
-            run.scores.times, values, color=run_colour(i), linestyle=line_style(i), linewidth=1.6
-        )
-    if series.ratio:
-        low, high = axes.get_ylim()
-        axes.set_ylim(min(low, 0.08), max(high, 12.5))
-    else:
-        axes.set_ylim(*series.bounds)
-    axes.margins(x=0.01)
-    axes.set_title(title)
-    axes.set(xlabel="t (s)", ylabel=series.unit or series.short_label)
-    return style.svg(figure).decode()
+    mark = LOW_OVERLAP if name == "iou" else None if series.ratio else series.consistent
+
+    def draw(axes: Axes) -> None:
+        if mark is not None:
+            axes.axhline(mark, color=style.TRUTH, linewidth=0.7, linestyle=(0, (4, 3)))
+        for i, run in enumerate(runs):
+            values = series.factor * getattr(run.scores, name)
+            if series.ratio:
+                values = np.where(values > 0.0, values, np.nan)
+            look = {"color": run_colour(i), "linestyle": line_style(i), "linewidth": 1.6}
+            axes.plot(run.scores.times, values, **look)
+        axes.margins(x=0.01)
+
+    limits = (None, None) if series.ratio else series.bounds
+    y = series.unit or series.short_label
+    panel = Panel(draw, title, "t (s)", y, series.ratio, limits)
+    return chart("", [panel], row=2.25, width=5.0, settings=_SETTINGS).svg.decode()

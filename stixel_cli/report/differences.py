@@ -73,11 +73,4 @@ def warnings(runs: Sequence[RunResult]) -> list[str]:
 
 def _choices(run: RunResult, settings: dict[str, str]) -> dict[str, str]:
     """The chosen option of each group whose settings have no `kind`."""
-    choices = run.manifest.get("choices")
-    if not isinstance(choices, dict):
-        return {}
-    return {
-        str(group): str(option)
-        for group, option in choices.items()
-        if f"{group}.kind" not in settings
-    }
+    return {g: option for g, option in run.choices.items() if f"{g}.kind" not in settings}

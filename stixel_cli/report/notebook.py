@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.metric_table import metric
 from stixel_cli.evaluation.verdict import verdict
-from stixel_cli.report import style
+from stixel_cli.pictures import style
+from stixel_cli.pictures.path_figure import path_figure
 from stixel_cli.report.metrics import main_metrics, shown_value, with_value
-from stixel_cli.report.path_figure import path_figure
 from stixel_cli.results.result import RunResult
 
 PICTURE = "path.png"

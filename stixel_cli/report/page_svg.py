@@ -8,7 +8,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from stixel_cli.report import style
+from stixel_cli.pictures import style
 
 _COLOURS = {
     "#000000": "currentColor",

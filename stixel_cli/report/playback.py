@@ -18,7 +18,7 @@ from stixel_cli.evaluation.metric_table import SERIES
 from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
 from stixel_cli.evaluation.verdict import badges, verdict
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.report.consistency import consistent_bounds
+from stixel_cli.pictures.consistency import consistent_bounds
 from stixel_cli.report.metrics import LABEL_COLUMNS, label_rows
 from stixel_cli.report.page_numbers import (
     FARTHEST,

@@ -1,22 +1,29 @@
 """Write result folders: everything needed to read a run and to repeat it."""
 
+import itertools
 import os
 import re
 import shutil
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 
 from stixel_cli.errors import FolderTaken, UserError
+from stixel_cli.files import written
 from stixel_cli.results import lineage
-from stixel_cli.results.result import RunResult, track_arrays, truth_arrays
+from stixel_cli.results.provenance import stored_sources
+from stixel_cli.results.result import RunResult
+from stixel_cli.results.tables import run_arrays
 from stixel_cli.results.text import json_text, yaml_text
 
 PAGE = "index.html"
 """The playback page of a run."""
+
+Content = str | bytes | Callable[[Path], object]
+"""Of a file: text, bytes, or a function that writes it."""
 
 MOST_CHARACTERS = 200
 """Limit of a folder's name; its temporary name is longer, and file systems allow 255."""
@@ -24,30 +31,39 @@ MOST_CHARACTERS = 200
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+=,-]*")
 
 
-def reserve_folder(results: Path, name: str | None, default_name: str) -> Path:
-    """The folder to write: `results` / `name`, or an unused one of the default name.
+def new_folder(
+    results: Path, name: str | None, stem: str, moment: datetime, write: Callable[[Path], object]
+) -> Path:
+    """Write a new folder: `results` / `name`, or an unused one named by stem and time.
 
-    Only the folder `results` itself is created.
+    `write` writes the folder at a path, and raises FolderTaken if another process was faster.
 
     Raises:
         UserError: if the name is not a plain folder name, or exists, or `results` is not writable.
     """
     check_results(results, name)
-    try:
+    with _created(results):
         results.mkdir(parents=True, exist_ok=True)
+    for number in itertools.count(1):
+        more = f"-{number}" if number > 1 else ""
+        folder = results / (name or f"{stem}-{moment:%Y%m%d-%H%M%S}{more}")
+        if name is None and os.path.lexists(folder):
+            continue
+        try:
+            write(folder)
+            return folder
+        except FolderTaken:
+            # Another run of the same second took the name; there are more default names.
+            if name is not None:
+                raise
+
+
+@contextmanager
+def _created(results: Path) -> Iterator[None]:
+    try:
+        yield
     except OSError as error:
         raise UserError(f"--results: {results}: cannot be created: {error.strerror}") from error
-    if name is not None:
-        return results / name
-    folder, number = results / default_name, 2
-    while os.path.lexists(folder):
-        folder, number = results / f"{default_name}-{number}", number + 1
-    return folder
-
-
-def stamp(moment: datetime) -> str:
-    """Date and time at the end of a folder's name."""
-    return f"{moment:%Y%m%d-%H%M%S}"
 
 
 def check_results(results: Path, name: str | None) -> None:
@@ -60,9 +76,8 @@ def check_results(results: Path, name: str | None) -> None:
         raise UserError(f"--results: {results}: not writable; name another folder")
     missing = [path for path in (results, *results.parents) if not path.exists()]
     try:
-        results.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"--results: {results}: cannot be created: {error.strerror}") from error
+        with _created(results):
+            results.mkdir(parents=True, exist_ok=True)
     finally:
         for path in missing:
             # Another process may have put something into it.
@@ -72,10 +87,8 @@ def check_results(results: Path, name: str | None) -> None:
 
 def check_name(results: Path, name: str | None) -> None:
     """Raise UserError if a given name is not a plain folder name, or exists."""
-    try:
+    with _created(results):
         results.exists()
-    except OSError as error:
-        raise UserError(f"--results: {results}: cannot be created: {error.strerror}") from error
     if name is None:
         return
     check_plain_name(name)
@@ -93,21 +106,20 @@ def check_plain_name(name: str) -> None:
         raise UserError(f"--name: {name[:20]}…: at most {MOST_CHARACTERS} characters")
 
 
-def write_folder(folder: Path, run: RunResult, page: str) -> None:
-    """Write a result folder: it appears complete, under its name, or not at all.
-
-    Args:
-        folder: path of the new folder.
-        run: a computed run, with its complete manifest.
-        page: HTML of the playback page.
+@contextmanager
+def whole_folder(folder: Path, replace: bool = False) -> Iterator[Path]:
+    """Context with a partial folder, which at the end becomes `folder`: complete, or not at all.
 
     Raises:
-        FolderTaken: if a folder of that name exists by now.
-        UserError: if it cannot be written (disk full, no permission).
+        FolderTaken: if `folder` exists by now, unless `replace`.
+        OSError: if it cannot be written.
     """
     partial = folder.with_name(f".{folder.name}.partial-{os.getpid()}")
     try:
-        _write_files(partial, run, page)
+        partial.mkdir(parents=True)
+        yield partial
+        if replace and folder.exists():
+            shutil.rmtree(folder)
         # A rename onto an empty folder would succeed; mkdir reserves the name for this process.
         try:
             folder.mkdir()
@@ -118,35 +130,61 @@ def write_folder(folder: Path, run: RunResult, page: str) -> None:
         except OSError:
             folder.rmdir()
             raise
-    except OSError as error:
-        raise UserError(f"{folder}: cannot be written: {error.strerror}") from error
     finally:
-        with suppress(OSError):
-            shutil.rmtree(partial)
+        shutil.rmtree(partial, ignore_errors=True)
 
 
-def _write_files(folder: Path, run: RunResult, page: str) -> None:
-    folder.mkdir(parents=True)
-    texts = {
+def write_whole_folder(folder: Path, files: Mapping[str, Content], replace: bool = False) -> None:
+    """Write a folder of files by path below it: it appears complete, or not at all.
+
+    Raises:
+        FolderTaken, OSError: as `whole_folder` does.
+    """
+    with whole_folder(folder, replace) as partial:
+        for name, content in files.items():
+            file = partial / name
+            if "/" in name:
+                file.parent.mkdir(parents=True, exist_ok=True)
+            if isinstance(content, str):
+                file.write_text(content, encoding="utf-8")
+            elif isinstance(content, bytes):
+                file.write_bytes(content)
+            else:
+                content(file)
+
+
+def write_folder(folder: Path, run: RunResult, page: str) -> None:
+    """Write the result folder of a computed run, with its complete manifest and playback page.
+
+    Raises:
+        FolderTaken: if a folder of that name exists by now.
+        UserError: if it cannot be written (disk full, no permission).
+    """
+    files = {
         "config.yaml": yaml_text(dict(run.settings)),
         "manifest.json": json_text(run.manifest),
         "metrics.json": json_text(run.metrics),
         lineage.FILE: json_text(lineage.lineage_tree(run.lineage)),
         PAGE: page,
         **{f"{stem}.csv": csv_text(columns) for stem, columns in run.tables.items()},
+        **{f"{stem}.npz": arrays_content(columns) for stem, columns in run_arrays(run).items()},
+        **figure_files(run.pictures),
     }
-    for name, text in texts.items():
-        (folder / name).write_text(text, encoding="utf-8")
-    tables = run.tables | {"track": track_arrays(run.track)}
-    if "truth" in tables:
-        tables["truth"] = truth_arrays(run.scenario)
+    sources = stored_sources(run.lineage.sources)
+    files |= {f"{lineage.CODE_FOLDER}/{name}": source for name, source in sources.items()}
+    with written(folder):
+        write_whole_folder(folder, files)
+
+
+def arrays_content(arrays: Mapping[str, np.ndarray]) -> Callable[[Path], None]:
+    """A function that writes arrays by name into an NPZ file."""
     # Not compressed: that takes longer than all else here, and saves a third.
-    for stem, arrays in tables.items():
-        np.savez(folder / f"{stem}.npz", **arrays)
-    for path, data in sorted(run.pictures.items()):
-        file = folder / "figures" / path
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_bytes(data)
+    return lambda file: np.savez(file, **arrays)
+
+
+def figure_files(pictures: Mapping[str, bytes]) -> dict[str, bytes]:
+    """Pictures by path below the folder of a run."""
+    return {f"figures/{path}": data for path, data in sorted(pictures.items())}
 
 
 def csv_text(columns: Mapping[str, Sequence]) -> str:

@@ -5,7 +5,7 @@ It explains later why a rerun differs.
 
 import json
 from collections.abc import Iterable, Mapping, MutableMapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,8 @@ from stixel_cli.files import read_json
 
 FILE = "lineage.json"
 CODE_FOLDER = "code"
-"""Folder of a sweep: the code part of its runs' lineages, one file for equal parts."""
+"""Folder with copies of the user's modules. In that of a sweep: the code part of its runs'
+lineages, one file for equal parts, each with a folder of the copies."""
 
 _KEY_DIGITS = 64
 _CODE_DIGITS = 16
@@ -52,10 +53,12 @@ class Lineage:
         stages: by name.
         code: module -> digest, of all code that the stages reach; None if unknown: in a folder
             of an older version, or for a run that was moved out of its sweep.
+        sources: module -> file and digest of its bytes, of the user's modules; of a new run only.
     """
 
     stages: Mapping[str, StageLineage]
     code: Mapping[str, str] | None
+    sources: Mapping[str, tuple[Path, str]] = field(default_factory=dict)
 
 
 def lineage_of(
@@ -77,13 +80,15 @@ def lineage_of(
     """
     wanted = set(keys)
     known = {} if known is None else known
-    stages, code = {}, {}
+    stages, code, sources = {}, {}, {}
     for name in graph.stage_names:
         nodes = [node for node in graph.of_stage(name) if node.key in wanted]
         if nodes:
             stages[name] = _stage_lineage(nodes, store, known)
-            code |= nodes[0].identity.code.modules
-    return Lineage(stages, code)
+            reached = nodes[0].identity.code
+            code |= reached.modules
+            sources |= {name: reached.files[name] for name in reached.of_user}
+    return Lineage(stages, code, sources)
 
 
 def _stage_lineage(
@@ -128,16 +133,7 @@ def lineage_tree(lineage: Lineage) -> dict[str, Any]:
 
 def stages_tree(lineage: Lineage) -> dict[str, Any]:
     """The stages as JSON."""
-    return {
-        name: {
-            "settings": stage.settings,
-            "versions": dict(stage.versions),
-            "keys": list(stage.keys),
-            "digests": list(stage.digests),
-            "files": None if stage.files is None else dict(stage.files),
-        }
-        for name, stage in lineage.stages.items()
-    }
+    return {name: vars(stage) for name, stage in lineage.stages.items()}
 
 
 def shared_code(lineage: Lineage) -> tuple[str, str]:

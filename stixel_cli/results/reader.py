@@ -2,8 +2,6 @@
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -130,35 +128,8 @@ def read_pictures(figures: Path, name: str) -> dict[str, bytes]:
     return {name: data}
 
 
-@dataclass(frozen=True)
-class ListedRun:
-    """One line of the list.
-
-    Attributes:
-        path: the folder.
-        kind: `run` or `sweep`.
-        created: date and time, "" if unknown.
-        choices: the option of each group; empty for a sweep.
-        overrides: as typed.
-        swept: the keys that differ between the runs of its sweep, with their values as typed.
-        seed: None if unknown.
-        metrics: of the run; empty for a sweep.
-        fault: why it cannot be read, in one line; None if it can be read.
-    """
-
-    path: Path
-    kind: str
-    created: str
-    choices: dict[str, str]
-    overrides: tuple[str, ...]
-    swept: dict[str, str]
-    seed: int | None
-    metrics: dict[str, float | int | None]
-    fault: str | None
-
-
-def list_runs(root: Path) -> list[ListedRun]:
-    """The result folders below `root`, oldest first; a sweep is one entry, without its runs.
+def find_folders(root: Path) -> list[Path]:
+    """The folders of runs and sweeps below `root`; those of a sweep's runs are not searched.
 
     Raises:
         UserError: if the folder does not exist or cannot be read.
@@ -169,56 +140,19 @@ def list_runs(root: Path) -> list[ListedRun]:
         os.listdir(root)
     except OSError as error:
         raise UserError(f"{root}: cannot be read: {error.strerror}") from error
-    found = [_listed(folder, kind) for folder, kind in _find(root, 0)]
-    return sorted(found, key=lambda run: (run.created, run.path))
+    return list(_find(root, 0))
 
 
-def _find(folder: Path, depth: int) -> Iterator[tuple[Path, str]]:
+def _find(folder: Path, depth: int) -> Iterator[Path]:
     try:
         with os.scandir(folder) as entries:
             inside = {entry.name: entry.is_dir(follow_symlinks=False) for entry in entries}
     except OSError:
         return
-    if "manifest.json" in inside:
-        yield folder, "run"
-    elif SWEEP_FILE in inside and depth > 0:
-        yield folder, "sweep"
+    if "manifest.json" in inside or (SWEEP_FILE in inside and depth > 0):
+        yield folder
     elif depth < DEEPEST:
         for name in sorted(name for name, is_folder in inside.items() if is_folder):
             # A name that begins with a dot is unfinished or of another program.
             if not name.startswith("."):
                 yield from _find(folder / name, depth + 1)
-
-
-def _listed(folder: Path, kind: str) -> ListedRun:
-    if kind == "sweep":
-        created = _modified(folder / SWEEP_FILE)
-        return ListedRun(folder, kind, created, {}, (), {}, None, {}, None)
-    try:
-        manifest, metrics = read_manifest(folder), read_metrics(folder)
-    except UserError as fault:
-        return ListedRun(folder, kind, "", {}, (), {}, None, {}, str(fault))
-    overrides, seed = manifest.get("overrides"), manifest.get("seed")
-    return ListedRun(
-        folder,
-        kind,
-        str(manifest.get("created", "")),
-        _texts(manifest.get("choices")),
-        tuple(map(str, overrides)) if isinstance(overrides, list) else (),
-        _texts(manifest.get("swept")),
-        seed if isinstance(seed, int) else None,
-        metrics,
-        None,
-    )
-
-
-def _texts(value: Any) -> dict[str, str]:
-    """The items of a mapping as texts; empty for anything else."""
-    return {str(k): str(v) for k, v in value.items()} if isinstance(value, dict) else {}
-
-
-def _modified(file: Path) -> str:
-    try:
-        return datetime.fromtimestamp(file.stat().st_mtime, UTC).isoformat(timespec="seconds")
-    except OSError:
-        return ""

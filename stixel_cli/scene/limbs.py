@@ -1,4 +1,4 @@
-"""Legs of two bones, for those who walk and pedal."""
+"""Two-bone leg kinematics of pedestrians and cyclists."""
 
 import numpy as np
 

@@ -5,22 +5,29 @@ References (materials, textures, buffers) are read from the text of Wavefront's 
 that this module does not read.
 """
 
+import io
 import os
 import re
+import subprocess
+import sys
 import warnings
 from collections.abc import Iterator
 from functools import lru_cache
+from hashlib import sha256
 from pathlib import Path
 from urllib.parse import unquote
 
 import numpy as np
 
-from stixel_cli.errors import UserError
-from stixel_cli.files import opened, read_json
+from stixel_cli.errors import UserError, printable
+from stixel_cli.files import GREATEST_ARRAYS, opened, read_bytes, read_json
+from stixel_cli.remembered import remembered
 from stixel_cli.scene.mesh import Mesh, Part, bounding_box, corners, grounded
-from stixel_cli.scene.open3d_import import import_open3d_bindings
+from stixel_cli.scene.mesh_process import read
 from stixel_cli.scene.shapes import cube_uvs
 from stixel_cli.scene.textures import paint
+
+COMMAND = (sys.executable, "-m", read.__module__)
 
 LEAST_SIDE, GREATEST_SIDE = 0.1, 30.0
 """Of the box around a road user, m: nothing flat, and no file in millimetres."""
@@ -47,21 +54,23 @@ def load_mesh(path: str, contrast: float) -> Mesh:
     """
     _check_counts(path)
     _check_textures(path)
-    open3d = import_open3d_bindings()
-    # Without this, Open3D would print a second message.
-    with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
-        found = open3d.io.read_triangle_mesh(path)
-    vertices = np.asarray(found.vertices, dtype=np.float64)
-    triangles = np.asarray(found.triangles, dtype=np.int32)
+    digest = sha256()
+    for file in (Path(path), *referred_files(Path(path))):
+        digest.update(sha256(read_bytes(file, GREATEST_ARRAYS)).digest())
+    return _loaded(path, contrast, digest.hexdigest())
+
+
+# Every chunk of frames asks for it, and a child process takes half a second.
+@lru_cache(maxsize=2)
+def _loaded(path: str, contrast: float, digest: str) -> Mesh:
+    found = _read_in_child(path)
+    vertices, triangles = found["vertices"], found["triangles"]
     if len(triangles) == 0:
         raise ValueError(
             f"road_user.mesh: Open3D finds no triangles in {path!r}: the file is damaged, or all "
             "its faces have four corners or more (triangulate them)"
         )
-    if not all(
-        np.isfinite(np.asarray(a)).all()
-        for a in (vertices, found.triangle_uvs, found.vertex_colors)
-    ):
+    if not all(np.isfinite(found[name]).all() for name in ("vertices", "uvs", "colours")):
         raise ValueError(
             f"road_user.mesh: a coordinate, texture coordinate or colour in {path!r} is not finite"
         )
@@ -72,7 +81,7 @@ def load_mesh(path: str, contrast: float) -> Mesh:
             f"road_user.mesh: a triangle in {path!r} has the vertex {wrong[0]}, counted from 0; "
             f"the file has {len(vertices)} vertices"
         )
-    (mesh,) = grounded([Mesh(tuple(_parts(found, vertices, triangles, contrast)))])
+    (mesh,) = grounded([Mesh(tuple(_parts(found, contrast)))])
     low, high = bounding_box(mesh)
     sides = high - low
     if not ((sides >= LEAST_SIDE) & (sides <= GREATEST_SIDE)).all():
@@ -111,7 +120,7 @@ def _check_counts(path: str) -> None:
     for count in counts:
         if not count.isdigit() or int(count[:20]) > size:
             raise ValueError(
-                f"road_user.mesh: {path!r} declares {count[:20].decode('ascii', 'replace')} "
+                f"road_user.mesh: {path!r} declares {printable(count[:20].decode('latin-1'))} "
                 f"elements, which a file of {size} bytes cannot have"
             )
 
@@ -139,25 +148,34 @@ def _check_textures(path: str) -> None:
             continue
 
 
-def _parts(found, vertices, triangles, contrast):
-    # An empty image (a material without a texture), made an array, would abort the process.
-    textures = [
-        None if image.is_empty() else _power_of_two(np.asarray(image)) for image in found.textures
-    ]
-    if found.has_triangle_uvs() and any(image is not None for image in textures):
-        uvs = np.asarray(found.triangle_uvs, dtype=np.float64).reshape(-1, 3, 2)
-        material = np.asarray(found.triangle_material_ids)
+def _read_in_child(path: str) -> dict[str, np.ndarray]:
+    """The arrays of `mesh_process.read`; no triangles if the file ends the child process."""
+    child = subprocess.run((*COMMAND, path), stdin=subprocess.DEVNULL, capture_output=True)
+    if child.returncode < 0:
+        return {"vertices": np.empty((0, 3)), "triangles": np.empty((0, 3), np.int32)}
+    if child.returncode > 0:
+        reason = child.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2]
+        raise ValueError(f"road_user.mesh: Open3D cannot read {path!r}: {printable(reason)}")
+    with np.load(io.BytesIO(child.stdout), allow_pickle=False) as arrays:
+        return dict(arrays)
+
+
+def _parts(found: dict[str, np.ndarray], contrast: float) -> Iterator[Part]:
+    vertices, triangles, uvs = found["vertices"], found["triangles"], found["uvs"]
+    if len(uvs) == 3 * len(triangles) and any(name.startswith("texture_") for name in found):
+        uvs, material = uvs.reshape(-1, 3, 2), found["materials"]
         if len(material) != len(triangles):
             material = np.zeros(len(triangles), dtype=int)
         for number in np.unique(material):
             rows = material == number
-            image = textures[number] if number < len(textures) else None
+            image = found.get(f"texture_{number}")
             if image is None:
                 yield _painted(vertices, triangles[rows], contrast)
             else:
+                image = _power_of_two(image)
                 yield Part(vertices, triangles[rows], uvs[rows], image, f"material {number}")
-    elif found.has_vertex_colors():
-        colours = np.asarray(found.vertex_colors)[triangles].mean(axis=1)
+    elif len(found["colours"]) == len(vertices):
+        colours = found["colours"][triangles].mean(axis=1)
         shades = np.clip(np.rint(colours * (LEVELS - 1)), 0, LEVELS - 1).astype(int)
         yield Part(vertices, triangles, _palette_uvs(shades), _palette(), "vertex colours")
     else:
@@ -208,8 +226,7 @@ def referred_files(path: Path) -> tuple[Path, ...]:
     while pending:
         one = pending.pop(0)
         try:
-            stat = one.stat()
-            names = _names(one, stat.st_mtime_ns, stat.st_size)
+            names = _names(one)
         except (OSError, UserError):
             # The reader of the mesh reports files that cannot be read.
             continue
@@ -220,9 +237,9 @@ def referred_files(path: Path) -> tuple[Path, ...]:
     return tuple(found)
 
 
-@lru_cache(maxsize=64)
-def _names(path: Path, *state: int) -> tuple[str, ...]:
-    """The names in a file, read once for all runs of a sweep while its `state` is the same."""
+@remembered
+def _names(path: Path) -> tuple[str, ...]:
+    """The names in a file, read once for all runs of a sweep."""
     reader = {".obj": _of_obj, ".mtl": _of_mtl, ".gltf": _of_gltf, ".ply": _of_ply}.get(
         path.suffix.lower()
     )

@@ -1,11 +1,12 @@
 """Parameters of the target: the group `road_user`."""
 
 import os.path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from annotated_types import Ge, Le
 
 from stixel_cli.parameters import parameters
+from stixel_cli.scene.classes import RoadUserClass
 
 
 @parameters
@@ -25,7 +26,7 @@ class RoadUser:
         mesh: file with a mesh of your own (any format of Open3D; m, x forward, z up) or null.
     """
 
-    kind: Literal["car", "cyclist", "pedestrian"]
+    kind: RoadUserClass
     length: Annotated[float, Ge(0.1), Le(30)]
     width: Annotated[float, Ge(0.1), Le(10)]
     height: Annotated[float, Ge(0.1), Le(10)]

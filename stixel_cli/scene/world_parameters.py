@@ -1,8 +1,8 @@
 """Parameters of road and background (the group `world`), and of the light of both renderers."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
 from stixel_cli.parameters import parameters
 
@@ -34,11 +34,12 @@ class Light:
         sun_elevation: height of the sun above the horizon, degrees.
         sun: irradiance of a surface that faces the sun, over pi.
         ambient: irradiance from the sky of a surface that faces up, over pi.
-        exposure: factor from light to the image's linear grey, with full scale 1.
     """
 
     sun_azimuth: Annotated[float, Ge(-180), Le(360)]
     sun_elevation: Annotated[float, Ge(5), Le(90)]
     sun: Annotated[float, Ge(0), Le(10)]
     ambient: Annotated[float, Ge(0), Le(10)]
-    exposure: Annotated[float, Gt(0), Le(10)]
+
+    exposure: ClassVar[float] = 0.85
+    """Factor from light to the image's linear grey, with full scale 1: white stays below it."""

@@ -1,37 +1,27 @@
 """Block matching, Konolige 1997, by OpenCV."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Ge, Le
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stereo.matching import MatchingParameters, check_odd, match_pairs
+from stixel_cli.stereo.matching import MatchingParameters, match_pairs
 
 
 @dataclass(frozen=True, kw_only=True)
 class BmParameters(MatchingParameters):
-    """Block matching, Konolige 1997, as OpenCV's StereoBM.
-
-    Attributes:
-        pre_filter: image that is matched: "normalized_response" or "x_sobel".
-        pre_filter_size: window of the normalised response, px, odd.
-        texture_threshold: blocks whose summed filter response is below it are invalid.
-    """
+    """Block matching, Konolige 1997, as OpenCV's StereoBM; it filters by x-derivative."""
 
     kind: Literal["bm"]
     block_size: Annotated[int, Ge(5), Le(255)]
-    pre_filter: Literal["normalized_response", "x_sobel"]
-    pre_filter_size: Annotated[int, Ge(5), Le(255)]
-    texture_threshold: Annotated[int, Ge(0), Le(100000)]
     subpixel: Literal["parabola", "second_match"]
 
-    def check(self) -> None:
-        """Raise ValueError if the parameters contradict each other."""
-        super().check()
-        check_odd("pre_filter_size", self.pre_filter_size)
+    pre_filter_cap: ClassVar[int] = 31
+    texture_threshold: ClassVar[int] = 10
+    """Blocks whose summed filter response is below it are invalid: OpenCV's own value."""
 
 
 def match(pairs: StereoPairs, stereo: BmParameters, rig: Rig, frames: range) -> Disparities:
@@ -46,16 +36,11 @@ def match(pairs: StereoPairs, stereo: BmParameters, rig: Rig, frames: range) -> 
 
     if stereo.block_size > min(rig.width, rig.height):
         raise ValueError(f"stereo.block_size: {stereo.block_size} px is larger than the image")
-    filters = {
-        "normalized_response": cv2.StereoBM_PREFILTER_NORMALIZED_RESPONSE,
-        "x_sobel": cv2.StereoBM_PREFILTER_XSOBEL,
-    }
 
     def create(minimum: int, count: int) -> cv2.StereoBM:
         matcher = cv2.StereoBM_create(numDisparities=count, blockSize=stereo.block_size)
         matcher.setMinDisparity(minimum)
-        matcher.setPreFilterType(filters[stereo.pre_filter])
-        matcher.setPreFilterSize(stereo.pre_filter_size)
+        matcher.setPreFilterType(cv2.StereoBM_PREFILTER_XSOBEL)
         matcher.setPreFilterCap(stereo.pre_filter_cap)
         matcher.setTextureThreshold(stereo.texture_threshold)
         matcher.setSpeckleRange(stereo.speckle_range)

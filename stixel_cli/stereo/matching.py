@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import contextmanager
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, MultipleOf
@@ -24,14 +24,7 @@ class MatchingParameters:
         disparities: number of disparities searched, px, a multiple of 16; null: as many as an
             object `nearest` metres away needs with the rig at hand.
         nearest: least depth that must be measurable, m; read where `disparities` is null.
-        minimum_disparity: the least disparity searched, px.
         block_size: side of the matched block, px, odd, below the image's sides.
-        left_right_difference: greatest difference of the left and the right view's disparity, px;
-            -1: not checked.
-        pre_filter_cap: bound of the filtered image that is matched, grey levels.
-        uniqueness_ratio: per cent by which the best cost must beat the others.
-        speckle_window: smaller regions of even disparity are invalid, px²; 0: not filtered.
-        speckle_range: greatest disparity step inside such a region, px.
         subpixel: how the pull of the sub-pixel parabola to whole pixels is corrected. "parabola":
             not at all; "second_match": by the mean with a second match, whose right image is moved
             half a pixel, in nearly twice the time.
@@ -40,14 +33,22 @@ class MatchingParameters:
     kind: str
     disparities: Annotated[int, Ge(16), Le(1024), MultipleOf(16)] | None
     nearest: Annotated[float, Gt(0), Le(100)]
-    minimum_disparity: Annotated[int, Ge(0), Le(512)]
     block_size: int
-    left_right_difference: Annotated[int, Ge(-1), Le(1024)]
-    pre_filter_cap: Annotated[int, Ge(1), Le(63)]
-    uniqueness_ratio: Annotated[int, Ge(0), Le(100)]
-    speckle_window: Annotated[int, Ge(0), Le(10000)]
-    speckle_range: Annotated[int, Ge(0), Le(64)]
     subpixel: str
+
+    # OpenCV's checks of a match, at values that its documentation recommends.
+    minimum_disparity: ClassVar[int] = 0
+    """The least disparity searched, px: far obstacles have one near 0."""
+    left_right_difference: ClassVar[int] = 1
+    """Greatest difference of the left and the right view's disparity, px."""
+    pre_filter_cap: ClassVar[int]
+    """Bound of the filtered image that is matched, grey levels: OpenCV's own for each matcher."""
+    uniqueness_ratio: ClassVar[int] = 10
+    """Per cent by which the best cost must beat the others."""
+    speckle_window: ClassVar[int] = 100
+    """Smaller regions of even disparity are invalid, px²."""
+    speckle_range: ClassVar[int] = 2
+    """Greatest disparity step inside such a region, px."""
 
     def check(self) -> None:
         """Raise ValueError if the parameters contradict each other."""
@@ -89,7 +90,7 @@ def match_pairs(
 
     A matcher reports nothing in the leftmost columns, as many as its greatest disparity and
     `margin`, so that much is put in front of the images and taken off again. The errors of the
-    `rig`'s disparities are taken off, rounded to 1/16 px.
+    `rig`'s disparities are corrected, rounded to 1/16 px.
 
     Args:
         create: makes a matcher for a least disparity and a number of them, px.

@@ -1,7 +1,7 @@
 """Semi-global matching, Hirschmüller 2008, in OpenCV's modes."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Ge, Le, MultipleOf
 
@@ -22,8 +22,8 @@ class SgmParameters(MatchingParameters):
             the time of "second_match".
         disparities_at_full_size: number of disparities searched on whole images, px, a multiple of
             16; null, or a number that is not below that of all disparities: all. Images of half the
-            size then give the larger ones, and check the others. `left_right_difference` and the
-            speckles' keys are then in pixels of these images.
+            size then give the larger ones, and check the others. The check of left and right and
+            the speckles are then in pixels of these images.
     """
 
     kind: Literal["sgm"]
@@ -33,6 +33,8 @@ class SgmParameters(MatchingParameters):
     p2: Annotated[int, Ge(0), Le(100000)]
     subpixel: Literal["parabola", "phase_table", "second_match"]
     disparities_at_full_size: Annotated[int, Ge(BLOCK), Le(1024), MultipleOf(BLOCK)] | None = None
+
+    pre_filter_cap: ClassVar[int] = 63
 
     def check(self) -> None:
         """Raise ValueError if the parameters contradict each other."""

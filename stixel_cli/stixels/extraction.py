@@ -3,7 +3,6 @@
 import cv2
 import numpy as np
 
-from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo.disparities import SUBPIXELS, Disparities
@@ -56,29 +55,7 @@ def extract_stixels(
     arrays = {
         name: np.concatenate([zero, *(f[name] for f in found)]) for name, zero in empty.items()
     }
-    unknown = [
-        unknown_bearings(free_space.unknown_row[k - free_space.first] >= 0, rig) for k in frames
-    ]
-    return Stixels(
-        first=frames.start,
-        offsets=offsets,
-        unknown_offsets=np.cumsum([0, *map(len, unknown)], dtype=np.int64),
-        unknown_ego=np.concatenate([np.zeros((0, 2)), *unknown]),
-        **arrays,
-    )
-
-
-def unknown_bearings(unknown: np.ndarray, rig: Rig) -> np.ndarray:
-    """Least and greatest bearings (U, 2) rad, in the ego frame, of runs of `unknown` (W,) columns.
-
-    In ascending order. Bearings are of level rays, along which a column's u is
-    u0 + f tan(bearing from straight ahead) / cos p.
-    """
-    steps = np.diff(np.concatenate([[0], unknown.astype(np.int8), [0]]))
-    edges = np.stack([np.flatnonzero(steps > 0), np.flatnonzero(steps < 0)], axis=1) - 0.5
-    right = (edges - rig.u0) / rig.focal * np.cos(rig.pitch_radians)
-    # Columns run to the right, bearings to the left.
-    return (STRAIGHT_AHEAD - np.arctan(right))[::-1, ::-1]
+    return Stixels(first=frames.start, offsets=offsets, **arrays)
 
 
 def stixels_of_frame(

@@ -1,6 +1,6 @@
 """Parameters of the way from free space to stixels: the groups `height` and `extraction`."""
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from annotated_types import Ge, Gt, Le
 
@@ -34,12 +34,8 @@ class ExtractionParameters:
             may make no stixel, such as a wheel seen end-on or a handlebar: half of a stixel's
             columns must have an obstacle, which is `free_space.obstacle_height` high.
         smoothing: standard deviation of the kernel that smooths the histogram, px.
-        least_height: pixels lower above the road than this do not count, m: at the foot of an
-            obstacle a matcher blends it with the road.
-        least_pixels: fewer pixels of the obstacle's disparity make no stixel.
-        front_height: the front face is the nearest part of the stixel that is this high, m.
         front_margin: pixels more than this behind the front face are another surface, px: a
-            windscreen behind a bonnet does not move the stixel.
+            windscreen behind a bonnet does not move the stixel. 1024: no split.
         refinement: weight of the disparity that aligns the stixel's patches in both images; the
             matcher's has the rest. 0: no alignment.
         least_std: standard deviation of a stixel's disparity amid others of its object, px.
@@ -51,11 +47,16 @@ class ExtractionParameters:
 
     width: Annotated[int, Ge(1), Le(64)]
     smoothing: Annotated[float, Ge(0.1), Le(4)]
-    least_height: Annotated[float, Ge(0), Le(20)]
-    least_pixels: Annotated[int, Ge(1), Le(10000)]
-    front_height: Annotated[float, Gt(0), Le(20)]
-    front_margin: Annotated[float, Gt(0), Le(64)]
+    front_margin: Annotated[float, Gt(0), Le(1024)]
     refinement: Annotated[float, Ge(0), Le(1)]
     least_std: Annotated[float, Ge(0), Le(5)]
     edge_std: Annotated[float, Ge(0), Le(5)]
     relief: Annotated[float, Ge(0), Le(5)]
+
+    least_height: ClassVar[float] = 0.25
+    """Pixels lower above the road than this do not count, m: at the foot of an obstacle a matcher
+    blends it with the road. It is that of `road`."""
+    least_pixels: ClassVar[int] = 10
+    """Fewer pixels of the obstacle's disparity make no stixel: they are a matcher's error."""
+    front_height: ClassVar[float] = 0.5
+    """The front face is the nearest part of the stixel that is this high, m: a bonnet is."""

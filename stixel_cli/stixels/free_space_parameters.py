@@ -1,16 +1,13 @@
 """Parameters from disparity to free space: the groups `road`, `occupancy`, `free_space`."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Gt, Le, Lt
 
 from stixel_cli.parameters import parameters
 
-Height = Annotated[float, Ge(0), Le(20)]
-
-
-DisparityMargin = Annotated[float, Ge(0), Le(20)]
+Height = Annotated[float, Ge(0), Lt(3)]
 
 
 Depth = Annotated[float, Gt(0), Le(500)]
@@ -29,22 +26,15 @@ class _Road:
     Attributes:
         kind: where the road plane is taken from.
         least_height: pixels higher above the road than this are obstacles, m.
-        greatest_height: pixels above it are overhanging and do not occupy, m.
-        disparity_margin: an obstacle's disparity exceeds the road's in its row by this, px.
     """
 
     kind: str
     least_height: Height
-    greatest_height: Height
-    disparity_margin: DisparityMargin
 
-    def check(self) -> None:
-        """Raise ValueError if the parameters contradict each other."""
-        if self.least_height >= self.greatest_height:
-            raise ValueError(
-                f"road.least_height: must be < road.greatest_height "
-                f"({self.greatest_height}), got {self.least_height}"
-            )
+    greatest_height: ClassVar[float] = 3.0
+    """Pixels above it are overhanging and do not occupy, m: higher than any car or cyclist."""
+    disparity_margin: ClassVar[float] = 1.0
+    """An obstacle's disparity exceeds the road's in its row by this, px, as in an error's bound."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,16 +50,17 @@ class EstimatedRoad(_Road):
 
     Attributes:
         pitch_range: greatest difference from the rig's pitch, degrees.
-        height_range: greatest difference from the rig's mounting height, as a share of it.
-        tolerance: pixels nearer to the plane's disparity than this vote for it, px.
-        column_step: step from one evaluated column to the next, px.
     """
 
     kind: Literal["estimated"]
     pitch_range: Annotated[float, Gt(0), Le(15)]
-    height_range: Annotated[float, Gt(0), Le(0.5)]
-    tolerance: Annotated[float, Ge(0.25), Le(5)]
-    column_step: Annotated[int, Ge(1), Le(64)]
+
+    height_range: ClassVar[float] = 0.1
+    """Greatest difference from the rig's mounting height, as a share of it: of load and springs."""
+    tolerance: ClassVar[float] = 1.0
+    """Pixels nearer to the plane's disparity than this vote for it, px: a matcher's gross error."""
+    column_step: ClassVar[int] = 3
+    """Step from one evaluated column to the next, px: all columns take three times as long."""
 
 
 RoadParameters = RigRoad | EstimatedRoad
@@ -131,16 +122,18 @@ class CartesianOccupancy(_Occupancy):
 
     Attributes:
         depth_step: distance of two rows, m.
-        half_width: the grid reaches this far to the left and to the right, m.
-        lateral_step: width of a cell, m.
-        column_std: standard deviation of a pixel's column, px.
     """
 
     kind: Literal["cartesian"]
     depth_step: DepthStep
-    half_width: Annotated[float, Gt(0), Le(200)]
-    lateral_step: Annotated[float, Ge(0.02), Le(10)]
-    column_std: Std
+
+    lateral_step: ClassVar[float] = 0.1
+    """Width of a cell, m: a pixel of the default rig is as wide at 55 m."""
+    half_width: ClassVar[float] = 40.0
+    """The grid reaches this far to the left and to the right, m: about
+    half of the default rig's view at 60 m."""
+    column_std: ClassVar[float] = 1.0
+    """Standard deviation of a pixel's column, px."""
 
 
 OccupancyParameters = PolarOccupancy | ColumnDisparityOccupancy | CartesianOccupancy
@@ -155,33 +148,26 @@ class FreeSpaceParameters:
 
     Attributes:
         obstacle_height: vertical extent of the least obstacle, m.
-        obstacle_pixels: and its least number of pixels in a column.
-        cost_bound: greatest cost of a cell (that of an empty one).
         free_cost: cost of a column without any obstacle; below `cost_bound`.
         spatial_cost: cost of a step in depth between neighbouring columns, 1/m (C_s).
         spatial_limit: greater steps cost no more, m (T_s).
         temporal_cost: cost of a step in depth since the last frame, 1/m (C_t); 0: no cost.
         temporal_limit: greater steps cost no more, m (T_t).
-        unknown_height: a place of the road is unknown if, from there up to this height, m, less
-            than `least_density` of the pixels have a disparity.
-        least_density: share of the pixels; 0: all is known.
     """
 
     obstacle_height: Annotated[float, Gt(0), Le(5)]
-    obstacle_pixels: Annotated[float, Ge(1), Le(200)]
-    cost_bound: Annotated[float, Gt(0), Le(1000)]
-    free_cost: Annotated[float, Gt(0), Le(1000)]
+    free_cost: Annotated[float, Gt(0), Lt(1.5)]
     spatial_cost: Annotated[float, Ge(0), Le(1000)]
     spatial_limit: Annotated[float, Gt(0), Le(500)]
     temporal_cost: Annotated[float, Ge(0), Le(1000)]
     temporal_limit: Annotated[float, Gt(0), Le(500)]
-    unknown_height: Annotated[float, Gt(0), Le(20)]
-    least_density: Annotated[float, Ge(0), Le(1)]
 
-    def check(self) -> None:
-        """Raise ValueError if the parameters contradict each other."""
-        if self.free_cost >= self.cost_bound:
-            raise ValueError(
-                f"free_space.free_cost: must be < free_space.cost_bound "
-                f"({self.cost_bound}), got {self.free_cost}"
-            )
+    # Limits that follow from the units: the other costs are relative to them.
+    obstacle_pixels: ClassVar[float] = 5.0
+    """Least number of pixels of the least obstacle in a column: fewer are a matcher's error."""
+    cost_bound: ClassVar[float] = 1.5
+    """Greatest cost of a cell, that of an empty one; the smallest obstacle costs 1."""
+    unknown_height: ClassVar[float] = 1.0
+    """A place of the road is unknown if, from there up to this height, m, less than
+    `least_density` of the pixels have a disparity."""
+    least_density: ClassVar[float] = 0.5

@@ -50,10 +50,6 @@ class Stixels:
         height: (S,) float64 m, of the top above the road.
         points_ego: (S, 2) float64 m on the ego car's ground plane.
         covariances_ego: (S, 2, 2) float64 m².
-        unknown_offsets: (n + 1,) int64, frame i's rows of `unknown_ego`.
-        unknown_ego: (U, 2) float64 rad, least and greatest bearing, counter-clockwise from the ego
-            frame's +x, of columns next to each other in which something may be nearer than what is
-            found; ascending. By default, there are no such columns.
     """
 
     first: int
@@ -68,13 +64,6 @@ class Stixels:
     height: np.ndarray
     points_ego: np.ndarray
     covariances_ego: np.ndarray
-    unknown_offsets: np.ndarray = None
-    unknown_ego: np.ndarray = None
-
-    def __post_init__(self) -> None:
-        if self.unknown_ego is None:
-            object.__setattr__(self, "unknown_offsets", np.zeros_like(self.offsets))
-            object.__setattr__(self, "unknown_ego", np.zeros((0, 2)))
 
     def rows(self, index: int) -> slice:
         """The rows of the `index`-th frame here."""

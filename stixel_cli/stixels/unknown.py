@@ -1,4 +1,4 @@
-"""Columns in which nothing is known beyond a place: no road is seen where it should be."""
+"""Columns with unknown space: the road has no disparities where it should be visible."""
 
 import numpy as np
 from numba import njit

@@ -14,6 +14,7 @@ from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.metric_table import Scores
 from stixel_cli.results.reader import SERIES, read_series
+from stixel_cli.studies.entry import SweepEntry
 from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.results import SweepResult
 
@@ -39,6 +40,7 @@ class StudyRun:
         metrics: name to value; None for a missing value.
         scores: errors over time.
         cpu_seconds: stage to the CPU seconds that its results took; NaN if they are not recorded.
+        variant: name of the sweep's variant; "" if it has none.
         load: returns the result of a stage that the sweep's `results` names, or the list of the
             results of its chunks. It reads the store at each call.
     """
@@ -51,6 +53,7 @@ class StudyRun:
     scores: Scores
     cpu_seconds: Mapping[str, float]
     load: Callable[[str], Any]
+    variant: str = ""
 
 
 @dataclass(frozen=True)
@@ -94,27 +97,18 @@ def run_frame(runs: Iterable[StudyRun]) -> "pd.DataFrame":
             **{group: found[_setting(run, group)] for group, found in names.items()},
             "measurement_kind": run.configuration.measurement.kind,
             "tracker_kind": run.configuration.tracker.kind,
+            "variant": run.variant,
             "seed": run.seed,
             "run": run,
             **run.metrics,
         }
         for run in runs
     ]
-    columns = None if rows else [*GROUPS, "measurement_kind", "tracker_kind", "seed", "run"]
+    columns = (
+        None if rows else [*GROUPS, "measurement_kind", "tracker_kind", "variant", "seed", "run"]
+    )
     frame = pd.DataFrame(rows, columns=columns)
     return frame.astype({name: float for run in runs for name in run.metrics})
-
-
-def names(frame: "pd.DataFrame", column: str) -> list:
-    """The values of a column, in order of appearance."""
-    return frame[column].unique().tolist()
-
-
-def chosen(frame: "pd.DataFrame", **values: Any) -> "pd.DataFrame":
-    """The rows that have the given values in the columns of these names."""
-    for name, value in values.items():
-        frame = frame[frame[name] == value]
-    return frame
 
 
 def measurement_name(option: str, configuration: Configuration) -> str:
@@ -201,7 +195,9 @@ class NodeSeconds:
         return dict(total)
 
 
-def study_sweep(name: str, result: SweepResult, store: Store, seconds: NodeSeconds) -> StudySweep:
+def study_sweep(
+    entry: SweepEntry, result: SweepResult, store: Store, seconds: NodeSeconds
+) -> StudySweep:
     """The data of a complete sweep.
 
     Raises:
@@ -210,7 +206,7 @@ def study_sweep(name: str, result: SweepResult, store: Store, seconds: NodeSecon
     folder = SweepFolder(result.folder)
     runs = []
     for one in result.runs:
-        planned, run = one.planned, one.planned.run
+        planned = run = one.planned
         runs.append(
             StudyRun(
                 index=run.index,
@@ -221,10 +217,11 @@ def study_sweep(name: str, result: SweepResult, store: Store, seconds: NodeSecon
                 scores=_scores(folder.run(run.index), one.metrics),
                 cpu_seconds=seconds.by_stage([(planned.graph, planned.targets)]),
                 load=_loader(planned.graph, store),
+                variant=entry.variant_of(run.setting),
             )
         )
-    keys = tuple(result.runs[0].planned.run.settings)
-    return StudySweep(name, keys, tuple(runs))
+    keys = tuple(result.runs[0].planned.settings)
+    return StudySweep(entry.name, keys, tuple(runs))
 
 
 def _scores(folder: Path, metrics: Mapping[str, float | int | None]) -> Scores:

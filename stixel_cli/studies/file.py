@@ -5,7 +5,6 @@ next to the study's own (`report.py`), or the dotted name of an installed module
 `stixel study` imports it.
 """
 
-import re
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -18,59 +17,21 @@ from typing import Any
 import jinja2
 
 from stixel_cli.config import messages
-from stixel_cli.config.folders import shipped_folder
+from stixel_cli.config.folders import is_shipped, shipped_folder
+from stixel_cli.config.own_options import code_in, refuse_code
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.files import read_text
+from stixel_cli.report.blocks import Findings, Material
 from stixel_cli.studies.data import StudyData
+from stixel_cli.studies.entry import SweepEntry, sweep_entries
 from stixel_cli.studies.template import findings_of, template_of
-from stixel_cli.studies.types import Findings, Material
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.file import ENTRIES as SWEEP_ENTRIES
-from stixel_cli.sweeps.file import design_of, is_study, read_mapping, refuse_unknown
+from stixel_cli.sweeps.file import is_study, read_mapping, refuse_unknown
 
 ALL = "all"
 ENTRIES = ("title", "question", "template", "module", "sweeps")
-_SWEEP_ENTRIES = (*SWEEP_ENTRIES, "results", "derive", "axes_of")
 _LONGEST_PATH = 200
-_SWEEP_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-
-
-@dataclass(frozen=True)
-class SweepEntry:
-    """A sweep of the file.
-
-    Attributes:
-        name: of the sweep.
-        content: entries as in a sweep's file.
-        steps: stages whose results the report reads in addition to the scores.
-        derive: name of the module's function that returns further axes, from the data of the
-            earlier sweeps; or None.
-        axes_of: name of the module's function that returns further axes when the study is
-            planned, such as those of the user's data; or None.
-    """
-
-    name: str
-    content: Mapping[str, Any]
-    steps: tuple[str, ...]
-    derive: str | None
-    axes_of: str | None
-
-    def design(self, derived: list[dict[str, list]] | None = None) -> Design:
-        """The design of the runs, with further axes.
-
-        Raises:
-            ConfigurationError: in one line that names the sweep and the entry.
-        """
-        content = dict(self.content)
-        for keys in derived or []:
-            if len(keys) == 1:
-                content["axes"] = {**(content.get("axes") or {}), **keys}
-            else:
-                content["zipped"] = [*(content.get("zipped") or []), keys]
-        try:
-            return design_of(content, shuffled=False)
-        except ConfigurationError as fault:
-            raise ConfigurationError(f"sweeps: {self.name}: {fault}") from None
 
 
 @dataclass(frozen=True)
@@ -191,8 +152,10 @@ def find_study(name: str) -> Path:
     raise ConfigurationError(f"{messages.printable(name)}: there is no such study{hint}")
 
 
-def read_study(path: Path) -> StudyFile:
+def read_study(path: Path, trusted: bool = False) -> StudyFile:
     """The study of a file, with valid designs of its sweeps.
+
+    A file that is not shipped may name a module or functions of its own only if it is `trusted`.
 
     Raises:
         ConfigurationError: in one line that names the file and the entry.
@@ -203,20 +166,25 @@ def read_study(path: Path) -> StudyFile:
             raise ConfigurationError(f"is a sweep, not a study: stixel sweep --from {_shown(path)}")
         refuse_unknown(content, ENTRIES)
         title, question, template, module = (_text(content, name) for name in ENTRIES[:4])
+        sweeps = tuple(sweep_entries(content))
+        designs = [sweep.design() for sweep in sweeps]
+        if not trusted and not is_shipped(path):
+            own = [] if module.startswith("stixel_cli.") else [module]
+            given = [one for design in designs for one in design.overrides]
+            refuse_code(path, [*own, *code_in(given)])
         study = StudyFile(
             path,
             title,
             question,
             template,
             module,
-            template_of(read_text(_template_file(path.parent, template)), template),
+            template_of(*_template(path.parent, template)),
             _module(path.parent, module),
-            tuple(_sweeps(content)),
+            sweeps,
         )
         if study.sweeps[0].derive is not None:
             raise ConfigurationError(f"sweeps: {study.sweeps[0].name}: derive: no earlier sweep")
         for sweep in study.sweeps:
-            sweep.design()
             for name in (sweep.derive, sweep.axes_of):
                 if name is not None:
                     study.function(name)
@@ -228,10 +196,12 @@ def read_study(path: Path) -> StudyFile:
     return study
 
 
-def _template_file(folder: Path, name: str) -> Path:
-    for place in (folder, Path(__file__).parent / "templates"):
+def _template(folder: Path, name: str) -> tuple[str, str, bool]:
+    """Text and name of a template, and whether it is the package's."""
+    ours = Path(__file__).parent / "templates"
+    for place in (folder, ours):
         if (place / name).is_file():
-            return place / name
+            return read_text(place / name), name, (place / name).resolve().parent == ours.resolve()
     raise ConfigurationError(f"template: no file {messages.printable(name)} in {_shown(folder)}")
 
 
@@ -276,30 +246,3 @@ def _text(content: Mapping[str, Any], name: str) -> str:
     if not isinstance(value, str) or not value.strip():
         raise ConfigurationError(f"{name}: is required and must be a string")
     return " ".join(value.split())
-
-
-def _sweeps(content: Mapping[str, Any]) -> list[SweepEntry]:
-    sweeps = content.get("sweeps")
-    if not isinstance(sweeps, dict) or not sweeps:
-        raise ConfigurationError("sweeps: must be names, each with a sweep's entries")
-    found = []
-    for name, entries in sweeps.items():
-        where = f"sweeps: {messages.printable(str(name))}"
-        if not isinstance(name, str) or not _SWEEP_NAME.fullmatch(name):
-            raise ConfigurationError(f"{where}: a name of letters, digits and _ is needed")
-        if not isinstance(entries, dict):
-            raise ConfigurationError(f"{where}: must have a sweep's entries, as KEY: VALUE")
-        try:
-            refuse_unknown(entries, _SWEEP_ENTRIES)
-        except ConfigurationError as fault:
-            raise ConfigurationError(f"{where}: {fault}") from None
-        steps = entries.get("results") or []
-        if not isinstance(steps, list) or not all(isinstance(step, str) for step in steps):
-            raise ConfigurationError(f"{where}: results: must be a list of steps")
-        functions = {entry: entries.get(entry) for entry in ("derive", "axes_of")}
-        for entry, function in functions.items():
-            if not isinstance(function, str | None):
-                raise ConfigurationError(f"{where}: {entry}: must be the name of a function")
-        sweep = {key: value for key, value in entries.items() if key in SWEEP_ENTRIES}
-        found.append(SweepEntry(name, sweep, tuple(steps), **functions))
-    return found

@@ -13,9 +13,9 @@ from stixel_cli.engine.keys import canonical
 from stixel_cli.engine.remembered import remembered
 from stixel_cli.engine.store import Store
 from stixel_cli.evaluation.metric_table import Scores
+from stixel_cli.report.blocks import Findings
 from stixel_cli.studies.data import StudyData, StudySweep
 from stixel_cli.studies.file import StudyFile
-from stixel_cli.studies.types import Findings
 from stixel_cli.sweeps.results import SweepResult
 
 

@@ -3,27 +3,31 @@
 study.yaml         the request: sweeps, overrides, provenance
 sweeps/NAME/       a sweep
 report.html        the report
+report.json        its answer and its tables as data, once all runs are complete
 tables/ figures/   tables as CSV, Markdown and LaTeX, figures as SVG, once all runs are complete
 """
 
+import json
 import shutil
 from collections.abc import Mapping
 from datetime import UTC, datetime
+from itertools import takewhile
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 import yaml
 
+from stixel_cli.config.texts import split_override
 from stixel_cli.errors import UserError
 from stixel_cli.files import read_yaml, write_whole, written
+from stixel_cli.report.blocks import Figure, Findings, Paragraph, Table
+from stixel_cli.report.tables import plain_rows, table_csv, table_latex, table_markdown
 from stixel_cli.results.folder import check_plain_name
 from stixel_cli.results.provenance import provenance
 from stixel_cli.results.text import yaml_text
 from stixel_cli.studies.plan import StudyPlan
-from stixel_cli.studies.tables import figures_of, table_csv, table_latex, table_markdown, tables_of
-from stixel_cli.studies.types import Findings
 
-FILE, PAGE = "study.yaml", "report.html"
+FILE, PAGE, DATA = "study.yaml", "report.html", "report.json"
 UNSET = "not set"
 _LONGEST = 60
 """Characters of a value that are shown."""
@@ -122,15 +126,14 @@ def differences(there: Mapping[str, Any], wanted: Mapping[str, Any], folder: str
         before, after = _settings(there), _settings(wanted)
     except (AttributeError, KeyError, TypeError, ValueError):
         raise ValueError("not the request of a study") from None
-    sweeps = wanted["sweeps"]
     found = []
-    for key in dict.fromkeys((*after, *before)):
-        if before.get(key) == after.get(key):
-            continue
-        (sweep, name), old, new = key, before.get(key, UNSET), after.get(key, UNSET)
-        where = f" of sweep {sweep}" if sweep and (len(sweeps) > 1 or sweep not in sweeps) else ""
-        old, new = _shown(old, new), _shown(new, old)
-        found.append(f"{name}{where}: {old} in {folder}, {new} here")
+    for sweep, name in dict.fromkeys((*after, *before)):
+        old, new = (one.get((sweep, name), UNSET) for one in (before, after))
+        if old != new:
+            several = len(wanted["sweeps"]) > 1 or sweep not in wanted["sweeps"]
+            where = f" of sweep {sweep}" if sweep and several else ""
+            shown = _shown(old, new), _shown(new, old)
+            found.append(f"{name}{where}: {shown[0]} in {folder}, {shown[1]} here")
     return found
 
 
@@ -138,20 +141,14 @@ def _settings(request: Mapping[str, Any]) -> dict[tuple[str, str], str]:
     """Sweep ("" for keys of the study) and key to the values as typed."""
     found = {("", key): str(request[key]) for key in ("study", "template", "module")}
     for name, sweep in request["sweeps"].items():
-        for text in sweep["fixed"]:
-            key, _, value = text.partition("=")
-            found[name, key] = value
+        pairs = map(split_override, sweep["fixed"])
+        found |= {(name, key): value for key, value in pairs}
         for axis in sweep["axes"]:
-            steps = [_step(step) for step in axis["steps"]]
-            found[name, "+".join(axis["keys"])] = ",".join(steps)
-        for key in ("leave_out", "results", "derive"):
-            found[name, key] = str(sweep[key])
+            steps = ([split_override(text)[1] for text in step] for step in axis["steps"])
+            texts = (own[0] if len(own) == 1 else f"({' '.join(own)})" for own in steps)
+            found[name, "+".join(axis["keys"])] = ",".join(texts)
+        found |= {(name, key): str(sweep[key]) for key in ("leave_out", "results", "derive")}
     return found
-
-
-def _step(texts: list[str]) -> str:
-    values = [text.partition("=")[2] for text in texts]
-    return values[0] if len(values) == 1 else f"({' '.join(values)})"
 
 
 def _shown(value: str, other: str) -> str:
@@ -172,11 +169,11 @@ def files_of(findings: Findings) -> dict[str, str | bytes]:
         UserError: if two files have one name, or a name is not a path inside the folder.
     """
     named: list[tuple[str, str | bytes]] = []
-    for table in tables_of(findings):
-        named.append((f"tables/{table.name}.csv", table_csv(table)))
-        named.append((f"tables/{table.name}.md", table_markdown(table)))
-        named.append((f"tables/{table.name}.tex", table_latex(table)))
-    named += [(f"figures/{figure.name}.svg", figure.svg) for figure in figures_of(findings)]
+    for table in findings.blocks(Table):
+        for suffix, text in (("csv", table_csv), ("md", table_markdown), ("tex", table_latex)):
+            named.append((f"tables/{table.name}.{suffix}", text(table)))
+    named += [(f"figures/{figure.name}.svg", figure.svg) for figure in findings.blocks(Figure)]
+    named.append((DATA, json.dumps(report_data(findings), indent=1, ensure_ascii=False) + "\n"))
     named += findings.files.items()
     files = dict(named)
     if len(files) < len(named):
@@ -188,3 +185,23 @@ def files_of(findings: Findings) -> dict[str, str | bytes]:
         if path.is_absolute() or ".." in path.parts or name in (FILE, PAGE):
             raise UserError(f"report: {name!r} is not a valid file name in a study's folder")
     return files
+
+
+def report_data(findings: Findings) -> dict[str, Any]:
+    """The report as plain types.
+
+    `answer`: its paragraphs; `leads`: those before its first figure. `tables`: caption and rows by
+    name; a row maps the columns of `tables/NAME.csv` to cells.
+    """
+    leads = takewhile(lambda block: not isinstance(block, Figure), findings.opening)
+    return {
+        "leads": [block.text for block in leads if isinstance(block, Paragraph)],
+        "answer": list(findings.answer),
+        "tables": {
+            table.name: {
+                "caption": table.caption,
+                "rows": [dict(zip(table.columns, row, strict=True)) for row in plain_rows(table)],
+            }
+            for table in findings.blocks(Table)
+        },
+    }

@@ -3,27 +3,28 @@
 import base64
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import yaml
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
-from stixel_cli.report import style
-from stixel_cli.report.metrics import format_value
-from stixel_cli.report.page_svg import drawing_for_page
-from stixel_cli.report.page_template import page_template
-from stixel_cli.studies.tables import INTERVAL, shown_table
-from stixel_cli.studies.types import (
+from stixel_cli.config.texts import split_override
+from stixel_cli.report.blocks import (
     Block,
     Figure,
     Findings,
-    Origin,
     Paragraph,
     Picture,
     Section,
-    SweepState,
     Table,
 )
+from stixel_cli.report.metrics import format_value
+from stixel_cli.report.page_svg import drawing_for_page
+from stixel_cli.report.page_template import page_template
+from stixel_cli.report.tables import INTERVAL, shown_table
+from stixel_cli.studies.template import inline_html
 
 _NARROW = 700
 """Figures up to this width, px, are placed side by side if the screen is wide enough."""
@@ -39,6 +40,59 @@ _SIDE_BY_SIDE = 2
 """With more columns of intervals, the intervals are below their values."""
 
 
+@dataclass(frozen=True)
+class SweepState:
+    """Progress of a sweep.
+
+    Attributes:
+        name: of the sweep.
+        runs: their number; None if it depends on earlier sweeps.
+        done: number of finished runs.
+        faults: one line for each reason why others are missing.
+        folder: of the sweep.
+    """
+
+    name: str
+    runs: int | None
+    done: int
+    faults: tuple[str, ...]
+    folder: Path
+
+    @property
+    def complete(self) -> bool:
+        """Whether every run is finished."""
+        return self.done == self.runs
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Provenance of a report.
+
+    Attributes:
+        command: command line that makes the report.
+        overrides: of the command.
+        notes: which overrides are left out of which sweeps.
+        seeds: of the runs of each sweep.
+        provenance: revision, versions and machine, as in a manifest.
+        created: UTC.
+        stage_cpu_seconds: CPU seconds that the results of each stage took; NaN if one is unknown.
+        elapsed: s from the start of the command.
+        sweeps: request of each sweep.
+        configuration: of the first run, resolved.
+    """
+
+    command: str
+    overrides: Sequence[str]
+    notes: Sequence[str]
+    seeds: Mapping[str, Sequence[int]]
+    provenance: Mapping[str, Any]
+    created: str
+    stage_cpu_seconds: Mapping[str, float]
+    elapsed: float
+    sweeps: Mapping[str, Mapping[str, Any]]
+    configuration: Mapping[str, Any]
+
+
 def study_page(
     title: str,
     question: str,
@@ -52,7 +106,7 @@ def study_page(
     figures = [i for i, block in enumerate(opening, 1) if block["kind"] in ("figure", "figures")]
     split = figures[0] if figures else len(opening)
     sections = [] if findings is None else numbered.sections(findings.sections, "")
-    return page_template(__package__, "study", {"code": _code, "brief": _brief}).render(
+    return page_template(__package__, "study", {"inline": _inline, "brief": _brief}).render(
         title=title,
         question=question,
         answer=None if findings is None else opening[:split],
@@ -67,13 +121,12 @@ def study_page(
         configuration=yaml.safe_dump(
             dict(origin.configuration), sort_keys=False, allow_unicode=True
         ),
-        run_colours=style.RUNS,
     )
 
 
-def _code(text: str) -> Markup:
-    """Text as HTML: words between backticks are code."""
-    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))
+def _inline(text: str) -> Markup:
+    """A paragraph of Markdown as HTML."""
+    return Markup(inline_html(text))
 
 
 def _brief(caption: str) -> str:
@@ -199,7 +252,7 @@ def _sweeps(origin: Origin) -> list[dict[str, Any]]:
             count = len(axis["keys"])
             # Overrides of a single step are shown with their keys.
             values = [
-                " ".join([*(text.partition("=")[2] for text in step[:count]), *step[count:]])
+                " ".join([*(split_override(text)[1] for text in step[:count]), *step[count:]])
                 for step in axis["steps"]
             ]
             axes.append((key, ", ".join(values)))

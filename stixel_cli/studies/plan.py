@@ -7,11 +7,11 @@ from hashlib import sha256
 from typing import Any
 
 from stixel_cli.config import messages
-from stixel_cli.config.overrides import parse_overrides, single_overrides
+from stixel_cli.config.folders import of_the_machine
+from stixel_cli.config.overrides import Override, parse
 from stixel_cli.errors import ConfigurationError
-from stixel_cli.experiment.run import OF_THE_MACHINE
 from stixel_cli.studies.file import StudyFile, SweepEntry
-from stixel_cli.studies.overrides import key_of, overridden
+from stixel_cli.studies.overrides import overridden
 from stixel_cli.sweeps.design import Design, check_size
 from stixel_cli.sweeps.graphs import SweepPlan
 from stixel_cli.sweeps.runs import design_runs
@@ -46,7 +46,7 @@ class StudyPlan:
 
         A command finds its folder again, and commands with different results have different ones.
         """
-        texts = sorted(_values_text(text) for text in self.overrides if not of_the_machine(text))
+        texts = sorted(_values_text(parse(t)) for t in self.overrides if not of_the_machine(t))
         name = "-".join((self.study.name, *texts))
         plain = _NOT_PLAIN.sub("-", name)[:_LONGEST_NAME]
         # Other overrides could give the same shortened name.
@@ -60,9 +60,12 @@ class StudyPlan:
             "module": self.study.module_name,
             "sweeps": {
                 one.sweep.name: {
-                    "fixed": [t for t in one.design.fixed if not of_the_machine(t)],
+                    "fixed": [o.text for o in one.design.fixed if not of_the_machine(o.key)],
                     "axes": [
-                        {"keys": list(axis.keys), "steps": [list(step) for step in axis.steps]}
+                        {
+                            "keys": list(axis.keys),
+                            "steps": [[value.text for value in step] for step in axis.steps],
+                        }
                         for axis in one.design.axes
                     ],
                     "leave_out": [dict(entry) for entry in one.design.left_out],
@@ -74,16 +77,9 @@ class StudyPlan:
         }
 
 
-def _values_text(text: str) -> str:
+def _values_text(override: Override) -> str:
     """An override with its values written out: `seed=range(0,2)` becomes `seed=0,1`."""
-    (parsed,) = parse_overrides([text])
-    values = [one.partition("=")[2] for one in single_overrides(parsed, shuffled=False)]
-    return f"{parsed.key_or_group}={','.join(values)}"
-
-
-def of_the_machine(text: str) -> bool:
-    """Whether an override only sets the machine's options, so no result depends on it."""
-    return key_of(text).partition(".")[0] in OF_THE_MACHINE
+    return f"{override.key}={','.join(one.value_text for one in override.singles())}"
 
 
 def plan_study(study: StudyFile, overrides: Sequence[str]) -> StudyPlan:
@@ -114,7 +110,7 @@ def derived_design(plan: StudyPlan, one: PlannedSweep, axes: list[dict[str, list
     known = {key for axis in one.sweep.design().axes for key in axis.keys}
     new = [axis for axis in with_axes.axes if known.isdisjoint(axis.keys)]
     derived = {key for axis in new for key in axis.keys}
-    fixed = tuple(text for text in one.design.fixed if key_of(text) not in derived)
+    fixed = tuple(override for override in one.design.fixed if override.key not in derived)
     # An override of a derived key already applies to the earlier sweeps.
     own = [axis for axis in one.design.axes if derived.isdisjoint(axis.keys)]
     # Before the sweep's own axes, the last of which is the seeds'.

@@ -4,11 +4,15 @@ CPU seconds are those that the engine recorded when it computed a result, on one
 """
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stixel_cli.report.blocks import Table
 from stixel_cli.studies.data import StudyRun
-from stixel_cli.studies.types import Table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 STAGES = ("match", "free_space", "stixels", "scans", "track")
 """Stages between the images and the track: the work of a system with real cameras."""
@@ -17,15 +21,18 @@ IN_ORDER = ("free_space", "track")
 """Stages that need their result of the scan before."""
 
 
-def seconds_a_scan(runs: Sequence[StudyRun]) -> dict[str, float]:
-    """Median over the runs of the CPU seconds per scan, of each of `STAGES` that is recorded."""
-    found = {}
-    for stage in STAGES:
-        seconds = [run.cpu_seconds.get(stage, np.nan) / len(run.scores.times) for run in runs]
-        known = [one for one in seconds if np.isfinite(one)]
-        if known:
-            found[stage] = float(np.median(known))
-    return found
+def seconds_frame(runs: Sequence[StudyRun], stages: Sequence[str]) -> "pd.DataFrame":
+    """CPU seconds per scan of each run (row) and stage (column); NaN if they are not recorded."""
+    import pandas as pd
+
+    seconds = pd.DataFrame([dict(run.cpu_seconds) for run in runs], columns=list(stages))
+    scans = np.array([len(run.scores.times) for run in runs], dtype=np.float64)
+    return seconds.astype(float).div(scans, axis=0)
+
+
+def seconds_a_scan(runs: Sequence[StudyRun], stages: Sequence[str] = STAGES) -> dict[str, float]:
+    """Median over the runs of the CPU seconds per scan, of each of the stages that is recorded."""
+    return seconds_frame(runs, stages).median().dropna().to_dict()
 
 
 def on_cores(seconds: Mapping[str, float]) -> tuple[float, float]:
@@ -49,12 +56,8 @@ def real_time_table(name: str, kinds: Mapping[str, Sequence[StudyRun]]) -> Table
         seconds = seconds_a_scan(runs)
         sample_time = runs[0].configuration.path.sample_time
         one, two = on_cores(seconds)
-        stages = (1e3 * seconds[stage] if stage in seconds else None for stage in STAGES)
-        rows.append((kind, *stages, 1e3 * one, one / sample_time, two / sample_time))
-    columns = (
-        *(f"{stage} (ms)" for stage in STAGES),
-        "sum (ms)",
-        "one core / T",
-        "two cores at least / T",
-    )
-    return Table(name, "", ("runs", *columns), tuple(rows))
+        row = {"runs": kind}
+        row |= {f"{s} (ms)": 1e3 * seconds[s] if s in seconds else None for s in STAGES}
+        row |= {"sum (ms)": 1e3 * one, "one core / T": one / sample_time}
+        rows.append(row | {"two cores at least / T": two / sample_time})
+    return Table.of(name, rows)

@@ -12,19 +12,22 @@ from pathlib import Path
 from typing import Any
 
 from stixel_cli.config import messages
+from stixel_cli.config.folders import of_the_machine
+from stixel_cli.config.overrides import parse
 from stixel_cli.engine.locks import lease
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
+from stixel_cli.report.blocks import Findings
 from stixel_cli.results.provenance import provenance
+from stixel_cli.results.result import SKIPPED
 from stixel_cli.studies.data import NodeSeconds, StudyData, StudySweep, study_sweep
 from stixel_cli.studies.findings import findings_of_study
 from stixel_cli.studies.folder import StudyFolder
-from stixel_cli.studies.page import study_page
-from stixel_cli.studies.plan import PlannedSweep, StudyPlan, derived_design, of_the_machine
-from stixel_cli.studies.types import Findings, Origin, SweepState
+from stixel_cli.studies.page import Origin, SweepState, study_page
+from stixel_cli.studies.plan import PlannedSweep, StudyPlan, derived_design
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.folder import SweepFolder
-from stixel_cli.sweeps.results import SKIPPED, SweepResult
+from stixel_cli.sweeps.results import SweepResult
 from stixel_cli.sweeps.run import SweepInterrupted
 from stixel_cli.sweeps.runs import design_runs
 from stixel_cli.sweeps.whole import check_computable, designed_sweep, resumed_sweep
@@ -120,7 +123,7 @@ class _Run:
         self.sweeps: dict[str, StudySweep] = {}
         """Data of the sweeps that are complete."""
         self.started = time.perf_counter()
-        self.first = next(p.plan.runs[0].run.composition for p in plan.sweeps if p.plan)
+        self.first = next(p.plan.runs[0].composition for p in plan.sweeps if p.plan)
         self.store = open_store(self.first.configuration.cache)
         self.node_seconds = NodeSeconds(self.store)
 
@@ -140,7 +143,7 @@ class _Run:
             result = self._sweep(name, one, design)
         self.results[name] = result
         if result.complete:
-            self.sweeps[name] = study_sweep(name, result, self.store, self.node_seconds)
+            self.sweeps[name] = study_sweep(one.sweep, result, self.store, self.node_seconds)
 
     def report(self) -> StudyResult:
         """Write the report; it has statistics only if all sweeps are complete."""
@@ -156,7 +159,7 @@ class _Run:
             overrides=self.plan.overrides,
             notes=self.plan.notes,
             seeds={
-                name: sorted({run.planned.run.seed for run in result.runs})
+                name: sorted({run.seed for run in result.runs})
                 for name, result in self.results.items()
             },
             provenance=provenance(),
@@ -212,6 +215,7 @@ class _Run:
                     self.workers,
                     self.visible,
                     label,
+                    overrides=[text for text in texts[0] if of_the_machine(text)],
                     note=lambda text: self.tell(f"{name}: {text}"),
                     # The user typed the names of own functions; the folder says where they are.
                     trust_code=request.working_directory == os.getcwd(),
@@ -221,7 +225,8 @@ class _Run:
             shutil.rmtree(path)
         command = shlex.join(["stixel", "sweep", "--resume", str(path)])
         if self.workers is not None:
-            design = replace(design, fixed=(*design.fixed, f"executor.workers={self.workers}"))
+            workers = parse(f"executor.workers={self.workers}")
+            design = replace(design, fixed=(*design.fixed, workers))
         return designed_sweep(design, path, command, one.sweep.steps, self.visible, label)
 
     def _state(self, one: PlannedSweep) -> SweepState:
@@ -240,7 +245,7 @@ class _Run:
         for run in failed[:_MOST_FAILURES]:
             reason = messages.printable(" ".join(str(run.failure).split()), 300)
             also = " (as another)" if run.status == SKIPPED else ""
-            faults.append(f"{run.planned.run.label}: {reason}{also}")
+            faults.append(f"{run.label}: {reason}{also}")
         if len(failed) > _MOST_FAILURES:
             faults.append(f"and {len(failed) - _MOST_FAILURES} more, see runs.csv")
         done = result.count("done")

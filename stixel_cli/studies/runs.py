@@ -3,27 +3,29 @@
 A frame of runs is that of `data.run_frame`.
 """
 
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
-from scipy.stats import chi2
 
-from stixel_cli.evaluation.metric_table import METRICS, Metric, metric, over_runs
+from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.pictures import style
+from stixel_cli.report import tables
+from stixel_cli.report.blocks import Cell, Figure, Table
+from stixel_cli.report.charts import DASHES, Panel, chart
+from stixel_cli.report.charts import over_time as draw_over_time
+from stixel_cli.report.statistics import chi_square_bounds, over_seeds
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.studies.tables import over_seeds
-from stixel_cli.studies.types import Table
-from stixel_cli.sweeps.statistics import CONFIDENCE, Statistic
+from stixel_cli.studies.data import StudyRun
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_PAIR = ["road_user", "path", "seed"]
-"""Columns that are equal in the two runs of a pair."""
-_RUN = [*_PAIR, "measurement", "measurement_kind", "tracker"]
+NEAR = 2.0
+"""Points within this distance of the true contour, m, are taken for the target's."""
 
 SCAN_ERRORS = {
     "centre": METRICS["centre_rmse_m"],
@@ -33,38 +35,23 @@ SCAN_ERRORS = {
     "nis": METRICS["nis_mean"],
 }
 """Columns of errors in a frame of scans, with the metric that sums them up over a run."""
-
-
-def quantity(metric: Metric) -> str:
-    """The short label without the statistic: "centre" of "centre RMSE"."""
-    return metric.short_label.removesuffix(" RMSE").removeprefix("mean ")
-
-
-def of_runs(row: Metric) -> Metric:
-    """The row of a metric's mean over runs."""
-    return metric(over_runs(row.name))
-
-
-CEILINGS = (
-    "iou_star_convex_ceiling",
-    "iou_heights_ceiling",
-    "iou_hull_heights_ceiling",
-    "iou_box_heights_ceiling",
-)
-"""The metrics that bound the overlaps."""
+ERROR_LABELS = {name: tables.plain_label(metric) for name, metric in SCAN_ERRORS.items()}
+AXIS_LABELS = {
+    name: f"{ERROR_LABELS[name]} ({metric.unit})" if metric.unit else ERROR_LABELS[name]
+    for name, metric in SCAN_ERRORS.items()
+}
+CEILINGS = {
+    "iou_star_convex_ceiling": "IoU, best star-convex contour",
+    "iou_heights_ceiling": "IoU, gated heights",
+    "iou_hull_heights_ceiling": "hull's IoU, gated heights",
+    "iou_box_heights_ceiling": "box's IoU, gated heights",
+}
+"""The metrics that bound the overlaps, with their labels."""
 
 
 def ceilings_table(name: str, runs: "pd.DataFrame", keys: Sequence[str]) -> Table:
     """One row for each combination of `keys`: the greatest IoUs that a track could have."""
-    rows = [
-        (*values, *(metric_over_seeds(own, one).mean for one in CEILINGS))
-        for values, own in runs.groupby(list(keys), sort=False)
-    ]
-    columns = (
-        "IoU, best star-convex contour",
-        *("IoU, gated heights", "hull's IoU, gated heights", "box's IoU, gated heights"),
-    )
-    return Table(name, "", (*(key.replace("_", " ") for key in keys), *columns), tuple(rows))
+    return Table.of(name, tables.rows_by(runs, keys, CEILINGS, tables.mean_cell))
 
 
 def scan_frame(runs: "pd.DataFrame") -> "pd.DataFrame":
@@ -78,51 +65,34 @@ def scan_frame(runs: "pd.DataFrame") -> "pd.DataFrame":
     """
     import pandas as pd
 
-    return pd.concat(_scan_frames(runs), ignore_index=True)
+    return pd.concat(map(_scans_of_run, runs.to_dict("records")), ignore_index=True)
 
 
-def _scan_frames(runs: "pd.DataFrame") -> "Iterator[pd.DataFrame]":
+def _scans_of_run(row: Mapping[str, Any]) -> "pd.DataFrame":
     import pandas as pd
 
-    for row in runs.to_dict("records"):
-        scenario, scans, track = (row["run"].load(name) for name in ("scenario", "scans", "track"))
-        scores = row["run"].scores
-        to_sensor = scans.sensor_poses_world[:, :2] - scenario.target_poses_world[:, :2]
-        bearing = np.arctan2(to_sensor[:, 1], to_sensor[:, 0])
-        aspect = np.abs(np.degrees(wrap_angle(bearing - scenario.target_poses_world[:, 2])))
-        yield pd.DataFrame(
-            {
-                **{name: row[name] for name in _RUN},
-                "k": np.arange(len(scores.times)),
-                "t": scores.times,
-                "centre": scores.centre_error,
-                "orientation": np.abs(np.degrees(scores.orientation_error)),
-                "iou": scores.iou,
-                "nees": scores.nees_position,
-                "nis": scores.nis,
-                "nis_degrees": track.nis_degrees_of_freedom,
-                "range": np.hypot(to_sensor[:, 0], to_sensor[:, 1]),
-                "aspect": aspect,
-                "points": np.diff(scans.offsets),
-                "used": np.diff(track.used_offsets),
-            }
-        )
-
-
-def metric_over_seeds(runs: "pd.DataFrame", name: str) -> Statistic:
-    """A metric over seeds: each seed's mean over its runs; seeds with a missing value left out."""
-    by_seed = runs.groupby("seed")[name].agg(lambda values: values.mean(skipna=False))
-    return over_seeds(by_seed)
-
-
-def paired_difference(one: "pd.DataFrame", other: "pd.DataFrame", name: str) -> Statistic:
-    """A metric of `one` minus that of `other`: the mean of each seed over the pairs of runs.
-
-    Runs are a pair if road user, path and seed are equal: then the motion is equal.
-    """
-    pairs = one[[*_PAIR, name]].merge(other[[*_PAIR, name]], on=_PAIR).dropna()
-    difference = (pairs[f"{name}_x"] - pairs[f"{name}_y"]).groupby(pairs["seed"]).mean()
-    return over_seeds(difference)
+    scenario, scans, track = (row["run"].load(name) for name in ("scenario", "scans", "track"))
+    scores = row["run"].scores
+    to_sensor = scans.sensor_poses_world[:, :2] - scenario.target_poses_world[:, :2]
+    bearing = np.arctan2(to_sensor[:, 1], to_sensor[:, 0])
+    keys = ("road_user", "path", "seed", "measurement", "measurement_kind", "tracker")
+    return pd.DataFrame(
+        {
+            **{name: row[name] for name in keys},
+            "k": np.arange(len(scores.times)),
+            "t": scores.times,
+            "centre": scores.centre_error,
+            "orientation": np.abs(np.degrees(scores.orientation_error)),
+            "iou": scores.iou,
+            "nees": scores.nees_position,
+            "nis": scores.nis,
+            "nis_degrees": track.nis_degrees_of_freedom,
+            "range": np.hypot(to_sensor[:, 0], to_sensor[:, 1]),
+            "aspect": np.abs(np.degrees(wrap_angle(bearing - scenario.target_poses_world[:, 2]))),
+            "points": np.diff(scans.offsets),
+            "used": np.diff(track.used_offsets),
+        }
+    )
 
 
 def within_bounds(scans: "pd.DataFrame") -> tuple[float | None, float | None]:
@@ -143,12 +113,6 @@ def within_bounds(scans: "pd.DataFrame") -> tuple[float | None, float | None]:
     return shares[0], shares[1]
 
 
-def chi_square_bounds(degrees: np.ndarray | int) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds of the central 95 % of chi-square, each with the shape of `degrees`."""
-    edge = 0.5 * (1.0 - CONFIDENCE)
-    return chi2.ppf(edge, degrees), chi2.ppf(1.0 - edge, degrees)
-
-
 def contour_distances(scans: Scans, scenario: Scenario) -> np.ndarray:
     """Distance (P,) m of every scan's points from the true contour, negative inside it."""
     distances = np.empty(len(scans.points_world))
@@ -161,3 +125,89 @@ def contour_distances(scans: Scans, scenario: Scenario) -> np.ndarray:
         away = shapely.distance(truth.exterior, points)
         distances[rows] = np.where(shapely.contains(truth, points), -away, away)
     return distances
+
+
+def near_points(run: StudyRun) -> tuple[np.ndarray, np.ndarray]:
+    """Number of points of each scan (K,) near the true contour, and their distances, m."""
+    scans = run.load("scans")
+    distances = contour_distances(scans, run.load("scenario"))
+    near = distances < NEAR
+    k = np.repeat(np.arange(len(scans)), np.diff(scans.offsets))
+    return np.bincount(k[near], minlength=len(scans)), distances[near]
+
+
+def gate_shares(runs: Iterable[StudyRun]) -> tuple[float | None, float | None]:
+    """Share of the target's points that a tracker did not use, and of others in those it used."""
+    near = lost = used = others = 0
+    for run in runs:
+        is_near = contour_distances(run.load("scans"), run.load("scenario")) < NEAR
+        used_points = run.load("track").used_points
+        own = np.count_nonzero(is_near[used_points])
+        near += np.count_nonzero(is_near)
+        lost += np.count_nonzero(is_near) - own
+        used += len(used_points)
+        others += len(used_points) - own
+    return (lost / near if near else None), (others / used if used else None)
+
+
+def scan_rows(runs: "pd.DataFrame", keys: Sequence[str]) -> Iterator[dict[str, Cell]]:
+    """Points of the scans and their distances from the true contour, by `keys`."""
+    for values, own in tables.groups(runs, keys):
+        near = [near_points(run) for run in own["run"]]
+        counts, away = [n for n, _ in near], [d for _, d in near if len(d)]
+        rms = over_seeds(float(np.sqrt(np.mean(np.square(d)))) for d in away)
+        yield {
+            **dict(zip(keys, values, strict=True)),
+            **tables.spread("points on the target", over_seeds(float(n.mean()) for n in counts)),
+            "share of scans without points on the target": over_seeds(
+                float((n == 0).mean()) for n in counts
+            ).mean,
+            **tables.spread(
+                "mean distance from the contour (m)", over_seeds(float(d.mean()) for d in away)
+            ),
+            **tables.spread("RMS distance (m)", rms),
+        }
+
+
+def colour(measurement: str, measurements: Sequence[str]) -> str:
+    """Colour of a measurement, the same in every figure."""
+    return style.RUNS[measurements.index(measurement) % len(style.RUNS)]
+
+
+def over_time(name: str, scans: "pd.DataFrame", measurements: Sequence[str]) -> dict[str, Figure]:
+    """Errors over time on one path: one plot for each error, one colour for each measurement.
+
+    The first tracker has solid lines and bands, each further one its own dashes and no band.
+    """
+    return {error: _over_time(name, error, scans, measurements) for error in SCAN_ERRORS}
+
+
+def _over_time(name: str, error: str, scans: "pd.DataFrame", measurements: Sequence[str]) -> Figure:
+    trackers, ratio = tables.names(scans, "tracker"), SCAN_ERRORS[error].better == "one"
+
+    def draw(axes) -> None:
+        for (measurement, tracker), own in tables.groups(scans, ["measurement", "tracker"]):
+            first = tracker == trackers[0]
+            draw_over_time(
+                axes,
+                own["t"].unique(),
+                own.pivot(index="seed", columns="k", values=error).to_numpy(),
+                colour(measurement, measurements),
+                measurement if first else "",
+                ratio,
+                band=first,
+                linestyle=DASHES[trackers.index(tracker) % len(DASHES)],
+                linewidth=1.4 if first else 1.0,
+            )
+        for dash, tracker in zip(
+            DASHES, trackers[: len(trackers) * (len(trackers) > 1)], strict=False
+        ):
+            axes.plot([], [], dash, color=style.UNUSED, label=tracker)
+        if error == "nees":
+            count = 2 * len(tables.names(scans, "seed"))
+            low, high = (float(bound) / count for bound in chi_square_bounds(count))
+            axes.axhspan(low, high, color=style.CONSISTENT, zorder=0)
+
+    limits = (0.0, 1.0) if error == "iou" else (None, None)
+    panel = Panel(draw, x="t (s)", y=AXIS_LABELS[error], ratio=ratio, limits=limits)
+    return chart(f"{name}_{error}", [panel], row=2.7)

@@ -1,23 +1,25 @@
 """A study's report from its Jinja template: Markdown with numbers, tables and figures filled in.
 
-A template has paragraphs and `#` headings. The text before the first heading is the answer.
-`{{ show(tables.NAME) }}` shows a table or a figure; `{% call show(...) %}caption{% endcall %}` also
-sets its caption. `folded=true` folds a table or figure on the page, and a heading that ends with
-`(folded)` folds its section.
+A template has paragraphs and `#` headings, with code, emphasis and links inside. The text before
+the first heading is the answer. `{{ show(tables.NAME) }}` shows a table or a figure;
+`{% call show(...) %}caption{% endcall %}` also sets its caption. `folded=true` folds a table or
+figure on the page, and a heading that ends with `(folded)` folds its section.
 """
 
 import re
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import jinja2
+from jinja2.sandbox import SandboxedEnvironment
+from markdown_it import MarkdownIt
 
 from stixel_cli.config.messages import printable
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.results.text import listed
-from stixel_cli.studies import tables
-from stixel_cli.studies.types import (
+from stixel_cli.report import numbers
+from stixel_cli.report.blocks import (
     Block,
     Figure,
     Findings,
@@ -27,35 +29,37 @@ from stixel_cli.studies.types import (
     Section,
     Table,
 )
+from stixel_cli.results.text import listed
 
 _MARK = "\x02"
-_HEADING = re.compile(r"(#{1,3}) (.+?)( \(folded\))?")
+_FOLDED = " (folded)"
+_MARKDOWN = MarkdownIt("zero").enable(["heading", "backticks", "emphasis", "link", "escape"])
 
 
 def _interval(statistic, unit: str = "", sign: bool = False) -> str:
     """A statistic's mean with its interval."""
-    return tables.with_interval(statistic.mean, statistic.low, statistic.high, unit, sign)
+    return numbers.with_interval(statistic.mean, statistic.low, statistic.high, unit, sign)
 
 
 FILTERS: dict[str, Callable] = {
-    "number": tables.number,
-    "quantity": tables.quantity,
-    "percent": tables.percent,
-    "counted": tables.counted,
+    "number": numbers.number,
+    "quantity": numbers.quantity,
+    "percent": numbers.percent,
+    "counted": numbers.counted,
     "interval": _interval,
     "listed": listed,
-    "capital": tables.capital,
+    "capital": numbers.capital,
 }
-"""Functions of `tables` that a template can use, by name."""
+"""Functions of `numbers` that a template can use, by name."""
 
 
-def template_of(text: str, name: str) -> jinja2.Template:
-    """The template with a text; `name` is its file.
+def template_of(text: str, name: str, shipped: bool = False) -> jinja2.Template:
+    """The template with a text; `name` is its file. In a sandbox unless it is `shipped`.
 
     Raises:
         ConfigurationError: if its syntax is not valid.
     """
-    environment = jinja2.Environment(
+    environment = (jinja2.Environment if shipped else SandboxedEnvironment)(
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, autoescape=False
     )
     environment.filters.update(FILTERS)
@@ -90,32 +94,39 @@ def findings_of(template: jinja2.Template, material: Material, name: str) -> Fin
         where = f"{name}: line {line[0]}" if line else name
         reason = printable(f"{type(fault).__name__}: {fault}", 200)
         raise UserError(f"template: {where}: {reason}") from fault
-    before: list[Block] = []
-    # Level, title, folding and blocks of the open sections.
-    opened: list[tuple[int, str, bool, list[Block]]] = [(0, "", False, before)]
-    sections: list[Section] = []
+    return _findings(text, shown, material.files)
 
-    def close(level: int) -> None:
-        while opened[-1][0] >= level:
-            _, title, is_folded, blocks = opened.pop()
-            section = Section(title, tuple(blocks), is_folded)
-            if opened[-1][0] == 0:
-                sections.append(section)
-            else:
-                opened[-1][-1].append(section)
 
-    for chunk in re.split(r"\n\s*\n", text):
-        chunk = _line(chunk)
-        heading = _HEADING.fullmatch(chunk)
-        if heading:
-            close(len(heading[1]))
-            opened.append((len(heading[1]), heading[2], heading[3] is not None, []))
-        elif chunk.startswith(_MARK):
-            opened[-1][-1].append(shown[int(chunk[1:])])
-        elif chunk:
-            opened[-1][-1].append(Paragraph(chunk))
-    close(1)
-    return Findings(tuple(before), tuple(sections), material.files)
+def _findings(text: str, shown: Sequence[Block], files: Mapping[str, str | bytes]) -> Findings:
+    """Headings and paragraphs of Markdown; a mark stands for a shown block."""
+    opening: list[Block] = []
+    # Level, title, folding and blocks of the open sections; the first has the whole report.
+    opened: list[tuple[int, str, bool, list[Block]]] = [(0, "", False, [])]
+    tokens = _MARKDOWN.parse(text)
+    for token, content in pairwise(tokens):
+        title, is_folded = content.content, content.content.endswith(_FOLDED)
+        if token.type == "heading_open":
+            level = int(token.tag[1:])
+            _close(opened, level)
+            opened.append((level, title.removesuffix(_FOLDED), is_folded, []))
+        elif token.type == "paragraph_open":
+            line = _line(title)
+            block = shown[int(line[1:])] if line.startswith(_MARK) else Paragraph(line)
+            (opening if len(opened) == 1 else opened[-1][-1]).append(block)
+    _close(opened, 1)
+    return Findings(tuple(opening), tuple(opened[0][-1]), files)
+
+
+def _close(opened: list[tuple[int, str, bool, list[Block]]], level: int) -> None:
+    """Put the sections of at least this level into those around them."""
+    while opened[-1][0] >= level:
+        _, title, is_folded, blocks = opened.pop()
+        opened[-1][-1].append(Section(title, tuple(blocks), is_folded))
+
+
+def inline_html(text: str) -> str:
+    """A paragraph of Markdown as HTML; its own HTML is escaped."""
+    return _MARKDOWN.renderInline(text)
 
 
 def _line(text: str) -> str:

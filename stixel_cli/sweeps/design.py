@@ -7,14 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from stixel_cli.config import messages
-from stixel_cli.config.compose import Composer
-from stixel_cli.config.overrides import (
-    MOST_VALUES,
-    check_overrides,
-    parse_overrides,
-    single_overrides,
-)
+from stixel_cli.config.overrides import Override, check_overrides, read_overrides
 from stixel_cli.config.own_options import own_groups
+from stixel_cli.config.several import MOST_VALUES
 from stixel_cli.errors import ConfigurationError
 
 SEED = "seed"
@@ -26,12 +21,12 @@ class Axis:
 
     Attributes:
         keys: one key, or several zipped keys.
-        steps: for each value of the axis an override `key=value` of each key, followed by any
-            overrides that only this step has.
+        steps: for each value of the axis an override of each key, followed by any overrides that
+            only this step has.
     """
 
     keys: tuple[str, ...]
-    steps: tuple[tuple[str, ...], ...]
+    steps: tuple[tuple[Override, ...], ...]
 
     @property
     def name(self) -> str:
@@ -50,7 +45,7 @@ class Design:
         file: that names them; "" if there is no file.
     """
 
-    fixed: tuple[str, ...]
+    fixed: tuple[Override, ...]
     axes: tuple[Axis, ...]
     left_out: tuple[Mapping[str, Any], ...] = ()
     file: str = ""
@@ -61,30 +56,36 @@ class Design:
         return f"{messages.printable(self.file, 200)}: leave_out" if self.file else "leave_out"
 
     @property
+    def overrides(self) -> list[Override]:
+        """Every override, of the axes too."""
+        return [*self.fixed, *self.swept]
+
+    @property
     def keys(self) -> list[str]:
         """Every key that differs between runs."""
         return [key for axis in self.axes for key in axis.keys]
 
-    def combinations(self, composer: Composer) -> Iterator[tuple[str, ...]]:
-        """The overrides of each run that differ, without combinations that are left out."""
-        if self.left_out:
-            self._check_left_out(composer)
-        for steps in itertools.product(*(axis.steps for axis in self.axes)):
-            texts = tuple(text for step in steps for text in step)
-            if self.left_out:
-                run = {composer.parse(t).key_or_group: composer.parse(t).value() for t in texts}
-                if any(
-                    all(same(run[key], value) for key, value in entry.items())
-                    for entry in self.left_out
-                ):
-                    continue
-            yield texts
+    @property
+    def swept(self) -> list[Override]:
+        """The overrides of all steps of all axes."""
+        return [one for axis in self.axes for step in axis.steps for one in step]
 
-    def _check_left_out(self, composer: Composer) -> None:
-        swept = [composer.parse(text) for axis in self.axes for step in axis.steps for text in step]
+    def combinations(self) -> Iterator[tuple[Override, ...]]:
+        """The overrides of each run that differ, without combinations that are left out."""
+        self._check_left_out()
+        for steps in itertools.product(*(axis.steps for axis in self.axes)):
+            run = tuple(itertools.chain(*steps))
+            values = {one.key: one.value for one in run} if self.left_out else {}
+            if not any(
+                all(same(values[key], value) for key, value in entry.items())
+                for entry in self.left_out
+            ):
+                yield run
+
+    def _check_left_out(self) -> None:
         for entry in self.left_out:
             for key, value in entry.items():
-                if not any(one.key_or_group == key and same(one.value(), value) for one in swept):
+                if not any(one.key == key and same(one.value, value) for one in self.swept):
                     raise ConfigurationError(
                         f"{self.leave_out}: no run has {key}={messages.show(value)}"
                     )
@@ -100,40 +101,36 @@ def design_from_line(overrides: Sequence[str], shuffled: bool) -> Design:
 
     Args:
         overrides: in Hydra's grammar; those with several values are the axes.
-        shuffled: whether the order is random, see `single_overrides`.
+        shuffled: whether the order is random, see `Override.singles`.
 
     Raises:
         ConfigurationError: for an invalid override.
     """
-    parsed = parse_overrides(overrides)
-    check_overrides(parsed)
-    fixed, axes = [], []
+    parsed = read_overrides(overrides)
+    axes = []
     for override in parsed:
-        if override.is_sweep_override():
-            texts = single_overrides(override, shuffled)
-            check_each(texts, own_groups(parsed))
-            axes.append(Axis((override.key_or_group,), tuple((text,) for text in texts)))
-        else:
-            fixed.append(str(override.input_line))
-    return Design(tuple(fixed), tuple(axes))
+        if override.sweep is not None:
+            values = override.singles(shuffled)
+            check_each(values, own_groups(parsed))
+            axes.append(Axis((override.key,), tuple((one,) for one in values)))
+    return Design(tuple(one for one in parsed if one.sweep is None), tuple(axes))
 
 
-def check_each(texts: Sequence[str], own: Collection[str] = ()) -> None:
+def check_each(overrides: Sequence[Override], own: Collection[str] = ()) -> None:
     """Refuse invalid or repeated overrides of one value each; `own` as in `check_overrides`.
 
     Raises:
         ConfigurationError: for the first of them.
     """
     seen: set[Any] = set()
-    for override in parse_overrides(texts):
+    for override in overrides:
         check_overrides([override], own)
-        value = override.value()
+        value = override.value
         # In Python 1 == True, but here they are different values; 1 and 1.0 are the same.
         mark = (isinstance(value, bool), value if isinstance(value, Hashable) else str(value))
         if mark in seen:
             raise ConfigurationError(
-                f"{override.key_or_group}: {messages.show(value)} is given twice: two runs "
-                "would be equal"
+                f"{override.key}: {messages.show(value)} is given twice: two runs would be equal"
             )
         seen.add(mark)
 
@@ -144,10 +141,7 @@ def joined(one: Design, other: Design, where: str) -> Design:
     Raises:
         ConfigurationError: if they share a key.
     """
-    mine = {key for axis in one.axes for key in axis.keys}
-    mine |= {text.partition("=")[0].lstrip("+") for text in one.fixed}
-    theirs = {key for axis in other.axes for key in axis.keys}
-    theirs |= {text.partition("=")[0].lstrip("+") for text in other.fixed}
+    mine, theirs = ({*design.keys, *(o.key for o in design.fixed)} for design in (one, other))
     twice = sorted(mine & theirs)
     if twice:
         raise ConfigurationError(

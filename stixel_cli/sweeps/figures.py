@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from stixel_cli.evaluation.metric_table import metric, over_runs
-from stixel_cli.report import style
+from stixel_cli.pictures import style
+from stixel_cli.report.statistics import Statistic, statistic
 from stixel_cli.sweeps.design import SEED
-from stixel_cli.sweeps.statistics import Statistic, statistic
 from stixel_cli.sweeps.tables import heading
 
 SHOWN = (

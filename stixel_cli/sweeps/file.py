@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from stixel_cli.config import messages
-from stixel_cli.config.folders import shipped_folder
-from stixel_cli.config.messages import override_text
-from stixel_cli.config.overrides import check_overrides, parse_overrides, single_overrides
+from stixel_cli.config.folders import is_shipped, shipped_folder
+from stixel_cli.config.overrides import Override, parse, read_overrides
+from stixel_cli.config.own_options import code_in, refuse_code
+from stixel_cli.config.texts import override_text
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.files import check_plain, read_text, read_yaml_text
 from stixel_cli.sweeps.design import SEED, Axis, Design, check_each
@@ -43,8 +44,8 @@ def is_study(path: Path) -> bool:
     return re.search("^sweeps:", read_text(path), re.M) is not None
 
 
-def read_design(path: Path, shuffled: bool) -> Design:
-    """The design in a file.
+def read_design(path: Path, shuffled: bool, trusted: bool) -> Design:
+    """The design in a file; it may name code only if it is shipped, or `trusted`.
 
     Raises:
         ConfigurationError: in one line that names the file and the entry.
@@ -53,9 +54,14 @@ def read_design(path: Path, shuffled: bool) -> Design:
     try:
         if "sweeps" in content:
             raise ConfigurationError(f"is a study, not a sweep: stixel study {path.stem}")
-        return replace(design_of(content, shuffled), file=str(path))
+        design = design_of(content, shuffled)
+        if not trusted and not is_shipped(path):
+            refuse_code(path, code_in(design.overrides))
+        return replace(design, file=str(path))
     except ConfigurationError as fault:
-        raise ConfigurationError(f"{messages.printable(str(path), 200)}: {fault}") from None
+        where = messages.printable(str(path), 200)
+        text = str(fault)
+        raise ConfigurationError(text if where in text else f"{where}: {text}") from None
 
 
 def design_of(content: Mapping[Any, Any], shuffled: bool) -> Design:
@@ -65,12 +71,11 @@ def design_of(content: Mapping[Any, Any], shuffled: bool) -> Design:
         ConfigurationError: in one line that names the entry.
     """
     refuse_unknown(content, ENTRIES)
-    fixed = tuple(override_text(k, v) for k, v in _mapping(content, "fixed").items())
-    parsed = parse_overrides(fixed)
-    check_overrides(parsed)
-    for override in parsed:
-        if override.is_sweep_override():
-            raise ConfigurationError(f"fixed: {override.input_line}: one value is needed")
+    given = _mapping(content, "fixed").items()
+    fixed = tuple(read_overrides([override_text(key, value) for key, value in given]))
+    for override in fixed:
+        if override.sweep is not None:
+            raise ConfigurationError(f"fixed: {override.text}: one value is needed")
     axes = [
         _axis("axes", {key: values}, shuffled) for key, values in _mapping(content, "axes").items()
     ]
@@ -157,9 +162,9 @@ def _seeds(value: Any) -> Any:
 def _axis(where: str, keys: Mapping[str, Any], shuffled: bool) -> Axis:
     columns = []
     for key, values in keys.items():
-        texts = _values(where, key, values, shuffled)
-        check_each(texts if len(keys) == 1 else list(dict.fromkeys(texts)))
-        columns.append(texts)
+        column = _values(where, key, values, shuffled)
+        check_each(column if len(keys) == 1 else list(dict.fromkeys(column)))
+        columns.append(column)
     lengths = {len(column) for column in columns}
     if len(lengths) > 1:
         counts = ", ".join(f"{k} {len(c)}" for k, c in zip(keys, columns, strict=True))
@@ -167,33 +172,31 @@ def _axis(where: str, keys: Mapping[str, Any], shuffled: bool) -> Axis:
     steps = list(zip(*columns, strict=True))
     if len(set(steps)) < len(steps):
         twice = next(step for step in steps if steps.count(step) > 1)
-        raise ConfigurationError(
-            f"{where}: {' '.join(twice)} is given twice: two runs would be equal"
-        )
+        shown = " ".join(one.text for one in twice)
+        raise ConfigurationError(f"{where}: {shown} is given twice: two runs would be equal")
     return Axis(tuple(keys), tuple(steps))
 
 
-def _values(where: str, key: Any, values: Any, shuffled: bool) -> list[str]:
+def _values(where: str, key: Any, values: Any, shuffled: bool) -> list[Override]:
     if not isinstance(key, str):
         raise ConfigurationError(f"{where}: {messages.show(key)} is not a key")
     if isinstance(values, list):
         if not values:
             raise ConfigurationError(f"{where}: {key} has no values")
-        return [override_text(key, value) for value in values]
+        return [parse(override_text(key, value)) for value in values]
     if isinstance(values, str):
         # As on the command line: a,b or choice(…), range(…), glob(…).
-        parsed = parse_overrides([f"{key}={values}"])
-        check_overrides(parsed)
-        if parsed[0].is_sweep_override():
-            return single_overrides(parsed[0], shuffled)
+        (parsed,) = read_overrides([f"{key}={values}"])
+        if parsed.sweep is not None:
+            return parsed.singles(shuffled)
     raise ConfigurationError(
         f"{where}: {key}: {messages.show(values)} is one value: write a list [a, b], or a sweep "
         "such as range(0,1,0.1)"
     )
 
 
-def _refuse_repeated(fixed: tuple[str, ...], axes: list[Axis]) -> None:
-    seen = {text.partition("=")[0] for text in fixed}
+def _refuse_repeated(fixed: tuple[Override, ...], axes: list[Axis]) -> None:
+    seen = {one.key for one in fixed}
     for axis in axes:
         for key in axis.keys:
             if key in seen:

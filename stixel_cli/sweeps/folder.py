@@ -9,18 +9,25 @@ code/                  code digests to which the runs' lineage.json refer
 failed/0007/ …         config.yaml, failure.json, traceback.txt
 """
 
-import os
 import shutil
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from stixel_cli.errors import FolderTaken, UserError, printable_path
+from stixel_cli.config.folders import of_the_machine
+from stixel_cli.config.texts import split_override
+from stixel_cli.errors import UserError, printable_path
 from stixel_cli.files import read_yaml, write_whole, written
+from stixel_cli.results.folder import Content, write_whole_folder
 from stixel_cli.results.reader import read_manifest, read_metrics
+from stixel_cli.results.result import MISSING, RunResult
 from stixel_cli.results.text import yaml_text
+from stixel_cli.sweeps.design import SEED
+
+if TYPE_CHECKING:
+    from stixel_cli.sweeps.runs import PlannedRun
 
 PLAN = "sweep.yaml"
 TABLE = "runs.csv"
@@ -70,30 +77,11 @@ class SweepFolder:
             UserError: if it cannot be written.
         """
         with written(self.path):
-            try:
-                self.path.mkdir(parents=True)
-            except FileExistsError:
-                raise FolderTaken(f"{self.path}: another process has just created it") from None
-        try:
-            self.write_request(request)
-        except UserError:
-            # The disk is full: an empty folder would block its name for the next attempt.
-            with suppress(OSError):
-                self.path.rmdir()
-            raise
+            write_whole_folder(self.path, {PLAN: _request_text(request)})
 
     def write_request(self, request: SweepRequest) -> None:
         """Write `sweep.yaml`."""
-        content = {
-            **request.notes,
-            "working_directory": request.working_directory,
-            "shuffle": request.shuffle,
-            "pictures": request.pictures,
-            "nodes": list(request.nodes),
-            "axes": [list(keys) for keys in request.axes],
-            "runs": [list(overrides) for overrides in request.runs],
-        }
-        self.write_table(PLAN, yaml_text(content))
+        self.write_table(PLAN, _request_text(request))
 
     def request(self) -> SweepRequest:
         """The content of `sweep.yaml`.
@@ -117,11 +105,13 @@ class SweepFolder:
             working_directory = str(content.pop("working_directory"))
         except (AttributeError, KeyError, TypeError):
             raise UserError(f"{file}: not a valid {PLAN} of this version of stixel") from None
-        if not runs or not isinstance(shuffle, int | None) or not isinstance(pictures, bool):
+        swept = [key for keys in axes for key in keys]
+        typed = isinstance(shuffle, int | None) and isinstance(pictures, bool)
+        if not runs or not typed or any(map(of_the_machine, swept)):
             raise UserError(f"{file}: not a valid {PLAN} of this version of stixel")
         for index, overrides in enumerate(runs):
-            given = {text.partition("=")[0].strip().lstrip("+") for text in overrides}
-            for key in (key for keys in axes for key in keys if key not in given):
+            given = {split_override(text)[0] for text in overrides}
+            for key in (key for key in swept if key not in given):
                 raise UserError(f"{file}: run {index} has no value for {key[:60]}, an axis")
         return SweepRequest(axes, runs, shuffle, pictures, nodes, working_directory, content)
 
@@ -129,29 +119,41 @@ class SweepFolder:
         """The folder of a run; it may not exist."""
         return self.path / RUNS / f"{index:04d}"
 
-    def stored(self, index: int, results: Sequence[str]) -> dict[str, Any] | None:
-        """The metrics of a run if it is complete and its results have these keys; else None."""
-        found = self._read_run(index)
-        return found[1] if found is not None and found[0] == list(results) else None
+    def runs(self, request: SweepRequest) -> list[RunResult]:
+        """The runs in the order of their indices; without metrics those that are not done."""
+        runs = []
+        for index, overrides in enumerate(request.runs):
+            given = dict(map(split_override, overrides))
+            swept = {key: given[key] for key in request.keys}
+            manifest = {"run": index, "seed": swept.pop(SEED, ""), "swept": swept}
+            folder = self.run(index)
+            try:
+                run = RunResult(manifest=manifest, metrics=read_metrics(folder), folder=folder)
+            except UserError:
+                run = RunResult(manifest=manifest, folder=folder, status=MISSING)
+            runs.append(run)
+        return runs
 
-    def results(self, index: int) -> list[str] | None:
-        """The keys of a run's results; None if it is not complete."""
-        found = self._read_run(index)
-        return None if found is None else found[0]
-
-    def _read_run(self, index: int) -> tuple[list[str], dict[str, Any]] | None:
+    def finished(self, index: int) -> RunResult | None:
+        """A run with manifest and metrics; None if it is not complete."""
         folder = self.run(index)
         try:
-            results, metrics = read_manifest(folder).get("results"), read_metrics(folder)
+            run = RunResult(
+                manifest=read_manifest(folder), metrics=read_metrics(folder), folder=folder
+            )
         except UserError:
             return None
-        return (results, metrics) if isinstance(results, list) else None
+        return run if isinstance(run.manifest.get("results"), list) else None
 
-    def write_run(
-        self, index: int, files: Mapping[str, str | bytes | Callable[[Path], None]]
-    ) -> None:
+    def up_to_date(self, planned: "PlannedRun") -> RunResult | None:
+        """A run that is complete, with results of the keys that are planned; else None."""
+        run = self.finished(planned.index)
+        return run if run and run.manifest["results"] == list(planned.targets) else None
+
+    def write_run(self, index: int, files: Mapping[str, Content]) -> None:
         """Write a run's folder atomically; it replaces an older one."""
-        self._write_folder(self.run(index), files)
+        with written(self.path):
+            write_whole_folder(self.run(index), files, replace=True)
         with suppress(OSError):
             shutil.rmtree(self.path / FAILED / f"{index:04d}")
             # An empty folder would look as if a run had failed.
@@ -159,11 +161,12 @@ class SweepFolder:
 
     def write_failure(self, index: int, files: Mapping[str, str]) -> None:
         """Write the folder of a failed run, and remove its results of an earlier attempt."""
-        self._write_folder(self.path / FAILED / f"{index:04d}", files)
+        with written(self.path):
+            write_whole_folder(self.path / FAILED / f"{index:04d}", files, replace=True)
         with suppress(OSError):
             shutil.rmtree(self.run(index))
 
-    def write_table(self, name: str, text: str) -> None:
+    def write_table(self, name: str, text: str | bytes) -> None:
         """Write a file of the folder atomically."""
         with written(self.path):
             write_whole(self.path / name, text)
@@ -188,26 +191,15 @@ class SweepFolder:
             for path in (self.path / name).glob(".*.partial-*"):
                 shutil.rmtree(path, ignore_errors=True)
 
-    def _write_folder(
-        self, folder: Path, files: Mapping[str, str | bytes | Callable[[Path], None]]
-    ) -> None:
-        partial = folder.with_name(f".{folder.name}.partial-{os.getpid()}")
-        try:
-            with written(self.path):
-                partial.mkdir(parents=True)
-                for name, content in files.items():
-                    file = partial / name
-                    if "/" in name:
-                        file.parent.mkdir(parents=True, exist_ok=True)
-                    if isinstance(content, str):
-                        file.write_text(content, encoding="utf-8")
-                    elif isinstance(content, bytes):
-                        file.write_bytes(content)
-                    else:
-                        content(file)
-                if folder.exists():
-                    shutil.rmtree(folder)
-                partial.rename(folder)
-        finally:
-            if partial.exists():
-                shutil.rmtree(partial, ignore_errors=True)
+
+def _request_text(request: SweepRequest) -> str:
+    content = {
+        **request.notes,
+        "working_directory": request.working_directory,
+        "shuffle": request.shuffle,
+        "pictures": request.pictures,
+        "nodes": list(request.nodes),
+        "axes": [list(keys) for keys in request.axes],
+        "runs": [list(overrides) for overrides in request.runs],
+    }
+    return yaml_text(content)

@@ -2,49 +2,18 @@
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from stixel_cli.engine.graph import Graph, GraphBuilder, merge
 from stixel_cli.engine.plan import Durations, plan
 from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.experiment.stages import CHUNK_SIZE, pipeline_stages, scan_count
-from stixel_cli.experiment.table.table import draws, picture_stages
+from stixel_cli.experiment.table.table import picture_stages
 from stixel_cli.sweeps.design import SEED
-from stixel_cli.sweeps.runs import SweepRun
+from stixel_cli.sweeps.runs import PlannedRun
 
 SCORES = "scores"
-
-
-@dataclass(frozen=True)
-class PlannedRun:
-    """A run and its graph.
-
-    Attributes:
-        run: its configuration.
-        graph: of this run only.
-        targets: ids of the nodes whose results it requires, the scores first.
-    """
-
-    run: SweepRun
-    graph: Graph
-    targets: tuple[str, ...]
-
-    @property
-    def scores(self) -> str:
-        """Key of its scores."""
-        return self.targets[0]
-
-    @property
-    def pictures(self) -> tuple[str, ...]:
-        """Keys of its pictures; empty unless they are required."""
-        return tuple(key for key in self.targets if draws(self.graph.nodes[key].stage))
-
-    @property
-    def store_only(self) -> tuple[str, ...]:
-        """Keys of required results that stay in the store: neither scores nor pictures."""
-        others = {self.scores, *self.pictures}
-        return tuple(key for key in self.targets if key not in others)
 
 
 @dataclass(frozen=True)
@@ -98,7 +67,7 @@ class SweepPlan:
 
 
 def plan_runs(
-    runs: Sequence[SweepRun], pictures: bool = False, nodes: Sequence[str] = ()
+    runs: Sequence[PlannedRun], pictures: bool = False, nodes: Sequence[str] = ()
 ) -> list[PlannedRun]:
     """The graphs of the runs; common parts are built once.
 
@@ -112,11 +81,10 @@ def plan_runs(
     builder = GraphBuilder(open_store(cache).folder)
     planned = []
     for run in runs:
-        configuration = run.composition.configuration
+        composition = run.composition
         try:
-            graph = builder.build(
-                pipeline_stages(configuration), scan_count(configuration), CHUNK_SIZE
-            )
+            stages = pipeline_stages(composition)
+            graph = builder.build(stages, scan_count(composition), CHUNK_SIZE)
         except OSError as error:
             raise ConfigurationError(
                 f"{error.filename}: cannot be read: {error.strerror} (run {run.index}: {run.label})"
@@ -125,7 +93,7 @@ def plan_runs(
         if pictures:
             names += picture_stages(graph)
         names += [name for name in nodes if name in graph.stages and name not in names]
-        planned.append(PlannedRun(run, graph, tuple(graph.expand(names))))
+        planned.append(replace(run, graph=graph, targets=tuple(graph.expand(names))))
     return planned
 
 
@@ -166,14 +134,14 @@ def check_axes(planned: Sequence[PlannedRun]) -> list[str]:
         ConfigurationError: in one line that names the axis.
     """
     notes = []
-    keys = list(planned[0].run.settings)
+    keys = list(planned[0].settings)
     for key in keys:
         if key.partition(".")[0] in ("executor", "cache"):
             raise ConfigurationError(f"{key}: it does not affect results, so it cannot be swept")
     for key in keys:
         groups: dict[tuple, list[tuple[str, ...]]] = defaultdict(list)
         for one in planned:
-            others = tuple(v for name, v in one.run.settings.items() if name != key)
+            others = tuple(v for name, v in one.settings.items() if name != key)
             groups[others].append(one.targets)
         several = {others: targets for others, targets in groups.items() if len(targets) > 1}
         if not several:
@@ -195,7 +163,7 @@ def check_axes(planned: Sequence[PlannedRun]) -> list[str]:
 def _unread(key: str, planned: Sequence[PlannedRun]) -> str:
     if key.startswith("pictures"):
         return f"{key}: no stage reads it: a sweep draws pictures only with --pictures"
-    choices = planned[0].run.composition.choices
+    choices = planned[0].composition.choices
     return (
         f"{key}: no stage reads it with measurement={choices.get('measurement')} and "
         f"path={choices.get('path')}: all runs would be equal"
@@ -208,7 +176,7 @@ def _equal_runs(planned: Sequence[PlannedRun]) -> list[str]:
         other = seen.setdefault(one.targets, one)
         if other is not one:
             return [
-                f"runs {other.run.index} and {one.run.index} give equal results: "
-                f"{other.run.label} and {one.run.label}"
+                f"runs {other.index} and {one.index} give equal results: "
+                f"{other.label} and {one.label}"
             ]
     return []

@@ -3,47 +3,32 @@
 import os
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.metric_table import SERIES, over_runs
-from stixel_cli.report import style
+from stixel_cli.pictures import style
+from stixel_cli.report import charts
+from stixel_cli.report.charts import series_values
 from stixel_cli.report.metrics import shown_value
 from stixel_cli.report.page_svg import Drawing, drawing_for_page
 from stixel_cli.report.page_template import page_template
+from stixel_cli.report.statistics import Statistic
 from stixel_cli.results.folder import PAGE
-from stixel_cli.results.reader import read_metrics, read_series
+from stixel_cli.results.reader import read_series
+from stixel_cli.results.result import DONE, RunResult
 from stixel_cli.sweeps.design import SEED
 from stixel_cli.sweeps.figures import DRAWN, MOST_LINES, axis_figures
-from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
-from stixel_cli.sweeps.statistics import Statistic, student_t, summarise
+from stixel_cli.sweeps.folder import SweepFolder
+from stixel_cli.sweeps.results import SweepResult
 from stixel_cli.sweeps.tables import heading
 
 Cell = tuple[str, str]
 """Text, and the value by which a table is sorted."""
-
-
-@dataclass(frozen=True)
-class ReadRun:
-    """A run of a sweep, as its folder has it.
-
-    Attributes:
-        index: in the sweep.
-        setting: keys that differ between the runs, without the seed, to values as typed.
-        seed: as typed; "" if it is not swept.
-        metrics: name to value; None if the run is missing or has failed.
-        folder: of the run.
-    """
-
-    index: int
-    setting: Mapping[str, str]
-    seed: str
-    metrics: Mapping[str, float | int | None] | None
-    folder: Path
 
 
 def sweep_page(folder: Path, page: Path, command: Sequence[str]) -> str:
@@ -58,16 +43,17 @@ def sweep_page(folder: Path, page: Path, command: Sequence[str]) -> str:
         UserError: if it is not the folder of a sweep, or none of its runs is done.
     """
     request = SweepFolder(folder).request()
-    runs = read_runs(folder, request)
-    done = [run for run in runs if run.metrics is not None]
+    runs = SweepFolder(folder).runs(request)
+    result = SweepResult(folder, tuple(runs))
+    done = [run for run in runs if run.status == DONE]
     if not done:
         raise UserError(f"{folder}: no run is done; resume with: stixel sweep --resume {folder}")
-    complete = _complete(runs)
-    statistics = summarise([run.setting for run in complete], [run.metrics for run in complete])
+    complete = result.complete_runs
     known = {name for run in done for name in run.metrics}
     shown = [name for name in DRAWN if name in known] or sorted(known)[:8]
     keys = [key for key in request.keys if key != SEED]
-    incomplete = len({_key(run) for run in runs} - {_key(run) for run in complete})
+    incomplete = len(result.incomplete)
+    settings = len(result.by_setting) - incomplete
     axes = axis_figures(
         [run.setting for run in complete],
         [run.metrics for run in complete],
@@ -78,52 +64,25 @@ def sweep_page(folder: Path, page: Path, command: Sequence[str]) -> str:
     name = folder.resolve().name
     return page_template(__package__, "sweep").render(
         title=name,
-        counts=f"{len(done)} of {len(runs)} runs done; {_settings_text(runs, incomplete)}",
-        run_colours=style.RUNS,
+        counts=f"{len(done)} of {len(runs)} runs done; {_settings_text(settings, incomplete)}",
         tables=[
-            _settings_table(statistics, keys, shown),
+            _settings_table(result.statistics, keys, shown),
             _runs_table(runs, keys, shown, page.resolve().parent),
         ],
         axes=[
             (stem, drawing_for_page(data.decode(), f"a{i}"))
             for i, (stem, data) in enumerate(axes.items())
         ],
-        over_time=over_time(complete),
+        over_time=over_time(result),
         most_lines=MOST_LINES,
-        settings=len({_key(run) for run in complete}),
+        settings=settings,
         request=request.notes,
         command=shlex.join(command),
     )
 
 
-def read_runs(folder: Path, request: SweepRequest) -> list[ReadRun]:
-    """The runs of a sweep in the order of their indices."""
-    runs = []
-    for index, overrides in enumerate(request.runs):
-        given = dict(text.strip().lstrip("+").partition("=")[::2] for text in overrides)
-        values = {key: given[key] for key in request.keys}
-        own = SweepFolder(folder).run(index)
-        try:
-            metrics = read_metrics(own)
-        except UserError:
-            metrics = None
-        setting = {key: value for key, value in values.items() if key != SEED}
-        runs.append(ReadRun(index, setting, values.get(SEED, ""), metrics, own))
-    return runs
-
-
-def _key(run: ReadRun) -> tuple:
-    return tuple(run.setting.items())
-
-
-def _complete(runs: Sequence[ReadRun]) -> list[ReadRun]:
-    """The runs of the settings all of whose runs are done."""
-    missing = {_key(run) for run in runs if run.metrics is None}
-    return [run for run in runs if _key(run) not in missing]
-
-
-def _settings_text(runs: Sequence[ReadRun], incomplete: int) -> str:
-    count = len({_key(run) for run in runs})
+def _settings_text(complete: int, incomplete: int) -> str:
+    count = complete + incomplete
     text = f"{count} setting{'' if count == 1 else 's'}"
     return f"{text}, {incomplete} incomplete: no statistics yet" if incomplete else text
 
@@ -168,20 +127,20 @@ def _statistic_cell(one: Statistic | None) -> Cell:
 
 
 def _runs_table(
-    runs: Sequence[ReadRun], keys: Sequence[str], shown: Sequence[str], parent: Path
+    runs: Sequence[RunResult], keys: Sequence[str], shown: Sequence[str], parent: Path
 ) -> dict[str, Any]:
     """One row for each run, with a link to its page, or else to its folder."""
     body = []
     for run in runs:
-        metrics = run.metrics or {}
+        seed = run.manifest["seed"]
         cells = [(f"{run.index:04d}", str(run.index))]
         cells += [(run.setting[key], run.setting[key]) for key in keys]
-        cells.append((run.seed or "–", run.seed))
+        cells.append((seed or "–", seed))
         for name in shown:
-            value = metrics.get(name)
+            value = run.metrics.get(name)
             cells.append((shown_value(name, value), "" if value is None else repr(float(value))))
         target = run.folder / PAGE if (run.folder / PAGE).exists() else run.folder
-        link = "" if run.metrics is None else os.path.relpath(target.resolve(), parent)
+        link = "" if run.status != DONE else os.path.relpath(target.resolve(), parent)
         body.append((cells, link.replace(os.sep, "/")))
     return {
         "id": "runs",
@@ -194,16 +153,14 @@ def _runs_table(
     }
 
 
-def over_time(runs: Sequence[ReadRun]) -> list[tuple[str, Drawing]]:
-    """(title, drawing) for each error over time: a line for each of the first settings.
+def over_time(result: SweepResult) -> list[tuple[str, Drawing]]:
+    """(title, drawing) for each error over time: a line for each of the first complete settings.
 
     A line is the mean over the seeds, and its band the 95 % interval at each time. A setting whose
     runs have different times is left out, as are runs without errors over time.
     """
-    lines: dict[tuple, list[ReadRun]] = {}
-    for run in runs:
-        lines.setdefault(_key(run), []).append(run)
-    read = {key: _stacked(own) for key, own in list(lines.items())[:MOST_LINES]}
+    complete = dict.fromkeys(tuple(run.setting.items()) for run in result.complete_runs)
+    read = {key: _stacked(result.by_setting[key]) for key in list(complete)[:MOST_LINES]}
     drawn = []
     for name, series in SERIES.items():
         known = {key: found for key, found in read.items() if found and name in found[1]}
@@ -214,7 +171,7 @@ def over_time(runs: Sequence[ReadRun]) -> list[tuple[str, Drawing]]:
     return drawn
 
 
-def _stacked(runs: Sequence[ReadRun]) -> tuple[np.ndarray, dict[str, np.ndarray]] | None:
+def _stacked(runs: Sequence[RunResult]) -> tuple[np.ndarray, dict[str, np.ndarray]] | None:
     """Times (K,) and each error (n, K) of the runs of one setting; None if they do not match."""
     found = []
     for run in runs:
@@ -232,39 +189,19 @@ def _stacked(runs: Sequence[ReadRun]) -> tuple[np.ndarray, dict[str, np.ndarray]
 
 def _over_time(name: str, title: str, lines: Mapping[tuple, tuple]) -> bytes:
     series = SERIES[name]
+    labels = [" ".join(value for _, value in key)[:40] or "all" for key in lines]
+
+    def draw(axes: Axes) -> None:
+        drawn = zip(style.RUNS, labels, lines.values(), strict=False)
+        for colour, label, (times, errors) in drawn:
+            values = series_values(name, series, errors[name])
+            label = label if len(lines) > 1 else ""
+            charts.over_time(axes, times, values, colour, label, series.ratio, series.bounds[1])
+
     # Of a size that is legible on a telephone without scrolling.
-    texts = ("axes.label", "xtick.label", "ytick.label", "legend.font", "legend.title_font")
-    with style.drawing({f"{text}size": 10.0 for text in texts}):
-        figure = style.new_figure(5.0, 2.9, layout="constrained")
-        figure.patch.set_visible(False)
-        axes = figure.add_subplot()
-        axes.patch.set_visible(False)
-        for colour, (key, (times, errors)) in zip(style.RUNS, lines.items(), strict=False):
-            values = series.factor * errors[name]
-            if name == "orientation_error":
-                values = np.abs(values)
-            label = " ".join(value for _, value in key) or "all"
-            mean = values.mean(axis=0)
-            if series.ratio:
-                mean = np.where(mean > 0.0, mean, np.nan)
-            axes.plot(times, mean, color=colour, label=label[:40])
-            n = len(values)
-            if n > 1 and not series.ratio:
-                half = student_t(n - 1) * values.std(axis=0, ddof=1) / np.sqrt(n)
-                low = np.maximum(mean - half, 0.0)
-                high = np.minimum(mean + half, series.bounds[1] or np.inf)
-                axes.fill_between(times, low, high, color=colour, alpha=0.2, linewidth=0.0)
-        if series.ratio:
-            axes.axhline(1.0, color=style.UNUSED, linewidth=0.8, linestyle="--")
-            style.log_axis(axes)
-        axes.set(xlabel="t (s)", ylabel=title)
-        axes.grid(True)
-        if len(lines) > 1:
-            columns = max(1, min(4, 56 // max(6, *(len(h) for h in _labels(lines)))))
-            title = " ".join(name for name, _ in next(iter(lines)))
-            figure.legend(loc="outside lower center", ncols=columns, title=title[:60])
-        return style.svg(figure)
-
-
-def _labels(lines: Mapping[tuple, tuple]) -> list[str]:
-    return [" ".join(value for _, value in key)[:40] for key in lines]
+    texts = ("axes.label", "xtick.label", "ytick.label", "legend.font", "axes.title")
+    settings = {f"{text}size": 10.0 for text in texts}
+    keys = " ".join(key for key, _ in next(iter(lines)))[:60] if len(lines) > 1 else ""
+    panel = charts.Panel(draw, keys, "t (s)", title, series.ratio)
+    columns = max(1, min(4, 56 // max(6, *map(len, labels))))
+    return charts.chart("", [panel], row=2.45, width=5.0, legend=columns, settings=settings).svg

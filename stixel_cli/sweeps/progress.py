@@ -6,7 +6,7 @@ from stixel_cli.engine.displays import make_display
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.graph import Node
 from stixel_cli.engine.progress import Progress
-from stixel_cli.sweeps.graphs import PlannedRun
+from stixel_cli.sweeps.runs import PlannedRun
 
 
 class SweepProgress(Progress):
@@ -47,12 +47,12 @@ class SweepProgress(Progress):
         self._on_run = on_run
         self._prepare: Callable[[], None] | None = prepare
         self._label = f"{label}: " if label else ""
-        self._left = {one.run.index: set(one.targets) for one in waiting}
-        self._runs = {one.run.index: one for one in waiting}
+        self._left = {one.index: set(one.targets) for one in waiting}
+        self._runs = {one.index: one for one in waiting}
         self._waiting_for: dict[str, list[int]] = {}
         for one in waiting:
             for target in one.targets:
-                self._waiting_for.setdefault(target, []).append(one.run.index)
+                self._waiting_for.setdefault(target, []).append(one.index)
 
     def begin(self, nodes: Sequence[Node], cached: int) -> None:
         """Count the nodes, and report runs that need no node to run."""

@@ -1,36 +1,17 @@
-"""The result of a sweep: the outcome of each run, and statistics of the complete settings."""
+"""The result of a sweep: its runs, and statistics of the complete settings."""
 
+import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stixel_cli.engine.errors import StageFailure
-from stixel_cli.sweeps.graphs import PlannedRun
-from stixel_cli.sweeps.statistics import Statistic, summarise
+from stixel_cli.report.statistics import Statistic, summarise
+from stixel_cli.results.result import DONE, RunResult
 
 if TYPE_CHECKING:
     import pandas
-
-DONE, FAILED, SKIPPED, MISSING = "done", "failed", "skipped", "missing"
-"""Status of a run; `skipped`: a node failed in another run; `missing`: not run yet."""
-
-
-@dataclass(frozen=True)
-class RunOutcome:
-    """The outcome of a run.
-
-    Attributes:
-        planned: the run.
-        status: `done`, `failed`, `skipped` or `missing`.
-        metrics: of its scores, by name; empty unless it is done.
-        failure: of a run that failed or was skipped.
-    """
-
-    planned: PlannedRun
-    status: str
-    metrics: Mapping[str, float | int | None] = field(default_factory=dict)
-    failure: StageFailure | None = None
 
 
 @dataclass(frozen=True)
@@ -55,60 +36,71 @@ class IncompleteSetting:
 
 
 @dataclass(frozen=True)
-class Summary:
-    """The settings of a sweep, divided into complete and incomplete ones.
-
-    Attributes:
-        complete: the runs of complete settings, those all of whose runs are done.
-        statistics: of the complete settings, over their seeds.
-        incomplete: the other settings.
-    """
-
-    complete: tuple[RunOutcome, ...]
-    statistics: list[Statistic]
-    incomplete: tuple[IncompleteSetting, ...]
-
-
-def summary_of(runs: Sequence[RunOutcome]) -> Summary:
-    """The summary of runs. Incomplete settings get no statistics: missing seeds would bias them."""
-    groups: dict[tuple, list[RunOutcome]] = {}
-    for run in runs:
-        groups.setdefault(tuple(run.planned.run.setting.items()), []).append(run)
-    complete, incomplete = [], []
-    for setting, members in groups.items():
-        done = sum(run.status == DONE for run in members)
-        if done == len(members):
-            complete += members
-        else:
-            incomplete.append(IncompleteSetting(dict(setting), len(members), done))
-    statistics = summarise(
-        [run.planned.run.setting for run in complete], [run.metrics for run in complete]
-    )
-    return Summary(tuple(complete), statistics, tuple(incomplete))
-
-
-@dataclass(frozen=True)
 class SweepResult:
-    """The result of a sweep.
+    """A sweep with its results, computed or read.
 
     Attributes:
         folder: its folder; None if nothing was written.
         runs: one entry for each run, in the order of their indices.
-        records: the rows of `runs.csv` as plain values; values of keys that differ between runs
-            have their own type here, as in the configuration.
-        statistics: of the settings all of whose runs are done, over their seeds.
-        incomplete: the other settings.
         computed: number of nodes that this call computed.
         cached: number of needed nodes that were in the store before.
     """
 
     folder: Path | None
-    runs: tuple[RunOutcome, ...]
-    records: list[dict[str, Any]]
-    statistics: list[Statistic]
-    incomplete: tuple[IncompleteSetting, ...]
-    computed: int
-    cached: int
+    runs: tuple[RunResult, ...]
+    computed: int = 0
+    cached: int = 0
+
+    @cached_property
+    def by_setting(self) -> dict[tuple[tuple[str, str], ...], list[RunResult]]:
+        """The runs of each setting, its (key, value as typed) pairs without the seed."""
+        found: dict[tuple, list[RunResult]] = {}
+        for run in self.runs:
+            found.setdefault(tuple(run.setting.items()), []).append(run)
+        return found
+
+    @cached_property
+    def complete_runs(self) -> list[RunResult]:
+        """The runs of complete settings, those all of whose runs are done."""
+        settings = [runs for runs in self.by_setting.values() if _done(runs) == len(runs)]
+        return [run for runs in settings for run in runs]
+
+    @cached_property
+    def incomplete(self) -> tuple[IncompleteSetting, ...]:
+        """The other settings."""
+        counts = ((setting, len(runs), _done(runs)) for setting, runs in self.by_setting.items())
+        return tuple(IncompleteSetting(dict(s), n, done) for s, n, done in counts if done < n)
+
+    @cached_property
+    def statistics(self) -> list[Statistic]:
+        """Statistics of the complete settings over their seeds: missing seeds would bias others."""
+        runs = self.complete_runs
+        return summarise([run.setting for run in runs], [run.metrics for run in runs])
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """The rows of `runs.csv`."""
+        return [self._row(run) for run in self.runs]
+
+    @property
+    def records(self) -> list[dict[str, Any]]:
+        """The rows with values of keys that differ between runs in their own types."""
+        return [self._row(run) | run.planned.values for run in self.runs]
+
+    def _row(self, run: RunResult) -> dict[str, Any]:
+        failure = run.failure
+        at = "failed" if failure is not None else "runs" if run.status == DONE else None
+        return {
+            "run": run.index,
+            "status": run.status,
+            **run.setting,
+            "seed": run.seed,
+            "overrides": " ".join(map(shlex.quote, run.overrides)),
+            "folder": None if at is None or self.folder is None else f"{at}/{run.index:04d}",
+            "failed_stage": None if failure is None else failure.stage,
+            "error": None if failure is None else " ".join(str(failure).split()),
+            **run.metrics,
+        }
 
     def __repr__(self) -> str:
         """The numbers of runs and nodes, and the folder, in one line."""
@@ -129,8 +121,12 @@ class SweepResult:
     @property
     def complete(self) -> bool:
         """Whether every run is done."""
-        return all(run.status == DONE for run in self.runs)
+        return _done(self.runs) == len(self.runs)
 
     def count(self, status: str) -> int:
         """Number of runs with a status."""
         return sum(run.status == status for run in self.runs)
+
+
+def _done(runs: Sequence[RunResult]) -> int:
+    return sum(run.status == DONE for run in runs)

@@ -6,22 +6,18 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from stixel_cli.config import messages
-from stixel_cli.config.folders import presets_option
-from stixel_cli.config.messages import override_text
-from stixel_cli.config.overrides import check_overrides, parse_overrides
+from stixel_cli.config.folders import OF_THE_MACHINE, of_the_machine, presets_option
+from stixel_cli.config.overrides import Override, check_overrides, parse
+from stixel_cli.config.texts import override_text
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.experiment.run import OF_THE_MACHINE
 from stixel_cli.results.differences import first_changed_stage
 from stixel_cli.results.lineage import lineage_of, read_lineage
 from stixel_cli.results.reader import flat_settings, read_config
 from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
-from stixel_cli.sweeps.graphs import PlannedRun, SweepPlan
-
-if TYPE_CHECKING:
-    from hydra.core.override_parser.types import Override
+from stixel_cli.sweeps.graphs import SweepPlan
+from stixel_cli.sweeps.runs import PlannedRun
 
 MOST_REASONS = 3
 _OTHER_SETTINGS = "other settings"
@@ -33,50 +29,43 @@ def on_this_machine(
 ) -> list[tuple[str, ...]]:
     """The overrides of each run, with those of executor and cache replaced by `overrides`.
 
-    An option of a group replaces every override of that group in the runs: the keys of another
-    option may differ.
+    Nothing of these groups is kept: somebody else may have written the folder, and a cache holds
+    pickles, a scheduler's address a computer.
 
     Raises:
         ConfigurationError: in one line, for an override of any other group, or of several values.
     """
-    parsed = parse_overrides(overrides)
+    parsed = [parse(text) for text in overrides]
     for override in parsed:
-        if override.key_or_group.partition(".")[0] not in OF_THE_MACHINE:
-            line = messages.printable(str(override.input_line))
+        if override.group not in OF_THE_MACHINE:
             raise ConfigurationError(
-                f"{line}: --resume keeps the settings in the folder: only keys of "
+                f"{override.shown}: --resume keeps the settings in the folder: only keys of "
                 f"{' and '.join(OF_THE_MACHINE)}, which do not affect results, can be changed"
             )
-        if override.is_sweep_override():
-            line = messages.printable(str(override.input_line))
-            raise ConfigurationError(f"{line}: --resume: one value is needed")
+        if override.sweep is not None:
+            raise ConfigurationError(f"{override.shown}: --resume: one value is needed")
     check_overrides(parsed)
-    names = {override.key_or_group for override in parsed}
     given = [_with_full_path(override) for override in parsed]
-    return [(*(text for text in texts if not _replaced(text, names)), *given) for texts in runs]
+    return [(*(text for text in texts if not of_the_machine(text)), *given) for texts in runs]
 
 
-def _with_full_path(override: "Override") -> str:
+def _with_full_path(override: Override) -> str:
     """The text of an override, with an absolute cache folder.
 
     Relative paths of the runs refer to the sweep's working directory; this one refers to today's.
     """
-    folder = override.value()
-    if override.key_or_group == "cache.folder" and isinstance(folder, str) and folder:
+    folder = override.value
+    if override.key == "cache.folder" and isinstance(folder, str) and folder:
         in_full = os.path.abspath(os.path.expanduser(folder))
         if in_full != folder:
             return override_text("cache.folder", in_full)
-    return str(override.input_line)
-
-
-def _replaced(text: str, names: set[str]) -> bool:
-    key = text.partition("=")[0].strip().lstrip("+")
-    return key in names or key.partition(".")[0] in names
+    return override.text
 
 
 def resume_command(path: Path, overrides: Sequence[str] = ()) -> str:
-    """The command line that resumes a sweep."""
-    return shlex.join(["stixel", "sweep", "--resume", str(path), *overrides, *presets_option()])
+    """The command line that resumes a sweep, with those of a run's overrides that it needs."""
+    machine = [text for text in overrides if of_the_machine(text)]
+    return shlex.join(["stixel", "sweep", "--resume", str(path), *machine, *presets_option()])
 
 
 def note_resumed(
@@ -93,7 +82,7 @@ def note_resumed(
     """
     missing = set(plan.missing)
     if all(
-        folder.stored(one.run.index, one.targets) is not None and missing.isdisjoint(one.store_only)
+        folder.up_to_date(one) is not None and missing.isdisjoint(one.store_only)
         for one in plan.runs
     ):
         return
@@ -108,11 +97,11 @@ def outdated_runs(folder: SweepFolder, planned: Sequence[PlannedRun]) -> str | N
     finished = 0
     reasons: Counter[str] = Counter()
     for one in planned:
-        results = folder.results(one.run.index)
-        if results is None:
+        run = folder.finished(one.index)
+        if run is None:
             continue
         finished += 1
-        if results != list(one.targets):
+        if run.manifest["results"] != list(one.targets):
             reasons[_reason(folder, one)] += 1
     if not reasons:
         return None
@@ -127,7 +116,7 @@ def outdated_runs(folder: SweepFolder, planned: Sequence[PlannedRun]) -> str | N
 
 def _reason(folder: SweepFolder, one: PlannedRun) -> str:
     """The first stage of a run whose key changed, and the cause."""
-    path = folder.run(one.run.index)
+    path = folder.run(one.index)
     try:
         before = read_lineage(path)
         if before is None:
@@ -147,8 +136,8 @@ def _reason(folder: SweepFolder, one: PlannedRun) -> str:
 
 def _settings(folder: SweepFolder, one: PlannedRun) -> str:
     """The first setting that differs from the run's stored configuration."""
-    before = flat_settings(read_config(folder.run(one.run.index)))
-    after = flat_settings(one.run.composition.resolved)
+    before = flat_settings(read_config(folder.run(one.index)))
+    after = flat_settings(one.composition.resolved)
     other = [
         f"{key} {before.get(key, 'none')} → {after.get(key, 'none')}"
         for key in dict.fromkeys((*before, *after))

@@ -1,35 +1,28 @@
 """Compute the runs of a sweep and write its folder, without a command line."""
 
-import shlex
+from collections import ChainMap
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 from stixel_cli.engine.errors import MissingEntry, StageFailure
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.plan import Durations
 from stixel_cli.engine.remembered import remembered
-from stixel_cli.engine.store import Store
+from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.kernels import uncompiled
 from stixel_cli.experiment.run import one_line_errors
-from stixel_cli.sweeps.folder import FIGURES, RUNS, SUMMARIES, TABLE, SweepFolder
-from stixel_cli.sweeps.graphs import PlannedRun, SweepPlan
+from stixel_cli.machine.kernels import uncompiled
+from stixel_cli.results.folder import figure_files
+from stixel_cli.results.result import FAILED, MISSING, SKIPPED, RunResult
+from stixel_cli.sweeps.folder import FIGURES, SUMMARIES, TABLE, SweepFolder, SweepRequest
+from stixel_cli.sweeps.graphs import SweepPlan
 from stixel_cli.sweeps.progress import SweepProgress
-from stixel_cli.sweeps.results import (
-    DONE,
-    FAILED,
-    MISSING,
-    SKIPPED,
-    RunOutcome,
-    Summary,
-    SweepResult,
-    summary_of,
-)
+from stixel_cli.sweeps.results import SweepResult
 from stixel_cli.sweeps.resume import resume_command
 from stixel_cli.sweeps.run_files import RunLineages, failure_files, remove_unused_code, run_files
+from stixel_cli.sweeps.runs import PlannedRun
 
 
 class SweepInterrupted(UserError):
@@ -40,21 +33,17 @@ class SweepInterrupted(UserError):
 
 def run_sweep(
     plan: SweepPlan,
-    axes: Sequence[Sequence[str]],
-    store: Store,
-    folder: Path | None = None,
-    notes: Mapping[str, Any] | None = None,
-    visible: bool = True,
+    request: SweepRequest,
+    folder: SweepFolder | None,
+    visible: bool,
     label: str = "",
 ) -> SweepResult:
     """Compute the missing nodes of a sweep and write its results. A failing run stops no other.
 
     Args:
         plan: the runs, in the order of execution.
-        axes: the keys of each axis.
-        store: of the results.
+        request: has the axes, and the notes for the manifest of every run.
         folder: of the sweep, with its `sweep.yaml`; None to write nothing.
-        notes: entries about the sweep and the machine for the manifest of every run.
         visible: show progress on stderr.
         label: prefix of the progress.
 
@@ -62,14 +51,15 @@ def run_sweep(
         SweepInterrupted: by Ctrl-C; the tables in the folder show which runs are done.
         UserError: if the cache or the folder cannot be written, or there are no workers.
     """
-    sweep = _Sweep(plan, store, None if folder is None else SweepFolder(folder), notes or {})
-    resume = "" if folder is None else f"; resume with: {resume_command(folder)}"
+    sweep = _Sweep(plan, folder, dict(request.notes))
+    typed = plan.runs[0].overrides
+    resume = "" if folder is None else f"; resume with: {resume_command(folder.path, typed)}"
     try:
         with one_line_errors():
             sweep.take_finished()
             sweep.compute(visible, label)
     except KeyboardInterrupt:
-        done = len(sweep.metrics)
+        done = len(sweep.runs)
         sweep.leave()
         raise SweepInterrupted(
             f"interrupted: {done} of {len(plan.runs)} runs are done; computed results are "
@@ -80,29 +70,26 @@ def run_sweep(
         if folder is None:
             raise
         raise type(error)(f"{error}{resume}") from error
-    return sweep.finish(axes)
+    return sweep.finish(request.axes)
 
 
 class _Sweep:
     """The state of one sweep."""
 
-    def __init__(
-        self, plan: SweepPlan, store: Store, folder: SweepFolder | None, notes: Mapping[str, Any]
-    ):
+    def __init__(self, plan: SweepPlan, folder: SweepFolder | None, notes: dict[str, Any]):
         self.plan = plan
-        self.store = store
+        self.store = open_store(plan.runs[0].composition.configuration.cache)
         self.folder = folder
-        self.notes = notes
-        self.metrics: dict[int, Mapping[str, Any]] = {}
-        """Of the runs that are done, by index."""
-        self.failures: dict[int, StageFailure] = {}
+        self.title = str(notes.pop("command"))
+        self.notes = {"sweep": self.title, **notes}
+        self.runs: dict[int, RunResult] = {}
+        """Those that are done or have failed, by index."""
         self.failed_nodes: dict[str, int] = {}
         """Index of the first run that needs each failed node."""
-        self.skipped: set[int] = set()
         self.computed = 0
         self.cached = set(plan.needed).difference(plan.missing)
         """Nodes in the store that this call did not compute."""
-        self.lineages = None if folder is None else RunLineages(store, folder)
+        self.lineages = None if folder is None else RunLineages(self.store, folder)
 
     def take_finished(self) -> None:
         """Take the runs whose folder is complete, or whose results are all in the store."""
@@ -111,11 +98,10 @@ class _Sweep:
             self.folder.remove_unfinished()
         missing = set(self.plan.missing)
         for planned in self.plan.runs:
-            index = planned.run.index
-            if self.folder is not None:
-                stored = self.folder.stored(index, planned.targets)
-                if stored is not None and missing.isdisjoint(planned.store_only):
-                    self.metrics[index] = stored
+            if self.folder is not None and missing.isdisjoint(planned.store_only):
+                stored = self.folder.up_to_date(planned)
+                if stored is not None:
+                    self._note(planned, metrics=stored.metrics)
                     continue
             if missing.isdisjoint(planned.targets):
                 # A damaged entry is moved away; the run is computed with the others.
@@ -124,13 +110,13 @@ class _Sweep:
 
     def compute(self, visible: bool, label: str) -> None:
         """Compute the missing nodes of the other runs."""
-        waiting = [p for p in self.plan.runs if p.run.index not in self.metrics]
+        waiting = [planned for planned in self.plan.runs if planned.index not in self.runs]
         if not waiting:
             return
-        executor = waiting[0].run.composition.configuration.executor
+        executor = waiting[0].composition.configuration.executor
         progress = SweepProgress(
             waiting,
-            len(self.metrics),
+            len(self.runs),
             executor.workers,
             self._known_seconds(),
             self.take,
@@ -151,7 +137,7 @@ class _Sweep:
         self.cached.update(execution.records)
         self.cached -= {key for key, r in execution.records.items() if r.status != "cached"}
         for planned in waiting:
-            if planned.run.index in self.metrics:
+            if planned.index in self.runs:
                 continue
             failure = execution.failure_of(planned.targets)
             if failure is None:
@@ -169,44 +155,32 @@ class _Sweep:
         """Load the scores of a complete run, and write its folder."""
         scores = self.store.load(planned.scores)
         if self.folder is not None:
-            pictures = {
-                f"figures/{path}": data
-                for key in planned.pictures
-                for path, data in self.store.load(key).files.items()
-            }
+            pictures = (self.store.load(key).files for key in planned.pictures)
             lineage = self.lineages.text(planned)
             files = run_files(planned, scores, seconds, self.notes, lineage)
-            self.folder.write_run(planned.run.index, {**files, **pictures})
-        self.metrics[planned.run.index] = scores.metrics
+            self.folder.write_run(planned.index, files | figure_files(dict(ChainMap(*pictures))))
+        self._note(planned, metrics=scores.metrics)
 
     def note_failure(self, planned: PlannedRun, node: str, failure: StageFailure) -> None:
         """Record the failure of a run, here and in the folder."""
-        index = planned.run.index
-        first = self.failed_nodes.setdefault(node, index)
-        self.failures[index] = failure
-        if first != index:
-            self.skipped.add(index)
+        first = self.failed_nodes.setdefault(node, planned.index)
+        status = FAILED if first == planned.index else SKIPPED
+        self._note(planned, status=status, failure=failure)
         if self.folder is not None:
-            self.folder.write_failure(index, failure_files(planned.run, node, failure, first))
+            content = failure_files(self.runs[planned.index], node, first)
+            self.folder.write_failure(planned.index, content)
+
+    def _note(self, planned: PlannedRun, **outcome: Any) -> None:
+        self.runs[planned.index] = planned.result(**outcome)
 
     def finish(self, axes: Sequence[Sequence[str]]) -> SweepResult:
         """Write the tables, and the statistics and figures of complete settings."""
-        runs, records, summary = self.write_tables()
+        result = self.write_tables()
         if self.folder is not None:
-            if summary.statistics:
-                self._write_figures(summary, axes)
+            if result.statistics:
+                self._write_figures(result, axes)
             remove_unused_code(self.folder)
-        return SweepResult(
-            folder=None if self.folder is None else self.folder.path,
-            runs=runs,
-            records=[
-                record | one.planned.run.values for record, one in zip(records, runs, strict=True)
-            ],
-            statistics=summary.statistics,
-            incomplete=summary.incomplete,
-            computed=self.computed,
-            cached=len(self.cached),
-        )
+        return result
 
     def leave(self) -> None:
         """Write the tables of an interrupted sweep; drawing figures would delay Ctrl-C."""
@@ -214,28 +188,28 @@ class _Sweep:
         with suppress(UserError):
             self.write_tables()
 
-    def write_tables(self) -> tuple[tuple[RunOutcome, ...], list[dict[str, Any]], Summary]:
-        """Write `runs.csv` and the summaries; return the outcomes, the rows and the summary."""
-        from stixel_cli.sweeps.tables import csv_text, summary_files
+    def write_tables(self) -> SweepResult:
+        """Write `runs.csv` and the summaries."""
+        from stixel_cli.report.tables import csv_text
+        from stixel_cli.sweeps.tables import summary_files
 
-        in_order = sorted(self.plan.runs, key=lambda one: one.run.index)
-        runs = tuple(self._outcome(one) for one in in_order)
-        records = [self._record(run) for run in runs]
-        summary = summary_of(runs)
+        in_order = sorted(self.plan.runs, key=lambda planned: planned.index)
+        runs = tuple(self.runs.get(one.index) or one.result(status=MISSING) for one in in_order)
+        folder = None if self.folder is None else self.folder.path
+        result = SweepResult(folder, runs, self.computed, len(self.cached))
         if self.folder is not None:
-            columns = dict.fromkeys(name for record in records for name in record)
-            self.folder.write_table(TABLE, csv_text(list(columns), records))
-            if summary.statistics:
-                title = str(self.notes.get("sweep", self.folder.path.name))
-                files = summary_files(summary.statistics, summary.incomplete, title)
+            columns = dict.fromkeys(name for row in result.rows for name in row)
+            self.folder.write_table(TABLE, csv_text(list(columns), result.rows))
+            if result.statistics:
+                files = summary_files(result.statistics, result.incomplete, self.title)
                 for name, text in files.items():
                     self.folder.write_table(name, text)
-        return runs, records, summary
+        return result
 
-    def _write_figures(self, summary: Summary, axes: Sequence[Sequence[str]]) -> None:
-        settings = [run.planned.run.setting for run in summary.complete]
-        metrics = [run.metrics for run in summary.complete]
-        left_out = len(summary.incomplete)
+    def _write_figures(self, result: SweepResult, axes: Sequence[Sequence[str]]) -> None:
+        settings = [run.setting for run in result.complete_runs]
+        metrics = [run.metrics for run in result.complete_runs]
+        left_out = len(result.incomplete)
 
         def draw() -> dict[str, bytes]:
             from stixel_cli.sweeps.figures import axis_figures
@@ -251,30 +225,6 @@ class _Sweep:
         figures = remembered(self.store, "sweep_figures", code, content, draw)
         if figures:
             self.folder.write_figures(figures)
-
-    def _record(self, result: RunOutcome) -> dict[str, Any]:
-        run, failure = result.planned.run, result.failure
-        at = FAILED if failure is not None else RUNS if result.status == DONE else None
-        return {
-            "run": run.index,
-            "status": result.status,
-            **run.setting,
-            "seed": run.seed,
-            "overrides": " ".join(map(shlex.quote, run.overrides)),
-            "folder": None if at is None or self.folder is None else f"{at}/{run.index:04d}",
-            "failed_stage": None if failure is None else failure.stage,
-            "error": None if failure is None else " ".join(str(failure).split()),
-            **result.metrics,
-        }
-
-    def _outcome(self, planned: PlannedRun) -> RunOutcome:
-        index = planned.run.index
-        if index in self.metrics:
-            return RunOutcome(planned, DONE, self.metrics[index])
-        if index in self.failures:
-            status = SKIPPED if index in self.skipped else FAILED
-            return RunOutcome(planned, status, failure=self.failures[index])
-        return RunOutcome(planned, MISSING)
 
     def _known_seconds(self) -> dict[str, float]:
         durations = Durations(self.store.folder)

@@ -3,25 +3,22 @@
 import json
 import shlex
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from stixel_cli.config.folders import presets_option
-from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.execute import Execution, NodeRecord
 from stixel_cli.engine.store import Store
 from stixel_cli.evaluation.metric_table import Scores
 from stixel_cli.results import lineage
-from stixel_cli.results.result import score_columns
+from stixel_cli.results.folder import Content, arrays_content
+from stixel_cli.results.provenance import stored_sources
+from stixel_cli.results.result import RunResult
+from stixel_cli.results.tables import score_columns
 from stixel_cli.results.text import json_text, yaml_text
 from stixel_cli.sweeps.folder import RUNS, SweepFolder
-from stixel_cli.sweeps.graphs import PlannedRun
-from stixel_cli.sweeps.results import FAILED, SKIPPED
-from stixel_cli.sweeps.runs import SweepRun
+from stixel_cli.sweeps.runs import PlannedRun
 
 
 def run_files(
@@ -30,7 +27,7 @@ def run_files(
     seconds: Mapping[str, float],
     notes: Mapping[str, Any],
     lineage_text: str,
-) -> dict[str, str | Callable[[Path], None]]:
+) -> dict[str, Content]:
     """Configuration, manifest, metrics, lineage and scores of a run, by file name.
 
     Args:
@@ -40,25 +37,20 @@ def run_files(
         notes: additional entries of the manifest.
         lineage_text: content of the lineage file.
     """
-    run = planned.run
     manifest = {
-        "command": shlex.join(["stixel", "run", *run.overrides, *presets_option()]),
-        "overrides": list(run.overrides),
-        "choices": run.composition.choices,
-        "seed": run.seed,
-        "swept": run.setting,
+        "command": shlex.join(["stixel", "run", *planned.overrides, *presets_option()]),
+        **planned.manifest,
         **notes,
-        "run": run.index,
+        "run": planned.index,
         "results": list(planned.targets),
         "stages": _stage_records(planned, seconds),
     }
-    columns = score_columns(scores)
     return {
-        "config.yaml": yaml_of_parts(run.composition.resolved),
+        "config.yaml": yaml_of_parts(planned.composition.resolved),
         "manifest.json": json_text(manifest),
         "metrics.json": json_text(scores.metrics),
         lineage.FILE: lineage_text,
-        "scores.npz": lambda file: np.savez(file, **columns),
+        "scores.npz": arrays_content(score_columns(scores)),
     }
 
 
@@ -73,14 +65,15 @@ def _yaml_of_part(part: str) -> str:
     return yaml_text(json.loads(part))
 
 
-def failure_files(run: SweepRun, node: str, failure: StageFailure, first: int) -> dict[str, str]:
+def failure_files(run: RunResult, node: str, first: int) -> dict[str, str]:
     """Configuration, cause and traceback of a run that failed or was skipped, by file name.
 
     `node` is the key of the failed node, and `first` the index of the first run that needs it.
     """
+    failure = run.failure
     content = {
         "run": run.index,
-        "status": FAILED if first == run.index else SKIPPED,
+        "status": run.status,
         "failed_in_run": first,
         "overrides": list(run.overrides),
         "stage": failure.stage,
@@ -90,7 +83,7 @@ def failure_files(run: SweepRun, node: str, failure: StageFailure, first: int) -
     }
     text = failure.traceback_text or "".join(traceback.format_exception(failure.cause))
     return {
-        "config.yaml": yaml_text(run.composition.resolved),
+        "config.yaml": yaml_text(run.settings),
         "failure.json": json_text(content),
         "traceback.txt": text,
     }
@@ -141,6 +134,8 @@ class RunLineages:
         if reached not in self._codes:
             name, text = lineage.shared_code(found)
             self._folder.write_table(f"{lineage.CODE_FOLDER}/{name}.json", text)
+            for path, source in stored_sources(found.sources).items():
+                self._folder.write_table(f"{lineage.CODE_FOLDER}/{name}/{path}", source)
             self._codes[reached] = name
         return lineage.run_lineage_text(found, self._codes[reached])
 
@@ -151,4 +146,5 @@ def remove_unused_code(folder: SweepFolder) -> None:
     if len(files) < 2:
         return
     used = {lineage.read_code_name(run) for run in (folder.path / RUNS).glob("[0-9]*")}
-    folder.remove(f"{lineage.CODE_FOLDER}/{one.name}" for one in files if one.stem not in used)
+    unused = [one for one in files if one.stem not in used]
+    folder.remove(f"{lineage.CODE_FOLDER}/{n}" for one in unused for n in (one.name, one.stem))

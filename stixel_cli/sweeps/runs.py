@@ -3,30 +3,43 @@
 import random
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config.compose import Composer, Composition
 from stixel_cli.config.messages import LONGEST_REASON, printable
+from stixel_cli.config.overrides import Override, parse
 from stixel_cli.errors import ConfigurationError
+from stixel_cli.experiment.table.table import draws
+from stixel_cli.results.result import RunResult
 from stixel_cli.sweeps.design import SEED, Design, check_size, design_from_line, joined
 from stixel_cli.sweeps.file import find_file, read_design
 
+if TYPE_CHECKING:
+    from stixel_cli.engine.graph import Graph
+
 
 @dataclass(frozen=True)
-class SweepRun:
-    """One run of a sweep: its configuration.
+class PlannedRun:
+    """One run of a sweep, to be computed.
 
     Attributes:
         index: from 0, in the order of the axes; shuffling does not change it.
-        overrides: all that `stixel run` needs to compose it.
         settings: the keys that differ between runs, each with its value as typed.
         composition: validated.
+        graph: of this run only; None before `graphs.plan_runs`.
+        targets: keys of the nodes whose results it requires, the scores first.
     """
 
     index: int
-    overrides: tuple[str, ...]
     settings: dict[str, str]
     composition: Composition
+    graph: "Graph | None" = None
+    targets: tuple[str, ...] = ()
+
+    @property
+    def overrides(self) -> tuple[str, ...]:
+        """All that `stixel run` needs to compose it."""
+        return self.composition.overrides
 
     @property
     def seed(self) -> int:
@@ -48,12 +61,50 @@ class SweepRun:
         """`key=value …` of the settings."""
         return _label(self.settings)
 
+    @property
+    def scores(self) -> str:
+        """Key of its scores."""
+        return self.targets[0]
+
+    @property
+    def pictures(self) -> tuple[str, ...]:
+        """Keys of its pictures; empty unless they are required."""
+        return tuple(key for key in self.targets if draws(self.graph.nodes[key].stage))
+
+    @property
+    def store_only(self) -> tuple[str, ...]:
+        """Keys of required results that stay in the store: neither scores nor pictures."""
+        others = {self.scores, *self.pictures}
+        return tuple(key for key in self.targets if key not in others)
+
+    @property
+    def manifest(self) -> dict[str, Any]:
+        """Its entries in a manifest."""
+        return {
+            "overrides": list(self.overrides),
+            "choices": self.composition.choices,
+            "seed": self.seed,
+            "swept": self.setting,
+        }
+
+    def result(self, **outcome: Any) -> RunResult:
+        """The run with its `metrics`, or its `status` and `failure`."""
+        return RunResult(
+            settings=self.composition.resolved,
+            manifest=self.manifest | {"run": self.index},
+            composition=self.composition,
+            label=self.label,
+            planned=self,
+            **outcome,
+        )
+
 
 def sweep_design(
     overrides: Sequence[str],
     file: str | None = None,
     shuffle_seed: int | None = None,
     one_is_enough: bool = False,
+    trust_code: bool = False,
 ) -> Design:
     """The design of a command line and a file.
 
@@ -62,43 +113,47 @@ def sweep_design(
         file: a path, or a name in `pipelines/studies`; see `stixel_cli.sweeps.file`.
         shuffle_seed: of the order of execution; None for the order of the axes.
         one_is_enough: accept a design of a single run.
+        trust_code: accept user-defined code that the file names.
 
     Raises:
-        ConfigurationError: for an invalid override, or a key in both.
+        ConfigurationError: for an invalid override, a key in both, or code that is not trusted.
     """
     shuffled = shuffle_seed is not None
     design = design_from_line(overrides, shuffled)
     if file is not None:
         path = find_file(file)
-        design = joined(read_design(path, shuffled), design, str(path))
+        design = joined(read_design(path, shuffled, trust_code), design, str(path))
     else:
         design = joined(Design((), ()), design, "")
     check_size(design, one_is_enough)
     return design
 
 
-def design_runs(design: Design) -> list[SweepRun]:
+def design_runs(design: Design, imports: bool = True) -> list[PlannedRun]:
     """The validated runs of a design, in the order of its axes.
+
+    `imports` allows the import of the user's own functions, to check their parameters.
 
     Raises:
         ConfigurationError: in one line, for the first invalid run.
     """
-    composer = Composer()
-    texts = [(*design.fixed, *changes) for changes in design.combinations(composer)]
-    if not texts:
+    each = [(*design.fixed, *changes) for changes in design.combinations()]
+    if not each:
         raise ConfigurationError(f"{design.leave_out}: every run is left out")
-    runs = compose_runs(texts, design.keys, composer)
+    runs = compose_runs(each, design.keys, Composer(trusted=imports))
     _refuse_equal(runs)
     return runs
 
 
 def compose_runs(
-    texts: Sequence[Sequence[str]], keys: Sequence[str], composer: Composer | None = None
-) -> list[SweepRun]:
+    each: Sequence[Sequence[str | Override]],
+    keys: Sequence[str],
+    composer: Composer | None = None,
+) -> list[PlannedRun]:
     """The runs of given overrides.
 
     Args:
-        texts: overrides of each run, of one value each.
+        each: overrides of each run, of one value each.
         keys: that differ between runs.
         composer: None for a new one.
 
@@ -107,16 +162,17 @@ def compose_runs(
     """
     composer = Composer() if composer is None else composer
     runs = []
-    for index, overrides in enumerate(texts):
-        values = dict(_key_and_value(text) for text in overrides)
+    for index, overrides in enumerate(each):
+        parsed = [one if isinstance(one, Override) else parse(one) for one in overrides]
+        values = {one.key: one.value_text for one in parsed}
         settings = {key: values[key] for key in keys}
         try:
-            composition = composer.compose(overrides)
+            composition = composer.compose(parsed)
         except ConfigurationError as fault:
             if not settings:
                 raise
             raise ConfigurationError(f"{fault} (run {index}: {_label(settings)})") from None
-        runs.append(SweepRun(index, tuple(overrides), settings, composition))
+        runs.append(PlannedRun(index, settings, composition))
     return runs
 
 
@@ -133,13 +189,8 @@ def _label(settings: Mapping[str, str]) -> str:
     return printable(text, LONGEST_REASON)
 
 
-def _key_and_value(text: str) -> tuple[str, str]:
-    key, _, value = text.partition("=")
-    return key.strip().lstrip("+"), value.strip()
-
-
-def _refuse_equal(runs: Sequence[SweepRun]) -> None:
-    seen: dict[tuple[int, ...], SweepRun] = {}
+def _refuse_equal(runs: Sequence[PlannedRun]) -> None:
+    seen: dict[tuple[int, ...], PlannedRun] = {}
     for run in runs:
         # One composer made them, so equal groups are one object.
         groups = tuple(map(id, vars(run.composition.configuration).values()))

@@ -1,15 +1,14 @@
-"""Tables: CSV, Markdown and LaTeX, and the summaries of a sweep written in them."""
+"""The summaries of a sweep as CSV, Markdown and LaTeX."""
 
-import csv
-import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from stixel_cli.evaluation.metric_table import metric
 from stixel_cli.report.metrics import NO_VALUE, shown_value
+from stixel_cli.report.statistics import Statistic, consistent_bounds
+from stixel_cli.report.tables import csv_text, latex_table, markdown_table
 from stixel_cli.sweeps.folder import SUMMARIES
 from stixel_cli.sweeps.results import IncompleteSetting
-from stixel_cli.sweeps.statistics import Statistic, consistent_bounds
 
 _EXPLANATION = (
     "One row per setting: n seeds with a value, their mean, standard deviation, and the 95 % "
@@ -19,39 +18,6 @@ _EXPLANATION = (
     "alike). Settings have the same seeds: to compare two settings, take the differences seed by "
     "seed, from runs.csv."
 )
-_LATEX = {
-    "\\": r"\textbackslash{}",
-    "&": r"\&",
-    "%": r"\%",
-    "$": r"\$",
-    "#": r"\#",
-    "_": r"\_",
-    "{": r"\{",
-    "}": r"\}",
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    "°": r"\textdegree{}",
-    "±": r"$\pm$",
-    "–": "--",
-    "\u2212": "$-$",
-    "×": r"$\times$",
-    # Without a package, LaTeX prints other characters for < and > in text.
-    "<": "$<$",
-    ">": "$>$",
-    "²": "$^2$",
-    "χ": r"$\chi$",
-    "σ": r"$\sigma$",
-    "\u202f": r"\,",
-}
-
-
-def csv_text(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
-    """Comma-separated rows: missing values are empty, floats have all their digits."""
-    buffer = io.StringIO()
-    writer = csv.DictWriter(buffer, columns, restval="", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return buffer.getvalue()
 
 
 def summary_records(statistics: Sequence[Statistic]) -> list[dict[str, Any]]:
@@ -108,9 +74,8 @@ def _summary_markdown(
         header, *body = _cells(rows, incomplete)
         lines += [f"## {heading(name)}", ""]
         keys = len(rows[0].setting)
-        lines += [markdown_row(header)]
-        lines += ["|" + " --- |" * keys + " ---: |" * (len(header) - keys)]
-        lines += [*map(markdown_row, body), ""]
+        numeric = [False] * keys + [True] * (len(header) - keys)
+        lines += [*markdown_table(header, body, numeric), ""]
     return "\n".join(lines)
 
 
@@ -166,36 +131,3 @@ def _span(name: str, low: float | None, high: float | None) -> str:
     if low is None:
         return NO_VALUE
     return f"{shown_value(name, low)} … {shown_value(name, high)}"
-
-
-def markdown_row(cells: Sequence[str]) -> str:
-    """A row of a table in Markdown."""
-    return "| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |"
-
-
-def latex_table(
-    caption: str, numeric: Sequence[bool], header: Sequence[str], rows: Iterable[Sequence[str]]
-) -> list[str]:
-    """Lines of a table in LaTeX, the last one empty; `numeric` columns are aligned right."""
-    return [
-        r"\begin{table}",
-        rf"\caption{{{_latex_text(caption)}}}",
-        rf"\begin{{tabular}}{{{''.join('r' if right else 'l' for right in numeric)}}}",
-        r"\hline",
-        _latex_row(header),
-        r"\hline",
-        *map(_latex_row, rows),
-        r"\hline",
-        r"\end{tabular}",
-        r"\end{table}",
-        "",
-    ]
-
-
-def _latex_row(cells: Sequence[str]) -> str:
-    return " & ".join(_latex_text(cell).replace("…", r"\ldots{}") for cell in cells) + r" \\"
-
-
-def _latex_text(text: str) -> str:
-    """Text with LaTeX's own characters escaped."""
-    return "".join(_LATEX.get(character, character) for character in text)

@@ -4,19 +4,19 @@ import os
 import re
 import shlex
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import presets_option
-from stixel_cli.config.own_options import check_parameters, functions_of, require_trust
+from stixel_cli.config.own_options import with_own_values
 from stixel_cli.config.run_names import joined_name
-from stixel_cli.engine.plan import probe
+from stixel_cli.engine.plan import probe, undeclared_reads
 from stixel_cli.engine.store import open_store
-from stixel_cli.errors import FolderTaken
-from stixel_cli.experiment.run import one_line_errors
-from stixel_cli.results.folder import check_results, reserve_folder, stamp
+from stixel_cli.experiment.run import one_line_errors, trust_stored_run
+from stixel_cli.results.folder import check_results, new_folder
 from stixel_cli.results.provenance import provenance
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
@@ -30,7 +30,7 @@ from stixel_cli.sweeps.resume import (
 )
 from stixel_cli.sweeps.run import run_sweep
 from stixel_cli.sweeps.runs import (
-    SweepRun,
+    PlannedRun,
     compose_runs,
     design_runs,
     shuffled_runs,
@@ -47,6 +47,8 @@ def new_sweep(
     pictures: bool = False,
     visible: bool = False,
     note: Callable[[str], Any] = lambda text: None,
+    advice: bool = True,
+    trust_code: bool = False,
 ) -> SweepResult:
     """Run a sweep.
 
@@ -59,35 +61,31 @@ def new_sweep(
         pictures: draw the pictures of every run.
         visible: show progress on stderr.
         note: called with notes on the axes before anything runs.
+        advice: note files that the user's code may read without declaring them, too.
+        trust_code: run the user-defined code that the file names.
 
     Raises:
         UserError: in one line; for invalid runs before anything is computed.
         SweepInterrupted: by Ctrl-C.
     """
-    design = sweep_design(overrides, file, shuffle)
+    if results is not None:
+        check_results(results, name)
+    design = sweep_design(overrides, file, shuffle, trust_code=trust_code)
     runs = design_runs(design)
     plan, notes = planned_sweep(runs, shuffle, pictures)
-    for text in notes:
+    missing = [plan.graph.nodes[key] for key in plan.missing] if advice else []
+    for text in [*notes, *undeclared_reads(missing)]:
         note(text)
     now = datetime.now(UTC)
-    origin = _origin(_command(overrides, file, shuffle, pictures), now)
-    folder = None
-    if results is not None:
-        swept = [re.split("[./]", key)[-1] for axis in design.axes for key in axis.keys]
-        stem = joined_name(["sweep", *swept]) if file is None else Path(file).stem
-        check_results(results, name)
-        check_computable(plan)
-        request = _request(design, runs, shuffle, pictures, (), origin)
-        while folder is None:
-            made = SweepFolder(reserve_folder(results, name, f"{stem}-{stamp(now)}"))
-            try:
-                made.create(request)
-                folder = made
-            except FolderTaken:
-                # Another sweep of the same second took the name; there are more default names.
-                if name is not None:
-                    raise
-    return _run(plan, [axis.keys for axis in design.axes], folder, origin, visible)
+    command = _command(overrides, file, shuffle, pictures)
+    request = _request(design, runs, shuffle, pictures, (), _origin(command, now))
+    if results is None:
+        return run_sweep(plan, request, None, visible)
+    swept = [re.split("[./]", key)[-1] for key in design.keys]
+    stem = joined_name(["sweep", *swept]) if file is None else Path(file).stem
+    check_computable(plan)
+    folder = new_folder(results, name, stem, now, lambda path: SweepFolder(path).create(request))
+    return run_sweep(plan, request, SweepFolder(folder), visible)
 
 
 def designed_sweep(
@@ -112,11 +110,11 @@ def designed_sweep(
     """
     runs = design_runs(design)
     plan, _ = planned_sweep(runs, None, False, nodes)
-    origin = _origin(command, datetime.now(UTC))
+    request = _request(design, runs, None, False, nodes, _origin(command, datetime.now(UTC)))
     check_computable(plan)
     folder = SweepFolder(path)
-    folder.create(_request(design, runs, None, False, nodes, origin))
-    return _run(plan, [axis.keys for axis in design.axes], folder, origin, visible, label)
+    folder.create(request)
+    return run_sweep(plan, request, folder, visible, label)
 
 
 def resumed_sweep(
@@ -132,9 +130,9 @@ def resumed_sweep(
 
     Args:
         path: the sweep's folder.
-        workers: None to keep their number.
+        workers: None for the number in the configuration.
         visible: show progress on stderr, with the prefix `label`.
-        overrides: of executor and cache; they replace those of the sweep.
+        overrides: of executor and cache; those of the folder are never used.
         note: called with the number of finished runs that are out of date, and why.
         trust_code: run the user's own functions that the folder names.
 
@@ -149,20 +147,18 @@ def resumed_sweep(
     composer = Composer(request.working_directory, trusted=False)
     runs = compose_runs(texts, request.keys, composer)
     for one in runs:
-        require_trust(one.composition.resolved, path, trust_code)
-        if functions_of(one.composition.resolved):
-            check_parameters(one.composition.configuration)
+        trust_stored_run(replace(one.result(), folder=path), trust_code)
     plan, _ = planned_sweep(runs, request.shuffle, request.pictures, request.nodes)
     origin = _origin(str(request.notes.get("command", path.name)), datetime.now(UTC))
     outdated = outdated_runs(folder, plan.runs)
     if outdated is not None:
         note(outdated)
     note_resumed(folder, request, plan, resume_command(path, overrides), origin)
-    return _run(plan, request.axes, folder, origin, visible, label)
+    return run_sweep(plan, replace(request, notes=origin), folder, visible, label)
 
 
 def planned_sweep(
-    runs: Sequence[SweepRun], shuffle: int | None, pictures: bool, nodes: Sequence[str] = ()
+    runs: Sequence[PlannedRun], shuffle: int | None, pictures: bool, nodes: Sequence[str] = ()
 ) -> tuple[SweepPlan, list[str]]:
     """The plan of runs in the order of execution, and notes on their axes.
 
@@ -178,24 +174,9 @@ def planned_sweep(
 
 def check_computable(plan: SweepPlan) -> None:
     """Raise UserError for an unusable cache or scheduler, before a folder is created."""
-    configuration = plan.runs[0].run.composition.configuration
+    configuration = plan.runs[0].composition.configuration
     with one_line_errors():
         probe(len(plan.missing), open_store(configuration.cache), configuration.executor)
-
-
-def _run(
-    plan: SweepPlan,
-    axes: Sequence[Sequence[str]],
-    folder: SweepFolder | None,
-    origin: dict[str, Any],
-    visible: bool,
-    label: str = "",
-) -> SweepResult:
-    store = open_store(plan.runs[0].run.composition.configuration.cache)
-    notes = {"sweep": origin["command"], **origin}
-    del notes["command"]
-    path = None if folder is None else folder.path
-    return run_sweep(plan, axes, store, path, notes, visible, label)
 
 
 def _origin(command: str, now: datetime) -> dict[str, Any]:
@@ -204,7 +185,7 @@ def _origin(command: str, now: datetime) -> dict[str, Any]:
 
 def _request(
     design: Design,
-    runs: Sequence[SweepRun],
+    runs: Sequence[PlannedRun],
     shuffle: int | None,
     pictures: bool,
     nodes: Sequence[str],
@@ -212,7 +193,7 @@ def _request(
 ) -> SweepRequest:
     return SweepRequest(
         axes=tuple(axis.keys for axis in design.axes),
-        runs=tuple(run.overrides for run in runs),
+        runs=tuple(with_own_values(o.overrides, o.composition.resolved) for o in runs),
         shuffle=shuffle,
         pictures=pictures,
         nodes=tuple(nodes),

@@ -5,7 +5,7 @@ State: x, y, heading, their rates, then the radii at the basis angles; world fra
 `gp_ekf_update.py` has the update.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
@@ -40,7 +40,6 @@ class GpEkfParameters:
             `projected`: that of the radial innovation alone, from the scan's points; see `project`.
         measurement_std: standard deviation of the isotropic R along each axis, m.
         gate_probability: chi-square probability of the association's gate; null takes every point.
-        contour_points: number M of points of the contour that is reported.
     """
 
     kind: Literal["gp_ekf"]
@@ -56,7 +55,8 @@ class GpEkfParameters:
     measurement_covariance: Literal["isotropic", "points", "projected"]
     measurement_std: Annotated[float, Ge(1e-6), Le(10)]
     gate_probability: Annotated[float, Gt(0), Lt(1)] | None
-    contour_points: Annotated[int, Ge(8), Le(1000)]
+    contour_points: ClassVar[int] = 120
+    """Number M of points of the contour that is reported: no estimate depends on it."""
 
 
 NO_DIRECTION = 1e-3

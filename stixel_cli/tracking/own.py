@@ -8,7 +8,7 @@ import numpy as np
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.own_code import further_arguments, loaded
 from stixel_cli.tracking.prior import PriorShape
-from stixel_cli.tracking.track import InitialState, Track
+from stixel_cli.tracking.track import InitialState, Track, check_finite
 
 GIVEN = 3
 """Arguments of the function before its parameters: scans, initial, prior."""
@@ -74,3 +74,4 @@ def check_track(result: Any, scans: Scans, name: str) -> None:
     inside = (used >= 0) & (used < len(scans.points_world))
     if not inside.all():
         raise ValueError(f"{name}: used_points of its track must be rows of the scans' points")
+    check_finite(result, name)

@@ -6,6 +6,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from stixel_cli.parameters import parameters
+from stixel_cli.scene.classes import RoadUserClass
 
 
 @parameters
@@ -15,7 +16,8 @@ class PriorShape:
     Attributes:
         length: along the heading, m.
         width: across the heading, m.
-        shape: seen from above, a `rectangle` with rounded corners or an `ellipse`.
+        shape: seen from above, a `rectangle` with rounded corners or an `ellipse`. `none`: the
+            radii of `gp_ekf` start at zero, thesis (71b); trackers that need a shape refuse it.
         corner_radius: of the rectangle's corners, m, at most half of its shorter side.
         sigma_f, sigma_r: the kernel's standard deviations that suit the class, m, and
         measurement_std: of a point, m: noise, and error of the shape that neighbouring points
@@ -29,13 +31,13 @@ class PriorShape:
 
     length: Annotated[float, Gt(0), Le(30)]
     width: Annotated[float, Gt(0), Le(30)]
-    shape: Literal["rectangle", "ellipse"]
+    shape: Literal["rectangle", "ellipse", "none"]
     corner_radius: Annotated[float, Ge(0), Le(15)]
     sigma_f: Annotated[float, Gt(0), Le(20)]
     sigma_r: Annotated[float, Ge(0), Le(20)]
     measurement_std: Annotated[float, Ge(1e-6), Le(10)]
     start_position: Annotated[float, Gt(0), Le(100)]
-    road_user: Literal["car", "cyclist", "pedestrian", "unknown"]
+    road_user: Literal[RoadUserClass, "unknown"]
     length_std: Annotated[float, Gt(0), Le(1)]
     width_std: Annotated[float, Gt(0), Le(1)]
 
@@ -62,8 +64,10 @@ def fullness_of(prior: PriorShape) -> float:
 def prior_radii(prior: PriorShape, angles: np.ndarray) -> np.ndarray:
     """Radius in m of the class's shape at `angles` (n,) rad in the target's frame, shape (n,).
 
-    The shape is symmetric about both axes, so the first quadrant serves.
+    The shape is symmetric about both axes, so the first quadrant serves. 0 without a shape.
     """
+    if prior.shape == "none":
+        return np.zeros(len(angles))
     cosine, sine = np.abs(np.cos(angles)), np.abs(np.sin(angles))
     half_length, half_width = 0.5 * prior.length, 0.5 * prior.width
     if prior.shape == "ellipse":

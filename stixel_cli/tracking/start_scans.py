@@ -1,7 +1,7 @@
 """Initialisation of a tracker from the first scans alone: a cluster of points that is followed."""
 
 from collections.abc import Iterator, Sequence
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
@@ -9,7 +9,7 @@ from annotated_types import Ge, Gt, Le
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
-from stixel_cli.tracking.class_size import SIZES, possible_sizes
+from stixel_cli.tracking.contour.class_size import SIZES, possible_sizes
 from stixel_cli.tracking.followed import SLACK, Followed, line, state_of
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
@@ -32,7 +32,7 @@ class ScansStart:
         motion: `scans`: heading and velocity are those of the cluster over time; `sensor`: those of
             the sensor, as of a car that drives ahead of it.
         duration: the cluster is followed for this time, s.
-        cluster_distance, cluster_points: DBSCAN's radius, m, and its least number of points.
+        cluster_points: least number of points of a cluster.
         position: standard deviation of x and of y, m; the others are standard deviations too.
         heading: rad.
         velocity: of the rates of x and of y, m/s.
@@ -44,12 +44,14 @@ class ScansStart:
     range: tuple[Metres, Metres] | None
     motion: Literal["scans", "sensor"]
     duration: Annotated[float, Gt(0), Le(60)]
-    cluster_distance: Annotated[float, Gt(0), Le(20)]
     cluster_points: Annotated[int, Ge(1), Le(100)]
     position: Annotated[float, Gt(0), Le(100)]
     heading: Annotated[float, Gt(0), Le(3.2)]
     velocity: Annotated[float, Gt(0), Le(100)]
     heading_rate: Annotated[float, Gt(0), Le(10)]
+
+    cluster_distance: ClassVar[float] = 0.8
+    """DBSCAN's radius, m: less than the gap between two road users."""
 
     @property
     def std(self) -> tuple[float, ...]:

@@ -110,3 +110,12 @@ def contour_directions(headings: np.ndarray, points: int) -> tuple[np.ndarray, n
     angles = 2.0 * np.pi * np.arange(points) / points
     bearings = headings[:, None] + angles
     return angles, np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
+
+
+def check_finite(track: Track, name: str = "the tracker") -> None:
+    """Raise ValueError, which names the first scan, if an estimate of `name` is not finite."""
+    for field in ("times", "means", "covariances", "contours_world"):
+        values = np.asarray(getattr(track, field))
+        wrong = np.flatnonzero(~np.isfinite(values).reshape(len(values), -1).all(axis=1))
+        if len(wrong):
+            raise ValueError(f"{name}: {field} of its track are not finite at scan {wrong[0]}")

@@ -17,8 +17,8 @@ import numpy as np
 from stixel_cli.geometry.pose import target_from_world
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.tracking.class_shape import NODES, ClassShape, SeenShape
-from stixel_cli.tracking.ray_table import REACH, first_depths, widths
+from stixel_cli.tracking.contour.class_shape import NODES, ClassShape, SeenShape
+from stixel_cli.tracking.contour.ray_table import REACH, first_depths, widths
 
 RADII = 360
 """Even angles at which the mean outline is given: a wheel's width is seen under 3 degrees."""

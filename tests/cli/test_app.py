@@ -110,8 +110,8 @@ def test_run_hands_over_what_was_typed(stand_in, tmp_path):
     assert not defaults[0]
     assert defaults[1] is None
     assert str(defaults[2]) == "results"
-    assert defaults[3:] == (None, False, False, False, None)
-    assert given == (["seed=1", "rig=kitti"], "a", tmp_path, 3, True, False, True, None)
+    assert defaults[3:] == (None, False, False, False, False, None)
+    assert given == (["seed=1", "rig=kitti"], "a", tmp_path, 3, True, False, True, False, None)
 
 
 def test_exit_code_of_the_body_is_the_command_s(stand_in):
@@ -305,3 +305,16 @@ def test_an_unknown_road_user_points_to_the_mesh(capsys):
     assert "road_user.mesh=FILE" in said and "car, cyclist, pedestrian" in said
     assert main(["run", "stereo=sgmm"]) == 2
     assert "mesh" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("command", "text"),
+    [
+        ("rerun", "FOLDER-rerun, and the time"),
+        ("assess", "default: assess.html"),
+        ("show", "Result folder of a run or a sweep"),
+    ],
+)
+def test_the_help_says_what_a_command_does(command, text, capsys):
+    assert main([command, "--help"]) == 0
+    assert text in " ".join(capsys.readouterr().out.split())

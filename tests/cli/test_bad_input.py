@@ -46,6 +46,8 @@ SENTENCES = {
     "measurement/noise.range_std=1": "did you mean measurement.noise.range_std?",
     "renderer.light=3": "renderer.light: is a group of keys: give one of them",
     "rig.baseline=-0.3": "rig.baseline: -0.3 is out of range: must be ≥ 0.001 and ≤ 5",
+    "road.least_height=3.5": "road.least_height: 3.5 is out of range: must be ≥ 0 and < 3",
+    "free_space.free_cost=2": "free_space.free_cost: 2 is out of range: must be > 0 and < 1.5",
     "rig.width=3.5": "rig.width: 3.5 is a float: must be a whole number ≥ 64",
     "rig.width=wide": "rig.width: 'wide' is text: must be a whole number ≥ 64 and ≤ 4096",
     "rig.width='640'": "rig.width: '640' is text",
@@ -100,7 +102,7 @@ SENTENCES = {
     "_self_=3": "_self_: unknown key",
     "seed.x=3": "seed.x: unknown key; did you mean seed?",
     "rig._recursive_=true": "rig._recursive_: unknown key; rig has width, height",
-    "seed=1\nrig.width=3": "seed=1\\nrig.width=3: cannot be read",
+    "seed=1\nrig.width=3": "seed=1\\nrig.width=3: is several overrides in one text",
     "rig.width=\udcff": "is not UTF-8 text",
     "\x1b[31m=3": "\\x1b[31m",
     "rig.width=" + "9" * 5000: "rig.width=999",
@@ -148,7 +150,7 @@ def test_one_line_says_it(text, capsys):
             "set either rig.focal_length or rig.horizontal_fov",
         ),
         (["rig.height=3", "rig.baseline=-1"], "(and 1 more fault)"),
-        (["pace.speed=-3", "path=approach"], "pace.speed: -3 is out of range"),
+        (["pace.speed=3", "path=approach"], "pace.speed: unknown key; did you mean path.speed?"),
     ],
 )
 def test_words_that_do_not_go_together(words, message, capsys):

@@ -166,3 +166,15 @@ def test_no_folder_is_no_error(monkeypatch):
 
     monkeypatch.setattr("stixel_cli.cli.completion.group_options", missing)
     assert complete_override("r") == []
+
+
+def test_formats_of_export():
+    from typer.main import get_command
+
+    from stixel_cli.cli.app import app
+    from stixel_cli.export.export import FORMATS
+
+    (option,) = (p for p in get_command(app).commands["export"].params if p.name == "format")
+    offered = [item.value for item in option.shell_complete(None, "")]
+    assert offered == list(FORMATS)
+    assert [item.value for item in option.shell_complete(None, "k")] == ["kitti"]

@@ -166,6 +166,18 @@ def test_a_run_is_refused(results, capsys, command, name, kind):
     assert sorted(results.rglob("*")) == before
 
 
+def test_a_run_with_removed_keys_is_read_and_not_computed_again(results, capsys):
+    run, file = results / "run", results / "run" / "config.yaml"
+    content = yaml.safe_load(file.read_text(encoding="utf-8"))
+    content["tracker"]["contour_points"] = 120
+    file.write_text(yaml.safe_dump(content | {"pace": {"speed": 5.0}}), encoding="utf-8")
+    both = [run, results / "whole"]
+    for words in (["show", run], ["ls", results], ["compare", *both], ["report", *both]):
+        assert main(list(map(str, words))) == 0
+    for command in ("rerun", "verify"):
+        assert "unknown key" in one_line(capsys, command, run)
+
+
 @pytest.mark.parametrize("name", ["manifest.json", "metrics.json"])
 @pytest.mark.parametrize("kind", [*JSONS, "circle"])
 def test_ls_names_it_and_lists_the_others(results, capsys, name, kind):

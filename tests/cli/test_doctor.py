@@ -9,7 +9,7 @@ import pytest
 from stixel_cli.cli.app import main
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.store import META, VALUE, Store
-from stixel_cli.experiment import health
+from stixel_cli.machine import health
 from stixel_cli.rendering.filament import probe_filament
 
 HANGS = (sys.executable, "-c", "import time; time.sleep(60)")

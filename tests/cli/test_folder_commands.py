@@ -160,6 +160,7 @@ def test_show_of_a_sweep(tmp_path, capsys):
     said = capsys.readouterr().out
     assert "2 done" in said
     assert "centre error, RMSE" in said
+    assert "| " not in said and "## " not in said
     assert main(["verify", str(folder)]) == 2
     assert f"one of its runs, such as {folder}/runs/0000" in capsys.readouterr().err
     assert main(["verify", f"{folder}/runs/0001", "--cached"]) == 0

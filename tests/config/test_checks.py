@@ -62,6 +62,14 @@ IMPOSSIBLE = {
         "measurement.height_max: must be > measurement.height_min",
     ),
     "prior's corners": (["prior.corner_radius=2"], "prior.corner_radius: must be ≤"),
+    "no shape for a baseline": (
+        ["experiment=thesis", "tracker=point"],
+        "prior.shape: tracker=point needs the shape of the class, got none",
+    ),
+    "no shape for the mean radius": (
+        ["prior.shape=none", "tracker.mean_function=class_radius"],
+        "prior.shape: tracker.mean_function=class_radius needs the shape",
+    ),
 }
 
 

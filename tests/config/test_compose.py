@@ -6,10 +6,16 @@ import numpy as np
 import pytest
 import yaml
 
-from stixel_cli.config import choose
+from stixel_cli.config import choice
 from stixel_cli.config.compose import Composer, compose, from_resolved
-from stixel_cli.config.folders import configuration_folder, group_options, outer_options
+from stixel_cli.config.folders import (
+    configuration_folder,
+    group_options,
+    option_values,
+    outer_options,
+)
 from stixel_cli.config.schema import Configuration
+from stixel_cli.config.texts import override_text
 from stixel_cli.errors import ConfigurationError, UserError
 
 OPTIONS = [
@@ -61,7 +67,8 @@ def test_default_is_what_the_readme_says(default):
 def test_pace_and_prior_follow_the_road_user(user):
     composition = compose([f"road_user={user}"])
     assert composition.choices["pace"] == composition.choices["prior"] == user
-    assert composition.configuration.path.speed == composition.configuration.pace.turn_speed
+    assert composition.configuration.path.speed == option_values("pace", user)["turn_speed"]
+    assert "pace" not in composition.resolved
 
 
 def test_pace_can_be_another_ones():
@@ -186,7 +193,9 @@ def test_it_is_what_hydra_composes(overrides):
 
     with hydra.initialize_config_dir(str(configuration_folder()), version_base="1.3"):
         composed = hydra.compose("config", overrides=overrides)
-    assert compose(overrides).resolved == OmegaConf.to_container(composed, resolve=True)
+    expected = OmegaConf.to_container(composed, resolve=True)
+    expected.pop("pace")  # values for the options of path
+    assert compose(overrides).resolved == expected
 
 
 def test_an_edited_file_is_seen(tmp_path, monkeypatch):
@@ -311,53 +320,46 @@ def test_a_key_with_the_same_first_word_is_suggested(typed, meant):
 
 def test_compositions_are_stored_and_damaged_ones_are_ignored(tmp_path, monkeypatch):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
-    choose.choose_together.cache_clear()
-    choose.choose.cache_clear()
+    choice.compose_options.cache_clear()
     composed = compose(["rig=kitti"])
-    (stored,) = (tmp_path / choose.FOLDER).iterdir()
+    (stored,) = (tmp_path / choice.FOLDER).iterdir()
     for content in (stored.read_bytes(), stored.read_bytes().replace(b"1242", b"1243"), b"\xff"):
         stored.write_bytes(content)
-        choose.choose_together.cache_clear()
-        choose.choose.cache_clear()
+        choice.compose_options.cache_clear()
         assert compose(["rig=kitti"]) == composed
 
 
 def test_a_stored_composition_needs_no_hydra(tmp_path, monkeypatch):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
     compose(["rig=kitti"])
-    choose.choose_together.cache_clear()
-    choose.choose.cache_clear()
+    choice.compose_options.cache_clear()
     expected = compose(["rig=kitti"])
-    monkeypatch.setattr(choose, "_by_hydra", None)
-    choose.choose_together.cache_clear()
-    choose.choose.cache_clear()
+    monkeypatch.setattr(choice, "_by_hydra", None)
+    choice.compose_options.cache_clear()
     assert compose(["rig=kitti"]) == expected
 
 
 def test_a_cache_that_cannot_be_written_is_no_fault(tmp_path, monkeypatch, default):
     (tmp_path / "file").touch()
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "file"))
-    choose.choose_together.cache_clear()
-    choose.choose.cache_clear()
+    choice.compose_options.cache_clear()
     assert compose() == default
 
 
 def test_composing_creates_no_cache(tmp_path, monkeypatch, default):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "missing"))
-    choose.choose_together.cache_clear()
-    choose.choose.cache_clear()
+    choice.compose_options.cache_clear()
     assert compose() == default
     assert not (tmp_path / "missing").exists()
 
 
 def test_few_compositions_stay_stored(tmp_path, monkeypatch):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
-    monkeypatch.setattr(choose, "MOST_STORED", 2)
-    choose.choose_together.cache_clear()
-    choose.choose.cache_clear()
+    monkeypatch.setattr(choice, "MOST_STORED", 2)
+    choice.compose_options.cache_clear()
     for option in ("turn", "circle", "approach"):
         compose([f"path={option}"])
-    assert len(list((tmp_path / choose.FOLDER).iterdir())) == 2
+    assert len(list((tmp_path / choice.FOLDER).iterdir())) == 2
 
 
 @pytest.mark.parametrize(
@@ -377,3 +379,14 @@ def test_the_field_of_view_is_that_of_the_sensor(overrides, half):
     view = compose(overrides).configuration.field_of_view
     expected = None if half is None else pytest.approx(np.radians([-half, half]), abs=1e-3)
     assert view == expected
+
+
+@pytest.mark.parametrize("plain", ["/tmp/clips/a-b", "0000", "0005", "contour"])
+def test_texts_that_need_no_quotes_have_none(plain):
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+
+    text = override_text("source.sequence", plain)
+    assert text == f"source.sequence={plain}"
+    assert OverridesParser.create().parse_override(text).value() == plain
+    for special in ("12", "00.5", "null", "a b", "0"):
+        assert "'" in override_text("source.sequence", special)

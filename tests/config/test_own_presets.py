@@ -1,11 +1,12 @@
 """Presets of the user's own, `--config-dir`."""
 
 import json
+import os
 
 import pytest
 
 from stixel_cli.cli.app import main
-from stixel_cli.config.choose import choose_together
+from stixel_cli.config.choice import compose_options
 from stixel_cli.config.compose import compose
 from stixel_cli.config.folders import group_options, use_presets
 
@@ -56,7 +57,7 @@ def test_an_edit_of_a_preset_takes_effect(presets):
     assert compose(["rig=mine"]).configuration.rig.width == 320
     file = presets / "rig" / "mine.yaml"
     file.write_text(file.read_text().replace("320", "480"))
-    choose_together.cache_clear()
+    compose_options.cache_clear()
     assert compose(["rig=mine"]).configuration.rig.width == 480
 
 
@@ -75,6 +76,42 @@ def test_files_that_are_no_presets_are_refused_in_one_line(name, fault, presets,
     code, _, err = dry_run(capsys, "--config-dir", str(presets))
     assert (code, len(err.splitlines())) == (2, 1), err
     assert fault in err
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda file: file.symlink_to(file.parent),
+        lambda file: file.symlink_to(file.name),
+        lambda file: file.symlink_to("/dev/zero"),
+        lambda file: file.symlink_to("absent"),
+        lambda file: file.mkdir(),
+        os.mkfifo,
+        lambda file: file.write_bytes(b"\xff\xfe"),
+        lambda file: file.write_text("a: &a [*a]\n"),
+    ],
+)
+def test_what_is_no_yaml_file_is_refused_in_one_line(make, presets, capsys):
+    make(presets / "rig" / "other.yaml")
+    code, _, err = dry_run(capsys, "--config-dir", str(presets))
+    assert (code, len(err.splitlines())) == (2, 1), err
+    assert "other.yaml" in err
+    assert "internal error" not in err
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("# @pack\nwidth: 320\n", "defaults: 3\n", "defaults: [{a: 3}]\n", "- 1\n"),
+        *("sources: 3\n", "defaults: [mine]\n", "width: 1\nwidth: 2\n"),
+    ],
+)
+def test_a_preset_that_hydra_cannot_read_is_refused_in_one_line(text, presets, capsys):
+    (presets / "rig" / "mine.yaml").write_text(text)
+    code, _, err = dry_run(capsys, "--config-dir", str(presets), "rig=mine")
+    assert (code, len(err.splitlines())) == (2, 1), err
+    assert "--config-dir: " in err
+    assert "internal error" not in err
 
 
 def test_a_missing_folder_and_a_wrong_preset(presets, capsys):

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from stixel_cli import compose
-from stixel_cli.config.overrides import check_overrides, parse_overrides
+from stixel_cli.config.overrides import read_overrides
 from stixel_cli.experiment.stages import pictured_frames, scan_count
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -42,7 +42,7 @@ def test_pictures_are_output_of_script_and_small():
 def test_every_command_is_on_the_page_and_valid():
     text = (DOCS / "gallery.md").read_text(encoding="utf-8")
     for entry in ENTRIES:
-        check_overrides(parse_overrides(entry.overrides))
+        read_overrides(entry.overrides)
         assert shlex.join(["stixel", "run", *entry.overrides]) in text
 
 
@@ -50,13 +50,13 @@ def test_every_command_is_on_the_page_and_valid():
 def test_commands_draw_their_pictures(group):
     """One entry per section: the entries of a section differ only in the option."""
     entry = group[-1]
-    configuration = compose(entry.overrides).configuration
-    frames = pictured_frames(configuration)
-    assert all(frame < scan_count(configuration) for frame in frames)
+    composition = compose(entry.overrides)
+    frames = pictured_frames(composition)
+    assert all(frame < scan_count(composition) for frame in frames)
     folder, _, name = entry.source.rpartition("/")
     assert (f"k{frames[0]:04d}" if folder else "") == folder
     if name not in {"path.png", "errors.png", "birds_eye.png"}:
-        assert configuration.measurement.kind == "simulated"
+        assert composition.configuration.measurement.kind == "simulated"
 
 
 def test_one_picture_can_be_drawn_without_the_others(tmp_path, monkeypatch):

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import pytest
 from test_settings_page import DOCS, load_script
 
-from stixel_cli.config.overrides import check_overrides, parse_overrides
+from stixel_cli.config.overrides import read_overrides
 
 terminal = load_script("terminal")
 MOST_BYTES = 60_000
@@ -24,9 +24,15 @@ def test_picture(name):
     assert set(re.findall(r"https?://[^\s\"]+", text)) == {"http://www.w3.org/2000/svg"}
 
 
+def test_the_readme_has_the_seconds_of_the_picture():
+    svg = (DOCS / "figures" / "terminal_run.svg").read_text(encoding="utf-8")
+    (told,) = re.findall(r"experiment in (\S+) s", terminal.README.read_text(encoding="utf-8"))
+    assert told == terminal.seconds(svg), "run python docs/terminal.py terminal_run"
+
+
 def test_overrides_of_the_first_picture_are_valid():
     for command in terminal.PICTURES["terminal_run"]:
-        check_overrides(parse_overrides([w for w in shlex.split(command)[2:] if "=" in w]))
+        read_overrides([w for w in shlex.split(command)[2:] if "=" in w])
 
 
 def test_output_has_its_colours_and_errors(tmp_path):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.engine.cleanup import clear, collect, evicted, keep_limit
-from stixel_cli.engine.entries import entries, verify_all
+from stixel_cli.engine.entries import entries, entry_folders, verify_all
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.locks import Lease, lease, leased_keys
 from stixel_cli.engine.parameters import CacheParameters, parse_age, parse_size, show_size
@@ -32,6 +32,14 @@ def store(tmp_path):
 
 def left(store):
     return [key for key in KEYS if store.has(key)]
+
+
+def test_an_entry_of_an_older_version_counts_with_its_size(tmp_path):
+    store = Store(tmp_path / "cache")
+    store.save(KEYS[0], 1)
+    (size,) = (one.size for one in entry_folders(store))
+    (store.entry(KEYS[0]) / "value.pickle").write_bytes(b"x" * 1000)
+    assert [one.size for one in entry_folders(store)] == [size + 1000]
 
 
 def test_entries(store):
@@ -101,7 +109,7 @@ from pathlib import Path
 own = Lease(Path(sys.argv[1]))
 own.take(sys.argv[2:])
 print("taken", flush=True)
-time.sleep(60)
+time.sleep(600)
 """
 
 
@@ -171,7 +179,7 @@ def test_bad_entries_are_named_and_set_aside(store):
     assert [reason.partition(" (")[0] for _, reason in bad] == [
         "its content has changed",
         "it is truncated",
-        "value.pickle is missing",
+        "value.joblib is missing",
     ]
     assert seen == [(i, 5) for i in range(1, 6)]
     assert left(store) == [KEYS[0], KEYS[2]]

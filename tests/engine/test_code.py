@@ -5,6 +5,7 @@ import sys
 
 import pytest
 
+from stixel_cli.engine import source_files, versions
 from stixel_cli.engine.code import CodeIndex
 
 
@@ -157,11 +158,65 @@ def test_a_package_that_is_bound_as_an_object_counts_whole(project, code):
     }
 
 
-def test_a_packages_init_counts_where_a_name_is_imported_from_it(project, code):
+def test_the_init_of_a_users_package_counts_always_if_it_has_statements(project, code):
     project.write("__init__", "from .log import called\nanswer = 1")
-    assert names(project, code("first", first="from .helpers import scale")) == {"first", "helpers"}
-    found = code("first", first="from . import answer")
-    assert names(project, found) == {"first", project.name, "log"}
+    reached = {"first", "helpers", "log", project.name}
+    before = code("first", first="from .helpers import scale")
+    assert names(project, before) == reached
+    project.write("__init__", "from .log import called\nanswer = 2")
+    assert code("first").digest != before.digest
+    assert names(project, code("first", first="from . import answer")) == reached - {"helpers"}
+
+
+def test_declared_files_count_by_their_content(project, code):
+    (project.package / "weights.npz").write_bytes(b"1")
+    before = code("first", first='FILES = ["weights.npz"]')
+    assert f"{project.name}.first/weights.npz" in before.modules
+    (project.package / "weights.npz").write_bytes(b"2")
+    assert code("first").digest != before.digest
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ('FILES = ["nothing.npz"]', "FILES: nothing.npz: No such file"),
+        ('FILES = ["."]', "FILES: .: must be a file"),
+        ('FILES = ["/dev/zero"]', "FILES: /dev/zero: must be a file next to"),
+        ('FILES = ["large.npz"]', "all together at most"),
+        ('FILES = "weights.npz"', "line 1: FILES must be a list"),
+        ("FILES: list = [str(n) for n in range(3)]", "line 1: FILES must be a list"),
+    ],
+)
+def test_files_that_cannot_be_declared_are_refused_in_one_line(
+    text, fault, project, code, monkeypatch
+):
+    (project.package / "large.npz").write_bytes(b"12345")
+    monkeypatch.setattr(source_files, "LARGEST_FILES", 4)
+    with pytest.raises(LookupError) as error:
+        code("first", first=text)
+    assert fault in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("editable", [True, False])
+def test_an_editable_install_counts_by_its_code(editable, project, code, tmp_path, monkeypatch):
+    name = f"helper_{project.name}"
+    notes = tmp_path / f"{name}-1.0.dist-info"
+    notes.mkdir()
+    (notes / "METADATA").write_text(f"Name: {name}\nVersion: 1.0\n")
+    (notes / "top_level.txt").write_text(name)
+    (notes / "direct_url.json").write_text(
+        f'{{"dir_info": {{"editable": {str(editable).lower()}}}}}'
+    )
+    (tmp_path / f"{name}.py").write_text("gain = 1\n")
+    versions.providers.cache_clear()
+    try:
+        found = code("first", first=f"from {name} import gain")
+    finally:
+        versions.providers.cache_clear()
+        versions.is_editable.cache_clear()
+    assert (name in found.modules) == editable
+    assert (name in found.versions) == (not editable)
 
 
 def test_a_module_reached_by_a_declaration_counts(project, code):

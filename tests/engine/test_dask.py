@@ -37,15 +37,19 @@ SLOW = """
     def slow(frames, folder, seed):
         Path(folder, f"running-{frames.start}-{os.getpid()}").touch()
         if frames.start == 5 and len(list(Path(folder).glob("running-5-*"))) == 1:
-            time.sleep(60.0)  # until it is killed
+            time.sleep(600.0)  # until it is killed
         return np.random.default_rng([seed, frames.start]).normal(size=1000)
+
+    def wait_for(file):
+        while not Path(file).exists():
+            time.sleep(0.01)
 
     def total(slow, frames, previous):
         return slow.sum() + (0.0 if previous is None else previous)
 
     def hang(frames):
         if frames.start == 2:
-            time.sleep(60.0)
+            time.sleep(600.0)
         return frames.start
 
     def kill(frames):
@@ -170,13 +174,17 @@ def test_an_outcome_that_never_comes_is_computed_again(cluster, monkeypatch):
         pool.close()
 
 
-def test_a_task_is_cancelled_while_it_runs(cluster):
+def test_a_task_is_cancelled_while_it_runs(cluster, tmp_path):
+    from dask_steps.steps import wait_for
+
     pool = make_dask_pool(executor_at(cluster))
     try:
-        future = pool.submit(time.sleep, 60.0)
+        future = pool.submit(wait_for, str(tmp_path / "go"))
         assert future.cancel()
         assert wait([future], timeout=300.0).done == {future}
     finally:
+        # Its worker is busy with it until then.
+        (tmp_path / "go").touch()
         pool.close()
 
 
@@ -198,13 +206,13 @@ def test_a_scheduler_that_is_lost(project, tmp_path):
                 cluster = LocalCluster(n_workers=1, threads_per_worker=1, processes=False, protocol="tcp://",
                                        host="127.0.0.1", dashboard_address="127.0.0.1:0")
                 print(cluster.scheduler_address, flush=True)
-                time.sleep(60.0)
+                time.sleep(600.0)
             """
         )
     )
     (tmp_path / "lost_steps.py").write_text(
         "import time\n\ndef wait(frames, folder):\n"
-        "    open(folder + '/running', 'w').close()\n    time.sleep(60.0)\n"
+        "    open(folder + '/running', 'w').close()\n    time.sleep(600.0)\n"
     )
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
     process = subprocess.Popen(
@@ -254,7 +262,12 @@ def scheduler():
 
 def test_a_scheduler_without_workers(scheduler, project, notes, monkeypatch):
     monkeypatch.setattr("stixel_cli.engine.dask_pool.COUNT_INTERVAL", 0.2)
-    monkeypatch.setattr("stixel_cli.engine.dask_pool.LONG_PATIENCE", 0.6)
+
+    def end_patience(text):
+        notes.notes.append(text)
+        monkeypatch.setattr("stixel_cli.engine.dask_pool.LONG_PATIENCE", 0.0)
+
+    notes.note = end_patience
     executor = DaskExecutor("dask", 2, None, scheduler)
     with pytest.raises(ExecutorError, match=f"^no worker at the Dask scheduler {scheduler} for "):
         execute(project.graph(), ["numbers"], project.store, executor=executor, progress=notes)
@@ -264,9 +277,9 @@ def test_a_scheduler_without_workers(scheduler, project, notes, monkeypatch):
 
 
 def test_the_probe(scheduler, tmp_path, monkeypatch):
-    monkeypatch.setattr("stixel_cli.engine.dask_pool.PATIENCE", 0.5)
     store, nobody = Store(tmp_path / "cache"), DaskExecutor("dask", 2, None, "tcp://127.0.0.1:9")
     probe(3, store, DaskExecutor("dask", 2, None, scheduler))
+    monkeypatch.setattr("stixel_cli.engine.dask_pool.PATIENCE", 0.5)
     probe(0, store, nobody)
     with pytest.raises(ExecutorError, match=r"no Dask scheduler at tcp://127\.0\.0\.1:9"):
         probe(3, store, nobody)

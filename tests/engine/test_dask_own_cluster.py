@@ -53,7 +53,7 @@ def test_ctrl_c_ends_a_cluster_of_its_own(tmp_path):
             import os, time
             def hang(folder, frames):
                 open(os.path.join(folder, f"running-{os.getpid()}"), "w").close()
-                time.sleep(60.0)
+                time.sleep(600.0)
                 open(os.path.join(folder, f"slept-{os.getpid()}"), "w").close()
             """
         )

@@ -25,7 +25,7 @@ def threads():
 SLOW_IMPORT = """
 from gate import begun, go
 begun.set()
-assert go.wait(20.0)
+assert go.wait(600.0)
 threads = 4
 def getNumThreads(): return threads
 def setNumThreads(number):
@@ -53,7 +53,7 @@ def test_opencv_that_another_thread_imports_just_now_is_waited_for(gate):
 
     with ThreadPoolExecutor(2) as pool:
         imported = pool.submit(importlib.import_module, "cv2")
-        assert gate.begun.wait(20.0)
+        assert gate.begun.wait(600.0)
         inside = pool.submit(threads_inside)
         try:
             # It fails at once, or waits: then nothing but the import's end lets it go on.
@@ -99,12 +99,12 @@ def test_every_thread_gets_the_limit_and_it_ends_with_the_last(two_threads):
     def stay():
         with one_thread():
             inside.set()
-            assert go.wait(60.0)
+            assert go.wait(600.0)
             return threads()
 
     with ThreadPoolExecutor(1) as pool:
         first = pool.submit(stay)
-        assert inside.wait(60.0)
+        assert inside.wait(600.0)
         with one_thread():
             go.set()
             assert first.result(timeout=600.0) == 1

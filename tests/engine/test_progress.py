@@ -95,7 +95,7 @@ def test_progress_gets_the_durations_of_earlier_runs(project):
     project.run(progress=first)
     project.run(project.graph(seed=2), progress=second)
     assert first.at_first is None
-    assert 0.02 < second.at_first < 5.0
+    assert second.at_first > 0.02
 
 
 @pytest.mark.parametrize("make", [Lines, Bar, NotebookBar])

@@ -38,7 +38,7 @@ def test_the_same_content_is_computed_once(draw):
     assert run({"a": [1, 2]}) == ((1, {"a": [1, 2]}), True)
     assert run({"a": [1, 2]}) == ((1, {"a": [1, 2]}), False)
     assert run({"a": [2, 1]})[1]
-    for value in store.folder.glob("??/*/value.pickle"):
+    for value in store.folder.glob("??/*/value.joblib"):
         value.write_bytes(b"damaged")
     assert run({"a": [1, 2]}) == ((1, {"a": [1, 2]}), True)
 

@@ -43,6 +43,20 @@ def test_each_load_is_a_new_object_that_may_be_written(store):
     assert store.load(KEY)[0] == 0.0
 
 
+def test_large_arrays_are_memory_maps_that_may_be_written(store, monkeypatch):
+    value = {"large": np.arange(3.0), "text": b"bytes"}
+    store.save(KEY, value)
+    monkeypatch.setattr("stixel_cli.engine.store.MAPPED", 0)
+    found = store.load(KEY)
+    assert isinstance(found["large"], np.memmap) and found["text"] == b"bytes"
+    found["large"][:] = -1.0
+    found["large"].flush()
+    np.testing.assert_array_equal(store.load(KEY)["large"], value["large"])
+    (store.entry(KEY) / VALUE).write_bytes(b"x" * store.meta(KEY)["size"])
+    with pytest.raises(MissingEntry, match="its content has changed"):
+        store.load(KEY)
+
+
 def test_nothing_is_made_before_it_is_needed(store):
     assert not store.has(KEY) and not store.verify(KEY)
     with pytest.raises(MissingEntry, match="not found"):
@@ -95,11 +109,11 @@ def old_notes(entry):
         (lambda entry: flip(entry / VALUE), "has changed"),
         (lambda entry: (entry / VALUE).write_bytes((entry / VALUE).read_bytes()[:-9]), "truncated"),
         (lambda entry: (entry / VALUE).write_bytes(b""), "truncated"),
-        (lambda entry: (entry / VALUE).unlink(), "value.pickle is missing"),
-        (lambda entry: put(Path.mkdir, entry / VALUE), "value.pickle is not a regular file"),
+        (lambda entry: (entry / VALUE).unlink(), "value.joblib is missing"),
+        (lambda entry: put(Path.mkdir, entry / VALUE), "value.joblib is not a regular file"),
         (lambda entry: put(Path.mkdir, entry / META), "meta.json is not a regular file"),
         # To open a FIFO would block until a process writes to it.
-        (lambda entry: put(os.mkfifo, entry / VALUE), "value.pickle is not a regular file"),
+        (lambda entry: put(os.mkfifo, entry / VALUE), "value.joblib is not a regular file"),
         (lambda entry: put(os.mkfifo, entry / META), "meta.json is not a regular file"),
         (lambda entry: (entry / META).write_text("{"), "notes are damaged"),
         (lambda entry: (entry / META).write_text("[]"), "notes are damaged"),

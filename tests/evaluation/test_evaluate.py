@@ -205,32 +205,20 @@ def test_metric_without_value_is_none():
         used_offsets=np.zeros(COUNT + 1, np.int64),
         used_points=np.zeros(0, np.int64),
         covariances=np.zeros_like(track.covariances),
-        means=np.where(np.arange(8) == 2, np.nan, track.means),
     )
     scores = evaluate(track, SCENARIO, SCANS)
-    for name in ("orientation_rmse_deg", "nees_position_mean", "nees_orientation_mean", "nis_mean"):
+    for name in ("nees_position_mean", "nees_orientation_mean", "nis_mean"):
         assert scores.metrics[name] is None
     assert scores.metrics["centre_mean_m"] == pytest.approx(11 / 5)
     assert scores.metrics["points_used_mean"] == 0.0
 
 
-def test_non_finite_track_has_low_overlap_and_no_mean_errors():
-    track = track_with(SHIFTS)
-    track.contours_world[3] = np.nan
-    track.means[3] = np.nan
-    scores = evaluate(track, SCENARIO, SCANS)
-    assert scores.metrics["centre_rmse_m"] is None
-    assert scores.metrics["low_overlap_share"] == pytest.approx(0.4)
-    assert scores.metrics["centre_final_m"] == pytest.approx(10.0)
-    assert scores.metrics["time_to_divergence_s"] == pytest.approx(0.3)
-
-
 @pytest.mark.parametrize("field", ["means", "covariances", "contours_world"])
-def test_track_has_diverged_where_it_is_not_finite(field):
+def test_a_track_that_is_not_finite_has_no_scores(field):
     track = track_with(SHIFTS)
     getattr(track, field)[2] = np.nan
-    metrics = evaluate(track, SCENARIO, SCANS).metrics
-    assert (metrics["diverged"], metrics["time_to_divergence_s"]) == (1, pytest.approx(0.2))
+    with pytest.raises(ValueError, match=f"{field} of its track are not finite at scan 2"):
+        evaluate(track, SCENARIO, SCANS)
 
 
 def test_classes_are_compared_with_the_road_user_and_the_prior():

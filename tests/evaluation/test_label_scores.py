@@ -6,10 +6,10 @@ import pytest
 from stixel_cli.evaluation.label_scores import score_tracks
 from stixel_cli.evaluation.metric_table import OF_LABELS
 from stixel_cli.evaluation.verdict import verdict
-from stixel_cli.recordings.box import rectangle
+from stixel_cli.recordings.labelled import rectangle
 from stixel_cli.recordings.types import LabelTruth
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.tracking.found import ObjectTrack
+from stixel_cli.tracking.several.found import ObjectTrack
 from stixel_cli.tracking.track import Track
 
 COUNT = 10

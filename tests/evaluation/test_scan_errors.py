@@ -45,7 +45,7 @@ def test_a_track_is_lost_after_a_second_off_the_target(lost, time):
 def output(**changes):
     """Errors of 40 scans of a tracker that is consistent by its own output."""
     errors = {field.name: np.zeros(40) for field in fields(ScanErrors)}
-    usual = {"scan_times": TIMES, "nis": np.ones(40), "points": np.full(40, 9), "finite": ~off()}
+    usual = {"scan_times": TIMES, "nis": np.ones(40), "points": np.full(40, 9)}
     usual |= {"points_used": np.full(40, 8), "uses_scans": True}
     return ScanErrors(**(errors | usual | changes))
 
@@ -58,8 +58,6 @@ ABOVE = DIVERGED_NIS + 0.1
     [
         ({}, None),
         ({"nis": np.full(40, np.nan)}, None),
-        ({"finite": ~off((7, 7))}, 0.7),
-        ({"finite": ~off((39, 39))}, 3.9),
         # Points that are not used, for a second; an empty scan tells nothing.
         ({"points_used": 8 * ~off((3, 13))}, 0.3),
         ({"points_used": 8 * ~off((3, 12))}, None),

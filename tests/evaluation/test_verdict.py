@@ -50,15 +50,15 @@ def test_a_ceiling_is_named_where_it_is_below_one():
         ({"band_coverage": 0.41}, "The 95 % band covers only 41 % of the true outline."),
         (
             {"size_deviation": 5.8},
-            "The points do not fit the class of the prior: is it another road user?",
+            "The points do not fit the prior's class; the road user may be of another class.",
         ),
         (
             {"points_beside_share": 0.3, "size_deviation": 0.2},
-            "The points do not fit the class of the prior: is it another road user?",
+            "The points do not fit the prior's class; the road user may be of another class.",
         ),
         (
             {"class_replaced_share": 0.8},
-            "The points do not fit the class of the prior: is it another road user?",
+            "The points do not fit the prior's class; the road user may be of another class.",
         ),
         ({"class_error": 1.0}, "The reported class is not that of the road user."),
     ],

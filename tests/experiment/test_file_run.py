@@ -38,6 +38,22 @@ def from_files(folder, truth="truth.npz"):
     return ["measurement=file", *files, *QUICK]
 
 
+@pytest.mark.parametrize(("error", "lines"), [(0.1, 0), (np.pi, 0), (1.7, 1), (-0.6, 1)])
+def test_headings_far_from_the_motion_are_named_in_one_line(error, lines, made, tmp_path, capfd):
+    folder = tmp_path / "from"
+    shutil.copytree(made, folder)
+    head, *rows = (folder / "truth.csv").read_text().splitlines()
+    at = head.split(",").index("heading")
+    cells = [row.split(",") for row in rows]
+    rows = [",".join([*c[:at], repr(error + float(c[at])), *c[at + 1 :]]) for c in cells]
+    (folder / "truth.csv").write_text("\n".join([head, *rows, ""]))
+    words = [*from_files(folder, "truth.csv"), "pictures.frames=[]"]
+    assert main(["run", "--results", str(tmp_path / "results"), *words]) == 0
+    said = [line for line in capfd.readouterr().err.splitlines() if "in radians?" in line]
+    assert len(said) == lines
+    assert all(line.startswith("stixel: measurement.truth: headings are ") for line in said)
+
+
 def arrays(folder, name):
     with np.load(folder / name) as found:
         return dict(found)
@@ -161,7 +177,7 @@ def test_a_sweep_of_files_without_truth_has_statistics_of_what_is_known(made, sh
 
 
 def keys(words):
-    graph = experiment_graph(compose(words).configuration)
+    graph = experiment_graph(compose(words))
     return {name: graph.of_stage(name)[0].key for name in graph.stage_names}
 
 
@@ -181,10 +197,10 @@ def test_the_content_of_each_file_is_in_the_keys_that_need_it(made, tmp_path):
 
 
 def test_the_number_of_scans_is_that_of_the_file(made):
-    configuration = compose(from_files(made)).configuration
-    assert scan_count(configuration) == 15
-    assert pictured_frames(configuration)[-1] < 15
-    late = compose([*from_files(made), "pictures.frames=[15]"]).configuration
+    composition = compose(from_files(made))
+    assert scan_count(composition) == 15
+    assert pictured_frames(composition)[-1] < 15
+    late = compose([*from_files(made), "pictures.frames=[15]"])
     with pytest.raises(UserError, match="must be <= 14, the last frame, got 15"):
         pictured_frames(late)
 

@@ -35,7 +35,7 @@ def results(tmp_path):
 
 def keys(*words: str) -> tuple[str, str]:
     """The keys of the returns and of the scans."""
-    graph = experiment_graph(compose(["measurement=lidar", *words]).configuration)
+    graph = experiment_graph(compose(["measurement=lidar", *words]))
     return graph.of_stage("cast_lidar")[0].key, graph.of_stage("scans")[0].key
 
 

@@ -3,11 +3,12 @@
 import importlib.metadata
 import json
 import shutil
-import sys
 
 import numpy as np
 import pytest
 import yaml
+from own_files import QUICK, THREADS
+from own_files import own as own
 from run_cli import run_json
 
 from stixel_cli import compose, run
@@ -15,141 +16,14 @@ from stixel_cli.cli.app import main
 from stixel_cli.cli.completion import complete_override
 from stixel_cli.cli.run import help_of_run
 from stixel_cli.config import folders
-from stixel_cli.config.messages import override_text
+from stixel_cli.config.texts import override_text
 from stixel_cli.engine.code import CodeIndex
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.experiment.run import experiment_graph
 
-NAMES = iter(range(1000))
-
-TRACKER = """
-from dataclasses import dataclass
-from typing import Annotated, Literal
-
-import numpy as np
-from annotated_types import Gt, Le
-
-import {helper}
-from stixel_cli.tracking.track import Track
-
-with open(__file__ + ".imported", "a") as file:
-    file.write("x")
-
-
-@dataclass(frozen=True)
-class Parameters:
-    alpha: Annotated[float, Gt(0), Le(1)] = 0.5
-    mode: Literal["near", "far"] = "near"
-
-
-def track(scans, initial, prior, tracker: Parameters):
-    count = len(scans)
-    means = np.tile(initial.mean, (count, 1))
-    means[:, 0] += {helper}.OFFSET * tracker.alpha
-    square = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
-    contours = means[:, None, :2] + square
-    return Track(
-        times=scans.times,
-        means=means,
-        covariances=np.tile(np.eye(6), (count, 1, 1)),
-        contours_world=contours,
-        contour_directions=np.tile(square / 2**0.5, (count, 1, 1)),
-        contour_std=np.ones((count, 4)),
-        used_offsets=np.zeros(count + 1, np.int64),
-        used_points=np.zeros(0, np.int64),
-        nis=np.full(count, np.nan),
-        nis_degrees_of_freedom=np.zeros(count, np.int64),
-    )
-
-
-def plain(scans, initial, prior, alpha=0.5):
-    return track(scans, initial, prior, Parameters(alpha))
-
-
-def fails(scans, initial, prior):
-    return np.zeros(3) + np.zeros(2)  # the line
-
-
-def wrong(scans, initial, prior):
-    return {{"means": 3}}
-
-
-def short(scans, initial, prior):
-    from dataclasses import replace
-
-    return replace(track(scans, initial, prior, Parameters()), nis=np.zeros(1))
-
-
-def dots(scenario, seed, spread=0.1):
-    from stixel_cli.measurements.scans import Scans
-    from stixel_cli.randomness import generator
-
-    scans = [
-        (pose[:2] + spread * generator(seed, "dots", k).standard_normal((3, 2)),
-         np.tile(spread**2 * np.eye(2), (3, 1, 1)))
-        for k, pose in enumerate(scenario.target_poses_world)
-    ]
-    return Scans.of_each(scenario.times, scenario.ego_poses_world, scans)
-
-
-def no_scans(scenario, seed):
-    return []
-
-
-def no_view(scenario, seed):
-    from dataclasses import replace
-
-    return replace(dots(scenario, seed), field_of_view=(-0.5, 0.5))
-
-
-def offset_m(track, scenario, scans):
-    return np.mean(track.means[:, 0] - scenario.target_poses_world[:, 0])
-
-
-def words(track, scenario, scans):
-    return "far"
-
-
-scans = 3
-"""
-
-
-@pytest.fixture
-def own(tmp_path, monkeypatch):
-    """A folder with a module of its own name, which is the working directory."""
-    number = next(NAMES)
-    name, helper = f"own_{number}", f"own_helper_{number}"
-    folder = tmp_path / "mine"
-    folder.mkdir()
-    (folder / f"{name}.py").write_text(TRACKER.format(helper=helper))
-    (folder / f"{helper}.py").write_text("OFFSET = 1.0\n")
-    monkeypatch.chdir(folder)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    return Own(folder, name, helper)
-
-
-class Own:
-    def __init__(self, folder, name, helper):
-        self.folder, self.name, self.helper = folder, name, helper
-        self.results = folder.parent / "results"
-
-    def imports(self):
-        file = self.folder / f"{self.name}.py.imported"
-        return len(file.read_text()) if file.exists() else 0
-
-    def forget(self):
-        """As a new process: nothing is imported."""
-        (self.folder / f"{self.name}.py.imported").unlink(missing_ok=True)
-        for name in (self.name, self.helper):
-            sys.modules.pop(name, None)
-
-
-QUICK = ("measurement=fabricated", "path.duration=0.3", "pictures.frames=[]")
-THREADS = "executor=threads"
-
 
 def keys(*words):
-    graph = experiment_graph(compose([*QUICK, *words]).configuration)
+    graph = experiment_graph(compose([*QUICK, *words]))
     return {name: nodes[0].key for name in graph.stages if (nodes := graph.of_stage(name))}
 
 
@@ -161,7 +35,9 @@ def test_every_kind_of_worker_finds_the_module(executor, own, capsys):
     answer = run_json(capsys, own.results, *QUICK, *words, "executor.workers=1", "--name", "a")
     assert answer["metrics"]["scans"] == 3
     stored = yaml.safe_load((own.results / "a" / "config.yaml").read_text())
-    assert stored["tracker"] == {"kind": "own", "function": f"{own.name}:track", "alpha": 0.25}
+    assert stored["tracker"] == {
+        "kind": "own", "function": f"{own.name}:track", "alpha": 0.25, "mode": "near",
+    }  # fmt: skip
     assert stored["code_folders"] == [str(own.folder)]
     manifest = json.loads((own.results / "a" / "manifest.json").read_text())
     assert manifest["choices"]["tracker"] == f"{own.name}:track"
@@ -330,19 +206,21 @@ def test_commands_that_only_read_a_folder_import_nothing_from_it(command, stored
         assert stored.helper in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("command", ["rerun", "verify", "play", "sweep --resume"])
+@pytest.mark.parametrize(
+    "command", ["rerun", "verify", "play", "export --format csv", "sweep --resume"]
+)
 def test_commands_that_compute_refuse_the_code_of_a_folder_unless_it_is_trusted(
     command, stored, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
     folder = stored.results / ("sweep" if "sweep" in command else "run")
     line = [*command.split(), str(folder)]
-    line += ["--output", str(tmp_path / "page.html")] if command == "play" else []
+    line += ["--output", str(tmp_path / "page.html")] if command[0] in "pe" else []
     line += ["--results", str(tmp_path / "new")] if command == "rerun" else []
     assert main(line) == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1
-    assert f"{stored.name}:track: read it, and add --trust-code" in lines[0]
+    assert f"{stored.name}:track): review it, then add --trust-code" in lines[0]
     assert stored.imports() == 0
     assert main([*line, "--trust-code"]) == 0, capsys.readouterr().err
     assert stored.imports() > 0

@@ -106,7 +106,7 @@ def complaint(kind: "Kind", words: list[str]) -> tuple[str, int]:
     _computes.clear()
     before = _content(kind.place)
     try:
-        got = answer(words)
+        got = kind.answer(words)
     except BaseException as error:
         return "".join(traceback.format_exception(error)), -1
     after = _content(kind.place)
@@ -182,6 +182,7 @@ class Kind:
         place: the working folder, left as it was.
         also: a further check of the words and their answer, "" if nothing is wrong.
         may_write: whether a command that succeeds may write into `place`.
+        answer: runs the words; the command line's own answer, or that of a reader.
     """
 
     name: str
@@ -189,6 +190,7 @@ class Kind:
     place: Path
     also: Callable[[list[str], Answer], str] = lambda words, got: ""
     may_write: bool = False
+    answer: Callable[[list[str]], Answer] = answer
 
 
 def run_cases(kind: Kind, small: int) -> list[str]:

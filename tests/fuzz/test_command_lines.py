@@ -14,6 +14,12 @@ SMALL = 30
 OVERRIDES = ("run", "run --dry-run", "sweep", "sweep --dry-run", "plan", "explain")
 FOLDERS = ("show", "compare", "report", "play", "rerun", "verify", "ls")
 OTHERS = (
+    "assess",
+    "calibrate",
+    "completion",
+    "describe",
+    "doctor",
+    "export",
     "study",
     "study --dry-run rq2",
     "cache",
@@ -41,7 +47,7 @@ RIGHT = (
     "sweep --dry-run --from prior_width seed=choice(1,2) measurement=fabricated",
     "plan road_user=glob(*) path=turn,s_curve measurement=fabricated",
     "plan --json tracker.sigma_f=range(0.1,0.5,0.2) tracker=gp_ekf --pictures",
-    "plan rig.width=${rig.height} pace.speed=${path.speed} path=turn path.speed=3",
+    "plan rig.width=${rig.height} start.velocity=${path.speed} path=turn path.speed=3",
     "explain tracker.length_scale=0.5,0.6 seed=0,1 --json",
     "study --dry-run rq2 road_user=car seed=range(0,2) --name rq2-car",
     "cache gc --max-size 10GB --older-than 30d --dry-run",

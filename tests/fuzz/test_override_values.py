@@ -44,7 +44,9 @@ def draw_overrides(rng: random.Random) -> list[str]:
     values = []
     for name in rng.sample(list(known_keys()), rng.choice((1, 1, 1, 2, 3))):
         key = rng.choice(known_keys()[name])
-        chosen |= {group: rng.choice(options_of_kind(group, kind)) for group, kind in key.owners}
+        # The path of a recording has no option.
+        kinds = {group: options_of_kind(group, kind) for group, kind in key.owners}
+        chosen |= {group: rng.choice(options) for group, options in kinds.items() if options}
         values.append(f"{name}={draw_value(rng, key.annotation)}")
     group = rng.choice(list(group_options()))
     if rng.random() < 0.3 and "/" not in group:

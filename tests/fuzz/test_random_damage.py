@@ -53,13 +53,13 @@ AXES = """\
 fixed: {measurement: fabricated, path.duration: 0.3}
 axes:
   tracker.length_scale: [0.2, 0.4]
-  pace.speed: range(1,3)
+  start.velocity: range(1,3)
 zipped:
   - path: [turn, circle]
     rig.width: [320, 640]
 seeds: 2
 leave_out:
-  - {path: turn, pace.speed: 1}
+  - {path: turn, start.velocity: 1}
 """
 OF_A_STUDY = (
     "study --dry-run small.yaml",

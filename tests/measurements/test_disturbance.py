@@ -14,7 +14,7 @@ FIELD = (-0.5, 0.4)
 
 
 def scans(count=30):
-    """Three points per scan of a sensor that moves and turns; correlated; from 5.0 s on."""
+    """Three points per scan of a sensor that moves and turns, from 5.0 s on."""
     times = 5.0 + 0.1 * np.arange(count)
     poses = np.stack([times, 2.0 * times, 0.5 * np.pi + 0.05 * times], axis=-1)
     angles, ranges = np.array([-0.2, 0.0, 0.1]), np.array([10.0, 20.0, 30.0])
@@ -23,8 +23,6 @@ def scans(count=30):
         times,
         poses,
         [points_along(pose, angles, ranges, along, across) for pose in poses],
-        [np.array([0.0, 0.5, 0.5])] * count,
-        [np.array([[0.1, 0.2]])] * count,
         FieldOfView(*FIELD),
     )
 
@@ -37,21 +35,19 @@ def test_scans_are_empty_in_the_dropout_and_as_before_elsewhere():
     empty = np.flatnonzero(np.diff(found.offsets) == 0)
     np.testing.assert_array_equal(empty, np.arange(5, 16))
     for k in set(range(30)) - set(empty):
-        for name in ("points_world", "covariances_world", "correlations"):
+        for name in ("points_world", "covariances_world"):
             own, before = getattr(found, name), getattr(SCANS, name)
             np.testing.assert_array_equal(own[found.rows(k)], before[SCANS.rows(k)])
-    np.testing.assert_array_equal(found.unknown_bearings, SCANS.unknown_bearings)
     assert found.field_of_view == SCANS.field_of_view == FieldOfView(*FIELD)
 
 
 def test_clutter_is_even_over_field_of_view_and_range_and_follows_the_points():
     found = disturb_scans(SCANS, (0.0, 0.0), 20.0, 40.0, seed=0)
     assert len(found.points_world[found.rows(0)]) == 0
-    distances, angles, correlations = [], [], []
+    distances, angles = [], []
     for k in range(1, 30):
         points = found.points_world[found.rows(k)]
         np.testing.assert_array_equal(points[:3], SCANS.points_world[SCANS.rows(k)])
-        correlations.append(found.correlations[found.rows(k)][3:])
         pose = SCANS.sensor_poses_world[k]
         offsets = points[3:] - pose[:2]
         distances.append(np.hypot(*offsets.T))
@@ -59,7 +55,6 @@ def test_clutter_is_even_over_field_of_view_and_range_and_follows_the_points():
     distances, angles = np.concatenate(distances), np.concatenate(angles)
     angles = (angles + np.pi) % (2.0 * np.pi) - np.pi
     assert 500 < len(distances) < 660
-    assert not np.concatenate(correlations).any()
     assert distances.max() <= 40.0
     assert abs(np.mean(distances < 20.0) - 0.25) < 0.06
     assert angles.min() >= FIELD[0] and angles.max() <= FIELD[1]

@@ -6,7 +6,7 @@ import pytest
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.clusters import cluster
 from stixel_cli.measurements.objects import find_objects, smallest_rectangle
-from stixel_cli.results.objects import object_columns
+from stixel_cli.results.tables import object_columns
 from stixel_cli.stixels.types import Stixels
 
 GATES = (0.3, 2.5, 1.0, 80.0)

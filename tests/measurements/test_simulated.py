@@ -18,7 +18,6 @@ GATES = SimulatedParameters(
     height_max=2.5,
     range_min=1.0,
     range_max=40.0,
-    correlation_columns=5.0,
 )
 RIG = compose([]).configuration.rig
 
@@ -96,33 +95,3 @@ def test_empty_gates_are_rejected():
         dataclasses.replace(GATES, height_max=0.2).check()
     with pytest.raises(ValueError, match=r"measurement\.range_max"):
         dataclasses.replace(GATES, range_max=0.5).check()
-
-
-def test_errors_of_neighbours_on_one_object_are_correlated():
-    chunk = dataclasses.replace(
-        stixels(0, [4, 1], [[0, 10]] * 5, [1, 9, 1, 1, 1]),
-        left=np.array([0, 3, 6, 9, 0]),
-        right=np.array([3, 6, 9, 12, 3]),
-        depth=np.array([10.0, 10.0, 10.5, 12.5, 10.0]),
-    )
-    scans = gather_scans([chunk], ego([[0, 0, np.pi / 2]] * 2), GATES, RIG)
-    # The second one is above the gate: its neighbours are six columns apart.
-    np.testing.assert_allclose(scans.correlations, [0.0, np.exp(-6 / 5), 0.0, 0.0])
-    independent = dataclasses.replace(GATES, correlation_columns=0.0)
-    scans = gather_scans([chunk], ego([[0, 0, np.pi / 2]] * 2), independent, RIG)
-    assert not scans.correlations.any()
-
-
-def test_unknown_bearings_turn_with_the_ego_car():
-    chunk = dataclasses.replace(
-        stixels(0, [0, 1], [[0, 10]], [1]),
-        unknown_offsets=np.array([0, 1, 3]),
-        unknown_ego=np.array([[1.0, 1.1], [1.2, 1.3], [1.6, 1.8]]),
-    )
-    scans = gather_scans([chunk], ego([[0, 0, np.pi / 2], [3, 4, np.pi / 2 + 0.4]]), GATES, RIG)
-    assert scans.unknown_offsets.tolist() == [0, 1, 3]
-    expected = [[1.0, 1.1], [1.6, 1.7], [2.0, 2.2]]
-    np.testing.assert_allclose(scans.unknown_bearings, expected)
-    # By default all is known.
-    known = gather_scans([stixels(0, [1], [[0, 10]], [1])], ego([[0, 0, np.pi / 2]]), GATES, RIG)
-    assert known.unknown_offsets.tolist() == [0, 0] and known.unknown_bearings.shape == (0, 2)

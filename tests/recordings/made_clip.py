@@ -2,13 +2,13 @@
 
 import numpy as np
 
+from stixel_cli.export.kitti_folder import write_clip
 from stixel_cli.geometry.pose import ego_from_world
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
-from stixel_cli.recordings.box import rectangle
+from stixel_cli.recordings.labelled import rectangle
 from stixel_cli.recordings.motion import recorded_motion
 from stixel_cli.recordings.scenario import recorded_scenario
-from stixel_cli.recordings.write_kitti import write_clip
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.scene.ego import Turning, ego_motion
 from stixel_cli.scene.scenario import Scenario

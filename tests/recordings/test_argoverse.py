@@ -9,7 +9,7 @@ from made_argoverse import MOUNTED, START, STEP, TARGET, annotations, make_log, 
 from made_clip import make_clip, truth_of
 
 from stixel_cli.config.compose import compose
-from stixel_cli.errors import UserError
+from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.recordings.find import find_recording, guess_layout
 from stixel_cli.recordings.image_files import read_grey
 from stixel_cli.recordings.pairs import read_pairs
@@ -110,7 +110,9 @@ def test_the_axes_of_the_pair_are_along_the_baseline_and_between_the_optical_axe
 
 def test_a_log_is_guessed_and_composed(folders):
     given = [f"source.folder={folders[1]}", f"source.target={TARGET}", "source.sample_time=0.1"]
-    composition = compose(given)
+    with pytest.raises(ConfigurationError, match=r"rig\.camera_height: is required"):
+        compose(given)
+    composition = compose([*given, "rig.camera_height=1.6"])
     rig = composition.configuration.rig
     assert composition.choices["source"] == "argoverse"
     assert composition.choices["road_user"] == "car"
@@ -193,7 +195,8 @@ DAMAGE = {
         "annotations.feather: the column timestamp_ns is missing",
     ),
     "text": (SENSORS, lambda f: write_table(f, [{"sensor_name": "a", **POSE}]), "must be of numb"),
-    "NaN": (LABELS, _edit(2, tx_m=float("nan")), "row 3: tx_m is not finite"),
+    "NaN": (LABELS, _edit(2, tx_m=float("nan")), "row 3: tx_m is nan, must be within"),
+    "too large": (LABELS, _edit(2, tx_m=-1e308), "row 3: tx_m is -1e+308, must be within"),
     "null": (LABELS, _edit(2, tx_m=None), "the column tx_m must be of numbers in each row"),
     "no size": (LABELS, _edit(2, width_m=0.0), "row 3: height, width and length must be > 0"),
     "no rotation": (LABELS, _edit(2, qw=2.0), "row 3: qw, qx, qy, qz must have the length 1"),

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from made_clip import make_clip, small_rig, small_scenario
 
-from stixel_cli.cli.app import main
-from stixel_cli.recordings.box import rectangle
-from stixel_cli.validation.label_errors import (
+from stixel_cli.calibration.label_errors import (
     LabelErrors,
     column_rays,
     face_depths,
     fit_label_errors,
 )
+from stixel_cli.cli.app import main
+from stixel_cli.recordings.labelled import rectangle
 
 RIG = small_rig()
 

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stixel_cli.config.recorded import SIZES
-from stixel_cli.recordings.kitti_labels import CLASSES, read_labels
+from stixel_cli.config.folders import recorded_values
+from stixel_cli.recordings.tables import read_kitti_labels
+from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
 
 
 def test_the_sizes_of_cars_are_those_of_the_labels():
@@ -20,11 +21,13 @@ def test_the_sizes_of_cars_are_those_of_the_labels():
             labels.sizes[-1, [2, 1]]
             for file in files
             if file.stem != "0005"
-            for labels in read_labels(file).values()
-            if CLASSES.get(labels.kind) == "car"
+            for labels in read_kitti_labels(file).values()
+            if CLASS_OF_KITTI_TYPE.get(labels.kind) == "car"
         ]
     )
     mean, std = sizes.mean(axis=0), sizes.std(axis=0)
     print(f"\n{len(sizes)} cars and vans: {mean} m, relative standard deviations {std / mean}")
-    found = dict(zip(SIZES, [*mean, *(std / mean)], strict=True))
-    assert found == pytest.approx(SIZES, abs=5e-3)
+    values = [one["set"] for one in recorded_values()["source"]["values"]]
+    (assumed,) = (one for one in values if "prior.length" in one)
+    found = dict(zip(assumed, [*mean, *(std / mean)], strict=True))
+    assert found == pytest.approx(assumed, abs=5e-3)

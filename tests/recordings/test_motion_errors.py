@@ -8,10 +8,7 @@ import numpy as np
 import pytest
 from made_street import poses_ahead, stereo_view, street_rig
 
-from stixel_cli.cli.app import main
-from stixel_cli.images import encode_png
-from stixel_cli.recordings.write_kitti import calibration_text
-from stixel_cli.validation.motion_errors import (
+from stixel_cli.calibration.motion_errors import (
     MOST_PAIRS,
     Tracks,
     fit_motion_error,
@@ -19,6 +16,9 @@ from stixel_cli.validation.motion_errors import (
     motion_between,
     places_after,
 )
+from stixel_cli.cli.app import main
+from stixel_cli.export.kitti_folder import calibration_text
+from stixel_cli.images import encode_png
 
 RIG = street_rig()
 

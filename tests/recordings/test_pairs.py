@@ -10,12 +10,12 @@ from made_street import poses_ahead, stereo_view, street_rig
 from stixel_cli import compose
 from stixel_cli.cli.app import main
 from stixel_cli.errors import UserError
+from stixel_cli.export.kitti_folder import calibration_text
 from stixel_cli.images import encode_png
-from stixel_cli.recordings.disparity_file import read_disparity
 from stixel_cli.recordings.find import find_recording, guess_layout
-from stixel_cli.recordings.kitti_labels import read_labels
+from stixel_cli.recordings.image_files import read_disparity
 from stixel_cli.recordings.parameters import KittiPair
-from stixel_cli.recordings.write_kitti import calibration_text
+from stixel_cli.recordings.tables import read_kitti_labels
 from stixel_cli.stixels.free_space_parameters import FreeSpaceParameters, RigRoad
 from stixel_cli.stixels.types import FreeSpace, Stixels
 from stixel_cli.validation.pair_errors import area_errors, called_free, road_plane, true_obstacles
@@ -23,8 +23,8 @@ from stixel_cli.validation.pair_errors import area_errors, called_free, road_pla
 RIG = street_rig()
 OFFSET = 0.3
 BOXES = [(-0.9, 0.9, 9.0, 1.5), (2.0, 3.8, 5.0, 1.5)]
-ROAD = RigRoad(kind="rig", least_height=0.25, greatest_height=3.0, disparity_margin=1.0)
-FREE_SPACE = FreeSpaceParameters(0.3, 5.0, 1.5, 1.0, 0.2, 8.0, 0.03, 3.0, 1.0, 0.5)
+ROAD = RigRoad(kind="rig", least_height=0.25)
+FREE_SPACE = FreeSpaceParameters(0.3, 1.0, 0.2, 8.0, 0.03, 3.0)
 LABEL = "Car 0.00 0 0.0 100.0 50.0 200.0 100.0 1.5 1.8 4.0 0.0 1.6 11.0 -1.5708"
 
 
@@ -78,7 +78,7 @@ def test_the_object_benchmark_has_labels_without_tracks(pair, tmp_path):
         (tmp_path / name / "000003.txt").write_text(text)
     found = find_recording(source(tmp_path, "3"))
     assert found.true_disparities == ()
-    labels = read_labels(*found.label_files)
+    labels = read_kitti_labels(*found.label_files)
     assert list(labels) == [0] and labels[0].kind == "Car" and labels[0].frames.tolist() == [0]
     np.testing.assert_array_equal(labels[0].sizes, [[1.5, 1.8, 4.0]])
 

@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 from made_clip import LENGTH, WIDTH, make_clip, small_rig, small_scenario
 
-from stixel_cli.errors import UserError
+from stixel_cli.config.compose import compose
+from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.images import encode_png
 from stixel_cli.recordings.find import find_recording, guess_layout
 from stixel_cli.recordings.image_files import read_grey, read_rgb
-from stixel_cli.recordings.kitti_calibration import read_calibration
 from stixel_cli.recordings.labelled import slopes
 from stixel_cli.recordings.motion import recorded_motion, rocking
 from stixel_cli.recordings.pairs import read_pairs
 from stixel_cli.recordings.parameters import KittiTracking, PlainFolder
 from stixel_cli.recordings.scenario import recorded_scenario
+from stixel_cli.recordings.tables import read_calibration
 
 
 @pytest.fixture(scope="module")
@@ -205,6 +206,8 @@ DAMAGE = {
     "other target": (LABELS, lambda f: f.write_text(""), "has no track 0"),
     "short pose": (POSES, lambda f: _cut(f, 2), "row 3: 12 columns are needed, got 9"),
     "pose NaN": (POSES, lambda f: _put(f, 2, 3, "inf"), "row 3: inf is not finite"),
+    "pose too large": (POSES, lambda f: _put(f, 2, 0, "1e308"), "row 3: 1e308 must be within"),
+    "label too large": (LABELS, lambda f: _put(f, 1, 13, "-1e300"), "row 2: -1e300 must be"),
     "pose out of order": (POSES, _swap, "row 4: out of order: 39."),
     "no rotation": (POSES, lambda f: _put(f, 2, 0, "0.2"), "row 3: not a rigid pose"),
     "no pose": (POSES, lambda f: f.write_text("\n"), "0003.txt: has no poses"),
@@ -303,3 +306,17 @@ def test_a_wrong_rig_is_refused(text, said, clip, tmp_path):
     (tmp_path / "rig.yaml").write_text(text)
     with pytest.raises(UserError, match=said):
         find_recording(wrong)
+
+
+def test_what_a_plain_folder_does_not_state_is_required(clip, tmp_path):
+    plain_folder(clip, tmp_path)
+    # As in docs/real-data.md, without its `source.sample_time`.
+    words = [f"source.folder={tmp_path}", "road_user=car", "start.range=[5,15]"]
+    with pytest.raises(ConfigurationError, match=r"^source\.sample_time: "):
+        compose(words)
+    rig = tmp_path / "rig.yaml"
+    rig.write_text(rig.read_text().replace("camera_height: 1.65\n", ""))
+    words.append("source.sample_time=0.1")
+    with pytest.raises(ConfigurationError, match=r"^rig\.camera_height: is required"):
+        compose(words)
+    assert compose([*words, "rig.camera_height=1.5"]).configuration.rig.camera_height == 1.5

@@ -4,6 +4,7 @@ import inspect
 import json
 import os
 import shutil
+from collections import Counter
 from dataclasses import fields
 from pathlib import Path
 from pkgutil import resolve_name
@@ -18,7 +19,8 @@ from stixel_cli.config.compose import from_resolved
 from stixel_cli.config.folders import use_presets
 from stixel_cli.engine.keys import GIVEN
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.experiment.stages import pipeline_stages, recording_of, scan_count
+from stixel_cli.experiment.stages import pipeline_stages, scan_count
+from stixel_cli.recordings import assembly
 from stixel_cli.recordings.parameters import KittiTracking
 
 SMALL = ("stereo.disparities=48", "stereo.nearest=6", "occupancy.nearest=3")
@@ -52,7 +54,7 @@ def test_the_recording_gives_rig_times_class_and_what_suits_real_images(clip):
     assert (rig.width, rig.height, rig.focal, rig.u0, rig.v0) == (160, 96, 150.0, 78.0, 40.0)
     assert (rig.baseline, rig.camera_height, rig.pitch) == (0.5, 1.65, 0.0)
     assert rig.focal_v == rig.focal
-    assert scan_count(chosen) == 5 and chosen.path.sample_time == 0.1
+    assert scan_count(made) == 5 and chosen.path.sample_time == 0.1
     assert made.choices["road_user"] == made.choices["prior"] == "car"
     assert made.choices["road"] == "estimated" and chosen.road.pitch_range == 4.0
     assert chosen.stereo.nearest == chosen.occupancy.nearest == 2.0
@@ -65,6 +67,48 @@ def test_the_recording_gives_rig_times_class_and_what_suits_real_images(clip):
     assert [made.choices[group] for group in ("path", "ego", "rig")] == ["source"] * 3
 
 
+@pytest.fixture
+def heads(monkeypatch):
+    """The number of times that the head of each image is read."""
+    counts, read = Counter(), assembly.image_size
+    monkeypatch.setattr(assembly, "image_size", lambda file: counts.update([file]) or read(file))
+    return counts
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("run", "start=default"),
+        ("run", "--dry-run"),
+        ("sweep", "--dry-run", "tracker=box,point", "seed=range(0,2)"),
+        ("explain",),
+        ("calibrate", "--from", "labels"),
+    ],
+    ids=lambda command: " ".join(command[:2]),
+)
+def test_a_command_reads_the_head_of_each_image_once(command, clip, heads, tmp_path, capsys):
+    main([*command, *of(clip), *SMALL, HERE])
+    capsys.readouterr()
+    assert set(heads.values()) == {1} and len(heads) == 10
+
+
+def test_a_stored_run_opens_its_recording_once(clip, heads, tmp_path, capsys):
+    run(capsys, tmp_path, *of(clip), "pictures.frames=[]", "--name", "made")
+    for command in ("rerun", "verify"):
+        heads.clear()
+        assert main([command, str(tmp_path / "made")]) == 0
+        assert set(heads.values()) == {1} and len(heads) == 10
+    capsys.readouterr()
+
+
+def test_a_recording_that_changes_between_two_runs_is_opened_anew(clip, tmp_path):
+    folder = shutil.copytree(clip, tmp_path / "clip")
+    before = compose(of(folder))
+    for camera in ("image_02", "image_03"):
+        (folder / camera / "0003" / "000004.png").unlink()
+    assert (before.recording.count, compose(of(folder)).recording.count) == (5, 4)
+
+
 def test_what_the_user_sets_stays(clip):
     own = ("road=rig", "rig.pitch=1", "stereo.nearest=4", "road_user=pedestrian")
     chosen = compose(of(clip, *own, "source.sample_time=0.2", "source.frames=1:4"))
@@ -72,7 +116,7 @@ def test_what_the_user_sets_stays(clip):
     assert chosen.configuration.rig.pitch == 1.0 and chosen.configuration.rig.focal == 150.0
     assert chosen.configuration.stereo.nearest == 4.0
     assert chosen.choices["prior"] == "pedestrian"
-    assert (chosen.configuration.path.sample_time, scan_count(chosen.configuration)) == (0.2, 3)
+    assert (chosen.configuration.path.sample_time, scan_count(chosen)) == (0.2, 3)
 
 
 def test_what_an_experiment_sets_stays(clip, tmp_path):
@@ -109,7 +153,7 @@ def test_the_errors_of_a_real_rig_are_those_of_its_calibration(clip):
 
 
 def test_a_start_from_the_scans_uses_the_first_box_only(clip):
-    stages = {s.name: s for s in pipeline_stages(compose(of(clip, "start=scans")).configuration)}
+    stages = {s.name: s for s in pipeline_stages(compose(of(clip, "start=scans")))}
     assert stages["start"].inputs == {"scans": "scans"}
     start = stages["start"].settings["start"]
     assert start.motion == "sensor"
@@ -214,8 +258,8 @@ def test_without_poses_the_ego_car_must_be_parked(clip, tmp_path):
     shutil.rmtree(tmp_path / "clip" / "ego_poses")
     with pytest.raises(ConfigurationError, match="ego: the recording has no poses"):
         compose(of(tmp_path / "clip"))
-    parked = compose(of(tmp_path / "clip", "ego=parked")).configuration
-    assert recording_of(parked).pose_files == ()
+    parked = compose(of(tmp_path / "clip", "ego=parked"))
+    assert parked.recording.pose_files == ()
 
 
 def test_a_recorded_path_needs_a_recording():
@@ -223,6 +267,21 @@ def test_a_recorded_path_needs_a_recording():
     resolved["path"] = {"kind": "source", "duration": 1.0, "sample_time": 0.1}
     with pytest.raises(ConfigurationError, match="path: source needs a recording"):
         from_resolved(resolved)
+
+
+def test_the_true_class_is_that_of_the_label(clip, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+    given = of(clip, "road_user=pedestrian", "prior=unknown", "tracker=contour")
+    metrics = run(capsys, tmp_path, *given, "pictures.frames=[]")["metrics"]
+    wrong = metrics["car_probability"] < max(
+        metrics[f"{name}_probability"] for name in ("cyclist", "pedestrian")
+    )
+    assert metrics["class_error"] == float(wrong)
+    no_target = (*given[:3], "road_user=pedestrian", "start.range=[5,15]")
+    for overrides, expected in ((given, "car"), (no_target, None), ((), "car")):
+        stages = pipeline_stages(compose(overrides))
+        (scores,) = (stage for stage in stages if stage.name == "scores")
+        assert scores.settings["road_user"] == expected
 
 
 def test_a_clip_is_tracked_and_scored_and_keys_hold_no_path(clip, tmp_path, monkeypatch, capsys):
@@ -273,7 +332,7 @@ def test_a_gap_in_the_labels_leaves_scores_out(clip, tmp_path, monkeypatch, caps
 
 
 def test_no_stage_from_matching_to_the_track_gets_labels(clip):
-    stages = {one.name: one for one in pipeline_stages(compose(of(clip)).configuration)}
+    stages = {one.name: one for one in pipeline_stages(compose(of(clip)))}
     for name in ("match", "free_space", "stixels", "scans", "track"):
         assert "scenario" not in stages[name].inputs.values()
         assert not stages[name].gives_files
@@ -328,12 +387,12 @@ def test_auto_needs_a_class_and_no_label(clip):
         compose(words)
     with pytest.raises(ConfigurationError, match="start: default needs a label"):
         compose(auto(clip, "start=default"))
-    stages = {one.name: one for one in pipeline_stages(compose(auto(clip)).configuration)}
+    stages = {one.name: one for one in pipeline_stages(compose(auto(clip)))}
     assert stages["scenario"].files == ()
     assert stages["scores"].inputs["labels"] == "label_scores"
     assert stages["start"].inputs == {"found": "found_tracks"}
     # The key of the tracks has the code of the tracker.
-    assert "stixel_cli.tracking.box" in stages["tracks"].modules
+    assert "stixel_cli.tracking.baselines.box" in stages["tracks"].modules
     for name in ("found_tracks", "start", "tracks", "label_truths", "label_scores"):
         stage = stages[name]
         given = {*stage.inputs, *stage.settings, *(("files",) if stage.gives_files else ())}
@@ -345,7 +404,7 @@ def test_auto_needs_a_class_and_no_label(clip):
 
 
 def test_a_stage_gets_the_arguments_of_its_function(clip):
-    stages = pipeline_stages(compose(of(clip)).configuration)
+    stages = pipeline_stages(compose(of(clip)))
     own = {stage.function: stage for stage in stages if stage.gives_files}
     assert len(own) == 7
     for function, stage in own.items():

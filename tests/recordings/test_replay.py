@@ -38,7 +38,7 @@ def of(folder, *more):
 
 
 def stages_of(folder, *more):
-    return {s.name: s for s in pipeline_stages(compose(of(folder, *more)).configuration)}
+    return {s.name: s for s in pipeline_stages(compose(of(folder, *more)))}
 
 
 def replayed(folder, *more):
@@ -55,7 +55,7 @@ def test_the_files_give_class_frames_and_ego_motion(motion):
     assert made.choices["road_user"] == made.choices["prior"] == made.choices["pace"] == "car"
     assert (made.choices["rig"], made.choices["world"]) == ("kitti", "roadside")
     assert made.choices["ego"] == "source" and chosen.path.frames == "0:12"
-    assert scan_count(chosen) == 12 and chosen.path.duration == pytest.approx(1.2)
+    assert scan_count(made) == 12 and chosen.path.duration == pytest.approx(1.2)
     assert compose(of(motion, "path.target=1")).choices["prior"] == "pedestrian"
     own = compose(of(motion, "road_user=cyclist", "rig=default", "world=street"))
     assert [own.choices[group] for group in ("prior", "rig", "world")] == [

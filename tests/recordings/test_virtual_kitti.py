@@ -79,7 +79,7 @@ def test_occluded_and_truncated_frames_do_not_count(copy):
 
 
 def test_a_variation_is_guessed_and_composed(folders):
-    given = [f"source.folder={folders[1]}", "source.target=4"]
+    given = [f"source.folder={folders[1]}", "source.target=4", "rig.camera_height=1.6"]
     composition = compose(given)
     configuration = composition.configuration
     assert composition.choices["source"] == "virtual_kitti"

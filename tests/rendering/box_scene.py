@@ -21,7 +21,7 @@ RIG = Rig(
     pitch=2.0,
     vertical_fov=None,
 )
-LIGHT = Light(sun_azimuth=200.0, sun_elevation=40.0, sun=1.2, ambient=0.34, exposure=0.85)
+LIGHT = Light(sun_azimuth=200.0, sun_elevation=40.0, sun=1.2, ambient=0.34)
 RAYCAST = RaycastParameters(kind="raycast", samples=2, light=LIGHT)
 AHEAD = 0.5 * np.pi
 

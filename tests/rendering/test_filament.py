@@ -5,6 +5,7 @@ import cv2
 import numpy as np
 import pytest
 from box_scene import LIGHT, RAYCAST, RIG, objects, scenario, target_mesh
+from constants import with_constants
 
 from stixel_cli.errors import UserError
 from stixel_cli.rendering.filament import (
@@ -26,8 +27,10 @@ from stixel_cli.rendering.frames import SKY_ID, TARGET_ID
 from stixel_cli.rendering.raycast import StaticScene, Target, render_frame
 from stixel_cli.rendering.surfaces import linear_from_srgb
 
-FILAMENT = FilamentParameters("filament", LIGHT, start_timeout=600, frame_timeout=600, attempts=3)
-HASTY = FilamentParameters("filament", LIGHT, start_timeout=0.1, frame_timeout=0.1, attempts=2)
+FILAMENT = with_constants(
+    FilamentParameters("filament", LIGHT), start_timeout=600, frame_timeout=600, attempts=3
+)
+HASTY = with_constants(FILAMENT, start_timeout=0.1, frame_timeout=0.1, attempts=2)
 HANGS = (sys.executable, "-c", "import signal; signal.pause()")
 DIES = (sys.executable, "-c", "import os, sys; print('no driver', file=sys.stderr); os.abort()")
 SAYS_WHY = (sys.executable, "-c", "import sys; sys.exit('stixel: no EGL: not here')")
@@ -97,7 +100,7 @@ def test_hanging_child_gives_a_one_line_error():
 
 
 def test_crashed_child_reports_its_signal_and_last_output():
-    patient = FilamentParameters("filament", LIGHT, 60.0, 60.0, 2)
+    patient = with_constants(FILAMENT, start_timeout=60.0, attempts=2)
     with pytest.raises(RendererUnavailable) as caught:
         next(rendered(describe(range(1)), patient, DIES))
     assert isinstance(caught.value, UserError)
@@ -113,7 +116,7 @@ def test_child_reports_a_missing_requirement():
 
 
 def test_child_that_crashes_half_way_is_restarted_and_continues():
-    patient = FilamentParameters("filament", LIGHT, 60.0, 60.0, 5)
+    patient = with_constants(FILAMENT, start_timeout=60.0, frame_timeout=60.0, attempts=5)
     command = (sys.executable, "-c", STAND_IN)
     frames = list(rendered(describe(range(3)), patient, command))
     assert [int(frame[0][0]) for frame in frames] == [0, 1, 2]
@@ -128,7 +131,7 @@ def test_child_stops_when_no_more_frames_are_requested(monkeypatch):
         return children[-1]
 
     monkeypatch.setattr(subprocess, "Popen", remember)
-    patient = FilamentParameters("filament", LIGHT, 60.0, 60.0, 2)
+    patient = with_constants(FILAMENT, start_timeout=60.0, attempts=2)
     stays = STAND_IN.replace("raise SystemExit(7)", "import signal; signal.pause()")
     frames = rendered(describe(range(2)), patient, (sys.executable, "-c", stays))
     next(frames)

@@ -1,8 +1,7 @@
 """The page of `stixel assess`."""
 
-from stixel_cli.experiment.assess import LABELS, Assessment
-from stixel_cli.report import style
-from stixel_cli.report.assess import PICTURES, page_html, sentences
+from stixel_cli.pictures import style
+from stixel_cli.report.assess import LABELS, PICTURES, Assessment, page_html, sentences
 
 
 def found(**values):

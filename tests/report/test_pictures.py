@@ -15,11 +15,11 @@ from report_nouns import (
 )
 
 from stixel_cli.images import decode_png
-from stixel_cli.report import camera_panels
-from stixel_cli.report.birds_eye import track_pictures
-from stixel_cli.report.camera import camera_pictures
-from stixel_cli.report.over_time import run_pictures
-from stixel_cli.report.path_figure import path_figure, spaced_frames
+from stixel_cli.pictures import camera_panels
+from stixel_cli.pictures.birds_eye import track_pictures
+from stixel_cli.pictures.camera import camera_pictures
+from stixel_cli.pictures.over_time import run_pictures
+from stixel_cli.pictures.path_figure import path_figure, spaced_frames
 from stixel_cli.stixels.types import OccupancyGrid
 
 VIEW = make_rig().field_of_view
@@ -69,6 +69,13 @@ def check_pngs(files, least_height=250):
             assert 400 <= width <= 2000, name
             assert b"Software" not in data, name
             assert b"tEXt" not in data, name
+
+
+def test_the_legend_names_no_camera(run):
+    # The same picture is drawn of a lidar's scans.
+    (legend,) = path_figure(run["track"], run["scenario"], VIEW).legends
+    names = [text.get_text() for text in legend.get_texts()]
+    assert "ego car's sensor" in names and not any("camera" in name for name in names)
 
 
 @pytest.mark.parametrize("kind", ["polar", "column_disparity", "cartesian"])

@@ -14,9 +14,10 @@ from playback_runs import SCANS, make_run, with_objects
 from report_nouns import make_camera_nouns, make_rig
 from scipy.stats import chi2
 
-from stixel_cli.report import playback, style
-from stixel_cli.report.camera_frames import WIDEST, camera_frames
-from stixel_cli.report.consistency import consistent_bounds
+from stixel_cli.pictures import style
+from stixel_cli.pictures.camera_frames import WIDEST, camera_frames
+from stixel_cli.pictures.consistency import consistent_bounds
+from stixel_cli.report import playback
 from stixel_cli.report.playback import json_in_html, playback_data, playback_html
 
 

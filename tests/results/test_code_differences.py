@@ -6,7 +6,7 @@ import pytest
 from result_folders import make_folder
 
 from stixel_cli.cli.app import main
-from stixel_cli.results.code_differences import code_differences
+from stixel_cli.results.differences import code_differences
 
 OLD, NEW, LOST = "a" * 32, "b" * 32, "c" * 32
 

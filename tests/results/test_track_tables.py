@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stixel_cli.results.result import track_arrays, track_columns, tracks_columns
-from stixel_cli.tracking.found import ObjectTrack
+from stixel_cli.results.tables import track_arrays, track_columns, tracks_columns
+from stixel_cli.tracking.several.found import ObjectTrack
 from stixel_cli.tracking.track import Track
 
 COUNT = 3

@@ -9,7 +9,6 @@ from pydantic import Field, TypeAdapter
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.scene.ego import Ego
-from stixel_cli.scene.pace_parameters import Pace
 from stixel_cli.scene.path_parameters import Path
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.world_parameters import World
@@ -34,10 +33,6 @@ def load(group: str, option: str, schema, **others):
 
 def road_user(option: str) -> RoadUser:
     return load("road_user", option, RoadUser)
-
-
-def pace(option: str) -> Pace:
-    return load("pace", option, Pace)
 
 
 def path(option: str, road_user_option: str) -> Path:

@@ -1,7 +1,9 @@
 import json
 import os
 import struct
+import sys
 import zlib
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,7 @@ import pytest
 from stixel_cli.config.compose import compose
 from stixel_cli.engine.graph import build_graph
 from stixel_cli.experiment.stages import pipeline_stages, scan_count
+from stixel_cli.scene import mesh_file, mesh_process
 from stixel_cli.scene.mesh import bounding_box
 from stixel_cli.scene.mesh_file import load_mesh, referred_files
 from stixel_cli.scene.outline import ground_contour
@@ -124,6 +127,43 @@ def test_user_mesh_far_from_the_origin_is_centred(tmp_path, name):
     np.testing.assert_allclose(bounding_box(load_mesh(str(path), 0.5)), [[-2, -1, 0], [2, 1, 1.5]])
 
 
+SHORT = {
+    "vertex.ply": box(PLY).replace("-2 -1 1.5\n", "-2 -1\n"),
+    "vertex.off": box(OFF).replace("-2 -1 1.5\n", "-2 -1\n"),
+    "head.off": box(OFF).replace("OFF", "\ufeffOFF"),
+}
+
+
+@pytest.mark.parametrize("name", SHORT)
+def test_a_short_line_gives_a_mesh_or_one_line(tmp_path, capfd, name):
+    path = tmp_path / name
+    path.write_text(SHORT[name])
+    with suppress(ValueError):
+        load_mesh(str(path), 0.5)  # the first ends the process inside of Open3D
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("ending", ["import os; os.abort()", "print('a second line'); 1 / 0"])
+def test_a_library_that_dies_or_speaks_gives_one_line(tmp_path, monkeypatch, capfd, ending):
+    monkeypatch.setattr(mesh_file, "COMMAND", (sys.executable, "-c", ending))
+    path = tmp_path / OBJ
+    path.write_text(box(OBJ))
+    with pytest.raises(ValueError, match=r"^road_user\.mesh: Open3D .*box\.obj") as caught:
+        load_mesh(str(path), 0.5)
+    assert "\n" not in str(caught.value)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_changed_mesh_is_read_again_though_its_size_and_time_are_the_same(tmp_path):
+    path = tmp_path / OBJ
+    path.write_text(box(OBJ))
+    load_mesh(str(path), 0.5)
+    time = path.stat().st_mtime_ns
+    path.write_text(box(OBJ, lambda v: (v[0] + (v[0] > 0), *v[1:])))
+    os.utime(path, ns=(time, time))
+    assert bounding_box(load_mesh(str(path), 0.5))[1, 0] == 2.5
+
+
 DAMAGED = [
     (name, box(name, **change), message)
     for name in (OBJ, OFF, PLY)
@@ -156,13 +196,16 @@ DAMAGED += [
         ("text.ply", "this is no mesh\n", "no triangles"),
         ("strange.xyz", "1 2 3\n", "no triangles"),
         ("empty.obj", "", "no triangles"),
+        ("wide.off", "OFF \x008\x00 12 0\n", r"declares .x008.x00 elements"),
         ("points.obj", "v 0 0 0\nv 1 0 0\n", "no triangles"),
         ("large.obj", wedge().replace("v 3 1 3", "v 3000 1 3"), "0.1 to 30 m"),
         ("small.obj", "v 0 0 0\nv 0.01 0 0\nv 0 0.01 0\nv 0 0 0.01\nf 1 3 2\n", "0.1 to 30 m"),
         *DAMAGED,
     ],
 )
-def test_invalid_user_mesh_gives_a_one_line_error(tmp_path, name, text, message):
+def test_invalid_user_mesh_gives_a_one_line_error(tmp_path, monkeypatch, name, text, message):
+    # Here: a child process for each takes half a second.
+    monkeypatch.setattr(mesh_file, "_read_in_child", mesh_process.read)
     path = tmp_path / name
     if text is not None:
         path.write_text(text)
@@ -216,9 +259,9 @@ def test_referred_files_is_empty_without_references(folder, mesh):
 def test_changed_texture_changes_the_keys_of_stages_that_read_the_mesh(folder):
     def keys():
         overrides = [f"road_user.mesh={folder / 'car.obj'}"]
-        configuration = compose(overrides).configuration
-        count = scan_count(configuration)
-        return build_graph(pipeline_stages(configuration), count, count).stages
+        composition = compose(overrides)
+        count = scan_count(composition)
+        return build_graph(pipeline_stages(composition), count, count).stages
 
     before = keys()
     (folder / "beside.png").write_bytes(b"2")

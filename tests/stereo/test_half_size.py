@@ -3,6 +3,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from constants import with_constants
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
@@ -20,16 +21,10 @@ STEREO = SgmParameters(
     kind="sgm",
     disparities=112,
     nearest=3.5,
-    minimum_disparity=0,
     mode="3way",
     block_size=5,
     p1=100,
     p2=2400,
-    left_right_difference=1,
-    pre_filter_cap=63,
-    uniqueness_ratio=10,
-    speckle_window=100,
-    speckle_range=2,
     subpixel="phase_table",
     disparities_at_full_size=32,
 )
@@ -55,7 +50,8 @@ def shrunk(box, pixels):
 @pytest.mark.parametrize("subpixel", ["parabola", "phase_table", "second_match"])
 @pytest.mark.parametrize(("minimum", "count"), [(0, 112), (9, 96)])
 def test_near_and_far_planes_are_found(pairs, subpixel, minimum, count):
-    stereo = replace(STEREO, subpixel=subpixel, minimum_disparity=minimum, disparities=count)
+    stereo = replace(STEREO, subpixel=subpixel, disparities=count)
+    stereo = with_constants(stereo, minimum_disparity=minimum)
     disparities = sgm.match(pairs, stereo, RIG, range(1))
     assert disparities.count == minimum + count
     raw = disparities.raw(0)

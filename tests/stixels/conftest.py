@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from constants import with_constants
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
@@ -62,20 +63,13 @@ def as_disparities():
 
 @pytest.fixture(scope="session")
 def road():
-    return RigRoad(kind="rig", least_height=0.25, greatest_height=3.0, disparity_margin=1.0)
+    return RigRoad(kind="rig", least_height=0.25)
 
 
 @pytest.fixture(scope="session")
 def estimated_road():
-    return EstimatedRoad(
-        kind="estimated",
-        least_height=0.25,
-        greatest_height=3.0,
-        disparity_margin=1.0,
-        pitch_range=2.0,
-        height_range=0.1,
-        tolerance=1.0,
-        column_step=2,
+    return with_constants(
+        EstimatedRoad(kind="estimated", least_height=0.25, pitch_range=2.0), column_step=2
     )
 
 
@@ -87,13 +81,9 @@ def occupancies():
         "column_disparity": ColumnDisparityOccupancy(
             kind="column_disparity", disparity_step=0.25, **near_far
         ),
-        "cartesian": CartesianOccupancy(
-            kind="cartesian",
-            depth_step=0.25,
+        "cartesian": with_constants(
+            CartesianOccupancy(kind="cartesian", depth_step=0.25, **near_far),
             half_width=30.0,
-            lateral_step=0.1,
-            column_std=1.0,
-            **near_far,
         ),
     }
 
@@ -102,15 +92,11 @@ def occupancies():
 def free_space():
     return FreeSpaceParameters(
         obstacle_height=0.3,
-        obstacle_pixels=5.0,
-        cost_bound=1.5,
         free_cost=1.0,
         spatial_cost=0.2,
         spatial_limit=5.0,
         temporal_cost=0.1,
         temporal_limit=3.0,
-        unknown_height=1.0,
-        least_density=0.5,
     )
 
 
@@ -124,9 +110,6 @@ def extraction():
     return ExtractionParameters(
         width=5,
         smoothing=0.35,
-        least_height=0.25,
-        least_pixels=10,
-        front_height=0.5,
         front_margin=0.3,
         refinement=0.0,
         least_std=0.1,

@@ -229,9 +229,3 @@ def test_estimated_road_compensates_a_wrong_rig(find, rig, estimated_road, rende
     box = ~np.isnan(found.disparity[0])
     assert np.count_nonzero(box) == pytest.approx(2.0 * rig.focal / 12.0, abs=2)
     np.testing.assert_allclose(rig.focal * rig.baseline / found.disparity[0][box], 12.0, rtol=0.02)
-
-
-def test_free_space_rejects_inconsistent_costs(free_space):
-    free_space.check()
-    with pytest.raises(ValueError, match=r"free_space\.free_cost: must be < .*got 2\.0"):
-        replace(free_space, free_cost=2.0).check()

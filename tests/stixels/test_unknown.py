@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from stixel_cli.scene.scenario import EgoMotion
-from stixel_cli.stixels.extraction import unknown_bearings
 from stixel_cli.stixels.free_space import find_free_space
 from stixel_cli.stixels.road import base_rows, road_line
 from stixel_cli.stixels.unknown import LEAST_ROWS, _find_unknown
@@ -41,7 +40,6 @@ def test_object_without_disparity_is_unknown_and_not_free(find, render, rig, as_
     unknown = found.unknown_row[0] >= 0
     assert np.array_equal(np.flatnonzero(unknown), np.arange(100, 140))
     assert np.all(found.unknown_row[0, 100:140] == base - 1)
-    assert np.all(find(as_disparities(raw), least_density=0.0).unknown_row == -1)
     # Nothing behind an obstacle is unknown: it is not free anyway.
     hidden = render(rig, boxes=[(0.0, 6.0, 12.0, 1.5)], wall=30.0)
     hidden[: base - 20, 100:140] = -1
@@ -81,20 +79,3 @@ def test_unknown_rows_match_a_brute_force_search():
         found, before = np.full(8, -1, dtype=np.int32), np.zeros(31, dtype=np.int32)
         _find_unknown(found, before, columns, base, extents, end, 0.5, *limits)
         assert found.tolist() == expected.tolist()
-
-
-@pytest.mark.parametrize("pitch", [0.0, 3.0])
-def test_bearings_of_unknown_columns_are_those_of_level_rays(rig, pitch):
-    rig = replace(rig, pitch=pitch, principal_u=140.25)
-    unknown = np.zeros(rig.width, dtype=bool)
-    unknown[:4] = unknown[100:120] = True
-    found = unknown_bearings(unknown, rig)
-    assert found.shape == (2, 2) and np.all(np.diff(found.ravel()) > 0)
-    # A point ahead at the camera's height, in the frame of the level camera.
-    edges = np.array([[119.5, 99.5], [3.5, -0.5]])
-    x, z = np.cos(found), np.sin(found)
-    level = np.stack([x, 0 * x, z], axis=-1)
-    camera = level @ rig.level_from_camera
-    columns = rig.u0 + rig.focal * camera[..., 0] / camera[..., 2]
-    np.testing.assert_allclose(columns, edges, atol=1e-9)
-    assert len(unknown_bearings(np.zeros(rig.width, dtype=bool), rig)) == 0

@@ -19,7 +19,16 @@ class Studies:
     def run(self, *arguments, code=0):
         """What the command prints as JSON, after it has ended with `code`."""
         self._capsys.readouterr()
-        found = main(["study", *map(str, arguments), "--json", "--results", str(self.results)])
+        found = main(
+            [
+                "study",
+                *map(str, arguments),
+                "--json",
+                "--trust-code",
+                "--results",
+                str(self.results),
+            ]
+        )
         said = self._capsys.readouterr()
         self.error = said.err
         assert found == code, said.err

@@ -6,10 +6,9 @@ from importlib import resources
 import yaml
 
 from stixel_cli import studies
-from stixel_cli.report import style
-from stixel_cli.studies.tables import std_columns
+from stixel_cli.pictures import style
+from stixel_cli.report.blocks import Figure, Material, Picture, Table
 from stixel_cli.studies.template import findings_of, template_of
-from stixel_cli.studies.types import Figure, Material, Picture, Table
 
 FEW = {"measurement": "fabricated", "path.duration": 0.3, "executor": "threads"}
 """Three scans, computed without starting a process."""
@@ -102,7 +101,7 @@ def report(data):
         figure.subplots().plot([p.metrics["iou_mean"] for p in runs], color=style.RUNS[0])
         svg = style.svg(figure)
     rows = tuple((p.setting["road_user"], p.seed, p.metrics["iou_mean"], 0.25) for p in runs)
-    columns = ("who", "seed", *std_columns("IoU", "IoU"))
+    columns = ("who", "seed", "IoU", "± IoU")
     values = {
         "runs": runs,
         "one": Figure("one", "", svg),

@@ -10,7 +10,8 @@ import pytest
 import yaml
 
 from stixel_cli.config.compose import compose
-from stixel_cli.studies.accuracy.ablation import TERMS
+from stixel_cli.config.folders import shipped_folder
+from stixel_cli.scene.mesh_file import load_mesh
 from stixel_cli.studies.accuracy.report import ABLATIONS, OWN_TABLES, WRONG_CLASSES
 from stixel_cli.studies.file import find_study, read_study
 
@@ -21,24 +22,31 @@ SMALL = {
     "rig.height": 120,
     "executor": "threads",
 }
+MESHES = sorted((shipped_folder("pipelines") / "studies" / "meshes").glob("*/*.obj"))
 
 
 @pytest.fixture
 def tiny(tmp_path):
     """The file of the shipped study with fewer values, frames and pixels."""
     content = yaml.safe_load(find_study("accuracy").read_text(encoding="utf-8"))
-    (zipped,) = content["sweeps"]["ablation"]["zipped"]
+    variants = content["sweeps"]["ablation"]["variants"]
     for name in ABLATIONS:
         content["sweeps"][name] |= {
-            "zipped": [{key: values[:2] for key, values in zipped.items()}],
+            "variants": {name: variants[name] for name in ("–", "Student weights")},
             "axes": {"road_user": ["pedestrian"], "path": ["turn"]},
             "seeds": [0, 1],
             "fixed": content["sweeps"][name]["fixed"] | SMALL,
         }
-    priors = {"road_user": ["pedestrian"], "prior": ["pedestrian", "car"], "path": ["turn"]}
+    priors = {name: {"prior": name} for name in ("pedestrian", "car")}
+    axes = {"road_user": ["pedestrian"], "path": ["turn"]}
     for name in WRONG_CLASSES:
         wrong = content["sweeps"][name]
-        wrong |= {"axes": priors, "fixed": wrong["fixed"] | SMALL, "seeds": [0, 1]}
+        wrong |= {
+            "axes": axes,
+            "variants": priors,
+            "fixed": wrong["fixed"] | SMALL,
+            "seeds": [0, 1],
+        }
     peers = content["sweeps"]["peers"]
     names = ["full_scgp", "ggiw"]
     peers["axes"] = {"road_user": ["pedestrian"], "path": ["turn"], "tracker.name": names}
@@ -49,6 +57,9 @@ def tiny(tmp_path):
         sweep["fixed"] = {**sweep["fixed"], **SMALL}
         if name == "long_range":
             del sweep["fixed"]["rig"]
+        if name == "held_out":
+            sweep |= {"axes": {"path": ["turn"], "tracker": ["gp_ekf", "contour"]}, "seeds": [0]}
+            continue
         users = ["car"] if name == "fabricated_car" else ["pedestrian"]
         sweep["axes"] = {
             **sweep["axes"],
@@ -64,12 +75,18 @@ def tiny(tmp_path):
     return file
 
 
-def load_page(folder):
-    """The script docs/accuracy.py with a copy of its page in `folder`."""
-    script = Path(__file__).parents[2] / "docs" / "accuracy.py"
-    spec = importlib.util.spec_from_file_location("accuracy_page", script)
+def load_script(name):
+    """The module of a script in docs/."""
+    script = Path(__file__).parents[2] / "docs" / f"{name}.py"
+    spec = importlib.util.spec_from_file_location(f"{name}_script", script)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
+    return module
+
+
+def load_page(folder):
+    """The script docs/accuracy.py with a copy of its page in `folder`."""
+    module = load_script("accuracy")
     module.PAGE = Path(shutil.copy(module.PAGE, folder))
     return module
 
@@ -104,14 +121,13 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny, tmp_path):
         "PyRecEst full_scgp",
         "PyRecEst ggiw",
     ]
+    assert {row["road user"] for row in table(folder, "held_out")} == {
+        file.stem.replace("_", " ") for file in MESHES
+    }
     for name in WRONG_CLASSES:
         right, other = table(folder, name)
         assert (right["prior"], other["prior"]) == ("pedestrian", "car")
         assert (right["loss, mean IoU"], float(other["loss, mean IoU"]) > 0.0) == ("", True)
-    goals = table(folder, "goals")
-    assert {row["met"] for row in goals} <= {"yes", "no"}
-    assert {row["measurement"] for row in goals} == {"simulated", "long range", "fabricated"}
-    assert all(row["value"] != "" for row in goals)
     page = load_page(tmp_path)
     page.main(folder)
     text = page.PAGE.read_text(encoding="utf-8")
@@ -120,29 +136,35 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny, tmp_path):
 
 
 @pytest.mark.parametrize("name", ABLATIONS)
-def test_each_variant_of_the_ablation_switches_one_known_term_off(name):
-    (axis,) = [
-        axis
-        for sweep in read_study(find_study("accuracy")).sweeps
-        if sweep.name == name
-        for axis in sweep.design().axes
-        if len(axis.keys) > 1
-    ]
-    keys = [key.removeprefix("tracker.") for key in axis.keys]
-    whole, *others = axis.steps
-    left_out = [
-        tuple(k for k, a, b in zip(keys, whole, step, strict=True) if a != b) for step in others
-    ]
-    assert sorted(left_out) == sorted(TERMS.values())
+def test_each_variant_of_the_ablation_switches_one_term_off(name):
+    (sweep,) = [one for one in read_study(find_study("accuracy")).sweeps if one.name == name]
+    (axis,) = [axis for axis in sweep.design().axes if len(axis.keys) > 1]
+    steps = [tuple(one.text for one in step) for step in axis.steps]
+    assert list(sweep.variants.values()) == steps
+    whole, *others = map(set, sweep.variants.values())
+    changed = [tuple(text.partition("=")[0] for text in own - whole) for own in others]
+    assert len(changed) == len(set(changed)) == 8
+    assert {key for keys in changed for key in keys} == set(axis.keys)
     # The first is the tracker as it is.
     plain = ["tracker=contour", "road_user=cyclist", "measurement=lidar_64"]
-    assert compose([*plain, *whole]).configuration == compose(plain).configuration
+    assert compose([*plain, *steps[0]]).configuration == compose(plain).configuration
 
 
 def test_the_shipped_study_has_ten_seeds_with_a_shape_each():
     study = read_study(find_study("accuracy"))
-    fewer = {"long_range": 2, "one_mesh": 3, "peers": 3}
+    fewer = {"long_range": 2, "one_mesh": 3, "held_out": 3, "peers": 3}
     for sweep in study.sweeps:
         assert sweep.content["seeds"] == fewer.get(sweep.name, 10)
         linked = sweep.content["fixed"].get("road_user.shape_seed")
-        assert linked == (None if sweep.name == "one_mesh" else "${seed}")
+        assert linked == (None if sweep.name in ("one_mesh", "held_out") else "${seed}")
+
+
+def test_the_held_out_meshes_are_those_that_the_script_makes(tmp_path):
+    script = load_script("held_out_meshes")
+    script.FOLDER = tmp_path
+    script.main()
+    made = {file.name: file.read_bytes() for file in tmp_path.glob("*/*.obj")}
+    assert made == {file.name: file.read_bytes() for file in MESHES}
+    assert {file.parent.name for file in MESHES} == {"car", "cyclist", "pedestrian"}
+    for file in MESHES:
+        assert len(load_mesh(str(file), 0.6).parts)

@@ -3,14 +3,11 @@
 import pandas as pd
 import pytest
 
-from stixel_cli.studies.accuracy.effects import Effects, effects_table
-from stixel_cli.studies.tables import name_of
-
-EFFECTS = Effects("losses", "prior", "prior", "loss", ("iou_mean",), ("track_lost",))
+from stixel_cli.studies.accuracy.report import variants_table
 
 
 def run(user, prior, seed, iou, lost=0.0):
-    row = {"road_user": user, "path": "turn", "seed": seed, "prior": prior}
+    row = {"road_user": user, "path": "turn", "seed": seed, "variant": prior}
     return row | {"iou_mean": iou, "track_lost": lost}
 
 
@@ -27,9 +24,9 @@ FRAME = pd.DataFrame(
 
 @pytest.fixture
 def rows():
-    table = effects_table(EFFECTS, FRAME, {"car": "car", "cyclist": "cyclist"})
-    columns = [name_of(column) for column in table.columns]
-    return [dict(zip(columns, row, strict=True)) for row in table.rows]
+    metrics = (("iou_mean",), ("track_lost",))
+    table = variants_table("losses", FRAME, "prior", "loss", lambda user: user, *metrics)
+    return [dict(zip(table.columns, row, strict=True)) for row in table.rows]
 
 
 def test_an_effect_is_the_reference_minus_the_variant_of_the_same_runs(rows):

@@ -10,6 +10,7 @@ import yaml
 from scipy.stats import ttest_ind
 
 from stixel_cli.errors import MissingData
+from stixel_cli.report.statistics import Statistic, over_seeds
 from stixel_cli.studies.file import find_study, read_study
 from stixel_cli.studies.motions import tracks
 from stixel_cli.studies.motions.findings import (
@@ -22,8 +23,6 @@ from stixel_cli.studies.motions.findings import (
     Finding,
     findings_forest,
 )
-from stixel_cli.studies.tables import over_seeds
-from stixel_cli.sweeps.statistics import Statistic
 
 SMALL = {"rig.width": 160, "rig.height": 96, "rig.focal_length": 150.0, "stereo.disparities": 48}
 SMALL |= {"stereo.nearest": 6.0, "occupancy.nearest": 3.0, "executor": "threads"}
@@ -184,7 +183,7 @@ def test_the_plot_has_a_row_for_each_kind_of_motion_and_a_panel_for_each_differe
         drawn.append(figure)
         return b"<svg"
 
-    monkeypatch.setattr("stixel_cli.report.style.svg", keep)
+    monkeypatch.setattr("stixel_cli.pictures.style.svg", keep)
     sides = [over_seeds([0.1, 0.3, 0.2]), over_seeds([0.5])]
     unknown = [over_seeds([]), over_seeds([])]
     found = [

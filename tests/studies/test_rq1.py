@@ -13,19 +13,13 @@ from PIL import Image
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.report.camera import LEFT, TOP
+from stixel_cli.pictures.camera import LEFT, TOP
 from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.studies.file import find_study, read_study
-from stixel_cli.studies.rq1.pool import (
-    by_label,
-    cell,
-    matcher,
-    needed_disparity,
-    road_user,
-)
-from stixel_cli.studies.rq1.report import PANELS, TITLE, by_frame, contact_sheet
+from stixel_cli.studies.rq1.errors import matcher, needed_disparity, road_user
 from stixel_cli.studies.rq1.setup import cpu_seconds_a_frame, timed_building, values_of
+from stixel_cli.studies.stage_pictures import PANELS, TITLE, by_frame, contact_sheet
 
 FIXED = {
     "rig.width": 144,
@@ -141,10 +135,6 @@ def test_the_required_disparity_precision_depends_on_the_rig():
     assert rig.depth_from_disparity(disparity - needed) - 28.0 == pytest.approx(0.1, rel=0.01)
 
 
-def test_a_table_cell_without_a_value_is_empty():
-    assert cell(float("nan")) is None and cell(0.5, 100.0) == 50.0
-
-
 def test_runs_have_the_names_of_matcher_and_road_user():
     def run(*overrides):
         return SimpleNamespace(configuration=compose(overrides).configuration, setting={})
@@ -156,7 +146,7 @@ def test_runs_have_the_names_of_matcher_and_road_user():
         run("stereo.subpixel=phase_table"),
     ]
     assert [matcher(p) for p in runs] == ["BM", "SGM", "SGM (one match)", "SGM (phase table)"]
-    assert {k: len(v) for k, v in by_label(runs, road_user).items()} == {"car": 3, "cyclist": 1}
+    assert [road_user(p) for p in runs] == ["car", "cyclist", "car", "car"]
 
 
 def test_cpu_seconds_per_frame_and_values_of_a_scene():
@@ -165,7 +155,7 @@ def test_cpu_seconds_per_frame_and_values_of_a_scene():
         SimpleNamespace(cpu_seconds={"match": 6.0}, scores=SimpleNamespace(times=np.zeros(4))),
     ]
     assert cpu_seconds_a_frame(runs, "match") == 1.0
-    assert np.isnan(cpu_seconds_a_frame(runs, "render"))
+    assert cpu_seconds_a_frame(runs, "render") is None
     short = values_of(compose().configuration)
     longer = values_of(compose(["path=stop_and_go"]).configuration)
     turning = values_of(compose(["ego=turning"]).configuration)

@@ -11,9 +11,10 @@ from rq2_frames import run
 from scipy.stats import ttest_1samp
 from study_toy import answer_of
 
-from stixel_cli.studies.rq2.answer import answer_tables, answer_values
-from stixel_cli.studies.rq2.contrasts import family, p_value
-from stixel_cli.studies.tables import shown_table
+from stixel_cli.report.statistics import t_test
+from stixel_cli.report.tables import shown_table
+from stixel_cli.studies.rq2.contrasts import contrasts
+from stixel_cli.studies.rq2.report import answer_values
 
 TINY = (
     "road_user=pedestrian",
@@ -41,8 +42,8 @@ def test_the_answer_has_every_tracker_and_measurement():
     runs += [run(seed, "lidar_9", "new_one", centre=0.4) for seed in seeds]
     text = " ".join(answer(runs))
     assert "the gp_ekf is worse on stixels than on the lidar_9 for the car (centre, o" in text
-    beside_lidar, beside_baseline = answer_tables(pd.DataFrame(runs))
-    header, rows, _ = shown_table(beside_lidar)
+    tables = answer_values(pd.DataFrame(runs))["tables"]
+    header, rows, _ = shown_table(tables["answer_lidar"])
     assert header[3:] == ["stixels", "lidar_9", "stixels − lidar_9 [95 %]"]
     assert rows[0] == [
         "car", "gp_ekf", "centre RMSE, m", "0.510", "0.200", "0.310 [0.285, 0.335]"
@@ -67,14 +68,18 @@ def test_the_answer_has_every_tracker_and_measurement():
     )
     assert "no p below 0.250 at n = 3" in text
     assert "The point is" not in text
-    _, rows, _ = shown_table(beside_baseline)
+    _, rows, _ = shown_table(tables["answer_baseline"])
     assert rows[0][:6] == ["car", "gp_ekf", "point", "centre RMSE, m", "0.510", "1.50"]
     assert rows[0][6].startswith("−0.990 [")
     assert {row[1] for row in rows} == {"gp_ekf", "new_one"}
     assert "6 paired t-tests over n = 3 seeds" in text
     no_stixels = [one for one in runs if one["measurement_kind"] == "lidar"]
     assert "has no answer" in answer(no_stixels)[0]
-    assert answer_tables(pd.DataFrame(no_stixels)) == ()
+    assert answer_values(pd.DataFrame(no_stixels))["tables"] == {}
+    _, rows, _ = shown_table(tables["trackers"])
+    assert [row[:3] for row in rows] == [
+        *(["car", name, "3"] for name in ("gp_ekf", "point", "new_one"))
+    ]
     assert "position NEES / 2 of the gp_ekf on stixels is 1.00 for the car" in text
 
 
@@ -120,16 +125,16 @@ def test_only_a_significant_difference_is_called_worse():
             centre = 0.5 + shift + noise[seed] * (1.0 if shift else 0.0)
             runs.append(run(seed, "stixels", centre=centre, road_user=user))
             runs.append(run(seed, "lidar", centre=0.5, road_user=user))
-    found = {(one.road_user, one.metric): one for one in family(pd.DataFrame(runs))}
+    found = {(one.road_user, one.metric): one for one in contrasts(pd.DataFrame(runs))}
     assert len(found) == 9
     verdicts = {user: found[user, "centre_rmse_m"].verdict for user in shifts}
     assert verdicts == {"car": "worse", "cyclist": "leaning", "pedestrian": "alike"}
     one = found["cyclist", "centre_rmse_m"]
     raw = ttest_1samp([0.03 + value for value in noise], 0.0).pvalue
-    assert p_value(one.difference) == pytest.approx(raw)
+    assert t_test(one.difference) == pytest.approx(raw)
     assert one.p > 3.0 * raw and one.difference.low > 0.0
     lidar = [r for r in runs if r["measurement_kind"] == "lidar"]
-    assert family(pd.DataFrame(lidar)) == []
+    assert contrasts(pd.DataFrame(lidar)) == []
 
 
 @pytest.fixture
@@ -160,7 +165,7 @@ def test_a_tiny_study_from_the_command_line(tiny):
             float(one["centre_rmse_m"]) for one in runs if _TRACKERS[one["tracker"]] == tracker
         ]
         assert float(row["centre RMSE (m)"]) == pytest.approx(np.mean(values), rel=1e-12)
-        assert float(row["± centre"]) == pytest.approx(np.std(values, ddof=1), rel=1e-9)
+        assert float(row["± centre RMSE (m)"]) == pytest.approx(np.std(values, ddof=1), rel=1e-9)
     names_of_figures = {path.stem for path in (tiny / "figures").iterdir()}
     assert {
         "pedestrian_boxes",

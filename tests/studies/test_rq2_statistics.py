@@ -12,31 +12,30 @@ from scipy.stats import ttest_1samp
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.report.statistics import least_effect
+from stixel_cli.report.tables import difference, names
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.studies.data import StudyRun, measurement_name, names, run_frame, tracker_name
-from stixel_cli.studies.rq2.conditions import CONDITIONS, condition_statistics
-from stixel_cli.studies.rq2.contrasts import least_effect
-from stixel_cli.studies.rq2.figures import by_condition
-from stixel_cli.studies.rq2.report import gate_shares
-from stixel_cli.studies.runs import contour_distances, paired_difference, within_bounds
+from stixel_cli.studies.data import StudyRun, measurement_name, run_frame, tracker_name
+from stixel_cli.studies.rq2.conditions import CONDITIONS, binned, condition_values
+from stixel_cli.studies.runs import contour_distances, gate_shares, within_bounds
 
 
 def test_differences_are_paired_by_seed():
     one = [run(seed, centre=1.0 + seed + offset) for seed, offset in ((0, 0.1), (1, 0.2), (2, 0.3))]
     other = [run(seed, "lidar", centre=1.0 + seed) for seed in (0, 1, 2, 3)]
-    found = paired_difference(pd.DataFrame(one), pd.DataFrame(other), "centre_rmse_m")
+    found = difference(pd.DataFrame(one), pd.DataFrame(other), "centre_rmse_m")
     # Between seeds the errors differ by 1, between pairs by a tenth of that.
     assert found.n == 3 and found.mean == pytest.approx(0.2)
     assert found.std == pytest.approx(0.1)
     assert found.low == pytest.approx(0.2 - 4.302653 * 0.1 / np.sqrt(3), abs=1e-6)
     one, without = pd.DataFrame(one[:1]), pd.DataFrame([run(centre=np.nan)])
-    assert paired_difference(one, without, "centre_rmse_m").n == 0
+    assert difference(one, without, "centre_rmse_m").n == 0
 
 
 def test_a_seed_with_several_paths_counts_once():
     one = [run(0, centre=2.0), run(0, path="crossing", centre=4.0)]
     other = [run(0, "lidar", centre=1.0), run(0, "lidar", path="crossing", centre=1.0)]
-    found = paired_difference(pd.DataFrame(one), pd.DataFrame(other), "centre_rmse_m")
+    found = difference(pd.DataFrame(one), pd.DataFrame(other), "centre_rmse_m")
     assert (found.n, found.mean) == (1, 2.0)
 
 
@@ -71,11 +70,11 @@ def test_scans_are_sorted_into_bins():
     for name, counts in expected.items():
         condition = by_name[name]
         assert len(condition.labels) == len(condition.edges) + 1
-        found = condition_statistics(condition, scans)
-        assert {condition.labels[key[2]]: one.scans for key, one in found.items()} == counts
-    (one, *_) = found.values()
-    assert one.seeds == 2
-    assert one.errors["centre"].n == 2 and one.errors["centre"].mean == 1.0
+        found = binned(condition, scans)
+        labels = [condition.labels[b] for b in found["bin"]]
+        assert dict(zip(labels, found["scans"], strict=True)) == counts
+    one = found.iloc[0]
+    assert one["seeds"] == 2 and one["centre"].n == 2 and one["centre"].mean == 1.0
 
 
 def test_a_caption_has_the_number_of_seeds_of_a_condition():
@@ -86,8 +85,8 @@ def test_a_caption_has_the_number_of_seeds_of_a_condition():
         ([{}, near, near], "n = 1 (without a bar) to 3"),
     ):
         scans = pd.concat([scans_of(seed, **own) for seed, own in enumerate(changes)])
-        figure = by_condition("by_range", CONDITIONS[0], scans, ["simulated"])
-        assert told in figure.caption
+        found = condition_values("by_range", CONDITIONS[0], scans, ["simulated"])
+        assert told in found["figure"].caption
 
 
 def test_distances_from_the_contour():

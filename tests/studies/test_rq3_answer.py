@@ -7,10 +7,10 @@ import pytest
 from study_toy import answer_of
 
 from stixel_cli.config.compose import compose
+from stixel_cli.report.statistics import paired
 from stixel_cli.studies.data import StudyRun
-from stixel_cli.studies.inference import gap_closed, paired
 from stixel_cli.studies.rq3.answer import answer_values
-from stixel_cli.studies.rq3.compare import Comparison, _corrected, reach_of
+from stixel_cli.studies.rq3.compare import Comparison, _corrected, gap_closed, reach_of
 from stixel_cli.studies.rq3.runs import FABRICATED, FITTED, SIMULATED, Measure, cost_of
 
 COST = cost_of(SimpleNamespace(runs=()), SimpleNamespace(runs=()))

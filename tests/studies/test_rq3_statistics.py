@@ -1,9 +1,8 @@
 import numpy as np
 from scipy.stats import ttest_1samp, ttest_ind
 
-from stixel_cli.studies.inference import (
+from stixel_cli.report.statistics import (
     SIGNIFICANT,
-    gap_closed,
     holm,
     least_p,
     mean_interval,
@@ -13,6 +12,7 @@ from stixel_cli.studies.inference import (
     weights,
     wilcoxon,
 )
+from stixel_cli.studies.rq3.compare import gap_closed
 
 
 def test_holm_on_an_example():
@@ -111,17 +111,17 @@ def test_few_pairs():
 def test_the_closed_fraction_of_a_gap():
     gap = np.array([1.0, 1.1, 0.9, 1.0])
     path = ["turn"] * 4
-    assert gap_closed(gap, 0.0 * gap, path, "x").share == 1.0
-    np.testing.assert_allclose(gap_closed(gap, -0.25 * gap, path, "x").share, 0.75)
+    assert gap_closed(gap, 0.0 * gap, path, "x").mean == 1.0
+    np.testing.assert_allclose(gap_closed(gap, -0.25 * gap, path, "x").mean, 0.75)
     half = gap_closed(gap, 0.5 * gap[::-1], path, "x")
-    assert half.low < half.share == 0.5 < half.high
-    assert gap_closed(gap, 2.0 * gap, path, "x").share == -1.0
+    assert half.low < half.mean == 0.5 < half.high
+    assert gap_closed(gap, 2.0 * gap, path, "x").mean == -1.0
     # Too much on one path and too little on the other is 0 in the mean, and closes nothing.
     two = ["turn", "turn", "circle", "circle"]
     signs = np.array([1.0, 1.0, -1.0, -1.0])
-    np.testing.assert_allclose(gap_closed(np.ones(4), signs, two, "x").share, 0.0)
+    np.testing.assert_allclose(gap_closed(np.ones(4), signs, two, "x").mean, 0.0)
     # What may not be there cannot be closed.
-    assert gap_closed(np.array([1.0, -1.0, 0.9, -0.9]), gap, path, "x").share is None
-    assert gap_closed(gap[:1], gap[:1], path[:1], "x").share is None
+    assert gap_closed(np.array([1.0, -1.0, 0.9, -0.9]), gap, path, "x").mean is None
+    assert gap_closed(gap[:1], gap[:1], path[:1], "x").mean is None
     few = gap_closed(gap[[0, 3]], 0.5 * gap[[0, 3]], path[:2], "x")
-    assert (few.share, few.low, few.high) == (0.5, None, None)
+    assert (few.mean, few.low, few.high) == (0.5, None, None)

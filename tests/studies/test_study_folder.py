@@ -7,10 +7,10 @@ import pytest
 import study_toy
 import yaml
 
+from stixel_cli.report.blocks import Findings
 from stixel_cli.studies.file import read_study
 from stixel_cli.studies.folder import StudyFolder, differences
 from stixel_cli.studies.plan import StudyPlan, plan_study
-from stixel_cli.studies.types import Findings
 
 
 def test_a_folder_with_another_request_is_refused_without_name_or_fresh(studies, toy):
@@ -44,7 +44,7 @@ def test_a_folder_with_another_request_is_refused_without_name_or_fresh(studies,
 
 def test_a_resumed_folder_has_the_revision_of_its_results(toy, tmp_path, monkeypatch):
     folder = StudyFolder(tmp_path / "study")
-    plan = plan_study(read_study(toy()), [])
+    plan = plan_study(read_study(toy(), trusted=True), [])
     found = []
     for revision in ("old", "new"):
         monkeypatch.setattr(
@@ -129,7 +129,7 @@ def test_a_folder_is_named_after_its_overrides(studies, toy):
     ],
 )
 def test_a_long_folder_name_is_shortened_with_a_hash(toy, overrides, name):
-    plan = StudyPlan(read_study(toy()), tuple(overrides), (), ())
+    plan = StudyPlan(read_study(toy(), trusted=True), tuple(overrides), (), ())
     assert re.fullmatch(name, plan.folder_name)
     other = StudyPlan(plan.study, (*overrides, "tracker.sigma_f=3"), (), ())
     assert other.folder_name != plan.folder_name

@@ -2,6 +2,7 @@
 
 import pytest
 
+from stixel_cli.config.overrides import parse
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.studies.overrides import overridden
 from stixel_cli.sweeps.design import Axis, Design
@@ -9,52 +10,57 @@ from stixel_cli.sweeps.runs import design_runs
 
 
 def axis(key, *values):
-    return Axis((key,), tuple((f"{key}={value}",) for value in values))
+    return Axis((key,), tuple((parse(f"{key}={value}"),) for value in values))
+
+
+def texts_of(design):
+    return [one.text for one in design.fixed]
+
+
+def fixed(*texts):
+    """A design without axes."""
+    return Design(tuple(map(parse, texts)), ())
 
 
 TRACKING = Design(
-    ("path.duration=1",),
+    (parse("path.duration=1"),),
     (
         axis("measurement", "simulated", "fabricated", "lidar"),
         axis("tracker", "gp_ekf", "point"),
         axis("seed", 0, 1),
     ),
 )
-STEREO_ONLY = Design(("measurement=simulated",), (axis("seed", 0, 1),))
+STEREO_ONLY = Design((parse("measurement=simulated"),), (axis("seed", 0, 1),))
 
 
-def test_an_override_applies_to_the_runs_that_accept_it():
+def test_an_override_applies_to_sweeps_all_of_whose_runs_accept_it():
+    rays = Design((parse("measurement=fabricated"),), (axis("seed", 0, 1),))
     text = "measurement/noise=constant"
-    (design, alone), notes = overridden([TRACKING, STEREO_ONLY], [text], ["tracking", "stereo"])
-    points = design_runs(design)
-    assert len(points) == 3 * 2 * 2
-    for point in points:
-        assert (text in point.overrides) == (point.settings["measurement"] == "fabricated")
-        assert list(point.settings) == ["measurement", "tracker", "seed"]
-    assert alone == STEREO_ONLY
-    assert [note.partition(": measurement/noise: there is")[0] for note in notes] == [
-        f"{text}: left out of sweep tracking with measurement=simulated and measurement=lidar",
-        f"{text}: left out of sweep stereo",
-    ]
+    sweeps = [TRACKING, STEREO_ONLY, rays]
+    designs, notes = overridden(sweeps, [text], ["tracking", "stereo", "rays"])
+    assert designs[:2] == sweeps[:2] and text in texts_of(designs[2])
+    assert len(design_runs(designs[2])) == 2
+    (note,) = notes
+    assert note.startswith(f"{text}: left out of sweeps tracking and stereo: measurement/noise: ")
 
 
 def test_a_key_inside_an_option_follows_it():
     texts = ["measurement.noise.range_std=0.2", "measurement/noise=constant"]
-    (design,), notes = overridden([TRACKING], texts, ["tracking"])
-    assert design.axes[0].steps == (
-        ("measurement=simulated",),
-        ("measurement=fabricated", *reversed(texts)),
-        ("measurement=lidar",),
-    )
-    assert len(notes) == 2
-    # An option of the group around it does not take it away, however they are ordered.
-    for order in (["measurement=fabricated", texts[1]], [texts[1], "measurement=fabricated"]):
+    for order in (["measurement=fabricated", *texts], [*texts, "measurement=fabricated"]):
         (design,), notes = overridden([TRACKING], order, ["tracking"])
-        assert {texts[1], "path.duration=1"} == set(design.fixed) and not notes
+        assert {*texts, "path.duration=1"} == set(texts_of(design)) and not notes
+        assert design.swept[0].text == "measurement=fabricated"
+
+
+def test_several_values_need_an_axis():
+    with pytest.raises(ConfigurationError, match=r"tracker.basis_points: is on no axis here"):
+        overridden([STEREO_ONLY], ["tracker.basis_points=20,30"], ["stereo"])
+    (design,), _ = overridden([TRACKING], ["tracker=point,contour", "seed=3,4"], ["tracking"])
+    assert design.axes[1:] == (axis("tracker", "point", "contour"), axis("seed", 3, 4))
 
 
 def test_a_value_out_of_range_is_refused():
-    fabricated = Design(("measurement=fabricated", "measurement/noise=constant"), ())
+    fabricated = fixed("measurement=fabricated", "measurement/noise=constant")
     with pytest.raises(ConfigurationError, match="range_std: -1 is out of range"):
         overridden(
             [STEREO_ONLY, fabricated], ["measurement.noise.range_std=-1"], ["stereo", "rays"]
@@ -64,17 +70,17 @@ def test_a_value_out_of_range_is_refused():
 
 
 def test_keys_that_distinguish_sweeps_cannot_be_overridden():
-    rays = Design(("measurement=fabricated", "path=turn"), ())
-    stereo = Design(("measurement=simulated", "path=turn"), ())
+    rays = fixed("measurement=fabricated", "path=turn")
+    stereo = fixed("measurement=simulated", "path=turn")
     with pytest.raises(ConfigurationError, match="measurement=fabricated in rays, measurement=sim"):
         overridden([rays, stereo], ["measurement=lidar"], ["rays", "stereo"])
     designs, notes = overridden([rays, stereo], ["path=circle"], ["rays", "stereo"])
-    assert all("path=circle" in design.fixed for design in designs) and not notes
+    assert all("path=circle" in texts_of(design) for design in designs) and not notes
     # A sweep whose axes are derived keeps its own, and so stands in nobody's way.
-    fitted = Design(("measurement=fabricated", "measurement/noise=fitted_car"), ())
-    plain = Design(("measurement=fabricated", "measurement/noise=stereo"), ())
+    fitted = fixed("measurement=fabricated", "measurement/noise=fitted_car")
+    plain = fixed("measurement=fabricated", "measurement/noise=stereo")
     (changed, kept), _ = overridden(
         [plain, fitted], ["measurement/noise=constant"], ["plain", "fitted"], derived=["fitted"]
     )
-    assert "measurement/noise=constant" in changed.fixed
+    assert "measurement/noise=constant" in texts_of(changed)
     assert kept == fitted

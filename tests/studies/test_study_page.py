@@ -7,26 +7,20 @@ import study_toy
 
 from stixel_cli.cli.app import main
 from stixel_cli.errors import UserError
-from stixel_cli.report import style
+from stixel_cli.pictures import style
+from stixel_cli.report.blocks import Findings, Section, Table
+from stixel_cli.report.numbers import counted, decimals, number, percent, quantity
 from stixel_cli.report.page_svg import drawing_for_page, smallest_text, svg_for_page
-from stixel_cli.results.text import listed
-from stixel_cli.studies.folder import files_of
-from stixel_cli.studies.page import _brief, _code, _Numbered
-from stixel_cli.studies.tables import (
-    counted,
-    decimals,
-    interval_columns,
-    number,
-    over_seeds,
-    percent,
-    quantity,
+from stixel_cli.report.statistics import over_seeds
+from stixel_cli.report.tables import (
     shown_table,
-    std_columns,
     table_csv,
     table_latex,
-    with_ends,
 )
-from stixel_cli.studies.types import Findings, Section, Table
+from stixel_cli.results.text import listed
+from stixel_cli.studies.folder import files_of
+from stixel_cli.studies.page import _brief, _Numbered
+from stixel_cli.studies.template import inline_html
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +30,10 @@ def page(tmp_path_factory, shared_cache):
     file = study_toy.write(folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("STIXEL_CACHE", str(shared_cache))
-        assert main(["study", str(file), "road_user=car", "--results", str(folder)]) == 0
+        assert (
+            main(["study", str(file), "road_user=car", "--trust-code", "--results", str(folder)])
+            == 0
+        )
     return folder / "toy-road_user=car/report.html"
 
 
@@ -57,8 +54,12 @@ def test_text_is_escaped(page):
     assert "A &lt;script&gt; is text." in html
 
 
-def test_words_between_backticks_are_code():
-    assert _code("Rig `long_range` & <b>") == "Rig <code>long_range</code> &amp; &lt;b&gt;"
+def test_paragraphs_are_markdown_without_html():
+    assert (
+        inline_html("Rig `long_range` & <b>, *now* 2 * 3, a_b_c [0.1, 0.2]")
+        == "Rig <code>long_range</code> &amp; &lt;b&gt;, <em>now</em> 2 * 3, a_b_c [0.1, 0.2]"
+    )
+    assert inline_html("[docs](docs/x.md)") == '<a href="docs/x.md">docs</a>'
 
 
 @pytest.mark.parametrize(
@@ -145,7 +146,7 @@ def test_a_standard_deviation_is_in_the_cell_of_its_value():
     table = Table(
         "t",
         "",
-        ("who", *std_columns("m", "m"), "n"),
+        ("who", "m", "± m", "n"),
         (("a", 0.123456, 0.04, 3), ("b", None, None, 2), ("c", -139.13, 0.0, 2)),
     )
     header, rows, numeric = shown_table(table)
@@ -159,7 +160,7 @@ def test_a_standard_deviation_is_in_the_cell_of_its_value():
 
 
 def test_an_interval_determines_the_digits():
-    columns = ("who", *interval_columns("m", "m"), "p")
+    columns = ("who", "m", "low m", "high m", "p")
     rows = (("a", -5.77012, -26.196, 14.656, 1e-6), ("b", 0.1, 0.071, 0.129, 0.04))
     table = Table("t", "", columns, (*rows, ("c", 0.1, None, None, None)))
     header, shown, numeric = shown_table(table)
@@ -200,6 +201,11 @@ def test_duplicate_and_outside_file_names_are_refused():
             files_of(Findings((), (), {name: ""}))
 
 
+def test_rows_of_a_table_may_lack_columns_of_others():
+    table = Table.of("t", [{"a": 1, "b": None}, {"a": 2, "c": "x"}])
+    assert table.columns == ("a", "b", "c") and table.rows == ((1, None, None), (2, None, "x"))
+
+
 def test_statistics_over_seeds():
     one = over_seeds([1.0, None, 3.0])
     assert (one.n, one.mean) == (2, 2.0)
@@ -224,7 +230,7 @@ def test_large_tables_are_printed_in_landscape_or_small():
 
 def test_intervals_of_many_columns_are_below_their_values():
     def cells(columns: int) -> list[str]:
-        names = with_ends([f"a{i}" for i in range(columns)])
+        names = tuple(f"{end}a{i}" for i in range(columns) for end in ("", "low ", "high "))
         table = Table("t", "c", names, ((1.2, 1.1, 1.4) * columns,))
         (block,) = _Numbered().sections([Section("s", (table,))], "")[0]["blocks"]
         return block["rows"][0]

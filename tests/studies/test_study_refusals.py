@@ -3,7 +3,7 @@
 import pytest
 from study_toy import changed
 
-REPORT = """from stixel_cli.studies.types import Material, Section, Table
+REPORT = """from stixel_cli.report.blocks import Material, Section, Table
 from study_toy import report as toy_report, widths
 
 

@@ -8,10 +8,11 @@ import pandas as pd
 import pytest
 import yaml
 
+from stixel_cli.config.folders import group_options
 from stixel_cli.studies.file import find_study, read_study
 from stixel_cli.studies.real_time import on_cores
 from stixel_cli.studies.runs import CEILINGS, ceilings_table
-from stixel_cli.studies.thesis.runs import consistency_table, settings_table, tracking_table
+from stixel_cli.studies.thesis.report import consistency_table, settings_rows, tracking_table
 
 USERS = ["car", "cyclist", "pedestrian"]
 SMALL = {
@@ -31,6 +32,7 @@ def tiny(tmp_path):
         sweep["fixed"] |= SMALL
         axes = sweep["axes"]
         axes |= {"road_user": ["pedestrian"], "path": ["turn"]}
+        sweep.pop("zipped", None)
         for key in axes:
             if key.startswith("measurement.noise"):
                 axes[key] = axes[key][1:3]
@@ -54,7 +56,7 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny):
     assert answer["complete"], answer
     text = " ".join(answer["answer"])
     assert not re.search(r"\bnan\b|\binf\b", text)
-    assert "Pedestrian, the demo's kernel: on fabricated measurements mean IoU 0." in text
+    assert "Pedestrian, the thesis: on fabricated measurements mean IoU 0." in text
     assert "times the sample time T on one core" in text
     page = (folder / "report.html").read_text(encoding="utf-8")
     for heading in ("Pedestrian case", "Simulated measurements", "Extended target tracking"):
@@ -83,9 +85,12 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny):
 def test_the_shipped_study_has_every_case_on_seeds_from_0():
     study = read_study(find_study("thesis"))
     sweeps = {sweep.name: sweep.content for sweep in study.sweeps}
-    for name in ("fabricated", "simulated"):
-        assert sweeps[name]["axes"]["road_user"] == USERS
-        assert sweeps[name]["axes"]["ego"] == ["parked", "straight", "turning"]
+    fabricated = sweeps["fabricated"]["axes"]
+    assert set(fabricated["path"]) == {*group_options()["path"]} - {"recorded"}
+    assert fabricated["ego"] == ["parked", "straight", "turning"]
+    (simulated,) = sweeps["simulated"]["zipped"]
+    assert set(simulated["path"]) == {"turn", "crossing", "approach"}
+    assert set(simulated["ego"]) == {*fabricated["ego"]}
     levels = sweeps["constant_noise"]["axes"]["measurement.noise.range_std"]
     assert (levels[0], levels[-1]) == (0.0, 0.5)
     for sweep in sweeps.values():
@@ -95,8 +100,8 @@ def test_the_shipped_study_has_every_case_on_seeds_from_0():
 
 
 def test_settings_have_a_value_for_each_kernel_and_a_source():
-    found = settings_table("settings", ["thesis", "thesis_priors"], USERS)
-    rows = {row[0]: row[1:] for row in found.rows}
+    found = settings_rows(["thesis", "thesis_improved"], USERS)
+    rows = {(own := tuple(row.values()))[0]: own[1:] for row in found}
     assert rows["tracker.sigma_f"][:2] == ("2", "by class")
     assert rows["measurement/noise"][:2] == ("constant", "constant")
     assert rows["measurement.noise.disparity_std"][0] == "0.0212"
@@ -132,11 +137,11 @@ def test_kernels_are_columns():
     ]
     # A kernel without runs has no values.
     assert found.rows[1][12:] == (None,) * 9
-    assert consistency_table("c", runs[runs["ego"] == "parked"], ("ego",)).rows[0][1] == 3.0
+    assert consistency_table("c", runs[runs["ego"] == "parked"], ("ego",)).rows[0][2] == 3.0
     ceilings = runs.assign(**{name: i / 10 for i, name in enumerate(CEILINGS)})
     assert ceilings_table("c", ceilings, ("ego",)).rows == (
-        ("parked", 0.0, 0.1, 0.2, 0.3),
-        ("straight", 0.0, 0.1, 0.2, 0.3),
+        ("parked", 2, 0.0, 0.1, 0.2, 0.3),
+        ("straight", 2, 0.0, 0.1, 0.2, 0.3),
     )
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from stixel_cli.sweeps.statistics import consistent_bounds, statistic, summarise, wilson_interval
+from stixel_cli.report.statistics import consistent_bounds, statistic, summarise, wilson_interval
 from stixel_cli.sweeps.tables import summary_files, summary_records
 
 

@@ -13,6 +13,8 @@ from pathlib import Path
 
 import yaml
 
+from stixel_cli.engine.cache_folder import make_folder
+
 FEW = ("measurement=fabricated", "path.duration=0.3")
 STATISTICS = ("summary.csv", "summary.md", "summary.tex")
 
@@ -127,7 +129,7 @@ def test_ctrl_c_names_the_command_that_resumes(sweeps):
     last = error.splitlines()[-1]
     found = re.search(r"interrupted: (\d+) of 60 runs are done", last)
     assert found, error
-    assert last.endswith(f"resume with: stixel sweep --resume {folder}")
+    assert last.endswith(f"resume with: stixel sweep --resume {folder} executor.workers=2")
     assert "Traceback" not in error
     done = int(found[1])
     assert 1 <= done < 60
@@ -176,13 +178,14 @@ def test_changed_code_recomputes_the_runs(sweeps, monkeypatch):
 
 
 def test_a_full_disk_leaves_no_empty_folder(sweeps, monkeypatch):
-    to_bytes = Path.write_bytes
+    make_folder(sweeps.results.parent / "cache", "tmp")
+    to_text = Path.write_text
 
-    def full(path, content):
-        to_bytes(path, content[:1])
+    def full(path, content, **how):
+        to_text(path, content[:1], **how)
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(Path, "write_bytes", full)
+    monkeypatch.setattr(Path, "write_text", full)
     said = sweeps.refused(*FEW, "seed=0,1", "--name", "mine")
     assert said.endswith("mine: cannot be written: No space left on device\n")
     monkeypatch.undo()

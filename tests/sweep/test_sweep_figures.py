@@ -2,7 +2,8 @@
 
 import pytest
 
-from stixel_cli.report import style
+from stixel_cli.pictures import style
+from stixel_cli.report.statistics import statistic
 from stixel_cli.sweeps.figures import (
     MOST_LINES,
     Line,
@@ -13,7 +14,6 @@ from stixel_cli.sweeps.figures import (
     is_geometric,
     scale_values,
 )
-from stixel_cli.sweeps.statistics import statistic
 
 
 def test_error_bars_do_not_overlap():

@@ -10,7 +10,8 @@ from result_folders import make_folder
 from stixel_cli.cli.report import report
 from stixel_cli.errors import UserError
 from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
-from stixel_cli.sweeps.page import over_time, read_runs
+from stixel_cli.sweeps.page import over_time
+from stixel_cli.sweeps.results import SweepResult
 
 VALUES, SEEDS = ("0.1", "0.4", "1.6"), ("0", "1")
 
@@ -67,10 +68,10 @@ def test_settings_with_other_times_are_left_out_of_the_curves(made, tmp_path):
     folder = tmp_path / "widths"
     shutil.copytree(made / "widths", folder)
     np.savez(folder / "runs/0000/scores.npz", t=np.arange(3.0), iou=np.ones(3))
-    runs = read_runs(folder, SweepFolder(folder).request())
-    assert len(over_time(runs)) == 6
+    runs = SweepFolder(folder).runs(SweepFolder(folder).request())
+    assert len(over_time(SweepResult(folder, tuple(runs)))) == 6
     # Only the setting of the first two runs: nothing is left.
-    assert over_time(runs[:2]) == []
+    assert over_time(SweepResult(folder, tuple(runs[:2]))) == []
 
 
 def test_the_tables_can_be_sorted_and_filtered(made, open_page):

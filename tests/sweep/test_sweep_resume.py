@@ -116,6 +116,7 @@ def test_relative_file_names_work_from_another_working_directory(
     shutil.rmtree(folder / "runs" / "0001")
     monkeypatch.chdir(here)
     capsys.readouterr()
+    monkeypatch.setenv("STIXEL_CACHE", str(there / "kept"))
     assert main(["explain", str(folder)]) == 0
     assert capsys.readouterr().out == "nothing to recompute: all results are cached\n"
     again = sweeps.run("--resume", folder)

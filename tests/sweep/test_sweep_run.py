@@ -13,9 +13,9 @@ import yaml
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import compose, from_resolved
 from stixel_cli.evaluation.metric_table import LOSS_RATE
+from stixel_cli.report.statistics import statistic
 from stixel_cli.results.result import read_scored_run
 from stixel_cli.sweeps import figures
-from stixel_cli.sweeps.statistics import statistic
 from stixel_cli.sweeps.whole import new_sweep
 
 FEW = ("measurement=fabricated", "path.duration=0.3")
@@ -256,3 +256,9 @@ def test_figures_of_text_values_numbers_and_many_lines():
     assert drawn == figures.axis_figures(settings, metrics, [["tracker.sigma_q"], ["road_user"]])
     together = figures.axis_figures(settings, metrics, [["tracker.sigma_q", "road_user"]])
     assert list(together) == ["tracker.sigma_q+road_user.png"]
+
+
+def test_a_taken_name_is_refused_before_anything_is_planned(sweeps, monkeypatch):
+    (sweeps.results / "mine").mkdir(parents=True)
+    monkeypatch.setattr("stixel_cli.sweeps.whole.sweep_design", None)
+    assert "choose another --name" in sweeps.refused(*FEW, "seed=0,1", "--name", "mine")

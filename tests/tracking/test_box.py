@@ -5,7 +5,7 @@ import pytest
 from tracking_cases import CAR, START, scans_of
 
 from stixel_cli.geometry.pose import world_from_target
-from stixel_cli.tracking.box import BoxParameters, box_radii, track, visible_centroid
+from stixel_cli.tracking.baselines.box import BoxParameters, box_radii, track, visible_centroid
 
 TRACKER = BoxParameters(
     kind="box",
@@ -15,7 +15,6 @@ TRACKER = BoxParameters(
     centroid_std=0.1,
     gate=1.0,
     least_speed=0.5,
-    contour_points=120,
 )
 HALF = np.array([2.1, 0.85])
 

@@ -4,24 +4,24 @@ import numpy as np
 import pytest
 
 from stixel_cli.config.compose import compose
-from stixel_cli.tracking.class_bank import (
+from stixel_cli.scene.classes import CLASS_ROWS, ROAD_USER_CLASSES
+from stixel_cli.tracking.contour.class_bank import (
     CONTRADICTED,
     CORRELATED_SCANS,
     OVERSTATED,
-    SPEEDS,
     log_likelihood,
     log_weight,
     probabilities_of,
     reported_classes,
     start_of_other,
 )
-from stixel_cli.tracking.class_size import CLASSES, ClassSize, class_size, possible_sizes
+from stixel_cli.tracking.contour.class_size import ClassSize, class_size, possible_sizes
 from stixel_cli.tracking.track import InitialState
 
 
 def test_a_weight_matches_a_calculation_by_hand():
     found = log_weight(-6.0, 2.0, 5.0, 3.0, "cyclist")
-    variance = SPEEDS["cyclist"] ** 2 + 3.0
+    variance = CLASS_ROWS["cyclist"].speed ** 2 + 3.0
     expected = -6.0 / CORRELATED_SCANS - 2.0 - 0.5 * 25.0 / variance - 0.5 * np.log(variance)
     assert found == pytest.approx(expected)
 
@@ -77,7 +77,7 @@ WEIGHTS = {
 def test_each_scan_reports_the_class_that_is_most_probable_so_far():
     np.testing.assert_array_equal(reported_classes(WEIGHTS, None), [1, 1, 2, 2])
     probabilities = probabilities_of(WEIGHTS)
-    assert list(probabilities) == list(CLASSES)
+    assert list(probabilities) == list(ROAD_USER_CLASSES)
     values = np.array(list(probabilities.values()))
     np.testing.assert_allclose(values.sum(axis=0), 1.0)
     np.testing.assert_array_equal(values.argmax(axis=0), [1, 1, 2, 2])
@@ -114,7 +114,7 @@ def test_start_of_another_class_is_uncertain_by_half_of_the_difference():
 
 
 def test_sizes_are_those_of_the_priors():
-    priors = {name: compose([f"prior={name}"]).configuration.prior for name in CLASSES}
+    priors = {name: compose([f"prior={name}"]).configuration.prior for name in ROAD_USER_CLASSES}
     for name, prior in priors.items():
         size = class_size(name)
         np.testing.assert_array_equal(size.mean, [prior.length, prior.width])
@@ -122,7 +122,7 @@ def test_sizes_are_those_of_the_priors():
         np.testing.assert_array_equal(possible_sizes(prior), [size.mean])
     unknown = compose(["prior=unknown"]).configuration.prior
     sizes = possible_sizes(unknown)
-    np.testing.assert_array_equal(sizes, [class_size(name).mean for name in CLASSES])
+    np.testing.assert_array_equal(sizes, [class_size(name).mean for name in ROAD_USER_CLASSES])
     np.testing.assert_allclose([unknown.length, unknown.width], sizes.mean(axis=0), atol=6e-3)
     stds = sizes.std(axis=0) / sizes.mean(axis=0)
     np.testing.assert_allclose([unknown.length_std, unknown.width_std], stds, atol=6e-3)

@@ -8,11 +8,11 @@ import pytest
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.scans import FieldOfView, Scans
-from stixel_cli.tracking.clusters import BEGIN, END, assign, find_tracks, follow
-from stixel_cli.tracking.found import LEAST_SCANS
 from stixel_cli.tracking.motion import transition
-from stixel_cli.tracking.several import own_scans, track_each
-from stixel_cli.tracking.start_found import start_from_found
+from stixel_cli.tracking.several.clusters import BEGIN, END, assign, find_tracks, follow
+from stixel_cli.tracking.several.found import LEAST_SCANS
+from stixel_cli.tracking.several.start_found import start_from_found
+from stixel_cli.tracking.several.track_each import own_scans, track_each
 
 CONFIGURATION = compose(["start=scans", "tracker=box"]).configuration
 PRIOR, STD = CONFIGURATION.prior, CONFIGURATION.start.std
@@ -26,8 +26,7 @@ def scans_of(points_of_each, poses=None):
     count = len(points_of_each)
     poses = np.tile([0.0, 0.0, STRAIGHT_AHEAD], (count, 1)) if poses is None else poses
     each = [(points, np.tile(0.01 * np.eye(2), (len(points), 1, 1))) for points in points_of_each]
-    some = [np.full(len(points), 0.5) for points in points_of_each]
-    return Scans.of_each(0.1 * np.arange(count), poses, each, some)
+    return Scans.of_each(0.1 * np.arange(count), poses, each)
 
 
 def car(place, velocity, k):
@@ -137,10 +136,10 @@ def test_the_tracker_gets_the_points_of_its_own_road_user():
     assert own.field_of_view == scans.field_of_view
     assert len(own) == 9 and np.diff(own.offsets).tolist() == [8, 0] * 4 + [8]
     np.testing.assert_array_equal(own.points_world, scans.points_world[rows])
-    # The point before the first of a scan is another road user's.
-    assert own.correlations[own.rows(0)].tolist() == [0.0] + [0.5] * 7
     settings = {"prior": PRIOR, "tracker": CONFIGURATION.tracker}
-    tracks = track_each((found[0], later), scans, "stixel_cli.tracking.box:track", settings)
+    tracks = track_each(
+        (found[0], later), scans, "stixel_cli.tracking.baselines.box:track", settings
+    )
     assert [one.first for one in tracks] == [0, 2]
     assert [len(one.track.times) for one in tracks] == [12, 9]
     assert set(tracks[1].track.used_points) <= set(rows)

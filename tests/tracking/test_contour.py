@@ -14,12 +14,12 @@ from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.tracking.association import uncut
-from stixel_cli.tracking.class_shape import class_shape, seen_shape, seen_table
-from stixel_cli.tracking.contour import track
-from stixel_cli.tracking.contour_filter import predict, start
-from stixel_cli.tracking.contour_rays import rays_of
-from stixel_cli.tracking.contour_report import LEAST_OUTLINE_STD, contours_of, reported
-from stixel_cli.tracking.contour_update import condition
+from stixel_cli.tracking.contour.class_shape import class_shape, seen_shape, seen_table
+from stixel_cli.tracking.contour.contour import track
+from stixel_cli.tracking.contour.contour_filter import predict, start
+from stixel_cli.tracking.contour.contour_rays import rays_of
+from stixel_cli.tracking.contour.contour_report import LEAST_OUTLINE_STD, contours_of, reported
+from stixel_cli.tracking.contour.contour_update import condition
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
 

@@ -7,11 +7,11 @@ from tracking_cases import CAR
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import wrap_angle
-from stixel_cli.tracking import contour_filter, contour_recovery
-from stixel_cli.tracking.class_shape import class_shape
-from stixel_cli.tracking.contour import track
-from stixel_cli.tracking.contour_rays import rays_of, sight_of
-from stixel_cli.tracking.contour_recovery import RECENT, cluster_of, is_doubtful
+from stixel_cli.tracking.contour import contour_filter, contour_recovery
+from stixel_cli.tracking.contour.class_shape import class_shape
+from stixel_cli.tracking.contour.contour import track
+from stixel_cli.tracking.contour.contour_rays import rays_of, sight_of
+from stixel_cli.tracking.contour.contour_recovery import RECENT, cluster_of, is_doubtful
 
 TRACKER = dataclasses.replace(
     compose(["tracker=contour"]).configuration.tracker, seen_by="fabricated"

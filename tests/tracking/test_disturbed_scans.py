@@ -16,10 +16,10 @@ from stixel_cli.measurements.fabricated import fabricate_scans
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.build import build_scenario
 from stixel_cli.scene.ego import ego_motion
-from stixel_cli.tracking import contour
-from stixel_cli.tracking.contour import track
-from stixel_cli.tracking.contour_filter import ClassFilter
-from stixel_cli.tracking.contour_rays import rays_of
+from stixel_cli.tracking.contour import contour
+from stixel_cli.tracking.contour.contour import track
+from stixel_cli.tracking.contour.contour_filter import ClassFilter
+from stixel_cli.tracking.contour.contour_rays import rays_of
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.start import noisy_start
 from stixel_cli.tracking.start_scans import start_from_scans
@@ -120,7 +120,7 @@ def test_a_wrong_class_is_reported_without_the_truth(user, prior, fits):
     assert (metrics["track_lost"], metrics["diverged"]) == (0, 0)
     assert (result.class_replaced is None) == fits
     assert metrics.get("class_error") == (None if fits else 0)
-    assert any("do not fit the class" in text for text in verdict(metrics)) != fits
+    assert any("do not fit the prior" in text for text in verdict(metrics)) != fits
     # Of the scans alone: a truth elsewhere changes nothing.
     away = scenario.target_poses_world + np.array([30.0, 0.0, 1.0])
     moved = dataclasses.replace(scenario, target_poses_world=away)

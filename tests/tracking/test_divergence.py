@@ -22,7 +22,7 @@ def test_a_target_that_jumps_away_gives_a_warning(name):
     if name == "pyrecest":
         pytest.importorskip("pyrecest")
     configuration = compose([f"tracker={name}"]).configuration
-    module = import_module(f"stixel_cli.tracking.{configuration.tracker.kind}")
+    module = import_module(type(configuration.tracker).__module__.removesuffix("_parameters"))
     poses = turning(24, 2.0, 0.1, (-3.0, 12.0))
     jumped = poses + np.where(np.arange(24) < 8, 0.0, 25.0)[:, None] * [0.0, 1.0, 0.0]
     rates = np.gradient(poses, 0.1, axis=0)

@@ -278,7 +278,8 @@ def test_nis_has_one_degree_of_freedom_per_point():
 def test_contour_and_std_match_the_regression(tracker):
     """The band is that of the point where a fixed ray meets the contour, to first order."""
     found = track(scans_of(seen_car(4, 30)), *tracker)
-    angles = 2.0 * np.pi * np.arange(60) / 60
+    count = tracker[2].contour_points
+    angles = 2.0 * np.pi * np.arange(count) / count
     parameters = tracker[2]
     process = contour_process(
         parameters.basis_points, parameters.length_scale, 1.0, 0.4, parameters.jitter
@@ -366,3 +367,15 @@ def test_no_scans_give_an_empty_track(tracker):
     found = track(scans_of([]), *tracker)
     assert found.means.shape == (0, gp_ekf.SEEN * 2 + TRACKER.basis_points)
     assert found.used_offsets.tolist() == [0]
+
+
+def test_without_a_shape_the_radii_start_at_zero():
+    """Thesis (71b): mean 0, covariance K."""
+    bare = dataclasses.replace(CAR, shape="none")
+    bare.check()
+    scans = scans_of([np.zeros((0, 2))])
+    found, shaped = track(scans, START, bare, TRACKER), track(scans, START, CAR, TRACKER)
+    radii = 2 * gp_ekf.SEEN
+    np.testing.assert_array_equal(found.means[0, radii:], 0.0)
+    assert np.all(shaped.means[0, radii:] > 0.5)
+    np.testing.assert_array_equal(found.covariances, shaped.covariances)

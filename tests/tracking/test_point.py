@@ -9,8 +9,8 @@ from scipy.linalg import expm
 from tracking_cases import CAR, START, poses_of_turn, scans_of, seen_car
 
 from stixel_cli.geometry.pose import rotation, wrap_angle
+from stixel_cli.tracking.baselines.point import PointParameters, class_circle, track
 from stixel_cli.tracking.centre import GREATEST_VARIANCE, MOVING, predict, six_states
-from stixel_cli.tracking.point import PointParameters, class_circle, track
 from stixel_cli.tracking.prior import prior_radii
 from stixel_cli.tracking.track import InitialState
 
@@ -22,7 +22,6 @@ TRACKER = PointParameters(
     centroid_offset=0.6,
     gate_probability=None,
     least_speed=0.5,
-    contour_points=90,
 )
 NOISE = TRACKER.sigma_q, TRACKER.least_speed
 

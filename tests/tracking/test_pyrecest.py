@@ -10,9 +10,9 @@ from stixel_cli.config.compose import compose
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, world_from_target
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking import pyrecest as adapter
+from stixel_cli.tracking.baselines import pyrecest as adapter
+from stixel_cli.tracking.baselines.pyrecest_parameters import Name
 from stixel_cli.tracking.own import check_track
-from stixel_cli.tracking.pyrecest_parameters import Name
 from stixel_cli.tracking.track import InitialState
 
 CONFIGURATION = compose(["tracker=pyrecest"]).configuration

@@ -11,9 +11,9 @@ from tracking_cases import CAR, START, scans_of, seen_car
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rotation
+from stixel_cli.tracking.baselines.random_matrix import contours_of, track, update_extension
 from stixel_cli.tracking.centre import MOVING, predict
 from stixel_cli.tracking.motion import intervals
-from stixel_cli.tracking.random_matrix import contours_of, track, update_extension
 from stixel_cli.tracking.track import InitialState
 
 TRACKER = compose(["tracker=random_matrix"]).configuration.tracker

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.measurements.rays import first_crossings, spread_rays
-from stixel_cli.tracking.ray_table import (
+from stixel_cli.tracking.contour.ray_table import (
     expected,
     first_depths,
     outline_table,

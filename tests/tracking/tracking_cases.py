@@ -39,7 +39,6 @@ TRACKER = GpEkfParameters(
     measurement_covariance="isotropic",
     measurement_std=0.1,
     gate_probability=0.99,
-    contour_points=60,
 )
 
 FIELD = FieldOfView(-0.52, 0.52)

@@ -11,7 +11,7 @@ from stixel_cli.stixels.types import FreeSpace, Stixels
 from stixel_cli.validation.stage_errors import stage_errors
 from stixel_cli.validation.stage_truth import frame_truth
 
-ROAD = RigRoad(kind="rig", least_height=0.25, greatest_height=3.0, disparity_margin=1.0)
+ROAD = RigRoad(kind="rig", least_height=0.25)
 GRID = PolarOccupancy(
     kind="polar",
     nearest=3.0,
@@ -20,7 +20,7 @@ GRID = PolarOccupancy(
     disparity_std=0.5,
     relief=0.25,
 )
-PATH = FreeSpaceParameters(0.3, 5.0, 1.5, 1.0, 0.2, 5.0, 0.0, 3.0, 1.0, 0.5)
+PATH = FreeSpaceParameters(0.3, 1.0, 0.2, 5.0, 0.0, 3.0)
 DISPARITY = 10.0
 """Pitch-compensated, of the target: a whole number, so the stored disparities are exact."""
 

@@ -1,16 +1,18 @@
 import dataclasses
+import json
 
 import numpy as np
 import pytest
 
 from stixel_cli.config.compose import compose
+from stixel_cli.engine.code import CodeIndex
 from stixel_cli.experiment.class_shapes import SEEDS, entry
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.fabricated import fabricate_scans
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.tracking.class_shape import seen_table
-from stixel_cli.tracking.class_size import ClassSize
+from stixel_cli.tracking.contour.class_shape import seen_table
+from stixel_cli.tracking.contour.class_size import ClassSize
 from stixel_cli.validation.seen_shape import (
     class_shape_of,
     mean_radii,
@@ -126,11 +128,16 @@ def test_knowledge_comes_from_tuning_seeds_and_survives_its_text(sample, shape):
     assert min(SEEDS) >= 1000
     seen = seen_shape_of([sample], shape)
     size = ClassSize(np.array([4.52, 1.83]), np.array([0.07, 0.04]))
-    text = entry("car", size, shape, {"lidar": seen})
-    known = eval("{" + text + "}", {})["car"]
-    assert (known["size"].split(), known["size_stds"].split()) == (["4520", "1830"], ["70", "40"])
-    radii = np.array(known["radii"].split(), dtype=float) / 1000.0
+    known = json.loads(json.dumps(entry(size, shape, {"lidar": seen})))
+    assert (known["size"], known["size_stds"]) == ([4520, 1830], [70, 40])
+    radii = np.array(known["radii"]) / 1000.0
     np.testing.assert_allclose(radii, np.hypot(*shape.outline.T), atol=5.1e-4)
-    depths = np.array(known["lidar"]["depth_stds"].split(), dtype=float) / 1000.0
+    depths = np.array(known["lidar"]["depth_stds"]) / 1000.0
     np.testing.assert_allclose(depths, seen.depth_stds.ravel(), atol=5.1e-4)
-    assert max(map(len, text.splitlines())) <= 100
+
+
+def test_the_file_of_class_shapes_counts_in_the_keys_of_what_reads_it():
+    readers = ["stixel_cli.tracking.contour.contour", "stixel_cli.tracking.start_scans"]
+    for module in readers:
+        modules = CodeIndex().code([module]).modules
+        assert "stixel_cli.tracking.contour.class_size/class_shapes.json" in modules

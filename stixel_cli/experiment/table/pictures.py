@@ -9,23 +9,23 @@ STAGES: dict[str, Definition] = {
         same("rig", "road", "occupancy"),
     ),
     "camera_pictures": Definition(
-        only("report.camera:camera_pictures"),
+        only("pictures.camera:camera_pictures"),
         "pick",
         same("rig"),
         pictures=True,
     ),
     "camera_frames": Definition(
-        only("report.camera_frames:camera_frames"),
+        only("pictures.camera_frames:camera_frames"),
         "map",
     ),
     "track_pictures": Definition(
-        only("report.birds_eye:track_pictures"),
+        only("pictures.birds_eye:track_pictures"),
         "pick",
         same("field_of_view"),
         pictures=True,
     ),
     "run_pictures": Definition(
-        only("report.over_time:run_pictures"),
+        only("pictures.over_time:run_pictures"),
         "once",
         same("field_of_view"),
         pictures=True,

@@ -11,16 +11,19 @@ STAGES: dict[str, Definition] = {
         only("tracking.start_scans:start_from_scans"), "once", same("start", "prior")
     ),
     "find_tracks": Definition(
-        only("tracking.clusters:find_tracks"), "once", {"prior": "prior", "std": "start.std"}
+        only("tracking.several.clusters:find_tracks"),
+        "once",
+        {"prior": "prior", "std": "start.std"},
     ),
-    "found_start": Definition(only("tracking.start_found:start_from_found"), "once"),
+    "found_start": Definition(only("tracking.several.start_found:start_from_found"), "once"),
     "track": Definition(
         by_kind(Tracker, "track"),
         "once",
         same("prior", "tracker"),
         chosen_by="tracker",
+        watched="scans",
     ),
-    "track_each": Definition(only("tracking.several:track_each"), "once", calls="track"),
+    "track_each": Definition(only("tracking.several.track_each:track_each"), "once", calls="track"),
     "ceilings": Definition(
         only("evaluation.ceilings:find_ceilings"),
         "once",
@@ -44,19 +47,19 @@ STAGES: dict[str, Definition] = {
     ),
     "point_errors": Definition(only("validation.point_errors:point_errors"), "once", same("rig")),
     "label_errors": Definition(
-        only("validation.label_errors:label_errors"),
+        only("calibration.label_errors:label_errors"),
         "once",
         FROM_LABELS,
         recorded="label_files",
     ),
     "track_points": Definition(
-        only("validation.motion_errors:track_points"),
+        only("calibration.motion_errors:track_points"),
         "once",
         {"rig": "rig", "first": "recording.first", "layout": "recording.table_layout"},
         recorded="pose_files",
     ),
     "align_truth": Definition(
-        only("validation.truth_alignment:align_truth"),
+        only("calibration.truth_alignment:align_truth"),
         "once",
         same("rig"),
         recorded="true_disparities",
@@ -74,6 +77,7 @@ OWN: dict[str, Definition] = {
             "parameters": "tracker.parameters",
         },
         code=("tracker.function",),
+        watched="scans",
     ),
     "scores": Definition(
         only("evaluation.own_metrics:evaluate_with_own"),

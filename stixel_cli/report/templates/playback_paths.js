@@ -4,7 +4,7 @@ const data = JSON.parse(document.getElementById("data").textContent);
 const { times, runs } = data;
 const LAST = times.length - 1;
 const DEPTH_TICKS = [2, 5, 10, 20, 50, 100];
-// Reversed viridis in 16 even steps of log(depth), as in report/style.py.
+// Reversed viridis in 16 even steps of log(depth), as in pictures/style.py.
 const DEPTH_COLOURS = ["fde725", "d8e219", "addc30", "84d44b", "5ec962", "3fbc73", "28ae80",
   "1fa088", "21918c", "26828e", "2c728e", "33638d", "3b528b", "424086", "472d7b", "48186a",
   "440154"].map((hex) => [0, 2, 4].map((i) => parseInt(hex.slice(i, i + 2), 16)));

@@ -1,85 +1,96 @@
 """The report of `stixel study accuracy`: trackers, road users, measurements and paths."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stixel_cli.config.folders import shipped_folder
 from stixel_cli.evaluation.evaluate import contour_errors
-from stixel_cli.evaluation.metric_table import metric as metric_row
-from stixel_cli.evaluation.metric_table import over_runs
-from stixel_cli.studies.accuracy.ablation import ablation_table
-from stixel_cli.studies.accuracy.goals import TRACKER, goals_table
-from stixel_cli.studies.accuracy.wrong_class import wrong_class_table
-from stixel_cli.studies.data import StudyData, StudyRun, chosen, names, run_frame
-from stixel_cli.studies.forest import difference_row, forest
-from stixel_cli.studies.runs import metric_over_seeds, paired_difference
-from stixel_cli.studies.tables import MINUS, interval_columns, with_unit
-from stixel_cli.studies.types import Figure, Material, Table
+from stixel_cli.evaluation.metric_table import metric, over_runs
+from stixel_cli.evaluation.verdict import misfits_class
+from stixel_cli.report import tables
+from stixel_cli.report.blocks import Figure, Material, Table
+from stixel_cli.report.forest import difference_row, forest
+from stixel_cli.report.numbers import MINUS
+from stixel_cli.studies.data import StudyData, StudyRun, run_frame
 
 if TYPE_CHECKING:
     import pandas as pd
 
+TRACKER = "contour"
 MEASURES = (
-    "iou_mean",
-    "iou_hull_mean",
-    "iou_box_mean",
-    "centre_rmse_m",
-    "orientation_rmse_deg",
-    "nees_position_mean",
-    "band_coverage",
-    "track_lost",
+    *("iou_mean", "iou_hull_mean", "iou_box_mean", "centre_rmse_m", "orientation_rmse_deg"),
+    *("nees_position_mean", "band_coverage", "track_lost"),
 )
 """Metrics of the tables, in this order."""
 COMPARED = ("centre_rmse_m", "orientation_rmse_deg", "iou_box_mean")
 """Metrics of the answer's plot."""
 ABLATIONS = ("ablation", "ablation_lidar")
-"""Sweeps that leave out one term of `TRACKER` each."""
+"""Sweeps whose variants leave out one term of `TRACKER` each; the first has all terms."""
 WRONG_CLASSES = ("wrong_class", "wrong_class_lidar")
-"""Sweeps of `TRACKER` with the priors of all classes and of none."""
+"""Sweeps whose variants of `TRACKER` have the priors of all classes and of none."""
 OWN_TABLES = (*ABLATIONS, *WRONG_CLASSES)
-"""Sweeps with tables of their own."""
-APART = "s_curve"
-"""A path that is reported on its own: the means are over the others."""
+REPLACED, WARNED = "class_replaced_share", "warned_of_the_class"
+APART, TOGETHER = "s_curve", "mean of paths"
+"""A path that is reported on its own; the means are over the others."""
 NEAR = 30.0
 """With the rig `long_range`, scans with the true centre within this range count, m."""
+
+
+def held_out() -> list[dict[str, list]]:
+    """Axes: the shipped meshes that no class was learned from, in a folder for each road user."""
+    files = sorted((shipped_folder("pipelines") / "studies" / "meshes").glob("*/*.obj"))
+    users = [file.parent.name for file in files]
+    return [{"road_user": users, "road_user.mesh": list(map(str, files))}]
 
 
 def report(data: StudyData) -> Material:
     """Values and tables of the template."""
     import pandas as pd
 
-    sweeps = {name: sweep for name, sweep in data.sweeps.items() if name not in OWN_TABLES}
-    frames = {name: run_frame(sweep.runs) for name, sweep in sweeps.items()}
+    frames = {name: run_frame(sweep.runs) for name, sweep in data.sweeps.items()}
+    effects = {name: _effects(name, frames.pop(name)) for name in OWN_TABLES}
     frames["long_range"] = _within(frames["long_range"])
     peers = frames["peers"]
     frames["peers"] = peers.assign(tracker="PyRecEst " + peers["tracker.name"])
+    meshes = frames["held_out"]
+    files = [Path(file).stem.replace("_", " ") for file in meshes["road_user.mesh"]]
+    frames["held_out"] = meshes.assign(road_user=files)
     fabricated = pd.concat([frames.pop("fabricated_car"), frames["fabricated"]])
     frames["fabricated"] = fabricated.assign(measurement="fabricated")
     simulated = frames["simulated"]
-    users = names(simulated, "road_user")
+    users = tables.names(simulated, "road_user")
+    keys = ("road_user", "measurement", "tracker", "path")
     return Material(
         {
             "users": users,
-            "answers": [_answer(user, chosen(simulated, road_user=user)) for user in users],
-            "forest": _forest(together(simulated)),
-            "seeds": sorted(names(simulated, "seed")),
+            "answers": [_answer(user, tables.chosen(simulated, road_user=user)) for user in users],
+            "forest": _forest(_together(simulated)),
+            "seeds": sorted(tables.names(simulated, "seed")),
             "apart": APART,
             "near": NEAR,
             "tables": {
-                name: accuracy_table(name, frame, ("road_user", "measurement", "tracker"))
+                name: Table.of(name, tables.rows_by(_pooled(frame), keys, MEASURES))
                 for name, frame in frames.items()
             },
-            "ablations": {name: ablation_table(name, data.sweeps[name].runs) for name in ABLATIONS},
-            "wrong_classes": {
-                name: wrong_class_table(name, data.sweeps[name].runs) for name in WRONG_CLASSES
-            },
-            "goals": goals_table({name: together(frame) for name, frame in frames.items()}),
-            "by_path": accuracy_table(
-                "by_path", simulated, ("road_user", "path", "tracker"), apart=False
+            "effects": effects,
+            "by_path": Table.of(
+                "by_path", tables.rows_by(simulated, ("road_user", "path", "tracker"), MEASURES)
             ),
         }
     )
+
+
+def _together(runs: "pd.DataFrame") -> "pd.DataFrame":
+    """The runs on the paths that the means are over."""
+    return runs[runs["path"] != APART] if (runs["path"] != APART).any() else runs
+
+
+def _pooled(runs: "pd.DataFrame") -> "pd.DataFrame":
+    """The runs with one name for all paths but `APART`."""
+    return runs.assign(path=runs["path"].where(runs["path"] == APART, TOGETHER))
 
 
 def _answer(user: str, runs: "pd.DataFrame") -> dict[str, Any]:
@@ -87,75 +98,82 @@ def _answer(user: str, runs: "pd.DataFrame") -> dict[str, Any]:
 
     `leads`: of the tracker `TRACKER`, and `others`: of the others.
     """
-    runs = together(runs)
-    of = {
-        tracker: {name: metric_over_seeds(chosen(runs, tracker=tracker), name) for name in MEASURES}
-        for tracker in names(runs, "tracker")
+    found = {
+        tracker: {name: tables.mean_over(own, name) for name in MEASURES}
+        for (tracker,), own in tables.groups(_together(runs), ["tracker"])
     }
-    return {
-        "user": user,
-        "iou": "iou_mean" if user == "car" else "iou_box_mean",
-        "leads": {tracker: found for tracker, found in of.items() if tracker == TRACKER},
-        "others": {tracker: found for tracker, found in of.items() if tracker != TRACKER},
-    }
+    lead = {tracker: found.pop(tracker) for tracker in [TRACKER] if tracker in found}
+    iou = "iou_mean" if user == "car" else "iou_box_mean"
+    return {"user": user, "iou": iou, "leads": lead, "others": found}
 
 
 def _forest(runs: "pd.DataFrame") -> Figure | None:
     """`TRACKER` minus each other tracker: pairs of runs with the same scans."""
-    rows, label = [], f"{TRACKER} {MINUS} the other"
-    for name in COMPARED:
-        row = metric_row(over_runs(name))
-        for user in names(runs, "road_user"):
-            own = chosen(runs, road_user=user)
-            for other in names(own, "tracker"):
-                if other == TRACKER:
-                    continue
-                sides = (chosen(own, tracker=one) for one in (TRACKER, other))
-                apart = paired_difference(*sides, name)
-                series = other.replace("_", " ")
-                rows.append(difference_row(row, label, user, series, apart))
+    sides = f"{TRACKER} {MINUS} the other"
+    rows = [
+        difference_row(
+            metric(over_runs(name)),
+            sides,
+            user,
+            other.replace("_", " "),
+            tables.difference(tables.chosen(runs, road_user=user, tracker=TRACKER), own, name),
+        )
+        for name in COMPARED
+        for (user, other), own in tables.groups(runs, ["road_user", "tracker"])
+        if other != TRACKER
+    ]
     return forest("answer_forest", rows, f"{TRACKER} better", f"{TRACKER} worse")
 
 
-def together(runs: "pd.DataFrame") -> "pd.DataFrame":
-    """The runs on the paths that the means are over."""
-    return runs[runs["path"] != APART] if (runs["path"] != APART).any() else runs
+def _effects(name: str, runs: "pd.DataFrame") -> Table:
+    """What each variant gains or loses against the reference, of the same runs."""
+    if name in ABLATIONS:
+        # A track of the prior's class has no such metric.
+        replaced = runs.get(REPLACED, 0.0)
+        runs = runs.assign(**{REPLACED: replaced}).fillna({REPLACED: 0.0})
+        whole = runs["variant"].iloc[0]
+        measures = ("iou_mean", "iou_hull_mean", "iou_box_mean", "centre_rmse_m")
+        others = ("nees_position_mean", "band_coverage", "track_lost", REPLACED)
+        return variants_table(name, runs, "without", "gain", lambda user: whole, measures, others)
+    warned = [float(misfits_class(run.metrics)) for run in runs["run"]]
+    runs = runs.assign(**{WARNED: warned, "class_error": runs.get("class_error", np.nan)})
+    others = ("centre_rmse_m", "track_lost", WARNED, "class_error")
+    measures = ("iou_mean", "iou_box_mean")
+    return variants_table(name, runs, "prior", "loss", lambda user: user, measures, others)
 
 
-def accuracy_table(
-    name: str, runs: "pd.DataFrame", keys: Sequence[str], apart: bool = True
+def variants_table(
+    name: str,
+    runs: "pd.DataFrame",
+    heading: str,
+    effect: str,
+    reference: Callable[[str], str],
+    measures: Sequence[str],
+    others: Sequence[str],
 ) -> Table:
-    """One row for each combination of `keys`, with the `MEASURES` and their intervals.
+    """One row for each road user and variant, with the reference minus the variant.
 
-    The value of a seed is its mean over the paths but `APART`, if `apart`, which has rows of its
-    own below.
+    Args:
+        name: of the table.
+        runs: the frame, with the column `variant`.
+        heading: of the variants.
+        effect: "gain" or "loss".
+        reference: road user to the variant with which the others are compared.
+        measures: metrics with an effect.
+        others: metrics without one.
     """
     rows = []
-    if apart:
-        rows += _rows(together(runs), keys, ("mean of paths",))
-        if APART in names(runs, "path"):
-            rows += _rows(chosen(runs, path=APART), keys, (APART,))
-        columns = (*keys, "path")
-    else:
-        rows += _rows(runs, keys, ())
-        columns = tuple(keys)
-    measured = [
-        column
-        for one in (metric_row(over_runs(name)) for name in MEASURES)
-        for column in interval_columns(with_unit(one), one.short_label)
-    ]
-    return Table(
-        name, "", (*(key.replace("_", " ") for key in columns), "n", *measured), tuple(rows)
-    )
-
-
-def _rows(runs: "pd.DataFrame", keys: Sequence[str], label: tuple[str, ...]) -> list[tuple]:
-    rows = []
-    for values, own in runs.groupby(list(keys), sort=False):
-        found = [metric_over_seeds(own, name) for name in MEASURES]
-        cells = [cell for one in found for cell in (one.mean, one.low, one.high)]
-        rows.append((*values, *label, own["seed"].nunique(), *cells))
-    return rows
+    for (user, variant), own in tables.groups(runs, ["road_user", "variant"]):
+        with_all = tables.chosen(runs, road_user=user, variant=reference(user))
+        row = {"road user": user, heading: variant, "n": own["seed"].nunique()}
+        for one in (*measures, *others):
+            row |= tables.ends(tables.label_of(one), tables.mean_over(own, one))
+            if one in measures:
+                same = variant == reference(user)
+                apart = None if same else tables.difference(with_all, own, one)
+                row |= tables.ends(f"{effect}, {tables.label_of(one)}", apart)
+        rows.append(row)
+    return Table.of(name, rows)
 
 
 def _within(runs: "pd.DataFrame") -> "pd.DataFrame":
@@ -163,30 +181,28 @@ def _within(runs: "pd.DataFrame") -> "pd.DataFrame":
 
     A lost track is one of all scans.
     """
-    columns: dict[str, list[float]] = {name: [] for name in MEASURES if name != "track_lost"}
-    for run in runs["run"]:
-        near = _near(run)
-        scores = run.scores
-        columns["iou_mean"].append(_mean(scores.iou[near]))
-        columns["iou_box_mean"].append(_mean(scores.iou_box[near]))
-        columns["centre_rmse_m"].append(_mean(scores.centre_error[near] ** 2) ** 0.5)
-        degrees = np.degrees(scores.orientation_error[near])
-        columns["orientation_rmse_deg"].append(_mean(degrees**2) ** 0.5)
-        columns["nees_position_mean"].append(_mean(scores.nees_position[near]))
-        # Not among the scores over time.
-        scenario, track = run.load("scenario"), run.load("track")
-        found = contour_errors(track, scenario)
-        columns["iou_hull_mean"].append(_mean(found["iou_hull"][near]))
-        columns["band_coverage"].append(_mean(found["band_coverage"][near]))
-    return runs.assign(**columns)
+    import pandas as pd
+
+    near = pd.DataFrame([_errors_within(run) for run in runs["run"]], index=runs.index)
+    return runs.assign(**near)
 
 
-def _mean(values: np.ndarray) -> float:
-    return float(values.mean()) if len(values) else float("nan")
-
-
-def _near(run: StudyRun) -> np.ndarray:
-    """Whether the target is within `NEAR` at each scan, (K,)."""
-    scenario = run.load("scenario")
+def _errors_within(run: StudyRun) -> dict[str, float]:
+    scenario, scores = run.load("scenario"), run.scores
     away = scenario.target_poses_world[:, :2] - scenario.ego_poses_world[:, :2]
-    return np.hypot(*away.T) <= NEAR
+    near = np.hypot(*away.T) <= NEAR
+    # Not among the scores over time.
+    found = contour_errors(run.load("track"), scenario)
+
+    def mean(values: np.ndarray) -> float:
+        return float(values[near].mean()) if near.any() else float("nan")
+
+    return {
+        "iou_mean": mean(scores.iou),
+        "iou_box_mean": mean(scores.iou_box),
+        "centre_rmse_m": mean(scores.centre_error**2) ** 0.5,
+        "orientation_rmse_deg": mean(np.degrees(scores.orientation_error) ** 2) ** 0.5,
+        "nees_position_mean": mean(scores.nees_position),
+        "iou_hull_mean": mean(found["iou_hull"]),
+        "band_coverage": mean(found["band_coverage"]),
+    }

@@ -7,14 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from scipy.stats import t as student
-
 from stixel_cli.evaluation.metric_table import METRICS
-from stixel_cli.studies.data import BASELINE, LIDAR, STIXELS, chosen, names
-from stixel_cli.studies.forest import difference_row, forest
-from stixel_cli.studies.tables import interval_columns, over_seeds, with_unit
-from stixel_cli.studies.types import Column, Figure, Table
-from stixel_cli.sweeps.statistics import CONFIDENCE, Statistic
+from stixel_cli.report.blocks import Cell, Figure, Table
+from stixel_cli.report.forest import difference_row, forest
+from stixel_cli.report.statistics import Statistic, combined_interval
+from stixel_cli.report.tables import chosen, difference, ends, names, with_unit
+from stixel_cli.studies.data import BASELINE, LIDAR, STIXELS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,19 +52,17 @@ class Finding:
     hand: Statistic
     real: Statistic
 
+    def __str__(self) -> str:
+        return f"{self.what}, {self.road_user}: {label_of(self.measure)}"
+
     @property
     def change(self) -> tuple[float | None, float | None, float | None]:
         """Real minus hand-made, and the ends of its 95 % interval (Welch 1947); None if unknown."""
         if self.hand.std is None or self.real.std is None:
             return None, None, None
-        sides = (self.hand, self.real)
-        parts = [one.std**2 / one.n for one in sides]
-        mean, variance = self.real.mean - self.hand.mean, sum(parts)
-        if variance == 0.0:
-            return mean, mean, mean
-        freedom = variance**2 / sum(p**2 / (one.n - 1) for p, one in zip(parts, sides, strict=True))
-        half = float(student.ppf(0.5 + 0.5 * CONFIDENCE, freedom)) * variance**0.5
-        return mean, mean - half, mean + half
+        mean = self.real.mean - self.hand.mean
+        parts = [(one.std**2 / one.n, one.n - 1) for one in (self.hand, self.real)]
+        return mean, *combined_interval(mean, parts)
 
     @property
     def changed(self) -> bool:
@@ -95,7 +91,6 @@ def findings(hand: "pd.DataFrame", real: "pd.DataFrame") -> list[Finding]:
     extended = [kind for kind in names(hand, "tracker_kind") if kind != BASELINE]
     found = []
     for user in names(hand, "road_user"):
-        frames = [chosen(frame, road_user=user) for frame in (hand, real)]
         for tracker in extended:
             for question, one, other, measures in (
                 ("RQ2", (STIXELS, tracker), (LIDAR, tracker), ERRORS),
@@ -105,26 +100,21 @@ def findings(hand: "pd.DataFrame", real: "pd.DataFrame") -> list[Finding]:
                 ("RQ3", (FABRICATED, tracker), (STIXELS, tracker), (*ERRORS, *POINTS)),
             ):
                 what = " − ".join(_named(*side) for side in (one, other))
+                pairs = [
+                    [
+                        chosen(frame, road_user=user, measurement_kind=kind, tracker_kind=by)
+                        for kind, by in (one, other)
+                    ]
+                    for frame in (hand, real)
+                ]
                 for measure in measures:
-                    sides = [_difference(frame, one, other, measure) for frame in frames]
-                    found.append(Finding(question, what, user, measure, *sides))
+                    over = [difference(*p, measure, ("motion", "seed"), "motion") for p in pairs]
+                    found.append(Finding(question, what, user, measure, *over))
     return found
 
 
 def _named(measurement: str, tracker: str) -> str:
     return f"{'stixels' if measurement == STIXELS else measurement} ({tracker})"
-
-
-def _difference(
-    frame: "pd.DataFrame", one: tuple[str, str], other: tuple[str, str], measure: str
-) -> Statistic:
-    """A measure of `one` minus that of `other` (measurement, tracker), over the motions."""
-    values = []
-    for measurement, tracker in (one, other):
-        side = chosen(frame, measurement_kind=measurement, tracker_kind=tracker)
-        values.append(side.set_index(["motion", "seed"])[measure])
-    pairs = (values[0] - values[1]).dropna()
-    return over_seeds(pairs.groupby("motion").mean().tolist())
 
 
 def label_of(measure: str) -> str:
@@ -145,18 +135,18 @@ def findings_forest(found: Sequence[Finding]) -> Figure | None:
 
 def findings_table(found: Sequence[Finding]) -> Table:
     """One row for each finding."""
-    columns: tuple[str | Column, ...] = ("question", "difference", "road user", "measure")
-    for kind in (HAND, REAL):
-        columns += (f"n, {kind}", *interval_columns(kind, kind))
-    columns += interval_columns(f"{REAL} − {HAND}", "change")
-    rows = [
-        (
-            *(one.question, one.what, one.road_user, label_of(one.measure)),
-            *(one.hand.n, one.hand.mean, one.hand.low, one.hand.high),
-            *(one.real.n, one.real.mean, one.real.low, one.real.high),
-            *one.change,
-            one.verdict,
-        )
-        for one in found
-    ]
-    return Table("answers", "", (*columns, "real against hand-made"), tuple(rows))
+    rows = []
+    for one in found:
+        row: dict[str, Cell] = {
+            "question": one.question,
+            "difference": one.what,
+            "road user": one.road_user,
+            "measure": label_of(one.measure),
+        }
+        for kind, own in ((HAND, one.hand), (REAL, one.real)):
+            row |= {f"n, {kind}": own.n, **ends(kind, own)}
+        change = f"{REAL} − {HAND}"
+        columns = (change, f"low {change}", f"high {change}")
+        row |= dict(zip(columns, one.change, strict=True))
+        rows.append({**row, "real against hand-made": one.verdict})
+    return Table.of("answers", rows)

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import MissingData
-from stixel_cli.recordings.kitti_labels import CLASSES, read_labels
-from stixel_cli.recordings.poses_file import read_poses
-from stixel_cli.recordings.replay import LABELS, label_root, sequences
+from stixel_cli.recordings.kitti import LABELS, label_root, sequences
+from stixel_cli.recordings.tables import read_kitti_labels, read_kitti_poses
 from stixel_cli.recordings.types import Labels
+from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
 
 DATA = "STIXEL_DATA"
 CLIPS = "kitti_tracking"
@@ -73,10 +73,10 @@ def real_tracks(folder: Path) -> list[RealTrack]:
         poses = root / "ego_poses" / f"{sequence}.txt"
         if not poses.is_file():
             continue
-        count = len(read_poses(poses))
-        for target, labels in read_labels(root / LABELS / f"{sequence}.txt").items():
+        count = len(read_kitti_poses(poses))
+        for target, labels in read_kitti_labels(root / LABELS / f"{sequence}.txt").items():
             frames = labels.frames[_counts(labels) & (labels.frames < count)]
-            if labels.kind in CLASSES and len(frames) >= LEAST_FRAMES:
+            if labels.kind in CLASS_OF_KITTI_TYPE and len(frames) >= LEAST_FRAMES:
                 span = range(int(frames[0]), int(frames[-1]) + 1)
                 found.append(RealTrack(sequence, target, labels.kind, span))
     return found
@@ -92,8 +92,8 @@ def _counts(labels: Labels) -> np.ndarray:
 def simulated_subset(tracks: list[RealTrack]) -> list[RealTrack]:
     """At most `MOST_SIMULATED` tracks of each class, evenly spread in the order of `tracks`."""
     chosen = []
-    for road_user in dict.fromkeys(CLASSES.values()):
-        own = [track for track in tracks if CLASSES[track.kind] == road_user]
+    for road_user in dict.fromkeys(CLASS_OF_KITTI_TYPE.values()):
+        own = [track for track in tracks if CLASS_OF_KITTI_TYPE[track.kind] == road_user]
         count = min(len(own), MOST_SIMULATED)
         chosen += [own[i * len(own) // count] for i in range(count)]
     return [track for track in tracks if track in chosen]

@@ -3,19 +3,20 @@
 import dataclasses
 import math
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 from stixel_cli.config.folders import shipped_folder
 from stixel_cli.config.schema import Configuration
 from stixel_cli.rendering.surfaces import build_surfaces
+from stixel_cli.report.blocks import Cell, Table
+from stixel_cli.report.statistics import over_seeds
 from stixel_cli.scene.mesh import Mesh
 from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.world import world_objects
-from stixel_cli.studies.data import StudyData, StudyRun, StudySweep
-from stixel_cli.studies.rq1.pool import by_label, cell, grid, matcher, rig, road_user
-from stixel_cli.studies.types import Table
+from stixel_cli.studies.data import StudyData, StudyRun
+from stixel_cli.studies.rq1.errors import grid, matcher, rig, road_user
 
 SCENE = ("road_user", "path", "ego", "rig", "world", "renderer", "sensor")
 """The groups of the configuration that describe a scene and its cameras."""
@@ -45,20 +46,21 @@ def setup_values(data: StudyData) -> dict[str, Any]:
     """
     runs = data.sweeps["ranges"].runs
     first = runs[0].configuration
-    street = timed_building(lambda: [item.mesh for item in world_objects(first.world)])
-    rows = [("street", cell(street.cpu_seconds), street.triangles)]
-    for label, users in by_label(runs, road_user).items():
-        user = users[0].configuration.road_user
-        built = timed_building(lambda user=user: road_user_meshes(user)[:1])
-        rows.append((label, cell(built.cpu_seconds), built.triangles))
-    columns = ("sweep", "setting", "render", "sensor noise", "match", "free space", "stixels")
+    built = {"street": timed_building(lambda: [item.mesh for item in world_objects(first.world)])}
+    users = {road_user(run): run.configuration.road_user for run in reversed(runs)}
+    for label, user in reversed(users.items()):
+        built[label] = timed_building(lambda user=user: road_user_meshes(user)[:1])
+    rows = (
+        {"what": what, "CPU seconds": one.cpu_seconds, "triangles": one.triangles}
+        for what, one in built.items()
+    )
     return {
-        "street_seconds": street.cpu_seconds,
-        "render_seconds": cell(cpu_seconds_a_frame(runs, "render")),
+        "street_seconds": built["street"].cpu_seconds,
+        "render_seconds": cpu_seconds_a_frame(runs, "render"),
         "values_of_a_scene": values_of(first),
         "study_lines": lines_of(data.name),
-        "building_table": Table("building", "", ("what", "CPU seconds", "triangles"), tuple(rows)),
-        "seconds_table": Table("seconds", "", columns, tuple(_seconds(data))),
+        "building_table": Table.of("building", rows),
+        "seconds_table": Table.of("seconds", _seconds(data)),
     }
 
 
@@ -73,20 +75,21 @@ def values_of(configuration: Configuration) -> int:
     return sum(leaves(getattr(configuration, group)) for group in SCENE)
 
 
-def cpu_seconds_a_frame(runs: Iterable[StudyRun], stage: str) -> float:
-    """Mean recorded CPU seconds of a stage per frame; NaN if no run has any."""
-    shares = [run.cpu_seconds.get(stage, math.nan) / len(run.scores.times) for run in runs]
-    shares = [share for share in shares if math.isfinite(share)]
-    return sum(shares) / len(shares) if shares else math.nan
+def cpu_seconds_a_frame(runs: Iterable[StudyRun], stage: str) -> float | None:
+    """Mean recorded CPU seconds of a stage per frame; None if no run has any."""
+    shares = (run.cpu_seconds.get(stage, math.nan) / len(run.scores.times) for run in runs)
+    return over_seeds(shares).mean
 
 
-def _seconds(data: StudyData):
-    named = {"rigs": rig, "matchers": matcher, "grids": grid}
-    for name, label in named.items():
-        sweep: StudySweep | None = data.sweeps.get(name)
-        for setting, runs in by_label(sweep.runs if sweep else (), label).items():
+def _seconds(data: StudyData) -> Iterator[dict[str, Cell]]:
+    for name, label in (("rigs", rig), ("matchers", matcher), ("grids", grid)):
+        runs = data.sweeps[name].runs if name in data.sweeps else ()
+        for setting in dict.fromkeys(map(label, runs)):
+            own = [run for run in runs if label(run) == setting]
             stages = ("render", "add_sensor_noise", "match", "free_space", "stixels")
-            yield (name, setting, *(cell(cpu_seconds_a_frame(runs, stage)) for stage in stages))
+            labels = ("render", "sensor noise", "match", "free space", "stixels")
+            seconds = (cpu_seconds_a_frame(own, stage) for stage in stages)
+            yield {"sweep": name, "setting": setting, **dict(zip(labels, seconds, strict=True))}
 
 
 def lines_of(study: str) -> int:

@@ -1,237 +1,250 @@
-"""RQ1: the tables of the chapters."""
+"""RQ1: the tables of the chapters and of the answer."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from stixel_cli.studies.rq1 import intervals as by_pose
-from stixel_cli.studies.rq1.intervals import cells, estimate
-from stixel_cli.studies.rq1.pool import (
-    AT_BORDER,
-    COARSE,
-    DEPTHS,
-    EDGES,
-    INSIDE,
-    ROUND,
-    SW_DEPTH,
-    SW_STD,
-    Group,
-    cell,
-    locking_swing,
-    needed_disparity,
-)
-from stixel_cli.studies.tables import interval_columns, with_ends
-from stixel_cli.studies.types import Table
-from stixel_cli.validation.stage_errors import ZONES
-from stixel_cli.validation.stage_summary import disparity_summary, stixel_summary
+import numpy as np
 
-_OF_PIXELS = {
-    "density %": by_pose.PIXEL_DENSITY,
-    "gross %": by_pose.PIXEL_GROSS,
-    "bias px": by_pose.pixel_bias,
-    "RMS px": by_pose.PIXEL_RMS,
-}
-_PIXEL_COLUMNS = ("pixels", *with_ends(_OF_PIXELS), "median px")
-_OF_MATCHED = {"stixel RMS px": by_pose.STIXEL_RMS_PX, "stixel RMS m": by_pose.STIXEL_RMS}
-_OF_COVER = {"columns in no stixel %": by_pose.UNCOVERED}
-_OF_COLUMNS = {
-    "missed %": by_pose.COLUMN_MISSED,
-    "below threshold %": by_pose.COLUMN_BELOW_THRESHOLD,
-    "false positive %": by_pose.COLUMN_FALSE_POSITIVE,
-    "bias px": by_pose.COLUMN_BIAS,
-    "RMS px": by_pose.COLUMN_RMS,
-    "bias m": by_pose.COLUMN_BIAS_M,
-    "RMS m": by_pose.COLUMN_RMS_M,
-}
+from stixel_cli.report.blocks import Cell, Table
+from stixel_cli.report.tables import ends
+from stixel_cli.studies.rq1 import errors as of
+from stixel_cli.studies.rq1.figures import phase_error
+from stixel_cli.validation.stage_errors import PHASES, ZONES
+from stixel_cli.validation.stage_summary import histogram_median
+
+_OF_PIXELS = ("density %", "gross %", "bias px", "RMS px")
 _OF_HEIGHT = {
-    "top bias px": by_pose.TOP_BIAS,
-    "top RMS px": by_pose.TOP_RMS,
-    "base bias px": by_pose.BASE_BIAS,
-    "base RMS px": by_pose.BASE_RMS,
-    "height bias m": by_pose.HEIGHT_BIAS,
-    "height RMS m": by_pose.HEIGHT_RMS,
+    "top bias px": of.TOP_BIAS,
+    "top RMS px": of.TOP_RMS,
+    "base bias px": of.BASE_BIAS,
+    "base RMS px": of.BASE_RMS,
+    "height bias m": of.HEIGHT_BIAS,
+    "height RMS m": of.HEIGHT_RMS,
 }
-_OF_DEPTH = {
-    "front face bias m": by_pose.STIXEL_BIAS,
-    "front face RMS m": by_pose.STIXEL_RMS,
-    "own pixels, square, bias m": by_pose.SQUARE_BIAS,
-    "own pixels, square, RMS m": by_pose.SQUARE_RMS,
-    "own pixels, slanted, bias m": by_pose.SLANTED_BIAS,
-    "own pixels, slanted, RMS m": by_pose.SLANTED_RMS,
+_OF_OWN = {
+    "own pixels, square, bias m": of.SQUARE_BIAS,
+    "own pixels, square, RMS m": of.SQUARE_RMS,
+    "own pixels, slanted, bias m": of.SLANTED_BIAS,
+    "own pixels, slanted, RMS m": of.SLANTED_RMS,
 }
-_OF_OWN = {name: of for name, of in _OF_DEPTH.items() if name.startswith("own")}
-_OF_GROSS = {"gross %": by_pose.STIXEL_GROSS}
+_OF_DEPTH = {"front face bias m": of.BIAS, "front face RMS m": of.RMS, **_OF_OWN}
 _OF_STIXELS = {
+    "gross %": of.STIXEL_GROSS,
     **_OF_DEPTH,
-    "error²/σ²": by_pose.NEES,
-    "within σ %": by_pose.WITHIN_1,
-    "lateral RMS m": by_pose.LATERAL_RMS,
+    "error²/σ²": of.NEES,
+    "within σ %": of.WITHIN_1,
+    "lateral RMS m": of.LATERAL_RMS,
 }
-_AT_DEPTH = {**_OF_DEPTH, "height bias m": by_pose.HEIGHT_BIAS, "error²/σ²": by_pose.NEES}
-_OF_WIDTH = {"width in no stixel %": by_pose.UNSEEN}
-_BY_RANGE = ("road user", "range m", "poses", "stixels")
+_AT_DEPTH = {
+    **_OF_DEPTH,
+    "height bias m": of.HEIGHT_BIAS,
+    "error²/σ²": of.NEES,
+    "width in no stixel %": of.UNSEEN,
+}
+_OF_CONTRAST = {
+    "density %": of.PIXEL_DENSITY,
+    "disparity RMS px": of.PIXEL_RMS,
+    "stixel RMS px": of.RMS_PX,
+    "columns in no stixel %": of.UNCOVERED,
+}
 
 
-def disparity_table(users: Sequence[Group]) -> Table:
+def cells(own: of.Errors, measures: Mapping[str, of.Measure]) -> dict[str, Cell]:
+    """Estimates and ends by column; columns that end in % are in per cent."""
+    found: dict[str, Cell] = {}
+    for name, measure in measures.items():
+        found |= ends(name, own.estimate(measure).scaled(100.0 if name.endswith("%") else 1.0))
+    return found
+
+
+def range_tables(
+    users: Sequence[of.Errors],
+    matchers: Sequence[of.Errors],
+    every_frame: Sequence[of.Errors],
+    grids: Sequence[of.Errors],
+    rigs: Sequence[of.Errors],
+    contrasts: Mapping[str, Sequence[of.Errors]],
+) -> dict[str, Table]:
+    """The tables of the chapters, by name.
+
+    Args:
+        users: each road user.
+        matchers: all road users by matcher, and `every_frame` at all distances.
+        every_frame: see there.
+        grids: by occupancy grid.
+        rigs: by rig.
+        contrasts: road user to its runs by contrast.
+    """
+    rows = {
+        "disparity": _disparity(users),
+        "matchers": map(_matcher, matchers, every_frame),
+        "grids": _grids(grids),
+        "height": _by_range(users, _OF_HEIGHT),
+        "stixels": (
+            row | {"stated σ m": own.estimate(of.SIGMA).mean}
+            for own, row in zip(_ranges(users), _by_range(users, _OF_STIXELS), strict=True)
+        ),
+        "rigs": map(_rig, rigs),
+        "depths": _depths(rigs),
+        "contrast": (
+            {"road user": user, "contrast": float(own.label), **cells(own, _OF_CONTRAST)}
+            for user, parts in contrasts.items()
+            for own in parts
+        ),
+    }
+    return {name: Table.of(name, own) for name, own in rows.items()}
+
+
+def _disparity(users: Sequence[of.Errors]) -> Iterator[dict[str, Cell]]:
     """Disparity on each road user, by zone and range."""
-    rows = []
-    for group in users:
-        for zone in (INSIDE, AT_BORDER):
-            for low, high in COARSE:
-                poses = _poses(group, by_pose.pixel_sums(group, zone, low, high))
-                where = ZONES[zone].rpartition(" ")[2]
-                own = _pixel_cells(group, zone, low, high)
-                rows.append((group.label, where, f"{low:g}–{high:g}", poses, *own))
-    columns = ("road user", "zone", "range m", "poses", *_PIXEL_COLUMNS)
-    return Table("disparity", "", columns, tuple(rows))
+    for user in users:
+        for zone in (of.INSIDE, of.AT_BORDER):
+            for low, high in of.COARSE:
+                own = user.between(low, high)
+                yield {
+                    "road user": user.label,
+                    "zone": ZONES[zone].rpartition(" ")[2],
+                    "range m": f"{low:g}–{high:g}",
+                    "poses": own.poses(of.of_pixels(zone)[0]),
+                    **_pixel_cells(own, zone),
+                }
 
 
-def matcher_table(matchers: Sequence[Group]) -> Table:
-    """Disparity and stixels at all ranges, by matcher."""
-    rows = [
-        (
-            group.label,
-            *_pixel_cells(group, INSIDE, EDGES[0], EDGES[-1]),
-            cell(locking_swing(group, INSIDE)),
-            *cells(group, by_pose.stixel_sums(group, EDGES[0], EDGES[-1]), _OF_MATCHED),
-            *cells(group, by_pose.cover_sums(group), _OF_COVER),
-        )
-        for group in matchers
-    ]
-    own = with_ends((*_OF_MATCHED, *_OF_COVER))
-    return Table("matchers", "", ("matcher", *_PIXEL_COLUMNS, "locking px", *own), tuple(rows))
+def _pixel_cells(own: of.Errors, zone: int) -> dict[str, Cell]:
+    """Number of pixels, the measures of the disparity, and the median of all errors."""
+    measures = of.of_pixels(zone)
+    rows = own.rows(measures[0])
+    median = histogram_median(np.sum(list(rows["histogram"]), axis=0)) if len(rows) else np.nan
+    return {
+        "pixels": int(rows["pixels"].sum()),
+        **cells(own, dict(zip(_OF_PIXELS, measures, strict=True))),
+        "median px": float(median) if np.isfinite(median) else None,
+    }
 
 
-def _pixel_cells(group: Group, zone: int, low: float, high: float) -> Iterator[float | None]:
-    """The cells of `_PIXEL_COLUMNS`."""
-    sums = by_pose.pixel_sums(group, zone, low, high)
-    yield int(sums[:, 0].sum())
-    yield from cells(group, sums, _OF_PIXELS)
-    yield cell(disparity_summary(group.errors.disparity, group.frames(low, high), zone)["median"])
+def _matcher(own: of.Errors, every_frame: of.Errors) -> dict[str, Cell]:
+    """Disparity and stixels at all ranges, of one matcher."""
+    means = [phase_error(every_frame, of.INSIDE, i).mean for i in range(PHASES)]
+    known = [mean for mean in means if mean is not None]
+    measures = {
+        "stixel RMS px": of.RMS_PX,
+        "stixel RMS m": of.RMS,
+        "columns in no stixel %": of.UNCOVERED,
+    }
+    return {
+        "matcher": own.label,
+        **_pixel_cells(own, of.INSIDE),
+        "locking px": max(known) - min(known) if known else None,
+        **cells(own, measures),
+    }
 
 
-def grid_table(grids: Sequence[Group]) -> Table:
+def _grids(grids: Sequence[of.Errors]) -> Iterator[dict[str, Cell]]:
     """Columns of the grids, of the target and all, before and after the path."""
-    rows = []
-    for group in grids:
-        for where, of_target in (("of the target", True), ("all", False)):
+    for own in grids:
+        for where, all_ in (("of the target", False), ("all", True)):
             for step in ("grid", "path"):
-                sums = by_pose.column_sums(group, step, of_target=of_target)
-                rows.append((group.label, where, step, *cells(group, sums, _OF_COLUMNS)))
-    columns = ("grid", "columns", "step", *with_ends(_OF_COLUMNS))
-    return Table("grids", "", columns, tuple(rows))
+                measures = {
+                    name: of.of_columns(value, step, root, all_)
+                    for name, value, root in (
+                        ("missed %", "missed", False),
+                        ("below threshold %", "below threshold", False),
+                        ("false positive %", "false positive", False),
+                        ("bias px", "px", False),
+                        ("RMS px", "px", True),
+                        ("bias m", "m", False),
+                        ("RMS m", "m", True),
+                    )
+                }
+                begin = {"grid": own.label, "columns": where, "step": step}
+                yield begin | cells(own, measures)
 
 
-def height_table(users: Sequence[Group]) -> Table:
-    """Rows and height of the stixels on each road user, by range."""
-    rows = [
-        (*begin, *cells(group, by_pose.stixel_sums(group, low, high), _OF_HEIGHT))
-        for group, low, high, begin in _by_range(users)
-    ]
-    return Table("height", "", (*_BY_RANGE, *with_ends(_OF_HEIGHT)), tuple(rows))
+def _ranges(users: Sequence[of.Errors]) -> Iterator[of.Errors]:
+    return (user.between(*ends) for user in users for ends in of.COARSE)
 
 
-def stixel_table(users: Sequence[Group]) -> Table:
-    """Depth, lateral error and stated std of the stixels on each road user, by range."""
-    rows = [
+def _by_range(
+    users: Sequence[of.Errors], measures: Mapping[str, of.Measure]
+) -> Iterator[dict[str, Cell]]:
+    """Measures of the stixels on each road user, by range."""
+    labels = [f"{low:g}–{high:g}" for low, high in of.COARSE] * len(users)
+    for label, own in zip(labels, _ranges(users), strict=True):
+        yield {
+            "road user": own.label,
+            "range m": label,
+            "poses": own.poses(of.STIXEL_GROSS),
+            "stixels": len(own.tables["every_stixel"]),
+            **cells(own, measures),
+        }
+
+
+def _rig(every: of.Errors) -> dict[str, Cell]:
+    """Stixels of a rig against the std that The Stixel World states."""
+    own, rig = every.between(*of.ROUND), every.rig
+    needed = of.needed_disparity(rig, of.SW_STD, of.SW_DEPTH)
+    found = own.estimate(of.RMS_PX)
+    return {
+        "rig": every.label,
+        "image px": f"{rig.width} × {rig.height}",
+        "f px": float(rig.focal),
+        "B m": float(rig.baseline),
+        "disparity there px": float(rig.disparity_from_depth(of.SW_DEPTH)),
+        "needed px": needed,
+        **ends("achieved RMS px", found),
+        "achieved / needed": found.scaled(1.0 / needed).mean,
+        **cells(own, _OF_DEPTH),
+        "poses": own.poses(of.RMS_PX),
+        "stixels": len(own.tables["every_stixel"]),
+    }
+
+
+def _depths(rigs: Sequence[of.Errors]) -> Iterator[dict[str, Cell]]:
+    """Stixels of each rig and road user, and of all, at `DEPTHS`."""
+    for rig in rigs:
+        for user, part in (*((own.label, own) for own in rig.by(of.road_user)), ("all", rig)):
+            for depth, (low, high) in of.DEPTHS.items():
+                own = part.between(low, high)
+                begin = {"rig": rig.label, "road user": user, "depth m": depth}
+                begin |= {"poses": own.poses(of.BIAS), "stixels": len(own.tables["stixels"])}
+                yield begin | cells(own, _AT_DEPTH)
+
+
+def answer_table(every: of.Errors) -> Table:
+    """Errors of each stage of the default configuration, over all road users and ranges."""
+    grid, path = (of.of_columns("missed", step) for step in ("grid", "path"))
+    rows = (
+        ("disparity", "bias", "px", of.PIXEL_BIAS),
+        ("disparity", "RMS", "px", of.PIXEL_RMS),
+        ("disparity", "gross errors", "%", of.PIXEL_GROSS),
+        ("disparity", "pixels with a disparity", "%", of.PIXEL_DENSITY),
+        ("occupancy grid, without the path", "target's columns missed", "%", grid),
+        ("free space", "target's columns missed", "%", path),
+        ("stixels", "target's columns without a stixel", "%", of.UNCOVERED),
+        ("stixels", "target's width that no stixel covers", "%", of.UNSEEN),
+        ("stixels", "columns next to the target, per frame", "", of.OVERHANG),
+        ("stixels", "gross errors", "%", of.STIXEL_GROSS),
+        ("stixels", "disparity, RMS", "px", of.RMS_PX),
+        ("stixels", "depth, front face, bias", "m", of.BIAS),
+        ("stixels", "depth, front face, RMS", "m", of.RMS),
+        ("stixels", "depth, own pixels, square, bias", "m", of.SQUARE_BIAS),
+        ("stixels", "depth, own pixels, square, RMS", "m", of.SQUARE_RMS),
+        ("stixels", "depth, own pixels, slanted, bias", "m", of.SLANTED_BIAS),
+        ("stixels", "depth, own pixels, slanted, RMS", "m", of.SLANTED_RMS),
+        ("stixels", "height, bias", "m", of.HEIGHT_BIAS),
+        ("stixels", "height, RMS", "m", of.HEIGHT_RMS),
+        ("stated σ", "mean square of error / σ", "", of.NEES),
+        ("stated σ", "stixels within 1 σ", "%", of.WITHIN_1),
+        ("stated σ", "stixels within 2 σ", "%", of.WITHIN_2),
+    )
+    return Table.of(
+        "answer",
         (
-            *begin,
-            *cells(group, by_pose.gross_sums(group, low, high), _OF_GROSS),
-            *cells(group, by_pose.stixel_sums(group, low, high), _OF_STIXELS),
-            cell(stixel_summary(group.errors.stixels, low, high)["sigma"]),
-        )
-        for group, low, high, begin in _by_range(users)
-    ]
-    columns = (*_BY_RANGE, *with_ends((*_OF_GROSS, *_OF_STIXELS)), "stated σ m")
-    return Table("stixels", "", columns, tuple(rows))
-
-
-def _by_range(users: Sequence[Group]) -> Iterator[tuple[Group, float, float, tuple]]:
-    """Each road user and range, and the cells of `_BY_RANGE`."""
-    for group in users:
-        for low, high in COARSE:
-            sums = by_pose.gross_sums(group, low, high)
-            begin = (group.label, f"{low:g}–{high:g}", _poses(group, sums), int(sums[:, 0].sum()))
-            yield group, low, high, begin
-
-
-def rig_table(rigs: Sequence[Group]) -> Table:
-    """Stixels of each rig against the std that The Stixel World states."""
-    rows = []
-    for group in rigs:
-        near = by_pose.stixel_sums(group, *ROUND)
-        found = stixel_summary(group.errors.stixels, *ROUND)
-        needed = needed_disparity(group.rig, SW_STD, SW_DEPTH)
-        rows.append(
-            (
-                group.label,
-                f"{group.rig.width} × {group.rig.height}",
-                float(group.rig.focal),
-                float(group.rig.baseline),
-                float(group.rig.disparity_from_depth(SW_DEPTH)),
-                needed,
-                *estimate(group, near, by_pose.STIXEL_RMS_PX).cells,
-                cell(found["rms_px"] / needed),
-                *estimate(group, near, by_pose.STIXEL_BIAS).cells,
-                *estimate(group, near, by_pose.STIXEL_RMS).cells,
-                *cells(group, near, _OF_OWN),
-                _poses(group, near),
-                int(found["stixels"]),
-            )
-        )
-    columns = (
-        *("rig", "image px", "f px", "B m", "disparity there px", "needed px"),
-        *interval_columns("achieved RMS px", "RMS px"),
-        "achieved / needed",
-        *interval_columns("front face bias m", "bias"),
-        *interval_columns("front face RMS m", "RMS m"),
-        *with_ends(_OF_OWN),
-        *("poses", "stixels"),
+            {
+                "stage": stage,
+                "measure": measure,
+                "unit": unit,
+                **ends("value", every.estimate(one).scaled(100.0 if unit == "%" else 1.0)),
+            }
+            for stage, measure, unit, one in rows
+        ),
     )
-    return Table("rigs", "", columns, tuple(rows))
-
-
-def depth_table(rigs: Mapping[str, Sequence[Group]]) -> Table:
-    """Stixels of each rig and road user at `DEPTHS`; `rigs` has the groups of a rig by user."""
-    rows = []
-    for rig, groups in rigs.items():
-        for group in groups:
-            for depth, ends in DEPTHS.items():
-                sums = by_pose.stixel_sums(group, *ends)
-                begin = (rig, group.label, depth, _poses(group, sums), int(sums[:, 0].sum()))
-                width = cells(group, by_pose.cover_sums(group, *ends), _OF_WIDTH)
-                rows.append((*begin, *cells(group, sums, _AT_DEPTH), *width))
-    own = with_ends((*_AT_DEPTH, *_OF_WIDTH))
-    columns = ("rig", "road user", "depth m", "poses", "stixels", *own)
-    return Table("depths", "", columns, tuple(rows))
-
-
-def _poses(group: Group, sums) -> int:
-    """Number of poses whose first sum is not 0."""
-    return len(set(group.poses[sums[:, 0] > 0.0].tolist()))
-
-
-def contrast_table(lines: dict[str, list[tuple[float, Group]]]) -> Table:
-    """Disparity and stixels of each road user by the contrast of its paint, at all ranges."""
-    rows = []
-    for label, found in lines.items():
-        for contrast, group in found:
-            pixels = by_pose.pixel_sums(group, INSIDE)
-            stixels = by_pose.stixel_sums(group, EDGES[0], EDGES[-1])
-            uncovered = estimate(group, by_pose.cover_sums(group), by_pose.UNCOVERED)
-            rows.append(
-                (
-                    label,
-                    contrast,
-                    *estimate(group, pixels, by_pose.PIXEL_DENSITY).scaled(100.0).cells,
-                    *estimate(group, pixels, by_pose.PIXEL_RMS).cells,
-                    *estimate(group, stixels, by_pose.STIXEL_RMS_PX).cells,
-                    *uncovered.scaled(100.0).cells,
-                )
-            )
-    columns = (
-        *("road user", "contrast"),
-        *interval_columns("density %", "density"),
-        *interval_columns("disparity RMS px", "disparity"),
-        *interval_columns("stixel RMS px", "stixel"),
-        *interval_columns("columns in no stixel %", "columns"),
-    )
-    return Table("contrast", "", columns, tuple(rows))

@@ -4,10 +4,10 @@ import numpy as np
 
 from stixel_cli.evaluation.evaluate import evaluate
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.report.blocks import Table
+from stixel_cli.report.statistics import Statistic, over_seeds
+from stixel_cli.report.tables import ends, spread
 from stixel_cli.studies.data import StudyRun, StudySweep
-from stixel_cli.studies.tables import over_seeds, std_columns, with_ends
-from stixel_cli.studies.types import Table
-from stixel_cli.sweeps.statistics import Statistic
 from stixel_cli.tracking import gp_ekf
 
 
@@ -67,18 +67,18 @@ def every(scans: Scans, step: int) -> Scans:
 
 def width_table(values: dict[str, dict[str, Statistic]]) -> Table:
     """One row for each width of `width_values`."""
-    rows = []
-    for label, own in values.items():
-        ends = [end for name in ("iou", "nees") for end in _ends(own[name])]
-        rows.append((label, own["points"].mean, own["bias"].mean, own["std"].mean,
-                     own["std"].std, own["iou"].n, *ends))  # fmt: skip
-    columns = (
-        *("width", "points a scan", "bias along the ray (m)"),
-        *std_columns("std along the ray (m)", "std"),
-        *("n", *with_ends(("mean IoU", "mean NEES / 2"))),
+    return Table.of(
+        "widths",
+        (
+            {
+                "width": label,
+                "points a scan": own["points"].mean,
+                "bias along the ray (m)": own["bias"].mean,
+                **spread("std along the ray (m)", own["std"]),
+                "n": own["iou"].n,
+                **ends("mean IoU", own["iou"]),
+                **ends("mean NEES / 2", own["nees"]),
+            }
+            for label, own in values.items()
+        ),
     )
-    return Table("widths", "", columns, tuple(rows))
-
-
-def _ends(one: Statistic) -> tuple[float | None, float | None, float | None]:
-    return one.mean, one.low, one.high

@@ -1,21 +1,19 @@
 """RQ2: errors by range, by visible sides, and by number of points."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stixel_cli.evaluation.metric_table import Metric
-from stixel_cli.studies.runs import SCAN_ERRORS, quantity
-from stixel_cli.studies.tables import over_seeds, std_columns
-from stixel_cli.studies.types import Table
-from stixel_cli.sweeps.statistics import Statistic
+from stixel_cli.report.blocks import Figure, Table
+from stixel_cli.report.charts import DASHES, Panel, chart, line
+from stixel_cli.report.numbers import capital
+from stixel_cli.report.tables import groups, mean_over, names, spread
+from stixel_cli.studies.runs import AXIS_LABELS, ERROR_LABELS, SCAN_ERRORS, colour
 
 if TYPE_CHECKING:
     import pandas as pd
-
-SHOWN = {name: SCAN_ERRORS[name] for name in ("centre", "orientation", "iou")}
-"""Errors whose standard deviation is shown."""
 
 
 @dataclass(frozen=True)
@@ -68,72 +66,100 @@ CONDITIONS = (
 )
 
 
-@dataclass(frozen=True)
-class Binned:
-    """Scans of one tracker, measurement and bin.
+def binned(condition: Condition, scans: "pd.DataFrame") -> "pd.DataFrame":
+    """One row for each bin with scans, tracker and measurement, in the order of the bins.
 
-    Attributes:
-        scans: number of scans.
-        seeds: number of seeds with such scans.
-        errors: statistics over these seeds, by column of errors.
+    Columns: `bin`, its number; `tracker`; `measurement`; `scans` and `seeds`, their numbers; the
+    statistics of each error over these seeds.
     """
+    import pandas as pd
 
-    scans: int
-    seeds: int
-    errors: dict[str, Statistic]
-
-
-def condition_statistics(
-    condition: Condition, scans: "pd.DataFrame"
-) -> dict[tuple[str, str, int], Binned]:
-    """Statistics by tracker, measurement and number of the bin; bins without scans left out."""
-    errors = list(SCAN_ERRORS)
-    scans = scans[["tracker", "measurement", "seed", *errors]].assign(
-        bin=np.searchsorted(condition.edges, scans[condition.column], side="right"),
-        **scans[errors].replace([np.inf, -np.inf], np.nan),
-    )
-    found = {}
-    for (tracker, measurement, b), own in scans.groupby(
-        ["tracker", "measurement", "bin"], sort=False
-    ):
-        means = own.groupby("seed")[errors].mean()
-        statistics = {name: over_seeds(means[name]) for name in means}
-        found[tracker, measurement, int(b)] = Binned(len(own), len(means), statistics)
-    return found
+    bins = np.searchsorted(condition.edges, scans[condition.column], side="right")
+    rows = [
+        {
+            **dict(zip(("bin", "tracker", "measurement"), values, strict=True)),
+            "scans": len(own),
+            "seeds": own["seed"].nunique(),
+            **{name: mean_over(own[np.isfinite(own[name])], name) for name in SCAN_ERRORS},
+        }
+        for values, own in groups(scans.assign(bin=bins), ["bin", "tracker", "measurement"])
+    ]
+    return pd.DataFrame(rows).sort_values("bin", kind="stable")
 
 
-def condition_table(name: str, condition: Condition, scans: "pd.DataFrame") -> Table:
-    """The numbers of a condition, one row for each bin, tracker and measurement."""
-    found = condition_statistics(condition, scans)
+def condition_values(
+    name: str, condition: Condition, scans: "pd.DataFrame", measurements: Sequence[str]
+) -> dict[str, Any]:
+    """The figure and the table of a condition, and what it is."""
+    found = binned(condition, scans)
+    return {
+        "what": condition.what,
+        "figure": condition_figure(name, condition, found, scans, measurements),
+        "table": condition_table(name, condition, found),
+    }
+
+
+def condition_table(name: str, condition: Condition, found: "pd.DataFrame") -> Table:
+    """The numbers of a condition."""
     rows = []
-    for (tracker, measurement, b), one in sorted(found.items(), key=lambda item: item[0][2]):
-        cells: list[str | float | int | None] = [condition.labels[b], tracker, measurement]
-        cells += [one.scans, one.seeds]
-        for error in SHOWN:
-            cells += [one.errors[error].mean, one.errors[error].std]
-        rows.append((*cells, one.errors["nees"].mean, one.errors["nis"].mean))
-    return Table(
-        name,
-        "",
-        (
-            condition.label,
-            "tracker",
-            "measurement",
-            "scans",
-            "seeds",
-            *(
-                column
-                for metric in SHOWN.values()
-                for column in std_columns(_called(metric), quantity(metric))
-            ),
-            quantity(SCAN_ERRORS["nees"]),
-            quantity(SCAN_ERRORS["nis"]),
-        ),
-        tuple(rows),
-    )
+    for row in found.to_dict("records"):
+        cells = {condition.label: condition.labels[row["bin"]]}
+        cells |= {key: row[key] for key in ("tracker", "measurement", "scans", "seeds")}
+        for error in ("centre", "orientation", "iou"):
+            label, _, unit = AXIS_LABELS[error].partition(" (")
+            full = SCAN_ERRORS[error].label.partition(",")[0]
+            cells |= spread(f"{full} ({unit}" if unit else full or label, row[error])
+        rows.append(cells | {ERROR_LABELS[error]: row[error].mean for error in ("nees", "nis")})
+    return Table.of(name, rows)
 
 
-def _called(metric: Metric) -> str:
-    """The label without the statistic, with its unit: "centre error (m)"."""
-    label = metric.label.partition(",")[0]
-    return f"{label} ({metric.unit})" if metric.unit else label
+def condition_figure(
+    name: str,
+    condition: Condition,
+    found: "pd.DataFrame",
+    scans: "pd.DataFrame",
+    measurements: Sequence[str],
+) -> Figure:
+    """Errors by a condition: one column per tracker, one line per measurement."""
+    trackers, there = names(scans, "tracker"), names(scans, "measurement")
+    bins = sorted(found["bin"].unique())
+
+    def panel(i: int, j: int) -> Panel:
+        error, tracker = list(SCAN_ERRORS)[i], trackers[j]
+
+        def draw(axes) -> None:
+            for m, measurement in enumerate(there):
+                own = found[(found["tracker"] == tracker) & (found["measurement"] == measurement)]
+                shift = 0.5 * ((m + 0.5) / len(there) - 0.5)
+                line(
+                    axes,
+                    [bins.index(b) + shift for b in own["bin"]],
+                    own[error],
+                    colour(measurement, measurements),
+                    measurement,
+                    bars=True,
+                    linestyle=DASHES[0],
+                    linewidth=0.8,
+                    markersize=3.0,
+                )
+            axes.set_xticks(range(len(bins)), [condition.labels[b] for b in bins])
+            axes.tick_params("x", labelrotation=35.0, labelsize=8.0)
+
+        return Panel(
+            draw,
+            title=tracker if i == 0 else "",
+            x=condition.label if i == len(SCAN_ERRORS) - 1 else "",
+            y=AXIS_LABELS[error] if j == 0 else "",
+            ratio=SCAN_ERRORS[error].better == "one",
+            limits=(0.0, 1.0) if error == "iou" else (None, None),
+        )
+
+    panels = [panel(i, j) for i in range(len(SCAN_ERRORS)) for j in range(len(trackers))]
+    figure = chart(name, panels, len(trackers), 1.15, legend=4, sharex=True)
+    most, least = scans["seed"].nunique(), int(found["seeds"].min())
+    # A single seed has no interval.
+    fewest = f"{least} (without a bar)" if least == 1 else f"{least}"
+    counted = f"{most}" if least == most else f"{fewest} to {most}"
+    user = capital(scans["road_user"].iloc[0])
+    caption = f"{user}: errors and consistency by {condition.what}; n = {counted} seeds."
+    return Figure(name, caption, figure.svg)

@@ -1,25 +1,28 @@
 """RQ2: stixels minus another measurement in pairs, and which differences are significant."""
 
-import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from scipy.stats import t as student
-
-from stixel_cli.evaluation.metric_table import METRICS
-from stixel_cli.studies.data import BASELINE, LIDAR, STIXELS, chosen, names
-from stixel_cli.studies.inference import SIGNIFICANT, holm
-from stixel_cli.studies.runs import metric_over_seeds, paired_difference, quantity
-from stixel_cli.studies.tables import MINUS, interval_columns, with_unit
-from stixel_cli.studies.types import Column, Table
-from stixel_cli.sweeps.statistics import Statistic
+from stixel_cli.evaluation.metric_table import METRICS, metric, over_runs
+from stixel_cli.report import tables
+from stixel_cli.report.blocks import Cell, Figure, Table
+from stixel_cli.report.forest import difference_row, forest
+from stixel_cli.report.numbers import MINUS
+from stixel_cli.report.statistics import SIGNIFICANT, Statistic, holm, t_test
+from stixel_cli.results.text import listed
+from stixel_cli.studies.data import BASELINE, LIDAR, STIXELS
 
 if TYPE_CHECKING:
     import pandas as pd
 
 ERRORS = {name: METRICS[name] for name in ("centre_rmse_m", "orientation_rmse_deg", "iou_mean")}
 """The metrics that are tested."""
+_UNTESTED = (
+    *("iou_hull_mean", "iou_box_mean", "low_overlap_share", "track_lost"),
+    *("nees_position_mean", "nis_mean"),
+)
+"""Metrics that are listed without a test."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,8 @@ class Contrast:
         road_user, tracker, one, other, metric: which; `one` and `other` are measurements.
         values: mean over the seeds of each.
         difference: `one` minus `other`, over the seeds.
-        p: of the paired t-test over the seeds, two-sided; corrected once it is in a family.
+        tested: whether it belongs to the question, so to the family of tests.
+        p: of the paired t-test over the seeds, two-sided, with Holm's correction; None without.
     """
 
     road_user: str
@@ -40,7 +44,8 @@ class Contrast:
     metric: str
     values: tuple[float | None, float | None]
     difference: Statistic
-    p: float | None
+    tested: bool
+    p: float | None = None
 
     @property
     def verdict(self) -> str:
@@ -54,99 +59,111 @@ class Contrast:
         return "better" if (self.difference.mean > 0.0) == more_is_better else "worse"
 
 
-def contrasts(runs: "pd.DataFrame", tracker: str, one: str, other: str) -> list[Contrast]:
-    """Every road user and metric of two measurements; p not corrected."""
-    found = []
-    for user in names(runs, "road_user"):
-        sides = [
-            chosen(runs, road_user=user, tracker=tracker, measurement=measurement)
-            for measurement in (one, other)
-        ]
-        for metric in ERRORS:
-            difference = paired_difference(*sides, metric)
-            values = tuple(metric_over_seeds(side, metric).mean for side in sides)
-            p = p_value(difference)
-            found.append(Contrast(user, tracker, one, other, metric, values, difference, p))
-    return found
+def contrasts(runs: "pd.DataFrame") -> list[Contrast]:
+    """Stixels against every other measurement by every tracker.
 
-
-def family(runs: "pd.DataFrame") -> list[Contrast]:
-    """Stixels against every lidar by every extended tracker, with Holm's correction of p."""
-    stixels, lidars = of_kind(runs, STIXELS), of_kind(runs, LIDAR)
-    extended = [tracker for tracker in names(runs, "tracker") if not is_baseline(runs, tracker)]
-    found = [
-        contrast
-        for tracker in extended or names(runs, "tracker")
-        for one in stixels
-        for other in lidars
-        for contrast in contrasts(runs, tracker, one, other)
-    ]
-    return corrected(found)
-
-
-def corrected(found: Sequence[Contrast]) -> list[Contrast]:
-    """The same with p corrected over all of them by Holm (1979)."""
-    known = {str(i): one.p for i, one in enumerate(found) if one.p is not None}
-    p = holm(known)
-    return [replace(one, p=p.get(str(i))) for i, one in enumerate(found)]
-
-
-def p_value(difference: Statistic) -> float | None:
-    """p of the t-test that a mean of paired differences is 0, two-sided; None below two pairs."""
-    if difference.std is None:
-        return None
-    if difference.std == 0.0:
-        return 1.0 if difference.mean == 0.0 else 0.0
-    ratio = difference.mean / (difference.std / math.sqrt(difference.n))
-    return float(2.0 * student.sf(abs(ratio), difference.n - 1))
-
-
-def least_effect(seeds: int, tests: int) -> float:
-    """Mean difference above which one of so many tests can be significant after `holm`.
-
-    In standard deviations of the differences over two or more seeds.
+    The tests are of stixels against every lidar by every extended tracker, with Holm's correction.
     """
-    return float(student.isf(0.5 * SIGNIFICANT / tests, seeds - 1)) / math.sqrt(seeds)
+    stixels = of_kind(runs, STIXELS)
+    others = [name for name in tables.names(runs, "measurement") if name not in stixels]
+    trackers = tables.names(runs, "tracker")
+    extended = [name for name in trackers if not is_baseline(runs, name)] or trackers
+    found = []
+    for tracker in trackers:
+        for one in stixels:
+            for other in others:
+                tested = tracker in extended and other in of_kind(runs, LIDAR)
+                for user in tables.names(runs, "road_user"):
+                    own = tables.chosen(runs, road_user=user, tracker=tracker)
+                    sides = [tables.chosen(own, measurement=side) for side in (one, other)]
+                    for name in ERRORS:
+                        values = tuple(tables.mean_over(side, name).mean for side in sides)
+                        apart = tables.difference(*sides, name)
+                        found.append(
+                            Contrast(user, tracker, one, other, name, values, apart, tested)
+                        )
+    p_values = {str(i): t_test(one.difference) for i, one in enumerate(found) if one.tested}
+    p = holm({name: value for name, value in p_values.items() if value is not None})
+    return [replace(one, p=p.get(str(i))) for i, one in enumerate(found)]
 
 
 def of_kind(runs: "pd.DataFrame", kind: str) -> list[str]:
     """The measurements of a kind."""
-    return names(chosen(runs, measurement_kind=kind), "measurement")
+    return tables.names(tables.chosen(runs, measurement_kind=kind), "measurement")
 
 
 def is_baseline(runs: "pd.DataFrame", tracker: str) -> bool:
     """Whether a tracker is the baseline."""
-    return bool((chosen(runs, tracker=tracker)["tracker_kind"] == BASELINE).all())
+    return bool((tables.chosen(runs, tracker=tracker)["tracker_kind"] == BASELINE).all())
 
 
-def contrasts_table(runs: "pd.DataFrame") -> Table | None:
-    """All paired differences, those of `family` with p; None without any."""
-    stixels = of_kind(runs, STIXELS)
-    others = [name for name in names(runs, "measurement") if name not in stixels]
-    tested = {(c.road_user, c.tracker, c.one, c.other, c.metric): c.p for c in family(runs)}
-    rows = []
-    for tracker in names(runs, "tracker"):
-        for one in stixels:
-            for other in others:
-                rows += _rows(contrasts(runs, tracker, one, other), tested)
-    if not rows:
-        return None
-    columns: list[str | Column] = ["road user", "tracker", "difference", "n"]
-    for metric in ERRORS.values():
-        columns += interval_columns(with_unit(metric), metric.short_label)
-        columns.append(f"p of {quantity(metric)} (Holm)")
-    return Table("paired_differences", "", tuple(columns), tuple(rows))
+def contrasts_table(found: Sequence[Contrast]) -> Table | None:
+    """All paired differences, the tested ones with p; None without any."""
+    rows: dict[tuple, dict[str, Cell]] = {}
+    for one in found:
+        sides = f"{one.one}\u00a0{MINUS} {one.other}"
+        key = (one.tracker, one.one, one.other, one.road_user)
+        begin = {"road user": one.road_user, "tracker": one.tracker, "difference": sides}
+        row = rows.setdefault(key, {**begin, "n": one.difference.n})
+        row |= tables.ends(tables.with_unit(ERRORS[one.metric]), one.difference)
+        row[f"p of {tables.plain_label(ERRORS[one.metric])} (Holm)"] = one.p
+    return Table.of("paired_differences", rows.values()) if rows else None
 
 
-def _rows(found: Sequence[Contrast], tested: dict) -> list[tuple]:
-    rows = []
-    for user in dict.fromkeys(one.road_user for one in found):
-        own = [one for one in found if one.road_user == user]
-        cells: list[str | float | int | None] = [user, own[0].tracker]
-        cells.append(f"{own[0].one}\u00a0{MINUS} {own[0].other}")
-        cells.append(own[0].difference.n)
-        for one in own:
-            cells += [one.difference.mean, one.difference.low, one.difference.high]
-            cells.append(tested.get((one.road_user, one.tracker, one.one, one.other, one.metric)))
-        rows.append(tuple(cells))
-    return rows
+def contrasts_forest(tested: Sequence[Contrast], users: Sequence[str]) -> Figure | None:
+    """The tested differences: stixels minus each lidar."""
+    several = len({one.tracker for one in tested}) > 1
+    rows = [
+        difference_row(
+            ERRORS[one.metric],
+            f"{one.one} {MINUS} lidar",
+            one.road_user,
+            f"{one.tracker}, {one.other}" if several else one.other,
+            one.difference,
+            tested=one.p is not None,
+            significant=one.verdict in ("worse", "better"),
+        )
+        for one in sorted(tested, key=lambda one: users.index(one.road_user))
+    ]
+    return forest("answer_forest", rows, "stixels better", "stixels worse")
+
+
+def lidar_table(runs: "pd.DataFrame", tested: Sequence[Contrast]) -> Table:
+    """Means on stixels and on each lidar, and the tested differences."""
+    return Table.of("answer_lidar", _lidar_rows(runs, tested))
+
+
+def _lidar_rows(runs: "pd.DataFrame", tested: Sequence[Contrast]) -> Iterator[dict[str, Cell]]:
+    for user in tables.names(runs, "road_user"):
+        for tracker in dict.fromkeys(one.tracker for one in tested):
+            own = [one for one in tested if (one.road_user, one.tracker) == (user, tracker)]
+            for name in (*ERRORS, *_UNTESTED):
+                label = metric(over_runs(name)).short_label
+                if name in ERRORS:
+                    label = tables.with_unit(ERRORS[name], "{}, {}")
+                row: dict[str, Cell] = {"road user": user, "tracker": tracker, "metric": label}
+                for one in own:
+                    apart = f"{one.one} {MINUS} {one.other}"
+                    if one.metric == name:
+                        row |= {one.one: one.values[0], one.other: one.values[1]}
+                        row |= tables.ends(apart, one.difference)
+                    elif name in _UNTESTED:
+                        same = tables.chosen(runs, road_user=user, tracker=tracker)
+                        row |= {
+                            side: tables.mean_over(tables.chosen(same, measurement=side), name).mean
+                            for side in (one.one, one.other)
+                        }
+                        row |= tables.ends(apart, None)
+                yield row
+
+
+def verdicts(found: Sequence[Contrast]) -> dict[str, str]:
+    """Verdict to the road users, each with its metrics."""
+    texts = {}
+    for verdict in ("worse", "better", "leaning", "alike"):
+        by_user: dict[str, list[str]] = {}
+        for one in found:
+            if one.verdict == verdict:
+                by_user.setdefault(one.road_user, []).append(tables.plain_label(ERRORS[one.metric]))
+        texts[verdict] = listed([f"the {user} ({listed(own)})" for user, own in by_user.items()])
+    return texts

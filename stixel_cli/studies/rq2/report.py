@@ -4,52 +4,53 @@ Everything follows from the study's runs: the trackers, measurements, road users
 they have. The question names kinds of measurement and tracker.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from stixel_cli.evaluation.metric_table import METRICS
-from stixel_cli.studies.data import (
-    LIDAR,
-    STIXELS,
-    StudyData,
-    StudyRun,
-    chosen,
-    names,
-    run_frame,
+from stixel_cli.report import tables
+from stixel_cli.report.blocks import Cell, Material, Table
+from stixel_cli.report.numbers import number
+from stixel_cli.report.statistics import Statistic, least_effect, least_p
+from stixel_cli.studies.data import LIDAR, STIXELS, StudyData, run_frame
+from stixel_cli.studies.rq2.conditions import CONDITIONS, condition_values
+from stixel_cli.studies.rq2.contrasts import (
+    ERRORS,
+    Contrast,
+    contrasts,
+    contrasts_forest,
+    contrasts_table,
+    is_baseline,
+    lidar_table,
+    of_kind,
+    verdicts,
 )
-from stixel_cli.studies.rq2.answer import answer_values
-from stixel_cli.studies.rq2.conditions import CONDITIONS, condition_table
-from stixel_cli.studies.rq2.contrasts import contrasts_table
-from stixel_cli.studies.rq2.figures import boxes, by_condition, example_scans, over_time
+from stixel_cli.studies.rq2.figures import boxes, example_scans
 from stixel_cli.studies.runs import (
-    SCAN_ERRORS,
+    ERROR_LABELS,
+    NEAR,
     ceilings_table,
-    contour_distances,
-    metric_over_seeds,
-    of_runs,
-    quantity,
+    gate_shares,
+    over_time,
     scan_frame,
+    scan_rows,
     within_bounds,
 )
-from stixel_cli.studies.tables import number, over_seeds, std_columns, with_unit
-from stixel_cli.studies.types import Material, Table
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_TRACKING = [
-    METRICS[name]
-    for name in (
-        *("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "iou_hull_mean", "iou_box_mean"),
-        *("low_overlap_share", "track_lost"),
-    )
-]
+LEAD = "centre_rmse_m"
+"""The metric of the answer's first sentences."""
+_TRACKING = (
+    *("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "iou_hull_mean", "iou_box_mean"),
+    *("low_overlap_share", "track_lost"),
+)
 """Metrics with a standard deviation in the tables of tracking."""
-NEAR = 2.0
-"""Points within this distance of the true contour, m, are taken for the target's."""
-
+_SUMMARY = (
+    *("iou_mean", "iou_box_mean", "centre_rmse_m", "orientation_rmse_deg"),
+    *("nees_position_mean", "track_lost"),
+)
+"""Metrics of the table of the trackers on stixels."""
 _TITLES = {
     STIXELS: "Simulated measurements: stixels",
     "fabricated": "Fabricated measurements",
@@ -61,19 +62,21 @@ def report(data: StudyData) -> Material:
     """Values, tables and figures of the template; runs have the results scenario, scans, track."""
     runs = run_frame(run for sweep in data.sweeps.values() for run in sweep.runs)
     scans = scan_frame(runs)
-    measurements, users = names(runs, "measurement"), names(runs, "road_user")
+    measurements, users = tables.names(runs, "measurement"), tables.names(runs, "road_user")
     return Material(
         {
             **answer_values(runs),
             "runs": len(runs),
             "users": users,
-            "trackers": names(runs, "tracker"),
-            "errors": {name: quantity(metric) for name, metric in SCAN_ERRORS.items()},
+            "trackers": tables.names(runs, "tracker"),
+            "errors": ERROR_LABELS,
             "near": NEAR,
-            "differences": contrasts_table(runs),
             "chapters": [
                 _chapter(
-                    user, chosen(runs, road_user=user), chosen(scans, road_user=user), measurements
+                    user,
+                    tables.chosen(runs, road_user=user),
+                    tables.chosen(scans, road_user=user),
+                    measurements,
                 )
                 for user in users
             ],
@@ -81,177 +84,207 @@ def report(data: StudyData) -> Material:
     )
 
 
+def answer_values(runs: "pd.DataFrame") -> dict[str, Any]:
+    """What the template's answer is filled with.
+
+    `contrasts`: a mapping for each tracker and lidar, with its `effects` by road user, and the road
+    users and metrics of each verdict. `leads`: the same differences of `LEAD` for each tracker and
+    road user; `forest`: the plot of all tested differences. `baselines`: a mapping for each tracker
+    and baseline, with the `effects` on the IoU by road user, and the road users of each verdict.
+    """
+    every = contrasts(runs)
+    tested = [one for one in every if one.tested]
+    trackers = list(dict.fromkeys(one.tracker for one in tested))
+    users, seeds = tables.names(runs, "road_user"), tables.names(runs, "seed")
+    stixels = of_kind(runs, STIXELS)[:1]
+    on_stixels = runs[runs["measurement"].isin(stixels)]
+    pairs = [
+        (tracker, other)
+        for tracker in trackers
+        for other in tables.names(runs, "tracker")
+        if other != tracker and is_baseline(runs, other)
+    ]
+    shown = [lidar_table(runs, tested)] if tested else []
+    if tested and pairs:
+        shown.append(Table.of("answer_baseline", _baseline_rows(on_stixels, pairs)))
+    if len(on_stixels):
+        rows = tables.rows_by(on_stixels, ("road_user", "tracker"), _SUMMARY, tables.mean_cell)
+        shown.append(Table.of("trackers", rows))
+    return {
+        "answered": bool(tested),
+        "leads": _leads(tested, trackers, users),
+        "lead": ERRORS[LEAD],
+        "forest": contrasts_forest(tested, users),
+        "measurements": tables.names(runs, "measurement"),
+        "paths": tables.names(runs, "path"),
+        "seeds": seeds,
+        "contrasts": [
+            _contrast([one for one in tested if (one.tracker, one.other) == (tracker, lidar)])
+            for tracker in trackers
+            for lidar in of_kind(runs, LIDAR)
+        ],
+        "baselines": [_baseline(on_stixels, *pair) for pair in pairs],
+        "consistency": {
+            tracker: [
+                (user, tables.mean_over(own, "nees_position_mean").mean)
+                for (user,), own in tables.groups(
+                    tables.chosen(on_stixels, tracker=tracker), ["road_user"]
+                )
+            ]
+            for tracker in trackers
+        },
+        "tests": len(tested),
+        "least_effect": least_effect(len(seeds), len(tested)) if tested and seeds[1:] else None,
+        "least_p": least_p(len(seeds)),
+        "differences": contrasts_table(every),
+        "tables": {table.name: table for table in shown},
+    }
+
+
+def _leads(
+    tested: Sequence[Contrast], trackers: Sequence[str], users: Sequence[str]
+) -> list[dict[str, Any]]:
+    """`LEAD` of each road user and tracker: on stixels, on each lidar, and the difference."""
+    found = []
+    for user in users:
+        for tracker in trackers:
+            key = (user, tracker, LEAD)
+            own = [one for one in tested if (one.road_user, one.tracker, one.metric) == key]
+            if own:
+                label = user if len(trackers) == 1 else f"{user}, {tracker}"
+                found.append({"label": label, "value": own[0].values[0], "lidars": own})
+    return found
+
+
+def _contrast(found: Sequence[Contrast]) -> dict[str, Any]:
+    """The differences of one tracker on stixels and on one lidar, and the verdicts."""
+    effects: dict[str, list[tuple[str, str, Statistic]]] = {}
+    for one in found:
+        row = ERRORS[one.metric]
+        effects.setdefault(one.road_user, []).append((row.short_label, row.unit, one.difference))
+    first = {"tracker": found[0].tracker, "stixels": found[0].one, "lidar": found[0].other}
+    return {**first, "effects": effects, **verdicts(found)}
+
+
+def _baseline(on_stixels: "pd.DataFrame", tracker: str, baseline: str) -> dict[str, Any]:
+    """The IoU of a tracker minus the baseline's, and the road users by what its intervals show."""
+    effects, found = {}, {}
+    for (user,), own in tables.groups(on_stixels, ["road_user"]):
+        sides = (tables.chosen(own, tracker=one) for one in (tracker, baseline))
+        effects[user] = tables.difference(*sides, "iou_mean")
+        found.setdefault(_of_interval(effects[user]), []).append(f"the {user}")
+    return {"tracker": tracker, "baseline": baseline, "effects": effects, "verdicts": found}
+
+
+def _of_interval(iou: Statistic) -> str:
+    """Verdict by the interval of the tracker's IoU minus the baseline's."""
+    if iou.low is None:
+        return "not comparable (no interval)"
+    if iou.low <= 0.0 <= iou.high:
+        return "not shown to differ"
+    return "better" if iou.low > 0.0 else "worse"
+
+
+def _baseline_rows(
+    on_stixels: "pd.DataFrame", pairs: Sequence[tuple[str, str]]
+) -> Iterator[dict[str, Cell]]:
+    for (user,), own in tables.groups(on_stixels, ["road_user"]):
+        for tracker, baseline in pairs:
+            sides = [tables.chosen(own, tracker=one) for one in (tracker, baseline)]
+            for name, row in ERRORS.items():
+                means = [tables.mean_over(side, name).mean for side in sides]
+                yield {
+                    "road user": user,
+                    "tracker": tracker,
+                    "baseline": baseline,
+                    "metric": tables.with_unit(row, "{}, {}"),
+                    "mean of the tracker": means[0],
+                    "mean of the baseline": means[1],
+                    **tables.ends("difference", tables.difference(*sides, name)),
+                }
+
+
 def _chapter(
     user: str, runs: "pd.DataFrame", scans: "pd.DataFrame", measurements: Sequence[str]
 ) -> dict[str, Any]:
     """The values of one road user's section."""
-    first = chosen(runs, tracker=runs["tracker"].iloc[0])
-    conditions = []
-    for condition in CONDITIONS:
-        name = f"{user}_by_{condition.name}"
-        conditions.append(
-            {
-                "what": condition.what,
-                "figure": by_condition(name, condition, scans, measurements),
-                "table": condition_table(name, condition, scans),
-            }
-        )
+    # The scans are the same for every tracker.
+    first = {"tracker": runs["tracker"].iloc[0]}
     return {
         "user": user,
-        # The scans are the same for every tracker.
         "measured": [
-            _scans(
-                user,
-                kind,
-                chosen(first, measurement_kind=kind),
-                chosen(scans, measurement_kind=kind, tracker=runs["tracker"].iloc[0]),
-            )
-            for kind in names(runs, "measurement_kind")
+            _scans(user, kind, own, tables.chosen(scans, measurement_kind=kind, **first))
+            for (kind,), own in tables.groups(tables.chosen(runs, **first), ["measurement_kind"])
         ],
         "ranking": _ranking(runs),
-        "tracking": _tracking_table(user, runs, scans),
+        "tracking": Table.of(f"{user}_tracking", _tracking_rows(runs, scans)),
         "ceilings": ceilings_table(f"{user}_ceilings", runs, ("measurement",)),
         "boxes": boxes(f"{user}_boxes", runs, measurements),
         "over_time": {
-            path: over_time(f"{user}_{path}_over_time", chosen(scans, path=path), measurements)
-            for path in names(runs, "path")
+            path: over_time(f"{user}_{path}_over_time", own, measurements)
+            for (path,), own in tables.groups(scans, ["path"])
         },
         "runs_a_box": len(runs) // len(runs[["tracker", "measurement"]].drop_duplicates()),
-        "conditions": conditions,
+        "conditions": [
+            condition_values(f"{user}_by_{one.name}", one, scans, measurements)
+            for one in CONDITIONS
+        ],
     }
 
 
 def _scans(user: str, kind: str, runs: "pd.DataFrame", scans: "pd.DataFrame") -> dict[str, Any]:
     """The scans of one kind of measurement, from the runs of one tracker."""
-    rows, measurements = [], []
-    for measurement in names(runs, "measurement"):
-        for path in names(runs, "path"):
-            same = chosen(runs, measurement=measurement, path=path)
-            if len(same):
-                own = chosen(scans, measurement=measurement, path=path)
-                rows.append((measurement, path, *_scan_cells(same, own)))
-        own = [row for row in rows if row[0] == measurement]
-        measurements.append(
-            {
-                "name": measurement,
-                "points": _range([row[5] for row in own]),
-                "distance": _range([row[10] for row in own]),
-                "empty": max((row[7] for row in own), default=0.0),
-            }
-        )
-    table = Table(
-        f"{user}_{kind}_scans",
-        "",
-        (
-            "measurement",
-            "path",
-            "range from (m)",
-            "range to (m)",
-            "points per scan",
-            *std_columns("points on the target", "points"),
-            "share of scans without points on the target",
-            *std_columns("mean distance from the contour (m)", "mean distance"),
-            *std_columns("RMS distance (m)", "RMS distance"),
-        ),
-        tuple(rows),
-    )
+    rows = []
+    for row in scan_rows(runs, ["measurement", "path"]):
+        key = {name: row[name] for name in ("measurement", "path")}
+        own = tables.chosen(scans, **key)
+        near, far = float(own["range"].min()), float(own["range"].max())
+        key |= {"range from (m)": near, "range to (m)": far}
+        rows.append(key | {"points per scan": tables.mean_over(own, "points").mean} | row)
+    measurements = []
+    for name in tables.names(runs, "measurement"):
+        own = [row for row in rows if row["measurement"] == name]
+        empty = [row["share of scans without points on the target"] for row in own]
+        texts = {
+            "points": _range([row["points on the target"] for row in own]),
+            "distance": _range([row["RMS distance (m)"] for row in own]),
+        }
+        measurements.append({"name": name, **texts, "empty": max(empty, default=0.0)})
     return {
         "title": _TITLES.get(kind, kind),
         "measurements": measurements,
         "figure": example_scans(f"{user}_{kind}_examples", runs),
-        "table": table,
+        "table": Table.of(f"{user}_{kind}_scans", rows),
     }
-
-
-def _scan_cells(runs: "pd.DataFrame", scans: "pd.DataFrame") -> tuple[float | None, ...]:
-    """Ranges, points and distances from the contour of one measurement's runs on one path."""
-    near = [_near_points(run) for run in runs["run"]]
-    on_target = over_seeds([float(counts.mean()) for counts, _ in near])
-    away = [distances for _, distances in near if len(distances)]
-    bias = over_seeds([float(d.mean()) for d in away])
-    spread = over_seeds([float(np.sqrt(np.mean(np.square(d)))) for d in away])
-    return (
-        float(scans["range"].min()),
-        float(scans["range"].max()),
-        over_seeds(scans.groupby("seed")["points"].mean()).mean,
-        on_target.mean,
-        on_target.std,
-        over_seeds([float((counts == 0).mean()) for counts, _ in near]).mean,
-        bias.mean,
-        bias.std,
-        spread.mean,
-        spread.std,
-    )
-
-
-def _near_points(run: StudyRun) -> tuple[np.ndarray, np.ndarray]:
-    """Number of points of each scan (K,) near the true contour, and their distances, m."""
-    scans = run.load("scans")
-    distances = contour_distances(scans, run.load("scenario"))
-    near = distances < NEAR
-    k = np.repeat(np.arange(len(scans)), np.diff(scans.offsets))
-    return np.bincount(k[near], minlength=len(scans)), distances[near]
-
-
-def gate_shares(runs: Iterable[StudyRun]) -> tuple[float | None, float | None]:
-    """Share of the target's points that a tracker did not use, and of others in those it used."""
-    near = lost = used = others = 0
-    for run in runs:
-        is_near = contour_distances(run.load("scans"), run.load("scenario")) < NEAR
-        used_points = run.load("track").used_points
-        own = np.count_nonzero(is_near[used_points])
-        near += np.count_nonzero(is_near)
-        lost += np.count_nonzero(is_near) - own
-        used += len(used_points)
-        others += len(used_points) - own
-    return (lost / near if near else None), (others / used if used else None)
 
 
 def _ranking(runs: "pd.DataFrame") -> dict[str, list[tuple[str, float]]]:
     """Tracker to its measurements and mean IoU, the best first; trackers without one left out."""
-    found = {}
-    for tracker in names(runs, "tracker"):
-        values = {
-            m: metric_over_seeds(chosen(runs, tracker=tracker, measurement=m), "iou_mean").mean
-            for m in names(runs, "measurement")
-        }
-        known = {m: value for m, value in values.items() if value is not None}
-        if known:
-            found[tracker] = sorted(known.items(), key=lambda item: item[1], reverse=True)
-    return found
+    found: dict[str, list[tuple[str, float]]] = {}
+    for (tracker, measurement), own in tables.groups(runs, ["tracker", "measurement"]):
+        mean = tables.mean_over(own, "iou_mean").mean
+        if mean is not None:
+            found.setdefault(tracker, []).append((measurement, mean))
+    return {
+        tracker: sorted(values, key=lambda item: item[1], reverse=True)
+        for tracker, values in found.items()
+    }
 
 
-def _tracking_table(user: str, runs: "pd.DataFrame", scans: "pd.DataFrame") -> Table:
-    rows = []
+def _tracking_rows(runs: "pd.DataFrame", scans: "pd.DataFrame") -> Iterator[dict[str, Cell]]:
     keys = ["path", "tracker", "measurement"]
     of_scans = scans.groupby(keys)
-    for path in names(runs, "path"):
-        for tracker in names(runs, "tracker"):
-            for measurement in names(runs, "measurement"):
-                key = {"path": path, "tracker": tracker, "measurement": measurement}
-                same = chosen(runs, **key)
-                if same.empty:
-                    continue
-                cells: list[str | float | int | None] = [*key.values(), len(same)]
-                for metric in _TRACKING:
-                    one = metric_over_seeds(same, metric.name)
-                    cells += [one.mean, one.std]
-                nees, nis = within_bounds(of_scans.get_group(tuple(key.values())))
-                cells += [metric_over_seeds(same, "nees_position_mean").mean, nees]
-                cells += [metric_over_seeds(same, "nis_mean").mean, nis, *gate_shares(same["run"])]
-                rows.append(tuple(cells))
-    nees, nis = (quantity(METRICS[name]) for name in ("nees_position_mean", "nis_mean"))
-    columns = (
-        *(*keys, "n"),
-        *(
-            column
-            for metric in map(of_runs, _TRACKING)
-            for column in std_columns(with_unit(metric), quantity(metric))
-        ),
-        *(nees, f"{nees.partition(' ')[0]} within", nis, f"{nis.partition(' ')[0]} within"),
-        *("target's points not used", "others among the points used"),
-    )
-    return Table(f"{user}_tracking", "", columns, tuple(rows))
+    for values, own in tables.groups(runs, keys):
+        (row,) = tables.rows_by(own, keys, _TRACKING, tables.spread)
+        within = within_bounds(of_scans.get_group(values))
+        for name, share in zip(("nees_position_mean", "nis_mean"), within, strict=True):
+            label = tables.label_of(name).removeprefix("mean ")
+            row |= {
+                label: tables.mean_over(own, name).mean,
+                f"{label.partition(' ')[0]} within": share,
+            }
+        unused, others = gate_shares(own["run"])
+        yield row | {"target's points not used": unused, "others among the points used": others}
 
 
 def _range(values: Sequence[float | None]) -> str:

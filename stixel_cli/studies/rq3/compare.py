@@ -1,22 +1,25 @@
 """RQ3: paired comparisons of fabricated and fitted with simulated measurements."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stixel_cli.studies.data import names
-from stixel_cli.studies.inference import (
+from stixel_cli.report.blocks import Cell, Table
+from stixel_cli.report.statistics import (
+    LEAST_DRAWN,
     SIGNIFICANT,
-    Closed,
     Paired,
-    gap_closed,
     holm,
+    interval,
     least_p,
+    mean_interval,
     paired,
     pairs_needed,
+    weights,
 )
+from stixel_cli.report.tables import ends, groups, names
 from stixel_cli.studies.rq3.runs import (
     FABRICATED,
     FITTED,
@@ -25,11 +28,20 @@ from stixel_cli.studies.rq3.runs import (
     TRACKER_MEASURES,
     Measure,
 )
-from stixel_cli.studies.tables import interval_columns
-from stixel_cli.studies.types import Column, Table
 
 if TYPE_CHECKING:
     import pandas as pd
+
+KINDS = (SIMULATED, FABRICATED, FITTED)
+
+
+@dataclass(frozen=True)
+class Closed:
+    """Fraction of a gap that is closed, and its 95 % interval; see `gap_closed`."""
+
+    mean: float | None
+    low: float | None
+    high: float | None
 
 
 @dataclass(frozen=True)
@@ -55,6 +67,11 @@ class Comparison:
     def differs(self, sweep: str) -> bool:
         """Whether the corrected test distinguishes a sweep from the simulated one."""
         return self.p[sweep] is not None and self.p[sweep] < SIGNIFICANT
+
+    def without_zero(self, sweep: str) -> bool:
+        """Whether the interval of a sweep's difference from the simulated one excludes 0."""
+        gap = self.apart[sweep]
+        return gap.low is not None and not gap.low <= 0.0 <= gap.high
 
 
 @dataclass(frozen=True)
@@ -96,22 +113,34 @@ def compare(
     """
     import pandas as pd
 
-    simulated = sweeps[SIMULATED]
-    trackers = names(simulated, "tracker")
-    kinds = (SIMULATED, FABRICATED, FITTED)
     values = pd.concat(
-        {kind: _values(sweeps[kind], measures) for kind in kinds}, axis=1, join="inner"
-    ).reset_index(names=PAIR)
+        {kind: _values(sweeps[kind], measures) for kind in KINDS}, axis=1, join="inner"
+    )
+    values.index.names = PAIR
+    users, trackers = (names(sweeps[SIMULATED], key) for key in ("road_user", "tracker"))
     found = []
-    for user in names(simulated, "road_user"):
+    for user in users:
         for tracker in trackers if by_tracker else trackers[:1]:
-            own = values[(values["road_user"] == user) & (values["tracker"] == tracker)]
+            own = values.query("road_user == @user and tracker == @tracker")
             for name, measure in measures.items():
-                rows = np.array([own[kind, name] for kind in kinds])
-                known = np.isfinite(rows).all(axis=0)
-                paths = own["path"][known].tolist()
+                rows = own.xs(name, axis=1, level=1)[list(KINDS)]
+                rows = rows[np.isfinite(rows).all(axis=1)]
+                paths = rows.index.get_level_values("path").tolist()
+                gap, rest = (
+                    (rows[kind] - rows[SIMULATED]).to_numpy() for kind in (FABRICATED, FITTED)
+                )
                 label = tracker if by_tracker else ""
-                found.append(_compared(user, label, name, measure, rows[:, known], paths))
+                found.append(
+                    Comparison(
+                        user,
+                        label,
+                        measure,
+                        {kind: float(rows[kind].mean()) if len(rows) else None for kind in KINDS},
+                        {FABRICATED: paired(gap, paths), FITTED: paired(rest, paths)},
+                        {},
+                        gap_closed(gap, rest, paths, f"{user} {label} {name}"),
+                    )
+                )
     return _corrected(found)
 
 
@@ -121,25 +150,6 @@ def _values(runs: "pd.DataFrame", measures: Mapping[str, Measure]) -> "pd.DataFr
     pairs = list(zip(found["run"], found["errors"], strict=True))
     return found[[]].assign(
         **{name: np.array([m.of(*p) for p in pairs], float) for name, m in measures.items()}
-    )
-
-
-def _compared(
-    user: str, tracker: str, name: str, measure: Measure, values: np.ndarray, paths: Sequence[str]
-) -> Comparison:
-    """The comparison of values (3, n) of n pairs: simulated, fabricated, fitted."""
-    gap, rest = values[1] - values[0], values[2] - values[0]
-    return Comparison(
-        user,
-        tracker,
-        measure,
-        {
-            kind: float(row.mean()) if len(row) else None
-            for kind, row in zip((SIMULATED, FABRICATED, FITTED), values, strict=True)
-        },
-        {FABRICATED: paired(gap, paths), FITTED: paired(rest, paths)},
-        {},
-        gap_closed(gap, rest, paths, f"{user} {tracker} {name}"),
     )
 
 
@@ -158,32 +168,45 @@ def _corrected(found: Sequence[Comparison]) -> list[Comparison]:
     ]
 
 
+def gap_closed(gap: np.ndarray, rest: np.ndarray, strata: Sequence[str], name: str) -> Closed:
+    """Fraction of the gap (n,) that the correction closes; `rest` (n,) is the remaining gap.
+
+    1 - sum over the strata of |sum of the rest| / the same of the gap. The sum is over
+    strata (paths), because errors of opposite sign on two paths would cancel in the overall mean.
+    1: closed; 0: unchanged; below 0: wider. None if the mean gap has no 95 % interval or the
+    interval contains 0. The fraction's own interval is a bootstrap's, and None if a stratum has
+    fewer than `LEAST_DRAWN` pairs; `name` is the label of the random numbers.
+    """
+    bounds = mean_interval(gap, strata)
+    if bounds is None or bounds[0] <= 0.0 <= bounds[1]:
+        return Closed(None, None, None)
+    columns = np.array(strata)
+    of_stratum = (columns[:, None] == np.unique(columns)).astype(np.float64)
+
+    def size(rows: np.ndarray, values: np.ndarray) -> np.ndarray:
+        return np.abs((rows * values) @ of_stratum).sum(axis=-1)
+
+    whole = np.full((1, len(gap)), 1.0 / len(gap))
+    share = 1.0 - size(whole, rest) / size(whole, gap)
+    if min(map(list(strata).count, strata)) < LEAST_DRAWN:
+        return Closed(float(share[0]), None, None)
+    drawn = weights(strata, name)
+    shares = 1.0 - size(drawn, rest) / np.maximum(size(drawn, gap), 1e-12)
+    return Closed(float(share[0]), *interval(shares))
+
+
 def difference_table(name: str, found: Sequence[Comparison]) -> Table:
     """Means, paired differences with interval, corrected p and effect size, and the gap closed."""
-    with_tracker = any(one.tracker for one in found)
-    columns: list[str | Column] = [
-        "road user",
-        *(["tracker"] if with_tracker else []),
-        "measure",
-        "n",
-    ]
-    columns += [SIMULATED, FABRICATED, FITTED]
-    for sweep in (FABRICATED, FITTED):
-        columns += interval_columns(f"{sweep} − simulated", sweep)
-        columns += [f"{sweep}: p (Holm)", f"{sweep}: effect"]
-    columns += interval_columns("gap closed", "closed")
     rows = []
     for one in found:
-        unit = f" ({one.measure.unit})" if one.measure.unit else ""
-        cells: list[str | int | float | None] = [one.road_user]
-        cells += [one.tracker] if with_tracker else []
-        cells += [one.measure.label + unit, one.apart[FABRICATED].n, *one.means.values()]
-        for sweep in (FABRICATED, FITTED):
-            apart = one.apart[sweep]
-            cells += [apart.mean, apart.low, apart.high, one.p[sweep], apart.effect]
-        cells += [one.closed.share, one.closed.low, one.closed.high]
-        rows.append(tuple(cells))
-    return Table(name, "", tuple(columns), tuple(rows))
+        row: dict[str, Cell] = {"road user": one.road_user}
+        row |= {"tracker": one.tracker} if one.tracker else {}
+        row |= {"measure": str(one.measure), "n": one.apart[FABRICATED].n, **one.means}
+        for sweep, apart in one.apart.items():
+            row |= ends(f"{sweep} − simulated", apart)
+            row |= {f"{sweep}: p (Holm)": one.p[sweep], f"{sweep}: effect": apart.effect}
+        rows.append(row | ends("gap closed", one.closed))
+    return Table.of(name, rows)
 
 
 def noise_table(simulated: "pd.DataFrame", levels: "Mapping[str, pd.DataFrame]") -> Table:
@@ -192,24 +215,23 @@ def noise_table(simulated: "pd.DataFrame", levels: "Mapping[str, pd.DataFrame]")
     `levels` are frames of `runs_of` by the values of the noise. One row for each road user, tracker
     and level; differences are paired, with 95 % intervals as in the other tables.
     """
+    return Table.of("noise_levels", _noise_rows(simulated, levels))
+
+
+def _noise_rows(
+    simulated: "pd.DataFrame", levels: "Mapping[str, pd.DataFrame]"
+) -> Iterator[dict[str, Cell]]:
     metrics = {name: TRACKER_MEASURES[name] for name in ("centre", "orientation", "iou")}
-    reference = _values(simulated, metrics).add_suffix(f"_{SIMULATED}")
-    rows = []
+    reference = _values(simulated, metrics).add_suffix("_")
     for level, runs in levels.items():
-        pairs = _values(runs, metrics).join(reference, how="inner")
-        for (user, tracker), own in pairs.groupby(level=["road_user", "tracker"], sort=False):
-            paths = own.index.get_level_values("path").tolist()
-            cells: list[float | None] = []
-            for name in metrics:
-                known = np.isfinite(own[name]) & np.isfinite(own[f"{name}_{SIMULATED}"])
-                values, others = own[name][known], own[f"{name}_{SIMULATED}"][known]
-                kept = [path for path, one in zip(paths, known, strict=True) if one]
-                apart = paired((values - others).to_numpy(), kept)
-                mean = float(values.mean()) if len(values) else None
-                cells += [mean, apart.mean, apart.low, apart.high]
-            rows.append((user, tracker, level, len(own), *cells))
-    columns: list[str | Column] = []
-    for measure in metrics.values():
-        label = f"{measure.label} ({measure.unit})" if measure.unit else measure.label
-        columns += [label, *interval_columns(f"{measure.label} − {SIMULATED}", measure.label)]
-    return Table("noise_levels", "", ("road user", "tracker", "noise", "n", *columns), tuple(rows))
+        pairs = _values(runs, metrics).join(reference, how="inner").reset_index()
+        for (user, tracker), own in groups(pairs, ["road_user", "tracker"]):
+            row: dict[str, Cell] = {"road user": user, "tracker": tracker}
+            row |= {"noise": level, "n": len(own)}
+            for name, measure in metrics.items():
+                known = own[np.isfinite(own[name]) & np.isfinite(own[f"{name}_"])]
+                apart = (known[name] - known[f"{name}_"]).to_numpy()
+                row[str(measure)] = float(known[name].mean()) if len(known) else None
+                label = f"{measure.label} − {SIMULATED}"
+                row |= ends(label, paired(apart, known["path"].tolist()))
+            yield row

@@ -4,21 +4,14 @@ from dataclasses import fields
 from typing import TYPE_CHECKING
 
 from stixel_cli.measurements.noise import FittedNoise
+from stixel_cli.report.blocks import Material, Table
+from stixel_cli.report.statistics import DRAWS
+from stixel_cli.report.tables import chosen, names
 from stixel_cli.results.text import listed
-from stixel_cli.studies.data import StudyData, chosen, names
-from stixel_cli.studies.inference import DRAWS
-from stixel_cli.studies.rq3.answer import answer_table, answer_values
+from stixel_cli.studies.data import StudyData
+from stixel_cli.studies.rq3.answer import answer_values, comparisons_forest
 from stixel_cli.studies.rq3.compare import compare, difference_table, noise_table
-from stixel_cli.studies.rq3.figures import (
-    LEAST_POINTS,
-    RANGE_CLASS,
-    Pools,
-    edges,
-    error_histograms,
-    neighbours,
-    range_law,
-    tracker_differences,
-)
+from stixel_cli.studies.rq3.figures import LEAST_POINTS, RANGE_CLASS, Pools, point_figures
 from stixel_cli.studies.rq3.fit import fit_noise, noises_of, preset
 from stixel_cli.studies.rq3.runs import (
     FABRICATED,
@@ -33,7 +26,6 @@ from stixel_cli.studies.rq3.runs import (
     point_measures,
     runs_of,
 )
-from stixel_cli.studies.types import Material, Table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -95,7 +87,6 @@ def report(data: StudyData) -> Material:
     return Material(
         {
             **answer_values(points, tracks, cost, seeds, paths),
-            "answer_table": answer_table(points, tracks),
             "users": names(runs, "road_user"),
             "path_names": names(runs, "path"),
             "trackers": names(runs, "tracker"),
@@ -112,17 +103,14 @@ def report(data: StudyData) -> Material:
                 for name in sweeps
             },
             "figures": {
-                "errors": error_histograms(pools),
-                "range": range_law(pools),
-                "neighbours": neighbours(pools),
-                "edges": edges(pools),
-                "trackers": tracker_differences(tracks),
+                **point_figures(pools),
+                "trackers": comparisons_forest("tracker_differences", tracks, (FABRICATED, FITTED)),
             },
             "point_table": difference_table("point_differences", points),
             "tracker_table": difference_table("tracker_differences", tracks),
             "biases": {user: noise.range_bias for user, noise in noises.items()},
-            "fitted_table": _noise_table("fitted_noise", noises),
-            "held_out_table": _held_out_table(held_out_noises(training)),
+            "fitted_table": Table.of("fitted_noise", _noise_rows(noises)),
+            "held_out_table": Table.of("held_out_noise", _held_out_rows(held_out_noises(training))),
             "noise_levels": list(levels),
             "noise_table": noise_table(runs, levels),
             "shared_stages": SHARED,
@@ -148,19 +136,23 @@ def _pools(sweeps: "dict[str, pd.DataFrame]") -> Pools:
     }
 
 
-def _noise_table(name: str, noises: dict[str, FittedNoise]) -> Table:
+def _noise_rows(noises: dict[str, FittedNoise]) -> list[dict]:
     """A row for each parameter, a column for each road user."""
-    rows = tuple((key, *(getattr(noise, key) for noise in noises.values())) for key in _PARAMETERS)
-    return Table(name, "", ("parameter", *noises), rows)
+    return [
+        {"parameter": key, **{user: getattr(noise, key) for user, noise in noises.items()}}
+        for key in _PARAMETERS
+    ]
 
 
-def _held_out_table(noises: dict[tuple[str, str], FittedNoise]) -> Table:
+def _held_out_rows(noises: dict[tuple[str, str], FittedNoise]) -> list[dict]:
     """A row for each road user and each path that was left out of the fit."""
-    rows = tuple(
-        (f"{user}, without {path}", *(getattr(noise, key) for key in _PARAMETERS))
+    return [
+        {
+            "fitted to": f"{user}, without {path}",
+            **{key: getattr(noise, key) for key in _PARAMETERS},
+        }
         for (user, path), noise in noises.items()
-    )
-    return Table("held_out_noise", "", ("fitted to", *_PARAMETERS), rows)
+    ]
 
 
 def _what(training: "pd.DataFrame", user: str) -> str:

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stixel_cli.evaluation.metric_table import METRICS
-from stixel_cli.studies.data import StudyRun, StudySweep, chosen, names, run_frame
-from stixel_cli.studies.real_time import on_cores, seconds_a_scan
-from stixel_cli.studies.types import Table
+from stixel_cli.report.blocks import Cell, Table
+from stixel_cli.report.tables import chosen, names
+from stixel_cli.studies.data import StudyRun, StudySweep, run_frame
+from stixel_cli.studies.real_time import on_cores, seconds_a_scan, seconds_frame
 from stixel_cli.validation.point_errors import PointErrors
 
 if TYPE_CHECKING:
@@ -26,6 +27,8 @@ SHARED = ("ego_motion", "scenario")
 """Stages that both kinds of scan begin with; not counted as the cost of either."""
 STAGES = ("render", "add_sensor_noise", "match", "free_space", "stixels", "scans")
 """Further stages of scans, in any pipeline of the study."""
+DECADES = "log10 of mean "
+"""Begin of the labels of measures in decades."""
 THESIS = 60.0
 """The thesis states that simulated scans take more than this many times as long."""
 
@@ -43,6 +46,9 @@ class Measure:
     label: str
     unit: str
     of: Callable[[StudyRun, PointErrors], float | None]
+
+    def __str__(self) -> str:
+        return f"{self.label} ({self.unit})" if self.unit else self.label
 
 
 def runs_of(sweep: StudySweep) -> "pd.DataFrame":
@@ -80,42 +86,30 @@ def cost_of(simulated: StudySweep, fabricated: StudySweep) -> dict[str, Any]:
         the other stages; None if CPU seconds are missing. `ratio`: of the totals, or None.
         `quartiles`: first and third, of the ratios of runs with the same scan; None without any.
     """
-    one, other = (_seconds_a_scan(sweep) for sweep in (simulated, fabricated))
-    totals = [_totals(frame) for frame in (one, other)]
+    totals = []
+    for sweep in (simulated, fabricated):
+        seconds = seconds_frame(sweep.runs, STAGES)
+        # A pipeline lacks some stages; a stage that was run has its seconds, or they are unknown.
+        absent = [[stage not in run.cpu_seconds for stage in STAGES] for run in sweep.runs]
+        total = seconds.mask(np.array(absent, bool).reshape(seconds.shape), 0.0).sum(
+            axis=1, skipna=False
+        )
+        total = total.where(seconds["scans"].notna())
+        frame = run_frame(sweep.runs)[SCAN].assign(total=total.to_numpy()).dropna()
+        # Trackers of one scan count once.
+        totals.append(frame.drop_duplicates(SCAN, keep="last").set_index(SCAN)["total"])
+    one, other = totals
     ours, theirs = (float(total.median()) if len(total) else None for total in totals)
-    ratios = (totals[0] / totals[1][totals[1] > 0.0]).dropna()
+    ratios = (one / other[other > 0.0]).dropna()
+    stages = (*SHARED, *STAGES)
     return {
-        "simulated": one[[*SHARED, *STAGES]].median().dropna().to_dict(),
-        "fabricated": other[[*SHARED, *STAGES]].median().dropna().to_dict(),
+        "simulated": seconds_a_scan(simulated.runs, stages),
+        "fabricated": seconds_a_scan(fabricated.runs, stages),
         "simulated_total": ours,
         "fabricated_total": theirs,
         "ratio": ours / theirs if ours is not None and theirs else None,
         "quartiles": ratios.quantile([0.25, 0.75]).tolist() if len(ratios) else None,
     }
-
-
-def _seconds_a_scan(sweep: StudySweep) -> "pd.DataFrame":
-    """One row for each run: `SCAN`, and CPU seconds a scan of each stage; NaN if not recorded.
-
-    `total` is the sum over `STAGES` without those that the run's pipeline lacks.
-    """
-    runs = run_frame(sweep.runs)
-    scans = np.array([len(run.scores.times) for run in sweep.runs])
-    for stage in (*SHARED, *STAGES):
-        seconds = np.array([run.cpu_seconds.get(stage, np.nan) for run in sweep.runs])
-        runs[stage] = seconds / scans
-    runs["total"] = [
-        sum(run.cpu_seconds.get(stage, 0.0) for stage in STAGES) if "scans" in run.cpu_seconds
-        else np.nan
-        for run in sweep.runs
-    ]  # fmt: skip
-    runs["total"] = runs["total"].to_numpy(dtype=float) / scans
-    return runs
-
-
-def _totals(runs: "pd.DataFrame") -> "pd.Series":
-    """The known totals by scan; trackers of one scan count once."""
-    return runs.dropna(subset="total").drop_duplicates(SCAN, keep="last").set_index(SCAN)["total"]
 
 
 def cost_table(cost: dict[str, Any], runs: "dict[str, pd.DataFrame]") -> Table:
@@ -125,28 +119,27 @@ def cost_table(cost: dict[str, Any], runs: "dict[str, pd.DataFrame]") -> Table:
     from the images to the track, see `studies.real_time`. The last columns are relative to the
     sample time T.
     """
-    simulated, fabricated = cost[SIMULATED], cost[FABRICATED]
-    rows = [
-        (stage, simulated.get(stage), fabricated.get(stage))
-        for stage in dict.fromkeys((*simulated, *fabricated))
-    ]
-    rows.append(("sum without shared stages", cost["simulated_total"], cost["fabricated_total"]))
+    kinds = (SIMULATED, FABRICATED)
+    rows: dict[str, Sequence[float | None]] = {
+        stage: [cost[kind].get(stage) for kind in kinds]
+        for stage in dict.fromkeys((*cost[SIMULATED], *cost[FABRICATED]))
+    }
+    rows["sum without shared stages"] = [cost[f"{kind}_total"] for kind in kinds]
     for tracker in names(runs[SIMULATED], "tracker"):
-        own = [
-            chosen(runs[kind], tracker=tracker)["run"].tolist() for kind in (SIMULATED, FABRICATED)
-        ]
+        own = [chosen(runs[kind], tracker=tracker)["run"].tolist() for kind in kinds]
         seconds = [seconds_a_scan(one) for one in own]
         cores = [on_cores(one) if "track" in one else (None, None) for one in seconds]
-        rows.append((f"track, {tracker}", *(one.get("track") for one in seconds)))
-        rows.append((f"images to track, {tracker}, one core", *(one for one, _ in cores)))
-        rows.append((f"images to track, {tracker}, two cores at least", *(two for _, two in cores)))
+        rows[f"track, {tracker}"] = [one.get("track") for one in seconds]
+        for i, name in enumerate(("one core", "two cores at least")):
+            rows[f"images to track, {tracker}, {name}"] = [one[i] for one in cores]
     sample_time = runs[SIMULATED]["run"].iloc[0].configuration.path.sample_time
-    columns = ("stage", SIMULATED, FABRICATED, f"{SIMULATED} / T", f"{FABRICATED} / T")
-    return Table("cost", "", columns, tuple((*row, *_over(row[1:], sample_time)) for row in rows))
+    return Table.of("cost", (_cost_row(*row, sample_time) for row in rows.items()))
 
 
-def _over(values: Sequence[float | None], sample_time: float) -> list[float | None]:
-    return [None if value is None else value / sample_time for value in values]
+def _cost_row(stage: str, seconds: Sequence[float | None], sample_time: float) -> dict[str, Cell]:
+    row: dict[str, Cell] = {"stage": stage, SIMULATED: seconds[0], FABRICATED: seconds[1]}
+    over = (None if one is None else one / sample_time for one in seconds)
+    return row | dict(zip((f"{SIMULATED} / T", f"{FABRICATED} / T"), over, strict=True))
 
 
 def neighbour_columns(runs: Sequence[PointErrors]) -> float:
@@ -184,6 +177,7 @@ def correlogram(runs: Sequence[PointErrors], lags: Sequence[float]) -> list[floa
 
 
 def _mean(values: np.ndarray) -> float | None:
+    values = 1.0 * values
     values = values[np.isfinite(values)]
     return float(values.mean()) if len(values) else None
 
@@ -217,35 +211,30 @@ def _sideways(run: StudyRun, errors: PointErrors) -> float | None:
 
 def point_measures(lag: float) -> dict[str, Measure]:
     """Measures of a run's points; neighbours are `lag` columns apart."""
-    return {
-        "bias_along": Measure("bias along the ray", "m", lambda _, e: _mean(e.along)),
-        "bias_disparity": Measure("bias of the disparity", "px", lambda _, e: _mean(e.disparities)),
-        "std": Measure("standard deviation along the ray", "m", lambda _, e: _std(e.along)),
-        "std_disparity": Measure(
-            "standard deviation of the disparity", "px", lambda _, e: _std(e.disparities)
-        ),
-        "bias_across": Measure("bias across the ray", "m", _sideways),
-        "neighbours": Measure(
-            "correlation of neighbours", "", lambda _, e: correlogram([e], [lag])[0]
-        ),
-        "scans": Measure(
-            "correlation of successive scans' means", "", lambda _, e: _scan_correlation(e)
-        ),
-        "reach": Measure(
-            "reach beyond the silhouette's ends",
+    share, reach = "share of the target's columns without a point", "reach beyond the silhouette's"
+    std = "standard deviation"
+    ends = lambda e: np.concatenate([e.reach_left, e.reach_right])  # noqa: E731
+    rows = {
+        "bias_along": ("bias along the ray", "m", lambda e: _mean(e.along)),
+        "bias_disparity": ("bias of the disparity", "px", lambda e: _mean(e.disparities)),
+        "std": (f"{std} along the ray", "m", lambda e: _std(e.along)),
+        "std_disparity": (
+            "standard deviation of the disparity",
             "px",
-            lambda _, e: _mean(np.concatenate([e.reach_left, e.reach_right])),
+            lambda e: _std(e.disparities),
         ),
-        "beside": Measure(
-            "share of points outside the silhouette", "", lambda _, e: _mean(1.0 * (e.inside < 0.0))
-        ),
-        "missed": Measure(
-            "share of the target's columns without a point", "", lambda _, e: _mean(1.0 - e.covered)
-        ),
-        "points": Measure(
-            "points of the target in a scan", "", lambda _, e: len(e.scans) / len(e.times)
-        ),
-        "clutter": Measure("clutter points in a scan", "", lambda _, e: _mean(1.0 * e.clutter)),
+        "bias_across": ("bias across the ray", "m", None),
+        "neighbours": ("correlation of neighbours", "", lambda e: correlogram([e], [lag])[0]),
+        "scans": ("correlation of successive scans' means", "", _scan_correlation),
+        "reach": (f"{reach} ends", "px", lambda e: _mean(ends(e))),
+        "beside": ("share of points outside the silhouette", "", lambda e: _mean(e.inside < 0.0)),
+        "missed": (share, "", lambda e: _mean(1.0 - e.covered)),
+        "points": ("points of the target in a scan", "", lambda e: len(e.scans) / len(e.times)),
+        "clutter": ("clutter points in a scan", "", lambda e: _mean(e.clutter)),
+    }
+    return {
+        name: Measure(label, unit, _sideways if of is None else lambda _, e, of=of: of(e))
+        for name, (label, unit, of) in rows.items()
     }
 
 

@@ -1,34 +1,30 @@
 """The report of the thesis's experiment, in the order of its chapter 9."""
 
+import re
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from stixel_cli.config.folders import EXPERIMENT
-from stixel_cli.studies.data import STIXELS, StudyData, StudyRun, chosen, names
-from stixel_cli.studies.forest import difference_row, forest
+from stixel_cli.config.compose import compose
+from stixel_cli.config.experiments import experiment_sources
+from stixel_cli.config.folders import EXPERIMENT, shipped_folder
+from stixel_cli.evaluation.metric_table import METRICS, metric, over_runs
+from stixel_cli.report import tables
+from stixel_cli.report.blocks import Cell, Figure, Material, Picture, Table
+from stixel_cli.report.forest import difference_row, forest
+from stixel_cli.report.numbers import MINUS
+from stixel_cli.studies.data import GROUPS, STIXELS, StudyData, StudySweep, run_frame
 from stixel_cli.studies.real_time import on_cores, real_time_table, seconds_a_scan
-from stixel_cli.studies.rq1.report import by_frame, contact_sheet
-from stixel_cli.studies.rq2.figures import over_time
 from stixel_cli.studies.runs import (
-    SCAN_ERRORS,
-    ceilings_table,
-    paired_difference,
-    quantity,
-    scan_frame,
-)
-from stixel_cli.studies.tables import MINUS
-from stixel_cli.studies.thesis import figures
-from stixel_cli.studies.thesis.runs import (
-    MEASURES,
+    ERROR_LABELS,
     NEAR,
-    consistency_table,
-    frame_of,
-    level_table,
-    scans_table,
-    settings_table,
-    statistics,
-    tracking_table,
+    ceilings_table,
+    over_time,
+    scan_frame,
+    scan_rows,
 )
-from stixel_cli.studies.types import Figure, Material, Picture
+from stixel_cli.studies.stage_pictures import stage_pictures
+from stixel_cli.studies.thesis import figures
+from stixel_cli.studies.thesis.figures import MEASURES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,6 +34,11 @@ LEVELS = {
     "stereo_noise": ("measurement.noise.disparity_std", "σ (px)"),
 }
 """Sweep of noise levels to its key and its label."""
+_CONSISTENCY = (
+    *("nees_position_mean", "nis_mean"),
+    *("iou_hull_mean", "iou_box_mean", "low_overlap_share", "track_lost"),
+)
+KERNELS = {"thesis": "the thesis", "thesis_improved": "our improvements"}
 
 
 def report(data: StudyData) -> Material:
@@ -48,39 +49,42 @@ def report(data: StudyData) -> Material:
         name: frame_of(sweep, LEVELS.get(name, ("",))[0]) for name, sweep in data.sweeps.items()
     }
     runs = pd.concat([frames["fabricated"], frames["simulated"]], ignore_index=True)
-    path = names(frames["simulated"], "path")[0]
-    on_path = chosen(runs, path=path)
-    ego = names(runs, "ego")[0]
-    parked = chosen(on_path, ego=ego)
-    users = names(runs, "road_user")
+    path, ego = tables.names(frames["simulated"], "path")[0], tables.names(runs, "ego")[0]
+    on_path = tables.chosen(runs, path=path)
+    parked = tables.chosen(on_path, ego=ego)
+    users = tables.names(runs, "road_user")
     options = list(dict.fromkeys(run.setting.get(EXPERIMENT, "thesis") for run in runs["run"]))
-    matchers = pd.concat(
-        [chosen(frames["simulated"], ego=ego), frames["block_matching"]], ignore_index=True
-    )
+    simulated = tables.chosen(frames["simulated"], ego=ego)
+    matchers = pd.concat([simulated, frames["block_matching"]], ignore_index=True)
     matchers["matcher"] = [run.configuration.stereo.kind for run in matchers["run"]]
-    starts = pd.concat(
-        [chosen(frames["fabricated"], ego=ego, path=path), frames["true_rates"]],
-        ignore_index=True,
-    )
+    fabricated = tables.chosen(frames["fabricated"], ego=ego, path=path)
+    starts = pd.concat([fabricated, frames["true_rates"]], ignore_index=True)
     starts["rates"] = [run.configuration.start.rates for run in starts["run"]]
+    by_kind = {
+        f"{user}, {kind}": own["run"].tolist()
+        for (user, kind), own in parked.groupby(["road_user", "measurement"], sort=False)
+    }
     return Material(
         {
             "users": users,
-            "paths": names(runs, "path"),
+            "paths": tables.names(runs, "path"),
             "path": path,
             "ego": ego,
-            "egos": names(runs, "ego"),
-            "kernels": names(runs, "tracker"),
-            "measures": [(metric.short_label, metric.unit) for metric in MEASURES],
-            "seeds": {name: sorted(names(frame, "seed")) for name, frame in frames.items()},
+            "egos": tables.names(runs, "ego"),
+            "kernels": tables.names(runs, "tracker"),
+            "seeds": {name: sorted(tables.names(frame, "seed")) for name, frame in frames.items()},
             "near": NEAR,
             "answers": _answers(parked),
+            "lost": lost_share(tables.chosen(frames["fabricated"], ego=ego)),
+            "page": page_table("thesis_and_project"),
             "ego_effect": _ego_effect(on_path),
             "forest": _forest(parked),
-            "errors": {name: quantity(metric) for name, metric in SCAN_ERRORS.items()},
+            "errors": ERROR_LABELS,
             "answer_table": tracking_table("answer", parked, ("road_user", "measurement")),
-            "settings": settings_table("settings", options, users),
-            "chapters": [_chapter(user, chosen(on_path, road_user=user), ego) for user in users],
+            "settings": Table.of("settings", settings_rows(options, users)),
+            "chapters": [
+                _chapter(user, tables.chosen(on_path, road_user=user), ego) for user in users
+            ],
             "pictures": _pictures(data),
             "all_paths": tracking_table(
                 "all_paths", runs, ("road_user", "measurement", "path", "ego")
@@ -90,14 +94,54 @@ def report(data: StudyData) -> Material:
             "levels": {
                 name: {
                     "figure": figures.levels(name, frames[name], key, label),
-                    "table": level_table(f"{name}_table", frames[name], key, label),
+                    "table": tracking_table(
+                        f"{name}_table",
+                        frames[name].rename(columns={key: label}),
+                        ("road_user", label),
+                    ),
                 }
                 for name, (key, label) in LEVELS.items()
             },
-            "real_time": real_time_table("real_time", _kinds(parked)),
+            "real_time": real_time_table("real_time", by_kind),
             "realtime_factor": _realtime_factor(parked),
         }
     )
+
+
+def frame_of(sweep: StudySweep, level: str = "") -> "pd.DataFrame":
+    """The frame of a sweep's runs, as `data.run_frame`, with three columns set.
+
+    `ego`: kind of the ego car's motion. `tracker`: the kernel, which depends on the option of
+    `experiment`. `measurement`: its kind; further swept keys but the noise `level` follow.
+    """
+    runs = run_frame(sweep.runs)
+    known = {*GROUPS, EXPERIMENT, "ego", "stereo", level}
+    measured, kernels = [], []
+    for run in runs["run"]:
+        further = [f"{key} {value}" for key, value in run.setting.items() if key not in known]
+        measured.append(", ".join([run.configuration.measurement.kind, *further]))
+        option = run.setting.get(EXPERIMENT, "thesis")
+        kernels.append(KERNELS.get(option, option))
+    egos = [run.configuration.ego.kind for run in runs["run"]]
+    return runs.assign(ego=egos, measurement=measured, tracker=kernels)
+
+
+def _heading(name: str) -> str:
+    """Label and unit of a metric, without the statistic."""
+    row = metric(over_runs(name))
+    return f"{tables.plain_label(row)} ({row.unit})" if row.unit else tables.plain_label(row)
+
+
+def tracking_table(name: str, runs: "pd.DataFrame", keys: Sequence[str]) -> Table:
+    """One row for each combination of `keys`, and the measures of each kernel with intervals."""
+    labels = {one: _heading(one) for one in MEASURES}
+    return Table.of(name, tables.rows_by(runs, keys, labels, across="tracker"))
+
+
+def consistency_table(name: str, runs: "pd.DataFrame", keys: Sequence[str]) -> Table:
+    """The metrics `_CONSISTENCY` of each kernel, means over the seeds."""
+    labels = {one: _heading(one) for one in _CONSISTENCY}
+    return Table.of(name, tables.rows_by(runs, keys, labels, tables.mean_cell, across="tracker"))
 
 
 def _answers(runs: "pd.DataFrame") -> list[dict[str, Any]]:
@@ -107,28 +151,23 @@ def _answers(runs: "pd.DataFrame") -> list[dict[str, Any]]:
             "user": user,
             "kernel": kernel,
             "measured": {
-                measurement: statistics(
-                    chosen(runs, road_user=user, tracker=kernel, measurement=measurement)
-                )
-                for measurement in names(runs, "measurement")
+                measurement: [tables.mean_over(same, one) for one in MEASURES]
+                for (measurement,), same in tables.groups(own, ["measurement"])
             },
         }
-        for user in names(runs, "road_user")
-        for kernel in names(runs, "tracker")
+        for (user, kernel), own in tables.groups(runs, ["road_user", "tracker"])
     ]
 
 
 def _forest(runs: "pd.DataFrame") -> Figure | None:
     """Simulated minus fabricated: the measures of each road user and kernel."""
     rows = []
-    for metric in MEASURES:
-        for user in names(runs, "road_user"):
-            for kernel in names(runs, "tracker"):
-                own = chosen(runs, road_user=user, tracker=kernel)
-                sides = (chosen(own, measurement_kind=kind) for kind in (STIXELS, "fabricated"))
-                apart = paired_difference(*sides, metric.name)
-                label = f"simulated {MINUS} fabricated"
-                rows.append(difference_row(metric, label, user, kernel, apart))
+    for name in MEASURES:
+        for (user, kernel), own in tables.groups(runs, ["road_user", "tracker"]):
+            sides = (tables.chosen(own, measurement_kind=kind) for kind in (STIXELS, "fabricated"))
+            apart = tables.difference(*sides, name)
+            sides = f"simulated {MINUS} fabricated"
+            rows.append(difference_row(METRICS[name], sides, user, kernel, apart))
     return forest("answer_forest", rows, "simulated better", "simulated worse")
 
 
@@ -143,28 +182,26 @@ def _ego_effect(runs: "pd.DataFrame") -> dict[str, dict[str, tuple[float, float]
 
 def _chapter(user: str, runs: "pd.DataFrame", ego: str) -> dict[str, Any]:
     """The values of one road user: sections 9.x.1 to 9.x.3, and its appendix."""
-    scans = {one: scan_frame(chosen(runs, ego=one)) for one in names(runs, "ego")}
-    measurements = names(runs, "measurement")
-    parked = chosen(runs, ego=ego)
-    fabricated = chosen(parked, measurement_kind="fabricated")
-    first = runs["tracker"].iloc[0]
+    measurements = tables.names(runs, "measurement")
+    parked = tables.chosen(runs, ego=ego)
+    fabricated = tables.chosen(parked, measurement_kind="fabricated")
+    first = tables.chosen(runs, tracker=runs["tracker"].iloc[0])
+    by_measurement = enumerate(tables.groups(parked, ["measurement"]))
     return {
         "user": user,
-        "paths": figures.paths(f"{user}_paths", chosen(runs, measurement_kind="fabricated")),
+        "paths": figures.paths(f"{user}_paths", tables.chosen(runs, measurement_kind="fabricated")),
         "rays": figures.rays(f"{user}_rays", fabricated.sort_values("seed")["run"].iloc[0]),
-        "scans": scans_table(f"{user}_scans", chosen(runs, tracker=first)),
+        "scans": Table.of(f"{user}_scans", scan_rows(first, ["measurement", "ego"])),
         "tracking": tracking_table(f"{user}_tracking", runs, ("measurement", "ego")),
         "ceilings": ceilings_table(f"{user}_ceilings", runs, ("measurement",)),
         "consistency": consistency_table(f"{user}_consistency", runs, ("measurement", "ego")),
         "over_time": {
-            one: over_time(f"{user}_{one}_over_time", own, measurements)
-            for one, own in scans.items()
+            one: over_time(f"{user}_{one}_over_time", scan_frame(own), measurements)
+            for (one,), own in tables.groups(runs, ["ego"])
         },
         "radial": {
-            measurement: figures.radial_functions(
-                f"{user}_radius_{i}", chosen(parked, measurement=measurement)
-            )
-            for i, measurement in enumerate(measurements)
+            name: figures.radial_functions(f"{user}_radius_{i}", own)
+            for i, ((name,), own) in by_measurement
         },
     }
 
@@ -173,27 +210,52 @@ def _pictures(data: StudyData) -> dict[str, list[Picture]]:
     """Road user to the pictures of every stage, from its first run."""
     found: dict[str, list[Picture]] = {}
     for run in data.sweeps["pictures"].runs:
-        user = _user(run)
-        if user in found:
-            continue
-        for pictures in run.load("camera_pictures"):
-            for frame, files in by_frame(pictures.files).items():
-                sheet = contact_sheet(files, run.configuration.rig)
-                name = f"{user}_stages_{frame:04d}"
-                found.setdefault(user, []).append(Picture(name, "", sheet, "image/webp"))
+        user = run.setting.get("road_user", run.configuration.road_user.kind)
+        if user not in found:
+            found[user] = [picture for _, picture in stage_pictures(f"{user}_stages", run)]
     return found
 
 
-def _user(run: StudyRun) -> str:
-    return run.setting.get("road_user", run.configuration.road_user.kind)
+def settings_rows(options: Sequence[str], users: Sequence[str]) -> Iterator[dict[str, Cell]]:
+    """Every choice and value of the experiments with its source, as their files state it."""
+    sources = [experiment_sources(option) for option in options]
+    for key in dict.fromkeys(key for own in sources for key in own):
+        source = dict.fromkeys(own[key] for own in sources if key in own)
+        values = {KERNELS.get(one, one): _value(one, key, users) for one in options}
+        yield {"option or key": key, **values, "source": "; ".join(source)}
 
 
-def _kinds(runs: "pd.DataFrame") -> dict[str, list]:
-    """Road user and measurement to their runs."""
-    return {
-        f"{user}, {measurement}": own["run"].tolist()
-        for (user, measurement), own in runs.groupby(["road_user", "measurement"], sort=False)
-    }
+def _value(option: str, key: str, road_users: Sequence[str]) -> str:
+    """The choice or value that an experiment gives; "by class" if the road users differ."""
+    found = []
+    for road_user in road_users:
+        more = ["measurement=fabricated"] if key != "measurement" else []
+        composed = compose([f"{EXPERIMENT}={option}", f"road_user={road_user}", *more])
+        if key == "measurement.noise.disparity_std":
+            # A key of the other noise.
+            composed = compose([*composed.overrides, "measurement/noise=stereo"])
+        found.append(composed.value(key))
+    if len(set(map(str, found))) > 1:
+        return "by class"
+    value = found[0]
+    return "null" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def lost_share(runs: "pd.DataFrame") -> dict[str, dict[str, float]]:
+    """Kernel to the share of runs that lost the track, for each road user and path with any."""
+    found: dict[str, dict[str, float]] = {one: {} for one in tables.names(runs, "tracker")}
+    for (kernel, user, path), own in runs.groupby(["tracker", "road_user", "path"], sort=False):
+        if own["track_lost"].any():
+            found[kernel][f"{user} on {path}"] = float(own["track_lost"].mean())
+    return found
+
+
+def page_table(name: str) -> Table:
+    """The table of docs/thesis.md: section by section, what is the same and what differs."""
+    text = (shipped_folder("docs") / "thesis.md").read_text(encoding="utf-8")
+    lines = re.findall(r"^\|(.*)\|$", re.sub(r"`|\]\([^)]*\)|\[", "", text), re.MULTILINE)
+    rows = [tuple(cell.strip() for cell in line.split("|")) for line in lines]
+    return Table(name, "", rows[0], tuple(rows[2:]))
 
 
 def _realtime_factor(runs: "pd.DataFrame") -> dict[str, tuple[float, float]]:

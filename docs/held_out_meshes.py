@@ -1,0 +1,129 @@
+"""Write the meshes of `study accuracy` that no class knows: python docs/held_out_meshes.py
+
+They are made of flat-sided blocks and of discs, not of the parts that the package draws road users
+from. x forward, y left, z up, m.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+FOLDER = Path(__file__).parents[1] / "pipelines" / "studies" / "meshes"
+
+
+Block = tuple[np.ndarray, np.ndarray]
+
+
+def prism(lower: np.ndarray, upper: np.ndarray) -> Block:
+    """The convex block between two rings (n, 3) of corners, counter-clockwise seen from `upper`."""
+    count = len(lower)
+    ahead = np.arange(count)
+    after = (ahead + 1) % count
+    sides = [(ahead, after, after + count), (ahead, after + count, ahead + count)]
+    fan = np.arange(1, count - 1)
+    ends = [(np.zeros_like(fan), fan + 1, fan), (fan * 0 + count, fan + count, fan + count + 1)]
+    faces = np.concatenate([np.column_stack(one) for one in (*sides, *ends)])
+    return np.concatenate([lower, upper]), faces
+
+
+def slab(z: tuple, lengths: tuple, widths: tuple, cut: float = 0.0) -> Block:
+    """A block from z[0] to z[1]: rear and front x, and width, at its lower and its upper end.
+
+    `cut` of each corner is taken off, m, seen from above.
+    """
+    rings = []
+    for height, (rear, front), width in zip(z, lengths, widths, strict=True):
+        middle, half = 0.5 * (rear + front), np.array([0.5 * (front - rear), 0.5 * width])
+        corner = [(half[0], half[1] - cut), (half[0] - cut, half[1])]
+        signs = [(1, 1), (-1, 1), (-1, -1), (1, -1)]
+        # Every second corner is passed in the other direction, so that the ring turns one way.
+        ring = [
+            (middle + sx * x, sy * y)
+            for i, (sx, sy) in enumerate(signs)
+            for x, y in (corner if i % 2 == 0 else corner[::-1])
+        ]
+        rings.append([(x, y, height) for x, y in ring])
+    return prism(*np.array(rings))
+
+
+def disc(x: float, y: float, radius: float, width: float, sides: int = 12) -> Block:
+    """A wheel on the ground, its axle across the heading."""
+    angles = 2.0 * np.pi * np.arange(sides) / sides
+    ring = np.column_stack([np.sin(angles), np.zeros(sides), np.cos(angles)]) * radius
+    middle = np.array([x, y, radius])
+    shift = np.array([0.0, 0.5 * width, 0.0])
+    return prism(middle + ring - shift, middle + ring + shift)
+
+
+def wheels(axles: tuple, track: float, radius: float, width: float) -> list[Block]:
+    """Two wheels on each axle."""
+    return [disc(x, side * 0.5 * track, radius, width) for x in axles for side in (-1, 1)]
+
+
+MESHES = {
+    "pickup": (
+        "car",
+        [
+            slab((0.35, 1.0), ((-2.6, 2.6), (-2.6, 2.5)), (1.9, 1.86), 0.12),
+            slab((1.0, 1.78), ((-0.6, 1.35), (-0.5, 0.55)), (1.8, 1.5), 0.08),
+            *wheels((-1.6, 1.6), 1.66, 0.38, 0.24),
+        ],
+    ),
+    "box_van": (
+        "car",
+        [
+            slab((0.25, 0.95), ((-2.2, 2.2), (-2.2, 2.05)), (1.83, 1.83), 0.2),
+            slab((0.95, 1.85), ((-2.2, 1.5), (-2.15, 0.75)), (1.83, 1.7), 0.06),
+            *wheels((-1.35, 1.35), 1.6, 0.31, 0.2),
+        ],
+    ),
+    "wedge": (
+        "car",
+        [
+            slab((0.15, 0.8), ((-2.1, 2.15), (-2.1, 1.3)), (1.85, 1.8), 0.35),
+            slab((0.8, 1.22), ((-1.6, 0.9), (-0.9, 0.1)), (1.5, 1.1), 0.1),
+            *wheels((-1.3, 1.3), 1.6, 0.33, 0.25),
+        ],
+    ),
+    "city_bike": (
+        "cyclist",
+        [
+            disc(-0.58, 0.0, 0.34, 0.06),
+            disc(0.56, 0.0, 0.34, 0.06),
+            slab((0.4, 0.5), ((-0.58, 0.5), (-0.55, 0.45)), (0.08, 0.08)),
+            slab((0.7, 0.95), ((0.45, 0.8), (0.4, 0.85)), (0.34, 0.4)),
+            slab((0.2, 0.95), ((-0.1, 0.2), (-0.35, 0.05)), (0.3, 0.34)),
+            slab((0.95, 1.55), ((-0.42, -0.05), (-0.25, 0.05)), (0.36, 0.48), 0.06),
+            slab((1.15, 1.27), ((-0.1, 0.45), (-0.1, 0.45)), (0.5, 0.58)),
+            slab((1.58, 1.82), ((-0.2, 0.02), (-0.18, 0.01)), (0.18, 0.18), 0.04),
+        ],
+    ),
+    "pedestrian_in_a_coat": (
+        "pedestrian",
+        [
+            slab((0.0, 0.5), ((-0.3, -0.02), (-0.14, 0.04)), (0.28, 0.3), 0.03),
+            slab((0.0, 0.5), ((0.12, 0.4), (0.0, 0.16)), (0.28, 0.3), 0.03),
+            slab((0.45, 1.05), ((-0.24, 0.26), (-0.13, 0.14)), (0.52, 0.4), 0.08),
+            slab((1.05, 1.48), ((-0.13, 0.14), (-0.12, 0.12)), (0.42, 0.5), 0.06),
+            slab((1.52, 1.76), ((-0.1, 0.11), (-0.09, 0.09)), (0.17, 0.16), 0.04),
+        ],
+    ),
+}
+"""Name to class and blocks."""
+
+
+def main() -> None:
+    """Write one Wavefront file for each mesh."""
+    for name, (road_user, blocks) in MESHES.items():
+        lines, count = ["# made by docs/held_out_meshes.py"], 1
+        for points, faces in blocks:
+            lines += ["v " + " ".join(f"{value:.4g}" for value in point) for point in points]
+            lines += ["f " + " ".join(map(str, face)) for face in faces + count]
+            count += len(points)
+        folder = FOLDER / road_user
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / f"{name}.obj").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,85 @@
+"""The user's recordings, replayed motions and files of scans: opened here, once per command."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from stixel_cli.config.schema import Configuration
+from stixel_cli.errors import UserError
+from stixel_cli.measurements.file_parameters import FileParameters
+from stixel_cli.scene.ego import Parked
+from stixel_cli.scene.path_parameters import ReplayedPath
+
+if TYPE_CHECKING:
+    from stixel_cli.measurements.scans import Scans
+    from stixel_cli.recordings.types import Recording
+
+
+class UserFiles:
+    """Opens what configurations name, each once; a new object opens it anew.
+
+    The configuration takes from an opened recording what it sets, the stages take its frames.
+    """
+
+    def __init__(self) -> None:
+        self._opened: dict[str, Any] = {}
+
+    def recording(self, configuration: Configuration) -> "Recording | None":
+        """The recording or the replayed motion of a configuration; None without one.
+
+        Raises:
+            UserError: if a file is missing or not valid.
+        """
+        if isinstance(configuration.path, ReplayedPath):
+            return self.open(configuration.path)
+        if configuration.source.kind == "rendered":
+            return None
+        recording = self.open(configuration.source)
+        parked = isinstance(configuration.ego, Parked)
+        return replace(recording, pose_files=()) if parked else recording
+
+    def scans(self, measurement: FileParameters) -> "Scans":
+        """The scans of a file; its truth is checked too.
+
+        Raises:
+            UserError: if a file is missing or not valid.
+        """
+        return self.open(measurement)
+
+    def open(self, parameters: Any) -> Any:
+        """The `Recording` of a source or a replayed path, or the `Scans` of a file, by its
+        parameters; errors as above."""
+        name = repr(parameters)
+        if name not in self._opened:
+            self._opened[name] = _open(parameters)
+        return self._opened[name]
+
+    def add(self, parameters: Any, opened: Any) -> None:
+        """Let `parameters` also mean what is `opened`: with the frames that it has."""
+        self._opened[repr(parameters)] = opened
+
+
+def _open(parameters: Any) -> Any:
+    # Imported here, because most runs have no such files.
+    if isinstance(parameters, FileParameters):
+        return _read_scans(parameters)
+    if isinstance(parameters, ReplayedPath):
+        from stixel_cli.recordings.kitti import find_replay
+
+        return find_replay(parameters)
+    from stixel_cli.recordings.find import find_recording
+
+    return find_recording(parameters)
+
+
+def _read_scans(measurement: FileParameters) -> "Scans":
+    from stixel_cli.measurements.file import read_scans
+
+    if measurement.path is None:
+        raise UserError("measurement.path: is missing: give the file of the scans, .csv or .npz")
+    scans = read_scans(measurement.path, measurement.ego, measurement.range_std)
+    if measurement.truth is not None:
+        # Shapely is imported for it.
+        from stixel_cli.measurements.file_truth import read_truth
+
+        read_truth(scans, measurement.truth)
+    return scans

@@ -1,0 +1,116 @@
+"""Write a clip in the layout of KITTI's tracking benchmark, as `kitti_tracking` reads it."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotation, world_from_target
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.rendering.frames import StereoPairs
+from stixel_cli.scene.scenario import Scenario
+
+
+def write_clip(
+    folder: Path,
+    sequence: str,
+    pairs: Iterable[StereoPairs],
+    scenario: Scenario,
+    rig: Rig,
+    label: str,
+    target_height: float,
+) -> None:
+    """Write images, calibration, labels and ego poses of one clip below `folder`.
+
+    The target has the track id 0. Its box is that round its contour; its box in the image is that
+    of the projected corners. The ego poses and the labels are in the frame of the left camera.
+
+    Args:
+        folder: gets `image_02`, `image_03`, `calib`, `label_02`, `ego_poses`.
+        sequence: name of the clip, such as 0000.
+        pairs: all frames, in order.
+        scenario: the truth; frames without a pose of the target get no label.
+        rig: of the images.
+        label: type of the target's label.
+        target_height: m.
+
+    Raises:
+        OSError: if a file cannot be written.
+    """
+    for chunk in pairs:
+        for camera, images in (("image_02", chunk.left), ("image_03", chunk.right)):
+            (folder / camera / sequence).mkdir(parents=True, exist_ok=True)
+            for i, data in enumerate(images.encoded):
+                number = f"{chunk.first + i:06d}.png"
+                (folder / camera / sequence / number).write_bytes(data)
+    texts = {
+        "calib": calibration_text(rig),
+        "label_02": labels_text(scenario, rig, label, target_height),
+        "ego_poses": poses_text(scenario.ego_poses_world, rig),
+    }
+    for name, text in texts.items():
+        (folder / name).mkdir(parents=True, exist_ok=True)
+        (folder / name / f"{sequence}.txt").write_text(text, encoding="utf-8")
+
+
+def calibration_text(rig: Rig) -> str:
+    """The rows P0 … P3: the left camera is that of the labels' frame."""
+    rows = []
+    for name, shift in (("P0", 0.0), ("P1", rig.baseline), ("P2", 0.0), ("P3", rig.baseline)):
+        matrix = np.array(
+            [
+                [rig.focal, 0.0, rig.u0, -rig.focal * shift],
+                [0.0, rig.focal_v, rig.v0, 0.0],
+                [0.0, 0.0, 1.0, 0.0],
+            ]
+        )
+        rows.append(f"{name}: {_numbers(matrix)}")
+    return "\n".join(rows) + "\n"
+
+
+def poses_text(ego_poses_world: np.ndarray, rig: Rig) -> str:
+    """One row per pose (K, 3): the left camera's, 3 × 4, in the frame of the first."""
+    first = np.linalg.inv(rig.world_from_camera(ego_poses_world[0]))
+    poses = [first @ rig.world_from_camera(pose) for pose in ego_poses_world]
+    return "".join(f"{_numbers(pose[:3])}\n" for pose in poses)
+
+
+def labels_text(scenario: Scenario, rig: Rig, label: str, target_height: float) -> str:
+    """One row per frame in which the target has a pose, in the frame of the left camera."""
+    low, high = scenario.box_target
+    length, width = high - low
+    rows = []
+    for k, (ego, pose) in enumerate(
+        zip(scenario.ego_poses_world, scenario.target_poses_world, strict=True)
+    ):
+        if not np.isfinite(pose).all():
+            continue
+        ground = world_from_target(0.5 * (low + high)[None], pose)[0]
+        camera = np.linalg.inv(rig.world_from_camera(ego))
+        place = (camera @ [*ground, 0.0, 1.0])[:3]
+        yaw = ego[2] - STRAIGHT_AHEAD - pose[2]
+        box, cut = _image_box(camera, ground, pose[2], (length, width, target_height), rig)
+        alpha = yaw - np.arctan2(place[0], place[2])
+        values = _numbers(np.array([alpha, *box, target_height, width, length, *place, yaw]))
+        rows.append(f"{k} 0 {label} {int(cut)} 0 {values}")
+    return "\n".join(rows) + "\n"
+
+
+def _image_box(camera, ground, heading, sizes, rig: Rig) -> tuple[np.ndarray, bool]:
+    """Left, top, right, bottom (px) of a box's corners, and whether the image cuts it."""
+    length, width, height = sizes
+    flat = 0.5 * np.array([[length, width], [-length, width], [-length, -width], [length, -width]])
+    flat = flat @ rotation(heading).T + ground
+    corners = [[x, y, z, 1.0] for x, y in flat for z in (0.0, height)]
+    x, y, z = (camera @ np.array(corners).T)[:3]
+    z = np.maximum(z, 0.1)
+    u, v = rig.focal * x / z + rig.u0, rig.focal_v * y / z + rig.v0
+    box = np.array([u.min(), v.min(), u.max(), v.max()])
+    bounds = np.array([rig.width - 1.0, rig.height - 1.0] * 2)
+    inside = np.clip(box, 0.0, bounds)
+    return inside, bool((inside[[0, 2]] != box[[0, 2]]).any())
+
+
+def _numbers(values: np.ndarray) -> str:
+    """Numbers with all their digits."""
+    return " ".join(repr(float(value)) for value in np.ravel(values))

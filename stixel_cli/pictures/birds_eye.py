@@ -1,0 +1,210 @@
+"""The scene from above at one time: scan, truth and estimate."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
+
+from stixel_cli.geometry.pose import world_from_ego, wrap_angle
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.pictures import ground, style
+from stixel_cli.results.pictures import Pictures
+from stixel_cli.scene.scenario import Scenario
+from stixel_cli.stixels.objects import Objects
+from stixel_cli.tracking.several.found import ObjectTrack
+from stixel_cli.tracking.track import Track
+
+
+def track_pictures(
+    scans: Scans,
+    track: Track,
+    scenario: Scenario,
+    field_of_view: tuple[float, float] | None,
+    frame: int,
+    objects: Objects | None = None,
+    tracks: tuple[ObjectTrack, ...] = (),
+) -> Pictures:
+    """The bird's eye view of scan `frame`: all that is seen, and the target enlarged.
+
+    Gives `k0033/birds_eye.png`: the ego car and its field of view, the scan with ellipses of one
+    standard deviation (points which the tracker used apart from the others), the true contour, the
+    estimated one with its band of ± 2 standard deviations of the radius, both headings. Where the
+    truth is unknown, only the estimate is drawn. `field_of_view` is in rad, None if unknown. With
+    `objects`, the rectangles round their points are drawn; with `tracks`, those of all that moves.
+    """
+    with style.drawing({"axes.grid": True}):
+        figure = style.new_figure(10.4, 5.7)
+        wide = figure.add_axes((0.055, 0.17, 0.4, 0.76))
+        near = figure.add_axes((0.54, 0.17, 0.44, 0.76))
+        for axes, linewidth in ((wide, 1.1), (near, 1.6)):
+            axes.set(xlabel="x in the world (m)", ylabel="y in the world (m)")
+            _draw_target(axes, track, scenario, frame, linewidth)
+            _draw_scan(axes, scans, track, frame)
+            _draw_tracks(axes, tracks, frame)
+            if objects is not None:
+                _draw_objects(axes, objects, scenario.ego_poses_world[frame], frame)
+        _draw_centre(near, track, frame)
+        _draw_surroundings(wide, scans, track, scenario, field_of_view, frame)
+        _enlarge(near, scans, track, scenario, frame)
+        _mark_enlarged(wide, near)
+        wide.set_title(style.title("Bird's eye view", frame, track.times[frame]))
+        near.set_title(_std(track, scenario, frame))
+        _legend(figure, bool(scenario.known.any()), field_of_view is not None, objects is not None)
+        return Pictures({f"k{frame:04d}/birds_eye.png": style.png(figure)})
+
+
+def _draw_objects(axes: Axes, objects: Objects, ego_pose_world: np.ndarray, k: int) -> None:
+    """The rectangles of the objects and their numbers, as in `objects.csv`."""
+    for number, corners in enumerate(objects.corners_ego[objects.rows(k - objects.first)]):
+        corners_world = world_from_ego(corners, ego_pose_world)
+        ground.draw_contour(axes, corners_world, style.OBJECT, linewidth=1.0)
+        place = corners_world[corners_world[:, 1].argmax()]
+        axes.text(*place, str(number), color=style.OBJECT, size=7, clip_on=True)
+
+
+def _draw_tracks(axes: Axes, tracks: tuple[ObjectTrack, ...], k: int) -> None:
+    """Contour, path and number of each track that has scan k."""
+    for number, one in enumerate(tracks):
+        i = k - one.first
+        if 0 <= i < len(one.track.times) and np.isfinite(one.track.means[i]).all():
+            colour = style.RUNS[number % len(style.RUNS)]
+            ground.draw_contour(axes, one.track.contours_world[i], colour, linewidth=0.9)
+            axes.plot(*one.track.means[: i + 1, :2].T, color=colour, linewidth=0.9)
+            place = one.track.means[i, :2]
+            axes.text(*place, f"   track {number}", color=colour, size=7, clip_on=True)
+
+
+def _outline(track: Track, scenario: Scenario, k: int) -> np.ndarray:
+    """The true contour (M, 2) m; the estimated one where the truth is unknown."""
+    if scenario.known[k]:
+        return scenario.contour_world(k)
+    contour = track.contours_world[k]
+    finite = np.isfinite(contour).all()
+    return contour if finite else np.zeros((1, 2)) + scenario.ego_poses_world[k, :2]
+
+
+def _radius(track: Track, scenario: Scenario, k: int) -> float:
+    """Greatest radius of the true target, m; of the estimated one where the truth is unknown."""
+    if scenario.known[k]:
+        return scenario.radius_target
+    contour = _outline(track, scenario, k)
+    return max(0.1, float(np.linalg.norm(contour - contour.mean(axis=0), axis=1).max()))
+
+
+def _draw_target(axes: Axes, track: Track, scenario: Scenario, k: int, linewidth: float) -> None:
+    contour = track.contours_world[k]
+    mean = track.means[k]
+    if scenario.known[k]:
+        ground.draw_contour(axes, scenario.contour_world(k), style.TRUTH, linewidth=linewidth)
+    ground.draw_band(axes, mean[:2], contour, track.contour_directions[k], track.contour_std[k])
+    ground.draw_contour(axes, contour, style.ESTIMATE, linewidth=linewidth)
+    reach = 0.75 * _radius(track, scenario, k)
+    ground.draw_heading(axes, scenario.target_poses_world[k], reach, style.TRUTH)
+    ground.draw_heading(axes, mean[:3], reach, style.ESTIMATE)
+
+
+def _draw_centre(axes: Axes, track: Track, k: int) -> None:
+    """The ellipse of two standard deviations of the estimated centre."""
+    mean = track.means[k]
+    if np.isfinite(mean[:2]).all():
+        ground.draw_ellipses(
+            axes,
+            mean[None, :2],
+            track.covariances[k, None, :2, :2],
+            2.0,
+            style.ESTIMATE,
+            linewidth=1.0,
+            linestyle="--",
+            zorder=4.0,
+        )
+
+
+def _draw_scan(axes: Axes, scans: Scans, track: Track, k: int) -> None:
+    rows = scans.rows(k)
+    used = np.zeros(len(scans.points_world), dtype=bool)
+    used[track.used_points[track.used_offsets[k] : track.used_offsets[k + 1]]] = True
+    for chosen, colour in ((~used[rows], style.UNUSED), (used[rows], style.USED)):
+        points, covariances = scans.points_world[rows], scans.covariances_world[rows]
+        ground.draw_points(axes, points[chosen], covariances[chosen], colour)
+
+
+def _draw_surroundings(
+    axes: Axes, scans: Scans, track: Track, scenario: Scenario, field_of_view, k: int
+) -> None:
+    """Ego car, field of view, and the paths up to now; the limits include all visible things."""
+    ego = scenario.ego_poses_world[k]
+    contour = _outline(track, scenario, k)
+    points = scans.points_world[scans.rows(k)]
+    far = 5.0 + 1.6 * np.linalg.norm(contour - ego[:2], axis=1).max()
+    shown = np.linalg.norm(points - ego[:2], axis=1) <= far
+    seen = np.concatenate([ego[None, :2], contour, points[shown]])
+    seen = np.concatenate([seen, ground.near(track.contours_world[k], seen)])
+    ground.fit(axes, seen, 1.5)
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    x, y = points.T
+    hidden = np.sum((x < left) | (x > right) | (y < bottom) | (y > top))
+    if hidden:
+        text = f"{hidden} point{'s' if hidden > 1 else ''} outside"
+        place = {"ha": "right", "va": "bottom", "transform": axes.transAxes}
+        axes.text(1.0, 1.015, text, size=7.5, color="#444444", **place)
+    if field_of_view is not None:
+        ground.draw_field_of_view(axes, ego, field_of_view)
+    ground.draw_ego(axes, ego)
+    axes.plot(*scenario.target_poses_world[: k + 1, :2].T, color=style.TRUTH, linewidth=0.9)
+    axes.plot(*track.means[: k + 1, :2].T, color=style.ESTIMATE, linewidth=0.9)
+
+
+def _enlarge(axes: Axes, scans: Scans, track: Track, scenario: Scenario, k: int) -> None:
+    """Limits round the two contours and the points that were used."""
+    used = track.used_points[track.used_offsets[k] : track.used_offsets[k + 1]]
+    contour = _outline(track, scenario, k)
+    also = np.concatenate([track.contours_world[k], scans.points_world[used]])
+    room = 0.3 * _radius(track, scenario, k)
+    ground.fit(axes, np.concatenate([contour, ground.near(also, contour)]), room)
+
+
+def _mark_enlarged(wide: Axes, near: Axes) -> None:
+    (left, right), (bottom, top) = near.get_xlim(), near.get_ylim()
+    wide.add_patch(
+        Rectangle(
+            (left, bottom),
+            right - left,
+            top - bottom,
+            fill=False,
+            edgecolor="#555555",
+            linewidth=0.7,
+            linestyle=":",
+            zorder=6,
+        )
+    )
+
+
+def _std(track: Track, scenario: Scenario, k: int) -> str:
+    offset = track.means[k, :3] - scenario.target_poses_world[k]
+    if not scenario.known[k]:
+        return "Target, enlarged"
+    if not np.isfinite(offset).all():
+        return "Target, enlarged;  no valid estimate"
+    centre = float(np.hypot(*offset[:2]))
+    turn = np.degrees(float(wrap_angle(offset[2])))
+    return f"Target, enlarged;  centre error {centre:.2f} m, heading error {abs(turn):.1f}°"
+
+
+def _legend(figure: Figure, with_truth: bool, with_view: bool, with_objects: bool) -> None:
+    dot = {"linestyle": "none", "marker": "o"}
+    handles = [
+        Line2D([], [], color=style.TRUTH, label="truth: contour, heading, path"),
+        Line2D([], [], color=style.ESTIMATE, label="estimate: contour, heading, path"),
+        Patch(color=style.ESTIMATE, alpha=0.2, linewidth=0, label="± 2σ of the contour"),
+        Line2D([], [], color=style.ESTIMATE, lw=1.0, ls="--", label="2σ of the centre"),
+        Line2D([], [], color=style.USED, **dot, markersize=4, label="point used, with 1σ"),
+        Line2D([], [], color=style.UNUSED, **dot, markersize=4, label="point not used, with 1σ"),
+        Line2D([], [], color=style.EGO, linestyle="none", marker="^", label="ego car's sensor"),
+        Patch(color=style.FIELD_OF_VIEW, alpha=0.25, linewidth=0, label="field of view"),
+    ]
+    handles = handles if with_view else handles[:-1]
+    handles = handles if with_truth else handles[1:]
+    if with_objects:
+        handles.append(Line2D([], [], color=style.OBJECT, lw=1.0, label="objects"))
+    figure.legend(handles=handles, loc="lower center", ncols=4, columnspacing=2.2)

@@ -1,0 +1,253 @@
+"""Panels of the left camera: images, disparity, occupancy grid, free space, stixels.
+
+Every panel takes the axes and a `FrameView`; pixels are at whole (u, v), v down.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.artist import Artist, allow_rasterization
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import ListedColormap, LogNorm, to_rgb
+from matplotlib.patches import Rectangle
+
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.pictures import style
+from stixel_cli.stereo.disparities import SUBPIXELS
+
+LIKELIHOOD_RANGE = 1000.0
+"""Likelihoods below the maximum divided by this are drawn as empty."""
+
+GRID_DEPTHS = (10, 20, 50, 100, 5, 2, 30, 200, 1, 40, 60, 80, 3, 15, 4, 7)
+"""Depths of an axis' ticks in m, the most important first."""
+
+
+@dataclass(frozen=True)
+class FrameView:
+    """The data of one frame that the panels draw.
+
+    Attributes:
+        rig: the stereo rig.
+        colour: (H, W, 3) uint8, the left view without noise; grey: (H, W) uint8, the camera's.
+        raw_disparity: (H, W) int16, 1/16 px, negative where invalid.
+        grid_kind: kind of the occupancy grid.
+        grid: (R, C) likelihood; grid_depth: (R,) m, depth of its rows, ascending.
+        grid_laterals: (C,) lateral positions: m to the right (Cartesian), else image columns.
+        obstacle_disparity: (W,) px, NaN where the column is free; base_row, unknown_row: (W,) as in
+            `FreeSpace`.
+        horizon_row: the first image row of the road in the grid.
+        left, right, top, base: (S,) px, the stixels' columns left … right - 1, rows top … base.
+        depth: (S,) m, the stixels' depth.
+        boxes: (B, 4) px, the objects' columns left … right - 1 and rows top … base.
+    """
+
+    rig: Rig
+    colour: np.ndarray
+    grey: np.ndarray
+    raw_disparity: np.ndarray
+    grid_kind: str
+    grid: np.ndarray
+    grid_depth: np.ndarray
+    grid_laterals: np.ndarray
+    obstacle_disparity: np.ndarray
+    base_row: np.ndarray
+    unknown_row: np.ndarray
+    horizon_row: int
+    left: np.ndarray
+    right: np.ndarray
+    top: np.ndarray
+    base: np.ndarray
+    depth: np.ndarray
+    boxes: np.ndarray
+
+    # Each of these is drawn twice: as a picture, and on the page of all.
+
+    @cached_property
+    def disparity_image(self) -> np.ndarray:
+        """The disparity's colours, (H, W, 3) uint8."""
+        highest = int(self.raw_disparity.max(initial=0))
+        with np.errstate(divide="ignore"):
+            depth = self.rig.depth_from_disparity(np.arange(highest + 1) / SUBPIXELS)
+        table = np.concatenate([[to_rgb(style.INVALID)], style.depth_colours(depth)])
+        table = np.rint(255.0 * table).astype(np.uint8)
+        return table[np.maximum(self.raw_disparity, -1) + 1]
+
+    @cached_property
+    def free_space_image(self) -> np.ndarray:
+        """The camera's image with free and unknown space tinted, (H, W, 3) uint8.
+
+        Each column is tinted from its obstacle's base, or the horizon, down: in the colour of free
+        space, but above the unknown row in that of the unknown.
+        """
+        image = _grey_rgb(self)
+        free = np.isnan(self.obstacle_disparity) | (self.base_row < 0)
+        first = np.where(free, self.horizon_row, self.base_row + 1)
+        rows = np.arange(len(image))[:, None]
+        known = rows > self.unknown_row[None, :]
+        tinted = np.where(
+            known[..., None], _tinted(image, style.FREE), _tinted(image, style.UNKNOWN)
+        )
+        return np.where((rows >= first[None, :])[..., None], tinted, image)
+
+    @cached_property
+    def height_image(self) -> np.ndarray:
+        """`free_space_image` with the stixels tinted, (H, W, 3) uint8."""
+        image = self.free_space_image.copy()
+        for left, right, top, base in zip(self.left, self.right, self.top, self.base, strict=True):
+            part = image[top : base + 1, left:right]
+            part[...] = _tinted(part, style.OBSTACLE)
+        return image
+
+
+def draw_left(axes: Axes, view: FrameView) -> None:
+    """The left view as it is rendered, before the sensor's noise."""
+    _draw_image(axes, view.colour)
+
+
+def draw_disparity(axes: Axes, view: FrameView) -> None:
+    """Disparity, coloured by the depth that it means; grey where there is none."""
+    _draw_image(axes, view.disparity_image)
+
+
+def draw_occupancy(axes: Axes, view: FrameView) -> None:
+    """Occupancy grid over column and depth, and the free space found in it."""
+    rows = np.arange(len(view.grid_depth))
+    half = 0.5 * (view.grid_laterals[1] - view.grid_laterals[0])
+    scale = likelihood_scale(view)
+    axes.imshow(
+        scale.to_rgba(np.maximum(view.grid, scale.norm.vmin), bytes=True)[..., :3],
+        origin="lower",
+        aspect="auto",
+        interpolation="nearest",
+        extent=(
+            view.grid_laterals[0] - half,
+            view.grid_laterals[-1] + half,
+            -0.5,
+            rows[-1] + 0.5,
+        ),
+    )
+    depth = view.rig.depth_from_disparity(view.obstacle_disparity.astype(np.float64))
+    limit = np.where(np.isfinite(depth), np.interp(depth, view.grid_depth, rows), np.nan)
+    across = np.arange(len(depth), dtype=np.float64)
+    if view.grid_kind == "cartesian":
+        # Neighbouring columns may be far apart here: a line between them would mean nothing.
+        across = (across - view.rig.u0) * depth / view.rig.focal
+        axes.plot(across, limit, ".", color=style.FREE, markersize=2.5)
+    else:
+        axes.plot(across, limit, color=style.FREE, linewidth=1.8)
+    _label_depths(axes, view.grid_depth)
+
+
+def draw_free_space(axes: Axes, view: FrameView) -> None:
+    """Free space, green, over the camera's image."""
+    _draw_image(axes, view.free_space_image)
+
+
+def draw_height(axes: Axes, view: FrameView) -> None:
+    """Free space, green, and the obstacles' height, red, over the camera's image."""
+    _draw_image(axes, view.height_image)
+
+
+def draw_stixels(axes: Axes, view: FrameView) -> None:
+    """Stixels, coloured by their depth, and the boxes of the objects, over the camera's image."""
+    _draw_image(axes, _grey_rgb(view))
+    left, right = view.left - 0.5, view.right - 0.5
+    top, base = view.top - 0.5, view.base + 0.5
+    corners = np.stack([left, top, right, top, right, base, left, base], axis=1)
+    colours = style.depth_colours(view.depth)
+    axes.add_collection(
+        PolyCollection(
+            corners.reshape(-1, 4, 2),
+            facecolors=np.concatenate([colours, np.full((len(colours), 1), 0.65)], axis=1),
+            edgecolors=0.75 * colours,
+            linewidths=0.5,
+        ),
+        autolim=False,
+    )
+    for number, (left, right, top, base) in enumerate(view.boxes):
+        place = (left - 0.5, top - 0.5)
+        axes.add_patch(
+            Rectangle(
+                place,
+                right - left,
+                base + 1 - top,
+                fill=False,
+                edgecolor=style.OBJECT,
+                linewidth=1.2,
+            )
+        )
+        axes.text(*place, str(number), color=style.OBJECT, size=7, va="bottom", clip_on=True)
+
+
+def likelihood_scale(view: FrameView) -> ScalarMappable:
+    """Colours of the grid's likelihood, logarithmic."""
+    greatest = float(view.grid.max(initial=0.0)) or 1.0
+    return ScalarMappable(LogNorm(greatest / LIKELIHOOD_RANGE, greatest), colormaps["Greys"])
+
+
+def depth_scale() -> ScalarMappable:
+    """Colours of depth in m, near at the top of a colour bar whose axis is turned round."""
+    near, far = style.DEPTH_TICKS[0], style.DEPTH_TICKS[-1]
+    colours = ListedColormap(style.depth_colours(np.geomspace(near, far, 256)))
+    return ScalarMappable(LogNorm(near, far), colours)
+
+
+class _Pixels(Artist):
+    """An image (H, W, 3) uint8 that fills axes of H × W pixels.
+
+    Matplotlib's own image would resample it in double precision, to the same bytes, and take half
+    of the picture's time.
+    """
+
+    def __init__(self, axes: Axes, image: np.ndarray):
+        super().__init__()
+        opaque = np.full((*image.shape[:2], 4), 255, dtype=np.uint8)
+        opaque[..., :3] = image
+        # The canvas takes the lowest row first.
+        self._pixels = np.ascontiguousarray(opaque[::-1])
+        axes.add_artist(self)
+
+    @allow_rasterization
+    def draw(self, renderer: Any) -> None:
+        """Copy the pixels."""
+        context = renderer.new_gc()
+        self._set_gc_clip(context)
+        left, bottom = self.axes.bbox.min
+        renderer.draw_image(context, round(left), round(bottom), self._pixels)
+        context.restore()
+
+
+def _draw_image(axes: Axes, image: np.ndarray) -> None:
+    height, width = image.shape[:2]
+    if np.allclose(axes.bbox.size, (width, height), rtol=0.0, atol=1e-6):
+        axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
+        _Pixels(axes, image)
+    else:
+        axes.imshow(image, interpolation="antialiased", aspect="auto")
+
+
+def _grey_rgb(view: FrameView) -> np.ndarray:
+    return np.repeat(view.grey[..., None], 3, axis=2)
+
+
+def _tinted(image: np.ndarray, colour: str) -> np.ndarray:
+    """An RGB image (H, W, 3) uint8 blended with a colour."""
+    levels = 0.55 * np.arange(256)[:, None] + 0.45 * 255.0 * np.array(to_rgb(colour))
+    table = np.rint(levels).astype(np.uint8)
+    return np.stack([table[image[..., channel], channel] for channel in range(3)], axis=-1)
+
+
+def _label_depths(axes: Axes, depth: np.ndarray) -> None:
+    """Ticks at round depths, as many as have room; rows need not be even in depth."""
+    rows = np.arange(len(depth))
+    ticks: dict[int, float] = {}
+    for value in (d for d in GRID_DEPTHS if depth[0] <= d <= depth[-1]):
+        row = float(np.interp(value, depth, rows))
+        if all(abs(row - other) >= 0.07 * len(depth) for other in ticks.values()):
+            ticks[value] = row
+    axes.set_yticks(list(ticks.values()), [str(value) for value in ticks])

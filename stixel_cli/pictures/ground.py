@@ -1,0 +1,170 @@
+"""Things drawn on the ground plane: contours and their band, points, headings, field of view.
+
+All coordinates are metres in the world frame; a pose is (x, y, heading).
+"""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import EllipseCollection
+from matplotlib.markers import MarkerStyle
+from matplotlib.patches import Patch, PathPatch, Polygon
+from matplotlib.path import Path
+from matplotlib.typing import ColorType
+
+from stixel_cli.pictures import style
+
+
+def draw_contour(axes: Axes, contour_world: np.ndarray, colour: str, **options) -> None:
+    """The outline of a polygon (M, 2) m; nothing if it is not finite."""
+    if np.isfinite(contour_world).all():
+        options = {"linewidth": 1.6, "zorder": 4.0, "joinstyle": "round"} | options
+        _add(axes, Polygon(contour_world, closed=True, fill=False, edgecolor=colour, **options))
+
+
+def draw_band(
+    axes: Axes,
+    centre_world: np.ndarray,
+    contour_world: np.ndarray,
+    directions: np.ndarray,
+    std: np.ndarray,
+) -> None:
+    """The ring of ± 2 `std` (M,) along `directions` (M, 2) round a contour (M, 2).
+
+    Its inner edge stops at the centre (2,): a radius is not negative.
+    """
+    if not (np.isfinite(contour_world).all() and np.isfinite(std).all()):
+        return
+    radii = np.linalg.norm(contour_world - centre_world, axis=1)
+    inner = contour_world - np.minimum(2.0 * std, radii)[:, None] * directions
+    outer = contour_world + 2.0 * std[:, None] * directions
+    ring = np.concatenate([outer, outer[:1], inner[::-1], inner[-1:]])
+    codes = np.full(len(ring), Path.LINETO, dtype=np.uint8)
+    codes[[0, len(outer) + 1]] = Path.MOVETO
+    _add(
+        axes,
+        PathPatch(Path(ring, codes), facecolor=style.ESTIMATE, alpha=0.2, linewidth=0, zorder=2.0),
+    )
+
+
+def _add(axes: Axes, patch: Patch) -> None:
+    """Add a patch that does not affect the limits: to find its extent takes longer than it."""
+    axes.add_artist(patch)
+
+
+def draw_points(
+    axes: Axes, points_world: np.ndarray, covariances_world: np.ndarray, colour: str
+) -> None:
+    """Points (n, 2) and their ellipses of one standard deviation, covariances (n, 2, 2) in m²."""
+    if len(points_world) == 0:
+        return
+    alpha = min(
+        max(20.0 / len(points_world), 0.3), 0.8
+    )  # few points are visible, many do not smear
+    draw_ellipses(axes, points_world, covariances_world, 1.0, colour, alpha=alpha, linewidth=0.6)
+    axes.plot(*points_world.T, ".", color=colour, markersize=3.0, zorder=3.5)
+
+
+def draw_ellipses(
+    axes: Axes,
+    centres: np.ndarray,
+    covariances: np.ndarray,
+    std: float,
+    colour: ColorType,
+    **options,
+) -> None:
+    """Ellipses of `std` standard deviations round centres (n, 2), as one artist."""
+    a, b, c = covariances[:, 0, 0], covariances[:, 0, 1], covariances[:, 1, 1]
+    # The eigenvalues of a symmetric 2 × 2 matrix in closed form.
+    mean, spread = 0.5 * (a + c), np.hypot(0.5 * (a - c), b)
+    axes.add_collection(
+        EllipseCollection(
+            2.0 * std * np.sqrt(np.maximum(mean + spread, 0.0)),
+            2.0 * std * np.sqrt(np.maximum(mean - spread, 0.0)),
+            np.degrees(0.5 * np.arctan2(2.0 * b, a - c)),
+            units="xy",
+            offsets=centres,
+            offset_transform=axes.transData,
+            facecolors="none",
+            edgecolors=colour,
+            **({"zorder": 3.0} | options),
+        ),
+        autolim=False,
+    )
+
+
+def draw_heading(axes: Axes, pose_world: np.ndarray, length: float, colour: str) -> None:
+    """An arrow of `length` m from a target at `pose_world` (3,) along its heading."""
+    if not np.isfinite(pose_world).all():
+        return
+    x, y, heading = pose_world
+    axes.annotate(
+        "",
+        xy=(x + length * np.cos(heading), y + length * np.sin(heading)),
+        xytext=(x, y),
+        arrowprops={
+            "arrowstyle": "-|>,head_width=0.22,head_length=0.45",
+            "color": colour,
+            "linewidth": 1.3,
+            "shrinkA": 0,
+            "shrinkB": 0,
+        },
+        zorder=4.5,
+        annotation_clip=False,
+    )
+    axes.plot(x, y, "o", color=colour, markersize=3.5, zorder=4.5)
+
+
+def draw_field_of_view(axes: Axes, pose_world: np.ndarray, bearings: tuple[float, float]) -> None:
+    """The wedge that a sensor at `pose_world` (3,) sees between `bearings`, rad from its heading.
+
+    It reaches past the limits of the axes, which must be set before.
+    """
+    corners = np.array([(x, y) for x in axes.get_xlim() for y in axes.get_ylim()])
+    reach = 1.2 * np.linalg.norm(corners - pose_world[:2], axis=1).max()
+    angles = pose_world[2] + np.linspace(*bearings, 25)
+    arc = pose_world[:2] + reach * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    wedge = np.concatenate([[pose_world[:2]], arc])
+    _add(axes, Polygon(wedge, facecolor=style.FIELD_OF_VIEW, alpha=0.09, linewidth=0, zorder=0))
+    axes.plot(
+        *np.stack([arc[0], pose_world[:2], arc[-1]]).T,
+        color=style.FIELD_OF_VIEW,
+        linewidth=0.9,
+        zorder=1.0,
+    )
+
+
+def draw_ego(axes: Axes, pose_world: np.ndarray, size: float = 9.0) -> None:
+    """A triangle of `size` pt at the camera, `pose_world` (3,), along the ego car's heading."""
+    shape = MarkerStyle([(-0.7, -1.0), (0.7, -1.0), (0.0, 1.0)])
+    turned = shape.rotated(rad=float(pose_world[2]) - 0.5 * np.pi)
+    axes.plot(
+        *pose_world[:2], linestyle="none", marker=turned, color=style.EGO, markersize=size, zorder=5
+    )
+
+
+def near(points_world: np.ndarray, reference_world: np.ndarray) -> np.ndarray:
+    """The points (n, 2) m, finite and no further from the reference's box than it is large.
+
+    Thus an estimate that has gone astray does not shrink all the rest of a picture.
+    """
+    low, high = reference_world.min(axis=0), reference_world.max(axis=0)
+    reach = np.max(high - low)
+    with np.errstate(invalid="ignore"):
+        inside = (points_world >= low - reach) & (points_world <= high + reach)
+    return points_world[inside.all(axis=1)]
+
+
+def fit(axes: Axes, points_world: np.ndarray, margin: float) -> None:
+    """Show all points (n, 2) and `margin` m round them, at one scale for both axes.
+
+    The limits grow until they fill the box of the axes, which stays as it is.
+    """
+    low, high = points_world.min(axis=0) - margin, points_world.max(axis=0) + margin
+    figure_width, figure_height = axes.figure.get_size_inches()
+    box = axes.get_position()
+    size = np.array([box.width * figure_width, box.height * figure_height])
+    half = 0.5 * size * np.max((high - low) / size)
+    centre = 0.5 * (low + high)
+    axes.set_xlim(centre[0] - half[0], centre[0] + half[0])
+    axes.set_ylim(centre[1] - half[1], centre[1] + half[1])
+    axes.set_aspect("equal")

@@ -1,0 +1,124 @@
+"""Pictures of a whole run: its path, and its errors and consistency over time."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from stixel_cli.evaluation.metric_table import SERIES, Scores, metric
+from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.pictures import style
+from stixel_cli.pictures.consistency import consistent_bounds
+from stixel_cli.pictures.path_figure import path_figure
+from stixel_cli.results.pictures import Pictures
+from stixel_cli.scene.scenario import Scenario
+from stixel_cli.tracking.track import Track
+
+
+def run_pictures(
+    scans: Scans,
+    track: Track,
+    scenario: Scenario,
+    scores: Scores,
+    field_of_view: tuple[float, float] | None,
+) -> Pictures:
+    """`path` (contours along the path) and `errors` (over time), each as `.png` and `.svg`.
+
+    Without truth `errors` has only the panels that need none. `field_of_view` is in rad, None if
+    unknown.
+    """
+    files = {}
+    with style.drawing():
+        for name, figure in (
+            ("path", path_figure(track, scenario, field_of_view)),
+            ("errors", errors_figure(scans, track, scores, bool(scenario.known.any()))),
+        ):
+            files[f"{name}.png"] = style.png(figure)
+            files[f"{name}.svg"] = style.svg(figure)
+    return Pictures(files)
+
+
+def errors_figure(scans: Scans, track: Track, scores: Scores, with_truth: bool = True) -> Figure:
+    """Centre error, orientation error and IoU; NEES and NIS with χ² bounds; points of each scan.
+
+    Without truth: NIS and points only.
+    """
+    figure = style.new_figure(10.4, 6.0 if with_truth else 4.2)
+    used = np.diff(track.used_offsets)
+    grid = figure.subplots(
+        3 if with_truth else 2,
+        2 if with_truth else 1,
+        sharex=True,
+        squeeze=False,
+        gridspec_kw={
+            "left": 0.07,
+            "right": 0.985,
+            "bottom": 0.08 if with_truth else 0.12,
+            "top": 0.95,
+            "hspace": 0.32,
+            "wspace": 0.18,
+        },
+    )
+    if with_truth:
+        _draw_errors(grid[:, 0], scores)
+        _draw_consistency(grid[0, 1], scores, "nees_position", np.full(len(used), 2))
+    _draw_consistency(grid[-2, -1], scores, "nis", track.nis_degrees_of_freedom)
+    _draw_counts(grid[-1, -1], scores.times, np.diff(scans.offsets), used)
+    for axes in grid.flat:
+        axes.grid(True)
+        axes.margins(x=0.01)
+    for axes in grid[-1]:
+        axes.set_xlabel("t (s)")
+    figure.align_ylabels()
+    return figure
+
+
+def _draw_errors(column, scores: Scores) -> None:
+    overlap = "iou" if np.isfinite(scores.iou).any() else "iou_box"
+    names = ("centre_error", "orientation_error", overlap)
+    totals = ("centre_rmse_m", "orientation_rmse_deg", f"{overlap}_mean")
+    summaries = zip(("RMSE", "RMSE", "mean"), totals, strict=True)
+    for axes, name, (average, total) in zip(column, names, summaries, strict=True):
+        series, value = SERIES[name], scores.metrics.get(total)
+        title = series.label
+        if value is not None:
+            title += f", {average} {value:.2f} {metric(total).unit}".rstrip().replace(" °", "°")
+        if name == "iou":
+            axes.axhline(LOW_OVERLAP, color=style.UNUSED, linewidth=0.9, linestyle="--")
+            title += f"  (dashed: < {LOW_OVERLAP}; dotted: box)"
+            axes.plot(scores.times, scores.iou_box, ":", color=style.ESTIMATE, linewidth=1.2)
+        if series.consistent is not None:
+            axes.axhline(series.consistent, color=style.TRUTH, linewidth=0.7)
+        axes.plot(scores.times, series.factor * getattr(scores, name), color=style.ESTIMATE)
+        axes.set_ylim(*series.bounds)
+        axes.set_title(title)
+        axes.set_ylabel(series.unit or series.short_label)
+
+
+def _draw_consistency(axes: Axes, scores: Scores, name: str, degrees_of_freedom) -> None:
+    """A statistic divided by its degrees of freedom, on a logarithmic axis."""
+    series, ratio = SERIES[name], getattr(scores, name)
+    low, high = consistent_bounds(np.asarray(degrees_of_freedom))
+    ratio = np.where(ratio > 0.0, ratio, np.nan)
+    axes.set_yscale("log")
+    # A decade to each side at least, so that a small scatter does not look like a great one.
+    finite = np.concatenate([[0.1, 10.0], ratio[np.isfinite(ratio)]])
+    axes.set_ylim(0.8 * finite.min(), 1.25 * finite.max())
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.minorticks_off()
+    axes.fill_between(scores.times, low, high, color=style.CONSISTENT, linewidth=0)
+    axes.axhline(series.consistent, color=style.TRUTH, linewidth=0.7)
+    axes.plot(scores.times, ratio, color=style.ESTIMATE)
+    axes.set_title(f"{series.label}  (consistent: 1; grey: 95 % interval)")
+    axes.set_ylabel("ratio")
+
+
+def _draw_counts(axes: Axes, times, candidates, used) -> None:
+    steps = {"drawstyle": "steps-mid"}
+    # Wide, so that it shows where all points of a scan are used.
+    axes.plot(times, candidates, color=style.UNUSED, linewidth=3.5, label="in scan", **steps)
+    axes.plot(times, used, color=style.USED, label="used", **steps)
+    axes.set_ylim(0.0, 1.25 * max(1, int(candidates.max(initial=0))))
+    axes.set_title("Points per scan")
+    axes.set_ylabel("points")
+    axes.legend(loc="upper right", ncols=2)

@@ -1,0 +1,158 @@
+"""Charts of reports: panels with one legend, lines with bands or bars, and errors over time."""
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from stixel_cli.evaluation.metric_table import Series
+from stixel_cli.pictures import style
+from stixel_cli.report.blocks import Figure
+from stixel_cli.report.statistics import student_t
+
+WIDTH = 5.2
+"""in: about that of a phone's page, on which the text is then as large as it was drawn."""
+DASHES = ("-", "--", "-.", ":")
+MARKERS = ("o", "s", "^", "D", "v")
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One pair of axes of a chart.
+
+    Attributes:
+        draw: adds lines to the axes.
+        title, x, y: labels; "" for none.
+        ratio: whether the axis is logarithmic, with a line at 1, the value of a consistent filter.
+        limits: of y; None where Matplotlib chooses.
+    """
+
+    draw: Callable[[Axes], None]
+    title: str = ""
+    x: str = ""
+    y: str = ""
+    ratio: bool = False
+    limits: tuple[float | None, float | None] = (None, None)
+
+
+def chart(
+    name: str,
+    panels: Sequence[Panel],
+    columns: int = 1,
+    row: float = 2.2,
+    width: float = WIDTH,
+    legend: int = 3,
+    settings: Mapping | None = None,
+    **shared: bool,
+) -> Figure:
+    """The panels in rows of `columns`, with one legend of every label below them.
+
+    Args:
+        name: of the figure.
+        panels: from the left to the right and down.
+        columns: of panels.
+        row: height of a row, in.
+        width: of the figure, in.
+        legend: most labels next to each other.
+        settings: of Matplotlib.
+        shared: `sharex`, `sharey` of Matplotlib's subplots.
+    """
+    rows = -(-len(panels) // columns)
+    with style.drawing({"axes.grid": True, "axes.labelsize": 8.5, **(settings or {})}):
+        figure = style.new_figure(width, 0.45 + row * rows, layout="constrained")
+        figure.patch.set_visible(False)
+        grid = figure.subplots(rows, columns, squeeze=False, **shared).ravel()
+        for axes, panel in zip(grid, panels, strict=False):
+            axes.patch.set_visible(False)
+            panel.draw(axes)
+            axes.set(title=panel.title, xlabel=panel.x, ylabel=panel.y)
+            axes.set_ylim(*panel.limits)
+            if panel.ratio:
+                axes.axhline(1.0, color=style.UNUSED, linewidth=0.8, linestyle="--")
+                style.log_axis(axes)
+        for axes in grid[len(panels) :]:
+            axes.set_axis_off()
+        handles = {
+            label: handle
+            for axes in grid
+            for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+        }
+        if handles:
+            longest = max(map(len, handles))
+            figure.legend(
+                handles.values(),
+                handles.keys(),
+                loc="outside lower center",
+                ncols=min(legend if longest < 22 else 1, len(handles)),
+            )
+        return Figure(name, "", style.svg(figure))
+
+
+def line(
+    axes: Axes,
+    places: Iterable[float],
+    found: Iterable,
+    colour: str,
+    label: str,
+    bars: bool = False,
+    band: bool = True,
+    **options,
+) -> None:
+    """Means (statistics, None where unknown) at places, with their intervals as bars or a band."""
+    known = [
+        (x, one)
+        for x, one in zip(places, found, strict=True)
+        if one is not None and one.mean is not None
+    ]
+    if not known:
+        return
+    places, mean = [x for x, _ in known], np.array([one.mean for _, one in known])
+    low = np.array([one.mean if one.low is None else one.low for _, one in known])
+    high = np.array([one.mean if one.high is None else one.high for _, one in known])
+    options = {"color": colour, "label": label, "marker": "o", "markersize": 2.5} | options
+    if bars:
+        # An axis of a ratio is logarithmic and has no 0.
+        below = np.where(mean > 0.0, np.minimum(mean - low, 0.9 * mean), mean - low)
+        axes.errorbar(places, mean, yerr=[below, high - mean], elinewidth=1.0, **options)
+        return
+    axes.plot(places, mean, **options)
+    if band:
+        axes.fill_between(places, low, high, color=colour, alpha=0.15, linewidth=0.0)
+
+
+def over_time(
+    axes: Axes,
+    times: np.ndarray,
+    values: np.ndarray,
+    colour: str,
+    label: str = "",
+    ratio: bool = False,
+    highest: float | None = None,
+    band: bool = True,
+    **options,
+) -> None:
+    """Mean of values (n, K) of n runs at each time (K,), without NaN.
+
+    The band is the 95 % interval (Student's t), cut at 0 and `highest`, if all runs have a value at
+    every time. A ratio has none, and no value that is not positive: its axis is logarithmic.
+    """
+    known = np.isfinite(values)
+    n, total = known.sum(axis=0), np.where(known, values, 0.0).sum(axis=0)
+    mean = np.divide(total, n, where=n > 0, out=np.full(len(n), np.nan))
+    if ratio:
+        mean = np.where(mean > 0.0, mean, np.nan)
+    axes.plot(times, mean, color=colour, label=label, **options)
+    runs = len(values)
+    if band and not ratio and runs > 1 and (n == runs).all():
+        half = student_t(runs - 1) * values.std(axis=0, ddof=1) / math.sqrt(runs)
+        high = np.minimum(mean + half, np.inf if highest is None else highest)
+        low = np.maximum(mean - half, 0.0)
+        axes.fill_between(times, low, high, color=colour, alpha=0.2, linewidth=0.0)
+
+
+def series_values(name: str, series: Series, values: np.ndarray) -> np.ndarray:
+    """An error over time in the unit of its row; of the orientation the absolute value."""
+    values = series.factor * values
+    return np.abs(values) if name == "orientation_error" else values

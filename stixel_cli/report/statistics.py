@@ -1,0 +1,293 @@
+"""Statistics of runs: means over seeds with intervals, paired differences, several tests together.
+
+In paired differences the unit is a pair of runs with the same road user, path and seed, so with the
+same motion and initialisation. Successive scans of a run are not independent units. The paths are a
+given set, not a sample of all paths: intervals describe the seeds' variance within each path.
+
+SciPy is imported where it is used: a command that needs no statistics starts without it.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from stixel_cli.evaluation.metric_table import LOSS_RATE, over_runs
+from stixel_cli.evaluation.metric_table import metric as metric_row
+from stixel_cli.randomness import generator
+
+CONFIDENCE = 0.95
+SIGNIFICANT = 0.05
+DRAWS = 4000
+"""Draws of a bootstrap."""
+LEAST_DRAWN = 3
+"""Least number of pairs of a path for a bootstrap."""
+
+
+@dataclass(frozen=True)
+class Statistic:
+    """A metric of one setting over its seeds.
+
+    Attributes:
+        setting: keys that differ between runs, without the seed, with their values as typed.
+        metric: its name.
+        n: number of seeds with a value; where an estimate is not finite there may be no value.
+        mean: None if n is 0.
+        std: standard deviation, n - 1 in the denominator; None if n < 2.
+        low, high: ends of the 95 % interval of the mean, Student's t with n - 1 degrees of
+            freedom, None if n < 2; of a share of runs Wilson's.
+    """
+
+    setting: Mapping[str, str]
+    metric: str
+    n: int
+    mean: float | None
+    std: float | None
+    low: float | None
+    high: float | None
+
+
+def summarise(
+    settings: Sequence[Mapping[str, str]], metrics: Sequence[Mapping[str, float | int | None]]
+) -> list[Statistic]:
+    """The statistics of runs; runs of equal settings are repetitions.
+
+    Args:
+        settings: of each run, without the seed.
+        metrics: of each run, name to value.
+    """
+    groups: dict[tuple, list[int]] = {}
+    for i, setting in enumerate(settings):
+        groups.setdefault(tuple(setting.items()), []).append(i)
+    names = list(dict.fromkeys(name for run in metrics for name in run))
+    return [
+        statistic(dict(setting), over_runs(name), [metrics[i].get(name) for i in members])
+        for setting, members in groups.items()
+        for name in names
+    ]
+
+
+def statistic(
+    setting: Mapping[str, str], metric: str, values: Sequence[float | int | None]
+) -> Statistic:
+    """The statistic of one metric's values, without those that are None."""
+    known = np.array([value for value in values if value is not None], dtype=np.float64)
+    n = len(known)
+    if n == 0:
+        return Statistic(setting, metric, 0, None, None, None, None)
+    # Sorted before the sum, so that the order of the seeds does not change the last bit.
+    mean = float(np.sort(known).mean())
+    if metric == LOSS_RATE:
+        std = float(np.sort(known).std(ddof=1)) if n > 1 else None
+        return Statistic(setting, metric, n, mean, std, *wilson_interval(mean, n))
+    if n == 1:
+        return Statistic(setting, metric, 1, mean, None, None, None)
+    std = float(np.sort(known).std(ddof=1))
+    half = student_t(n - 1) * std / math.sqrt(n)
+    return Statistic(setting, metric, n, mean, std, mean - half, mean + half)
+
+
+def wilson_interval(share: float, n: int) -> tuple[float, float]:
+    """The 95 % interval of a share of n independent trials (Wilson 1927)."""
+    from scipy.special import ndtri
+
+    z = float(ndtri(0.5 + CONFIDENCE / 2))
+    middle = (share + z**2 / (2 * n)) / (1 + z**2 / n)
+    half = z / (1 + z**2 / n) * math.sqrt(share * (1 - share) / n + (z / (2 * n)) ** 2)
+    # Without rounding, the interval contains the share: for 0 of n its low end is 0.
+    return min(share, max(0.0, middle - half)), max(share, min(1.0, middle + half))
+
+
+def consistent_bounds(one: Statistic) -> tuple[float, float] | tuple[None, None]:
+    """The 95 % χ² interval of a mean NEES over seeds (ANEES) of a consistent filter.
+
+    Bar-Shalom, Li & Kirubarajan 2001, 5.4.2: n runs with d degrees of freedom have χ² of n d over
+    n d. A run counts as one scan, because the errors of its scans are alike. None for a metric
+    without such a distribution.
+    """
+    degrees = metric_row(one.metric).degrees_of_freedom
+    if degrees is None or one.n == 0:
+        return None, None
+    low, high = chi_square_bounds(one.n * degrees)
+    return float(low / (one.n * degrees)), float(high / (one.n * degrees))
+
+
+@cache
+def student_t(degrees_of_freedom: float) -> float:
+    """The 97.5 % quantile of Student's t distribution."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(degrees_of_freedom, 0.5 + CONFIDENCE / 2))
+
+
+def over_seeds(values: Iterable[float | int | None]) -> Statistic:
+    """n, mean, standard deviation and 95 % interval (Student's t) of the finite values."""
+    known = [float(value) for value in values if value is not None and math.isfinite(value)]
+    return statistic({}, "", known)
+
+
+def t_test(difference: Statistic) -> float | None:
+    """p of the t-test that a mean of paired differences is 0, two-sided; None below two pairs."""
+    from scipy.special import stdtr
+
+    if difference.std is None:
+        return None
+    if difference.std == 0.0:
+        return 1.0 if difference.mean == 0.0 else 0.0
+    ratio = difference.mean / (difference.std / math.sqrt(difference.n))
+    return float(2.0 * stdtr(difference.n - 1, -abs(ratio)))
+
+
+def least_effect(seeds: int, tests: int) -> float:
+    """Mean difference above which one of so many t-tests can be significant after `holm`.
+
+    In standard deviations of the differences over two or more seeds.
+    """
+    from scipy.special import stdtrit
+
+    return -float(stdtrit(seeds - 1, 0.5 * SIGNIFICANT / tests)) / math.sqrt(seeds)
+
+
+def chi_square_bounds(degrees: np.ndarray | int) -> tuple[np.ndarray, np.ndarray]:
+    """Bounds of the central 95 % of chi-square, each with the shape of `degrees`."""
+    from scipy.special import gammaincinv
+
+    half = 0.5 * np.asarray(degrees, np.float64)
+    return 2.0 * gammaincinv(half, 0.025), 2.0 * gammaincinv(half, 0.975)
+
+
+@dataclass(frozen=True)
+class Paired:
+    """Differences of n pairs.
+
+    Attributes:
+        n: number of pairs.
+        mean: of the differences; None without a pair.
+        low, high: 95 % interval of the mean, or None; see `mean_interval`.
+        p: of Wilcoxon's signed rank test, two-sided; None below two pairs.
+        effect: matched-pairs rank-biserial correlation, -1 to 1: (R+ - R-) / (R+ + R-), R the sum
+            of the ranks of |difference|; None where all are 0.
+    """
+
+    n: int
+    mean: float | None
+    low: float | None
+    high: float | None
+    p: float | None
+    effect: float | None
+
+
+def paired(differences: np.ndarray, strata: Sequence[str]) -> Paired:
+    """Statistics of the differences (n,) of pairs in `strata` (paths)."""
+    n = len(differences)
+    if n == 0:
+        return Paired(0, None, None, None, None, None)
+    mean = float(differences.mean())
+    effect = rank_biserial(differences)
+    if n < 2:
+        return Paired(n, mean, None, None, None, effect)
+    low, high = mean_interval(differences, strata) or (None, None)
+    return Paired(n, mean, low, high, wilcoxon(differences), effect)
+
+
+def mean_interval(values: np.ndarray, strata: Sequence[str]) -> tuple[float, float] | None:
+    """95 % interval of the mean of values (n,) in fixed `strata` (paths), see `combined_interval`.
+
+    With few seeds, a bootstrap's interval is too short: with two seeds of one path it extends from
+    one value to the other, and covers the mean in half of all cases.
+
+    None if there is no value, or a stratum has only one: its variance is unknown.
+    """
+    columns = np.array(strata)
+    members = [values[columns == stratum] for stratum in sorted(set(strata))]
+    if not members or min(map(len, members)) < 2:
+        return None
+    parts = [(len(own) * own.var(ddof=1) / len(values) ** 2, len(own) - 1) for own in members]
+    return combined_interval(float(values.mean()), parts)
+
+
+def combined_interval(mean: float, parts: Sequence[tuple[float, int]]) -> tuple[float, float]:
+    """95 % interval (Student's t) of a mean whose variance is the sum of independent parts.
+
+    Each part is a variance with its degrees of freedom; the sum's are Satterthwaite's (1946). For
+    the difference of two means it is Welch's (1947) interval.
+    """
+    variance = sum(part for part, _ in parts)
+    if variance == 0.0:
+        return mean, mean
+    freedom = 1.0 / sum((part / variance) ** 2 / degrees for part, degrees in parts)
+    half = student_t(freedom) * math.sqrt(variance)
+    return mean - half, mean + half
+
+
+def weights(strata: Sequence[str], name: str) -> np.ndarray:
+    """Weights (DRAWS, n) of the bootstrap's means of n pairs: each row sums to 1.
+
+    From the m pairs of a stratum, m - 1 are drawn with replacement and weighted up to m (Rao & Wu
+    1988, *Resampling inference with complex survey data*). With m draws, the mean's variance would
+    be (m - 1) / m of the true one: with 5 seeds per path, intervals would be a tenth too short. The
+    only pair of a stratum is always drawn.
+    """
+    random = generator(0, f"bootstrap {name}")
+    columns = np.array(strata)
+    found = np.zeros((DRAWS, len(columns)))
+    for stratum in sorted(set(strata)):
+        members = np.flatnonzero(columns == stratum)
+        count = len(members)
+        if count == 1:
+            found[:, members] = 1.0
+            continue
+        drawn = random.multinomial(count - 1, np.full(count, 1.0 / count), DRAWS)
+        found[:, members] = drawn * (count / (count - 1.0))
+    return found / len(columns)
+
+
+def interval(values: np.ndarray) -> tuple[float, float]:
+    """Percentiles of bootstrap values (n,) that enclose `CONFIDENCE` of them."""
+    low, high = np.quantile(values, [0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE])
+    return float(low), float(high)
+
+
+def wilcoxon(differences: np.ndarray) -> float:
+    """p of Wilcoxon's (1945) signed rank test, two-sided, without pairs of equal values."""
+    from scipy.stats import wilcoxon as signed_rank
+
+    differences = differences[differences != 0.0]
+    return float(signed_rank(differences).pvalue) if len(differences) else 1.0
+
+
+def least_p(pairs: int) -> float:
+    """Smallest p of the exact test `wilcoxon` for a number of pairs: all of one sign."""
+    return min(1.0, 2.0 / 2.0**pairs)
+
+
+def pairs_needed(tests: int) -> int:
+    """Number of pairs with which one of `tests` tests can be significant after `holm`."""
+    pairs = 1
+    while tests * least_p(pairs) >= SIGNIFICANT:
+        pairs += 1
+    return pairs
+
+
+def rank_biserial(differences: np.ndarray) -> float | None:
+    """Matched-pairs rank-biserial correlation (Kerby 2014)."""
+    from scipy.stats import rankdata
+
+    differences = differences[differences != 0.0]
+    if len(differences) == 0:
+        return None
+    ranks = rankdata(np.abs(differences))
+    return float(np.sign(differences) @ ranks / ranks.sum())
+
+
+def holm(p_values: Mapping[str, float]) -> dict[str, float]:
+    """Holm's (1979) step-down correction, which controls the family-wise error rate."""
+    corrected: dict[str, float] = {}
+    least = 0.0
+    ordered = sorted(p_values.items(), key=lambda item: item[1])
+    for i, (name, p) in enumerate(ordered):
+        least = max(least, min(1.0, (len(ordered) - i) * p))
+        corrected[name] = least
+    return corrected

@@ -1,0 +1,208 @@
+"""The results of a run as tables and as named arrays: those of its CSV and NPZ files."""
+
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stixel_cli.evaluation.label_types import LabelScore, LabelScores
+from stixel_cli.evaluation.metric_table import Scores
+from stixel_cli.geometry.pose import world_from_ego
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.results.ego_frame import pose_columns
+from stixel_cli.scene.scenario import Scenario
+from stixel_cli.stixels.objects import Objects
+from stixel_cli.tracking.several.found import ObjectTrack
+from stixel_cli.tracking.track import Track
+
+if TYPE_CHECKING:
+    from stixel_cli.results.result import RunResult
+
+
+def run_tables(run: "RunResult") -> dict[str, dict[str, np.ndarray]]:
+    """The tables of a computed run by name, see `RunResult.tables`."""
+    scenario = run.scenario
+    tables = {
+        "scans": scan_columns(run.scans),
+        "track": track_columns(run.track),
+        "scores": score_columns(run.scores),
+        "ego": pose_columns(scenario.times, scenario.ego_poses_world),
+    }
+    if scenario.known.any():
+        tables["truth"] = truth_columns(scenario)
+    if run.objects:
+        tables["objects"] = object_columns(run.objects, scenario.times, scenario.ego_poses_world)
+    if run.tracks:
+        tables["tracks"] = tracks_columns(run.tracks)
+    if run.scores.labels and run.scores.labels.labels:
+        tables["labels"] = label_columns(run.scores.labels)
+    return tables
+
+
+def run_arrays(run: "RunResult") -> dict[str, dict[str, np.ndarray]]:
+    """The arrays of the NPZ files of a computed run: its tables, with whole track and truth."""
+    tables = run_tables(run)
+    truth = {"truth": truth_arrays(run.scenario)} if "truth" in tables else {}
+    return tables | {"track": track_arrays(run.track)} | truth
+
+
+def scan_columns(scans: Scans) -> dict[str, np.ndarray]:
+    """The scans as a table, one row per point: k, t (s), x, y (m), variances (m²)."""
+    k = np.repeat(np.arange(len(scans)), np.diff(scans.offsets))
+    return {
+        "k": k,
+        "t": scans.times[k],
+        "x": scans.points_world[:, 0],
+        "y": scans.points_world[:, 1],
+        "var_xx": scans.covariances_world[:, 0, 0],
+        "var_xy": scans.covariances_world[:, 0, 1],
+        "var_yy": scans.covariances_world[:, 1, 1],
+    }
+
+
+def track_columns(track: Track) -> dict[str, np.ndarray]:
+    """The track as a table, one row per scan: pose, rates, their stds, number of points used."""
+    names = ("x", "y", "heading", "x_rate", "y_rate", "heading_rate")
+    std = np.sqrt(np.diagonal(track.covariances, axis1=1, axis2=2)[:, :6])
+    return {
+        "k": np.arange(len(track.times)),
+        "t": track.times,
+        **{name: track.means[:, i] for i, name in enumerate(names)},
+        **{f"std_{name}": std[:, i] for i, name in enumerate(names)},
+        "points_used": np.diff(track.used_offsets),
+        "nis": track.nis,
+        "nis_degrees_of_freedom": track.nis_degrees_of_freedom,
+        **class_columns(track),
+    }
+
+
+def tracks_columns(tracks: Sequence[ObjectTrack]) -> dict[str, np.ndarray]:
+    """The tracks as one table: `track`, its number from 0, and the columns of `track_columns`.
+
+    k is that of the run.
+    """
+    tables = [track_columns(one.track) for one in tracks]
+    for one, table in zip(tracks, tables, strict=True):
+        table["k"] = table["k"] + one.first
+    # A track of the prior's class has no probabilities.
+    names = dict.fromkeys(name for table in tables for name in table)
+    numbers = np.repeat(np.arange(len(tracks)), [len(table["k"]) for table in tables])
+    return {"track": numbers} | {
+        name: np.concatenate(
+            [table.get(name, np.full(len(table["k"]), np.nan)) for table in tables]
+        )
+        for name in names
+    }
+
+
+def label_columns(labels: LabelScores) -> dict[str, np.ndarray]:
+    """The fields of `LabelScore` as a table, one row per label."""
+    return {
+        one.name: np.array([getattr(row, one.name) for row in labels.labels])
+        for one in fields(LabelScore)
+    }
+
+
+def score_columns(scores: Scores) -> dict[str, np.ndarray]:
+    """The errors as a table, one row per scan; units as in `Scores`.
+
+    Without any truth only the NIS.
+    """
+    with_truth = ("centre_error", "orientation_error", "iou", "iou_box", "nees_position")
+    known = np.isfinite(scores.iou_box).any()
+    return {
+        "k": np.arange(len(scores.times)),
+        "t": scores.times,
+        **({name: getattr(scores, name) for name in with_truth} if known else {}),
+        "nis": scores.nis,
+    }
+
+
+def truth_columns(scenario: Scenario) -> dict[str, np.ndarray]:
+    """The truth as a table, one row per scan with a known pose: the pose, its rates, and the size.
+
+    length and width, m, are those of the box along and across the heading.
+    """
+    k = np.flatnonzero(scenario.known)
+    x_rate, y_rate, heading_rate = scenario.target_rates_world[k].T
+    length, width = np.ptp(scenario.box_target, axis=0)
+    return {
+        **pose_columns(scenario.times[k], scenario.target_poses_world[k]),
+        "k": k,
+        "x_rate": x_rate,
+        "y_rate": y_rate,
+        "heading_rate": heading_rate,
+        "length": np.full(len(k), length),
+        "width": np.full(len(k), width),
+    }
+
+
+def truth_arrays(scenario: Scenario) -> dict[str, np.ndarray]:
+    """The columns of the truth, and the target's `contour` (L, M, 2) m in its own frame.
+
+    L is the number of poses of the limbs; the column limb_pose has that of each row. Where only the
+    box is known there is no contour.
+    """
+    columns = truth_columns(scenario)
+    if scenario.only_box:
+        return columns
+    limb_poses = scenario.limb_poses[columns["k"]]
+    return columns | {"limb_pose": limb_poses, "contour": scenario.contours_target}
+
+
+def track_arrays(track: Track) -> dict[str, np.ndarray]:
+    """All arrays of the track by name; shapes as in `Track`. A class has an array of its own."""
+    arrays = {name: value for name, value in vars(track).items() if isinstance(value, np.ndarray)}
+    return arrays | class_columns(track)
+
+
+def class_columns(track: Track) -> dict[str, np.ndarray]:
+    """The probability of each class, (K,); empty for a track without them."""
+    return {f"{name}_probability": p for name, p in (track.class_probabilities or {}).items()}
+
+
+def object_columns(
+    objects: Sequence[Objects], times: np.ndarray, ego_poses_world: np.ndarray
+) -> dict[str, np.ndarray]:
+    """One row per object of chunks in order: its stixels, its box in the image and on the ground.
+
+    k, t (s), object (number in the frame, from 0), stixels, left, right, top, base (px, columns
+    left … right - 1, rows top … base), and in the world frame x, y (m, the centre), length and
+    width (m), heading (rad, along the length; either end may be the front).
+
+    Args:
+        objects: chunks in the order of their frames.
+        times: (K,) s.
+        ego_poses_world: (K, 3).
+    """
+    counts = np.concatenate([np.diff(one.offsets) for one in objects])
+    k = np.repeat(np.arange(len(counts)), counts)
+    left, right, top, base = np.concatenate([one.boxes for one in objects]).T
+    corners = [
+        world_from_ego(one.corners_ego[row], ego_poses_world[one.first + i])
+        for one in objects
+        for i in range(len(one.offsets) - 1)
+        for row in range(one.offsets[i], one.offsets[i + 1])
+    ]
+    corners_world = np.array(corners).reshape(-1, 4, 2)
+    sides = corners_world[:, 1:3] - corners_world[:, :2]
+    sizes = np.hypot(*np.moveaxis(sides, 2, 0))
+    longer = sizes.argmax(axis=1)
+    along = sides[np.arange(len(k)), longer]
+    x, y = corners_world.mean(axis=1).T
+    return {
+        "k": k,
+        "t": times[k],
+        "object": np.concatenate([np.arange(n) for n in counts]),
+        "stixels": np.concatenate([one.counts for one in objects]),
+        "left": left,
+        "right": right,
+        "top": top,
+        "base": base,
+        "x": x,
+        "y": y,
+        "length": sizes.max(axis=1),
+        "width": sizes.min(axis=1),
+        "heading": np.arctan2(along[:, 1], along[:, 0]),
+    }

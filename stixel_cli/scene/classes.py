@@ -1,0 +1,33 @@
+"""The classes of road users, one row each."""
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+RoadUserClass = Literal["car", "cyclist", "pedestrian"]
+
+
+@dataclass(frozen=True)
+class ClassRow:
+    """What other formats call a class, and how fast it moves.
+
+    Attributes:
+        kitti_types: types of KITTI's labels that are of this class; exported labels have the first.
+        stx1_type: type of pyStixel-lib's segmentation.
+        speed: root mean square speed, m/s.
+    """
+
+    kitti_types: tuple[str, ...]
+    stx1_type: str
+    speed: float
+
+
+CLASS_ROWS: dict[RoadUserClass, ClassRow] = {
+    "car": ClassRow(("Car", "Van"), "TYPE_CAR", 12.0),
+    "cyclist": ClassRow(("Cyclist",), "TYPE_BICYCLIST", 5.0),
+    "pedestrian": ClassRow(("Pedestrian", "Person_sitting"), "TYPE_PEDESTRIAN", 1.2),
+}
+
+ROAD_USER_CLASSES: tuple[RoadUserClass, ...] = get_args(RoadUserClass)
+
+CLASS_OF_KITTI_TYPE = {kitti: name for name, row in CLASS_ROWS.items() for kitti in row.kitti_types}
+"""The class of road user of each type of KITTI's labels that has one."""

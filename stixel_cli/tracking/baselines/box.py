@@ -1,0 +1,137 @@
+"""The baseline of box trackers: the centroid of the visible sides, and the box of the class.
+
+State: x, y and their rates, m and m/s, world frame; see `centre`. The heading is the
+velocity's direction. Length and width are those of the class, and nothing of them is estimated.
+
+The measurement is the centroid of the points in the gate: the predicted box, larger by a margin. A
+sensor sees the sides of a box that face it; the centroid of these sides, each with the angle under
+which it is seen, is where the points' centroid is expected. The filter is linearised: the heading,
+which is the velocity's direction, turns the sides about the centre. Without scans, the same box
+follows the predicted state: the gain of a tracker from its scans is the difference from that.
+"""
+
+from dataclasses import replace
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from stixel_cli.geometry.pose import rotation, target_from_world
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.parameters import parameters
+from stixel_cli.tracking.centre import (
+    GREATEST_VARIANCE,
+    MOVING,
+    predict,
+    six_states,
+    update,
+)
+from stixel_cli.tracking.motion import intervals
+from stixel_cli.tracking.prior import PriorShape
+from stixel_cli.tracking.track import InitialState, Track, contour_directions
+
+
+@parameters
+class BoxParameters:
+    """A Kalman filter of constant velocity on the centroid of the visible sides of a class box.
+
+    Attributes:
+        use_scans: false: predict only.
+        sigma_q: process noise of the position, a white acceleration's root density, m/s^1.5.
+        measurement_std: standard deviation of a point along each axis, m.
+        centroid_std: standard deviation of the centroid's place on the visible sides, m.
+        gate: points this far outside the predicted box are not used, m.
+        least_speed: below this speed, m/s, the heading is kept as it was.
+    """
+
+    kind: Literal["box"]
+    use_scans: bool
+    sigma_q: Annotated[float, Ge(0), Le(100)]
+    measurement_std: Annotated[float, Ge(1e-6), Le(10)]
+    centroid_std: Annotated[float, Ge(0), Le(10)]
+    gate: Annotated[float, Ge(0), Le(100)]
+    least_speed: Annotated[float, Gt(0), Le(100)]
+    contour_points: ClassVar[int] = 120
+    """Number M of points of the contour that is reported: no estimate depends on it."""
+
+
+def track(scans: Scans, initial: InitialState, prior: PriorShape, tracker: BoxParameters) -> Track:
+    """Track one target through `scans`: predict, associate, update at every scan, the first too.
+
+    The NIS has two degrees of freedom, those of the centroid.
+    """
+    mean, covariance = initial.mean[MOVING], initial.covariance[np.ix_(MOVING, MOVING)]
+    heading = (float(initial.mean[2]), min(float(initial.covariance[2, 2]), GREATEST_VARIANCE))
+    half = 0.5 * np.array([prior.length, prior.width])
+    count = len(scans)
+    motion = tracker.sigma_q, tracker.least_speed
+    means, covariances = np.empty((count, 6)), np.empty((count, 6, 6))
+    used: list[np.ndarray] = []
+    nis = np.full(count, np.nan)
+    for k, interval in enumerate(intervals(scans.times)):
+        mean, covariance = predict(mean, covariance, interval, tracker.sigma_q)
+        states, _ = six_states(mean, covariance, heading, interval, *motion)
+        rows = scans.rows(k)
+        points = target_from_world(scans.points_world[rows], states[:3])
+        inside = (np.abs(points) <= half + tracker.gate).all(axis=1) & tracker.use_scans
+        used.append(np.flatnonzero(inside) + rows.start)
+        if inside.any():
+            sensor = target_from_world(scans.sensor_poses_world[k][None, :2], states[:3])[0]
+            expected = visible_centroid(half, sensor)
+            turn = rotation(states[2])
+            innovation = turn @ (points[inside].mean(axis=0) - expected)
+            matrix = np.eye(2, 4)
+            if np.hypot(*mean[2:]) >= tracker.least_speed:
+                # The heading turns the visible sides about the centre.
+                aside = turn @ np.array([-expected[1], expected[0]])
+                matrix[:, 2:] = np.outer(aside, [-mean[3], mean[2]]) / (mean[2:] @ mean[2:])
+            variance = tracker.centroid_std**2 + tracker.measurement_std**2 / inside.sum()
+            mean, covariance, nis[k] = update(
+                mean, covariance, innovation, variance * np.eye(2), matrix
+            )
+        means[k], covariances[k] = six_states(mean, covariance, heading, interval, *motion)
+        heading = (means[k, 2], covariances[k, 2, 2])
+
+    angles, directions = contour_directions(means[:, 2], tracker.contour_points)
+    radii = box_radii(half, angles)
+    # A contour that is shifted by d is farther away by pᵀ d in the direction p.
+    shift = np.einsum("kmi,kij,kmj->km", directions, covariances[:, :2, :2], directions)
+    size = np.abs(np.cos(angles)) * half[0] * prior.length_std
+    size = np.hypot(size, np.abs(np.sin(angles)) * half[1] * prior.width_std)
+    contours = (
+        means[:, None, :2] + radii[:, None] * directions,
+        directions,
+        np.sqrt(size**2 + shift),
+    )
+    degrees = np.array([2 if len(rows) else 0 for rows in used], dtype=np.int64)
+    found = Track.of_scans(scans.times, (means, covariances), contours, used, nis, degrees)
+    return replace(found, uses_scans=tracker.use_scans)
+
+
+def visible_centroid(half: np.ndarray, sensor: np.ndarray) -> np.ndarray:
+    """Mean (2,) m over the sides of a box that a sensor sees, in the target's frame.
+
+    Points are even in the sensor's bearing, so a side counts with the angle under which it is seen.
+
+    Args:
+        half: (2,) m, half of the length and of the width.
+        sensor: (2,) m, its place in the target's frame. Inside the box it sees no side: the centre.
+    """
+    total, weight = np.zeros(2), 0.0
+    for axis in (0, 1):
+        if abs(sensor[axis]) <= half[axis]:
+            continue
+        middle = np.zeros(2)
+        middle[axis] = np.copysign(half[axis], sensor[axis])
+        along = np.zeros(2)
+        along[1 - axis] = half[1 - axis]
+        one, other = middle + along - sensor, middle - along - sensor
+        angle = np.arctan2(abs(one[0] * other[1] - one[1] * other[0]), one @ other)
+        total, weight = total + angle * middle, weight + angle
+    return total / weight if weight > 0.0 else total
+
+
+def box_radii(half: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Radii (n,) m of a box at `angles` (n,) rad from its length; `half` is half of its size, m."""
+    ends = np.stack([np.abs(np.cos(angles)) / half[0], np.abs(np.sin(angles)) / half[1]])
+    return 1.0 / ends.max(axis=0)

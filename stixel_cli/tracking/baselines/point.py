@@ -1,0 +1,108 @@
+"""The baseline: a Kalman filter of constant velocity on a scan's centroid, a circle as contour.
+
+State: x, y and their rates, m and m/s, world frame. The contour is a circle of the same area as the
+prior's shape; nothing of it is estimated. The filter is Bar-Shalom, Li & Kirubarajan 2001, chapter
+5 and (6.2.2): a white acceleration moves the target.
+
+The measurement is the centroid of the n points in the gate. It has two errors. One is
+independent from point to point and falls with n: a point's noise, and its place on the target,
+whose variance along each axis is that of the circle's area, r²/4 (Koch 2008 has the same form X / n
+for an extended target). All points share the other: only the side towards the sensor is seen, and
+its centroid is off the centre by a good part of r. So R = ((c r)² + (r²/4 + sigma²) / n) I, with
+c the configuration's `centroid_offset`. The shared error is no white noise: it stays for as long as
+the same side is seen, so no such filter can be consistent.
+"""
+
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from annotated_types import Ge, Gt, Le, Lt
+
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.parameters import parameters
+from stixel_cli.tracking.association import associate
+from stixel_cli.tracking.centre import GREATEST_VARIANCE, MOVING, predict, six_states, update
+from stixel_cli.tracking.motion import intervals
+from stixel_cli.tracking.prior import PriorShape, prior_radii
+from stixel_cli.tracking.track import InitialState, Track, contour_directions
+
+
+@parameters
+class PointParameters:
+    """The baseline: a Kalman filter of constant velocity on the centroid of a scan.
+
+    Attributes:
+        sigma_q: process noise of the position, a white acceleration's root density, m/s^1.5.
+        measurement_std: standard deviation of a point along each axis, m.
+        centroid_offset: standard deviation, along each axis, of the distance from the centre to the
+            centroid of the visible side, in radii of the circle.
+        gate_probability: chi-square probability of the association's gate; null takes every point.
+        least_speed: below this speed, m/s, the heading is kept as it was.
+    """
+
+    kind: Literal["point"]
+    sigma_q: Annotated[float, Ge(0), Le(100)]
+    measurement_std: Annotated[float, Ge(1e-6), Le(10)]
+    centroid_offset: Annotated[float, Ge(0), Le(10)]
+    gate_probability: Annotated[float, Gt(0), Lt(1)] | None
+    least_speed: Annotated[float, Gt(0), Le(100)]
+    contour_points: ClassVar[int] = 120
+    """Number M of points of the contour that is reported: no estimate depends on it."""
+
+
+DIRECTIONS = 720
+"""Even directions over which the prior's shape is summed up."""
+
+
+def class_circle(prior: PriorShape) -> tuple[float, float]:
+    """Radius and its std, both in m, of the circle with the area of the prior's shape.
+
+    The std is that of the class's radius round the circle, over all directions: the shape's
+    own, and the part that the prior's kernel adds.
+    """
+    radii = prior_radii(prior, 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS)
+    radius = np.sqrt(np.mean(radii**2))
+    variance = np.mean((radii - radius) ** 2) + prior.sigma_f**2 + prior.sigma_r**2
+    return float(radius), float(np.sqrt(variance))
+
+
+def track(
+    scans: Scans, initial: InitialState, prior: PriorShape, tracker: PointParameters
+) -> Track:
+    """Track one target through `scans`: predict, associate, update at every scan, the first too.
+
+    The heading is the velocity's direction, see `six_states`. The centroid has two coordinates, so
+    the NIS has two degrees of freedom.
+    """
+    radius, std = class_circle(prior)
+    mean, covariance = initial.mean[MOVING], initial.covariance[np.ix_(MOVING, MOVING)]
+    lone = 0.25 * radius**2 + tracker.measurement_std**2
+    heading = (float(initial.mean[2]), min(float(initial.covariance[2, 2]), GREATEST_VARIANCE))
+
+    count = len(scans)
+    means, covariances = np.empty((count, 6)), np.empty((count, 6, 6))
+    used: list[np.ndarray] = []
+    nis = np.full(count, np.nan)
+    for k, interval in enumerate(intervals(scans.times)):
+        mean, covariance = predict(mean, covariance, interval, tracker.sigma_q)
+        rows = scans.rows(k)
+        points = scans.points_world[rows]
+        indices = associate(
+            points, mean[:2], covariance[:2, :2] + lone * np.eye(2), tracker.gate_probability
+        )
+        used.append(indices + rows.start)
+        if len(indices):
+            variance = (tracker.centroid_offset * radius) ** 2 + lone / len(indices)
+            innovation = points[indices].mean(axis=0) - mean[:2]
+            mean, covariance, nis[k] = update(mean, covariance, innovation, variance * np.eye(2))
+        means[k], covariances[k] = six_states(
+            mean, covariance, heading, interval, tracker.sigma_q, tracker.least_speed
+        )
+        heading = (means[k, 2], covariances[k, 2, 2])
+
+    _, directions = contour_directions(means[:, 2], tracker.contour_points)
+    # A circle that is shifted by d is farther away by pᵀ d in the direction p.
+    shift = np.einsum("kmi,kij,kmj->km", directions, covariances[:, :2, :2], directions)
+    contours = means[:, None, :2] + radius * directions, directions, np.sqrt(std**2 + shift)
+    degrees = np.array([2 if len(rows) else 0 for rows in used], dtype=np.int64)
+    return Track.of_scans(scans.times, (means, covariances), contours, used, nis, degrees)

@@ -1,0 +1,126 @@
+"""What is known of a class of road users: its mean outline, and what a sensor sees of it.
+
+The numbers are in `class_shapes.json`, which is generated. They differ from the prior's rectangle
+or ellipse in two ways. The outline is the class's own. And it comes with *seen* shapes, one each
+for stixels, for lidars and for a sensor that measures the outline itself: for every aspect and
+offset of a ray (see `ray_table.py`), how far behind the outline a point is measured, and where the
+sensor sees the road user begin and end. Thin parts at the edge, such as a wheel seen from the front
+or a hand, are no obstacle of their column of the image, so a stixel shows what is behind them; a
+lidar's beams miss them.
+
+Frame: target, x along the heading, y left; m and rad.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from stixel_cli.scene.classes import RoadUserClass
+from stixel_cli.tracking.contour.class_size import CLASS_SHAPES
+from stixel_cli.tracking.contour.ray_table import COARSE, FINE, RayTable, outline_table
+
+NODES = (24, 9)
+"""Even aspects over a full turn, and even offsets over the table's width, of the seen shape."""
+
+
+@dataclass(frozen=True)
+class ClassShape:
+    """The outlines of a class.
+
+    Attributes:
+        outline: (N, 2) m, the mean outline: counter-clockwise, at even angles from the heading on.
+        outline_stds: (N,) m, standard deviation of the radius of the class's outlines, scaled to
+            one box.
+        size: (2,) m, length and width of this box, which contains the limbs in all poses. The
+            outline may be smaller; it is scaled with the box.
+    """
+
+    outline: np.ndarray
+    outline_stds: np.ndarray
+    size: np.ndarray
+
+
+@dataclass(frozen=True)
+class SeenShape:
+    """What a kind of sensor sees of a class.
+
+    Attributes:
+        depth_biases: (24, 9) m, how far behind the outline a point is measured, by aspect and
+            offset.
+        bias_per_std: the same, in standard deviations of the point's range: added to it.
+        depth_stds: (24, 9) m, standard deviation of that distance beyond the point's own, and
+        std_factor: the factor on the point's own.
+        insets: (2, 24) m, how far inside the outline the seen shape begins (low) and ends (high).
+        inset_stds: (2, 24) m.
+    """
+
+    depth_biases: np.ndarray
+    bias_per_std: float
+    depth_stds: np.ndarray
+    std_factor: float
+    insets: np.ndarray
+    inset_stds: np.ndarray
+
+
+def class_shape(road_user: RoadUserClass) -> ClassShape:
+    """The outlines of `road_user` from `class_shapes.json`."""
+    known = CLASS_SHAPES[road_user]
+    radii = _metres(known["radii"])
+    angles = 2.0 * np.pi * np.arange(len(radii)) / len(radii)
+    return ClassShape(
+        outline=radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1),
+        outline_stds=_metres(known["radius_stds"]),
+        size=_metres(known["size"]),
+    )
+
+
+def seen_shape(
+    road_user: RoadUserClass, sensor: Literal["simulated", "lidar", "outline"]
+) -> SeenShape:
+    """What stixels (`simulated`), a `lidar` or a sensor of the outline see of `road_user`."""
+    known = CLASS_SHAPES[road_user][sensor]
+    return SeenShape(
+        depth_biases=_metres(known["depth_biases"]).reshape(NODES),
+        bias_per_std=known["bias_per_std"],
+        depth_stds=_metres(known["depth_stds"]).reshape(NODES),
+        std_factor=known["std_factor"],
+        insets=_metres(known["insets"]).reshape(2, NODES[0]),
+        inset_stds=_metres(known["inset_stds"]).reshape(2, NODES[0]),
+    )
+
+
+def seen_table(outline: np.ndarray, seen: SeenShape, blurred: bool) -> RayTable:
+    """The table of what a sensor sees of an `outline` (N, 2) m; stixels see it `blurred`."""
+    size = COARSE if blurred else FINE
+    table = outline_table(outline, size)
+    row = np.arange(size[0]) * (NODES[0] / size[0])
+    column = np.linspace(0.0, NODES[1] - 1.0, size[1])
+    inset = [_interpolated(values[:, None], row)[:, 0] for values in seen.insets]
+    inset_std = [_interpolated(values[:, None], row)[:, 0] for values in seen.inset_stds]
+    return RayTable(
+        lowest=table.lowest,
+        highest=table.highest,
+        depths=table.depths + _interpolated(seen.depth_biases, row, column),
+        stds=_interpolated(seen.depth_stds, row, column),
+        low=table.low + inset[0],
+        high=table.high - inset[1],
+        low_stds=inset_std[0],
+        high_stds=inset_std[1],
+    )
+
+
+def _interpolated(
+    nodes: np.ndarray, row: np.ndarray, column: np.ndarray | None = None
+) -> np.ndarray:
+    """Bilinear values (n, m) of `nodes` (R, C), whose rows close a circle, at real indices."""
+    lower = np.floor(row).astype(int)
+    share = (row - lower)[:, None]
+    rows = nodes[lower % len(nodes)] * (1.0 - share) + nodes[(lower + 1) % len(nodes)] * share
+    if column is None:
+        return rows
+    return np.stack([np.interp(column, np.arange(nodes.shape[1]), values) for values in rows])
+
+
+def _metres(millimetres: list[int]) -> np.ndarray:
+    return np.array(millimetres) / 1000.0

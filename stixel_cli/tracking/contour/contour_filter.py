@@ -1,0 +1,192 @@
+"""An extended Kalman filter on pose and size that casts the scan's rays on the class's shape.
+
+State: x, y, heading psi, speed v along the heading, turn rate omega, and the logarithms of the
+factors on the class's length and width; world frame, m, rad, s. The heading is tied to the
+velocity, as a road user does not slide sideways: x' = v cos psi, y' = v sin psi, psi' = omega
+(Bar-Shalom, Li & Kirubarajan 2001, 11.7).
+
+A point is the range r along its ray, whose direction is known well. The measurement is
+
+    r = h(state, ray) + error
+
+where h casts the ray on the shape that the sensor sees (`ray_table.py`). Its Jacobian is a central
+difference over about a standard deviation of the state, as the shape has edges. The error has the
+sensor's variance and that of the shape, as no road user has quite the class's shape. Neighbours and
+successive scans share the shape's error, so n points are not n independent ones. A large factor on
+its standard deviation accounts for that.
+
+A real sensor's ranges also have an error b that does not change from scan to scan, such as that of
+a rig's calibration. The scans do not show b, so it is not estimated but considered: the filter has
+b's covariance with the state, and its estimate does not become more certain than b allows
+(Schmidt 1966; Jazwinski 1970, *Stochastic Processes and Filtering Theory*, 8.4).
+
+The first and the last ray that meet the target give two more measurements, the silhouette: how far
+inside the limits of the seen shape they pass. Ranges hardly measure the place across the rays.
+A silhouette at the border of the field of view is not used.
+
+Errors have heavy tails, so their variances are divided by the weights (nu + 1) / (nu + e²) ≤ 1 of a
+Student distribution, e the normalised error at the current iterate (Lange, Little, Taylor 1989,
+*Robust statistical modeling using the t distribution*). The update is iterated (Bell, Cathey 1993,
+*The iterated Kalman filter update as a Gauss-Newton method*).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from stixel_cli.geometry.pose import rotation
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.tracking.contour.class_bank import log_likelihood, log_weight
+from stixel_cli.tracking.contour.class_shape import ClassShape, class_shape
+from stixel_cli.tracking.contour.contour_parameters import ContourParameters
+from stixel_cli.tracking.contour.contour_rays import Rays, associate, sight_of
+from stixel_cli.tracking.contour.contour_recovery import is_doubtful, look_again
+from stixel_cli.tracking.contour.contour_report import contours_of, reported
+from stixel_cli.tracking.contour.contour_update import SEEN, update
+from stixel_cli.tracking.prior import PriorShape
+from stixel_cli.tracking.track import InitialState, Track
+
+
+class ClassFilter:
+    """The filter of a target of one class through K scans: predict, associate, update at each.
+
+    The state starts as `initial`, one sample before the first scan, with the size of the class's
+    `prior`. Reads no truth. It keeps its state between scans, as the filters of all classes take
+    the same scan before the next.
+
+    Attributes:
+        log_weights: (K,) of the class given the scans up to k, see `class_bank`; -inf at scans
+            without a step.
+    """
+
+    def __init__(
+        self, scans: Scans, initial: InitialState, prior: PriorShape, tracker: ContourParameters
+    ):
+        self._scans, self._tracker, self._road_user = scans, tracker, prior.road_user
+        self._shape = class_shape(prior.road_user)
+        self._sight = sight_of(prior.road_user, tracker)
+        self._of_class = np.log(np.array([prior.length, prior.width]) / self._shape.size)
+        self._mean, self._covariance = start(initial, prior, self._shape, tracker)
+        self._of_bias = np.zeros(7)
+        self._sum_of_log_likelihoods = 0.0
+        count = len(scans)
+        self._means = np.tile(self._mean, (count, 1))
+        self._covariances = np.tile(self._covariance, (count, 1, 1))
+        self._used = [np.zeros(0, np.int64) for _ in range(count)]
+        self._nis, self._degrees = np.full(count, np.nan), np.zeros(count, np.int64)
+        self._size_deviations = np.zeros(count)
+        self.log_weights = np.full(count, -np.inf)
+
+    def step(self, k: int, interval: float, rays: Rays, recovers: bool) -> None:
+        """Scan `k`, an `interval` in s after the one before, with the `rays` of all its points.
+
+        `recovers`: whether the filter looks for the target again where the scans contradict it.
+        """
+        tracker, sight = self._tracker, self._sight
+        of_bias = transition(self._mean, interval) @ self._of_bias
+        mean, covariance = predict(self._mean, self._covariance, interval, tracker)
+        indices = associate(rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], sight, tracker)
+        if len(indices):
+            predicted = mean, covariance, of_bias
+            posterior = update(*predicted, rays.subset(indices), sight, tracker)
+            *_, self._nis[k], self._degrees[k], _ = posterior
+            if recovers and is_doubtful(self._nis[: k + 1], self._degrees[: k + 1]):
+                indices, posterior = look_again(*predicted, rays, indices, sight, tracker)
+            mean, covariance, of_bias, nis, degrees, stated = posterior
+            self._nis[k], self._degrees[k] = nis, degrees
+            self._sum_of_log_likelihoods += log_likelihood(stated, nis, degrees)
+        self._mean, self._covariance, self._of_bias = mean, covariance, of_bias
+        self._means[k], self._covariances[k] = mean, covariance
+        self._used[k] = indices + self._scans.rows(k).start
+        deviations = (mean[5:] - self._of_class) / [tracker.length_std, tracker.width_std]
+        self._size_deviations[k] = np.abs(deviations).max()
+        self.log_weights[k] = log_weight(
+            self._sum_of_log_likelihoods,
+            self._size_deviations[k],
+            mean[3],
+            covariance[3, 3],
+            self._road_user,
+        )
+
+    def track(self) -> Track:
+        """The posteriors of all scans; a scan without a step has the state of the start.
+
+        The states are x, y, heading, their rates, and the two logarithms of size; the velocity is
+        along the heading. A scan with n points has n degrees of freedom, and one for each
+        silhouette that is used. `contour_std` is that of the reported contour along the ray from
+        the estimated centre: pose, size and shape together.
+        """
+        tracker = self._tracker
+        return replace(
+            Track.of_scans(
+                self._scans.times,
+                reported(self._means, self._covariances, tracker.slip),
+                contours_of(self._means, self._covariances, self._shape, tracker.contour_points),
+                self._used,
+                self._nis,
+                self._degrees,
+            ),
+            size_deviations=self._size_deviations,
+        )
+
+
+def start(
+    initial: InitialState, prior: PriorShape, shape: ClassShape, tracker: ContourParameters
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (7,) and covariance (7, 7) from an initial state and the prior's size.
+
+    The velocity is split along and across the heading. The part across is measured as zero: that
+    turns the heading towards the velocity.
+    """
+    heading = initial.mean[2]
+    turn = np.eye(6)
+    turn[3:5, 3:5] = rotation(-heading)
+    mean, covariance = turn @ initial.mean, turn @ initial.covariance @ turn.T
+    # The velocity across the heading, v_y - v_x (psi - heading), is 0 ± slip.
+    row = np.zeros(6)
+    row[2], row[4] = -mean[3], 1.0
+    gain = covariance @ row / (row @ covariance @ row + tracker.slip**2)
+    mean, covariance = mean - gain * mean[4], covariance - np.outer(gain, row @ covariance)
+    kept = [0, 1, 2, 3, 5]
+    whole, spread = np.zeros(7), np.zeros((7, 7))
+    whole[:5], spread[:5, :5] = mean[kept], covariance[np.ix_(kept, kept)]
+    whole[5:] = np.log(np.array([prior.length, prior.width]) / shape.size)
+    spread[5, 5], spread[6, 6] = tracker.length_std**2, tracker.width_std**2
+    return whole, spread
+
+
+def predict(
+    mean: np.ndarray, covariance: np.ndarray, interval: float, tracker: ContourParameters
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (7,) and covariance (7, 7) one `interval` in s later: a turn at constant rate.
+
+    The displacement has the heading of the middle of the interval.
+    """
+    predicted = mean.copy()
+    predicted[:2] += mean[3] * _forward(mean, interval)
+    predicted[2] += mean[4] * interval
+    matrix = transition(mean, interval)
+    noise = np.zeros((7, 7))
+    noise[0, 0] = noise[1, 1] = tracker.slip**2 * interval
+    # The heading's noise keeps its covariance away from zero.
+    noise[2, 2] = tracker.turn_acceleration**2 * interval**3 / 3.0 + 1e-4 * interval
+    noise[2, 4] = noise[4, 2] = tracker.turn_acceleration**2 * interval**2 / 2.0
+    noise[4, 4] = tracker.turn_acceleration**2 * interval
+    noise[3, 3] = tracker.acceleration**2 * interval
+    return predicted, matrix @ covariance @ matrix.T + noise
+
+
+def transition(mean: np.ndarray, interval: float) -> np.ndarray:
+    """Jacobian (7, 7) of the state one `interval` in s later."""
+    forward = _forward(mean, interval)
+    left = mean[3] * np.array([-forward[1], forward[0]])
+    matrix = np.eye(7)
+    matrix[:2, 2], matrix[:2, 3], matrix[:2, 4] = left, forward, 0.5 * interval * left
+    matrix[2, 4] = interval
+    return matrix
+
+
+def _forward(mean: np.ndarray, interval: float) -> np.ndarray:
+    """Displacement (2,) in m at a speed of 1 m/s."""
+    middle = mean[2] + 0.5 * mean[4] * interval
+    return interval * np.array([np.cos(middle), np.sin(middle)])

@@ -1,0 +1,58 @@
+"""Parameters of the tracker `contour`; its module needs Numba."""
+
+from typing import Annotated, ClassVar, Literal
+
+from annotated_types import Ge, Gt, Le
+
+from stixel_cli.parameters import parameters
+
+
+@parameters
+class ContourParameters:
+    """A filter that casts the scan's rays on the class's shape.
+
+    Attributes:
+        seen_by: kind of measurement; selects the visible shape: stixels
+            (`simulated`) see less than the outline. Points of a `file` or of the user's `own`
+            source are taken to be on the outline, as fabricated ones are.
+        acceleration: process noise of the speed, a white acceleration's root density, m/s^1.5.
+        turn_acceleration: process noise of the turn rate, rad/s^1.5.
+        slip: process noise of the position, m/s^0.5: motion that is not along the heading.
+        length_std, width_std: standard deviation of the factors on the class's length and width,
+            relative to the prior's.
+        noise_factor: factor on the standard deviation of a point's range. The errors of
+            successive scans are correlated, which the filter does not model; a factor above 1
+            stands for that.
+        shape_factor: factor on the standard deviation of the seen shape. Neighbours share its
+            error, and it changes little from scan to scan, so this factor is larger.
+        bias_std: standard deviation, m at a range of 10 m, of an error of the sensor that all
+            ranges of a recording share; it grows with the square of the range, as that of a
+            disparity does.
+        offset_std: standard deviation, m, of the shape across the rays: where a ray grazes the
+            shape it makes the range uncertain.
+        silhouette_factor: factor on the standard deviation of the silhouette.
+        silhouette_std: standard deviation of the bearing of a silhouette, degrees, beyond that of
+            rendered images: a matcher moves the edges of real objects.
+        degrees_of_freedom: of the Student distribution of an error.
+        iterations: most iterations of the update.
+        gate_std: width of the association's gate in standard deviations.
+    """
+
+    kind: Literal["contour"]
+    seen_by: Literal["simulated", "fabricated", "lidar", "file", "own"]
+    acceleration: Annotated[float, Ge(0), Le(100)]
+    turn_acceleration: Annotated[float, Ge(0), Le(100)]
+    slip: Annotated[float, Ge(0), Le(10)]
+    length_std: Annotated[float, Gt(0), Le(1)]
+    width_std: Annotated[float, Gt(0), Le(1)]
+    noise_factor: Annotated[float, Gt(0), Le(100)]
+    shape_factor: Annotated[float, Ge(0.1), Le(100)]
+    bias_std: Annotated[float, Ge(0), Le(10)]
+    offset_std: Annotated[float, Ge(0), Le(10)]
+    silhouette_factor: Annotated[float, Ge(0.1), Le(100)]
+    silhouette_std: Annotated[float, Ge(0), Le(10)]
+    degrees_of_freedom: Annotated[float, Gt(0), Le(1000)]
+    iterations: Annotated[int, Ge(1), Le(50)]
+    gate_std: Annotated[float, Gt(0), Le(20)]
+    contour_points: ClassVar[int] = 240
+    """Number M of points of the contour that is reported: no estimate depends on it."""

@@ -1,0 +1,150 @@
+"""The rays of a scan: how a sensor sees a class, and association."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stixel_cli.geometry.pose import wrap_angle
+from stixel_cli.measurements.scans import FieldOfView
+from stixel_cli.scene.classes import RoadUserClass
+from stixel_cli.tracking.contour.class_shape import class_shape, seen_shape, seen_table
+from stixel_cli.tracking.contour.contour_parameters import ContourParameters
+from stixel_cli.tracking.contour.ray_table import RayTable, expected
+
+NEAR_RANGE, NEAR_ACROSS = 0.3, 0.15
+"""A point this near to the expected one, m, along the ray and across, is in every gate."""
+
+
+@dataclass(frozen=True)
+class Sight:
+    """How a sensor sees the class.
+
+    Attributes:
+        table: the seen shape.
+        bias_per_std, std_factor: see `SeenShape`.
+        outline: whether the sensor sees the outline itself, between whose ends the first and last
+            ray fall at random.
+    """
+
+    table: RayTable
+    bias_per_std: float
+    std_factor: float
+    outline: bool
+
+
+@dataclass(frozen=True)
+class Rays:
+    """The rays of a scan's points.
+
+    Attributes:
+        sensor: (3,) pose of the sensor in the world.
+        directions: (n, 2) unit vectors in the world.
+        bearings: (n,) rad from the sensor's heading.
+        ranges: (n,) m.
+        stds: (n,) m, of the ranges.
+        across_variances: (n,) m², of the points across their rays.
+        field_of_view: of the sensor; None: unknown.
+    """
+
+    sensor: np.ndarray
+    directions: np.ndarray
+    bearings: np.ndarray
+    ranges: np.ndarray
+    stds: np.ndarray
+    across_variances: np.ndarray
+    field_of_view: FieldOfView | None = None
+
+    @property
+    def normals(self) -> np.ndarray:
+        """Unit vectors (n, 2) to the left of the rays."""
+        return np.stack([-self.directions[:, 1], self.directions[:, 0]], axis=-1)
+
+    def subset(self, indices: np.ndarray) -> "Rays":
+        """The rays at `indices`."""
+        return Rays(
+            self.sensor,
+            self.directions[indices],
+            self.bearings[indices],
+            self.ranges[indices],
+            self.stds[indices],
+            self.across_variances[indices],
+            self.field_of_view,
+        )
+
+
+def sight_of(road_user: RoadUserClass, tracker: ContourParameters) -> Sight:
+    """What the sensor sees of a class: stixels and lidars less than the outline."""
+    outline = tracker.seen_by not in ("simulated", "lidar")
+    seen = seen_shape(road_user, "outline" if outline else tracker.seen_by)
+    shape = class_shape(road_user)
+    table = seen_table(shape.outline, seen, blurred=tracker.seen_by == "simulated")
+    return Sight(table, seen.bias_per_std, seen.std_factor, outline)
+
+
+def rays_of(
+    points_world: np.ndarray,
+    covariances: np.ndarray,
+    sensor: np.ndarray,
+    field_of_view: FieldOfView | None = None,
+) -> Rays:
+    """The rays from a `sensor` (3,) through points (n, 2) m with covariances (n, 2, 2) m²."""
+    offsets = points_world - sensor[:2]
+    ranges = np.hypot(offsets[:, 0], offsets[:, 1])
+    directions = offsets / np.maximum(ranges, 1e-9)[:, None]
+    variances = np.einsum("ni,nij,nj->n", directions, covariances, directions)
+    across = np.trace(covariances, axis1=1, axis2=2) - variances
+    bearings = wrap_angle(np.arctan2(directions[:, 1], directions[:, 0]) - sensor[2])
+    return Rays(
+        sensor,
+        directions,
+        bearings,
+        ranges,
+        np.sqrt(np.maximum(variances, 0.0)),
+        np.maximum(across, 0.0),
+        field_of_view,
+    )
+
+
+def associate(
+    rays: Rays,
+    pose_and_size: np.ndarray,
+    covariance: np.ndarray,
+    sight: Sight,
+    tracker: ContourParameters,
+) -> np.ndarray:
+    """Indices (m,) of the points in the gate round the predicted target, ascending.
+
+    `pose_and_size` (5,) is a state as `expected` takes it, `covariance` (5, 5) its covariance. A
+    point is in the gate if its range fits, and its ray passes by the seen shape by no more than the
+    state's uncertainty allows.
+    """
+    if not len(rays.ranges):
+        return np.zeros(0, np.int64)
+    ranges, _, misses, stds, _ = expected(
+        pose_and_size[None], rays.sensor[:2], rays.directions, -1, -1, *sight.table.arrays()
+    )
+    position = covariance[0, 0] + covariance[1, 1]
+    reach = np.hypot(*(sight.table.high - sight.table.low)[[0, len(sight.table.low) // 4]])
+    turned = 0.25 * reach**2 * covariance[2, 2]
+    errors = rays.ranges - ranges[0] - sight.bias_per_std * rays.stds
+    variance = rays.stds**2 + stds**2 + position + turned
+    fits = np.abs(errors) < NEAR_RANGE + tracker.gate_std * np.sqrt(variance)
+    meets = misses[0] < NEAR_ACROSS + tracker.gate_std * np.sqrt(position + turned)
+    return np.flatnonzero(fits & meets)
+
+
+def sampling_inset(rays: Rays, sight: Sight) -> tuple[float, float]:
+    """How far inside the seen shape's limits the first and last ray fall, m, and its variance m².
+
+    The table of stixels includes both. Where the sensor sees the outline itself, the limit is
+    anywhere between the last ray that hits and its neighbour, which does not.
+    """
+    if not sight.outline or len(rays.bearings) < 2:
+        return 0.0, 0.0
+    gap = float(np.median(np.diff(np.sort(rays.bearings))) * rays.ranges.mean())
+    return 0.5 * gap, gap**2 / 12.0
+
+
+def range_biases(rays: Rays, tracker: ContourParameters) -> np.ndarray:
+    """Standard deviations (n,) m of the error of the ranges that all scans share."""
+    return tracker.bias_std * (rays.ranges / 10.0) ** 2

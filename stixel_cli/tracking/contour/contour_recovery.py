@@ -1,0 +1,84 @@
+"""How the tracker `contour` finds a target again that its scans contradict.
+
+A thin road user seen from its end looks nearly the same turned to either side, and the update,
+which is local, stays on the side where it began. As the target turns on, less and less of it is in
+the gate, and the track is lost. The normalised innovation squared (NIS) shows this early: it stays
+far below its degrees of freedom on a target that is tracked, and near them or above on one that is
+not. Then the update is done again with all points of the target's cluster, with a wide prior, from
+several headings; the most likely result is taken. Where the NIS is small, nothing changes.
+"""
+
+import numpy as np
+
+from stixel_cli.geometry.pose import rotation
+from stixel_cli.measurements.clusters import distances
+from stixel_cli.tracking.contour.contour_parameters import ContourParameters
+from stixel_cli.tracking.contour.contour_rays import Rays, Sight
+from stixel_cli.tracking.contour.contour_update import Posterior, update
+
+RECENT, DOUBTFUL = 3, 0.7
+"""A track is doubtful if the mean NIS / degrees of freedom of so many scans is above this."""
+
+TURNS = np.radians([0.0, -10.0, 10.0, -20.0, 20.0, -30.0, 30.0, -40.0, 40.0])
+"""Turns of the predicted heading from which the update begins again, rad."""
+
+WIDE = np.diag([0.3, 0.3, 0.35, 1.0, 0.5, 0.0, 0.0]) ** 2
+"""Added to the covariance of a doubtful prediction: m, rad, m/s, rad/s."""
+
+LARGEST = 1.3
+"""A cluster is the target if it is at most this many times the class's diagonal long."""
+
+
+def is_doubtful(nis: np.ndarray, degrees: np.ndarray) -> bool:
+    """Whether the last scans contradict the track.
+
+    `nis` and `degrees` of freedom are (k,); the NIS is NaN at a scan without points.
+    """
+    known = np.flatnonzero(np.isfinite(nis))[-RECENT:]
+    return len(known) == RECENT and bool(np.mean(nis[known] / degrees[known]) > DOUBTFUL)
+
+
+def look_again(
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    of_bias: np.ndarray,
+    rays: Rays,
+    indices: np.ndarray,
+    sight: Sight,
+    tracker: ContourParameters,
+) -> tuple[np.ndarray, Posterior]:
+    """The points of the target (m,) and the posterior of a prediction that is doubtful.
+
+    `mean` (7,), `covariance` (7, 7) and `of_bias` (7,) are the prediction, `indices` (n,) > 0 its
+    points.
+    """
+    points = rays.sensor[:2] + rays.ranges[:, None] * rays.directions
+    indices = cluster_of(rays, points, indices, sight)
+    own, place = rays.subset(indices), points[indices].mean(axis=0)
+    results = []
+    for turn in TURNS:
+        begin = mean.copy()
+        begin[:2] = place + rotation(turn) @ (mean[:2] - place)
+        begin[2] += turn
+        results.append(update(mean, covariance + WIDE, of_bias, own, sight, tracker, begin))
+    return indices, max(results, key=lambda result: np.nan_to_num(result[-1], nan=-np.inf))
+
+
+def cluster_of(
+    rays: Rays, points_world: np.ndarray, indices: np.ndarray, sight: Sight
+) -> np.ndarray:
+    """Indices (m,), ascending, of the cluster of the points (n,) at `indices`.
+
+    It is these points if the cluster is longer than the class.
+    """
+    from scipy.sparse.csgraph import connected_components
+
+    bearings = np.stack([np.cos(rays.bearings), np.sin(rays.bearings)], axis=-1)
+    variances = rays.stds[:, None, None] ** 2 * np.eye(2)
+    near = distances(rays.ranges[:, None] * bearings, variances) <= 1.0
+    labels = connected_components(near, directed=False)[1]
+    found = np.flatnonzero(np.isin(labels, labels[indices]))
+    wide = sight.table.high - sight.table.low
+    diagonal = np.hypot(wide[0], wide[len(wide) // 4])
+    small = np.hypot(*np.ptp(points_world[found], axis=0)) <= LARGEST * diagonal
+    return found if small else indices

@@ -1,0 +1,49 @@
+"""Tracks of several road users: the chosen tracker for each, on the points of its own clusters."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pkgutil import resolve_name
+from typing import Any
+
+import numpy as np
+
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.tracking.several.found import FoundTrack, ObjectTrack
+
+
+def track_each(
+    found: tuple[FoundTrack, ...], scans: Scans, function: str, settings: Mapping[str, Any]
+) -> tuple[ObjectTrack, ...]:
+    """The track of each road user that is found, from its first to its last scan.
+
+    Args:
+        found: no point is in two of them.
+        scans: all points.
+        function: "module:function" of the tracker.
+        settings: what the tracker gets besides scans and initial state.
+    """
+    track = resolve_name(function)
+    tracks = []
+    for one in found:
+        own, rows = own_scans(scans, one)
+        result = track(scans=own, initial=one.initial, **settings)
+        used = rows[result.used_points]
+        tracks.append(ObjectTrack(int(one.scans[0]), replace(result, used_points=used)))
+    return tuple(tracks)
+
+
+def own_scans(scans: Scans, found: FoundTrack) -> tuple[Scans, np.ndarray]:
+    """The scans from the first to the last of a road user, with its own points only.
+
+    A scan without its cluster is empty. Also the rows (P,) of these points in `scans`.
+    """
+    first, last = int(found.scans[0]), int(found.scans[-1])
+    of_scan = dict(zip(found.scans.tolist(), found.rows, strict=True))
+    rows = [of_scan.get(k, np.zeros(0, dtype=np.int64)) for k in range(first, last + 1)]
+    own_of_each = Scans.of_each(
+        scans.times[first : last + 1],
+        scans.sensor_poses_world[first : last + 1],
+        [(scans.points_world[own], scans.covariances_world[own]) for own in rows],
+        scans.field_of_view,
+    )
+    return own_of_each, np.concatenate(rows)

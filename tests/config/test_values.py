@@ -1,0 +1,115 @@
+"""Values set in plain dicts give the same configurations and messages as OmegaConf."""
+
+import pytest
+
+from stixel_cli.config import values
+from stixel_cli.config.compose import Composer
+from stixel_cli.config.folders import group_options, outer_options
+from stixel_cli.errors import ConfigurationError
+
+OPTIONS = [
+    (group, option)
+    for group, options in group_options().items()
+    for option in options
+    # A recording needs a folder, see tests/recordings.
+    if group != "source" and (group, option) != ("path", "recorded")
+]
+LINES = [
+    [],
+    ["seed=7", "tracker.sigma_f=0.25", "rig=kitti", "rig.height=370"],
+    ["road_user=cyclist", "path=waypoints", "path.speed=${pace.turn_speed}"],
+    ["pace=pedestrian", "path=circle", "road_user.contrast=0.25", "pictures.frames=[0,3]"],
+    ["path=waypoints", "path.points=[[0,12],[3,15.5]]", "++renderer.light.sun=1"],
+    ["rig.height=${rig.width}", "measurement=fabricated", "measurement.rays=null"],
+    ["measurement=fabricated", "measurement/noise=constant", "measurement.noise.range_std=1"],
+    ["measurement.noise.disparity_std=0.2", "measurement=fabricated", "seed=3"],
+    ["path=crossing", "road_user=pedestrian", "tracker.jitter=1e-7", "measurement='fabricated'"],
+]
+WRONG = [
+    ["measurement/noise=constant"],
+    ["measurement=fabricated", "measurement.noise=constant"],
+    ["measurement=fabricated", "measurement/noise=constant", "measurement.noise.edge_metres=1"],
+    ["measurement.noise.range_std=1"],
+    ["path=turn", "path.swing=3"],
+    ["seed=-1"],
+    ["seed=a"],
+    ["rig.width=${nothing.there}"],
+    ["rig.width=${rig.width}"],
+    ["rig.widht=3"],
+    ["seed=1", "seed=2"],
+    ["path.sample_time=9", "path.duration=3"],
+    ["tracker.sigma_f=nan"],
+    ["rig.width={a:1}"],
+    ["seed=0,1"],
+    ["road_user.mesh=${oc.env:NOWHERE}"],
+]
+
+
+def alone(group, option):
+    """An option, within another group with one that has it."""
+    outer = group.rpartition("/")[0]
+    around = [f"{outer}={outer_options(group)[0]}"] if outer else []
+    return [*around, f"{group}={option}"]
+
+
+def refuse(*_):
+    raise LookupError
+
+
+@pytest.fixture(scope="module")
+def composer():
+    return Composer()
+
+
+@pytest.fixture
+def by_omegaconf(monkeypatch):
+    """Composes with OmegaConf alone."""
+
+    def compose(line):
+        with monkeypatch.context() as patch:
+            patch.setattr(values, "_resolved", refuse)
+            return Composer().compose(line)
+
+    return compose
+
+
+@pytest.mark.parametrize("line", [*LINES, *(alone(*one) for one in OPTIONS)])
+def test_equal_to_omegaconf(line, composer, by_omegaconf, monkeypatch):
+    slow = by_omegaconf(line)
+    monkeypatch.setattr(values, "_by_omegaconf", None)  # not needed for these lines
+    fast = composer.compose(line)
+    assert fast == slow
+    assert list(fast.resolved) == list(slow.resolved)
+    assert [list(fast.resolved[one]) for one in fast.choices if one in fast.resolved] == [
+        list(slow.resolved[one]) for one in slow.choices if one in slow.resolved
+    ]
+    assert repr(fast.configuration) == repr(slow.configuration)
+
+
+@pytest.mark.parametrize("line", WRONG)
+def test_same_message_as_omegaconf(line, composer, by_omegaconf):
+    with pytest.raises(ConfigurationError) as slow:
+        by_omegaconf(line)
+    with pytest.raises(ConfigurationError) as fast:
+        composer.compose(line)
+    assert str(fast.value) == str(slow.value)
+
+
+@pytest.mark.parametrize(
+    "line", [["road_user.contrast=${oc.decode:0.25}"], ["world.contrast='${world.contrast_}'"]]
+)
+def test_omegaconf_resolves_the_rest(line, composer, by_omegaconf):
+    try:
+        slow = by_omegaconf(line)
+    except ConfigurationError as fault:
+        with pytest.raises(ConfigurationError, match=str(fault)[:20]):
+            composer.compose(line)
+    else:
+        assert composer.compose(line) == slow
+
+
+def test_equal_groups_are_one_object(composer):
+    one, other = composer.compose(["seed=1"]), composer.compose(["seed=2", "tracker.sigma_f=0.3"])
+    assert one.configuration.rig is other.configuration.rig
+    assert one.configuration.tracker is not other.configuration.tracker
+    assert one.resolved["rig"] is other.resolved["rig"]

@@ -1,0 +1,177 @@
+"""What the folder of a run with the user's own code says of that code."""
+
+import subprocess
+
+import pytest
+import yaml
+from own_files import QUICK, THREADS
+from own_files import own as own
+from run_cli import run_json
+
+from stixel_cli import compose
+from stixel_cli.cli.app import main
+from stixel_cli.own_code import all_values
+from stixel_cli.results import provenance
+
+
+@pytest.fixture
+def words(own):
+    return [*QUICK, THREADS, f"tracker={own.name}:track"]
+
+
+def folder_of(own, name, *words):
+    assert main(["run", "--results", str(own.results), "--name", name, *words]) == 0
+    return own.results / name
+
+
+def test_explain_compares_a_folder_with_its_own_code(own, words, capsys):
+    folder = folder_of(own, "a", *words)
+    helper = own.folder / f"{own.helper}.py"
+    helper.write_text("OFFSET = 2.0\n")
+    folder_of(own, "b", *words)
+    helper.write_text("OFFSET = 3.0\n")
+    for remove in (False, True):
+        capsys.readouterr()
+        assert main(["explain", str(folder)]) == 0
+        answer = capsys.readouterr().out
+        assert f"track: code: {own.helper} changed" in answer
+        assert "    -OFFSET = 1.0\n    +OFFSET = 3.0\n" in answer
+        assert "-OFFSET = 2.0" not in answer
+        if not remove:
+            # Without the folder's results in the cache, its lineage says the same.
+            remove_results(folder)
+
+
+def remove_results(folder):
+    import json
+    import os
+    import shutil
+    from pathlib import Path
+
+    stages = json.loads((folder / "lineage.json").read_text())["stages"]
+    for key in stages["track"]["keys"]:
+        (entry,) = Path(os.environ["STIXEL_CACHE"]).glob(f"*/{key}")
+        shutil.rmtree(entry)
+
+
+def test_explain_compares_a_sweep_with_its_own_code(own, words, capsys):
+    line = ["sweep", "--results", str(own.results), "--name", "s", *words, "seed=0,1"]
+    assert main(line) == 0
+    capsys.readouterr()
+    assert main(["explain", str(own.results / "s")]) == 0
+    assert capsys.readouterr().out == "nothing to recompute: all results are cached\n"
+    helper = own.folder / f"{own.helper}.py"
+    for value in (2.0, 3.0):
+        helper.write_text(f"OFFSET = {value}\n")
+        if value == 2.0:
+            folder_of(own, "b", *words)
+    capsys.readouterr()
+    assert main(["explain", str(own.results / "s")]) == 0
+    assert "    -OFFSET = 1.0\n    +OFFSET = 3.0\n" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("text", ["def (", 'FILES = ["nothing.npz"]\n'])
+def test_code_that_is_no_longer_valid_is_one_line(text, own, words, capsys):
+    folder = folder_of(own, "a", *words)
+    (own.folder / f"{own.helper}.py").write_text(text)
+    capsys.readouterr()
+    assert main(["explain", str(folder)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{own.helper}.py" in line and "internal" not in line
+
+
+def test_all_values_of_parameters_are_stored_and_compared(own, words, capsys):
+    one = folder_of(own, "one", *words)
+    other = folder_of(own, "other", *words, "tracker.mode=far")
+    stored = yaml.safe_load((one / "config.yaml").read_text())["tracker"]
+    assert stored == {"kind": "own", "function": f"{own.name}:track", "alpha": 0.5, "mode": "near"}
+    capsys.readouterr()
+    assert main(["compare", str(one), str(other)]) == 0
+    assert "tracker.mode   near   far" in capsys.readouterr().out
+    # The typed default is the same setting.
+    again = run_json(capsys, own.results, *words, "tracker.alpha=0.5", "--name", "c")
+    assert {stage["status"] for stage in again["stages"]} == {"cached"}
+
+
+def test_a_sweep_keeps_the_values_that_its_runs_had(own, words, capsys):
+    line = ["sweep", "--results", str(own.results), "--name", "s", *words, "seed=0,1"]
+    assert main(line) == 0
+    request = yaml.safe_load((own.results / "s" / "sweep.yaml").read_text())
+    assert {"tracker.alpha=0.5", "tracker.mode=near"} <= set(request["runs"][0])
+    assert main(["sweep", "--resume", str(own.results / "s"), "--trust-code"]) == 0
+    assert "out of date" not in capsys.readouterr().err
+
+
+def test_defaults_that_a_yaml_file_cannot_have_are_left_out():
+    def plain(scans, alpha=0.5, pair=(1, 2), array=object(), text="a"):  # noqa: B008
+        pass
+
+    assert all_values(plain, 1, {"alpha": 0.2}) == {"alpha": 0.2, "text": "a"}
+
+
+def test_the_modules_are_stored_and_others_are_named(own, words, capsys):
+    folder = folder_of(own, "a", *words)
+    source = own.folder / f"{own.name}.py"
+    assert (folder / "code" / f"{own.name}.py").read_bytes() == source.read_bytes()
+    assert (folder / "code" / f"{own.helper}.py").read_text() == "OFFSET = 1.0\n"
+    assert {file.name for file in (folder / "code").iterdir()} == {
+        f"{own.name}.py", f"{own.helper}.py",
+    }  # fmt: skip
+    for command in (["verify"], ["rerun", "--results", str(own.results)]):
+        (own.folder / f"{own.helper}.py").write_text("OFFSET = 1.0\n")
+        capsys.readouterr()
+        assert main([*command, str(folder), "--trust-code"]) == 0
+        assert "code" not in capsys.readouterr().err
+        (own.folder / f"{own.helper}.py").write_text("OFFSET = 4.0\n")
+        assert main([*command, str(folder), "--trust-code"]) == (command == ["verify"])
+        lines = [line for line in capsys.readouterr().err.splitlines() if "/code" in line]
+        assert lines == [f"stixel: {own.helper}: is not as in {folder / 'code'}: today's is used"]
+
+
+def test_a_sweep_stores_the_modules_once(own, words):
+    line = ["sweep", "--results", str(own.results), "--name", "s", *words, "seed=0,1"]
+    assert main(line) == 0
+    (copy,) = (own.results / "s" / "code").glob(f"*/{own.helper}.py")
+    assert copy.read_text() == "OFFSET = 1.0\n"
+    (own.folder / f"{own.helper}.py").write_text("OFFSET = 2.0\n")
+    assert main(["sweep", "--resume", str(own.results / "s"), "--trust-code"]) == 0
+    (copy,) = (own.results / "s" / "code").glob(f"*/{own.helper}.py")
+    assert copy.read_text() == "OFFSET = 2.0\n"
+
+
+def test_the_repository_of_a_module_is_stored_with_its_changes(own, words, monkeypatch):
+    def git(*arguments):
+        line = ["git", "-C", str(own.folder), "-c", "user.name=a", "-c", "user.email=a", *arguments]
+        return subprocess.run(line, check=True, capture_output=True, text=True).stdout.strip()
+
+    git("init", "-q")
+    git("add", f"{own.helper}.py")
+    git("commit", "-q", "-m", "first")
+    (own.folder / f"{own.helper}.py").write_text("OFFSET = 9.0\n")
+    text = (folder_of(own, "a", *words) / "code" / "mine.diff").read_text()
+    assert text.startswith(f"revision {git('rev-parse', 'HEAD')}\n")
+    assert "-OFFSET = 1.0\n+OFFSET = 9.0\n" in text
+    (own.folder / f"{own.helper}.py").write_text("OFFSET = 1.0\n")
+    assert "OFFSET" not in (folder_of(own, "b", *words) / "code" / "mine.diff").read_text()
+    file = own.folder / "changes.diff"
+    file.write_text(text)
+    git("apply", "changes.diff")
+    assert (own.folder / f"{own.helper}.py").read_text() == "OFFSET = 9.0\n"
+    monkeypatch.setattr(provenance, "LARGEST_DIFFERENCE", 10)
+    text = (folder_of(own, "c", *words) / "code" / "mine.diff").read_text()
+    assert "are left out" in text and "OFFSET" not in text
+
+
+def test_describe_explains_the_parameters_of_the_users_function(own, capsys):
+    assert main(["describe", f"tracker={own.name}:track"]) == 0
+    answer = capsys.readouterr().out
+    assert "tracker.alpha" in answer and "0.5" in answer and "a number > 0 and ≤ 1" in answer
+    assert "one of near, far" in answer
+    assert main(["describe", f"tracker={own.name}:plain"]) == 0
+    assert "tracker.alpha" in capsys.readouterr().out
+    assert main(["describe", f"measurement={own.name}:dots"]) == 0
+    answer = capsys.readouterr().out
+    assert "measurement.spread" in answer and "0.1" in answer
+    assert main(["describe", f"tracker={own.name}:nothing"]) == 2
+    assert "has no function nothing" in capsys.readouterr().err
+    assert compose([f"tracker={own.name}:track"]).value("tracker.mode") == "near"

@@ -1,0 +1,185 @@
+"""`stixel export`: a rendered run becomes a clip, and the clip gives the same scans again."""
+
+import csv
+import importlib.util
+import shlex
+import sys
+
+import cv2
+import numpy as np
+import pytest
+
+from stixel_cli.cli.app import main
+from stixel_cli.export.export import tum_text
+
+RUN = ("path=depart", "path.duration=0.4", "ego=turning", "rig.width=200", "rig.height=120")
+RUN += ("pictures.frames=[]", "executor=threads", "road=estimated")
+OWN = (
+    "stereo.block_size=9",
+    "occupancy=cartesian",
+    "extraction.width=4",
+    "measurement.height_max=2",
+)
+"""Values that are not those of a recording."""
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    return str(tmp_path_factory.mktemp("cache"))
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    return tmp_path_factory.mktemp("results")
+
+
+@pytest.fixture(autouse=True)
+def own_cache(cache, monkeypatch):
+    monkeypatch.setenv("STIXEL_CACHE", cache)
+
+
+@pytest.fixture(scope="module")
+def rendered(results, cache):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STIXEL_CACHE", cache)
+        assert main(["run", *RUN, *OWN, "--results", str(results), "--name", "rendered"]) == 0
+    return results / "rendered"
+
+
+def test_a_clip_gives_the_scans_and_the_truth_of_its_run(rendered, results, tmp_path, capsys):
+    capsys.readouterr()
+    clip = tmp_path / "clip"
+    assert main(["export", str(rendered), "--format", "kitti", "--output", str(clip)]) == 0
+    printed, command = capsys.readouterr().out.splitlines()
+    assert printed == str(clip)
+    words = shlex.split(command)
+    assert words[:2] == ["stixel", "run"]
+    # Recordings have another value.
+    assert "stereo.disparities_at_full_size=null" in words
+    more = ("pictures.frames=[]", "executor=threads")
+    again = ["--results", str(results), "--name", "again"]
+    assert main([*words[1:], *more, *again]) == 0
+    for name in ("scans", "ego"):
+        with (
+            np.load(rendered / f"{name}.npz") as old,
+            np.load(results / f"again/{name}.npz") as new,
+        ):
+            for column in old:
+                np.testing.assert_allclose(new[column], old[column], atol=1e-9, err_msg=column)
+    with np.load(rendered / "truth.npz") as old, np.load(results / "again/truth.npz") as new:
+        np.testing.assert_allclose(new["x"], old["x"], atol=0.05)
+        np.testing.assert_allclose(new["y"], old["y"], atol=0.05)
+        np.testing.assert_allclose(new["heading"], old["heading"], atol=1e-9)
+    disparity = cv2.imread(str(clip / "disparity/0000/000003.png"), cv2.IMREAD_UNCHANGED)
+    assert disparity.shape == (120, 200) and disparity.dtype == np.uint16
+    assert 1.0 < np.median(disparity[disparity > 0]) / 256 < 60.0
+
+
+def test_trajectories_are_those_that_evo_reads(rendered, tmp_path, capsys):
+    out = tmp_path / "tum"
+    assert main(["export", str(rendered), "--format", "tum", "--output", str(out)]) == 0
+    assert sorted(file.name for file in out.iterdir()) == ["ego.tum", "track.tum", "truth.tum"]
+    rows = np.loadtxt(out / "truth.tum")
+    assert rows.shape == (4, 8)
+    with np.load(rendered / "truth.npz") as truth:
+        np.testing.assert_allclose(rows[:, 1], truth["x"], atol=1e-6)
+        np.testing.assert_allclose(2.0 * np.arctan2(rows[:, 6], rows[:, 7]), truth["heading"])
+
+
+def read_table(file):
+    with file.open(encoding="utf-8") as opened:
+        rows = list(csv.DictReader(opened))
+    return {name: [row[name] for row in rows] for name in rows[0]}
+
+
+def test_tables_have_documented_columns_and_the_runs_values(rendered, tmp_path):
+    out = tmp_path / "csv"
+    assert main(["export", str(rendered), "--format", "csv", "--output", str(out)]) == 0
+    names = {"scans", "track", "truth", "ego", "contour", "true_contour"}
+    assert {file.stem for file in out.iterdir()} == names | {"columns"}
+    columns = read_table(out / "columns.csv")
+    documented = set(zip(columns["table"], columns["column"], strict=True))
+    tables = {name: read_table(out / f"{name}.csv") for name in names}
+    assert documented == {(name, column) for name in names for column in tables[name]}
+    assert all(columns["meaning"])
+    with np.load(rendered / "track.npz") as track, np.load(rendered / "scans.npz") as scans:
+        np.testing.assert_array_equal(np.float64(tables["scans"]["x"]), scans["x"])
+        used = np.flatnonzero(np.int64(tables["scans"]["used"]))
+        np.testing.assert_array_equal(used, np.sort(track["used_points"]))
+        contour = np.float64([tables["contour"]["x"], tables["contour"]["y"]]).T
+        np.testing.assert_array_equal(contour, track["contours_world"].reshape(-1, 2))
+    assert set(tables["true_contour"]["k"]) == {"0", "1", "2", "3"}
+
+
+def test_stixels_come_back_from_the_format_of_pystixel_lib(rendered, tmp_path):
+    library = pytest.importorskip("stixel")
+    out = tmp_path / "stx1"
+    assert main(["export", str(rendered), "--format", "stx1", "--output", str(out)]) == 0
+    assert [file.name for file in sorted(out.iterdir())] == [f"{k:06d}.stx1" for k in range(4)]
+    with np.load(rendered / "track.npz") as track:
+        used = np.diff(track["used_offsets"])
+    for k in range(4):
+        world = library.read(str(out / f"{k:06d}.stx1"))
+        found = {
+            name: np.array([getattr(one, name) for one in world.stixel])
+            for name in ("u", "vT", "vB", "d", "label", "width", "confidence", "idx", "cluster")
+        }
+        assert len(found["u"]) > 10 and found["idx"].tolist() == list(range(len(found["u"])))
+        assert (found["u"] >= 0).all() and (found["u"] + found["width"] <= 200).all()
+        assert (found["vT"] < found["vB"]).all() and (found["vB"] <= 120).all()
+        assert ((found["confidence"] > 0.0) & (found["confidence"] <= 1.0)).all()
+        target = found["cluster"] == 0
+        assert target.sum() == used[k] and set(found["cluster"]) == {-1, 0}
+        assert set(found["label"][target]) == {library.Segmentation.TYPE_CAR}
+        assert set(found["label"][~target]) == {0}
+        # The car's rear is 6 m ahead at the start, and drives away.
+        assert 4.0 < np.median(found["d"][target]) < 15.0
+        assert library.decode_img(world).size == (200, 120)
+        assert (world.context.name, world.context.clusters) == (f"{k:06d}", 0)
+        # The library's own reading of d: depth along the camera's axis.
+        points = library.convert_to_3d_stixel(world)
+        np.testing.assert_allclose(points[:, 2], found["d"], rtol=1e-4)
+
+
+def test_a_recording_of_rerun_is_written(rendered, tmp_path):
+    if importlib.util.find_spec("rerun") is None:
+        pytest.skip("rerun is not installed")
+    out = tmp_path / "rerun"
+    assert main(["export", str(rendered), "--format", "rerun", "--output", str(out)]) == 0
+    assert (out / "run.rrd").stat().st_size > 5000
+
+
+@pytest.mark.parametrize(("form", "module"), [("stx1", "stixel"), ("rerun", "rerun")])
+def test_a_missing_library_is_named(form, module, rendered, tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, module, None)
+    capsys.readouterr()
+    assert main(["export", str(rendered), "--format", form, "--output", str(tmp_path / "x")]) == 2
+    error = capsys.readouterr().err
+    assert f"pip install 'stixel[{form}]'" in error and error.count("\n") == 1
+    assert not (tmp_path / "x").exists()
+
+
+def test_scans_without_images_have_no_stixels(results, tmp_path, capsys):
+    pytest.importorskip("stixel")
+    few = ("measurement=fabricated", "path.duration=0.3", "pictures.frames=[]", "executor=threads")
+    assert main(["run", *few, "--results", str(results), "--name", "rays"]) == 0
+    capsys.readouterr()
+    words = ("--format", "stx1", "--output", str(tmp_path / "x"))
+    assert main(["export", str(results / "rays"), *words]) == 2
+    assert "has no stixels to export" in capsys.readouterr().err
+
+
+def test_a_time_without_a_pose_has_no_row():
+    text = tum_text(np.array([0.0, 0.1]), np.array([[1.0, 2.0, 0.0], [np.nan] * 3]))
+    assert text == "0 1 2 0 0 0 0 1\n"
+
+
+def test_what_cannot_be_exported_is_refused_in_one_line(rendered, tmp_path, capsys):
+    capsys.readouterr()
+    for words, said in (
+        (["--format", "xyz"], "'xyz' is not known: must be one of kitti, csv, tum, stx1, rerun"),
+        (["--format", "tum", "--output", str(tmp_path)], "exists; choose another folder"),
+    ):
+        assert main(["export", str(rendered), *words]) == 2
+        error = capsys.readouterr().err
+        assert said in error and error.count("\n") == 1

@@ -1,0 +1,145 @@
+"""Made-up recordings, tables, meshes and presets with one or two files damaged.
+
+Commands that compose read the recordings and the presets; the readers of images, tables and meshes
+are called as the stages call them.
+"""
+
+import random
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from damage import damage, restore
+from harness_of_fuzz import Answer, Kind, answer, run_cases, settle
+
+from stixel_cli.config.folders import use_presets
+from stixel_cli.errors import UserError
+from stixel_cli.measurements.file import read_scans
+from stixel_cli.measurements.file_truth import read_truth
+from stixel_cli.recordings.image_files import read_grey
+from stixel_cli.scene.mesh_file import load_mesh
+
+sys.path.append(str(Path(__file__).parents[1] / "recordings"))
+from made_argoverse import make_log
+from made_clip import make_clip
+
+SMALL = 12
+
+OF_A_CLIP = (
+    "run --dry-run source.folder=clip source.sequence=0003 source.target=0",
+    "run --json --dry-run source.folder=clip source.sequence=0003 source.target=auto road_user=car",
+    "plan source.folder=clip source.sequence=0003 source.target=0",
+)
+OF_A_LOG = (
+    "run --dry-run source.folder=log source.target=auto road_user=car rig.camera_height=1.6",
+)
+OF_PRESETS = (
+    "run --dry-run --config-dir presets rig=mine",
+    "run --json --dry-run --config-dir presets tracker=coarse",
+    "plan --config-dir presets experiment=quick",
+)
+PRESETS = {
+    "rig/mine": "defaults:\n  - default\n  - _self_\n\nwidth: 320\n",
+    "tracker/coarse": "defaults:\n  - gp_ekf\n  - _self_\n\nbasis_points: 12\n",
+    "experiment/quick": "# @package _global_\ndefaults:\n  - override /path: crossing\n"
+    "path: {duration: 0.5}\n",
+}
+TABLES = {
+    "scans": "k,t,x,y,xx,xy,yy\n0,0.0,1,9,1,0,1\n1,0.1,1.5,9,1,0,1\n",
+    "ego": "k,t,x,y,heading\n0,0.0,0,0,1.5\n1,0.1,0,0.1,1.5\n",
+    "truth": "k,x,y,heading,length,width\n0,0,10,0.0,4,2\n1,0.1,10,0.0,4,2\n",
+}
+BOX = [(x, y, z) for x in (-2, 2) for y in (-1, 1) for z in (0, 1.5)]
+FACES = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6)]
+
+
+def write_meshes(folder: Path) -> None:
+    """A box as text, and as binary .ply and .stl."""
+    vertices = "".join("{} {} {}\n".format(*one) for one in BOX)
+    faces = "".join("3 {} {} {}\n".format(*one) for one in FACES)
+    head = (
+        "ply\nformat {} 1.0\nelement vertex 8\nproperty float x\nproperty float y\n"
+        f"property float z\nelement face {len(FACES)}\n"
+        "property list uchar int vertex_indices\nend_header\n"
+    )
+    lines = "".join("f {} {} {}\n".format(*(i + 1 for i in one)) for one in FACES)
+    obj = "mtllib box.mtl\n" + "".join(f"v {one}\n" for one in vertices.splitlines()) + lines
+    (folder / "box.obj").write_text(obj)
+    (folder / "box.mtl").write_text("newmtl coat\nmap_Kd none.png\n")
+    (folder / "box.off").write_text(f"OFF\n8 {len(FACES)} 0\n{vertices}{faces}")
+    (folder / "box.ply").write_text(head.format("ascii") + vertices + faces)
+    rows = [b"\3" + np.array(one, "<i4").tobytes() for one in FACES]
+    binary = np.array(BOX, "<f4").tobytes() + b"".join(rows)
+    (folder / "binary.ply").write_bytes(head.format("binary_little_endian").encode() + binary)
+    corners = np.array(BOX, "<f4")[np.array(FACES)]
+    rows = [bytes(12) + one.tobytes() + bytes(2) for one in corners]
+    count = np.array(len(FACES), "<u4").tobytes()
+    (folder / "box.stl").write_bytes(bytes(80) + count + b"".join(rows))
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """A clip, a log, presets, tables and meshes."""
+    place = tmp_path_factory.mktemp("foreign")
+    make_clip(place / "clip")
+    make_log(place / "clip", place / "log")
+    for name, text in PRESETS.items():
+        (place / "presets" / name).parent.mkdir(parents=True)
+        (place / "presets" / f"{name}.yaml").write_text(text)
+    for folder in ("tables", "meshes"):
+        (place / folder).mkdir()
+    for name, text in TABLES.items():
+        (place / "tables" / f"{name}.csv").write_text(text)
+    write_meshes(place / "meshes")
+    return place
+
+
+def draw_words(rng: random.Random, place: Path, original: Path) -> list[str]:
+    """A command about foreign files, or a reader and its file, with the files damaged."""
+    restore(place, original)
+    use_presets(None)
+    folder = rng.choice(("clip", "clip", "log", "presets", "presets", "tables", "tables", "meshes"))
+    files = sorted(one for one in (place / folder).rglob("*") if one.is_file())
+    chosen = rng.choice(files)
+    damage(chosen, rng)
+    if rng.random() < 0.2:
+        damage(rng.choice([one for one in files if one != chosen]), rng)
+    if folder == "tables":
+        return ["read tables"]
+    if folder == "meshes":
+        return ["read mesh", f"meshes/{chosen.name if chosen.suffix != '.mtl' else 'box.obj'}"]
+    if chosen.suffix == ".png" and rng.random() < 0.5:
+        return ["read image", str(chosen)]
+    return rng.choice({"clip": OF_A_CLIP, "log": OF_A_LOG, "presets": OF_PRESETS}[folder]).split()
+
+
+def read_or_answer(words: list[str]) -> Answer:
+    """The answer of a command, or of the reader that a stage calls."""
+    try:
+        with warnings.catch_warnings(action="error"):
+            if words[0] == "read tables":
+                scans = read_scans("tables/scans.csv", "tables/ego.csv", 0.1)
+                read_truth(scans, "tables/truth.csv")
+            elif words[0] == "read mesh":
+                load_mesh(words[1], 0.5)
+            elif words[0] == "read image":
+                read_grey(Path(words[1]))
+            else:
+                return answer(words)
+    except (UserError, ValueError) as error:
+        return Answer(2, "", f"stixel: {error}\n")
+    return Answer(0, "read", "")
+
+
+def test_each_is_answered(folders, tmp_path, monkeypatch):
+    place = settle(monkeypatch, tmp_path)
+
+    def make(rng, place):
+        return draw_words(rng, place, folders)
+
+    kind = Kind("foreign file", make, place, may_write=True, answer=read_or_answer)
+    found = run_cases(kind, SMALL)
+    assert not found, "\n".join(found)
+    use_presets(None)

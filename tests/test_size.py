@@ -1,0 +1,55 @@
+"""Lines of each folder of the package. Raise a number only with its reason beside it."""
+
+from pathlib import Path
+
+import pytest
+
+import stixel_cli
+
+PACKAGE = Path(stixel_cli.__file__).parent
+
+BUDGET = {
+    "": 900,
+    "calibration": 660,
+    "cli": 3060,
+    "config": 3150,
+    "engine": 5280,
+    "evaluation": 1570,
+    "experiment": 1530,
+    "export": 680,
+    "geometry": 180,
+    "machine": 340,
+    "measurements": 1710,
+    "pictures": 1410,
+    "recordings": 2530,
+    "rendering": 2640,
+    "report": 2230,
+    "results": 1600,
+    "scene": 3550,
+    "stereo": 480,
+    "stixels": 2050,
+    "studies": 6340,
+    "sweeps": 2570,
+    "tracking": 4250,
+    "validation": 1370,
+}
+"""Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
+
+MODULES = 348
+"""Modules of the package, without `__init__`."""
+
+
+def modules(folder):
+    return (PACKAGE / folder).rglob("*.py") if folder else PACKAGE.glob("*.py")
+
+
+@pytest.mark.parametrize("folder", BUDGET)
+def test_a_folder_keeps_its_budget(folder):
+    lines = sum(len(path.read_text(encoding="utf-8").splitlines()) for path in modules(folder))
+    assert lines <= BUDGET[folder]
+
+
+def test_every_folder_has_a_budget():
+    folders = {path.relative_to(PACKAGE).parts[0] for path in PACKAGE.glob("*/*.py")}
+    assert {*BUDGET} == {"", *folders}
+    assert len([p for p in PACKAGE.rglob("*.py") if p.stem != "__init__"]) <= MODULES

@@ -1,0 +1,69 @@
+"""Folders import downwards, in the order of docs/data-flow.md: no arrow up, no circle."""
+
+import ast
+from pathlib import Path
+
+import stixel_cli
+
+PACKAGE = Path(stixel_cli.__file__).parent
+
+ORDER = (
+    "cli",
+    "studies",
+    "sweeps",
+    "export",
+    "experiment",
+    "machine",
+    "config",
+    "report",
+    "pictures",
+    "results",
+    "validation",
+    "calibration",
+    "evaluation",
+    "tracking",
+    "measurements",
+    "stixels",
+    "stereo",
+    "recordings",
+    "rendering",
+    "scene",
+    "geometry",
+)
+"""From the top. `engine` stands apart, and modules of the top level may be used by all."""
+
+
+def imported_folders(path):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        for name in names:
+            parts = name.split(".")
+            if parts[0] == "stixel_cli" and len(parts) > 1 and (PACKAGE / parts[1]).is_dir():
+                yield parts[1]
+
+
+def arrows():
+    for path in sorted(PACKAGE.rglob("*.py")):
+        folder = path.relative_to(PACKAGE).parts[0]
+        if folder in ORDER:
+            for other in imported_folders(path):
+                yield folder, other, path.relative_to(PACKAGE).as_posix()
+
+
+def test_no_folder_imports_one_above_it():
+    rank = {name: at for at, name in enumerate(ORDER)}
+    up = {
+        (file, other)
+        for folder, other, file in arrows()
+        if other in rank and rank[other] < rank[folder]
+    }
+    assert up == set()
+
+
+def test_every_folder_has_its_place():
+    folders = {path.parent.relative_to(PACKAGE).parts[0] for path in PACKAGE.glob("*/**/*.py")}
+    assert folders == {*ORDER, "engine"}
