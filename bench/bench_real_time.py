@@ -17,7 +17,7 @@ import pytest
 from small import IMAGES, sized
 
 from stixel_cli.config.compose import compose
-from stixel_cli.measurements.simulated import gather_scans
+from stixel_cli.measurements.stixels import gather_scans
 from stixel_cli.recordings.motion import recorded_motion
 from stixel_cli.recordings.pairs import read_pairs
 from stixel_cli.recordings.scenario import recorded_scenario

@@ -1,15 +1,15 @@
 """The whole method, from the scene to the scores, in plain calls: the place to start reading.
 
-`stixel run` does the same through a graph of cached stages (`pipelines/simulated.yaml`), on one
+`stixel run` does the same through a graph of cached stages (`pipelines/stixels.yaml`), on one
 thread for BLAS. With one thread here (`OPENBLAS_NUM_THREADS=1` before NumPy is imported) the bytes
 are the same; with more, the results differ by about 1e-12. Nothing is cached and nothing is drawn.
 """
 
-from stixel_cli.evaluation.ceilings import find_ceilings
 from stixel_cli.evaluation.evaluate import evaluate
 from stixel_cli.evaluation.metric_table import Scores
+from stixel_cli.evaluation.upper_bounds import find_upper_bounds
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.measurements.simulated import gather_scans
+from stixel_cli.measurements.stixels import gather_scans
 from stixel_cli.rendering.raycast import render
 from stixel_cli.rendering.sensor_noise import add_sensor_noise
 from stixel_cli.scene.build import build_scenario
@@ -49,5 +49,5 @@ def follow_road_user(p, seed: int) -> tuple[Scans, Track, Scores]:
     # greatest overlaps that any track could have.
     initial = noisy_start(scenario, p.start, seed)
     track = gp_ekf.track(scans, initial, p.prior, p.tracker)
-    ceilings = find_ceilings(scenario, p.road_user, p.measurement)
-    return scans, track, evaluate(track, scenario, scans, ceilings)
+    upper_bounds = find_upper_bounds(scenario, p.road_user, p.measurement)
+    return scans, track, evaluate(track, scenario, scans, upper_bounds)

@@ -11,7 +11,7 @@ CONFIG = {
     "seed": 0,
     "road_user": {"kind": "car", "length": 4.5, "mesh": None},
     "path": {"kind": "turn", "speed": 6.0},
-    "measurement": {"kind": "simulated", "least_height": 0.3},
+    "measurement": {"kind": "stixels", "least_height": 0.3},
     "tracker": {"kind": "gp_ekf", "basis_points": 50},
 }
 

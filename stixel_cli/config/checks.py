@@ -55,10 +55,10 @@ def _groups_of(part: type) -> tuple[str, ...]:
 def _check_source(configuration: Configuration) -> None:
     """Refuse a recorded path with rendered images, and the other way round."""
     recorded = configuration.source.kind != "rendered"
-    if recorded and configuration.measurement.kind != "simulated":
+    if recorded and configuration.measurement.kind != "stixels":
         raise ValueError(
             f"measurement: {configuration.measurement.kind} is of the rendered scene; "
-            f"with source={configuration.source.kind} only measurement=simulated"
+            f"with source={configuration.source.kind} only measurement=stixels"
         )
     replayed = configuration.path.kind == "recorded"
     for group in ("path", "ego"):

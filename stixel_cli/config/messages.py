@@ -145,8 +145,13 @@ def owners_of(name: str) -> str:
     )
 
 
+_RENAMED = {("measurement", "simulated"): "stixels"}
+
+
 def unknown_option(group: str, option: str) -> str:
     """Message: the group has no such option, with the nearest one and all options."""
+    if (group, option) in _RENAMED:
+        return f"{group}: {show(option)} is now called {_RENAMED[group, option]!r}"
     options = group_options()[group]
     hint = suggestion(option, options, form=group + "={}")
     text = f"{group}: unknown option {show(option)}{hint} (options: {', '.join(options)})"

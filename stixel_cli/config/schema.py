@@ -17,7 +17,7 @@ from stixel_cli.measurements.fabricated import FabricatedParameters
 from stixel_cli.measurements.file_parameters import FileParameters
 from stixel_cli.measurements.lidar import LidarParameters
 from stixel_cli.measurements.own import OwnMeasurement
-from stixel_cli.measurements.simulated import SimulatedParameters
+from stixel_cli.measurements.stixels import StixelsParameters
 from stixel_cli.own_code import OwnCode
 from stixel_cli.parameters import parameters
 from stixel_cli.recordings.parameters import Source
@@ -50,9 +50,7 @@ from stixel_cli.tracking.start_scans import ScansStart
 
 Renderer = RaycastParameters | FilamentParameters
 StereoParameters = SgmParameters | BmParameters
-MeasurementParameters = (
-    SimulatedParameters | FabricatedParameters | LidarParameters | FileParameters
-)
+MeasurementParameters = StixelsParameters | FabricatedParameters | LidarParameters | FileParameters
 Start = TruthStart | ScansStart
 Tracker = (
     BoxParameters

@@ -25,7 +25,7 @@ from stixel_cli.evaluation.contour_errors import (
 from stixel_cli.evaluation.label_types import LabelScores
 from stixel_cli.evaluation.metric_table import METRICS, OF_CLASSES, OF_SIZE, Scores
 from stixel_cli.evaluation.overlaps import areas, overlaps
-from stixel_cli.evaluation.scan_errors import LEAST_OFF, NO_CEILINGS, Ceilings, ScanErrors
+from stixel_cli.evaluation.scan_errors import LEAST_OFF, NO_UPPER_BOUNDS, ScanErrors, UpperBounds
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.classes import ROAD_USER_CLASSES
@@ -52,15 +52,15 @@ def evaluate(
     track: Track,
     scenario: Scenario,
     scans: Scans,
-    ceilings: Ceilings = NO_CEILINGS,
+    upper_bounds: UpperBounds = NO_UPPER_BOUNDS,
     road_user: str | None = None,
     labels: LabelScores | None = None,
 ) -> Scores:
     """Errors over time and their summary; see `Scores` for units.
 
-    `ceilings` are the greatest values that the overlaps can have, `road_user` is the true class,
-    None if it is unknown, `labels` are the scores of the tracks of all that moves. Where the truth
-    is unknown, errors over time are NaN and metrics leave them out. Without any truth there are
+    `upper_bounds` are the greatest values that the overlaps can have, `road_user` is the true
+    class, None if it is unknown, `labels` are the scores of the tracks of moving objects. Where
+    the truth is unknown, errors over time are NaN and metrics leave them out. Without any truth there are
     only the metrics of scans and track.
 
     Raises:
@@ -95,7 +95,7 @@ def evaluate(
         **size_errors(track, scans),
         **class_errors(track, road_user),
         uses_scans=track.uses_scans,
-        **{name: np.full(counted.sum(), value) for name, value in vars(ceilings).items()},
+        **{name: np.full(counted.sum(), value) for name, value in vars(upper_bounds).items()},
         **{name: values[counted[known]] for name, values in at_known.items()},
     )
     metrics = {name: metric.of_run(errors) for name, metric in METRICS.items()}

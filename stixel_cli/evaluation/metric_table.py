@@ -145,7 +145,7 @@ class Metric:
 _METRE = ("m", "less", (0.0, None))
 _DEGREE = ("°", "less", (0.0, None))
 _OVERLAP = ("", "more", (0.0, 1.0))
-_CEILING = ("", None, (0.0, 1.0))
+_UPPER_BOUND = ("", None, (0.0, 1.0))
 _SHARE = ("", "less", (0.0, 1.0))
 _RATIO = ("", "one", (0.0, None))
 _COUNT = ("", None, (0.0, None))
@@ -184,19 +184,21 @@ _TABLE = (
            "mean IoU, second half", *_OVERLAP, lambda e: mean(second_half(e.iou))),
     Metric("iou_final", "IoU of the outline, last scan", "IoU, last scan",
            *_OVERLAP, lambda e: mean(e.iou[-1:])),
-    Metric("iou_star_convex_ceiling", "IoU of the outline, ceiling: best star-convex contour",
-           "ceiling, star-convex", *_CEILING, lambda e: mean(e.star_convex_ceiling)),
-    Metric("iou_heights_ceiling", "IoU of the outline, ceiling: part within the gated heights",
-           "ceiling, heights", *_CEILING, lambda e: mean(e.heights_ceiling)),
+    Metric("iou_star_convex_upper_bound", "IoU of the outline, upper bound: star-convex contour",
+           "upper bound, star-convex", *_UPPER_BOUND, lambda e: mean(e.star_convex_upper_bound)),
+    Metric("iou_heights_upper_bound",
+           "IoU of the outline, upper bound: part within the gated heights",
+           "upper bound, heights", *_UPPER_BOUND, lambda e: mean(e.heights_upper_bound)),
     Metric("iou_hull_mean", "IoU of the convex hull, mean", "mean IoU, hull",
            *_OVERLAP, lambda e: mean(e.iou_hull)),
-    Metric("iou_hull_heights_ceiling",
-           "IoU of the convex hull, ceiling: part within the gated heights",
-           "hull ceiling, heights", *_CEILING, lambda e: mean(e.hull_heights_ceiling)),
+    Metric("iou_hull_heights_upper_bound",
+           "IoU of the convex hull, upper bound: part within the gated heights",
+           "hull upper bound, heights", *_UPPER_BOUND, lambda e: mean(e.hull_heights_upper_bound)),
     Metric("iou_box_mean", "IoU of the box, mean", "mean IoU, box",
            *_OVERLAP, lambda e: mean(e.iou_box)),
-    Metric("iou_box_heights_ceiling", "IoU of the box, ceiling: part within the gated heights",
-           "box ceiling, heights", *_CEILING, lambda e: mean(e.box_heights_ceiling)),
+    Metric("iou_box_heights_upper_bound",
+           "IoU of the box, upper bound: part within the gated heights",
+           "box upper bound, heights", *_UPPER_BOUND, lambda e: mean(e.box_heights_upper_bound)),
     Metric("low_overlap_share", f"share of scans with IoU of the outline < {LOW_OVERLAP}",
            "share of low overlap", *_SHARE, lambda e: low_overlap_share(e.iou)),
     Metric("success", "success, area under the curve of the box's IoU", "success",

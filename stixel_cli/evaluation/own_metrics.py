@@ -8,7 +8,7 @@ import numpy as np
 from stixel_cli.evaluation.evaluate import evaluate
 from stixel_cli.evaluation.label_types import LabelScores
 from stixel_cli.evaluation.metric_table import Scores
-from stixel_cli.evaluation.scan_errors import NO_CEILINGS, Ceilings
+from stixel_cli.evaluation.scan_errors import NO_UPPER_BOUNDS, UpperBounds
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.own_code import loaded
 from stixel_cli.scene.scenario import Scenario
@@ -20,7 +20,7 @@ def evaluate_with_own(
     scenario: Scenario,
     scans: Scans,
     metrics: tuple[str, ...],
-    ceilings: Ceilings = NO_CEILINGS,
+    upper_bounds: UpperBounds = NO_UPPER_BOUNDS,
     road_user: str | None = None,
     labels: LabelScores | None = None,
 ) -> Scores:
@@ -31,7 +31,7 @@ def evaluate_with_own(
     Raises:
         ValueError: if a result is not a number, or a metric of its name exists.
     """
-    scores = evaluate(track, scenario, scans, ceilings, road_user, labels)
+    scores = evaluate(track, scenario, scans, upper_bounds, road_user, labels)
     values = dict(scores.metrics)
     for name in metrics:
         value = loaded(name)(track, scenario, scans)

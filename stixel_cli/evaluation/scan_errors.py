@@ -24,23 +24,24 @@ FARTHEST_CENTRE = 2.0
 
 
 @dataclass(frozen=True)
-class Ceilings:
+class UpperBounds:
     """IoUs with the true target, 0 … 1; NaN where they are not known.
 
     Attributes:
-        star_convex_ceiling: the outline's, of the best contour that is star-convex about the
+        star_convex_upper_bound: the outline's, of the best contour that is star-convex about the
             target's centre. Its hull and its box can be exact.
-        heights_ceiling, hull_heights_ceiling, box_heights_ceiling: of outline, convex hull and box
-            of the target's part within the gated heights, the only part that is measured.
+        heights_upper_bound, hull_heights_upper_bound, box_heights_upper_bound: of outline, convex
+            hull and box of the target's part within the gated heights, the only part that is
+            measured.
     """
 
-    star_convex_ceiling: float
-    heights_ceiling: float
-    hull_heights_ceiling: float
-    box_heights_ceiling: float
+    star_convex_upper_bound: float
+    heights_upper_bound: float
+    hull_heights_upper_bound: float
+    box_heights_upper_bound: float
 
 
-NO_CEILINGS = Ceilings(np.nan, np.nan, np.nan, np.nan)
+NO_UPPER_BOUNDS = UpperBounds(np.nan, np.nan, np.nan, np.nan)
 
 
 @dataclass(frozen=True)
@@ -57,9 +58,9 @@ class ScanErrors:
         iou, iou_hull, iou_box: intersection over union of the outlines, of their convex hulls, and
             of the boxes along the estimated and the true heading, 0 … 1. Where only the true box is
             known, those of outline and hull are NaN.
-        star_convex_ceiling: the greatest IoU of the outline that a star-convex contour can have.
-        heights_ceiling, hull_heights_ceiling, box_heights_ceiling: IoU of the part of the target
-            within the gated heights; NaN without a gate of heights.
+        star_convex_upper_bound: the greatest IoU of the outline of a star-convex contour.
+        heights_upper_bound, hull_heights_upper_bound, box_heights_upper_bound: IoU of the part of
+            the target within the gated heights; NaN without a gate of heights.
         length, width: of the box, m, estimated minus true.
         speed: m/s, estimated minus true.
         yaw_rate: degrees/s, estimated minus true.
@@ -90,10 +91,10 @@ class ScanErrors:
     iou: np.ndarray
     iou_hull: np.ndarray
     iou_box: np.ndarray
-    star_convex_ceiling: np.ndarray
-    heights_ceiling: np.ndarray
-    hull_heights_ceiling: np.ndarray
-    box_heights_ceiling: np.ndarray
+    star_convex_upper_bound: np.ndarray
+    heights_upper_bound: np.ndarray
+    hull_heights_upper_bound: np.ndarray
+    box_heights_upper_bound: np.ndarray
     length: np.ndarray
     width: np.ndarray
     speed: np.ndarray

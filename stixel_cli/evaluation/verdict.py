@@ -6,8 +6,8 @@ from stixel_cli.evaluation.metric_table import METRICS, OF_SIZE, PROBABILITIES
 
 Values = Mapping[str, float | int | None]
 
-SHOWN_CEILING = 0.995
-"""A greater ceiling of the IoU is not mentioned: it would be printed as 1."""
+SHOWN_UPPER_BOUND = 0.995
+"""A greater upper bound of the IoU is not mentioned: it would be printed as 1."""
 
 
 def verdict(metrics: Values) -> list[str]:
@@ -57,9 +57,11 @@ def verdict(metrics: Values) -> list[str]:
         place = int(_beyond(metrics, "diverged"))
         calm = "" if sentences else "; the stated uncertainty is consistent with the errors"
         sentences.insert(place, f"Tracked to the end{_accuracy(metrics)}{calm}.")
-    ceiling = metrics.get("iou_star_convex_ceiling")
-    if ceiling is not None and ceiling < SHOWN_CEILING:
-        sentences.append(f"The IoU of a star-convex contour has a ceiling of {ceiling:.2f} here.")
+    upper_bound = metrics.get("iou_star_convex_upper_bound")
+    if upper_bound is not None and upper_bound < SHOWN_UPPER_BOUND:
+        sentences.append(
+            f"The IoU of a star-convex contour has an upper bound of {upper_bound:.2f} here."
+        )
     return [*sentences, *_class(metrics)]
 
 

@@ -35,7 +35,7 @@ SEEDS = range(1000, 1008)
 """Seeds and shape seeds of the scans: so many that some cyclists have panniers, as 30 % have."""
 OUTLINES = range(1000, 1020)
 """Shape seeds of the mean outline."""
-MEASUREMENTS = {"simulated": ("simulated",), "lidar": ("lidar", "lidar_64")}
+MEASUREMENTS = {"stixels": ("stixels",), "lidar": ("lidar", "lidar_64")}
 """Options of `measurement` for each kind of sensor."""
 
 

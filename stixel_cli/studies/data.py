@@ -21,7 +21,7 @@ from stixel_cli.sweeps.results import SweepResult
 if TYPE_CHECKING:
     import pandas as pd
 
-STIXELS, LIDAR, BASELINE = "simulated", "lidar", "point"
+STIXELS, LIDAR, BASELINE = "stixels", "lidar", "point"
 """Kinds of measurement and of tracker that the questions name."""
 
 GROUPS = ("road_user", "path", "measurement", "tracker")

@@ -40,18 +40,18 @@ AXIS_LABELS = {
     name: f"{ERROR_LABELS[name]} ({metric.unit})" if metric.unit else ERROR_LABELS[name]
     for name, metric in SCAN_ERRORS.items()
 }
-CEILINGS = {
-    "iou_star_convex_ceiling": "IoU, best star-convex contour",
-    "iou_heights_ceiling": "IoU, gated heights",
-    "iou_hull_heights_ceiling": "hull's IoU, gated heights",
-    "iou_box_heights_ceiling": "box's IoU, gated heights",
+UPPER_BOUNDS = {
+    "iou_star_convex_upper_bound": "IoU, best star-convex contour",
+    "iou_heights_upper_bound": "IoU, gated heights",
+    "iou_hull_heights_upper_bound": "hull's IoU, gated heights",
+    "iou_box_heights_upper_bound": "box's IoU, gated heights",
 }
 """The metrics that bound the overlaps, with their labels."""
 
 
-def ceilings_table(name: str, runs: "pd.DataFrame", keys: Sequence[str]) -> Table:
+def upper_bounds_table(name: str, runs: "pd.DataFrame", keys: Sequence[str]) -> Table:
     """One row for each combination of `keys`: the greatest IoUs that a track could have."""
-    return Table.of(name, tables.rows_by(runs, keys, CEILINGS, tables.mean_cell))
+    return Table.of(name, tables.rows_by(runs, keys, UPPER_BOUNDS, tables.mean_cell))
 
 
 def scan_frame(runs: "pd.DataFrame") -> "pd.DataFrame":

@@ -25,6 +25,7 @@ SENTENCES = {
     "road_user=null": "road_user: unknown option 'null' (options:",
     "road_user=[car]": 'road_user: ["car"]: one option is needed (options:',
     "rig={width: 3}": 'rig: {"width": 3}: one option is needed',
+    "measurement=simulated": "measurement: simulated is now called 'stixels'",
     "+x=3": "x: unknown key; `stixel run --help`",
     "+rig.width=300": "+rig.width=300: rig.width already exists: leave out the +",
     "+rig=kitti": "+rig=kitti: rig already exists: leave out the +",
@@ -32,16 +33,16 @@ SENTENCES = {
     "~path": "~path: cannot be removed",
     "rig@x=kitti": "rig@x=kitti: no package (@) can be given; write rig=…",
     "path.kind=circle": "path.kind: follows from the option of path",
-    "measurement.rays=9": "measurement.rays: unknown key with measurement=simulated; it "
+    "measurement.rays=9": "measurement.rays: unknown key with measurement=stixels; it "
     "belongs to measurement=fabricated",
     "measurement.noise=constant": "measurement.noise: is a group: write measurement/noise=constant",
     "measurement.noise=cnstant": "measurement.noise: is a group: write measurement/noise=constant|",
     "measurement.noise": "measurement.noise: is a group: write measurement/noise=constant|",
     "measurement.noise.kind=stereo": "follows from the option of measurement/noise: write",
     "measurement/noise=constant": "measurement/noise: there is no such group with "
-    "measurement=simulated; it belongs to measurement=fabricated",
+    "measurement=stixels; it belongs to measurement=fabricated",
     "measurement.noise.range_std=1": "measurement.noise.range_std: unknown "
-    "key with measurement=simulated; it belongs to measurement=fabricated measurement/noise=const",
+    "key with measurement=stixels; it belongs to measurement=fabricated measurement/noise=const",
     "measurement.disparity_std=1": "did you mean measurement.noise.disparity_std?",
     "measurement/noise.range_std=1": "did you mean measurement.noise.range_std?",
     "renderer.light=3": "renderer.light: is a group of keys: give one of them",

@@ -54,7 +54,7 @@ def test_default_is_what_the_readme_says(default):
         "renderer": "raycast",
         "stereo": "sgm",
         "occupancy": "polar",
-        "measurement": "simulated",
+        "measurement": "stixels",
         "tracker": "gp_ekf",
     }
     assert expected.items() <= default.choices.items()

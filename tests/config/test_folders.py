@@ -62,7 +62,7 @@ def test_a_missing_folder_is_said(tmp_path, monkeypatch):
 
 def test_a_group_within_another():
     assert inner_options("measurement", "fabricated") == {"measurement/noise": "stereo"}
-    assert inner_options("measurement", "simulated") == {}
+    assert inner_options("measurement", "stixels") == {}
     assert outer_options("measurement/noise") == ("fabricated",)
     assert outer_options("measurement") == ()
     assert default_option("measurement/noise") == "stereo"

@@ -14,7 +14,7 @@ DEFAULT = {"road_user": "car", "path": "turn", "rig": "default", "tracker": "gp_
         ([], "car-turn"),
         (["rig=kitti", "stereo=bm"], "car-turn-rig=kitti-stereo=bm"),
         (["measurement=fabricated", "tracker=point"], "car-turn-fabricated-point"),
-        (["measurement=simulated", "tracker=gp_ekf", "rig=default"], "car-turn"),
+        (["measurement=stixels", "tracker=gp_ekf", "rig=default"], "car-turn"),
         (["tracker.sigma_f=0.5", "seed=3"], "car-turn-sigma_f=0.5-seed=3"),
         (["tracker.basis_points=50", "rig.baseline=0.3"], "car-turn"),
         (["prior=car"], "car-turn-prior=car"),

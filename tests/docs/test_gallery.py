@@ -56,7 +56,7 @@ def test_commands_draw_their_pictures(group):
     folder, _, name = entry.source.rpartition("/")
     assert (f"k{frames[0]:04d}" if folder else "") == folder
     if name not in {"path.png", "errors.png", "birds_eye.png"}:
-        assert composition.configuration.measurement.kind == "simulated"
+        assert composition.configuration.measurement.kind == "stixels"
 
 
 def test_one_picture_can_be_drawn_without_the_others(tmp_path, monkeypatch):

@@ -10,7 +10,7 @@ from stixel_cli.evaluation.evaluate import (
     normalised_errors,
     orientation_errors,
 )
-from stixel_cli.evaluation.scan_errors import Ceilings
+from stixel_cli.evaluation.scan_errors import UpperBounds
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
@@ -22,7 +22,7 @@ TIMES = 0.1 * np.arange(COUNT)
 POSES = np.stack([TIMES, 10.0 + TIMES, 0.5 * TIMES], axis=-1)
 RATES = np.tile([3.0, 4.0, 0.5], (COUNT, 1))
 SCENARIO = Scenario.rigid(TIMES, np.zeros((COUNT, 3)), POSES, RATES, OUTLINE)
-CEILINGS = Ceilings(0.97, np.nan, 0.9, 0.8)
+UPPER_BOUNDS = UpperBounds(0.97, np.nan, 0.9, 0.8)
 SCANS = Scans(
     times=TIMES,
     sensor_poses_world=np.zeros((COUNT, 3)),
@@ -55,7 +55,7 @@ SHIFTS = np.array([[0, 0, 0], [1, 0, 0], [0, 0, 0.1], [0, 0, -0.1], [8, 6, 0]], 
 
 
 def test_summary_matches_a_calculation_by_hand():
-    scores = evaluate(track_with(SHIFTS), SCENARIO, SCANS, CEILINGS)
+    scores = evaluate(track_with(SHIFTS), SCENARIO, SCANS, UPPER_BOUNDS)
     np.testing.assert_allclose(scores.centre_error, [0, 1, 0, 0, 10], atol=1e-12)
     np.testing.assert_allclose(scores.orientation_error, [0, 0, 0.1, -0.1, 0], atol=1e-12)
     np.testing.assert_allclose(scores.nees_position, [0, 2, 0, 0, 200], atol=1e-9)
@@ -90,10 +90,10 @@ def test_summary_matches_a_calculation_by_hand():
         # The box and the hull of a square are the square.
         "iou_hull_mean": (1 + scores.iou[1] + 2 * turned_iou) / 5,
         "iou_box_mean": (1 + scores.iou[1] + 2 * turned_iou) / 5,
-        "iou_star_convex_ceiling": 0.97,
-        "iou_heights_ceiling": None,
-        "iou_hull_heights_ceiling": 0.9,
-        "iou_box_heights_ceiling": 0.8,
+        "iou_star_convex_upper_bound": 0.97,
+        "iou_heights_upper_bound": None,
+        "iou_hull_heights_upper_bound": 0.9,
+        "iou_box_heights_upper_bound": 0.8,
         # Steps of 0.05 below the IoUs 1, 0.32, 0.91 twice, and 0; the step that has it counts half.
         "success": (20 + 6.5 + 2 * 18.5 + 0.5) / 20 / 5,
         # 3 of 5 centres are exact, one is off by 1 m: 9 steps of 3/5, one half way, 10 of 4/5.
@@ -165,9 +165,9 @@ def test_contour_distance_is_the_mean_of_both_ways():
 
 def test_where_only_the_box_is_known_the_outline_has_no_scores():
     scores = evaluate(
-        track_with(SHIFTS), dataclasses.replace(SCENARIO, only_box=True), SCANS, CEILINGS
+        track_with(SHIFTS), dataclasses.replace(SCENARIO, only_box=True), SCANS, UPPER_BOUNDS
     )
-    known = evaluate(track_with(SHIFTS), SCENARIO, SCANS, CEILINGS).metrics
+    known = evaluate(track_with(SHIFTS), SCENARIO, SCANS, UPPER_BOUNDS).metrics
     outline = {
         *("iou_mean", "iou_second_half", "iou_final", "iou_hull_mean", "low_overlap_share"),
         *("gaussian_wasserstein_m", "hausdorff_m", "contour_distance_m", "seen_contour_error_m"),
@@ -234,7 +234,7 @@ def test_classes_are_compared_with_the_road_user_and_the_prior():
         (None, replaced, [0.0, 0.9, 0.1, None, 0.6]),
     ):
         own = dataclasses.replace(track, class_replaced=of_prior)
-        metrics = evaluate(own, SCENARIO, SCANS, CEILINGS, road_user).metrics
+        metrics = evaluate(own, SCENARIO, SCANS, UPPER_BOUNDS, road_user).metrics
         assert [metrics[name] for name in names] == pytest.approx(expected)
     assert not set(names) & set(evaluate(track_with(SHIFTS), SCENARIO, SCANS).metrics)
 

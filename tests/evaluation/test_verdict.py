@@ -28,9 +28,9 @@ def test_the_first_sentence_has_the_accuracy():
     assert sentence.startswith("Tracked to the end: IoU 0.75, mean centre error 0.19 m;")
 
 
-def test_a_ceiling_is_named_where_it_is_below_one():
-    assert len(verdict(GOOD | {"iou_star_convex_ceiling": 0.9951})) == 1
-    assert "0.97" in verdict(GOOD | {"iou_star_convex_ceiling": 0.97})[-1]
+def test_an_upper_bound_is_named_where_it_is_below_one():
+    assert len(verdict(GOOD | {"iou_star_convex_upper_bound": 0.9951})) == 1
+    assert "0.97" in verdict(GOOD | {"iou_star_convex_upper_bound": 0.97})[-1]
 
 
 @pytest.mark.parametrize(

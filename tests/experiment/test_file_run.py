@@ -83,7 +83,7 @@ def test_a_run_from_the_files_of_any_run_gives_the_same_tracks_and_scores(words,
     )
     for metric, value in before.items():
         # The files have neither a mesh nor gated heights.
-        assert after.pop(metric) == (None if metric.endswith("_ceiling") else value), metric
+        assert after.pop(metric) == (None if metric.endswith("_upper_bound") else value), metric
     assert not after
 
 

@@ -20,7 +20,7 @@ from stixel_cli.results.pictures import Pictures
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
 
 TRUTH = {"scenario", "render"}
-MAY_SEE_TRUTH = {"render", "add_sensor_noise", "start", "ceilings", "scores"}
+MAY_SEE_TRUTH = {"render", "add_sensor_noise", "start", "upper_bounds", "scores"}
 MAY_SEE_TRUTH |= {"stage_errors", "point_errors"}
 
 
@@ -44,7 +44,7 @@ def stages_of(measurement, *words):
 
 
 def test_past_the_images_only_start_scores_and_pictures_see_the_truth():
-    for stage in stages_of("simulated").values():
+    for stage in stages_of("stixels").values():
         if stage.name not in MAY_SEE_TRUTH and not draws(stage):
             assert TRUTH.isdisjoint(stage.inputs.values()), stage.name
 
@@ -215,7 +215,7 @@ def test_every_kind_of_measurement_has_dropout_and_clutter_after_its_own_stages(
 
 
 def test_the_stages_that_draw_are_marked():
-    stages = stages_of("simulated")
+    stages = stages_of("stixels")
     drawing = {name for name, stage in stages.items() if draws(stage)}
     assert drawing == {"camera_pictures", "track_pictures", "run_pictures"}
     for stage in map(stages.get, drawing):

@@ -35,7 +35,7 @@ def make_run(label="run", seed=0, with_camera=True, corners=60):
             camera_frames(pairs, stixels, range(0, 10)),
             camera_frames(pairs, stixels, range(10, SCANS)),
         )
-    composition = composed("simulated" if with_camera else "fabricated")
+    composition = composed("stixels" if with_camera else "fabricated")
     scores = make_scores(scenario, track)
     return RunResult(
         settings=composition.resolved,

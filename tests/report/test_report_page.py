@@ -54,7 +54,7 @@ def test_page_shows_differing_settings(folders):
     ]
     # The exchanged group is one row, which unfolds.
     assert differing.count("<details>") == 2 and "(2 settings)" in differing
-    assert '<span role="cell">simulated</span><span role="cell">fabricated</span>' in differing
+    assert '<span role="cell">stixels</span><span role="cell">fabricated</span>' in differing
     assert "centre error, RMSE" in page
     assert page.count('<td class="best">') == 2
     assert "NIS / degrees of freedom, mean" not in page  # null in both

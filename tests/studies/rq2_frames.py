@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 
 
-def run(seed=0, measurement="simulated", tracker="gp_ekf", centre=1.0, **changes):
+def run(seed=0, measurement="stixels", tracker="gp_ekf", centre=1.0, **changes):
     """A row of a frame of runs."""
-    kind = {"stixels": "simulated"}.get(measurement, measurement.partition("_")[0])
+    kind = measurement.partition("_")[0]
     return {
         "road_user": "car",
         "path": "turn",
@@ -33,7 +33,7 @@ def scans_of(seed=0, count=4, **changes):
         {
             "road_user": "car",
             "path": "turn",
-            "measurement": "simulated",
+            "measurement": "stixels",
             "tracker": "gp_ekf",
             "seed": seed,
             "k": np.arange(count),

@@ -85,7 +85,7 @@ def test_a_caption_has_the_number_of_seeds_of_a_condition():
         ([{}, near, near], "n = 1 (without a bar) to 3"),
     ):
         scans = pd.concat([scans_of(seed, **own) for seed, own in enumerate(changes)])
-        found = condition_values("by_range", CONDITIONS[0], scans, ["simulated"])
+        found = condition_values("by_range", CONDITIONS[0], scans, ["stixels"])
         assert told in found["figure"].caption
 
 
@@ -127,7 +127,7 @@ def test_measurements_and_trackers_have_the_names_of_the_field():
     configuration = compose(["measurement=lidar_64", "tracker=point"]).configuration
     assert measurement_name("lidar_64", configuration) == "64-layer lidar"
     assert tracker_name("point", configuration) == "point tracker"
-    assert measurement_name("simulated", compose().configuration) == "stixels"
+    assert measurement_name("stixels", compose().configuration) == "stixels"
     assert tracker_name("gp_ekf", compose().configuration) == "GP-EKF"
 
 

@@ -25,12 +25,12 @@ def fixed(*texts):
 TRACKING = Design(
     (parse("path.duration=1"),),
     (
-        axis("measurement", "simulated", "fabricated", "lidar"),
+        axis("measurement", "stixels", "fabricated", "lidar"),
         axis("tracker", "gp_ekf", "point"),
         axis("seed", 0, 1),
     ),
 )
-STEREO_ONLY = Design((parse("measurement=simulated"),), (axis("seed", 0, 1),))
+STEREO_ONLY = Design((parse("measurement=stixels"),), (axis("seed", 0, 1),))
 
 
 def test_an_override_applies_to_sweeps_all_of_whose_runs_accept_it():
@@ -71,7 +71,7 @@ def test_a_value_out_of_range_is_refused():
 
 def test_keys_that_distinguish_sweeps_cannot_be_overridden():
     rays = fixed("measurement=fabricated", "path=turn")
-    stereo = fixed("measurement=simulated", "path=turn")
+    stereo = fixed("measurement=stixels", "path=turn")
     with pytest.raises(ConfigurationError, match="measurement=fabricated in rays, measurement=sim"):
         overridden([rays, stereo], ["measurement=lidar"], ["rays", "stereo"])
     designs, notes = overridden([rays, stereo], ["path=circle"], ["rays", "stereo"])

@@ -11,7 +11,7 @@ import yaml
 from stixel_cli.config.folders import group_options
 from stixel_cli.studies.file import find_study, read_study
 from stixel_cli.studies.real_time import on_cores
-from stixel_cli.studies.runs import CEILINGS, ceilings_table
+from stixel_cli.studies.runs import UPPER_BOUNDS, upper_bounds_table
 from stixel_cli.studies.thesis.report import consistency_table, settings_rows, tracking_table
 
 USERS = ["car", "cyclist", "pedestrian"]
@@ -38,7 +38,7 @@ def tiny(tmp_path):
                 axes[key] = axes[key][1:3]
         if "ego" in axes:
             axes["ego"] = ["parked", "turning"] if name == "fabricated" else ["parked"]
-        sweep["seeds"] = [0] if sweep["fixed"]["measurement"] == "simulated" else [0, 1]
+        sweep["seeds"] = [0] if sweep["fixed"]["measurement"] == "stixels" else [0, 1]
     content["sweeps"]["pictures"]["fixed"]["pictures.frames"] = [1]
     file = tmp_path / "thesis.yaml"
     file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
@@ -138,8 +138,8 @@ def test_kernels_are_columns():
     # A kernel without runs has no values.
     assert found.rows[1][12:] == (None,) * 9
     assert consistency_table("c", runs[runs["ego"] == "parked"], ("ego",)).rows[0][2] == 3.0
-    ceilings = runs.assign(**{name: i / 10 for i, name in enumerate(CEILINGS)})
-    assert ceilings_table("c", ceilings, ("ego",)).rows == (
+    upper_bounds = runs.assign(**{name: i / 10 for i, name in enumerate(UPPER_BOUNDS)})
+    assert upper_bounds_table("c", upper_bounds, ("ego",)).rows == (
         ("parked", 2, 0.0, 0.1, 0.2, 0.3),
         ("straight", 2, 0.0, 0.1, 0.2, 0.3),
     )

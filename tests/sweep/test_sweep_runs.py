@@ -76,9 +76,7 @@ def test_all_combinations_with_the_seed_running_fastest():
 def test_a_group_inside_another_is_swept():
     noises = [f"measurement/noise={noise}" for noise in ("stereo", "constant")]
     assert labels(FABRICATED, "measurement/noise=stereo,constant") == noises
-    with pytest.raises(
-        ConfigurationError, match=r"no such group with measurement=simulated.*run 0"
-    ):
+    with pytest.raises(ConfigurationError, match=r"no such group with measurement=stixels.*run 0"):
         sweep_runs(["measurement/noise=stereo,constant"])
 
 
@@ -123,8 +121,8 @@ def test_shuffle_depends_on_its_seed():
         (["rig.width=640,640,'${rig.height}'"], "given twice"),
         (["rig.width='${rig.height}',480"], "give the same configuration"),
         (["hydra.job.name=a,b"], "no effect here"),
-        (["measurement/noise=stereo,constant"], "with measurement=simulated; it belongs to"),
-        (["measurement=fabricated,simulated", "measurement/noise=stereo"], "(run 1: "),
+        (["measurement/noise=stereo,constant"], "with measurement=stixels; it belongs to"),
+        (["measurement=fabricated,stixels", "measurement/noise=stereo"], "(run 1: "),
         (["road_user=choice(car,cyclist),pedestrian"], "list the values, road_user=A,B,C"),
         (["seed=range(0,2),range(5,7)"], "nested sweeps are not supported"),
     ],
@@ -154,7 +152,7 @@ def test_an_axis_that_no_stage_reads_is_refused(line, said):
 
 
 def test_an_axis_that_some_stages_read_is_noted():
-    line = ["measurement=fabricated,simulated", "sensor.read_noise=0,1"]
+    line = ["measurement=fabricated,stixels", "sensor.read_noise=0,1"]
     (note,) = check_axes(plan_runs(sweep_runs(line)))
     assert "no stage reads it in 1 of 2 settings" in note
     assert "measurement=fabricated" in note

@@ -26,7 +26,7 @@ from stixel_cli.tracking.track import InitialState
 TRACKER = dataclasses.replace(
     compose(["tracker=contour"]).configuration.tracker, seen_by="fabricated"
 )
-STIXELS = dataclasses.replace(TRACKER, seen_by="simulated")
+STIXELS = dataclasses.replace(TRACKER, seen_by="stixels")
 SHAPES = {name: class_shape(name) for name in ("car", "cyclist", "pedestrian")}
 PRIORS = {
     name: dataclasses.replace(
@@ -304,7 +304,7 @@ def test_deviation_of_a_range_is_that_along_the_ray():
 @pytest.mark.parametrize("name", SHAPES)
 def test_stixels_see_a_class_behind_its_outline_and_within_it(name):
     shape = SHAPES[name]
-    seen = seen_shape(name, "simulated")
+    seen = seen_shape(name, "stixels")
     table = seen_table(shape.outline, seen, blurred=True)
     seen_width, width = table.high - table.low, (table.highest - table.lowest) / 1.25
     assert np.all(seen_width < width + 0.15)

@@ -7,7 +7,7 @@ STAGES: dict[str, Definition] = {
         only("measurements.objects:find_objects"), "map", {"gates": "measurement.gates"}
     ),
     "gather_scans": Definition(
-        only("measurements.simulated:gather_scans"), "once", same("measurement", "rig")
+        only("measurements.stixels:gather_scans"), "once", same("measurement", "rig")
     ),
     "fabricate_scans": Definition(
         only("measurements.fabricated:fabricate_scans"),

@@ -24,8 +24,8 @@ STAGES: dict[str, Definition] = {
         watched="scans",
     ),
     "track_each": Definition(only("tracking.several.track_each:track_each"), "once", calls="track"),
-    "ceilings": Definition(
-        only("evaluation.ceilings:find_ceilings"),
+    "upper_bounds": Definition(
+        only("evaluation.upper_bounds:find_upper_bounds"),
         "once",
         same("road_user", "measurement"),
         files=("road_user.mesh",),

@@ -28,11 +28,11 @@ from stixel_cli.studies.rq2.figures import boxes, example_scans
 from stixel_cli.studies.runs import (
     ERROR_LABELS,
     NEAR,
-    ceilings_table,
     gate_shares,
     over_time,
     scan_frame,
     scan_rows,
+    upper_bounds_table,
     within_bounds,
 )
 
@@ -218,7 +218,7 @@ def _chapter(
         ],
         "ranking": _ranking(runs),
         "tracking": Table.of(f"{user}_tracking", _tracking_rows(runs, scans)),
-        "ceilings": ceilings_table(f"{user}_ceilings", runs, ("measurement",)),
+        "upper_bounds": upper_bounds_table(f"{user}_upper_bounds", runs, ("measurement",)),
         "boxes": boxes(f"{user}_boxes", runs, measurements),
         "over_time": {
             path: over_time(f"{user}_{path}_over_time", own, measurements)

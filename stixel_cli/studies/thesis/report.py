@@ -17,10 +17,10 @@ from stixel_cli.studies.real_time import on_cores, real_time_table, seconds_a_sc
 from stixel_cli.studies.runs import (
     ERROR_LABELS,
     NEAR,
-    ceilings_table,
     over_time,
     scan_frame,
     scan_rows,
+    upper_bounds_table,
 )
 from stixel_cli.studies.stage_pictures import stage_pictures
 from stixel_cli.studies.thesis import figures
@@ -119,7 +119,8 @@ def frame_of(sweep: StudySweep, level: str = "") -> "pd.DataFrame":
     measured, kernels = [], []
     for run in runs["run"]:
         further = [f"{key} {value}" for key, value in run.setting.items() if key not in known]
-        measured.append(", ".join([run.configuration.measurement.kind, *further]))
+        kind = run.configuration.measurement.kind
+        measured.append(", ".join(["simulated" if kind == STIXELS else kind, *further]))
         option = run.setting.get(EXPERIMENT, "thesis")
         kernels.append(KERNELS.get(option, option))
     egos = [run.configuration.ego.kind for run in runs["run"]]
@@ -193,7 +194,7 @@ def _chapter(user: str, runs: "pd.DataFrame", ego: str) -> dict[str, Any]:
         "rays": figures.rays(f"{user}_rays", fabricated.sort_values("seed")["run"].iloc[0]),
         "scans": Table.of(f"{user}_scans", scan_rows(first, ["measurement", "ego"])),
         "tracking": tracking_table(f"{user}_tracking", runs, ("measurement", "ego")),
-        "ceilings": ceilings_table(f"{user}_ceilings", runs, ("measurement",)),
+        "upper_bounds": upper_bounds_table(f"{user}_upper_bounds", runs, ("measurement",)),
         "consistency": consistency_table(f"{user}_consistency", runs, ("measurement", "ego")),
         "over_time": {
             one: over_time(f"{user}_{one}_over_time", scan_frame(own), measurements)

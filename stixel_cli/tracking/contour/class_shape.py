@@ -76,9 +76,9 @@ def class_shape(road_user: RoadUserClass) -> ClassShape:
 
 
 def seen_shape(
-    road_user: RoadUserClass, sensor: Literal["simulated", "lidar", "outline"]
+    road_user: RoadUserClass, sensor: Literal["stixels", "lidar", "outline"]
 ) -> SeenShape:
-    """What stixels (`simulated`), a `lidar` or a sensor of the outline see of `road_user`."""
+    """What stixels (`stixels`), a `lidar` or a sensor of the outline see of `road_user`."""
     known = CLASS_SHAPES[road_user][sensor]
     return SeenShape(
         depth_biases=_metres(known["depth_biases"]).reshape(NODES),

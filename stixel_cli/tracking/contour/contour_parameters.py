@@ -12,8 +12,8 @@ class ContourParameters:
     """A filter that casts the scan's rays on the class's shape.
 
     Attributes:
-        seen_by: kind of measurement; selects the visible shape: stixels
-            (`simulated`) see less than the outline. Points of a `file` or of the user's `own`
+        seen_by: kind of measurement; selects the visible shape: `stixels`
+            see less than the outline. Points of a `file` or of the user's `own`
             source are taken to be on the outline, as fabricated ones are.
         acceleration: process noise of the speed, a white acceleration's root density, m/s^1.5.
         turn_acceleration: process noise of the turn rate, rad/s^1.5.
@@ -39,7 +39,7 @@ class ContourParameters:
     """
 
     kind: Literal["contour"]
-    seen_by: Literal["simulated", "fabricated", "lidar", "file", "own"]
+    seen_by: Literal["stixels", "fabricated", "lidar", "file", "own"]
     acceleration: Annotated[float, Ge(0), Le(100)]
     turn_acceleration: Annotated[float, Ge(0), Le(100)]
     slip: Annotated[float, Ge(0), Le(10)]

@@ -74,10 +74,10 @@ class Rays:
 
 def sight_of(road_user: RoadUserClass, tracker: ContourParameters) -> Sight:
     """What the sensor sees of a class: stixels and lidars less than the outline."""
-    outline = tracker.seen_by not in ("simulated", "lidar")
+    outline = tracker.seen_by not in ("stixels", "lidar")
     seen = seen_shape(road_user, "outline" if outline else tracker.seen_by)
     shape = class_shape(road_user)
-    table = seen_table(shape.outline, seen, blurred=tracker.seen_by == "simulated")
+    table = seen_table(shape.outline, seen, blurred=tracker.seen_by == "stixels")
     return Sight(table, seen.bias_per_std, seen.std_factor, outline)
 
 

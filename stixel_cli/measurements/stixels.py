@@ -17,7 +17,7 @@ from stixel_cli.stixels.types import Stixels
 
 
 @parameters
-class SimulatedParameters(Disturbance):
+class StixelsParameters(Disturbance):
     """Scans from stixels. The gates see only the stixel: no tracker and no truth.
 
     Attributes:
@@ -26,7 +26,7 @@ class SimulatedParameters(Disturbance):
         range_min, range_max: distance from the sensor on the ground plane, m.
     """
 
-    kind: Literal["simulated"]
+    kind: Literal["stixels"]
     height_min: Annotated[float, Ge(0), Le(10)]
     height_max: Annotated[float, Gt(0), Le(100)]
     range_min: Annotated[float, Ge(0), Le(1000)]
@@ -45,7 +45,7 @@ class SimulatedParameters(Disturbance):
 def gather_scans(
     stixels: Iterable[Stixels],
     ego_motion: EgoMotion,
-    measurement: SimulatedParameters,
+    measurement: StixelsParameters,
     rig: Rig,
 ) -> Scans:
     """Scans of the stixels inside the gates of height and range, in the world frame.

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from stixel_cli import compose
-from stixel_cli.evaluation.ceilings import (
+from stixel_cli.evaluation.upper_bounds import (
     best_star_convex_iou,
     between_heights,
-    find_ceilings,
+    find_upper_bounds,
 )
 from stixel_cli.scene.build import build_scenario
 from stixel_cli.scene.ego import ego_motion
@@ -16,7 +16,7 @@ from stixel_cli.scene.scenario import is_star_convex
 SQUARE = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]], float)
 
 
-def test_a_star_convex_contour_has_no_ceiling():
+def test_a_star_convex_contour_has_no_upper_bound():
     assert best_star_convex_iou(SQUARE) == pytest.approx(1.0, abs=1e-12)
     assert best_star_convex_iou(SQUARE[:, ::-1] * [3.0, 1.0]) == pytest.approx(1.0, abs=1e-12)
 
@@ -52,17 +52,17 @@ def test_triangles_are_cut_at_the_gated_heights():
     np.testing.assert_array_equal(between_heights(triangle, 0.0, 4.0), triangle)
 
 
-def test_ceilings_of_a_road_user():
+def test_upper_bounds_of_a_road_user():
     p = compose(["road_user=pedestrian", "path.duration=0.2"]).configuration
     scenario = build_scenario(ego_motion(p.ego, 0.2, 0.1), p.road_user, p.path)
-    found = find_ceilings(scenario, p.road_user, p.measurement)
+    found = find_upper_bounds(scenario, p.road_user, p.measurement)
     assert np.isfinite(list(vars(found).values())).all()
     # The feet of a stride are below the gate.
-    assert 0.5 < found.box_heights_ceiling < 0.9 < found.star_convex_ceiling < 1.0
+    assert 0.5 < found.box_heights_upper_bound < 0.9 < found.star_convex_upper_bound < 1.0
     whole = replace(p.measurement, height_min=0.0)
-    open_gate = find_ceilings(scenario, p.road_user, whole)
-    assert open_gate.heights_ceiling == pytest.approx(1.0, abs=1e-3)
+    open_gate = find_upper_bounds(scenario, p.road_user, whole)
+    assert open_gate.heights_upper_bound == pytest.approx(1.0, abs=1e-3)
     fabricated = compose(["measurement=fabricated"]).configuration.measurement
-    without = find_ceilings(scenario, p.road_user, fabricated)
-    assert without.star_convex_ceiling == found.star_convex_ceiling
-    assert np.isnan([without.heights_ceiling, without.box_heights_ceiling]).all()
+    without = find_upper_bounds(scenario, p.road_user, fabricated)
+    assert without.star_convex_upper_bound == found.star_convex_upper_bound
+    assert np.isnan([without.heights_upper_bound, without.box_heights_upper_bound]).all()

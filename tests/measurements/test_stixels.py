@@ -6,12 +6,12 @@ import pytest
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import FieldOfView
-from stixel_cli.measurements.simulated import SimulatedParameters, gather_scans
+from stixel_cli.measurements.stixels import StixelsParameters, gather_scans
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stixels.types import Stixels
 
-GATES = SimulatedParameters(
-    kind="simulated",
+GATES = StixelsParameters(
+    kind="stixels",
     dropout=None,
     clutter_rate=0.0,
     height_min=0.3,

@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 
 from stixel_cli.evaluation.overlaps import areas, overlaps
-from stixel_cli.evaluation.scan_errors import Ceilings
+from stixel_cli.evaluation.scan_errors import UpperBounds
 from stixel_cli.scene.mesh import corners
 from stixel_cli.scene.outline import outline
 from stixel_cli.scene.road_user import road_user_meshes
@@ -17,11 +17,11 @@ RAYS = 720
 """Rays from the centre along which the best star-convex contour is sought."""
 
 LIMB_SAMPLES = 4
-"""Poses of the limbs, even in their cycle, that a ceiling is the mean over."""
+"""Poses of the limbs, even in their cycle, that an upper bound is the mean over."""
 
 
-def find_ceilings(scenario: Scenario, road_user: RoadUser, measurement: Any) -> Ceilings:
-    """The ceilings for a target and the gates of a source of measurements.
+def find_upper_bounds(scenario: Scenario, road_user: RoadUser, measurement: Any) -> UpperBounds:
+    """The upper bounds for a target and the gates of a source of measurements.
 
     The star-convex one is of the scenario's contours. The others are known if `measurement` gates
     heights, and the gated part has an area. All are means over `LIMB_SAMPLES` poses of the limbs.
@@ -32,20 +32,20 @@ def find_ceilings(scenario: Scenario, road_user: RoadUser, measurement: Any) -> 
     star_convex = float(np.mean([best_star_convex_iou(contour) for contour in contours]))
     low, high = (getattr(measurement, name, None) for name in ("height_min", "height_max"))
     if low is None or high is None:
-        return Ceilings(star_convex, np.nan, np.nan, np.nan)
+        return UpperBounds(star_convex, np.nan, np.nan, np.nan)
     try:
         parts = [
             outline(between_heights(corners(mesh), low, high))
             for mesh in road_user_meshes(road_user)[chosen]
         ]
     except ValueError:
-        return Ceilings(star_convex, np.nan, np.nan, np.nan)
+        return UpperBounds(star_convex, np.nan, np.nan, np.nan)
     # The parts differ in their number of vertices.
     gated = np.concatenate([areas(part[None]) for part in parts])
     full = areas(contours)
     (left, bottom), (right, top) = scenario.box_target
     boxed = shapely.box(*shapely.bounds(gated).T)
-    return Ceilings(
+    return UpperBounds(
         star_convex,
         float(overlaps(gated, full).mean()),
         float(overlaps(shapely.convex_hull(gated), shapely.convex_hull(full)).mean()),
