@@ -60,8 +60,8 @@ def evaluate(
 
     `upper_bounds` are the greatest values that the overlaps can have, `road_user` is the true
     class, None if it is unknown, `labels` are the scores of the tracks of moving objects. Where
-    the truth is unknown, errors over time are NaN and metrics leave them out. Without any truth there are
-    only the metrics of scans and track.
+    the truth is unknown, errors over time are NaN and metrics leave them out. Without any truth
+    there are only the metrics of scans and track.
 
     Raises:
         ValueError: as `validate` does.

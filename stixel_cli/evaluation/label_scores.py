@@ -1,4 +1,4 @@
-"""Scores of the tracks of all that moves against the labels of a recording.
+"""Scores of the tracks of moving objects against the labels of a recording.
 
 At each scan the tracks are assigned to the labels: the most pairs, and of these the least sum of
 centre distances (the association of CLEAR MOT: Bernardin, Stiefelhagen 2008). A pair is allowed up

@@ -44,7 +44,7 @@ class Scores:
         nees_position: (K,) position NEES divided by 2: 1 is consistent.
         nis: (K,) NIS divided by its degrees of freedom: 1 is consistent; NaN for an empty scan.
         metrics: name to value; None if the metric has no value.
-        labels: of the tracks of all that moves, against the labels; None without.
+        labels: of the tracks of moving objects, against the labels; None without.
     """
 
     times: np.ndarray
@@ -291,7 +291,7 @@ _OF_LABELS = (
            *_METRE, lambda e: None),
     Metric("label_switches", "changes of a label's track", "switches",
            "", "less", (0.0, None), lambda e: None),
-    Metric("tracks_found", "tracks of all that moves", "tracks", *_COUNT, lambda e: None),
+    Metric("tracks_found", "tracks of moving objects", "tracks", *_COUNT, lambda e: None),
     Metric("tracks_false", "tracks without a label in most of their scans", "false tracks",
            "", "less", (0.0, None), lambda e: None),
 )  # fmt: skip

@@ -26,9 +26,9 @@ from stixel_cli.scene.classes import ROAD_USER_CLASSES
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.contour import class_size
-from stixel_cli.tracking.contour.class_shape import ClassShape, SeenShape
+from stixel_cli.tracking.contour.class_shape import ClassShape, VisibleShape
 from stixel_cli.tracking.contour.class_size import ClassSize
-from stixel_cli.validation.seen_shape import class_shape_of, outline_seen_of, seen_shape_of
+from stixel_cli.validation.visible_shape import class_shape_of, visible_outline_of, visible_shape_of
 
 PATHS = ("turn", "crossing", "approach", "s_curve")
 SEEDS = range(1000, 1008)
@@ -51,8 +51,8 @@ def main() -> None:
         print(f"conf/prior/{road_user}.yaml: {size}")  # noqa: T201
         # The size that is written, whole centimetres, is that of the fit.
         shape = dataclasses.replace(class_shape_of(drawn), size=size.mean)
-        seen = {sensor: seen_shape_of(pairs, shape) for sensor, pairs in samples.items()}
-        seen["outline"] = outline_seen_of(drawn, shape)
+        seen = {sensor: visible_shape_of(pairs, shape) for sensor, pairs in samples.items()}
+        seen["outline"] = visible_outline_of(drawn, shape)
         shapes[road_user] = entry(size, shape, seen)
     target = Path(class_size.__file__).with_name(class_size.FILES[0])
     text = json.dumps(shapes, indent=1)
@@ -87,7 +87,7 @@ def _samples(road_user: str, sensor: str) -> list[tuple[Scenario, Scans]]:
     return found
 
 
-def entry(size: ClassSize, shape: ClassShape, seen: Mapping[str, SeenShape]) -> dict[str, Any]:
+def entry(size: ClassSize, shape: ClassShape, seen: Mapping[str, VisibleShape]) -> dict[str, Any]:
     """One class in the generated file: lengths in whole millimetres."""
     lengths = {
         "size": size.mean,

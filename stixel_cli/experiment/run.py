@@ -38,13 +38,13 @@ RESULTS = ("scenario", "scans", "track", "scores")
 """Stages that every pipeline has; their results are those of the experiment."""
 
 GREATEST_ANGLE = 20.0
-"""Degrees between a target's heading and its motion, above which a truth is doubtful."""
+"""Degrees between a target's heading and its motion, above which a truth contradicts itself."""
 
 CAMERA = "camera_frames"
 """The stage that prepares the camera's images for the playback page."""
 
 OBJECTS, TRACKS = "objects", "tracks"
-"""Stages of a recording: the objects in its frames; the tracks of all that moves."""
+"""Stages of a recording: the objects in its frames; the tracks of moving objects."""
 
 
 def plan_experiment(composition: Composition, store: Store) -> Plan:

@@ -61,7 +61,7 @@ def _with_disturbance(
 def _with_tracks(
     pipeline: Mapping[str, dict[str, str] | None],
 ) -> dict[str, dict[str, str] | None]:
-    """The pipeline with the tracks of all that moves, and their scores; the run's own starts at one
+    """The pipeline with the tracks of moving objects, and their scores; the run's own starts at one
     of them."""
     found = {
         "found_tracks": {"stage": "find_tracks", "scans": "scans"},

@@ -31,7 +31,7 @@ def track_pictures(
     standard deviation (points which the tracker used apart from the others), the true contour, the
     estimated one with its band of ± 2 standard deviations of the radius, both headings. Where the
     truth is unknown, only the estimate is drawn. `field_of_view` is in rad, None if unknown. With
-    `objects`, the rectangles round their points are drawn; with `tracks`, those of all that moves.
+    `objects`, the rectangles round their points are drawn; with `tracks`, those of moving objects.
     """
     with style.drawing({"axes.grid": True}):
         figure = style.new_figure(10.4, 5.7)

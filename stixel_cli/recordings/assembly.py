@@ -23,7 +23,7 @@ def assembled_recording(
 
     The frames are those that the images, the target's labels and the poses have. `poses` may be
     missing, and so may `labels` if the source has no target. `layout` is that of both. With the
-    target `auto` all that moves is tracked.
+    target `auto` every moving object is tracked.
 
     Raises:
         UserError: if a file is missing or not valid.

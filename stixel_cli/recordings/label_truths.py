@@ -1,4 +1,4 @@
-"""The truth of all labels of a recording, for the scores of the tracks of all that moves."""
+"""The truth of all labels of a recording, for the scores of the tracks of moving objects."""
 
 from pathlib import Path
 

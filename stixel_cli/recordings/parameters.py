@@ -50,7 +50,7 @@ class KittiTracking(Recorded):
 
     Attributes:
         sequence: number of the clip, such as 0005.
-        target: track id in the labels; `auto`: all that moves is tracked; null for no truth.
+        target: track id in the labels; `auto`: every moving object is tracked; null for no truth.
     """
 
     kind: Literal["kitti_tracking"]
@@ -73,7 +73,7 @@ class PlainFolder(Recorded):
     """A folder with `rig.yaml`, the images in `left/` and `right/`, and optional truth.
 
     Attributes:
-        target: track id in the labels; `auto`: all that moves is tracked; null for no truth.
+        target: track id in the labels; `auto`: every moving object is tracked; null for no truth.
     """
 
     kind: Literal["folder"]
@@ -85,7 +85,7 @@ class KittiOdometry(Recorded):
     """KITTI's odometry benchmark, which has no labels.
 
     Attributes:
-        target: `auto`: all that moves is tracked; null for the cluster at `start.bearing`.
+        target: `auto`: every moving object is tracked; null for the cluster at `start.bearing`.
     """
 
     kind: Literal["kitti_odometry"]
@@ -117,7 +117,7 @@ class VirtualKitti(Recorded):
     """Virtual KITTI 2, one variation of a scene.
 
     Attributes:
-        target: trackID in the labels; `auto`: all that moves is tracked; null for no truth.
+        target: trackID in the labels; `auto`: every moving object is tracked; null for no truth.
     """
 
     kind: Literal["virtual_kitti"]
@@ -129,7 +129,7 @@ class Argoverse(Recorded):
     """Argoverse 2's sensor data set, the stereo cameras of one log.
 
     Attributes:
-        target: track_uuid in the labels; `auto`: all that moves is tracked; null for no truth.
+        target: track_uuid in the labels; `auto`: every moving object is tracked; null for no truth.
     """
 
     kind: Literal["argoverse"]

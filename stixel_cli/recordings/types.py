@@ -82,7 +82,7 @@ class Recording:
         label_files: files of the labels; () without.
         table_layout: of both.
         target: track id in the labels; None for no truth.
-        auto: whether all that moves is tracked.
+        auto: whether every moving object is tracked.
         label: type of the target's label, such as `Car`; None without target.
         first_box: left and right border, px, of the target's box in the first image, or None.
         rectification: of the images; None if the files are rectified.

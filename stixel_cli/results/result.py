@@ -55,7 +55,7 @@ class RunResult:
         pictures: path below `figures/` to the file's bytes.
         camera: chunks of the camera's frames, in order; empty for a run without images.
         objects: chunks of the clusters of stixels, in order; empty unless images are recorded.
-        tracks: those of all that moves, with `source.target=auto`.
+        tracks: those of moving objects, with `source.target=auto`.
         lineage: keys, settings and versions of each stage; None in a folder of an older version.
         label: name of the run in a legend; in a sweep `key=value …`.
         status: `done`, `failed`, `skipped` or `missing`.

@@ -1,4 +1,4 @@
-"""The tracks of all that moves against the labels: assignment, and what counts for what."""
+"""The tracks of moving objects against the labels: assignment, and what counts for what."""
 
 import numpy as np
 import pytest

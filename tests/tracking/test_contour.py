@@ -14,7 +14,7 @@ from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.tracking.association import uncut
-from stixel_cli.tracking.contour.class_shape import class_shape, seen_shape, seen_table
+from stixel_cli.tracking.contour.class_shape import class_shape, visible_shape, visible_table
 from stixel_cli.tracking.contour.contour import track
 from stixel_cli.tracking.contour.contour_filter import predict, start
 from stixel_cli.tracking.contour.contour_rays import rays_of
@@ -304,8 +304,8 @@ def test_deviation_of_a_range_is_that_along_the_ray():
 @pytest.mark.parametrize("name", SHAPES)
 def test_stixels_see_a_class_behind_its_outline_and_within_it(name):
     shape = SHAPES[name]
-    seen = seen_shape(name, "stixels")
-    table = seen_table(shape.outline, seen, blurred=True)
+    seen = visible_shape(name, "stixels")
+    table = visible_table(shape.outline, seen, blurred=True)
     seen_width, width = table.high - table.low, (table.highest - table.lowest) / 1.25
     assert np.all(seen_width < width + 0.15)
     assert np.all(seen_width > 0.4 * width)

@@ -11,7 +11,7 @@ from stixel_cli.tracking.contour import contour_filter, contour_recovery
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.contour.contour import track
 from stixel_cli.tracking.contour.contour_rays import rays_of, sight_of
-from stixel_cli.tracking.contour.contour_recovery import RECENT, cluster_of, is_doubtful
+from stixel_cli.tracking.contour.contour_recovery import RECENT, cluster_of, is_inconsistent
 
 TRACKER = dataclasses.replace(
     compose(["tracker=contour"]).configuration.tracker, seen_by="fabricated"
@@ -50,17 +50,17 @@ def test_a_track_that_the_scans_do_not_contradict_is_left_as_it_is(monkeypatch):
     poses = coming(-105, 0.4)
     scans = scans_seen(SHAPE.outline, poses, noise=0.02)
     with_recovery = track(scans, start_at(poses), CYCLIST, TRACKER)
-    monkeypatch.setattr(contour_filter, "is_doubtful", lambda nis, degrees: False)
+    monkeypatch.setattr(contour_filter, "is_inconsistent", lambda nis, degrees: False)
     without = track(scans, start_at(poses), CYCLIST, TRACKER)
     assert with_recovery.means.tobytes() == without.means.tobytes()
 
 
-def test_a_track_is_doubtful_after_enough_scans_with_a_great_innovation():
+def test_a_track_is_inconsistent_after_enough_scans_with_a_great_innovation():
     degrees = np.array([4, 4, 0, 4, 4])
     nis = np.array([0.1, 4.0, np.nan, 4.0, 4.0])
-    assert [is_doubtful(nis[:k], degrees[:k]) for k in range(1, 6)] == [False] * 4 + [True]
-    assert not is_doubtful(nis[: RECENT - 1], degrees[: RECENT - 1])
-    assert not is_doubtful(nis / 2.0, degrees)
+    assert [is_inconsistent(nis[:k], degrees[:k]) for k in range(1, 6)] == [False] * 4 + [True]
+    assert not is_inconsistent(nis[: RECENT - 1], degrees[: RECENT - 1])
+    assert not is_inconsistent(nis / 2.0, degrees)
 
 
 def test_the_cluster_of_the_points_has_their_neighbours_but_nothing_larger_than_the_class():

@@ -59,7 +59,7 @@ function describe() {
     [lineSwatch("var(--unused)", "", 3), runs.length === 1 ? "points in the scan" : "points in the scan of the chosen run"]);
   if (data.cameras.length) entries.push(
     [(picture) => { svg("rect", { x: 11, y: 1, width: 10, height: 10, class: "outlined" }, picture); }, "stixel on the target"]);
-  if (runs.some((run) => run.tracks.length)) entries.push([lineSwatch("#56b4e9"), "tracks of all that moves"]);
+  if (runs.some((run) => run.tracks.length)) entries.push([lineSwatch("#56b4e9"), "tracks of moving objects"]);
   if (runs.some((run) => run.boxes)) entries.push(
     [(picture) => { svg("rect", { x: 6, y: 1, width: 20, height: 10, class: "object" }, picture); }, "object: stixels near each other"]);
   for (const [draw, text] of entries) {
@@ -69,7 +69,7 @@ function describe() {
   }
 }
 
-// The scores of the tracks of all that moves, one row per label.
+// The scores of the tracks of moving objects, one row per label.
 function describeLabels([columns, ...rows]) {
   if (!rows.length) return;
   const part = html("details", { className: "labels", open: true }, find("runs"));

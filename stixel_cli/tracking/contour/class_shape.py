@@ -21,7 +21,7 @@ from stixel_cli.tracking.contour.class_size import CLASS_SHAPES
 from stixel_cli.tracking.contour.ray_table import COARSE, FINE, RayTable, outline_table
 
 NODES = (24, 9)
-"""Even aspects over a full turn, and even offsets over the table's width, of the seen shape."""
+"""Even aspects over a full turn, and even offsets over the table's width, of the visible shape."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class ClassShape:
 
 
 @dataclass(frozen=True)
-class SeenShape:
+class VisibleShape:
     """What a kind of sensor sees of a class.
 
     Attributes:
@@ -51,7 +51,8 @@ class SeenShape:
         bias_per_std: the same, in standard deviations of the point's range: added to it.
         depth_stds: (24, 9) m, standard deviation of that distance beyond the point's own, and
         std_factor: the factor on the point's own.
-        insets: (2, 24) m, how far inside the outline the seen shape begins (low) and ends (high).
+        insets: (2, 24) m, how far inside the outline the visible shape begins (low) and
+            ends (high).
         inset_stds: (2, 24) m.
     """
 
@@ -75,12 +76,12 @@ def class_shape(road_user: RoadUserClass) -> ClassShape:
     )
 
 
-def seen_shape(
+def visible_shape(
     road_user: RoadUserClass, sensor: Literal["stixels", "lidar", "outline"]
-) -> SeenShape:
+) -> VisibleShape:
     """What stixels (`stixels`), a `lidar` or a sensor of the outline see of `road_user`."""
     known = CLASS_SHAPES[road_user][sensor]
-    return SeenShape(
+    return VisibleShape(
         depth_biases=_metres(known["depth_biases"]).reshape(NODES),
         bias_per_std=known["bias_per_std"],
         depth_stds=_metres(known["depth_stds"]).reshape(NODES),
@@ -90,7 +91,7 @@ def seen_shape(
     )
 
 
-def seen_table(outline: np.ndarray, seen: SeenShape, blurred: bool) -> RayTable:
+def visible_table(outline: np.ndarray, seen: VisibleShape, blurred: bool) -> RayTable:
     """The table of what a sensor sees of an `outline` (N, 2) m; stixels see it `blurred`."""
     size = COARSE if blurred else FINE
     table = outline_table(outline, size)

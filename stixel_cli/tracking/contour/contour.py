@@ -6,7 +6,7 @@ import numpy as np
 
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.classes import ROAD_USER_CLASSES
-from stixel_cli.tracking.contour.class_bank import (
+from stixel_cli.tracking.contour.class_probabilities import (
     CONTRADICTED,
     RULED_OUT,
     probabilities_of,
@@ -28,8 +28,9 @@ def track(
     """Track one target through `scans`, of the prior's class or of one that is found.
 
     One filter for each class tracks the target, until the scans rule its class out. If the prior's
-    class is `unknown`, each scan reports the most probable class, see `class_bank`. A known class
-    is reported until the scans contradict it; if they do not, the others change nothing.
+    class is `unknown`, each scan reports the most probable class, see `class_probabilities`. A
+    known class is reported until the scans contradict it; if they do not, the others change
+    nothing.
     """
     filters = {
         road_user: ClassFilter(scans, *_of_class(road_user, initial, prior, tracker))

@@ -21,7 +21,7 @@ b's covariance with the state, and its estimate does not become more certain tha
 (Schmidt 1966; Jazwinski 1970, *Stochastic Processes and Filtering Theory*, 8.4).
 
 The first and the last ray that meet the target give two more measurements, the silhouette: how far
-inside the limits of the seen shape they pass. Ranges hardly measure the place across the rays.
+inside the limits of the visible shape they pass. Ranges hardly measure the place across the rays.
 A silhouette at the border of the field of view is not used.
 
 Errors have heavy tails, so their variances are divided by the weights (nu + 1) / (nu + e²) ≤ 1 of a
@@ -36,11 +36,11 @@ import numpy as np
 
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.contour.class_bank import log_likelihood, log_weight
+from stixel_cli.tracking.contour.class_probabilities import log_likelihood, log_weight
 from stixel_cli.tracking.contour.class_shape import ClassShape, class_shape
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, associate, sight_of
-from stixel_cli.tracking.contour.contour_recovery import is_doubtful, look_again
+from stixel_cli.tracking.contour.contour_recovery import detect_again, is_inconsistent
 from stixel_cli.tracking.contour.contour_report import contours_of, reported
 from stixel_cli.tracking.contour.contour_update import SEEN, update
 from stixel_cli.tracking.prior import PriorShape
@@ -55,8 +55,8 @@ class ClassFilter:
     the same scan before the next.
 
     Attributes:
-        log_weights: (K,) of the class given the scans up to k, see `class_bank`; -inf at scans
-            without a step.
+        log_weights: (K,) of the class given the scans up to k, see `class_probabilities`; -inf at
+            scans without a step.
     """
 
     def __init__(
@@ -90,8 +90,8 @@ class ClassFilter:
             predicted = mean, covariance, of_bias
             posterior = update(*predicted, rays.subset(indices), sight, tracker)
             *_, self._nis[k], self._degrees[k], _ = posterior
-            if recovers and is_doubtful(self._nis[: k + 1], self._degrees[: k + 1]):
-                indices, posterior = look_again(*predicted, rays, indices, sight, tracker)
+            if recovers and is_inconsistent(self._nis[: k + 1], self._degrees[: k + 1]):
+                indices, posterior = detect_again(*predicted, rays, indices, sight, tracker)
             mean, covariance, of_bias, nis, degrees, stated = posterior
             self._nis[k], self._degrees[k] = nis, degrees
             self._sum_of_log_likelihoods += log_likelihood(stated, nis, degrees)

@@ -23,7 +23,7 @@ class ContourParameters:
         noise_factor: factor on the standard deviation of a point's range. The errors of
             successive scans are correlated, which the filter does not model; a factor above 1
             stands for that.
-        shape_factor: factor on the standard deviation of the seen shape. Neighbours share its
+        shape_factor: factor on the standard deviation of the visible shape. Neighbours share its
             error, and it changes little from scan to scan, so this factor is larger.
         bias_std: standard deviation, m at a range of 10 m, of an error of the sensor that all
             ranges of a recording share; it grows with the square of the range, as that of a

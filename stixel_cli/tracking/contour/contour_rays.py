@@ -7,7 +7,7 @@ import numpy as np
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.scene.classes import RoadUserClass
-from stixel_cli.tracking.contour.class_shape import class_shape, seen_shape, seen_table
+from stixel_cli.tracking.contour.class_shape import class_shape, visible_shape, visible_table
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.ray_table import RayTable, expected
 
@@ -20,8 +20,8 @@ class Sight:
     """How a sensor sees the class.
 
     Attributes:
-        table: the seen shape.
-        bias_per_std, std_factor: see `SeenShape`.
+        table: the visible shape.
+        bias_per_std, std_factor: see `VisibleShape`.
         outline: whether the sensor sees the outline itself, between whose ends the first and last
             ray fall at random.
     """
@@ -75,9 +75,9 @@ class Rays:
 def sight_of(road_user: RoadUserClass, tracker: ContourParameters) -> Sight:
     """What the sensor sees of a class: stixels and lidars less than the outline."""
     outline = tracker.seen_by not in ("stixels", "lidar")
-    seen = seen_shape(road_user, "outline" if outline else tracker.seen_by)
+    seen = visible_shape(road_user, "outline" if outline else tracker.seen_by)
     shape = class_shape(road_user)
-    table = seen_table(shape.outline, seen, blurred=tracker.seen_by == "stixels")
+    table = visible_table(shape.outline, seen, blurred=tracker.seen_by == "stixels")
     return Sight(table, seen.bias_per_std, seen.std_factor, outline)
 
 
@@ -115,8 +115,8 @@ def associate(
     """Indices (m,) of the points in the gate round the predicted target, ascending.
 
     `pose_and_size` (5,) is a state as `expected` takes it, `covariance` (5, 5) its covariance. A
-    point is in the gate if its range fits, and its ray passes by the seen shape by no more than the
-    state's uncertainty allows.
+    point is in the gate if its range fits, and its ray passes by the visible shape by no more than
+    the state's uncertainty allows.
     """
     if not len(rays.ranges):
         return np.zeros(0, np.int64)
@@ -134,7 +134,7 @@ def associate(
 
 
 def sampling_inset(rays: Rays, sight: Sight) -> tuple[float, float]:
-    """How far inside the seen shape's limits the first and last ray fall, m, and its variance m².
+    """How far inside the visible shape's limits the first and last ray fall, m; its variance, m².
 
     The table of stixels includes both. Where the sensor sees the outline itself, the limit is
     anywhere between the last ray that hits and its neighbour, which does not.

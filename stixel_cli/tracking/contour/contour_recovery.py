@@ -16,29 +16,29 @@ from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight
 from stixel_cli.tracking.contour.contour_update import Posterior, update
 
-RECENT, DOUBTFUL = 3, 0.7
-"""A track is doubtful if the mean NIS / degrees of freedom of so many scans is above this."""
+RECENT, INCONSISTENT = 3, 0.7
+"""A track is inconsistent if the mean NIS / degrees of freedom of so many scans is above this."""
 
 TURNS = np.radians([0.0, -10.0, 10.0, -20.0, 20.0, -30.0, 30.0, -40.0, 40.0])
 """Turns of the predicted heading from which the update begins again, rad."""
 
 WIDE = np.diag([0.3, 0.3, 0.35, 1.0, 0.5, 0.0, 0.0]) ** 2
-"""Added to the covariance of a doubtful prediction: m, rad, m/s, rad/s."""
+"""Added to the covariance of an inconsistent prediction: m, rad, m/s, rad/s."""
 
 LARGEST = 1.3
 """A cluster is the target if it is at most this many times the class's diagonal long."""
 
 
-def is_doubtful(nis: np.ndarray, degrees: np.ndarray) -> bool:
+def is_inconsistent(nis: np.ndarray, degrees: np.ndarray) -> bool:
     """Whether the last scans contradict the track.
 
     `nis` and `degrees` of freedom are (k,); the NIS is NaN at a scan without points.
     """
     known = np.flatnonzero(np.isfinite(nis))[-RECENT:]
-    return len(known) == RECENT and bool(np.mean(nis[known] / degrees[known]) > DOUBTFUL)
+    return len(known) == RECENT and bool(np.mean(nis[known] / degrees[known]) > INCONSISTENT)
 
 
-def look_again(
+def detect_again(
     mean: np.ndarray,
     covariance: np.ndarray,
     of_bias: np.ndarray,
@@ -47,7 +47,7 @@ def look_again(
     sight: Sight,
     tracker: ContourParameters,
 ) -> tuple[np.ndarray, Posterior]:
-    """The points of the target (m,) and the posterior of a prediction that is doubtful.
+    """The points of the target (m,) and the posterior of a prediction that is inconsistent.
 
     `mean` (7,), `covariance` (7, 7) and `of_bias` (7,) are the prediction, `indices` (n,) > 0 its
     points.

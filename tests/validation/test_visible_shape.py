@@ -11,13 +11,13 @@ from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.fabricated import fabricate_scans
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.tracking.contour.class_shape import seen_table
+from stixel_cli.tracking.contour.class_shape import visible_table
 from stixel_cli.tracking.contour.class_size import ClassSize
-from stixel_cli.validation.seen_shape import (
+from stixel_cli.validation.visible_shape import (
     class_shape_of,
     mean_radii,
-    outline_seen_of,
-    seen_shape_of,
+    visible_outline_of,
+    visible_shape_of,
 )
 
 BOX = np.array([[2.0, -0.9], [2.0, 0.9], [-2.0, 0.9], [-2.0, -0.9]])
@@ -52,8 +52,8 @@ def shape(sample):
     return class_shape_of([sample[0]])
 
 
-def test_seen_shape_is_found_behind_the_outline(sample, shape):
-    seen = seen_shape_of([sample], shape)
+def test_visible_shape_is_found_behind_the_outline(sample, shape):
+    seen = visible_shape_of([sample], shape)
     assert np.abs(seen.depth_biases[:, 2:-2] - BEHIND).max() < 0.06
     assert seen.bias_per_std == pytest.approx(PER_STD, abs=0.3)
     assert 0.7 < seen.std_factor < 1.3
@@ -91,7 +91,7 @@ def test_one_that_walks_has_the_size_of_its_box_and_an_outline_between_the_mean_
 def test_a_sensor_of_the_outline_sees_its_mean_and_how_far_it_swings():
     walkers = [walker(0.16, 1.0), walker(0.16, 1.5)]
     shape = class_shape_of(walkers)
-    table = seen_table(shape.outline, outline_seen_of(walkers, shape), blurred=False)
+    table = visible_table(shape.outline, visible_outline_of(walkers, shape), blurred=False)
     middle, side = table.depths.shape[1] // 2, len(table.depths) // 4
     assert table.depths[0, middle] == pytest.approx(-0.3, abs=0.02)
     assert table.stds[0, middle] == pytest.approx(0.05, abs=0.02)
@@ -102,7 +102,7 @@ def test_a_sensor_of_the_outline_sees_its_mean_and_how_far_it_swings():
     assert table.high_stds[side] == pytest.approx(0.05, abs=0.03)
 
 
-def test_points_of_the_background_do_not_change_the_seen_shape(sample, shape):
+def test_points_of_the_background_do_not_change_the_visible_shape(sample, shape):
     scenario, scans = sample
     wall = np.array([[0.0, 40.0], [3.0, 40.0]])
     parts = [
@@ -113,7 +113,7 @@ def test_points_of_the_background_do_not_change_the_seen_shape(sample, shape):
         for k in range(len(scans))
     ]
     mixed = Scans.of_each(scans.times, scans.sensor_poses_world, parts)
-    plain, among = (seen_shape_of([each], shape) for each in (sample, (scenario, mixed)))
+    plain, among = (visible_shape_of([each], shape) for each in (sample, (scenario, mixed)))
     np.testing.assert_allclose(among.depth_biases, plain.depth_biases, atol=1e-9)
 
 
@@ -126,7 +126,7 @@ def test_mean_radii_of_two_sizes_are_those_of_the_mean_size():
 
 def test_knowledge_comes_from_tuning_seeds_and_survives_its_text(sample, shape):
     assert min(SEEDS) >= 1000
-    seen = seen_shape_of([sample], shape)
+    seen = visible_shape_of([sample], shape)
     size = ClassSize(np.array([4.52, 1.83]), np.array([0.07, 0.04]))
     known = json.loads(json.dumps(entry(size, shape, {"lidar": seen})))
     assert (known["size"], known["size_stds"]) == ([4520, 1830], [70, 40])

@@ -5,7 +5,7 @@ import pytest
 
 from stixel_cli.config.compose import compose
 from stixel_cli.scene.classes import CLASS_ROWS, ROAD_USER_CLASSES
-from stixel_cli.tracking.contour.class_bank import (
+from stixel_cli.tracking.contour.class_probabilities import (
     CONTRADICTED,
     CORRELATED_SCANS,
     OVERSTATED,

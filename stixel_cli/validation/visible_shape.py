@@ -3,7 +3,7 @@
 All shapes are scaled to one box, that of the class, in all poses of the limbs: what differs between
 road users of one size, and what swings, is then an error of the class's shape.
 
-The outline is the mean over the drawn outlines. The seen shape is a regression of the points'
+The outline is the mean over the drawn outlines. The visible shape is a regression of the points'
 distance behind this outline, along their rays, on aspect and offset: bilinear between nodes, with a
 penalty on differences of neighbouring nodes, which fills aspects without points; mirrored, as road
 users have two equal sides; and with weights that fall for outliers (Cauchy), since points of the
@@ -17,7 +17,7 @@ import numpy as np
 from stixel_cli.geometry.pose import target_from_world
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.tracking.contour.class_shape import NODES, ClassShape, SeenShape
+from stixel_cli.tracking.contour.class_shape import NODES, ClassShape, VisibleShape
 from stixel_cli.tracking.contour.ray_table import REACH, first_depths, widths
 
 RADII = 360
@@ -60,7 +60,7 @@ def class_shape_of(scenarios: Sequence[Scenario]) -> ClassShape:
     return ClassShape(outline=radii[:, None] * _unit(_angles()), outline_stds=stds, size=size)
 
 
-def outline_seen_of(scenarios: Sequence[Scenario], shape: ClassShape) -> SeenShape:
+def visible_outline_of(scenarios: Sequence[Scenario], shape: ClassShape) -> VisibleShape:
     """What a sensor sees that measures the outlines of the road users of `scenarios` themselves."""
     aspects = 2.0 * np.pi * (np.arange(DRAWN_RAYS[0]) + 0.5) / DRAWN_RAYS[0]
     share = (np.arange(DRAWN_RAYS[1]) + 0.5) / DRAWN_RAYS[1]
@@ -80,10 +80,10 @@ def outline_seen_of(scenarios: Sequence[Scenario], shape: ClassShape) -> SeenSha
     found = found[np.abs(found[:, 4]) < NEAR_DEPTH]
     biases, _, depth_stds, _ = _depths(np.concatenate([found, _mirrored(found)]))
     insets, inset_stds = _insets(*np.concatenate(ends).T)
-    return SeenShape(biases, 0.0, depth_stds, 1.0, insets, inset_stds)
+    return VisibleShape(biases, 0.0, depth_stds, 1.0, insets, inset_stds)
 
 
-def seen_shape_of(samples: Sequence[tuple[Scenario, Scans]], shape: ClassShape) -> SeenShape:
+def visible_shape_of(samples: Sequence[tuple[Scenario, Scans]], shape: ClassShape) -> VisibleShape:
     """What a sensor sees of a class, from scenarios with its road users, and their scans."""
     scenes = [
         _points(scenario, scans, k, shape) for scenario, scans in samples for k in range(len(scans))
@@ -95,7 +95,7 @@ def seen_shape_of(samples: Sequence[tuple[Scenario, Scans]], shape: ClassShape) 
     high = np.stack([points[np.argmax(points[:, 1])] for points in seen])
     ends = np.concatenate([low, _mirrored(high)])
     insets, inset_stds = _insets(ends[:, 0], ends[:, 1] - ends[:, 2])
-    return SeenShape(biases, per_std, depth_stds, factor, insets, inset_stds)
+    return VisibleShape(biases, per_std, depth_stds, factor, insets, inset_stds)
 
 
 def mean_radii(outlines: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
