@@ -12,7 +12,7 @@ BUDGET = {
     "": 900,
     "calibration": 660,
     "cli": 3060,
-    "config": 3150,
+    "config": 3156,
     "engine": 5280,
     "evaluation": 1570,
     "experiment": 1530,
