@@ -142,7 +142,7 @@ def _report(result: "SweepResult", json: bool, seconds: float) -> None:
 
 
 def _answer(result: "SweepResult") -> dict[str, Any]:
-    from stixel_cli.sweeps.tables import summary_records
+    from stixel_cli.sweeps.results import summary_records
 
     return {
         "folder": str(result.folder.absolute()),
@@ -159,7 +159,7 @@ def _print_statistics(printer: Any, result: "SweepResult") -> None:
     from stixel_cli.evaluation.metric_table import LOSS_RATE, over_runs
     from stixel_cli.report.metrics import format_value
     from stixel_cli.sweeps.figures import SHOWN
-    from stixel_cli.sweeps.tables import heading
+    from stixel_cli.sweeps.results import heading
 
     by_setting: dict[tuple, dict[str, Any]] = {}
     for one in result.statistics:

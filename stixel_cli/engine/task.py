@@ -1,22 +1,28 @@
-"""Compute one node in a worker. Names and keys travel between processes, never arrays."""
+"""Compute and store a node in a worker, or a result that is no node.
+
+Names and keys travel between processes, never arrays.
+"""
 
 import pickle
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
-from stixel_cli.engine.code import Code
-from stixel_cli.engine.errors import MissingEntry
+from stixel_cli.engine.code import Code, CodeIndex
+from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.graph import Node
-from stixel_cli.engine.loaded_code import planned_function
+from stixel_cli.engine.keys import LAYOUT, digest
+from stixel_cli.engine.loaded_code import may_run_here, planned_function
 from stixel_cli.engine.one_thread import one_thread
+from stixel_cli.engine.source_files import save_digests
 from stixel_cli.engine.store import Store
 from stixel_cli.engine.time_limit import TimeLimit, limited
-from stixel_cli.engine.versions import check_versions
+from stixel_cli.engine.versions import check_versions, python_version
 
 
 @dataclass(frozen=True)
@@ -189,11 +195,18 @@ def _compute(task: Task, inputs: "_Inputs", store: Store) -> tuple[int, str]:
         value,
         **task.notes,
         modules=task.code.modules,
-        seconds=round(time.perf_counter() - started, 4),
-        cpu_seconds=round(time.thread_time() - cpu_started, 6),
-        created=round(time.time(), 3),
+        **_times(started, cpu_started),
     )
     return size, steps.note
+
+
+def _times(started: float, cpu_started: float) -> dict[str, float]:
+    """The notes on the time of a result that is computed now."""
+    return {
+        "seconds": round(time.perf_counter() - started, 4),
+        "cpu_seconds": round(time.thread_time() - cpu_started, 6),
+        "created": round(time.time(), 3),
+    }
 
 
 class _Inputs:
@@ -244,3 +257,41 @@ def _portable(error: Exception) -> Exception:
     except Exception:
         pass
     return RuntimeError(f"{type(error).__name__}: {error}")
+
+
+def remembered(
+    store: Store, name: str, modules: Sequence[str], content: Any, compute: Callable[[], Any]
+) -> Any:
+    """The stored result for the same code and the same `content`; else that of `compute()`.
+
+    Nothing is stored in a store that is read-only, or if this process runs other code than the
+    files have by now.
+
+    Args:
+        store: of the results.
+        name: what it is, in the place of a stage's name.
+        modules: the code of `compute`, with all that it imports.
+        content: all else that the result depends on, a JSON tree; lists where the order matters.
+        compute: a pure function of `content`.
+    """
+    code = CodeIndex(store.folder).code(modules)
+    # Otherwise each process parses these modules: only they may be missing in the store.
+    save_digests(store.folder)
+    if not may_run_here(code):
+        return compute()
+    versions = {"python": python_version(), **code.versions}
+    key = digest([LAYOUT, name, code.digest, versions, content])
+    with suppress(MissingEntry):
+        return store.load(key)
+    started, cpu_started = time.perf_counter(), time.thread_time()
+    value = compute()
+    with suppress(CacheError):
+        store.save(
+            key,
+            value,
+            stage=name,
+            label=name,
+            modules=code.modules,
+            **_times(started, cpu_started),
+        )
+    return value

@@ -10,10 +10,10 @@ from typing import Literal
 
 import numpy as np
 
-from stixel_cli.evaluation.label_types import LabelScores
 from stixel_cli.evaluation.scan_errors import (
     FARTHEST_CENTRE,
     LOW_OVERLAP,
+    LabelScores,
     ScanErrors,
     finite_mean,
     finite_median,

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from stixel_cli.report.metrics import NO_VALUE
-from stixel_cli.report.page_svg import picture_for_page
-from stixel_cli.report.page_template import page_template
+from stixel_cli.report.page import page_template, picture_for_page
 
 PICTURES = (
     ("stixels", "Stixels, coloured by their depth"),

@@ -17,8 +17,7 @@ from stixel_cli.pictures import style
 from stixel_cli.report.charts import DASHES, Panel, chart
 from stixel_cli.report.differences import by_group, differing_settings, warnings
 from stixel_cli.report.metrics import NO_VALUE, best, shown_difference, shown_value, with_value
-from stixel_cli.report.page_svg import Drawing, drawing_for_page, picture_for_page
-from stixel_cli.report.page_template import page_template
+from stixel_cli.report.page import Drawing, drawing_for_page, page_template, picture_for_page
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.result import RunResult
 

@@ -20,15 +20,17 @@ from stixel_cli.evaluation.verdict import badges, verdict
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.pictures.consistency import consistent_bounds
 from stixel_cli.report.metrics import LABEL_COLUMNS, label_rows
-from stixel_cli.report.page_numbers import (
+from stixel_cli.report.playback_values import (
     FARTHEST,
     ellipses,
+    facts_of,
     millimetres,
+    noise_of,
     numbers,
+    origin_of,
     rounded_poses,
+    summary_of,
 )
-from stixel_cli.report.playback_facts import facts_of, origin_of, summary_of
-from stixel_cli.report.tracker_noise import noise_of
 from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.results.result import RunResult
 from stixel_cli.stixels.objects import Objects

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from stixel_cli.evaluation.metric_table import Metric, metric, over_runs
 from stixel_cli.report.blocks import Cell, Table
-from stixel_cli.report.numbers import SPREAD, number, with_interval, with_std
+from stixel_cli.report.metrics import SPREAD, number, with_interval, with_std
 from stixel_cli.report.statistics import Statistic, over_seeds
 
 if TYPE_CHECKING:

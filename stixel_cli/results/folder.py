@@ -15,9 +15,9 @@ from stixel_cli.errors import FolderTaken, UserError
 from stixel_cli.files import written
 from stixel_cli.results import lineage
 from stixel_cli.results.provenance import stored_sources
+from stixel_cli.results.reader import json_text, yaml_text
 from stixel_cli.results.result import RunResult
 from stixel_cli.results.tables import run_arrays
-from stixel_cli.results.text import json_text, yaml_text
 
 PAGE = "index.html"
 """The playback page of a run."""

@@ -1,11 +1,16 @@
-"""Read and list result folders. Their files may come from anybody, so each is checked."""
+"""Read and list result folders, and the text of their files.
 
+Files may come from anybody, so each is checked.
+"""
+
+import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from stixel_cli.errors import UserError, printable_path
 from stixel_cli.files import read_arrays, read_bytes, read_json, read_yaml
@@ -156,3 +161,22 @@ def _find(folder: Path, depth: int) -> Iterator[Path]:
             # A name that begins with a dot is unfinished or of another program.
             if not name.startswith("."):
                 yield from _find(folder / name, depth + 1)
+
+
+_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+
+
+def json_text(value: Any) -> str:
+    """JSON with two spaces of indent and a newline at its end; NaN is refused."""
+    return json.dumps(value, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def yaml_text(content: Any) -> str:
+    """YAML in the order of the keys."""
+    return yaml.dump(content, Dumper=_DUMPER, sort_keys=False, allow_unicode=True)
+
+
+def listed(parts: Sequence[object]) -> str:
+    """a, b and c."""
+    texts = [str(part) for part in parts]
+    return " and ".join([", ".join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)

@@ -24,7 +24,7 @@ from stixel_cli.report.blocks import Figure, Findings, Paragraph, Table
 from stixel_cli.report.tables import plain_rows, table_csv, table_latex, table_markdown
 from stixel_cli.results.folder import check_plain_name
 from stixel_cli.results.provenance import provenance
-from stixel_cli.results.text import yaml_text
+from stixel_cli.results.reader import yaml_text
 from stixel_cli.studies.plan import StudyPlan
 
 FILE, PAGE, DATA = "study.yaml", "report.html", "report.json"

@@ -10,7 +10,7 @@ from stixel_cli.config.folders import group_options
 from stixel_cli.config.overrides import Override, read_overrides
 from stixel_cli.config.own_options import own_groups
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError
-from stixel_cli.results.text import listed
+from stixel_cli.results.reader import listed
 from stixel_cli.sweeps.design import Axis, Design, check_each, same
 
 

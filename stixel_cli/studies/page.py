@@ -21,8 +21,7 @@ from stixel_cli.report.blocks import (
     Table,
 )
 from stixel_cli.report.metrics import format_value
-from stixel_cli.report.page_svg import drawing_for_page
-from stixel_cli.report.page_template import page_template
+from stixel_cli.report.page import drawing_for_page, page_template
 from stixel_cli.report.tables import INTERVAL, shown_table
 from stixel_cli.studies.template import inline_html
 

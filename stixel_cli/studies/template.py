@@ -18,7 +18,7 @@ from markdown_it import MarkdownIt
 
 from stixel_cli.config.messages import printable
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.report import numbers
+from stixel_cli.report import metrics
 from stixel_cli.report.blocks import (
     Block,
     Figure,
@@ -29,7 +29,7 @@ from stixel_cli.report.blocks import (
     Section,
     Table,
 )
-from stixel_cli.results.text import listed
+from stixel_cli.results.reader import listed
 
 _MARK = "\x02"
 _FOLDED = " (folded)"
@@ -38,19 +38,19 @@ _MARKDOWN = MarkdownIt("zero").enable(["heading", "backticks", "emphasis", "link
 
 def _interval(statistic, unit: str = "", sign: bool = False) -> str:
     """A statistic's mean with its interval."""
-    return numbers.with_interval(statistic.mean, statistic.low, statistic.high, unit, sign)
+    return metrics.with_interval(statistic.mean, statistic.low, statistic.high, unit, sign)
 
 
 FILTERS: dict[str, Callable] = {
-    "number": numbers.number,
-    "quantity": numbers.quantity,
-    "percent": numbers.percent,
-    "counted": numbers.counted,
+    "number": metrics.number,
+    "quantity": metrics.quantity,
+    "percent": metrics.percent,
+    "counted": metrics.counted,
     "interval": _interval,
     "listed": listed,
-    "capital": numbers.capital,
+    "capital": metrics.capital,
 }
-"""Functions of `numbers` that a template can use, by name."""
+"""Functions of `metrics` that a template can use, by name."""
 
 
 def template_of(text: str, name: str, shipped: bool = False) -> jinja2.Template:

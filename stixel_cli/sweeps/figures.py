@@ -14,7 +14,7 @@ from stixel_cli.evaluation.metric_table import metric, over_runs
 from stixel_cli.pictures import style
 from stixel_cli.report.statistics import Statistic, statistic
 from stixel_cli.sweeps.design import SEED
-from stixel_cli.sweeps.tables import heading
+from stixel_cli.sweeps.results import heading
 
 SHOWN = (
     "centre_rmse_m",

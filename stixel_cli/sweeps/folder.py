@@ -21,9 +21,8 @@ from stixel_cli.config.texts import split_override
 from stixel_cli.errors import UserError, printable_path
 from stixel_cli.files import read_yaml, write_whole, written
 from stixel_cli.results.folder import Content, write_whole_folder
-from stixel_cli.results.reader import read_manifest, read_metrics
+from stixel_cli.results.reader import read_manifest, read_metrics, yaml_text
 from stixel_cli.results.result import MISSING, RunResult
-from stixel_cli.results.text import yaml_text
 from stixel_cli.sweeps.design import SEED
 
 if TYPE_CHECKING:

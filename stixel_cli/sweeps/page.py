@@ -15,8 +15,7 @@ from stixel_cli.pictures import style
 from stixel_cli.report import charts
 from stixel_cli.report.charts import series_values
 from stixel_cli.report.metrics import shown_value
-from stixel_cli.report.page_svg import Drawing, drawing_for_page
-from stixel_cli.report.page_template import page_template
+from stixel_cli.report.page import Drawing, drawing_for_page, page_template
 from stixel_cli.report.statistics import Statistic
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.reader import read_series
@@ -24,8 +23,7 @@ from stixel_cli.results.result import DONE, RunResult
 from stixel_cli.sweeps.design import SEED
 from stixel_cli.sweeps.figures import DRAWN, MOST_LINES, axis_figures
 from stixel_cli.sweeps.folder import SweepFolder
-from stixel_cli.sweeps.results import SweepResult
-from stixel_cli.sweeps.tables import heading
+from stixel_cli.sweeps.results import SweepResult, heading
 
 Cell = tuple[str, str]
 """Text, and the value by which a table is sorted."""

@@ -9,8 +9,8 @@ from typing import Any
 from stixel_cli.engine.errors import MissingEntry, StageFailure
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.plan import Durations
-from stixel_cli.engine.remembered import remembered
 from stixel_cli.engine.store import open_store
+from stixel_cli.engine.task import remembered
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.run import one_line_errors
 from stixel_cli.machine.kernels import uncompiled
@@ -191,7 +191,7 @@ class _Sweep:
     def write_tables(self) -> SweepResult:
         """Write `runs.csv` and the summaries."""
         from stixel_cli.report.tables import csv_text
-        from stixel_cli.sweeps.tables import summary_files
+        from stixel_cli.sweeps.results import summary_files
 
         in_order = sorted(self.plan.runs, key=lambda planned: planned.index)
         runs = tuple(self.runs.get(one.index) or one.result(status=MISSING) for one in in_order)

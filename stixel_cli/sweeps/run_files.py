@@ -14,9 +14,9 @@ from stixel_cli.evaluation.metric_table import Scores
 from stixel_cli.results import lineage
 from stixel_cli.results.folder import Content, arrays_content
 from stixel_cli.results.provenance import stored_sources
+from stixel_cli.results.reader import json_text, yaml_text
 from stixel_cli.results.result import RunResult
 from stixel_cli.results.tables import score_columns
-from stixel_cli.results.text import json_text, yaml_text
 from stixel_cli.sweeps.folder import RUNS, SweepFolder
 from stixel_cli.sweeps.runs import PlannedRun
 

@@ -7,8 +7,8 @@ import pytest
 
 from stixel_cli.engine import loaded_code, source_files
 from stixel_cli.engine.code import CodeIndex
-from stixel_cli.engine.remembered import remembered
 from stixel_cli.engine.store import Store
+from stixel_cli.engine.task import remembered
 
 
 @pytest.fixture

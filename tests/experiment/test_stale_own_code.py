@@ -12,7 +12,7 @@ from run_cli import run_json
 
 from stixel_cli import run
 from stixel_cli.cli.app import main
-from stixel_cli.engine import numba_folders
+from stixel_cli.engine import loaded_code
 from stixel_cli.errors import UserError
 
 KERNEL = """
@@ -73,7 +73,7 @@ def test_compiled_code_follows_an_edit_of_another_file(executor, kernel):
 def test_folders_of_old_machine_code_are_removed(kernel):
     old = kernel.folder / "__pycache__" / "stixel-0123456789abcdef"
     old.mkdir(parents=True)
-    os.utime(old, 2 * (time.time() - numba_folders.UNUSED - 100,))
+    os.utime(old, 2 * (time.time() - loaded_code.UNUSED - 100,))
     run([*QUICK, THREADS, f"tracker={kernel.name}:track"])
     assert not old.exists()
 

@@ -3,7 +3,7 @@
 import pytest
 
 from stixel_cli.report.forest import Row, forest
-from stixel_cli.report.page_svg import smallest_text
+from stixel_cli.report.page import smallest_text
 from stixel_cli.report.statistics import Statistic
 
 

@@ -9,15 +9,15 @@ from stixel_cli.cli.app import main
 from stixel_cli.errors import UserError
 from stixel_cli.pictures import style
 from stixel_cli.report.blocks import Findings, Section, Table
-from stixel_cli.report.numbers import counted, decimals, number, percent, quantity
-from stixel_cli.report.page_svg import drawing_for_page, smallest_text, svg_for_page
+from stixel_cli.report.metrics import counted, decimals, number, percent, quantity
+from stixel_cli.report.page import drawing_for_page, smallest_text, svg_for_page
 from stixel_cli.report.statistics import over_seeds
 from stixel_cli.report.tables import (
     shown_table,
     table_csv,
     table_latex,
 )
-from stixel_cli.results.text import listed
+from stixel_cli.results.reader import listed
 from stixel_cli.studies.folder import files_of
 from stixel_cli.studies.page import _brief, _Numbered
 from stixel_cli.studies.template import inline_html

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import binomtest
 
 from stixel_cli.report.statistics import consistent_bounds, statistic, summarise, wilson_interval
-from stixel_cli.sweeps.tables import summary_files, summary_records
+from stixel_cli.sweeps.results import summary_files, summary_records
 
 
 def test_the_share_of_lost_runs_has_an_interval_also_where_none_is_lost():

@@ -6,7 +6,7 @@ from runs_of import sweep_runs
 from stixel_cli.config.compose import compose
 from stixel_cli.config.folders import group_options
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.results.text import yaml_text
+from stixel_cli.results.reader import yaml_text
 from stixel_cli.sweeps.graphs import check_axes, plan_runs
 from stixel_cli.sweeps.run_files import yaml_of_parts
 

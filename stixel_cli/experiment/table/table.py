@@ -6,12 +6,12 @@ runs over the frames. Each node of `pipelines/*.yaml` names its stage and its in
 
 from stixel_cli.engine.graph import Graph
 from stixel_cli.engine.keys import Stage
-from stixel_cli.experiment.table import images, pictures, scans, tracks
+from stixel_cli.experiment.table import images, tracks
 from stixel_cli.experiment.table.definition import Definition
 from stixel_cli.experiment.table.images import REPLAYED
 from stixel_cli.experiment.table.tracks import OWN
 
-TABLE = images.STAGES | scans.STAGES | tracks.STAGES | pictures.STAGES
+TABLE = images.STAGES | tracks.STAGES
 
 
 def readers(name: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""Stages that start trackers, track, and score."""
+"""Stages that start trackers, track, score, and draw."""
 
 from stixel_cli.config.schema import Tracker
 from stixel_cli.experiment.table.definition import FROM_LABELS, Definition, by_kind, only, same
@@ -63,6 +63,33 @@ STAGES: dict[str, Definition] = {
         "once",
         same("rig"),
         recorded="true_disparities",
+    ),
+    "occupancy": Definition(
+        only("stixels.displayed_grid:picture_grid"),
+        "pick",
+        same("rig", "road", "occupancy"),
+    ),
+    "camera_pictures": Definition(
+        only("pictures.camera:camera_pictures"),
+        "pick",
+        same("rig"),
+        pictures=True,
+    ),
+    "camera_frames": Definition(
+        only("pictures.camera_frames:camera_frames"),
+        "map",
+    ),
+    "track_pictures": Definition(
+        only("pictures.birds_eye:track_pictures"),
+        "pick",
+        same("field_of_view"),
+        pictures=True,
+    ),
+    "run_pictures": Definition(
+        only("pictures.over_time:run_pictures"),
+        "once",
+        same("field_of_view"),
+        pictures=True,
     ),
 }
 

@@ -13,7 +13,7 @@ from stixel_cli.evaluation.verdict import misfits_class
 from stixel_cli.report import tables
 from stixel_cli.report.blocks import Figure, Material, Table
 from stixel_cli.report.forest import difference_row, forest
-from stixel_cli.report.numbers import MINUS
+from stixel_cli.report.metrics import MINUS
 from stixel_cli.studies.data import StudyData, StudyRun, run_frame
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import numpy as np
 from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.report.blocks import Cell, Material, Table
 from stixel_cli.report.tables import chosen, names, rows_by, with_unit
-from stixel_cli.results.text import listed
+from stixel_cli.results.reader import listed
 from stixel_cli.studies.data import STIXELS, StudyData, StudyRun, run_frame
 from stixel_cli.studies.motions.findings import (
     ALIKE,

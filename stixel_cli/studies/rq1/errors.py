@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.report.numbers import counted
+from stixel_cli.report.metrics import counted
 from stixel_cli.report.statistics import interval, weights
 from stixel_cli.report.tables import chosen
 from stixel_cli.studies.data import StudyRun

@@ -8,7 +8,7 @@ import numpy as np
 
 from stixel_cli.report.blocks import Figure, Table
 from stixel_cli.report.charts import DASHES, Panel, chart, line
-from stixel_cli.report.numbers import capital
+from stixel_cli.report.metrics import capital
 from stixel_cli.report.tables import groups, mean_over, names, spread
 from stixel_cli.studies.runs import AXIS_LABELS, ERROR_LABELS, SCAN_ERRORS, colour
 

@@ -8,9 +8,9 @@ from stixel_cli.evaluation.metric_table import METRICS, metric, over_runs
 from stixel_cli.report import tables
 from stixel_cli.report.blocks import Cell, Figure, Table
 from stixel_cli.report.forest import difference_row, forest
-from stixel_cli.report.numbers import MINUS
+from stixel_cli.report.metrics import MINUS
 from stixel_cli.report.statistics import SIGNIFICANT, Statistic, holm, t_test
-from stixel_cli.results.text import listed
+from stixel_cli.results.reader import listed
 from stixel_cli.studies.data import BASELINE, LIDAR, STIXELS
 
 if TYPE_CHECKING:

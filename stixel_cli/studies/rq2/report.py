@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from stixel_cli.report import tables
 from stixel_cli.report.blocks import Cell, Material, Table
-from stixel_cli.report.numbers import number
+from stixel_cli.report.metrics import number
 from stixel_cli.report.statistics import Statistic, least_effect, least_p
 from stixel_cli.studies.data import LIDAR, STIXELS, StudyData, run_frame
 from stixel_cli.studies.rq2.conditions import CONDITIONS, condition_values

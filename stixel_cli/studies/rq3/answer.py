@@ -8,9 +8,9 @@ import numpy as np
 from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.report.blocks import Figure
 from stixel_cli.report.forest import Row, forest
-from stixel_cli.report.numbers import MINUS
+from stixel_cli.report.metrics import MINUS
 from stixel_cli.report.statistics import SIGNIFICANT, Paired
-from stixel_cli.results.text import listed
+from stixel_cli.results.reader import listed
 from stixel_cli.studies.rq3.compare import Comparison, reach_of
 from stixel_cli.studies.rq3.runs import DECADES, FABRICATED, FITTED, SIMULATED, THESIS
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from stixel_cli.errors import UserError
 from stixel_cli.measurements.noise import ConstantNoise, FittedNoise, Noise, StereoNoise
-from stixel_cli.report.numbers import quantity
+from stixel_cli.report.metrics import quantity
 from stixel_cli.studies.data import StudySweep
 from stixel_cli.validation.point_errors import PointErrors
 

@@ -7,7 +7,7 @@ from stixel_cli.measurements.noise import FittedNoise
 from stixel_cli.report.blocks import Material, Table
 from stixel_cli.report.statistics import DRAWS
 from stixel_cli.report.tables import chosen, names
-from stixel_cli.results.text import listed
+from stixel_cli.results.reader import listed
 from stixel_cli.studies.data import StudyData
 from stixel_cli.studies.rq3.answer import answer_values, comparisons_forest
 from stixel_cli.studies.rq3.compare import compare, difference_table, noise_table

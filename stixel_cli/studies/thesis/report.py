@@ -11,7 +11,7 @@ from stixel_cli.evaluation.metric_table import METRICS, metric, over_runs
 from stixel_cli.report import tables
 from stixel_cli.report.blocks import Cell, Figure, Material, Picture, Table
 from stixel_cli.report.forest import difference_row, forest
-from stixel_cli.report.numbers import MINUS
+from stixel_cli.report.metrics import MINUS
 from stixel_cli.studies.data import GROUPS, STIXELS, StudyData, StudySweep, run_frame
 from stixel_cli.studies.real_time import on_cores, real_time_table, seconds_a_scan
 from stixel_cli.studies.runs import (

@@ -1,11 +1,13 @@
-"""Matplotlib's drawings as elements of a page: in the page's colours, with legible text."""
+"""Templates of HTML pages, and drawings in the page's colours, with legible text."""
 
 import base64
 import math
 import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import jinja2
 from markupsafe import Markup
 
 from stixel_cli.pictures import style
@@ -85,3 +87,20 @@ def svg_for_page(text: str, name: str) -> tuple[str, float]:
     # A hundredth of a point is finer than any screen.
     text = re.sub(r'\sd="[^"]*"', lambda d: re.sub(r"(\.\d\d)\d+", r"\1", d[0]), text)
     return text, float(width[1]) if width else 504.0
+
+
+def page_template(
+    package: str, name: str, filters: Mapping[str, Callable[..., Any]] | None = None
+) -> jinja2.Template:
+    """`templates/NAME.html.j2` of a package; a name without a value is an error."""
+    places = [jinja2.PackageLoader(one) for one in (package, __package__)]
+    environment = jinja2.Environment(
+        loader=jinja2.ChoiceLoader(places),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    environment.filters |= filters or {}
+    environment.globals["run_colours"] = style.RUNS
+    return environment.get_template(f"{name}.html.j2")

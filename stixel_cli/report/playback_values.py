@@ -1,0 +1,186 @@
+"""Values of the playback page: facts in words, rounded numbers, the tracker's noise R.
+
+Lengths are whole millimetres and the like; None stands for what is not finite.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stixel_cli.evaluation.metric_table import metric
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.report.metrics import shown_value
+from stixel_cli.results.result import RunResult
+
+SUMMARY = (
+    "centre_rmse_m",
+    "orientation_rmse_deg",
+    "iou_mean",
+    "iou_hull_mean",
+    "iou_box_mean",
+    "low_overlap_share",
+    "nees_position_mean",
+    "nis_mean",
+)
+"""The metrics that the page shows of a whole run."""
+
+FACTS = ("road_user", "path", "ego", "measurement", "tracker")
+"""The groups whose choices the page names."""
+
+
+def facts_of(run: RunResult) -> list[tuple[str, str]]:
+    """(name, value) pairs that describe the run."""
+    measurement = run.settings["measurement"]
+    if measurement.get("kind") == "file":
+        facts = [(group, run.choice(group)) for group in ("prior", "start", "tracker")]
+        return [
+            ("scans", Path(measurement["path"]).name),
+            *facts,
+            ("seed", str(run.settings["seed"])),
+        ]
+    facts = [(group, run.choice(group)) for group in FACTS]
+    mesh = run.settings["road_user"].get("mesh")
+    if mesh is not None:
+        facts.append(("mesh", Path(mesh).name))
+    return [*facts, ("seed", str(run.settings["seed"]))]
+
+
+def origin_of(manifest: Mapping[str, Any], folder: Path | None) -> dict[str, Any] | None:
+    """What a page mailed to a colleague states of a run; None if it has no command.
+
+    A run without a folder is about to be written into that of its page, so links begin there.
+    """
+    if "command" not in manifest:
+        return None
+    git, versions = manifest.get("git") or {}, manifest.get("versions") or {}
+    revision = str(git.get("revision") or "unknown")[:12]
+    made = [
+        f"stixel {versions.get('stixel', 'unknown')}",
+        f"revision {revision}{' with uncommitted changes' if git.get('dirty') else ''}",
+        str(manifest.get("created", "")),
+    ]
+    names = {"figures": "figures/", "metrics": "metrics.json", "configuration": "config.yaml"}
+    links = [] if folder is not None else [list(link) for link in names.items()]
+    return {
+        "command": str(manifest["command"]),
+        "made": [one for one in made if one],
+        "links": links,
+    }
+
+
+def summary_of(metrics: dict[str, float | int | None]) -> list[list[str]]:
+    """[name, value with its unit] of the `SUMMARY`'s metrics that have a value."""
+    return [
+        [
+            metric(name).short_label,
+            f"{shown_value(name, metrics[name])} {metric(name).shown_unit}".strip().replace(
+                " °", "°"
+            ),
+        ]
+        for name in SUMMARY
+        if metrics.get(name) is not None
+    ]
+
+
+FARTHEST = 1e7  # m; the page omits farther points
+
+
+def ellipses(covariances: np.ndarray) -> list[int | None]:
+    """Semi-axes (mm) and angle (1e-3 rad) of each 1σ ellipse, in one list."""
+    a, b, c = covariances[:, 0, 0], covariances[:, 0, 1], covariances[:, 1, 1]
+    # The eigenvalues of a symmetric 2 × 2 matrix in closed form.
+    mean, spread = 0.5 * (a + c), np.hypot(0.5 * (a - c), b)
+    with np.errstate(invalid="ignore"):
+        axes = np.sqrt(np.maximum(np.stack([mean + spread, mean - spread]), 0.0))
+    angle = 0.5 * np.arctan2(2.0 * b, a - c)
+    values = 1000.0 * np.stack([*axes, angle], axis=1).ravel()
+    known = np.abs(values) < 1e3 * FARTHEST
+    whole = np.rint(np.where(known, values, 0.0)).astype(np.int64).tolist()
+    return whole if known.all() else [w if k else None for w, k in zip(whole, known, strict=True)]
+
+
+def rounded_poses(poses: np.ndarray) -> list[list[int] | None]:
+    """x, y (mm) and heading (1e-4 rad) of poses (K, 3 or more)."""
+    return [_integers(pose[:3] * (1e3, 1e3, 1e4)) for pose in poses]
+
+
+def millimetres(values: np.ndarray) -> list[int] | None:
+    """Lengths in m as whole millimetres; None if one is not finite or too large."""
+    return _integers(1000.0 * values)
+
+
+def _integers(values: np.ndarray) -> list[int] | None:
+    """The values rounded to integers; None if one is not finite or too large."""
+    if not (np.abs(values) < 1e3 * FARTHEST).all():
+        return None
+    return np.rint(values).astype(np.int64).tolist()
+
+
+def numbers(values: np.ndarray, digits: int) -> list[float | None]:
+    """The values, rounded to `digits`; None for one that is not finite."""
+    return [round(v, digits) if np.isfinite(v) else None for v in np.asarray(values).tolist()]
+
+
+MOST_ELLIPSES = 20_000
+"""With more used points than this, the page shows the scan's covariances: it must stay small."""
+
+
+def noise_of(run: RunResult) -> dict[str, Any]:
+    """R of the used points of a computed run, for the playback page.
+
+    Returns `text`, a description; `std`, mm, if R is the same for all points, else None; and
+    `ellipses`, for each scan the 1σ ellipses of its used points in their order, None if they are
+    those of the scan.
+    """
+    tracker = run.composition.configuration.tracker
+    kind = getattr(tracker, "kind", "")
+    if kind in ("point", "box") or (
+        kind == "gp_ekf" and tracker.measurement_covariance == "isotropic"
+    ):
+        std = tracker.measurement_std
+        return _same(f"R = ({std:.3g} m)² for each of them", std)
+    if kind == "gp_ekf" and tracker.measurement_covariance == "projected":
+        return _of_the_scan("R from the scan, projected on the normal of the contour")
+    if kind in ("pyrecest", "random_matrix", "rectangle"):
+        std = tracker.measurement_std
+        added = run.scans.covariances_world + std**2 * np.eye(2)
+        return _own(run, added, f"R = the scan's + ({std:.3g} m)²")
+    if kind == "contour":
+        covariances = _stretched(run.scans, tracker.noise_factor, tracker.offset_std)
+        text = f"R along the ray = ({tracker.noise_factor:g} σ)², and the shape's error"
+        return _own(run, covariances, text)
+    return _of_the_scan("the covariance that the scan states")
+
+
+def _same(text: str, std: float) -> dict[str, Any]:
+    return {"text": text, "std": round(1000.0 * std), "ellipses": None}
+
+
+def _of_the_scan(text: str) -> dict[str, Any]:
+    return {"text": text, "std": None, "ellipses": None}
+
+
+def _own(run: RunResult, covariances: np.ndarray, text: str) -> dict[str, Any]:
+    """Ellipses of the used points from `covariances` (P, 2, 2) m² of all points."""
+    offsets, rows = run.track.used_offsets, run.track.used_points
+    if len(rows) > MOST_ELLIPSES:
+        return _of_the_scan(f"{text}; too many points to show it")
+    shown = [
+        ellipses(covariances[rows[offsets[k] : offsets[k + 1]]]) for k in range(len(offsets) - 1)
+    ]
+    return {"text": text, "std": None, "ellipses": shown}
+
+
+def _stretched(scans: Scans, factor: float, across_std: float) -> np.ndarray:
+    """Covariances (P, 2, 2) m² with `factor` on the std along the ray, and more std across it."""
+    k = np.repeat(np.arange(len(scans)), np.diff(scans.offsets))
+    rays = scans.points_world - scans.sensor_poses_world[k, :2]
+    rays /= np.maximum(np.linalg.norm(rays, axis=1), 1e-9)[:, None]
+    along = np.einsum("pi,pij,pj->p", rays, scans.covariances_world, rays)
+    across = np.trace(scans.covariances_world, axis1=1, axis2=2) - along
+    normal = np.stack([-rays[:, 1], rays[:, 0]], axis=1)
+    return (factor**2 * along)[:, None, None] * rays[:, :, None] * rays[:, None, :] + (
+        across + across_std**2
+    )[:, None, None] * normal[:, :, None] * normal[:, None, :]
