@@ -41,12 +41,10 @@ def ls(json: Json = False) -> int:
     """List cached results by stage: number, size, last use."""
     from stixel_cli.engine.entries import entries
     from stixel_cli.engine.parameters import show_size
-    from stixel_cli.experiment.run import one_line_errors
 
     store = _store()
     damaged: list[MissingEntry] = []
-    with one_line_errors():
-        found = entries(store, damaged.append)
+    found = entries(store, damaged.append)
     if damaged:
         tell(_damage(damaged))
     stages: dict[str, dict[str, Any]] = {}
@@ -101,7 +99,6 @@ def gc(
     """
     from stixel_cli.engine.cleanup import collect
     from stixel_cli.engine.parameters import parse_age, parse_size
-    from stixel_cli.experiment.run import one_line_errors
 
     store = _store()
     try:
@@ -112,8 +109,7 @@ def gc(
         age = None if older_than is None else parse_age(older_than)
     except ValueError as fault:
         raise UserError(f"--older-than: {fault}") from None
-    with one_line_errors():
-        done = collect(store, size, age, dry_run)
+    done = collect(store, size, age, dry_run)
     _print_collection(store, done, "would be removed" if dry_run else "removed", json)
     return 0
 
@@ -134,14 +130,12 @@ def clear(
     It asks for confirmation. Without a terminal, --yes is required.
     """
     from stixel_cli.engine.cleanup import clear as clear_store
-    from stixel_cli.experiment.run import one_line_errors
 
     store = _store()
     if not yes and not _confirmed(store):
         tell("nothing was removed")
         return 1
-    with one_line_errors():
-        done = clear_store(store)
+    done = clear_store(store)
     _print_collection(store, done, "removed", json)
     return 0
 
@@ -153,13 +147,11 @@ def verify(json: Json = False) -> int:
     Damaged results are listed and recomputed when needed. The exit code is then 1.
     """
     from stixel_cli.engine.entries import entry_folders, verify_all
-    from stixel_cli.experiment.run import one_line_errors
 
     store = _store()
-    with one_line_errors():
-        # `entries` would set damaged results aside before `verify_all` could list them.
-        count = len(entry_folders(store))
-        bad = verify_all(store)
+    # `entries` would set damaged results aside before `verify_all` could list them.
+    count = len(entry_folders(store))
+    bad = verify_all(store)
     if json:
         answer = [vars(entry) | {"reason": reason} for entry, reason in bad]
         print_json({"folder": str(store.folder), "read": count, "bad": answer})
@@ -176,14 +168,12 @@ def _confirmed(store: "Store") -> bool:
     """Ask the user at the terminal for confirmation."""
     from stixel_cli.engine.entries import entry_folders
     from stixel_cli.engine.parameters import show_size
-    from stixel_cli.experiment.run import one_line_errors
 
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
         raise UserError(
             "this removes all cached results: add --yes, there is no terminal to ask at"
         )
-    with one_line_errors():
-        found = entry_folders(store)
+    found = entry_folders(store)
     size = show_size(sum(one.size for one in found))
     sys.stderr.write(f"remove {len(found)} results, {size}, from {store.folder}? [y/N] ")
     sys.stderr.flush()

@@ -72,11 +72,9 @@ def explain(
     """
     from stixel_cli.engine.explain import by_stage
     from stixel_cli.engine.explain import explain as explain_nodes
-    from stixel_cli.experiment.run import one_line_errors
 
     asked = _asked(what or [], file, trust_code)
-    with one_line_errors():
-        found = explain_nodes(asked.graph, asked.store, asked.targets, _before(asked.lineages))
+    found = explain_nodes(asked.graph, asked.store, asked.targets, _before(asked.lineages))
     needed_by = _needed_by(asked.runs, {one.key for one in found})
     if json:
         print_json([_as_json(one, needed_by.get(one.key)) for one in found])
@@ -151,10 +149,9 @@ def _asked(what: Sequence[str], file: str | None, trust_code: bool) -> _Asked:
 
 def _of_run(composition: "Composition", pictures: bool) -> _Asked:
     from stixel_cli.engine.store import open_store
-    from stixel_cli.experiment.run import experiment_graph, one_line_errors, targets
+    from stixel_cli.experiment.run import experiment_graph, targets
 
-    with one_line_errors():
-        graph = experiment_graph(composition)
+    graph = experiment_graph(composition)
     store = open_store(composition.configuration.cache)
     return _Asked(graph, targets(graph, pictures), store)
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from stixel_cli.cli.options import Folder, TrustCode, Workers
-from stixel_cli.cli.run import with_workers
+from stixel_cli.cli.run import stored_run
 from stixel_cli.errors import UserError
 
 NAMES = "kitti|csv|tum|stx1|rerun"
@@ -50,13 +50,11 @@ def export(
       stixel export results/contour --format csv
     """
     from stixel_cli.engine.progress import make_progress
-    from stixel_cli.experiment.run import read_stored_run, trust_stored_run
     from stixel_cli.export.export import FORMATS
 
     if format not in FORMATS:
         raise UserError(f"--format: {format!r} is not known: must be one of {', '.join(FORMATS)}")
-    stored = read_stored_run(folder, tuple(with_workers((), workers)))
-    trust_stored_run(stored, trust_code)
+    stored = stored_run(folder, workers, trust_code)
     target = Path(f"{folder.resolve().name}-{format}") if output is None else output
     answer = FORMATS[format](stored, target.absolute(), make_progress())
     sys.stdout.write(f"{target}\n")

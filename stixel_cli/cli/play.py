@@ -9,7 +9,7 @@ import typer
 from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.errors import tell
 from stixel_cli.cli.options import Output, TrustCode, Workers, check_output
-from stixel_cli.cli.run import with_workers
+from stixel_cli.cli.run import stored_run
 from stixel_cli.errors import UserError
 
 
@@ -41,13 +41,10 @@ def play(
         raise UserError(f"--output: the folder {output.parent} does not exist")
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.experiment.playback import folders_page
-    from stixel_cli.experiment.run import read_stored_run, trust_stored_run
     from stixel_cli.report.compare import default_page, run_labels, write_page
 
     labels = run_labels(folders)
-    stored = [read_stored_run(folder, tuple(with_workers((), workers))) for folder in folders]
-    for one in stored:
-        trust_stored_run(one, trust_code)
+    stored = [stored_run(folder, workers, trust_code) for folder in folders]
     page, notes = folders_page(stored, labels, make_progress())
     for note in notes:
         tell(note)

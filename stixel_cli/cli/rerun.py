@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from stixel_cli.cli.options import Folder, Json, Results, TrustCode, Verbose, Workers
-from stixel_cli.cli.run import print_run, printer_of_scores, tell_changed_code, with_workers
+from stixel_cli.cli.run import print_run, printer_of_scores, stored_run, tell_changed_code
 
 
 def rerun(
@@ -29,11 +29,10 @@ def rerun(
     Example: stixel rerun results/contour
     """
     from stixel_cli.engine.progress import make_progress
-    from stixel_cli.experiment.run import read_stored_run, record_run, trust_stored_run
+    from stixel_cli.experiment.run import record_run
     from stixel_cli.machine.kernels import uncompiled
 
-    stored = read_stored_run(folder, tuple(with_workers((), workers)))
-    trust_stored_run(stored, trust_code)
+    stored = stored_run(folder, workers, trust_code)
     tell_changed_code(stored)
     made = record_run(
         stored.composition,

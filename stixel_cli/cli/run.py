@@ -134,6 +134,19 @@ def without_target(overrides: Sequence[str]) -> list[str]:
     return [*overrides, *(f"{k}={v}" for k, v in needed.items() if k not in names)]
 
 
+def stored_run(folder: Path, workers: int | None, trust_code: bool) -> "RunResult":
+    """The run of a result folder, to be computed with the executor and cache of this machine.
+
+    Raises:
+        UserError: if the folder cannot be read, or names user-defined code that is not trusted.
+    """
+    from stixel_cli.experiment.run import read_stored_run, trust_stored_run
+
+    stored = read_stored_run(folder, tuple(with_workers((), workers)))
+    trust_stored_run(stored, trust_code)
+    return stored
+
+
 def tell_changed_code(stored: "RunResult") -> None:
     """Name each of the user's modules on stderr that differs from the copy in a folder."""
     from stixel_cli.experiment.run import changed_code
@@ -202,10 +215,9 @@ def _print_plan(composition: "Composition", store: "Store", json: bool) -> None:
     """Print the configuration and, for each stage, the number of nodes and of missing nodes."""
     import yaml
 
-    from stixel_cli.experiment.run import one_line_errors, plan_experiment
+    from stixel_cli.experiment.run import plan_experiment
 
-    with one_line_errors():
-        planned = plan_experiment(composition, store)
+    planned = plan_experiment(composition, store)
     missing = set(planned.missing)
     stages: list[dict[str, Any]] = []
     for name in planned.graph.stage_names:

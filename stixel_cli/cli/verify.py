@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from stixel_cli.cli.options import Folder, Json, TrustCode, Workers
-from stixel_cli.cli.run import tell_changed_code, with_workers
+from stixel_cli.cli.run import stored_run, tell_changed_code
 from stixel_cli.cli.terminal import print_json
 from stixel_cli.errors import UserError
 
@@ -42,12 +42,10 @@ def verify(
 
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.engine.store import Store, open_store
-    from stixel_cli.experiment.run import read_stored_run, trust_stored_run
     from stixel_cli.experiment.verify import verify_run
     from stixel_cli.results.provenance import provenance
 
-    stored = read_stored_run(folder, tuple(with_workers((), workers)))
-    trust_stored_run(stored, trust_code)
+    stored = stored_run(folder, workers, trust_code)
     tell_changed_code(stored)
     own = open_store(stored.composition.configuration.cache)
     progress = make_progress()

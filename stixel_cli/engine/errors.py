@@ -27,10 +27,8 @@ class InvalidCode(UserError, LookupError):
     """A module is not valid Python, or declares files that it cannot have."""
 
 
-class CodeChanged(Exception):
+class CodeChanged(UserError):
     """The code of a stage was edited after the graph was built."""
-
-    one_line = True
 
 
 class WorkerDied(Exception):
@@ -45,10 +43,8 @@ class TimeLimitExceeded(Exception):
     one_line = True
 
 
-class ExecutorError(Exception):
+class ExecutorError(UserError):
     """No workers are available, or all were lost."""
-
-    one_line = True
 
 
 class StageFailure(Exception):

@@ -15,7 +15,7 @@ from stixel_cli.config.folders import OF_THE_MACHINE
 from stixel_cli.config.own_options import check_parameters, functions_of, require_trust
 from stixel_cli.config.run_names import run_name
 from stixel_cli.config.schema import Configuration
-from stixel_cli.engine.errors import CacheError, CodeChanged, ExecutorError, StageFailure
+from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.graph import Graph, build_graph
 from stixel_cli.engine.locks import lease
@@ -227,11 +227,9 @@ def correction_note(configuration: Configuration) -> dict[str, str]:
 
 @contextmanager
 def one_line_errors() -> Iterator[None]:
-    """Turn errors that the user can fix into a `UserError`; defects pass through."""
+    """Turn a stage's failure about its input into a `UserError`; defects pass through."""
     try:
         yield
-    except (CacheError, CodeChanged, ExecutorError) as error:
-        raise UserError(str(error)) from error
     except StageFailure as failure:
         if failure.is_about_input:
             raise UserError(f"{failure.label}: {failure.cause}") from failure

@@ -15,7 +15,7 @@ from stixel_cli.config.own_options import with_own_values
 from stixel_cli.config.run_names import joined_name
 from stixel_cli.engine.plan import probe, undeclared_reads
 from stixel_cli.engine.store import open_store
-from stixel_cli.experiment.run import one_line_errors, trust_stored_run
+from stixel_cli.experiment.run import trust_stored_run
 from stixel_cli.results.folder import check_results, new_folder
 from stixel_cli.results.provenance import provenance
 from stixel_cli.sweeps.design import Design
@@ -168,15 +168,13 @@ def planned_sweep(
     planned = plan_runs(runs, pictures, nodes)
     notes = check_axes(planned)
     store = open_store(runs[0].composition.configuration.cache)
-    with one_line_errors():
-        return plan_sweep(shuffled_runs(planned, shuffle), store), notes
+    return plan_sweep(shuffled_runs(planned, shuffle), store), notes
 
 
 def check_computable(plan: SweepPlan) -> None:
     """Raise UserError for an unusable cache or scheduler, before a folder is created."""
     configuration = plan.runs[0].composition.configuration
-    with one_line_errors():
-        probe(len(plan.missing), open_store(configuration.cache), configuration.executor)
+    probe(len(plan.missing), open_store(configuration.cache), configuration.executor)
 
 
 def _origin(command: str, now: datetime) -> dict[str, Any]:
