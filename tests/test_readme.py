@@ -9,7 +9,7 @@ import pytest
 
 from stixel_cli import compose
 from stixel_cli.cli.app import main
-from stixel_cli.config.overrides import read_overrides
+from stixel_cli.config.override_checks import read_overrides
 from stixel_cli.studies.file import shipped_studies
 
 ROOT = Path(__file__).parents[1]

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config import messages
 from stixel_cli.config.choice import compose_options, store_choices
-from stixel_cli.config.file_runs import implied_by_file
 from stixel_cli.config.folders import (
-    EXPERIMENT,
     PACE,
     absolute,
     conf_state,
@@ -18,7 +16,8 @@ from stixel_cli.config.folders import (
     own_presets,
     presets_trusted,
 )
-from stixel_cli.config.overrides import Override, check_one_run, check_overrides, parse
+from stixel_cli.config.override_checks import check_one_run, check_overrides, implied_by_file
+from stixel_cli.config.overrides import Override, outermost_group, parse
 from stixel_cli.config.own_options import (
     GIVEN,
     check_parameters,
@@ -27,11 +26,11 @@ from stixel_cli.config.own_options import (
     functions_of,
     is_own,
     nested,
-    own_sections,
     refuse_code,
+    user_sections,
 )
 from stixel_cli.config.schema import Configuration, adapter
-from stixel_cli.config.texts import split_override
+from stixel_cli.config.texts import override_text, split_override
 from stixel_cli.config.user_files import UserFiles
 from stixel_cli.config.values import with_values
 from stixel_cli.errors import ConfigurationError
@@ -129,65 +128,65 @@ class Composer:
         Raises:
             ConfigurationError: in one line, for any fault of the overrides.
         """
-        typed = [one if isinstance(one, Override) else parse(one) for one in overrides]
-        check_overrides(typed)
-        check_one_run(typed)
-        parsed = [*typed, *map(parse, implied_by_file(typed))]
-        own = own_sections(parsed)
-        resolved, choices = self._with_recording([one for one in parsed if one.group not in own])
+        parsed = [text if isinstance(text, Override) else parse(text) for text in overrides]
+        check_overrides(parsed)
+        check_one_run(parsed)
+        settings = {override.key: override.value for override in parsed}
+        settings |= implied_by_file(settings)
+        user_defined = user_sections(settings)
+        shipped = {k: v for k, v in settings.items() if outermost_group(k) not in user_defined}
+        resolved, choices = self._with_recording(shipped)
         if own_presets() is not None and not presets_trusted():
-            refuse_code(own_presets(), code_of_presets(resolved, [one.key for one in parsed]))
-        resolved |= own
-        choices |= {one.key: str(one.value) for one in parsed if one.key in own}
+            refuse_code(own_presets(), code_of_presets(resolved, settings))
+        resolved |= user_defined
+        choices |= {group: str(settings[group]) for group in user_defined}
         resolved["code_folders"] = find_folders(resolved, self._working_directory)
         name_files_in_full(resolved, self._working_directory)
-        configuration = _validate(resolved, [one.key for one in parsed])
+        configuration = _validate(resolved, settings)
         if self._trusted and functions_of(resolved):
             for group, values in check_parameters(configuration).items():
                 resolved[group] = resolved[group] | values
-                own_code = replace(getattr(configuration, group), parameters=values)
-                configuration = replace(configuration, **{group: own_code})
+                code = replace(getattr(configuration, group), parameters=values)
+                configuration = replace(configuration, **{group: code})
         store_choices()
-        texts = tuple(one.text for one in typed)
+        texts = tuple(override.text for override in parsed)
         shared = self._shared(configuration, resolved)
         return Composition(shared, choices, texts, resolved, self._files)
 
-    def _resolved(self, parsed: Sequence[Override]) -> tuple[dict[str, Any], dict[str, str]]:
+    def _resolved(self, settings: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
         """The resolved configuration in plain types and the option of each group."""
-        chosen = sorted(one.text for one in parsed if one.key in group_options())
+        options = {name: value for name, value in settings.items() if name in group_options()}
+        values = {name: value for name, value in settings.items() if name not in options}
+        chosen = sorted(override_text(group, option) for group, option in options.items())
         choice = compose_options(tuple(chosen), self._state)
-        values = [(one.key, one.value) for one in parsed if one.key not in group_options()]
         resolved = with_values(choice.plain, values, choice.interpolated)
         resolved.pop(PACE)
         return resolved, dict(choice.options)
 
-    def _with_recording(self, parsed: list[Override]) -> tuple[dict[str, Any], dict[str, str]]:
+    def _with_recording(self, typed: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
         """The resolved configuration and its choices, completed by its recording, if it has one."""
-        typed = {one.key: one.value for one in parsed}
+        settings = dict(typed)
         group = "path"
-        if any(one.group == "source" for one in parsed):
+        if any(outermost_group(name) == "source" for name in typed):
             # Reads and checks files; imported only here, because most runs have no recording.
             from stixel_cli.config import recorded
 
-            more = recorded.guessed_source(typed, self._working_directory)
-            parsed = [*parsed, *map(parse, more)]
-            # The other overrides may be of options that only the recording chooses.
-            resolved, choices = self._resolved([one for one in parsed if one.group == "source"])
+            settings |= recorded.guessed_source(typed, self._working_directory)
+            # The other settings may be of options that only the recording chooses.
+            of_source = {k: v for k, v in settings.items() if outermost_group(k) == "source"}
+            resolved, choices = self._resolved(of_source)
             group = "path" if resolved["source"]["kind"] == "rendered" else "source"
         if group == "path":
-            resolved, choices = self._resolved(parsed)
+            resolved, choices = self._resolved(settings)
             if resolved["path"]["kind"] != "recorded":
                 return resolved, choices
         from stixel_cli.config import recorded
-        from stixel_cli.config.experiments import set_by_experiment
 
         section = dict(resolved[group])
         given = recorded.given_files(group, section, typed, self._working_directory)
         recording = self._files.open(given)
-        of_experiment = group == "source" and EXPERIMENT in typed
-        preset = set_by_experiment(typed[EXPERIMENT]) if of_experiment else {}
-        more = recorded.suitable_overrides(group, recording, typed, preset)
-        resolved, choices = self._resolved([*parsed, *map(parse, more)])
+        settings |= recorded.suitable_settings(group, recording, typed)
+        resolved, choices = self._resolved(settings)
         resolved[group] = section
         self._files.add(recorded.complete(resolved, choices, given, recording, typed), recording)
         return resolved, choices

@@ -83,16 +83,14 @@ def describe_key(name: str) -> list[Description]:
 def keys_of_option(group: str, option: str) -> list[Description]:
     """The keys that an option of a group has, without those of its inner groups."""
     kind = option_values(group, option).get("kind")
-    found = [
+    of_option = [
         key
         for name, variants in keys.known_keys().items()
         if innermost_group(name) == group
         for key in variants
-        if (group, kind) in key.owners or not any(owner == group for owner, _ in key.owners)
+        if dict(key.owners).get(group, kind) == kind
     ]
-    # Keys that several variants have are in the order of the first of these.
-    places = {key.name: keys.place_in_class(key) for key in found}
-    return [_described(key) for key in sorted(found, key=lambda key: places[key.name])]
+    return [_described(key) for key in sorted(of_option, key=keys.place_in_class)]
 
 
 def groups() -> list[str]:
@@ -119,8 +117,7 @@ def meaning_of_option(group: str, option: str) -> str:
     comment = [line[2:] for line in takewhile(lambda line: line.startswith("# "), lines)]
     text = " ".join(comment)
     if not comment:
-        kind = option_values(group, option).get("kind", "")
-        schema = keys.schemas().get((group, kind)) or keys.schemas().get((group, ""))
+        schema = keys.schema_of(group, option_values(group, option).get("kind", ""))
         text = inspect.getdoc(schema).splitlines()[0] if schema else ""
     return re.split(r"\.(?= [A-Z]|$)", text)[0].strip()
 

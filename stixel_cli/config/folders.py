@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.errors import BelongsElsewhere, ConfigurationError
+from stixel_cli.errors import ConfigurationError
 from stixel_cli.files import read_yaml
 from stixel_cli.remembered import remembered
 
@@ -276,49 +276,3 @@ def option_values(group: str, option: str) -> dict[str, Any]:
                 found[prefix + name] = value
     found.pop("defaults", None)
     return found
-
-
-def group_by_dots(name: str, value: Any) -> str:
-    """Message: an inner group is chosen with a slash, `measurement/noise=constant`."""
-    group = name.replace(".", "/")
-    options = group_options()[group]
-    meant = value if value in options else "|".join(options)
-    return f"{name}: is a group: write {group}={meant}"
-
-
-def refuse_without_outer(chosen: Mapping[str, str]) -> None:
-    """Refuse an inner group that the chosen outer option does not have.
-
-    Args:
-        chosen: the keys and groups of all overrides of one run with their values.
-
-    Raises:
-        BelongsElsewhere: in one line that names the options that have it.
-    """
-    for group in chosen:
-        outer = group.rpartition("/")[0]
-        if group not in group_options() or not outer:
-            continue
-        option = chosen.get(outer) or default_option(outer)
-        owners = outer_options(group)
-        if option not in owners:
-            raise BelongsElsewhere(
-                f"{group}: there is no such group with {outer}={option}; it belongs to "
-                f"{outer}={'|'.join(owners)}"
-            )
-
-
-def refuse_group_as_key(name: str, value: Any) -> None:
-    """Refuse a group that is typed with dots, and a `kind`, which follows from the option.
-
-    Raises:
-        ConfigurationError: in one line with the correct form.
-    """
-    if name.replace(".", "/") in group_options():
-        raise ConfigurationError(group_by_dots(name, value))
-    group = innermost_group(name)
-    if group and name == group.replace("/", ".") + ".kind":
-        options = ", ".join(group_options()[group])
-        raise ConfigurationError(
-            f"{name}: follows from the option of {group}: write {group}=… (options: {options})"
-        )

@@ -2,7 +2,7 @@
 
 import dataclasses
 import types
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
@@ -38,22 +38,26 @@ def known_keys() -> dict[str, tuple[Key, ...]]:
     Groups are not keys. Nor are their `kind`s, which follow from the chosen option.
     """
     keys: dict[str, list[Key]] = {}
-    _collect(Configuration, "", (), keys)
+    for key in _walk(Configuration):
+        if not dataclasses.is_dataclass(key.annotation):
+            keys.setdefault(key.name, []).append(key)
     return {name: tuple(variants) for name, variants in keys.items()}
 
 
-def _collect(
-    schema: type, prefix: str, owners: tuple[tuple[str, str], ...], keys: dict[str, list[Key]]
-) -> None:
+def _walk(
+    schema: type, prefix: str = "", owners: tuple[tuple[str, str], ...] = ()
+) -> Iterator[Key]:
+    """The keys of a schema, and the variants of its groups with their classes as annotations."""
     for name, annotation in _fields(schema).items():
         variants = _dataclasses(annotation)
         for variant in variants:
             kind = kind_of(variant) if len(variants) > 1 else None
-            own = () if kind is None else (((prefix + name).replace(".", "/"), kind),)
-            _collect(variant, f"{prefix}{name}.", (*owners, *own), keys)
+            group = (prefix + name).replace(".", "/")
+            of_variant = owners if kind is None else (*owners, (group, kind))
+            yield Key(prefix + name, variant, of_variant, schema)
+            yield from _walk(variant, f"{prefix}{name}.", of_variant)
         if not variants and name != "kind":
-            key = Key(prefix + name, annotation, owners, schema)
-            keys.setdefault(prefix + name, []).append(key)
+            yield Key(prefix + name, annotation, owners, schema)
 
 
 def place_in_class(key: Key) -> int:
@@ -62,19 +66,14 @@ def place_in_class(key: Key) -> int:
 
 
 @cache
-def schemas() -> dict[tuple[str, str], type]:
-    """Group and kind to the class of the group's parameters; the kind is "" for a single class."""
-    found: dict[tuple[str, str], type] = {}
-    pending = [("", Configuration)]
-    while pending:
-        prefix, schema = pending.pop()
-        for name, annotation in _fields(schema).items():
-            variants = _dataclasses(annotation)
-            for variant in variants:
-                kind = (kind_of(variant) or "") if len(variants) > 1 else ""
-                found[prefix + name, kind] = variant
-                pending.append((f"{prefix}{name}/", variant))
-    return found
+def schema_of(group: str, kind: str) -> type | None:
+    """The class of the parameters of a group's variant; None for a group without a schema."""
+    classes = {
+        dict(key.owners).get(group, ""): key.annotation
+        for key in _walk(Configuration)
+        if key.name.replace(".", "/") == group and dataclasses.is_dataclass(key.annotation)
+    }
+    return classes.get(kind) or classes.get("")
 
 
 def chosen_kinds(plain: Any, prefix: str = "") -> dict[str, str]:
@@ -111,9 +110,7 @@ def _alternatives(annotation: Any) -> list[Any]:
 def _dataclasses(annotation: Any) -> list[type]:
     members = [_bare(member) for member in _alternatives(annotation)]
     # The keys of the user's own code are not known here.
-    return [
-        one for one in members if dataclasses.is_dataclass(one) and not issubclass(one, OwnCode)
-    ]
+    return [m for m in members if dataclasses.is_dataclass(m) and not issubclass(m, OwnCode)]
 
 
 def kind_of(schema: type) -> str | None:
@@ -197,32 +194,23 @@ def _describe_one(annotation: Any) -> str:
     return f"{words} {limits}" if limits else words
 
 
+_LIMITS = {
+    Gt: "> {0.gt}",
+    Ge: "≥ {0.ge}",
+    MinLen: "≥ {0.min_length}",
+    Lt: "< {0.lt}",
+    Le: "≤ {0.le}",
+    MaxLen: "≤ {0.max_length}",
+    MultipleOf: "a multiple of {0.multiple_of}",
+}
+
+
 def bounds(annotation: Any) -> str:
     """The range of one annotation in words, `> 0 and ≤ 5`; empty if it has no limits."""
-    lower = upper = step = ""
     metadata = get_args(annotation)[1:] if get_origin(annotation) is Annotated else ()
-    for limit in _single_limits(metadata):
-        match limit:
-            case Gt(gt=value):
-                lower = f"> {value}"
-            case Ge(ge=value):
-                lower = f"≥ {value}"
-            case MinLen(min_length=value):
-                lower = f"≥ {value}" if value else ""
-            case Lt(lt=value):
-                upper = f"< {value}"
-            case Le(le=value):
-                upper = f"≤ {value}"
-            case MaxLen(max_length=value):
-                upper = f"≤ {value}"
-            case MultipleOf(multiple_of=value):
-                step = f"a multiple of {value}"
-    return " and ".join(part for part in (lower, upper, step) if part)
-
-
-def _single_limits(metadata):
-    for limit in metadata:
-        if isinstance(limit, Interval | Len):
-            yield from limit
-        else:
-            yield limit
+    words: dict[type, str] = {}
+    for entry in metadata:
+        for limit in entry if isinstance(entry, Interval | Len) else (entry,):
+            if type(limit) in _LIMITS and limit != MinLen(0):
+                words[type(limit)] = _LIMITS[type(limit)].format(limit)
+    return " and ".join(words[kind] for kind in _LIMITS if kind in words)

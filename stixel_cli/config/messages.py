@@ -151,13 +151,21 @@ _RENAMED = {("measurement", "simulated"): "stixels"}
 def unknown_option(group: str, option: str) -> str:
     """Message: the group has no such option, with the nearest one and all options."""
     if (group, option) in _RENAMED:
-        return f"{group}: {show(option)} is now called {_RENAMED[group, option]!r}"
+        return f"{group}: {option} is now called {_RENAMED[group, option]!r}"
     options = group_options()[group]
     hint = suggestion(option, options, form=group + "={}")
     text = f"{group}: unknown option {show(option)}{hint} (options: {', '.join(options)})"
     if group == "road_user":
         text += "; for a mesh of your own give road_user.mesh=FILE"
     return text
+
+
+def group_by_dots(name: str, value: Any) -> str:
+    """Message: an inner group is chosen with a slash, `measurement/noise=constant`."""
+    group = name.replace(".", "/")
+    options = group_options()[group]
+    meant = value if value in options else "|".join(options)
+    return f"{name}: is a group: write {group}={meant}"
 
 
 def show(value: Any) -> str:

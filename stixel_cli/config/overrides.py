@@ -3,17 +3,19 @@
 Hydra's parser is not public: the project pins Hydra.
 """
 
+import copy
+import itertools
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from decimal import Decimal
 from functools import cache, lru_cache
 from typing import Any
 
-from stixel_cli.config import folders, messages
+from stixel_cli.config import messages
 from stixel_cli.config.folders import group_options
 from stixel_cli.config.keys import known_keys
-from stixel_cli.config.own_options import check_option, is_parameter, own_groups
-from stixel_cli.config.several import single_texts
+from stixel_cli.config.own_options import GIVEN
 from stixel_cli.config.texts import split_override
 from stixel_cli.errors import ConfigurationError
 
@@ -22,6 +24,9 @@ MOST_TYPED = 5_000
 
 LONGEST_TYPED = 100_000
 """Maximum characters of one override: also 1 s; a path of 1000 points has half as many."""
+
+MOST_VALUES = 100_000
+"""Maximum values of one key, and runs of a sweep; more is probably a typing error."""
 
 _WORD = "[a-z_][a-z_0-9]*"
 _PLAIN = re.compile(
@@ -57,11 +62,6 @@ class Override:
     sweep: Any = field(default=None, compare=False)
 
     @property
-    def group(self) -> str:
-        """The outermost group: `measurement` of `measurement/noise` and of `measurement.rays`."""
-        return re.split("[./]", self.key)[0]
-
-    @property
     def value_text(self) -> str:
         """The value as typed."""
         return split_override(self.text)[1]
@@ -88,8 +88,21 @@ class Override:
         """
         if self.sweep is None:
             return [self]
-        texts = single_texts(self, shuffled)
+        texts = _single_texts(self, shuffled)
+        if not texts:
+            options = group_options().get(self.key, ())
+            hint = f" (options: {', '.join(options)})" if options else ""
+            raise ConfigurationError(f"{self.shown}: has no values{hint}")
+        if len(texts) > MOST_VALUES:
+            raise ConfigurationError(f"{self.shown}: has more than {MOST_VALUES} values")
+        if self.key in GIVEN:  # Hydra escapes the colon of module:function.
+            texts = [text.replace("\\:", ":") for text in texts]
         return [parse(f"{self.sign}{self.key}={text}") for text in texts]
+
+
+def outermost_group(name: str) -> str:
+    """`measurement` of the group `measurement/noise` and of the key `measurement.rays`."""
+    return name.replace("/", ".").partition(".")[0]
 
 
 @lru_cache(maxsize=8192)
@@ -112,16 +125,18 @@ def parse(text: str) -> Override:
     try:
         read = _parser().parse_override(text)
         sweep = read if read.is_sweep_override() else None
-        found = Override(text, read.key_or_group, None if sweep else read.value(), sweep)
+        override = Override(text, read.key_or_group, None if sweep else read.value(), sweep)
     except (HydraException, ValueError, RecursionError):
         raise ConfigurationError(_unreadable(text)) from None
     if read.package is not None:
-        raise ConfigurationError(f"{found.shown}: no package (@) can be given; write {found.key}=…")
-    if found.key == "hydra" or read.is_hydra_override():
         raise ConfigurationError(
-            f"{found.shown}: Hydra's own settings have no effect here: leave it out"
+            f"{override.shown}: no package (@) can be given; write {override.key}=…"
         )
-    return found
+    if override.key == "hydra" or read.is_hydra_override():
+        raise ConfigurationError(
+            f"{override.shown}: Hydra's own settings have no effect here: leave it out"
+        )
+    return override
 
 
 @cache
@@ -129,17 +144,6 @@ def _parser() -> Any:
     from hydra.core.override_parser.overrides_parser import OverridesParser
 
     return OverridesParser.create()
-
-
-def read_overrides(texts: Sequence[str], own: Collection[str] = ()) -> list[Override]:
-    """The overrides of texts, parsed and checked by `check_overrides`.
-
-    Raises:
-        ConfigurationError: for the first invalid override.
-    """
-    parsed = [parse(text) for text in texts]
-    check_overrides(parsed, own)
-    return parsed
 
 
 def _refuse_malformed(text: str) -> None:
@@ -167,7 +171,7 @@ def _refuse_malformed(text: str) -> None:
     if bare in known_keys():
         raise ConfigurationError(f"{bare}: a value is missing: write {bare}=VALUE")
     if bare.replace(".", "/") in group_options():
-        raise ConfigurationError(folders.group_by_dots(bare, None))
+        raise ConfigurationError(messages.group_by_dots(bare, None))
     if groups and bare != "default":
         # `car` is an option of three groups; the road user chooses the others.
         group = "road_user" if "road_user" in groups else groups[0]
@@ -200,83 +204,51 @@ def _unreadable(text: str) -> str:
     return f"""{shown}: cannot be read; quote text with special characters: KEY='"text"'"""
 
 
-def check_overrides(parsed: Sequence[Override], own: Collection[str] = ()) -> None:
-    """Refuse invalid overrides that Hydra accepts, or reports unclearly.
+def _single_texts(override: Override, shuffled: bool) -> list[str]:
+    """The values of an override of several values as texts, at most `MOST_VALUES` + 1."""
+    from hydra.core.override_parser.types import FloatRange, Glob, IntervalSweep, RangeSweep
+    from hydra.errors import HydraException
 
-    Several values, and faults that depend on all overrides of a run, are checked by
-    `check_one_run`.
-
-    Args:
-        parsed: the overrides.
-        own: groups whose option is the user's own function by an override that is not in `parsed`.
-
-    Raises:
-        ConfigurationError: for the first invalid override.
-    """
-    own = own_groups(parsed) | set(own)
-    seen: dict[str, Override] = {}
-    for one in parsed:
-        _check_name(one, own)
-        if one.sign == "~":
-            what = "an option" if one.key in group_options() else "a value"
-            raise ConfigurationError(f"~{one.key}: cannot be removed: it always needs {what}")
-        if one.key in group_options():
-            _check_option(one)
-        elif one.sign == "+":
-            owners = messages.owners_of(one.key)
-            there = f"belongs to {owners} and exists there" if owners else "already exists"
-            raise ConfigurationError(f"{one.shown}: {one.key} {there}: leave out the +")
-    for one in parsed:
-        # Hydra silently takes the last value.
-        if one.key in seen:
-            both = f"{seen[one.key].shown} and {one.shown}"
-            raise ConfigurationError(f"{one.key}: is given twice, {both}: give it once")
-        seen[one.key] = one
-
-
-def _check_name(one: Override, own: Collection[str]) -> None:
-    name = one.key
-    if name in group_options() or name in known_keys() or is_parameter(name, own):
-        return
-    if "/" in name and name.replace("/", ".") in known_keys():
-        raise ConfigurationError(f"{name}: unknown key; did you mean {name.replace('/', '.')}?")
-    folders.refuse_group_as_key(name, one.value)
-    raise ConfigurationError(messages.unknown_key(name))
-
-
-def _check_option(one: Override) -> None:
-    group = one.key
-    options = group_options()[group]
-    if one.sign:
-        raise ConfigurationError(f"{one.shown}: {group} already exists: leave out the +")
-    if one.sweep is not None:
-        return
-    if isinstance(one.value, dict | list):
-        within = group.replace("/", ".") + "."
-        example = next(key for key in known_keys() if key.startswith(within))
+    line, name, sweep = override.shown, override.key, override.sweep
+    value = sweep.value()
+    if isinstance(value, IntervalSweep):
         raise ConfigurationError(
-            f"{group}: {messages.show(one.value)}: one option is needed (options: "
-            f"{', '.join(options)}), or single keys as {example}=VALUE"
+            f"{line}: interval(a,b) is continuous: write a range with a step, "
+            f"{name}=range({value.start:g},{value.end:g},STEP), or values separated by commas"
         )
-    text = "null" if one.value is None else str(one.value)
-    if text not in options and not check_option(group, text):
-        raise ConfigurationError(messages.unknown_option(group, text))
-
-
-def check_one_run(parsed: Sequence[Override]) -> None:
-    """Refuse several values, and an inner group that the chosen option does not have.
-
-    `parsed` must be all overrides of one run, because some of them choose options.
-
-    Raises:
-        ConfigurationError: for the first of them.
-    """
-    for one in parsed:
-        if one.sweep is not None:
-            value = messages.printable(one.value_text)
-            hint = " (a list is written in brackets)" if one.key in known_keys() else ""
+    if getattr(value, "shuffle", False):
+        if not shuffled:
+            raise ConfigurationError(f"{line}: shuffle(…) needs --shuffle SEED")
+        sweep = copy.deepcopy(sweep)
+        value = sweep.value()
+        value.shuffle = False
+    try:
+        if isinstance(value, Glob):
+            if name not in group_options():
+                raise ConfigurationError(f"{line}: glob is for options of a group")
+            return value.filter(list(group_options()[name]))
+        if isinstance(value, RangeSweep) and isinstance(value.range(), FloatRange):
+            return [repr(number) for number in _decimal_range(value)]
+        return list(itertools.islice(sweep.sweep_string_iterator(), MOST_VALUES + 1))
+    except (HydraException, ValueError, ArithmeticError):
+        if not isinstance(value, RangeSweep):
             raise ConfigurationError(
-                f"{one.key}: {value} has several values: one run needs one{hint}; "
-                "`stixel sweep` takes several"
-            )
-    folders.refuse_without_outer({one.key: str(one.value) for one in parsed})
+                f"{line}: nested sweeps are not supported: list the values, {name}=A,B,C"
+            ) from None
+        raise ConfigurationError(f"{line}: not a valid range: the step must not be 0") from None
+
+
+def _decimal_range(sweep: Any) -> Iterator[float]:
+    """The numbers of a range, computed in decimals as typed.
+
+    Hydra computes in binary floating point: range(0.2,0.8,0.2) would give
+    0.6000000000000001, and a fourth value.
+    """
+    start, stop, step = (Decimal(repr(n)) for n in (sweep.start, sweep.stop, sweep.step))
+    if step == 0:
+        raise ValueError("the step is 0")
+    for i in range(MOST_VALUES + 1):
+        number = start + i * step
+        if number >= stop if step > 0 else number <= stop:
+            return
+        yield float(number)

@@ -36,7 +36,7 @@ COMMON = {"measurement": {"dropout": None, "clutter_rate": 0.0}}
 """Keys that every option of a group has, with their values if they are not typed."""
 
 
-def own_function(group: str, option: Any) -> str | None:
+def user_function(group: str, option: Any) -> str | None:
     """The "module:function" of an option that is the user's own; None for another option."""
     if group not in GIVEN or not isinstance(option, str) or option in group_options()[group]:
         return None
@@ -51,14 +51,14 @@ def own_groups(parsed: "Iterable[Override]") -> set[str]:
     for one in parsed:
         if one.key in GIVEN:
             words = [word.strip().strip("'\"") for word in one.value_text.split(",")]
-            if any(own_function(one.key, word) for word in words):
+            if any(user_function(one.key, word) for word in words):
                 found.add(one.key)
     return found
 
 
 def check_option(group: str, option: Any) -> bool:
     """Whether the option is the user's own; ConfigurationError if its name is not valid."""
-    function = own_function(group, option)
+    function = user_function(group, option)
     if function is None:
         return False
     try:
@@ -78,18 +78,19 @@ def is_parameter(name: str, groups: Collection[str]) -> bool:
     return True
 
 
-def own_sections(parsed: "Sequence[Override]") -> dict[str, dict[str, Any]]:
-    """The sections of the configuration that are the user's own, by group; of one run."""
-    functions = {one.key: own_function(one.key, one.value) for one in parsed if one.key in GIVEN}
-    sections = {
-        g: {"kind": "own", "function": f, **COMMON.get(g, {})}
-        for g, f in functions.items()
-        if f is not None
-    }
-    for one in parsed:
-        group, _, key = one.key.partition(".")
-        if group in sections and key:
-            sections[group][key] = one.value
+def user_sections(settings: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """The sections of the configuration that are user-defined, by group.
+
+    Args:
+        settings: keys and groups of all overrides of one run, with their values and options.
+    """
+    sections = {}
+    for group in GIVEN:
+        function = user_function(group, settings.get(group))
+        if function is not None:
+            within = f"{group}."
+            given = {k.removeprefix(within): v for k, v in settings.items() if k.startswith(within)}
+            sections[group] = {"kind": "own", "function": function} | COMMON.get(group, {}) | given
     return sections
 
 
@@ -140,7 +141,7 @@ def code_in(parsed: "Iterable[Override]") -> list[str]:
     return [
         f"{one.key}={one.value}"
         for one in parsed
-        if own_function(one.key, one.value) or (one.key in _RUN_CODE and one.value)
+        if user_function(one.key, one.value) or (one.key in _RUN_CODE and one.value)
     ]
 
 
@@ -237,7 +238,7 @@ def imported_option(group: str, option: str) -> Any:
     Raises:
         ConfigurationError: in one line, if it is missing or cannot be imported.
     """
-    section = {"kind": "own", "function": own_function(group, option)}
+    section = {"kind": "own", "function": user_function(group, option)}
     folders = find_folders({group: section, "code_folders": []}, "")
     return _imported(group, section["function"], [Path(folder) for folder in folders])
 

@@ -14,7 +14,8 @@ from typing import Annotated, Any
 from pydantic import Field, TypeAdapter, ValidationError
 
 from stixel_cli.config import messages
-from stixel_cli.config.folders import absolute, recorded_values
+from stixel_cli.config.experiments import set_by_experiment
+from stixel_cli.config.folders import EXPERIMENT, absolute, recorded_values
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.recordings.find import guess_layout
 from stixel_cli.recordings.parameters import Recorded, Source
@@ -37,8 +38,8 @@ FILE_KEYS = ("folder", "right", "calibration", "disparity", "labels")
 _SCHEMAS = {"source": Annotated[Source, Field(discriminator="kind")], "path": ReplayedPath}
 
 
-def guessed_source(typed: Mapping[str, Any], working_directory: str) -> list[str]:
-    """The override of `source` that `source.folder` needs; [] where none is missing.
+def guessed_source(typed: Mapping[str, Any], working_directory: str) -> dict[str, str]:
+    """The option of `source` that `source.folder` needs; {} if it is given or not needed.
 
     Args:
         typed: names and values of the overrides.
@@ -49,8 +50,8 @@ def guessed_source(typed: Mapping[str, Any], working_directory: str) -> list[str
     """
     folder = typed.get("source.folder")
     if "source" in typed or not isinstance(folder, str) or not folder:
-        return []
-    return [f"source={guess_layout(Path(absolute(folder, working_directory)))}"]
+        return {}
+    return {"source": guess_layout(Path(absolute(folder, working_directory)))}
 
 
 def given_files(
@@ -104,16 +105,15 @@ def _refuse_given(typed: Iterable[str]) -> None:
                 raise ConfigurationError(f"{name}: with path=recorded, {reason}")
 
 
-def suitable_overrides(
-    group: str, recording: Recording, typed: Mapping[str, Any], preset: Mapping[str, Any]
-) -> list[str]:
+def suitable_settings(group: str, recording: Recording, typed: Mapping[str, Any]) -> dict[str, Any]:
     """The options and values that the recording needs and the user does not set.
+
+    Those of an experiment's file count as set; they do not replace the options that suit.
 
     Args:
         group: `source` or `path`, which names the recording.
         recording: opened.
         typed: keys and groups that the user gives, with their values and options.
-        preset: those that an experiment's file sets. They do not replace the options that suit.
 
     Raises:
         ConfigurationError: if the label has no class of road user and none is chosen.
@@ -122,14 +122,14 @@ def suitable_overrides(
     options = dict(suitable["options"])
     if group == "source" and not recording.label:
         options["start"] = "scans"
-    typed = {name: value for name, value in preset.items() if name not in options} | dict(typed)
+    if group == "source" and EXPERIMENT in typed:
+        preset = set_by_experiment(typed[EXPERIMENT])
+        typed = {k: v for k, v in preset.items() if k not in options} | dict(typed)
     options["road_user"] = recording.road_user
     if "road_user" not in typed:
         _check_class(group, recording)
     values = {} if group == "path" else _values(suitable, recording, options | typed)
-    found = {name: option for name, option in options.items() if name not in typed}
-    found |= {key: value for key, value in values.items() if key not in typed}
-    return [f"{name}={value}" for name, value in found.items()]
+    return {name: value for name, value in (options | values).items() if name not in typed}
 
 
 def _check_class(group: str, recording: Recording) -> None:
@@ -160,12 +160,11 @@ def _values(
         )
     facts = {**chosen, "source": recording.layout, "auto": recording.auto}
     values: dict[str, Any] = {}
-    for one in suitable["values"]:
-        if all(facts.get(name) in options for name, options in one.get("when", {}).items()):
-            values |= one["set"]
+    for entry in suitable["values"]:
+        if all(facts.get(name) in options for name, options in entry.get("when", {}).items()):
+            values |= entry["set"]
     if chosen["start"] == "scans" and recording.label:
-        lowest, highest = recording.first_bearings
-        values["start.bearing"] = f"[{lowest:.3f},{highest:.3f}]"
+        values["start.bearing"] = [round(bearing, 3) for bearing in recording.first_bearings]
     if chosen.get("tracker") == "contour":
         errors = suitable["errors"]
         # A disparity error e moves a point at range r by e r² / (f B); here at 10 m.

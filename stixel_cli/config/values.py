@@ -1,7 +1,7 @@
 """Set values in a composed configuration and resolve its interpolations."""
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from stixel_cli.config import messages
@@ -12,7 +12,7 @@ _REFERENCE = re.compile(r"\$\{([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)\}")
 
 
 def with_values(
-    plain: Mapping[str, Any], values: Iterable[tuple[str, Any]], interpolated: Collection[str]
+    plain: Mapping[str, Any], values: Mapping[str, Any], interpolated: Collection[str]
 ) -> dict[str, Any]:
     """`plain` with the values of some keys replaced and all interpolations resolved.
 
@@ -21,7 +21,7 @@ def with_values(
 
     Args:
         plain: a configuration in plain types with interpolations as text; not changed.
-        values: keys, with dots, and their values.
+        values: keys, with dots, to their values.
         interpolated: the sections of `plain` that have interpolations.
 
     Raises:
@@ -29,7 +29,7 @@ def with_values(
         ConfigurationError: for an interpolation that cannot be resolved.
     """
     tree, changed = dict(plain), set(interpolated)
-    for name, value in values:
+    for name, value in values.items():
         *outer, last = name.split(".")
         section = tree
         for part in outer:

@@ -7,7 +7,8 @@ from typing import Any
 from stixel_cli.config import messages
 from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import group_options
-from stixel_cli.config.overrides import Override, read_overrides
+from stixel_cli.config.override_checks import read_overrides
+from stixel_cli.config.overrides import Override
 from stixel_cli.config.own_options import own_groups
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError
 from stixel_cli.results.reader import listed

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from stixel_cli.config import messages
-from stixel_cli.config.overrides import Override, check_overrides, read_overrides
+from stixel_cli.config.override_checks import check_overrides, read_overrides
+from stixel_cli.config.overrides import MOST_VALUES, Override
 from stixel_cli.config.own_options import own_groups
-from stixel_cli.config.several import MOST_VALUES
 from stixel_cli.errors import ConfigurationError
 
 SEED = "seed"

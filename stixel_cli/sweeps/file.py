@@ -8,7 +8,8 @@ from typing import Any
 
 from stixel_cli.config import messages
 from stixel_cli.config.folders import is_shipped, shipped_folder
-from stixel_cli.config.overrides import Override, parse, read_overrides
+from stixel_cli.config.override_checks import read_overrides
+from stixel_cli.config.overrides import Override, parse
 from stixel_cli.config.own_options import code_in, refuse_code
 from stixel_cli.config.texts import override_text
 from stixel_cli.errors import ConfigurationError

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from stixel_cli.config.folders import OF_THE_MACHINE, of_the_machine, presets_option
-from stixel_cli.config.overrides import Override, check_overrides, parse
+from stixel_cli.config.override_checks import check_overrides
+from stixel_cli.config.overrides import Override, outermost_group, parse
 from stixel_cli.config.texts import override_text
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.results.differences import first_changed_stage
@@ -37,7 +38,7 @@ def on_this_machine(
     """
     parsed = [parse(text) for text in overrides]
     for override in parsed:
-        if override.group not in OF_THE_MACHINE:
+        if outermost_group(override.key) not in OF_THE_MACHINE:
             raise ConfigurationError(
                 f"{override.shown}: --resume keeps the settings in the folder: only keys of "
                 f"{' and '.join(OF_THE_MACHINE)}, which do not affect results, can be changed"

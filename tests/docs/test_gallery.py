@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from stixel_cli import compose
-from stixel_cli.config.overrides import read_overrides
+from stixel_cli.config.override_checks import read_overrides
 from stixel_cli.experiment.stages import pictured_frames, scan_count
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import pytest
 from test_settings_page import DOCS, load_script
 
-from stixel_cli.config.overrides import read_overrides
+from stixel_cli.config.override_checks import read_overrides
 
 terminal = load_script("terminal")
 MOST_BYTES = 60_000

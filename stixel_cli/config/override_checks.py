@@ -1,0 +1,166 @@
+"""Checks of overrides: names and options, and conditions between the overrides of one run."""
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+from stixel_cli.config import messages
+from stixel_cli.config.folders import (
+    default_option,
+    group_options,
+    innermost_group,
+    outer_options,
+)
+from stixel_cli.config.keys import known_keys
+from stixel_cli.config.overrides import Override, parse
+from stixel_cli.config.own_options import check_option, is_parameter, own_groups
+from stixel_cli.errors import BelongsElsewhere, ConfigurationError
+
+WITHOUT_EFFECT = (
+    "pace",
+    "path",
+    "ego",
+    "rig",
+    "world",
+    "renderer",
+    "sensor",
+    "stereo",
+    "road",
+    "occupancy",
+    "free_space",
+    "height",
+    "extraction",
+)
+"""Groups of the scene and the cameras, which scans from a file do not have."""
+
+
+def read_overrides(texts: Sequence[str], own: Collection[str] = ()) -> list[Override]:
+    """The overrides of texts, parsed and checked by `check_overrides`.
+
+    Raises:
+        ConfigurationError: for the first invalid override.
+    """
+    parsed = [parse(text) for text in texts]
+    check_overrides(parsed, own)
+    return parsed
+
+
+def check_overrides(parsed: Sequence[Override], own: Collection[str] = ()) -> None:
+    """Refuse invalid overrides that Hydra accepts, or reports unclearly.
+
+    Several values, and faults that depend on all overrides of a run, are checked by
+    `check_one_run`.
+
+    Args:
+        parsed: the overrides.
+        own: groups whose option is the user's own function by an override that is not in `parsed`.
+
+    Raises:
+        ConfigurationError: for the first invalid override.
+    """
+    own = own_groups(parsed) | set(own)
+    seen: dict[str, Override] = {}
+    for override in parsed:
+        _check_name(override, own)
+        if override.sign == "~":
+            what = "an option" if override.key in group_options() else "a value"
+            raise ConfigurationError(f"~{override.key}: cannot be removed: it always needs {what}")
+        if override.key in group_options():
+            _check_option(override)
+        elif override.sign == "+":
+            owners = messages.owners_of(override.key)
+            there = f"belongs to {owners} and exists there" if owners else "already exists"
+            raise ConfigurationError(f"{override.shown}: {override.key} {there}: leave out the +")
+    for override in parsed:
+        # Hydra silently takes the last value.
+        if override.key in seen:
+            both = f"{seen[override.key].shown} and {override.shown}"
+            raise ConfigurationError(f"{override.key}: is given twice, {both}: give it once")
+        seen[override.key] = override
+
+
+def _check_name(override: Override, own: Collection[str]) -> None:
+    name = override.key
+    if name in group_options() or name in known_keys() or is_parameter(name, own):
+        return
+    if "/" in name and name.replace("/", ".") in known_keys():
+        raise ConfigurationError(f"{name}: unknown key; did you mean {name.replace('/', '.')}?")
+    if name.replace(".", "/") in group_options():
+        raise ConfigurationError(messages.group_by_dots(name, override.value))
+    group = innermost_group(name)
+    if group and name == group.replace("/", ".") + ".kind":
+        options = ", ".join(group_options()[group])
+        raise ConfigurationError(
+            f"{name}: follows from the option of {group}: write {group}=… (options: {options})"
+        )
+    raise ConfigurationError(messages.unknown_key(name))
+
+
+def _check_option(override: Override) -> None:
+    group = override.key
+    options = group_options()[group]
+    if override.sign:
+        raise ConfigurationError(f"{override.shown}: {group} already exists: leave out the +")
+    if override.sweep is not None:
+        return
+    if isinstance(override.value, dict | list):
+        within = group.replace("/", ".") + "."
+        example = next(key for key in known_keys() if key.startswith(within))
+        raise ConfigurationError(
+            f"{group}: {messages.show(override.value)}: one option is needed (options: "
+            f"{', '.join(options)}), or single keys as {example}=VALUE"
+        )
+    text = "null" if override.value is None else str(override.value)
+    if text not in options and not check_option(group, text):
+        raise ConfigurationError(messages.unknown_option(group, text))
+
+
+def check_one_run(parsed: Sequence[Override]) -> None:
+    """Refuse several values, and an inner group that the chosen option does not have.
+
+    `parsed` must be all overrides of one run, because some of them choose options.
+
+    Raises:
+        ConfigurationError: for the first of them.
+    """
+    for override in parsed:
+        if override.sweep is not None:
+            value = messages.printable(override.value_text)
+            hint = " (a list is written in brackets)" if override.key in known_keys() else ""
+            raise ConfigurationError(
+                f"{override.key}: {value} has several values: one run needs one{hint}; "
+                "`stixel sweep` takes several"
+            )
+    chosen = {override.key: str(override.value) for override in parsed}
+    for group in chosen:
+        outer = group.rpartition("/")[0]
+        if group not in group_options() or not outer:
+            continue
+        option = chosen.get(outer) or default_option(outer)
+        owners = outer_options(group)
+        if option not in owners:
+            raise BelongsElsewhere(
+                f"{group}: there is no such group with {outer}={option}; it belongs to "
+                f"{outer}={'|'.join(owners)}"
+            )
+
+
+def implied_by_file(settings: Mapping[str, Any]) -> dict[str, str]:
+    """Further settings of one run: `start=scans` for scans from a file without truth.
+
+    Args:
+        settings: keys and groups of all overrides of the run, with their values and options.
+
+    Raises:
+        BelongsElsewhere: for a setting that has no effect on such a run.
+    """
+    if settings.get("measurement") != "file":
+        return {}
+    for name in settings:
+        if name.partition(".")[0] in WITHOUT_EFFECT or name.startswith("road_user."):
+            more = "; prior.… sets the class's size" if name.startswith("road_user.") else ""
+            raise BelongsElsewhere(
+                f"{name}: has no effect with measurement=file, which has no scene and no cameras: "
+                f"leave it out{more}"
+            )
+    with_truth = settings.get("measurement.truth") or "start" in settings
+    return {} if with_truth else {"start": "scans"}
