@@ -14,7 +14,12 @@ from stixel_cli.config.descriptions import (
     meaning_of_option,
     settings_of_top,
 )
-from stixel_cli.config.folders import EXPERIMENT, default_option, group_options, options_of_kind
+from stixel_cli.config.folders import (
+    EXPERIMENT,
+    group_options,
+    options_default_first,
+    options_of_kind,
+)
 from stixel_cli.config.folders import option_values as values_of
 
 PAGE = Path(__file__).parent / "settings.md"
@@ -35,7 +40,7 @@ def _lines() -> Iterator[str]:
     yield "| group | options | meaning |"
     yield "|---|---|---|"
     for group in groups():
-        options = " ".join(f"`{option}`" for option in _options(group))
+        options = " ".join(f"`{option}`" for option in options_default_first(group))
         yield f"| [`{group}`](#{group}) | {options} | {_cell(meaning_of_group(group))} |"
     yield ""
     yield "Without a group:"
@@ -49,12 +54,12 @@ def _section(group: str) -> Iterator[str]:
     yield ""
     yield f"## {group}"
     yield ""
-    for option in _options(group):
+    for option in options_default_first(group):
         yield f"- `{group}={option}`: {_cell(meaning_of_option(group, option))}"
     if group == EXPERIMENT:
         return
     shown = set()
-    for option in _options(group):
+    for option in options_default_first(group):
         kind = values_of(group, option).get("kind", "")
         if kind in shown:
             continue
@@ -62,7 +67,7 @@ def _section(group: str) -> Iterator[str]:
         found = keys_of_option(group, option)
         if found:
             yield ""
-            same = options_of_kind(group, kind) if kind else _options(group)
+            same = options_of_kind(group, kind) if kind else options_default_first(group)
             yield f"Keys of {' '.join(f'`{one}`' for one in same)}:"
             yield ""
             yield from _table(found, option)
@@ -74,10 +79,6 @@ def _table(found: list[Description], option: str) -> Iterator[str]:
     for one in found:
         default = one.values.get(option, one.default)
         yield f"| `{one.name}` | {_cell(default)} | {_cell(one.range)} | {_cell(one.meaning)} |"
-
-
-def _options(group: str) -> list[str]:
-    return sorted(group_options()[group], key=lambda option: option != default_option(group))
 
 
 def _cell(text: str) -> str:

@@ -35,7 +35,7 @@ BUDGET = {
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
-MODULES = 337
+MODULES = 336
 """Modules of the package, without `__init__`."""
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from stixel_cli.cli.completion import complete_override
-from stixel_cli.cli.options import Json, Workers, check_output
+from stixel_cli.cli.options import Json, Workers, argument, check_output
 from stixel_cli.cli.run import with_workers, without_target
 from stixel_cli.cli.terminal import print_json, print_table
 from stixel_cli.errors import UserError
@@ -17,12 +17,11 @@ from stixel_cli.errors import UserError
 def assess(
     arguments: Annotated[
         list[str],
-        typer.Argument(
-            help="The left and the right image, or a recording (source.folder=DIR …); "
+        argument(
+            "The left and the right image, or a recording (source.folder=DIR …); "
             "then overrides as for run.",
-            metavar="LEFT RIGHT [OVERRIDE]",
-            autocompletion=complete_override,
-            show_default=False,
+            "LEFT RIGHT [OVERRIDE]",
+            complete_override,
         ),
     ],
     calib: Annotated[

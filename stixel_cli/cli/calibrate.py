@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stixel_cli.cli.completion import complete_override
-from stixel_cli.cli.options import Json, Workers
+from stixel_cli.cli.options import Json, Workers, argument
 from stixel_cli.cli.run import with_workers, without_target
 from stixel_cli.cli.terminal import print_json
 
@@ -21,11 +21,10 @@ if TYPE_CHECKING:
 def calibrate(
     overrides: Annotated[
         list[str],
-        typer.Argument(
-            help="The recording, as for run: source.folder=DIR …",
-            metavar="OVERRIDE",
-            autocompletion=complete_override,
-            show_default=False,
+        argument(
+            "The recording, as for run: source.folder=DIR …",
+            "OVERRIDE",
+            complete_override,
         ),
     ],
     method: Annotated[

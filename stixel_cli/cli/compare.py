@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from stixel_cli.cli.options import Folders, Json
+from stixel_cli.cli.completion import complete_folder
+from stixel_cli.cli.options import Json, argument
 from stixel_cli.cli.terminal import print_json, print_table
 from stixel_cli.errors import UserError
 
@@ -16,7 +17,9 @@ if TYPE_CHECKING:
 
 
 def compare(
-    folders: Folders,
+    folders: Annotated[
+        list[Path], argument("Result folders of two or more runs.", "FOLDER", complete_folder)
+    ],
     code: Annotated[
         bool, typer.Option("--code", help="Also print the difference of the source of two runs.")
     ] = False,

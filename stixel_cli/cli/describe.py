@@ -4,11 +4,10 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from stixel_cli.cli.completion import complete_setting
+from stixel_cli.cli.options import argument
 from stixel_cli.cli.terminal import print_table
-from stixel_cli.config.folders import default_option, group_options
+from stixel_cli.config.folders import default_option, group_options, options_default_first
 from stixel_cli.config.texts import split_override
 from stixel_cli.errors import ConfigurationError
 
@@ -22,12 +21,11 @@ WIDTH = 100
 def describe(
     name: Annotated[
         str | None,
-        typer.Argument(
-            help="A group, an option as GROUP=OPTION (also MODULE:FUNCTION), or a key. "
+        argument(
+            "A group, an option as GROUP=OPTION (also MODULE:FUNCTION), or a key. "
             "Without it: all groups.",
-            metavar="NAME",
-            autocompletion=complete_setting,
-            show_default=False,
+            "NAME",
+            complete_setting,
         ),
     ] = None,
 ) -> int:
@@ -65,7 +63,9 @@ def describe(
 def _print_groups() -> None:
     from stixel_cli.config.descriptions import groups, meaning_of_group, settings_of_top
 
-    rows = [(name, " ".join(_default_first(name)), meaning_of_group(name)) for name in groups()]
+    rows = [
+        (name, " ".join(options_default_first(name)), meaning_of_group(name)) for name in groups()
+    ]
     print_table(("group", "options (default first)", "meaning"), rows, width=WIDTH)
     sys.stdout.write("\n")
     tops = [(one.name, one.default, one.meaning) for one in settings_of_top()]
@@ -80,7 +80,9 @@ def _print_group(group: str) -> None:
     rows = [("read by", _listed(readers(group.replace("/", "."))))]
     print_table((group, meaning_of_group(group)), rows, width=WIDTH)
     sys.stdout.write("\n")
-    options = [(f"{group}={one}", meaning_of_option(group, one)) for one in _default_first(group)]
+    options = [
+        (f"{group}={one}", meaning_of_option(group, one)) for one in options_default_first(group)
+    ]
     print_table(("option (default first)", "meaning"), options, width=WIDTH)
     sys.stdout.write("\n")
     _print_keys(group, default_option(group))
@@ -123,10 +125,6 @@ def _values(one: "Description") -> str:
     if len(set(one.values.values())) < 2:
         return one.default
     return ", ".join(f"{value} ({option})" for option, value in one.values.items())
-
-
-def _default_first(group: str) -> list[str]:
-    return sorted(group_options()[group], key=lambda option: option != default_option(group))
 
 
 def _listed(names: Sequence[str]) -> str:

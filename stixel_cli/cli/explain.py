@@ -7,10 +7,8 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
-import typer
-
 from stixel_cli.cli.completion import complete_run_or_override
-from stixel_cli.cli.options import ConfigDir, FromFile, Json, TrustCode
+from stixel_cli.cli.options import ConfigDir, FromFile, Json, TrustCode, argument
 from stixel_cli.cli.terminal import print_json
 from stixel_cli.errors import UserError, printable_path
 
@@ -46,11 +44,10 @@ class _Asked(NamedTuple):
 def explain(
     what: Annotated[
         list[str] | None,
-        typer.Argument(
-            help="A result folder, or overrides.",
-            metavar="FOLDER|OVERRIDES",
-            autocompletion=complete_run_or_override,
-            show_default=False,
+        argument(
+            "A result folder, or overrides.",
+            "FOLDER|OVERRIDES",
+            complete_run_or_override,
         ),
     ] = None,
     file: FromFile = None,

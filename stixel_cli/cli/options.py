@@ -1,91 +1,48 @@
 """Arguments and options that several commands share."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from stixel_cli.cli.completion import (
     complete_folder,
     complete_override,
-    complete_study,
     complete_sweep,
 )
+from stixel_cli.config.folders import trust_presets, use_presets
 from stixel_cli.errors import UserError
+
+
+def argument(help: str, metavar: str, complete: Callable[[str], Any]) -> Any:
+    """An argument of a command; `complete` gives the words that Tab completes to."""
+    return typer.Argument(help=help, metavar=metavar, autocompletion=complete, show_default=False)
+
 
 Overrides = Annotated[
     list[str] | None,
-    typer.Argument(
-        help="Changes to the default: GROUP=OPTION or KEY=VALUE, in Hydra's grammar.",
-        metavar="OVERRIDES",
-        autocompletion=complete_override,
-        show_default=False,
+    argument(
+        "Changes to the default: GROUP=OPTION or KEY=VALUE, in Hydra's grammar.",
+        "OVERRIDES",
+        complete_override,
     ),
 ]
 SweepOverrides = Annotated[
     list[str] | None,
-    typer.Argument(
-        help="As in `stixel run`, plus several values: KEY=1,2 KEY=range(1,9,2) GROUP=glob(*).",
-        metavar="OVERRIDES",
-        autocompletion=complete_sweep,
-        show_default=False,
+    argument(
+        "As in `stixel run`, plus several values: KEY=1,2 KEY=range(1,9,2) GROUP=glob(*).",
+        "OVERRIDES",
+        complete_sweep,
     ),
 ]
-StudyWords = Annotated[
-    list[str] | None,
-    typer.Argument(
-        help="A study of pipelines/studies, or all; then overrides as in `stixel sweep`.",
-        metavar="STUDY [OVERRIDES]",
-        autocompletion=complete_study,
-        show_default=False,
-    ),
-]
-Folder = Annotated[
-    Path,
-    typer.Argument(
-        help="Result folder of a run.",
-        metavar="FOLDER",
-        autocompletion=complete_folder,
-        show_default=False,
-    ),
-]
+Folder = Annotated[Path, argument("Result folder of a run.", "FOLDER", complete_folder)]
 RunOrSweep = Annotated[
-    Path,
-    typer.Argument(
-        help="Result folder of a run or a sweep.",
-        metavar="FOLDER",
-        autocompletion=complete_folder,
-        show_default=False,
-    ),
-]
-Folders = Annotated[
-    list[Path],
-    typer.Argument(
-        help="Result folders of two or more runs.",
-        metavar="FOLDER",
-        autocompletion=complete_folder,
-        show_default=False,
-    ),
-]
-ReportFolders = Annotated[
-    list[Path],
-    typer.Argument(
-        help="Result folders of two or more runs, or the folder of one sweep.",
-        metavar="FOLDER",
-        autocompletion=complete_folder,
-        show_default=False,
-    ),
+    Path, argument("Result folder of a run or a sweep.", "FOLDER", complete_folder)
 ]
 Name = Annotated[
     str | None,
     typer.Option(help="Name of the result folder (default: the changed settings, and the time)."),
-]
-StudyName = Annotated[
-    str | None,
-    typer.Option(
-        help="Name of the result folder (default: the study's name, then the overrides).",
-        metavar="<str>",
-    ),
 ]
 Output = Annotated[
     Path | None,
@@ -113,18 +70,7 @@ FromFile = Annotated[
         help="YAML file of axes, seeds and excluded runs, or the name of one in pipelines/studies.",
     ),
 ]
-Shuffle = Annotated[
-    int | None,
-    typer.Option(min=0, metavar="SEED", help="Shuffle the order of the runs with this seed."),
-]
 Pictures = Annotated[bool, typer.Option("--pictures", help="Draw the pictures of every run.")]
-
-
-def _use_presets(folder: Path | None) -> Path | None:
-    from stixel_cli.config.folders import use_presets
-
-    use_presets(folder)
-    return folder
 
 
 ConfigDir = Annotated[
@@ -132,17 +78,10 @@ ConfigDir = Annotated[
     typer.Option(
         metavar="DIR",
         help="Folder with presets of your own, laid out as conf/: DIR/GROUP/OPTION.yaml.",
-        callback=_use_presets,
+        callback=use_presets,
         is_eager=True,
     ),
 ]
-
-
-def _trust_presets(trusted: bool) -> bool:
-    from stixel_cli.config.folders import trust_presets
-
-    trust_presets(trusted)
-    return trusted
 
 
 TrustCode = Annotated[
@@ -150,11 +89,8 @@ TrustCode = Annotated[
     typer.Option(
         "--trust-code",
         help="Run user-defined code that a result folder, a file or presets refer to.",
-        callback=_trust_presets,
+        callback=trust_presets,
     ),
-]
-Fresh = Annotated[
-    bool, typer.Option("--fresh", help="Start over: delete the content of the study's folder.")
 ]
 
 

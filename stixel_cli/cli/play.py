@@ -4,11 +4,9 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.errors import tell
-from stixel_cli.cli.options import Output, TrustCode, Workers, check_output
+from stixel_cli.cli.options import Output, TrustCode, Workers, argument, check_output
 from stixel_cli.cli.run import stored_run
 from stixel_cli.errors import UserError
 
@@ -16,11 +14,10 @@ from stixel_cli.errors import UserError
 def play(
     folders: Annotated[
         list[Path],
-        typer.Argument(
-            help="Result folders of runs; several must share one scene.",
-            metavar="FOLDER",
-            autocompletion=complete_folder,
-            show_default=False,
+        argument(
+            "Result folders of runs; several must share one scene.",
+            "FOLDER",
+            complete_folder,
         ),
     ],
     output: Output = None,

@@ -1,12 +1,25 @@
 """`stixel report`: compare runs, or show a sweep, on one page."""
 
 import sys
+from pathlib import Path
+from typing import Annotated
 
-from stixel_cli.cli.options import Output, ReportFolders, check_output
+from stixel_cli.cli.completion import complete_folder
+from stixel_cli.cli.options import Output, argument, check_output
 from stixel_cli.errors import UserError
 
 
-def report(folders: ReportFolders, output: Output = None) -> int:
+def report(
+    folders: Annotated[
+        list[Path],
+        argument(
+            "Result folders of two or more runs, or the folder of one sweep.",
+            "FOLDER",
+            complete_folder,
+        ),
+    ],
+    output: Output = None,
+) -> int:
     """Compare two or more runs, or show one sweep, on one page.
 
     A comparison shows verdicts, metrics, errors over time and the settings that differ. A sweep's

@@ -5,19 +5,20 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import typer
+
+from stixel_cli.cli.completion import complete_study
 from stixel_cli.cli.errors import tell
 from stixel_cli.cli.options import (
     ConfigDir,
     DryRun,
-    Fresh,
     Json,
     Results,
-    StudyName,
-    StudyWords,
     TrustCode,
     Workers,
+    argument,
 )
 from stixel_cli.cli.plan import plan_content, print_plan
 from stixel_cli.cli.terminal import console, print_json, print_table
@@ -31,11 +32,27 @@ INCOMPLETE = 1
 
 
 def study(
-    words: StudyWords = None,
-    name: StudyName = None,
+    words: Annotated[
+        list[str] | None,
+        argument(
+            "A study of pipelines/studies, or all; then overrides as in `stixel sweep`.",
+            "STUDY [OVERRIDES]",
+            complete_study,
+        ),
+    ] = None,
+    name: Annotated[
+        str | None,
+        typer.Option(
+            help="Name of the result folder (default: the study's name, then the overrides).",
+            metavar="<str>",
+        ),
+    ] = None,
     results: Results = Path("results"),
     workers: Workers = None,
-    fresh: Fresh = False,
+    fresh: Annotated[
+        bool,
+        typer.Option("--fresh", help="Start over: delete the content of the study's folder."),
+    ] = False,
     dry_run: DryRun = False,
     trust_code: TrustCode = False,
     json: Json = False,

@@ -17,7 +17,6 @@ from stixel_cli.cli.options import (
     Name,
     Pictures,
     Results,
-    Shuffle,
     SweepOverrides,
     TrustCode,
     Workers,
@@ -40,7 +39,10 @@ def sweep(
     name: Name = None,
     results: Results = Path("results"),
     workers: Workers = None,
-    shuffle: Shuffle = None,
+    shuffle: Annotated[
+        int | None,
+        typer.Option(min=0, metavar="SEED", help="Shuffle the order of the runs with this seed."),
+    ] = None,
     resume: Annotated[
         Path | None,
         typer.Option(

@@ -1,9 +1,14 @@
-"""The options of all groups, composed by Hydra; each composition is kept in memory and on disk."""
+"""The options of all groups, composed by Hydra; each composition is kept in memory and on disk.
 
+Of the group `experiment`, whose files set options and values of several groups, two parts are not
+Hydra's: `inner_options` and `sources`, see `conf/experiment/thesis.yaml`.
+"""
+
+import copy
 import json
 import os
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
@@ -13,14 +18,17 @@ from pathlib import Path
 from typing import Any
 
 from stixel_cli.config import messages
-from stixel_cli.config.experiments import missing_options, without_other_options
 from stixel_cli.config.folders import (
     EXPERIMENT,
+    chosen_options,
     configuration_folder,
     default_option,
     group_options,
+    option_content,
+    option_values,
     own_presets,
 )
+from stixel_cli.config.keys import chosen_kinds, known_keys
 from stixel_cli.config.values import is_interpolated
 from stixel_cli.engine.cache_folder import make_folder
 from stixel_cli.engine.errors import CacheError
@@ -33,6 +41,8 @@ FOLDER = "configurations"
 
 MOST_STORED = 2000
 """Compositions on disk, of 8 kB each; the oldest are removed."""
+
+INNER, SOURCES = "inner_options", "sources"
 
 _to_store: dict[Path, "Choice"] = {}
 
@@ -68,15 +78,72 @@ def compose_options(chosen: tuple[str, ...], state: str) -> Choice:
     parts = [[version(name) for name in ("hydra-core", "omegaconf")], list(Choice.__annotations__)]
     key = sha256(json.dumps([chosen, state, *parts]).encode()).hexdigest()
     file = default_cache_folder() / FOLDER / f"{key}.json"
-    found = _read(file)
-    if found is None:
-        found = _to_store[file] = _by_hydra(chosen)
-    if found.options[EXPERIMENT] == default_option(EXPERIMENT):
-        return found
-    missing = missing_options(found.plain, found.options, chosen)
+    choice = _read(file)
+    if choice is None:
+        choice = _to_store[file] = _by_hydra(chosen)
+    if choice.options[EXPERIMENT] == default_option(EXPERIMENT):
+        return choice
+    missing = _missing_options(choice, chosen)
     if missing:
         return compose_options((*chosen, *missing), state)
-    return replace(found, plain=without_other_options(found.plain))
+    return replace(choice, plain=_without_other_options(choice.plain))
+
+
+def experiment_sources(option: str) -> dict[str, str]:
+    """The sources that an experiment's file states: key or group to text, in the file's order."""
+    return dict(option_content(EXPERIMENT, option).get(SOURCES, {}))
+
+
+def set_by_experiment(option: str) -> dict[str, Any]:
+    """The groups and keys that an experiment's file sets, with their options and values."""
+    content = option_content(EXPERIMENT, option)
+    values = option_values(EXPERIMENT, option)
+    return {
+        **content.get(INNER, {}),
+        **chosen_options(content),
+        **{name: v for name, v in values.items() if not name.startswith((INNER, SOURCES))},
+    }
+
+
+def _missing_options(choice: Choice, chosen: Sequence[str]) -> list[str]:
+    """The overrides of inner groups that an experiment wants and that are not in `chosen`.
+
+    Groups that the chosen options lack are left out.
+
+    Raises:
+        ConfigurationError: if the experiment's `inner_options` are not pairs.
+    """
+    inner = choice.plain.get(INNER, {})
+    if not isinstance(inner, Mapping):
+        raise ConfigurationError(
+            f"{EXPERIMENT}={choice.options[EXPERIMENT]}: {INNER}: must be GROUP: OPTION pairs"
+        )
+    return [
+        f"{group}={option}"
+        for group, option in inner.items()
+        if group in choice.options and not any(text.startswith(f"{group}=") for text in chosen)
+    ]
+
+
+def _without_other_options(plain: Mapping[str, Any]) -> dict[str, Any]:
+    """`plain` without the values of an experiment whose keys the chosen options do not have."""
+    rest = copy.deepcopy(
+        {name: value for name, value in plain.items() if name not in (INNER, SOURCES)}
+    )
+    kinds = chosen_kinds(rest)
+    for name, variants in known_keys().items():
+        if not any(all(kinds.get(g) == kind for g, kind in key.owners) for key in variants):
+            _remove(rest, name.split("."))
+    return rest
+
+
+def _remove(section: Any, parts: list[str]) -> None:
+    """Remove a key, and the sections that are empty without it."""
+    if isinstance(section, dict) and parts[0] in section:
+        if parts[1:]:
+            _remove(section[parts[0]], parts[1:])
+        if not parts[1:] or section[parts[0]] == {}:
+            section.pop(parts[0])
 
 
 def store_choices() -> None:
@@ -97,8 +164,8 @@ def _by_hydra(chosen: tuple[str, ...]) -> Choice:
     from omegaconf.errors import OmegaConfBaseException
     from yaml import YAMLError
 
-    own = own_presets()
-    search = [] if own is None else [f'hydra.searchpath=["file://{own}"]']
+    presets = own_presets()
+    search = [] if presets is None else [f'hydra.searchpath=["file://{presets}"]']
     folder = str(configuration_folder())
     try:
         with (
@@ -117,10 +184,10 @@ def _by_hydra(chosen: tuple[str, ...]) -> Choice:
         raise ConfigurationError(_not_composed(fault)) from None
     except Exception as fault:
         reason = messages.printable(" ".join(str(fault).split()), 300)
-        if own is not None:
+        if presets is not None:
             if isinstance(fault, RecursionError):
                 reason = "a preset includes itself in its defaults"
-            raise ConfigurationError(f"--config-dir: {own}: {reason}") from None
+            raise ConfigurationError(f"--config-dir: {presets}: {reason}") from None
         if not isinstance(fault, YAMLError | UnicodeDecodeError | RecursionError):
             raise
         # Hydra does not name the file in some of these.
@@ -166,7 +233,7 @@ def _write(file: Path, choice: Choice) -> None:
         write_whole(file, f"{sha256(text.encode()).hexdigest()}\n{text}")
         others = os.listdir(file.parent)
         if len(others) > MOST_STORED:
-            paths = sorted(map(file.parent.joinpath, others), key=lambda one: one.stat().st_mtime)
+            paths = sorted(map(file.parent.joinpath, others), key=lambda path: path.stat().st_mtime)
             for other in paths[:-MOST_STORED]:
                 other.unlink()
 

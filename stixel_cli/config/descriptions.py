@@ -7,7 +7,6 @@ of `conf/`: each is written in one place.
 import dataclasses
 import inspect
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from itertools import takewhile
@@ -23,6 +22,7 @@ from stixel_cli.config.folders import (
     innermost_group,
     option_file,
     option_values,
+    options_default_first,
     options_of_kind,
 )
 from stixel_cli.config.own_options import GIVEN, imported_option
@@ -73,11 +73,11 @@ def describe_key(name: str) -> list[Description]:
     Raises:
         KeyError: no such key.
     """
-    found = [_described(key) for key in keys.known_keys()[name]]
-    found = [one for one in found if one.values]  # a recording's path is not an option
+    variants = [_described(key) for key in keys.known_keys()[name]]
     group = innermost_group(name)
     first = f"{group}={default_option(group)}" if group else ""
-    return sorted(found, key=lambda one: first not in one.belongs_to)
+    # A recording's path is not an option: it has no values.
+    return sorted(filter(lambda v: v.values, variants), key=lambda v: first not in v.belongs_to)
 
 
 def keys_of_option(group: str, option: str) -> list[Description]:
@@ -134,8 +134,9 @@ def parameters_of_own(group: str, option: str) -> list[tuple[str, str, str, str]
     hints = get_type_hints(owner, include_extras=True)
     texts = {} if schema is None else attribute_texts(schema)
     rows = []
-    for name, one in list(inspect.signature(owner).parameters.items())[given:]:
-        default = "required" if one.default is one.empty else str(one.default)
+    for name, parameter in list(inspect.signature(owner).parameters.items())[given:]:
+        required = parameter.default is parameter.empty
+        default = "required" if required else str(parameter.default)
         words = keys.describe(hints[name]) if name in hints else ""
         rows.append((f"{group}.{name}", default, words, texts.get(name, "")))
     return rows
@@ -150,14 +151,11 @@ def settings_of_top() -> list[Description]:
 def attribute_texts(schema: type) -> dict[str, str]:
     """Field to its text in the section `Attributes` of the class or of one that it derives from."""
     texts: dict[str, str] = {}
-    for one in reversed(schema.__mro__):
-        section = (inspect.cleandoc(one.__doc__ or "")).partition("Attributes:\n")[2]
-        section = section.partition("\n\n")[0]
-        found = list(_ENTRY.finditer(section))
-        ends = [after.start() for after in found[1:]] + [len(section)]
-        for entry, end in zip(found, ends, strict=False):
-            text = section[entry.end() : end]
-            texts |= dict.fromkeys(entry[1].split(", "), " ".join(text.split()).rstrip("."))
+    for base in reversed(schema.__mro__):
+        section = inspect.cleandoc(base.__doc__ or "").partition("Attributes:\n")[2]
+        _, *parts = _ENTRY.split(section.partition("\n\n")[0])
+        for names, text in zip(parts[::2], parts[1::2], strict=True):
+            texts |= dict.fromkeys(names.split(", "), " ".join(text.split()).rstrip("."))
     return texts
 
 
@@ -176,53 +174,48 @@ def _described(key: keys.Key) -> Description:
         meaning=meaning,
         unit=unit[1] if unit else "",
         range=keys.describe(key.annotation),
-        values={option: _value(key, group, option) for option in options} or _top_value(key),
+        values=_values(key, group, options),
         followers=tuple(_followers(key.name)),
     )
 
 
 def _options(group: str, kind: str | None) -> list[str]:
     """The options of a group, only those of a `kind` if it is given; the default first."""
+    options = options_default_first(group) if group else []
+    if kind is None:
+        return options
+    of_kind = [name for name in options if option_values(group, name).get("kind") == kind]
+    return of_kind or list(options_of_kind(group, kind))
+
+
+def _values(key: keys.Key, group: str, options: list[str]) -> dict[str, str]:
+    """Option to the value of a key, as typed: that of its file, or the schema's own default."""
     if not group:
-        return []
-    found = group_options()[group] if kind is None else _of_kind(group, kind)
-    return sorted(found, key=lambda option: option != default_option(group))
-
-
-def _of_kind(group: str, kind: str) -> list[str]:
-    found = [one for one in group_options()[group] if option_values(group, one).get("kind") == kind]
-    return found or list(options_of_kind(group, kind))
-
-
-def _value(key: keys.Key, group: str, option: str) -> str:
-    """The value of a key in an option's file, or the schema's own default, as it is typed."""
-    values = option_values(group, option)
-    fields = {field.name: field.default for field in dataclasses.fields(key.schema)}
-    default = fields[key.name.rpartition(".")[2]]
-    value = values.get(key.name[len(group) + 1 :], default)
-    return "" if value is dataclasses.MISSING else _typed(value)
-
-
-def _top_value(key: keys.Key) -> dict[str, str]:
-    content = read_yaml(configuration_folder() / "config.yaml")
-    return {"": _typed(content[key.name])} if key.name in content else {}
+        content = read_yaml(configuration_folder() / "config.yaml")
+        return {"": _typed(content[key.name])} if key.name in content else {}
+    default = key.schema.__dataclass_fields__[key.name.rpartition(".")[2]].default
+    name = key.name[len(group) + 1 :]
+    values = {option: option_values(group, option).get(name, default) for option in options}
+    return {
+        option: "" if value is dataclasses.MISSING else _typed(value)
+        for option, value in values.items()
+    }
 
 
 def _typed(value: Any) -> str:
     """A value as one would type it; `that of prior.sigma_f` for an interpolation."""
-    if isinstance(value, str) and (found := re.fullmatch(r"\$\{([\w.]+)\}", value)):
-        return f"that of {found[1]}"
+    if isinstance(value, str) and (reference := re.fullmatch(r"\$\{([\w.]+)\}", value)):
+        return f"that of {reference[1]}"
     return value_text(value)
 
 
-def _followers(name: str) -> Iterator[str]:
-    for group, options in group_options().items():
-        if group == EXPERIMENT:
-            continue
-        found = [
-            f"{group.replace('/', '.')}.{key}"
-            for option in options
-            for key, value in option_values(group, option).items()
-            if f"${{{name}}}" in str(value)
-        ]
-        yield from dict.fromkeys(found)
+def _followers(name: str) -> list[str]:
+    followers = [
+        f"{group.replace('/', '.')}.{key}"
+        for group, options in group_options().items()
+        if group != EXPERIMENT
+        for option in options
+        for key, value in option_values(group, option).items()
+        if f"${{{name}}}" in str(value)
+    ]
+    return list(dict.fromkeys(followers))

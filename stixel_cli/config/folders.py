@@ -77,10 +77,11 @@ def presets_trusted() -> bool:
     return _trusted
 
 
-def trust_presets(trusted: bool) -> None:
-    """Let the user's own presets name code, or not."""
+def trust_presets(trusted: bool) -> bool:
+    """Let the user's own presets name code, or not; returns `trusted`."""
     global _trusted
     _trusted = trusted
+    return trusted
 
 
 def is_shipped(path: Path) -> bool:
@@ -93,8 +94,8 @@ def presets_option() -> list[str]:
     return [] if _own is None else ["--config-dir", str(_own)]
 
 
-def use_presets(folder: Path | None) -> None:
-    """Add the options in `folder`, laid out as `conf/`, to those of `conf/`; None for none.
+def use_presets(folder: Path | None) -> Path | None:
+    """Add the options in `folder`, laid out as `conf/`, to those of `conf/`; returns `folder`.
 
     Raises:
         UserError: if a group is unknown, an option of that name exists, or a file is not a preset.
@@ -106,7 +107,7 @@ def use_presets(folder: Path | None) -> None:
         installed_trackers.cache_clear()
     _own = None
     if folder is None:
-        return
+        return None
     if not folder.is_dir():
         raise ConfigurationError(f"--config-dir: {folder}: no such folder")
     groups = group_options()
@@ -121,6 +122,7 @@ def use_presets(folder: Path | None) -> None:
         _check_preset(path)
     group_options.cache_clear()
     _own = folder.resolve()
+    return folder
 
 
 def _check_preset(path: Path) -> None:
@@ -256,6 +258,11 @@ def default_option(group: str) -> str:
         return inner_options(outer, owners[0])[group] if owners else group_options()[group][0]
     chosen = configured_option(group)
     return group_options()[group][0] if chosen is None or "$" in chosen else chosen
+
+
+def options_default_first(group: str) -> list[str]:
+    """The options of a group in alphabetical order, but for the default, which is the first."""
+    return sorted(group_options()[group], key=lambda option: option != default_option(group))
 
 
 def configured_option(group: str) -> str | None:

@@ -116,16 +116,6 @@ def functions_of(resolved: Mapping[str, Any]) -> dict[str, str]:
     return found
 
 
-def require_trust(resolved: Mapping[str, Any], folder: Path, trusted: bool) -> None:
-    """Refuse to run the user's functions that a result folder names, unless they are trusted.
-
-    Raises:
-        UserError: in one line that names them.
-    """
-    if not trusted:
-        refuse_code(folder, functions_of(resolved).values())
-
-
 def refuse_code(source: object, names: Iterable[str]) -> None:
     """Raise ConfigurationError in one line if `source`, a folder or file, names code."""
     shown = printable(", ".join(dict.fromkeys(names)), 200)

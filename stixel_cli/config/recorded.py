@@ -14,7 +14,7 @@ from typing import Annotated, Any
 from pydantic import Field, TypeAdapter, ValidationError
 
 from stixel_cli.config import messages
-from stixel_cli.config.experiments import set_by_experiment
+from stixel_cli.config.choice import set_by_experiment
 from stixel_cli.config.folders import EXPERIMENT, absolute, recorded_values
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.recordings.find import guess_layout

@@ -12,7 +12,7 @@ from typing import Any
 from stixel_cli import __version__
 from stixel_cli.config.compose import Composition, compose, from_resolved
 from stixel_cli.config.folders import OF_THE_MACHINE
-from stixel_cli.config.own_options import check_parameters, functions_of, require_trust
+from stixel_cli.config.own_options import check_parameters, functions_of, refuse_code
 from stixel_cli.config.run_names import run_name
 from stixel_cli.config.schema import Configuration
 from stixel_cli.engine.errors import StageFailure
@@ -255,8 +255,10 @@ def trust_stored_run(run: RunResult, trusted: bool) -> None:
     Raises:
         UserError: unless they are `trusted`, or if their parameters are not valid.
     """
-    require_trust(run.settings, run.folder, trusted)
-    if functions_of(run.settings):
+    functions = functions_of(run.settings)
+    if not trusted:
+        refuse_code(run.folder, functions.values())
+    if functions:
         check_parameters(run.composition.configuration)
 
 

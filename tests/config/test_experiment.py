@@ -9,8 +9,8 @@ import pytest
 import yaml
 
 from stixel_cli.config import folders
+from stixel_cli.config.choice import experiment_sources
 from stixel_cli.config.compose import compose
-from stixel_cli.config.experiments import experiment_sources
 from stixel_cli.config.folders import EXPERIMENT, group_options, option_values, shipped_folder
 from stixel_cli.config.keys import known_keys
 from stixel_cli.errors import ConfigurationError

@@ -4,8 +4,8 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from stixel_cli.config.choice import experiment_sources
 from stixel_cli.config.compose import compose
-from stixel_cli.config.experiments import experiment_sources
 from stixel_cli.config.folders import EXPERIMENT, shipped_folder
 from stixel_cli.evaluation.metric_table import METRICS, metric, over_runs
 from stixel_cli.report import tables
