@@ -11,8 +11,8 @@ PACKAGE = Path(stixel_cli.__file__).parent
 BUDGET = {
     "": 900,
     "calibration": 660,
-    "cli": 3050,
-    "config": 3110,
+    "cli": 2990,
+    "config": 3060,
     "engine": 5266,
     "evaluation": 1567,
     "experiment": 1516,

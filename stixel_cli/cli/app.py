@@ -30,7 +30,7 @@ from stixel_cli.cli.run import help_of_run, run
 from stixel_cli.cli.show import show
 from stixel_cli.cli.study import study
 from stixel_cli.cli.sweep import sweep
-from stixel_cli.cli.terminal import escaping
+from stixel_cli.cli.terminal import escaping, say
 from stixel_cli.cli.verify import verify
 from stixel_cli.engine.one_thread import ENVIRONMENT
 from stixel_cli.errors import UserError
@@ -97,7 +97,7 @@ def _run(arguments: list[str]) -> int:
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"stixel {__version__}")
+        say(f"stixel {__version__}")
         raise typer.Exit
 
 

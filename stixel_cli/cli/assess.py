@@ -1,7 +1,6 @@
 """`stixel assess`: how good the stixels of one pair of images are."""
 
 import shlex
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +9,7 @@ import typer
 from stixel_cli.cli.completion import complete_override
 from stixel_cli.cli.options import Json, Workers, argument, check_output
 from stixel_cli.cli.run import with_workers, without_target
-from stixel_cli.cli.terminal import print_json, print_table
+from stixel_cli.cli.terminal import print_json, print_table, say
 from stixel_cli.errors import UserError
 
 
@@ -87,7 +86,7 @@ def assess(
         if found.values[name] is not None
     ]
     print_table(("value", "", "unit"), rows, right=(1,))
-    sys.stdout.write("\n" + "\n".join(sentences(found)) + f"\n{page}\n")
+    say("", *sentences(found), page)
     return 0
 
 

@@ -9,7 +9,7 @@ import typer
 
 from stixel_cli.cli.errors import tell
 from stixel_cli.cli.options import Json
-from stixel_cli.cli.terminal import print_json, print_table
+from stixel_cli.cli.terminal import print_json, print_table, say
 from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def ls(json: Json = False) -> int:
     if rows:
         print_table(("stage", "entries", "size", "last use"), rows, right=(1, 2))
     limit = "no limit" if store.max_size is None else f"limit {show_size(store.max_size)}"
-    sys.stdout.write(f"{store.folder}: {len(found)} results, {show_size(total)}, {limit}\n")
+    say(f"{store.folder}: {len(found)} results, {show_size(total)}, {limit}")
     return 0
 
 
@@ -157,10 +157,10 @@ def verify(json: Json = False) -> int:
         print_json({"folder": str(store.folder), "read": count, "bad": answer})
     else:
         for entry, reason in bad:
-            sys.stdout.write(f"bad: {entry.label} {entry.key[:12]}: {reason}; set aside\n")
+            say(f"bad: {entry.label} {entry.key[:12]}: {reason}; set aside")
         are = "is" if len(bad) == 1 else "are"
         verdict = f"{len(bad)} {are} bad and recomputed when needed" if bad else "all are good"
-        sys.stdout.write(f"{store.folder}: {count} results read, {verdict}\n")
+        say(f"{store.folder}: {count} results read, {verdict}")
     return 1 if bad else 0
 
 
@@ -198,11 +198,11 @@ def _print_collection(store: "Store", done: "Collection", verb: str, json: bool)
     for one in done.removed:
         by_reason.setdefault(one.reason, []).append(one.size)
     for reason, sizes in by_reason.items():
-        sys.stdout.write(f"{reason}: {len(sizes)} {verb}, {show_size(sum(sizes))}\n")
+        say(f"{reason}: {len(sizes)} {verb}, {show_size(sum(sizes))}")
     used = f", {done.in_use} of them in use" if done.in_use else ""
-    sys.stdout.write(
+    say(
         f"{store.folder}: {show_size(done.removed_size)} {verb}; "
-        f"{done.kept} results, {show_size(done.kept_size)}, kept{used}\n"
+        f"{done.kept} results, {show_size(done.kept_size)}, kept{used}"
     )
 
 

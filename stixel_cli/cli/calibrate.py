@@ -1,7 +1,6 @@
 """`stixel calibrate`: estimate the disparity error of a recording's rig."""
 
 import shlex
-import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,7 +10,7 @@ import typer
 from stixel_cli.cli.completion import complete_override
 from stixel_cli.cli.options import Json, Workers, argument
 from stixel_cli.cli.run import with_workers, without_target
-from stixel_cli.cli.terminal import print_json
+from stixel_cli.cli.terminal import print_json, say
 
 if TYPE_CHECKING:
     from stixel_cli.calibration.disparity_fit import DisparityFit
@@ -71,9 +70,9 @@ def calibrate(
         # Quotes of Hydra's grammar: the text has commas and blanks.
         "source.correction": f'"{text}"',
     }
-    sys.stdout.write(
-        f"{shlex.join(f'{name}={value}' for name, value in values.items())}\n"
-        f"median residual {found.median_before:.2f} px before, {found.median_after:.2f} px after\n"
+    say(
+        shlex.join(f"{name}={value}" for name, value in values.items()),
+        f"median residual {found.median_before:.2f} px before, {found.median_after:.2f} px after",
     )
     return 0
 

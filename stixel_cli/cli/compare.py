@@ -1,6 +1,5 @@
 """`stixel compare`: print the settings and metrics that differ between runs."""
 
-import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,7 +8,7 @@ import typer
 
 from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.options import Json, argument
-from stixel_cli.cli.terminal import print_json, print_table
+from stixel_cli.cli.terminal import print_json, print_table, say
 from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
@@ -57,8 +56,8 @@ def compare(
     if settings:
         print_table(("setting", *labels), [(key, *values) for key, values in settings])
     else:
-        sys.stdout.write("the settings are the same\n")
-    sys.stdout.write("\n")
+        say("the settings are the same")
+    say("")
     rows = [
         (
             f"{row['label']}, {row['unit']}" if row["unit"] else row["label"],
@@ -69,19 +68,19 @@ def compare(
     ]
     if rows:
         print_table(("metric (* is the best)", *labels), rows, right=range(1, 1 + len(runs)))
-        sys.stdout.write(
+        say(
             "One run per column: a difference may be due to chance. NEES, NIS: the best is nearest "
-            "to 1 (0.5 and 2 are equally near); farther from 1 there is no best\n"
+            "to 1 (0.5 and 2 are equally near); farther from 1 there is no best"
         )
     else:
-        sys.stdout.write("the metrics are the same\n")
+        say("the metrics are the same")
     if code:
-        sys.stdout.write("\n")
+        say("")
         for one in changed:
             name = f"{one.module}: " if one.module else ""
-            sys.stdout.write("\n".join(one.lines or [f"{name}{one.reason}"]) + "\n")
+            say(*(one.lines or [f"{name}{one.reason}"]))
         if not changed:
-            sys.stdout.write("the code is the same\n")
+            say("the code is the same")
     return 0
 
 

@@ -1,12 +1,11 @@
 """`stixel describe`: explain groups, options and keys."""
 
-import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
 from stixel_cli.cli.completion import complete_setting
 from stixel_cli.cli.options import argument
-from stixel_cli.cli.terminal import print_table
+from stixel_cli.cli.terminal import print_table, say
 from stixel_cli.config.folders import default_option, group_options, options_default_first
 from stixel_cli.config.texts import split_override
 from stixel_cli.errors import ConfigurationError
@@ -67,10 +66,10 @@ def _print_groups() -> None:
         (name, " ".join(options_default_first(name)), meaning_of_group(name)) for name in groups()
     ]
     print_table(("group", "options (default first)", "meaning"), rows, width=WIDTH)
-    sys.stdout.write("\n")
+    say("")
     tops = [(one.name, one.default, one.meaning) for one in settings_of_top()]
     print_table(("key", "default", "meaning"), tops, width=WIDTH)
-    sys.stdout.write("\nstixel describe GROUP, GROUP=OPTION or KEY explains one of them.\n")
+    say("", "stixel describe GROUP, GROUP=OPTION or KEY explains one of them.")
 
 
 def _print_group(group: str) -> None:
@@ -79,19 +78,19 @@ def _print_group(group: str) -> None:
 
     rows = [("read by", _listed(readers(group.replace("/", "."))))]
     print_table((group, meaning_of_group(group)), rows, width=WIDTH)
-    sys.stdout.write("\n")
+    say("")
     options = [
         (f"{group}={one}", meaning_of_option(group, one)) for one in options_default_first(group)
     ]
     print_table(("option (default first)", "meaning"), options, width=WIDTH)
-    sys.stdout.write("\n")
+    say("")
     _print_keys(group, default_option(group))
 
 
 def _print_option(group: str, option: str) -> None:
     from stixel_cli.config.descriptions import meaning_of_option
 
-    sys.stdout.write(f"{group}={option}: {meaning_of_option(group, option)}\n\n")
+    say(f"{group}={option}: {meaning_of_option(group, option)}", "")
     _print_keys(group, option)
 
 
@@ -104,7 +103,7 @@ def _print_keys(group: str, option: str) -> None:
     if rows:
         print_table((f"key of {group}={option}", "value", "meaning"), rows, width=WIDTH)
     else:
-        sys.stdout.write(f"{group}={option} has no keys of its own.\n")
+        say(f"{group}={option} has no keys of its own.")
 
 
 def _print_key(name: str) -> None:
@@ -113,7 +112,7 @@ def _print_key(name: str) -> None:
 
     for i, one in enumerate(describe_key(name)):
         if i:
-            sys.stdout.write("\n")
+            say("")
         rows = [("unit", one.unit), ("range", one.range), ("default", _values(one))]
         rows.append(("belongs to", " ".join(one.belongs_to)))
         rows.append(("read by", _listed([*readers(name), *one.followers])))

@@ -1,10 +1,8 @@
 """`stixel doctor`: check this machine."""
 
-import sys
-
 from stixel_cli.cli.errors import tell
 from stixel_cli.cli.options import Json
-from stixel_cli.cli.terminal import print_json, print_table
+from stixel_cli.cli.terminal import print_json, print_table, say
 
 
 def doctor(json: Json = False) -> int:
@@ -22,11 +20,11 @@ def doctor(json: Json = False) -> int:
     checks = examine(open_store(compose().configuration.cache))
     failing = [check for check in checks if check.status == "fails"]
     if json:
-        print_json({"ok": not failing, "checks": [vars(one) for one in checks]})
+        print_json({"ok": not failing, "checks": [vars(check) for check in checks]})
     else:
-        print_table(("check", "", "found"), [(one.name, one.status, one.text) for one in checks])
-        sys.stdout.write(
-            "".join(f"{one.name} fails: {one.text}\n" for one in failing)
-            or "the default experiment can run here\n"
+        print_table(
+            ("check", "", "found"), [(check.name, check.status, check.text) for check in checks]
         )
+        faults = [f"{check.name} fails: {check.text}" for check in failing]
+        say(*(faults or ["the default experiment can run here"]))
     return 1 if failing else 0

@@ -1,7 +1,6 @@
 """`stixel explain`: explain why results would be recomputed."""
 
 import os
-import sys
 from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from stixel_cli.cli.completion import complete_run_or_override
 from stixel_cli.cli.options import ConfigDir, FromFile, Json, TrustCode, argument
-from stixel_cli.cli.terminal import print_json
+from stixel_cli.cli.terminal import print_json, say
 from stixel_cli.errors import UserError, printable_path
 
 if TYPE_CHECKING:
@@ -83,13 +82,13 @@ def explain(
         labels += f", {len(group)} nodes" if len(group) > 1 else ""
         runs = sorted({index for one in group for index in needed_by.get(one.key, ())})
         where = f" ({shown_runs(runs, len(asked.runs))})" if asked.runs else ""
-        sys.stdout.write(f"{labels}{where}: {text}\n")
+        say(f"{labels}{where}: {text}")
         for change in group[0].changes:
             if change.difference and change.difference not in shown:
                 shown.add(change.difference)
-                sys.stdout.write("".join(f"    {line}\n" for line in _shortened(change)))
+                say(*(f"    {line}" for line in _shortened(change)))
     if not found:
-        sys.stdout.write("nothing to recompute: all results are cached\n")
+        say("nothing to recompute: all results are cached")
     return 0
 
 

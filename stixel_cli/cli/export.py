@@ -1,7 +1,6 @@
 """`stixel export`: write a run in the format of other tools."""
 
 import shlex
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +8,7 @@ import typer
 
 from stixel_cli.cli.options import Folder, TrustCode, Workers
 from stixel_cli.cli.run import stored_run
+from stixel_cli.cli.terminal import say
 from stixel_cli.errors import UserError
 
 NAMES = "kitti|csv|tum|stx1|rerun"
@@ -57,7 +57,7 @@ def export(
     stored = stored_run(folder, workers, trust_code)
     target = Path(f"{folder.resolve().name}-{format}") if output is None else output
     answer = FORMATS[format](stored, target.absolute(), make_progress())
-    sys.stdout.write(f"{target}\n")
+    say(target)
     if format == "kitti":
-        sys.stdout.write(f"{shlex.join(['stixel', 'run', *answer])}\n")
+        say(shlex.join(["stixel", "run", *answer]))
     return 0

@@ -13,7 +13,7 @@ from stixel_cli.cli.options import (
     Workers,
 )
 from stixel_cli.cli.run import with_workers
-from stixel_cli.cli.terminal import console, counted, print_json, print_table
+from stixel_cli.cli.terminal import counted, print_json, print_table, say
 
 if TYPE_CHECKING:
     from stixel_cli.sweeps.design import Design
@@ -71,13 +71,12 @@ def print_plan(plan: "SweepPlan", design: "Design", notes: Sequence[str], json: 
         return
     from stixel_cli.engine.progress import duration
 
-    printer = console()
     for axis in design.axes:
         values = [" ".join(one.text for one in step) for step in axis.steps]
         shown = ", ".join(values[:6]) + (", …" if len(values) > 6 else "")
-        printer.print(f"{axis.name}: {counted(len(values), 'value')}: {shown}", markup=False)
+        say(f"{axis.name}: {counted(len(values), 'value')}: {shown}")
     for note in notes:
-        printer.print(f"note: {note}", markup=False)
+        say(f"note: {note}")
     rows = [
         (
             stage.name,
@@ -90,7 +89,7 @@ def print_plan(plan: "SweepPlan", design: "Design", notes: Sequence[str], json: 
     ]
     print_table(("stage", "nodes", "cached", "to run", "time"), rows, right=(1, 2, 3, 4))
     counts = content["nodes"]
-    printer.print(
+    say(
         f"{counted(content['runs'], 'run')}, {content['runs_cached']} complete; "
         f"{counted(counts['all'], 'node')}, {counts['cached']} cached, {counts['to_run']} to run"
         f"{_estimate(plan, content)}"

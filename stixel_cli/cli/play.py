@@ -1,6 +1,5 @@
 """`stixel play`: write a page that plays runs back."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -8,6 +7,7 @@ from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.errors import tell
 from stixel_cli.cli.options import Output, TrustCode, Workers, argument, check_output
 from stixel_cli.cli.run import stored_run
+from stixel_cli.cli.terminal import say
 from stixel_cli.errors import UserError
 
 
@@ -47,5 +47,5 @@ def play(
         tell(note)
     file = default_page(folders, "play") if output is None else output
     write_page(file, page)
-    sys.stdout.write(f"{file}\n")
+    say(file)
     return 0

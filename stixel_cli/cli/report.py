@@ -1,11 +1,11 @@
 """`stixel report`: compare runs, or show a sweep, on one page."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.options import Output, argument, check_output
+from stixel_cli.cli.terminal import say
 from stixel_cli.errors import UserError
 
 
@@ -53,5 +53,5 @@ def report(
 
         text = page_html([read_scored_run(folder) for folder in folders], command, page)
     write_page(page, text)
-    sys.stdout.write(f"{page}\n")
+    say(page)
     return 0

@@ -1,12 +1,13 @@
 """`stixel rerun`: repeat a run."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from stixel_cli.cli.options import Folder, Json, Results, TrustCode, Verbose, Workers
-from stixel_cli.cli.run import print_run, printer_of_scores, stored_run, tell_changed_code
+from stixel_cli.cli.run import print_run, print_scores, stored_run, tell_changed_code
 
 
 def rerun(
@@ -42,7 +43,7 @@ def rerun(
         stem=f"{folder.resolve().name.lstrip('.')[:100]}-rerun",
         progress=make_progress(uncompiled(), advice=not json),
         notes={"rerun_of": str(folder)},
-        on_scores=None if json else printer_of_scores(verbose),
+        on_scores=None if json else partial(print_scores, verbose),
     )
     print_run(made, json)
     return 0

@@ -2,7 +2,8 @@
 
 import sys
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,7 +20,7 @@ from stixel_cli.cli.options import (
     Verbose,
     Workers,
 )
-from stixel_cli.cli.terminal import console, print_json, print_table
+from stixel_cli.cli.terminal import console, print_json, print_table, say
 from stixel_cli.config.folders import group_options, installed_trackers, presets_option
 from stixel_cli.errors import UserError
 
@@ -67,7 +68,7 @@ def run(
         results,
         name,
         progress=make_progress(uncompiled(), advice=not json),
-        on_scores=None if json else printer_of_scores(verbose),
+        on_scores=None if json else partial(print_scores, verbose),
     )
     print_run(made, json)
     return 0
@@ -167,41 +168,33 @@ def print_run(made: "RunResult", json: bool) -> None:
         print_json(answer | {"verdict": verdict(made.metrics), "stages": made.stages})
         return
     if "correction" in made.manifest:
-        typer.echo(f"disparity error corrected: {made.manifest['correction']}")
+        say(f"disparity error corrected: {made.manifest['correction']}")
     computed = [stage["name"] for stage in made.stages if stage["status"] == "computed"]
     stages = ", ".join(computed) or "nothing, all was cached"
-    typer.echo(f"computed: {stages}; {made.manifest['seconds']:.1f} s")
-    typer.echo(made.folder)
+    say(f"computed: {stages}; {made.manifest['seconds']:.1f} s")
+    say(made.folder)
 
 
-def printer_of_scores(verbose: bool) -> Callable[["Scenario", "Scores"], None]:
-    """The function that prints the scores of a run at once, before its pictures are drawn.
+def print_scores(verbose: bool, _: "Scenario", scores: "Scores") -> None:
+    """Print the scores of a run at once, before its pictures are drawn.
 
-    It prints the verdict and a table: of the main metrics, or of all if `verbose`.
+    That is the verdict and a table: of the main metrics, or of all if `verbose`.
     """
+    from stixel_cli.evaluation.verdict import verdict
+    from stixel_cli.report.metrics import LABEL_COLUMNS, label_rows, main_metrics, score_rows
 
-    def print_scores(scenario: "Scenario", scores: "Scores") -> None:
-        from stixel_cli.evaluation.verdict import verdict
-        from stixel_cli.report.metrics import (
-            LABEL_COLUMNS,
-            label_rows,
-            main_metrics,
-            scores_table,
-        )
-
-        printer = console()
-        for sentence in verdict(scores.metrics):
-            printer.print(sentence, style=_colour(sentence))
-        printer.print()
-        printer.print(scores_table(scores.metrics if verbose else main_metrics(scores.metrics)))
-        printer.print()
-        labels = label_rows(scores.labels)
-        if labels:
-            print_table(LABEL_COLUMNS, labels, right=range(1, len(LABEL_COLUMNS)))
-            printer.print()
-        sys.stdout.flush()
-
-    return print_scores
+    printer = console()
+    for sentence in verdict(scores.metrics):
+        printer.print(sentence, style=_colour(sentence))
+    shown = scores.metrics if verbose else main_metrics(scores.metrics)
+    say("")
+    print_table(("score", "value", "unit"), score_rows(shown), right=(1,))
+    say("")
+    labels = label_rows(scores.labels)
+    if labels:
+        print_table(LABEL_COLUMNS, labels, right=range(1, len(LABEL_COLUMNS)))
+        say("")
+    sys.stdout.flush()
 
 
 def _colour(sentence: str) -> str:

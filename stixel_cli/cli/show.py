@@ -1,12 +1,11 @@
 """`stixel show`: print the record of a run or a sweep."""
 
-import sys
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.cli.options import Json, RunOrSweep
-from stixel_cli.cli.terminal import print_json, print_table
+from stixel_cli.cli.terminal import print_json, print_table, say
 from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
@@ -22,9 +21,8 @@ def show(folder: RunOrSweep, json: Json = False) -> int:
 
     Example: stixel show results/contour
     """
-    from stixel_cli.evaluation.metric_table import metric
     from stixel_cli.evaluation.verdict import verdict
-    from stixel_cli.report.metrics import shown_value, with_value
+    from stixel_cli.report.metrics import score_rows
     from stixel_cli.results.reader import SWEEP_FILE, flat_settings
     from stixel_cli.results.result import read_run
 
@@ -38,14 +36,9 @@ def show(folder: RunOrSweep, json: Json = False) -> int:
         print_json(answer | {"verdict": verdict(metrics), "manifest": manifest})
         return 0
     print_table(("run", str(folder)), _provenance(run), width=WIDTH)
-    sys.stdout.write("\n")
-    sys.stdout.write("\n".join(verdict(metrics)) + "\n\n")
-    rows = [
-        (metric(name).label, shown_value(name, value), metric(name).shown_unit)
-        for name, value in with_value(metrics).items()
-    ]
-    print_table(("score", "value", "unit"), rows, right=(1,))
-    sys.stdout.write("\n")
+    say("", *verdict(metrics), "")
+    print_table(("score", "value", "unit"), score_rows(metrics), right=(1,))
+    say("")
     print_table(("stage", "status", "nodes", "seconds", "key"), _stages(manifest), right=(2, 3))
     return 0
 
@@ -71,11 +64,11 @@ def _show_sweep(folder: Path, json: bool) -> int:
         _, *sections = read_text(summary).split("\n## ")
         for section in sections[:MOST_SECTIONS]:
             title, _, table = section.partition("\n")
-            sys.stdout.write(f"\n{title}\n")
+            say("", title)
             lines = [line.strip("| ").split(" | ") for line in table.splitlines() if line]
             print_table(lines[0] if lines else (), lines[2:])
         if len(sections) > MOST_SECTIONS:
-            sys.stdout.write(f"\n{len(sections) - MOST_SECTIONS} more metrics: {summary}\n")
+            say("", f"{len(sections) - MOST_SECTIONS} more metrics: {summary}")
     return 0
 
 

@@ -21,7 +21,7 @@ from stixel_cli.cli.options import (
     argument,
 )
 from stixel_cli.cli.plan import plan_content, print_plan
-from stixel_cli.cli.terminal import console, print_json, print_table
+from stixel_cli.cli.terminal import console, print_json, print_table, say
 from stixel_cli.errors import ConfigurationError, MissingData, UserError
 
 if TYPE_CHECKING:
@@ -79,8 +79,6 @@ def study(
       stixel study all
     """
     from stixel_cli.studies.file import ALL, shipped_studies
-    from stixel_cli.studies.folder import study_folder
-    from stixel_cli.sweeps.run import SweepInterrupted
 
     shipped = shipped_studies()
     if not words or "=" in words[0]:
@@ -89,66 +87,67 @@ def study(
     second = next((word for word in overrides if word in (*shipped, ALL)), None)
     if second is not None:
         raise ConfigurationError(f"{second}: one command runs one study, or {ALL}")
-    options = [*_options(name, results, workers), *(["--trust-code"] if trust_code else [])]
-    wanted = (options, workers, dry_run, fresh, trust_code)
-    if chosen != ALL:
-        one = _Command(chosen, overrides, *wanted)
-        plan = one.plan()
-        folder = study_folder(results, plan.folder_name if name is None else name)
-        answer, code = one.run(plan, folder, json)
-        if json:
-            print_json(answer)
-        return code
-    if name is not None:
+    if chosen == ALL and name is not None:
         raise UserError(f"--name names the folder of one study: leave it out with {ALL}")
-    commands = {one: _Command(one, overrides, *wanted) for one in shipped}
-    answers, codes, plans = {}, [], {}
+    options = [] if name is None else ["--name", name]
+    options += [] if results == Path("results") else ["--results", str(results)]
+    options += [] if workers is None else ["--workers", str(workers)]
+    options += ["--trust-code"] if trust_code else []
+    wanted = (overrides, options, results, name, workers, dry_run, fresh, trust_code, json)
+    if chosen == ALL:
+        return _run_all([_Command(each, *wanted) for each in shipped], json)
+    command = _Command(chosen, *wanted)
+    answer, code = command.run(command.plan())
+    if json:
+        print_json(answer)
+    return code
+
+
+def _run_all(commands: "list[_Command]", json: bool) -> int:
+    """Run one study after the other; one that fails stops no other."""
+    from stixel_cli.sweeps.run import SweepInterrupted
+
+    answers, codes, plans = {}, [0], {}
+
+    def failed(study: str, error: UserError) -> None:
+        tell(f"{study}: {error}")
+        answers[study] = {"study": study, "complete": False, "error": str(error)}
+
     # Report studies that cannot run before the first one runs for minutes.
-    for one, command in commands.items():
+    for command in commands:
         try:
-            plans[one] = command.plan()
-        except MissingData as error:
-            answers[one] = _failed(one, error)
+            plans[command] = command.plan()
         except UserError as error:
-            answers[one] = _failed(one, error)
-            codes.append(error.exit_code)
-    for one, plan in plans.items():
+            failed(command.study, error)
+            codes += [] if isinstance(error, MissingData) else [error.exit_code]
+    for command, plan in plans.items():
         try:
-            answers[one], code = commands[one].run(
-                plan, study_folder(results, plan.folder_name), json
-            )
+            answers[command.study], code = command.run(plan)
         except SweepInterrupted:
             raise
         except UserError as error:
-            answers[one], code = _failed(one, error), error.exit_code
+            failed(command.study, error)
+            code = error.exit_code
         codes.append(code)
     if json:
-        print_json({"studies": [answers[one] for one in shipped]})
-    return max(codes, default=0)
+        print_json({"studies": [answers[command.study] for command in commands]})
+    return max(codes)
 
 
-def _failed(study: str, error: UserError) -> dict[str, Any]:
-    tell(f"{study}: {error}")
-    return {"study": study, "complete": False, "error": str(error)}
-
-
-def _options(name: str | None, results: Path, workers: int | None) -> list[str]:
-    options = [] if name is None else ["--name", name]
-    options += [] if results == Path("results") else ["--results", str(results)]
-    return options + ([] if workers is None else ["--workers", str(workers)])
-
-
-@dataclass
+@dataclass(eq=False)
 class _Command:
     """One study as it was requested."""
 
     study: str
     overrides: Sequence[str]
     options: Sequence[str]
+    results: Path
+    name: str | None
     workers: int | None
     dry_run: bool
     fresh: bool
     trust_code: bool
+    json: bool
 
     @property
     def text(self) -> str:
@@ -166,53 +165,48 @@ class _Command:
 
         return plan_study(read_study(find_study(self.study), self.trust_code), self.overrides)
 
-    def run(self, plan: "StudyPlan", folder: Path, json: bool) -> tuple[dict[str, Any], int]:
-        """Run the study and print the result unless `json`.
+    def run(self, plan: "StudyPlan") -> tuple[dict[str, Any], int]:
+        """Run the study, and print the result unless it is to be JSON.
 
         Returns:
             The result in plain types, and the exit code.
         """
-        from stixel_cli.studies.folder import StudyFolder
+        from stixel_cli.studies.folder import StudyFolder, study_folder
         from stixel_cli.studies.run import run_study
 
+        folder = study_folder(self.results, plan.folder_name if self.name is None else self.name)
         if self.dry_run:
             StudyFolder(folder).check(plan, self.fresh)
-            return _planned(plan, json), 0
+            return _planned(plan, self.json), 0
         result = run_study(plan, folder, self.text, self.fresh, self.workers, True, tell)
-        if not json:
+        if not self.json:
             _print(plan, result)
         missing = [state for state in result.sweeps if not state.complete]
         for state in missing:
             for fault in state.faults:
                 tell(f"sweep {state.name}: {fault}")
         if missing:
-            counts = ", ".join(
-                f"{state.name} {state.done} of {state.runs if state.runs else '?'}"
-                for state in missing
-            )
-            tell(f"no statistics yet: runs are missing: {counts}; see {result.page}")
+            counts = (f"{state.name} {state.done} of {state.runs or '?'}" for state in missing)
+            tell(f"no statistics yet: runs are missing: {', '.join(counts)}; see {result.page}")
             print(self.text, file=sys.stderr)  # noqa: T201
         return _answer(plan, result), INCOMPLETE if missing else 0
 
 
 def _planned(plan: "StudyPlan", json: bool) -> dict[str, Any]:
-    sweeps: dict[str, Any] = {}
+    """The plan in plain types; printed unless `json`."""
+    sweeps = {
+        part.sweep.name: part.plan and plan_content(part.plan, part.design, part.notes)
+        for part in plan.sweeps
+    }
     if not json:
-        for note in plan.notes:
-            print(f"note: {note}")  # noqa: T201
-    for one in plan.sweeps:
-        name = one.sweep.name
-        if not json:
-            print(f"sweep {name}")  # noqa: T201
-        if one.plan is None:
-            sweeps[name] = None
-            if not json:
-                print("its axes depend on the results of the sweeps before\n")  # noqa: T201
-            continue
-        sweeps[name] = plan_content(one.plan, one.design, one.notes)
-        if not json:
-            print_plan(one.plan, one.design, one.notes, json=False)
-            print()  # noqa: T201
+        say(*(f"note: {note}" for note in plan.notes))
+        for part in plan.sweeps:
+            say(f"sweep {part.sweep.name}")
+            if part.plan is None:
+                say("its axes depend on the results of the sweeps before")
+            else:
+                print_plan(part.plan, part.design, part.notes, json=False)
+            say("")
     return {"study": plan.study.name, "notes": list(plan.notes), "sweeps": sweeps}
 
 
@@ -241,20 +235,19 @@ def _print(plan: "StudyPlan", result: "StudyResult") -> None:
     from stixel_cli.report.blocks import Table
     from stixel_cli.report.tables import shown_table
 
-    printer = console()
     if result.findings is not None:
-        printer.print(plan.study.title, markup=False, style="bold")
+        console().print(plan.study.title, markup=False, style="bold")
         for text in result.findings.answer:
-            printer.print(text, markup=False)
-        for table in (one for one in result.findings.opening if isinstance(one, Table)):
+            say(text)
+        for table in (block for block in result.findings.opening if isinstance(block, Table)):
             header, rows, numeric = shown_table(table)
-            print()  # noqa: T201
+            say("")
             print_table(header, rows, [i for i, right in enumerate(numeric) if right])
-            printer.print(table.caption, markup=False)
+            say(table.caption)
     done = sum(state.done for state in result.sweeps)
-    printer.print(
+    say(
         f"{done} runs done; nodes: {result.computed} computed, {result.cached} cached; "
         f"{result.seconds:.1f} s"
     )
-    printer.print(str(result.page), markup=False)
+    say(result.page)
     sys.stdout.flush()

@@ -23,7 +23,7 @@ from stixel_cli.cli.options import (
 )
 from stixel_cli.cli.plan import print_plan
 from stixel_cli.cli.run import with_workers
-from stixel_cli.cli.terminal import console, counted, print_json, print_table
+from stixel_cli.cli.terminal import counted, print_json, print_table, say
 from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
@@ -130,14 +130,13 @@ def _report(result: "SweepResult", json: bool, seconds: float) -> None:
     if json:
         print_json(_answer(result))
     else:
-        printer = console()
         if result.statistics:
-            _print_statistics(printer, result)
-        printer.print(
+            _print_statistics(result)
+        say(
             f"{result.count('done')} of {len(result.runs)} runs done; nodes: "
             f"{result.computed} computed, {result.cached} cached; {seconds:.1f} s"
         )
-        printer.print(str(result.folder), markup=False)
+        say(result.folder)
     sys.stdout.flush()
     if not result.complete:
         _tell_what_is_missing(result)
@@ -156,7 +155,7 @@ def _answer(result: "SweepResult") -> dict[str, Any]:
     }
 
 
-def _print_statistics(printer: Any, result: "SweepResult") -> None:
+def _print_statistics(result: "SweepResult") -> None:
     """Print the main metrics of the first settings; all of them are in the summary."""
     from stixel_cli.evaluation.metric_table import LOSS_RATE, over_runs
     from stixel_cli.report.metrics import format_value
@@ -185,7 +184,7 @@ def _print_statistics(printer: Any, result: "SweepResult") -> None:
         rows.append((*(value for _, value in setting), str(n), *cells))
     print_table(header, rows, right=range(len(keys), len(header)))
     more = len(by_setting) - 2 * _MOST_SHOWN
-    printer.print(
+    say(
         (
             "Mean over n seeds ± half the 95 % interval (Student's t)"
             if spread

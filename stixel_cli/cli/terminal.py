@@ -54,6 +54,11 @@ def console(width: int | None = None) -> "Console":
     return Escaping(highlight=False, soft_wrap=width is None, width=width)
 
 
+def say(*lines: object) -> None:
+    """Print lines verbatim on stdout."""
+    sys.stdout.write("".join(f"{line}\n" for line in lines))
+
+
 def print_json(value: Any) -> None:
     """Print a value in plain types as JSON, in ASCII: nothing in it controls the terminal."""
     sys.stdout.write(json.dumps(value, indent=2, allow_nan=False) + "\n")

@@ -1,6 +1,5 @@
 """`stixel verify`: repeat a run and compare."""
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -8,7 +7,7 @@ import typer
 
 from stixel_cli.cli.options import Folder, Json, TrustCode, Workers
 from stixel_cli.cli.run import stored_run, tell_changed_code
-from stixel_cli.cli.terminal import print_json
+from stixel_cli.cli.terminal import print_json, say
 from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
@@ -68,7 +67,7 @@ def verify(
     if json:
         print_json(_as_json(folder, found))
     else:
-        sys.stdout.write("".join(f"{line}\n" for line in _as_text(found, stored.lineage is None)))
+        say(*_as_text(found, stored.lineage is None))
     return 0 if found.identical else 1
 
 

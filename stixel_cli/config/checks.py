@@ -4,7 +4,6 @@ import dataclasses
 import inspect
 import math
 from functools import cache
-from typing import Any
 
 from stixel_cli.config.schema import Configuration
 from stixel_cli.errors import ConfigurationError
@@ -29,26 +28,21 @@ def check(configuration: Configuration) -> None:
         _check_rig(configuration)
         _check_times(configuration)
         for field in dataclasses.fields(configuration):
-            _check_part(configuration, getattr(configuration, field.name))
+            part = getattr(configuration, field.name)
+            if hasattr(part, "check"):
+                others = _groups_of(type(part))
+                part.check(**{group: getattr(configuration, group) for group in others})
         check_dropout(configuration.measurement)
         _check_start(configuration)
-        _check_truth(configuration)
         _check_stereo(configuration)
         _check_shape(configuration)
     except ValueError as fault:
         raise ConfigurationError(" ".join(str(fault).split())) from None
 
 
-def _check_part(configuration: Configuration, part: Any) -> None:
-    """Call the part's own `check`; the names of its arguments are groups."""
-    own = getattr(part, "check", None)
-    if own is not None:
-        own(**{group: getattr(configuration, group) for group in _groups_of(type(part))})
-
-
 @cache
 def _groups_of(part: type) -> tuple[str, ...]:
-    """The other groups that the check of a part needs."""
+    """The other groups that the check of a part needs: the names of its arguments."""
     return tuple(inspect.signature(part.check).parameters)[1:]
 
 
@@ -99,13 +93,17 @@ def _check_times(configuration: Configuration) -> None:
 
 
 def _check_start(configuration: Configuration) -> None:
-    """Refuse a target that starts at the camera; its heading is ignored."""
-    path, user = configuration.path, configuration.road_user
+    """Refuse a start from a truth that is missing, and a target that starts at the camera."""
+    measurement, path, user = configuration.measurement, configuration.path, configuration.road_user
+    without_truth = isinstance(measurement, FileParameters) and measurement.truth is None
+    if without_truth and measurement.path and isinstance(configuration.start, TruthStart):
+        raise ValueError(NO_TRUTH)
     if path.kind in ("source", "recorded"):
         return
     key, start = (
         ("path.start", path.start) if hasattr(path, "start") else ("path.points", path.points[0])
     )
+    # Its heading is ignored.
     extent = 0.0 if user.mesh is not None else 0.5 * min(user.length, user.width)
     distance = math.hypot(*start)
     if distance - extent < _NEAREST_START:
@@ -113,18 +111,6 @@ def _check_start(configuration: Configuration) -> None:
             f"{key}: must be at least {_NEAREST_START + extent:.2g} m from the camera, "
             f"got {distance:.2g} m"
         )
-
-
-def _check_truth(configuration: Configuration) -> None:
-    """Refuse a start from the truth for scans from a file without truth."""
-    measurement = configuration.measurement
-    if (
-        isinstance(measurement, FileParameters)
-        and measurement.path is not None
-        and measurement.truth is None
-        and isinstance(configuration.start, TruthStart)
-    ):
-        raise ValueError(NO_TRUTH)
 
 
 def _check_shape(configuration: Configuration) -> None:

@@ -228,12 +228,7 @@ def from_resolved(resolved: Mapping[str, Any]) -> Configuration:
     """
     if not isinstance(resolved, Mapping):
         raise ConfigurationError(f"{messages.show(resolved)}: is not a configuration")
-    plain = dict(resolved)
-    if isinstance(plain.get("measurement"), Mapping):
-        # A key of older folders that changed no number.
-        own = plain["measurement"].items()
-        plain["measurement"] = {k: v for k, v in own if k != "correlation_columns"}
-    return _validate(plain, ())
+    return _validate(dict(resolved), ())
 
 
 def _validate(plain: dict[str, Any], typed: Iterable[str]) -> Configuration:

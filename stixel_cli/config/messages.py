@@ -94,7 +94,10 @@ def unknown_key(name: str, kinds: Mapping[str, str] | None = None) -> str:
     variants = keys.known_keys().get(name)
     name = printable(name)
     if variants:
-        return f"{name}: unknown key{_owners(variants, kinds)}"
+        group = next(g for g, kind in variants[0].owners if kinds.get(g) != kind)
+        chosen = f" with {group}={kinds[group]}" if group in kinds else " in the chosen option"
+        owners = ", ".join(_owners(variants, kinds))
+        return f"{name}: unknown key{chosen}; it belongs to {owners}"
     group = innermost_group(name) or name.partition(".")[0]
     within = group.replace("/", ".") + "."
     inner = [key for key in keys.known_keys() if key.startswith(name + ".")]
@@ -103,7 +106,8 @@ def unknown_key(name: str, kinds: Mapping[str, str] | None = None) -> str:
     candidates = [
         key
         for key, variants in keys.known_keys().items()
-        if not key.startswith(within) or any(_belongs(variant, kinds) for variant in variants)
+        if not key.startswith(within)
+        or any(all(kinds.get(g, kind) == kind for g, kind in v.owners) for v in variants)
     ]
     groups = [] if "." in name or name in group_options() else group_options()
     hint = suggestion(name, [*groups, *candidates])
@@ -115,34 +119,22 @@ def unknown_key(name: str, kinds: Mapping[str, str] | None = None) -> str:
     return f"{name}: unknown key{hint}"
 
 
-def _belongs(variant: keys.Key, kinds: Mapping[str, str]) -> bool:
-    return all(kinds.get(group, kind) == kind for group, kind in variant.owners)
-
-
-def _owners(variants: Sequence[keys.Key], kinds: Mapping[str, str]) -> str:
-    """The options that a key belongs to, and the chosen option of another kind."""
-    apart = [
-        [(group, kind) for group, kind in variant.owners if kinds.get(group) != kind]
+def _owners(variants: Sequence[keys.Key], kinds: Mapping[str, str]) -> list[str]:
+    """The options that each variant of a key belongs to, without the chosen ones."""
+    return [
+        " ".join(
+            f"{group}={'|'.join(options_of_kind(group, kind))}"
+            for group, kind in variant.owners
+            if kinds.get(group) != kind
+        )
         for variant in variants
     ]
-    group = apart[0][0][0]
-    chosen = f" with {group}={kinds[group]}" if group in kinds else " in the chosen option"
-    owners = [
-        " ".join(f"{group}={'|'.join(options_of_kind(group, kind))}" for group, kind in others)
-        for others in apart
-    ]
-    return f"{chosen}; it belongs to {', '.join(owners)}"
 
 
 def owners_of(name: str) -> str:
     """The options that a key belongs to, as `path=turn or path=circle`; "" if it is in all."""
     variants = keys.known_keys().get(name, ())
-    if not all(variant.owners for variant in variants):
-        return ""
-    return " or ".join(
-        " ".join(f"{group}={'|'.join(options_of_kind(group, kind))}" for group, kind in one.owners)
-        for one in variants
-    )
+    return " or ".join(_owners(variants, {})) if all(v.owners for v in variants) else ""
 
 
 _RENAMED = {("measurement", "simulated"): "stixels"}

@@ -3,9 +3,6 @@
 import math
 from collections.abc import Mapping
 
-from rich import box
-from rich.table import Table
-
 from stixel_cli.evaluation.metric_table import METRICS, Better, metric
 from stixel_cli.evaluation.scan_errors import LabelScores
 
@@ -113,16 +110,12 @@ def label_rows(labels: LabelScores | None) -> list[tuple[str, ...]]:
     ]
 
 
-def scores_table(metrics: Mapping[str, float | int | None]) -> Table:
-    """A table of the metrics that have a value, in their order: name, value, unit."""
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
-    table.add_column("score")
-    table.add_column("value", justify="right")
-    table.add_column("unit")
-    for name, value in with_value(metrics).items():
-        shown = metric(name)
-        table.add_row(shown.label, shown_value(name, value), shown.shown_unit)
-    return table
+def score_rows(metrics: Mapping[str, float | int | None]) -> list[tuple[str, str, str]]:
+    """Name, value and unit of the metrics that have a value, in their order."""
+    return [
+        (metric(name).label, shown_value(name, value), metric(name).shown_unit)
+        for name, value in with_value(metrics).items()
+    ]
 
 
 SPREAD = "±"

@@ -23,7 +23,7 @@ from stixel_cli.report.metrics import (
     best,
     format_value,
     main_metrics,
-    scores_table,
+    score_rows,
     shown_difference,
 )
 from stixel_cli.results.result import read_scored_run
@@ -290,8 +290,6 @@ def test_the_main_metrics_are_of_the_table_and_in_order():
     assert list(main_metrics(metrics)) == ["iou_mean", "nis_mean", "my_lag_m"], "and one's own"
 
 
-def test_scores_table_has_name_value_and_unit():
-    table = scores_table({"centre_rmse_m": 0.1234, "nis_mean": None, "success": 0.4556})
-    assert [column.header for column in table.columns] == ["score", "value", "unit"]
-    assert list(table.columns[1].cells) == ["0.123", "45.6"]
-    assert list(table.columns[2].cells) == ["m", "%"]
+def test_the_rows_of_scores_are_name_value_and_unit():
+    rows = score_rows({"centre_rmse_m": 0.1234, "nis_mean": None, "success": 0.4556})
+    assert [row[1:] for row in rows] == [("0.123", "m"), ("45.6", "%")]
