@@ -18,7 +18,7 @@ from small import IMAGES, sized
 from stixel_cli.config.compose import compose
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.store import open_store
-from stixel_cli.experiment.run import experiment_graph
+from stixel_cli.experiment.stages import experiment_graph
 from stixel_cli.geometry.pose import target_from_world
 from stixel_cli.measurements.clusters import cluster, distances
 from stixel_cli.measurements.gates import candidates

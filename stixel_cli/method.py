@@ -6,7 +6,7 @@ are the same; with more, the results differ by about 1e-12. Nothing is cached an
 """
 
 from stixel_cli.evaluation.evaluate import evaluate
-from stixel_cli.evaluation.metric_table import Scores
+from stixel_cli.evaluation.scores import Scores
 from stixel_cli.evaluation.upper_bounds import find_upper_bounds
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.measurements.stixels import gather_scans

@@ -53,7 +53,7 @@ def calibrate(
     """
     from stixel_cli.config.compose import compose
     from stixel_cli.engine.progress import make_progress
-    from stixel_cli.experiment.calibrate import calibrate as estimate
+    from stixel_cli.experiment.assess import calibrate as estimate
 
     composition = compose(with_workers(without_target(overrides), workers))
     found = estimate(composition, method, make_progress())

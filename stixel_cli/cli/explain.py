@@ -145,7 +145,8 @@ def _asked(what: Sequence[str], file: str | None, trust_code: bool) -> _Asked:
 
 def _of_run(composition: "Composition", pictures: bool) -> _Asked:
     from stixel_cli.engine.store import open_store
-    from stixel_cli.experiment.run import experiment_graph, targets
+    from stixel_cli.experiment.run import targets
+    from stixel_cli.experiment.stages import experiment_graph
 
     graph = experiment_graph(composition)
     store = open_store(composition.configuration.cache)

@@ -47,7 +47,8 @@ def plan(
       stixel plan tracker.length_scale=0.5
       stixel plan tracker.length_scale=0.2,0.4,0.8 seed=0,1,2
     """
-    from stixel_cli.experiment.run import CAMERA, RESULTS
+    from stixel_cli.experiment.run import CAMERA
+    from stixel_cli.experiment.stages import RESULTS
     from stixel_cli.sweeps.runs import design_runs, sweep_design
     from stixel_cli.sweeps.whole import planned_sweep
 

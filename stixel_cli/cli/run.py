@@ -27,7 +27,7 @@ from stixel_cli.errors import UserError
 if TYPE_CHECKING:
     from stixel_cli.config.compose import Composition
     from stixel_cli.engine.store import Store
-    from stixel_cli.evaluation.metric_table import Scores
+    from stixel_cli.evaluation.scores import Scores
     from stixel_cli.results.result import RunResult
     from stixel_cli.scene.scenario import Scenario
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from filelock import Timeout
 
 from stixel_cli.engine.cache_folder import made_here, read_file
-from stixel_cli.engine.entries import EntryFolder, entry_folders, stage_and_label
+from stixel_cli.engine.entries import Entry, entry_folders, stage_and_label
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.locks import collector_lock, file_lock, leased_keys
 from stixel_cli.engine.source_files import remove_sources
@@ -186,7 +186,7 @@ def _remember(store: Store, removed: list[tuple[str, str, float]]) -> None:
         partial.replace(path)
 
 
-def _remove_entry(store: Store, one: EntryFolder) -> bool:
+def _remove_entry(store: Store, one: Entry) -> bool:
     """Move an entry away, then remove it, so that no reader sees half of it."""
     away = store.folder / "tmp" / f"gone-{socket.gethostname()}-{os.getpid()}-{one.key[:16]}"
     try:

@@ -4,7 +4,7 @@ import html
 import sys
 import time
 from importlib import import_module
-from typing import Any, Protocol
+from typing import Any
 
 from stixel_cli.engine.parameters import PROGRAM
 from stixel_cli.errors import escaped
@@ -16,26 +16,6 @@ REPEAT_INTERVAL = 60.0
 """Seconds between two equal lines."""
 
 
-class Display(Protocol):
-    """Where progress is shown."""
-
-    def show(self, share: float, text: str) -> None:
-        """Show the share that is done, 0 … 1, and a text of one line."""
-
-    def note(self, text: str) -> bool:
-        """Print one line above the progress; False if that is left to stderr."""
-
-    def close(self) -> None:
-        """Remove the progress; the next `show` may show it again."""
-
-
-def make_display() -> Display:
-    """A bar in a notebook, or if stderr is a terminal; else lines."""
-    if in_notebook():
-        return NotebookBar()
-    return Bar() if sys.stderr.isatty() else Lines()
-
-
 def in_notebook() -> bool:
     """Whether this process is the kernel of a notebook."""
     # Not imported here: a notebook has imported it.
@@ -44,14 +24,17 @@ def in_notebook() -> bool:
 
 
 class Lines:
-    """Print a line every few seconds."""
+    """Where progress is shown: a line on stderr every few seconds."""
 
     def __init__(self):
         self._last = time.monotonic()
         self._line = ""
 
     def show(self, share: float, text: str) -> None:
-        """Print a line if the last one is some time ago; an equal one only after longer."""
+        """Show the share that is done, 0 … 1, and a text of one line.
+
+        A line is printed if the last one is some time ago; an equal one only after longer.
+        """
         now = time.monotonic()
         line = f"{PROGRAM}: [{100.0 * share:.0f} %] {text}"
         if text and now - self._last > (REPEAT_INTERVAL if line == self._line else LINE_INTERVAL):
@@ -59,14 +42,14 @@ class Lines:
             print(line, file=sys.stderr, flush=True)  # noqa: T201
 
     def note(self, text: str) -> bool:
-        """Leave the note to stderr."""
+        """Print one line above the progress; False if that is left to stderr."""
         return False
 
     def close(self) -> None:
-        """Do nothing: lines stay."""
+        """Remove the progress, if it does not stay; the next `show` may show it again."""
 
 
-class Bar:
+class Bar(Lines):
     """Show a progress bar of rich, and remove it at the end."""
 
     def __init__(self):
@@ -108,7 +91,7 @@ class Bar:
         self._bar.start()
 
 
-class NotebookBar:
+class NotebookBar(Lines):
     """Show a progress bar below the cell of a notebook, and remove it at the end."""
 
     def __init__(self):
@@ -128,12 +111,15 @@ class NotebookBar:
         else:
             self._handle.update(display.HTML(shown))
 
-    def note(self, text: str) -> bool:
-        """Leave the note to stderr, which a notebook shows below the cell."""
-        return False
-
     def close(self) -> None:
         """Remove the bar."""
         if self._handle is not None:
             self._handle.update(import_module("IPython.display").HTML(""))
             self._handle, self._shown = None, ""
+
+
+def make_display() -> Lines:
+    """A bar in a notebook, or if stderr is a terminal; else lines."""
+    if in_notebook():
+        return NotebookBar()
+    return Bar() if sys.stderr.isatty() else Lines()

@@ -5,7 +5,7 @@ import os
 import re
 from collections.abc import Callable, Container, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,28 +22,21 @@ _LABEL = re.compile(rb'"label": ("(?:[^"\\]|\\.)*")')
 
 
 @dataclass(frozen=True)
-class EntryFolder:
-    """Folder of an entry; `size` in bytes, `last_use` in seconds since the epoch."""
+class Entry:
+    """An entry; `size` in bytes, `last_use` in seconds since the epoch.
+
+    `entry_folders` reads neither `stage` nor `label`.
+    """
 
     key: str
     path: Path
     size: int
     last_use: float
+    stage: str = "?"
+    label: str = "?"
 
 
-@dataclass(frozen=True)
-class Entry:
-    """An entry; `created` and `last_use` in seconds since the epoch, `size` in bytes."""
-
-    key: str
-    stage: str
-    label: str
-    size: int
-    last_use: float
-    created: float
-
-
-def entry_folders(store: Store) -> list[EntryFolder]:
+def entry_folders(store: Store) -> list[Entry]:
     """List the folders of all entries, least recently used first, without reading a file.
 
     Raises:
@@ -59,7 +52,7 @@ def entry_folders(store: Store) -> list[EntryFolder]:
             with suppress(OSError):
                 last_use = entry.stat().st_mtime
                 size = _size(entry.path)
-                found.append(EntryFolder(entry.name, Path(entry.path), size, last_use))
+                found.append(Entry(entry.name, Path(entry.path), size, last_use))
     return sorted(found, key=lambda one: (one.last_use, one.key))
 
 
@@ -80,16 +73,8 @@ def entries(store: Store, on_damaged: Callable[[MissingEntry], None] | None = No
             if on_damaged is not None and (fault.set_aside or store.entry(one.key).exists()):
                 on_damaged(fault)
             continue
-        found.append(
-            Entry(
-                key=one.key,
-                stage=str(notes.get("stage", "?")),
-                label=str(notes.get("label", "?")),
-                size=one.size,
-                last_use=one.last_use,
-                created=float(notes.get("created", one.last_use)),
-            )
-        )
+        stage, label = (str(notes.get(name, "?")) for name in ("stage", "label"))
+        found.append(replace(one, stage=stage, label=label))
     return found
 
 
@@ -120,8 +105,7 @@ def verify_all(
         except MissingEntry as error:
             # An entry that another process has removed meanwhile is not damaged.
             if error.set_aside:
-                entry = Entry(one.key, stage, label, one.size, one.last_use, one.last_use)
-                damaged.append((entry, error.reason))
+                damaged.append((replace(one, stage=stage, label=label), error.reason))
             elif store.entry(one.key).exists():
                 raise CacheError(
                     f"{label} in {store.folder} is damaged ({error.reason}) and cannot be set aside"

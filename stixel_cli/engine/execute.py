@@ -24,41 +24,10 @@ from stixel_cli.engine.pools import (
     fork_is_safe,
 )
 from stixel_cli.engine.progress import Progress
-from stixel_cli.engine.scheduler import Run, Status
+from stixel_cli.engine.scheduler import STATUSES, Run, Status
 from stixel_cli.engine.source_files import keep_sources, save_digests
 from stixel_cli.engine.store import Store
 from stixel_cli.engine.time_limit import can_interrupt
-
-
-@dataclass(frozen=True)
-class NodeRecord:
-    """Record of one node; `seconds` is 0 if this execution did not compute it."""
-
-    key: str
-    stage: str
-    label: str
-    status: Status
-    seconds: float
-
-
-@dataclass(frozen=True)
-class StageRecord:
-    """Record of a stage.
-
-    Attributes:
-        name: of the stage.
-        key: key of its node, or digest of the keys of its nodes.
-        status: the first of `failed`, `skipped`, `computed`, `cached` that any node has.
-        seconds: time of this execution, summed over all workers.
-        nodes, nodes_computed: number of nodes, and of computed nodes.
-    """
-
-    name: str
-    key: str
-    status: Status
-    seconds: float
-    nodes: int
-    nodes_computed: int
 
 
 @dataclass(frozen=True)
@@ -67,12 +36,14 @@ class Execution:
 
     Attributes:
         graph: the executed graph.
-        records: by node id, of the targets and all nodes that they depend on.
+        status: by node id, of the targets and all nodes that they depend on.
+        seconds: by node id, of the nodes that this execution computed.
         failures: by node id, of the failed nodes; only with `keep_going`.
     """
 
     graph: Graph
-    records: Mapping[str, NodeRecord]
+    status: Mapping[str, Status]
+    seconds: Mapping[str, float]
     failures: Mapping[str, StageFailure] = field(default_factory=dict)
 
     def failure_of(self, targets: Sequence[str]) -> tuple[str, StageFailure] | None:
@@ -85,31 +56,31 @@ class Execution:
         first = min(failed, key=lambda key: (self.graph.nodes[key].depth, key), default=None)
         return None if first is None else (first, self.failures[first])
 
-    def of_stage(self, name: str) -> StageRecord:
-        """Summarise the nodes of a stage.
-
-        Raises:
-            KeyError: no target needed a node of that stage.
-        """
-        keys = [key for key in self.graph.stages[name] if key in self.records]
-        if not keys:
-            raise KeyError(name)
-        nodes = [self.records[key] for key in keys]
-        computed = sum(node.status == "computed" for node in nodes)
-        found = {node.status for node in nodes}
-        return StageRecord(
-            name=name,
-            key=keys[0] if len(keys) == 1 else digest(keys),
-            status=next(s for s in ("failed", "skipped", "computed", "cached") if s in found),
-            seconds=round(sum(node.seconds for node in nodes), 4),
-            nodes=len(nodes),
-            nodes_computed=computed,
-        )
-
     def stage_records(self) -> list[dict[str, Any]]:
-        """Records of all stages as plain JSON, each after its inputs."""
-        needed = {record.stage for record in self.records.values()}
-        return [vars(self.of_stage(name)) for name in self.graph.stage_names if name in needed]
+        """A record of each stage as plain JSON, each after its inputs.
+
+        `key` of its node, or the digest of the keys of its nodes; `status`, the first of `failed`,
+        `skipped`, `computed`, `cached` that any node has; `seconds`, summed over all workers;
+        `nodes`, `nodes_computed`, their numbers.
+        """
+        records = []
+        for name, nodes in self.graph.stages.items():
+            keys = [key for key in nodes if key in self.status]
+            states = [self.status[key] for key in keys]
+            if keys:
+                records.append(
+                    {
+                        "name": name,
+                        "key": keys[0] if len(keys) == 1 else digest(keys),
+                        "status": min(states, key=STATUSES.index),
+                        "seconds": round(
+                            sum(round(self.seconds.get(key, 0.0), 4) for key in keys), 4
+                        ),
+                        "nodes": len(keys),
+                        "nodes_computed": states.count("computed"),
+                    }
+                )
+        return records
 
 
 SMALL, SMALL_FOR_COPIES = 1.5, 0.5
@@ -196,7 +167,7 @@ def execute(
         run.keep_limit()
     finally:
         lease.end()
-    return Execution(graph, _records(run), run.failures)
+    return Execution(graph, run.statuses(), run.seconds, run.failures)
 
 
 def _to_import(nodes: Sequence[Node], here: Collection[str], workers: int) -> list[Node]:
@@ -211,21 +182,6 @@ def _to_import(nodes: Sequence[Node], here: Collection[str], workers: int) -> li
     counts = Counter(node.stage.function for node in nodes)
     chosen = sorted(later, key=lambda function: -counts[function])
     return [later[function] for function in chosen[: max(0, workers - len(ready))]]
-
-
-def _records(run: Run) -> dict[str, NodeRecord]:
-    """One record for each node that the targets need."""
-    nodes = [node for key, node in run.graph.nodes.items() if key in run.planned.needed]
-    return {
-        node.key: NodeRecord(
-            key=node.key,
-            stage=node.stage.name,
-            label=node.label,
-            status=run.status(node.key),
-            seconds=round(run.seconds.get(node.key, 0.0), 4),
-        )
-        for node in nodes
-    }
 
 
 def make_pool(executor: Executor, may_fork: bool = False) -> Pool:

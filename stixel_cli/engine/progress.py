@@ -5,7 +5,7 @@ import time
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 
-from stixel_cli.engine.displays import Display, make_display
+from stixel_cli.engine.displays import Lines, make_display
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.graph import Node
 from stixel_cli.engine.parameters import PROGRAM
@@ -28,7 +28,7 @@ class Progress:
     advice = False
     """Whether to note files that the user's code may read without declaring them."""
 
-    def __init__(self, display: Display | None = None, uncompiled: Collection[str] = ()):
+    def __init__(self, display: Lines | None = None, uncompiled: Collection[str] = ()):
         self.display = display
         self.uncompiled = frozenset(uncompiled)
         self.total: dict[str, int] = {}

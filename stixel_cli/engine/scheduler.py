@@ -11,7 +11,7 @@ from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from graphlib import TopologicalSorter
-from typing import Literal
+from typing import Literal, get_args
 
 from stixel_cli.engine.cleanup import keep_limit
 from stixel_cli.engine.errors import (
@@ -21,7 +21,6 @@ from stixel_cli.engine.errors import (
     StageFailure,
     WorkerDied,
 )
-from stixel_cli.engine.graph import Node
 from stixel_cli.engine.locks import Lease
 from stixel_cli.engine.plan import Plan, missing_nodes
 from stixel_cli.engine.pools import Pool, SerialPool, deferred_interrupts, error_of, no_interrupt
@@ -30,8 +29,9 @@ from stixel_cli.engine.store import Store
 from stixel_cli.engine.task import Outcome, run_task, task_of
 from stixel_cli.engine.time_limit import TimeLimit, mark_text
 
-Status = Literal["computed", "cached", "failed", "skipped"]
+Status = Literal["failed", "skipped", "computed", "cached"]
 """`skipped`: depends on a node that failed."""
+STATUSES = get_args(Status)
 
 TICK = 0.25
 """Seconds between two updates of the progress."""
@@ -85,12 +85,9 @@ class Run:
         self._deaths: Counter[str] = Counter()
         self._noted: set[str] = set()
         self._in_flight: dict[Future, str] = {}
-        self._ready: list[tuple[bool, int, int, str]] = []
-        self._order: dict[str, int] = {}
         self._suspects: deque[str] = deque()
         """Nodes that were running when a worker crashed. Each is retried on its own."""
         self._fatal: BaseException | None = None
-        self._check_interrupt = no_interrupt
 
     def all(self) -> None:
         """Compute all missing nodes. Damaged inputs are recomputed in another round.
@@ -98,49 +95,44 @@ class Run:
         Ctrl-C takes effect between two waits for futures; a stage in this process ends at once.
         """
         here = isinstance(self.pool, SerialPool)
-        with nullcontext(no_interrupt) if here else deferred_interrupts() as check:
-            self._check_interrupt = check
-            self._all()
-
-    def _all(self) -> None:
         missing: Collection[str] = self.planned.missing
         cached = len(self.planned.needed) - len(missing)
-        self.progress.begin([self.graph.nodes[key] for key in missing], cached)
-        self._report_first()
-        while missing:
-            self._round(missing)
-            if self._fatal is not None:
-                raise self._fatal
-            undone = self._undone(missing)
-            missing = missing_nodes(self.graph, undone, self.store)
-            again = set(missing).difference(undone)
-            self._done -= again
-            self.progress.extend([self.graph.nodes[key] for key in again])
+        with nullcontext(no_interrupt) if here else deferred_interrupts() as check:
+            self._check_interrupt = check
+            self.progress.begin([self.graph.nodes[key] for key in missing], cached)
+            self._report_first()
+            while missing:
+                self._round(missing)
+                if self._fatal is not None:
+                    raise self._fatal
+                undone = self._undone(missing)
+                missing = missing_nodes(self.graph, undone, self.store)
+                again = set(missing).difference(undone)
+                self._done -= again
+                self.progress.extend([self.graph.nodes[key] for key in again])
 
     def keep_limit(self) -> None:
         """Keep the limit of the store, if it has one and results were written."""
         if self.store.max_size is not None and self._written:
             self._written = 0
-            self.lease.take(sorted(self._wanted()))
+            # The targets, and inputs that are still needed, must stay in the store.
+            undone = self._undone(self.planned.missing)
+            sources = {source for key in undone for source in self.graph.nodes[key].sources}
+            self.lease.take(sorted(sources.union(undone, self.planned.targets)))
             keep_limit(self.store)
-
-    def _wanted(self) -> set[str]:
-        """Keys that must stay in the store: the targets, and inputs that are still needed."""
-        undone = self._undone(self.planned.missing)
-        sources = {source for key in undone for source in self.graph.nodes[key].sources}
-        return sources.union(undone, self.planned.targets)
 
     def _undone(self, keys: Iterable[str]) -> list[str]:
         over = self._done | self._skipped | self.failures.keys()
         return [key for key in keys if key not in over]
 
-    def status(self, key: str) -> Status:
-        """Status of a node that the targets need."""
-        if key in self.failures:
-            return "failed"
-        if key in self._skipped:
-            return "skipped"
-        return "computed" if key in self.seconds else "cached"
+    def statuses(self) -> dict[str, Status]:
+        """Status of each node that the targets need, in the order of the graph."""
+        groups = dict(zip(STATUSES, (self.failures, self._skipped, self.seconds), strict=False))
+        return {
+            key: next((name for name, group in groups.items() if key in group), "cached")
+            for key in self.graph.nodes
+            if key in self.planned.needed
+        }
 
     def _round(self, keys: Collection[str]) -> None:
         """Compute `keys`, except nodes whose inputs fail or are missing."""
@@ -150,7 +142,7 @@ class Run:
             {key: [s for s in nodes[key].sources if s in wanted] for key in keys}
         )
         sorter.prepare()
-        self._ready = []
+        self._ready: list[tuple[bool, int, int, str]] = []
         self._order = {key: position for position, key in enumerate(keys)}
         while True:
             for key in sorter.get_ready():
@@ -188,8 +180,7 @@ class Run:
             if not self._in_flight:
                 self._submit(self._suspects.popleft())
             return
-        limit = self.pool.limit
-        while self._ready and len(self._in_flight) < limit and self._fatal is None:
+        while self._ready and len(self._in_flight) < self.pool.limit and self._fatal is None:
             self._submit(heapq.heappop(self._ready)[-1])
 
     def _submit(self, key: str) -> None:
@@ -205,10 +196,9 @@ class Run:
     def _limit(self, key: str) -> TimeLimit | None:
         if self.time_limit is None:
             return None
-        if not self.pool.kills or key in self.here:
-            return TimeLimit(self.time_limit, None)
         mark = self.store.folder / "tmp" / f"limit-{self._name}-{key[:16]}"
-        return TimeLimit(self.time_limit, mark)
+        in_a_process = self.pool.kills and key not in self.here
+        return TimeLimit(self.time_limit, mark if in_a_process else None)
 
     def _collect(self, finished: Collection[Future]) -> list[str]:
         """Process finished futures; return the keys of the nodes that are in the store now."""
@@ -265,8 +255,8 @@ class Run:
             self._written += outcome.size
         self._done.add(key)
         function = node.stage.settings.get("function", node.stage.function)
-        compiled = node.stage.name not in self.progress.compiling
-        if outcome.note and compiled and function not in self._noted:
+        known = function in self._noted or node.stage.name in self.progress.compiling
+        if outcome.note and not known:
             self._noted.add(function)
             self.progress.note(f"{function} {outcome.note}")
         self.progress.finished(node, outcome.seconds)
@@ -277,9 +267,8 @@ class Run:
         over = {key: text for key in dead if (text := mark_text(self._limit(key))) is not None}
         for key, text in over.items():
             self._fail(key, self._limit(key).error, text)
-        others = [key for key in dead if key not in over]
         if over:
-            for key in others:
+            for key in (key for key in dead if key not in over):
                 self._push(key)
             return
         for key in dead:
@@ -288,8 +277,8 @@ class Run:
                 self._fail(key, WorkerDied("it crashed its worker twice"), "")
             else:
                 self._suspects.append(key)
-        retry = any(key in self._suspects for key in dead)
-        self.progress.note(crash_note([self.graph.nodes[key].label for key in dead], retry))
+        labels = [self.graph.nodes[key].label for key in dead]
+        self.progress.note(crash_note(labels, any(key in self._suspects for key in dead)))
 
     def _fail(self, key: str, error: BaseException, traceback_text: str) -> None:
         if self._fatal is not None:
@@ -298,7 +287,9 @@ class Run:
             self._fatal = error
             return
         node = self.graph.nodes[key]
-        failure = StageFailure(node.stage.name, node.label, error, traceback_text, _own_files(node))
+        own_code = node.identity.code.of_user if node.stage.own else {}
+        files = frozenset(map(str, own_code.values()))
+        failure = StageFailure(node.stage.name, node.label, error, traceback_text, files)
         failure.__cause__ = error
         if not self.keep_going:
             self._fatal = failure
@@ -307,10 +298,3 @@ class Run:
         skipped = self.graph.dependents(key, self.planned.missing) - self._done - self._skipped
         self._skipped |= skipped
         self.progress.failed(node, failure, [self.graph.nodes[key] for key in sorted(skipped)])
-
-
-def _own_files(node: Node) -> frozenset[str]:
-    """The files of the user's own code that a node runs."""
-    if not node.stage.own:
-        return frozenset()
-    return frozenset(map(str, node.identity.code.of_user.values()))

@@ -22,15 +22,10 @@ from stixel_cli.evaluation.contour_errors import (
     in_frames,
     seen_points,
 )
-from stixel_cli.evaluation.metric_table import METRICS, OF_CLASSES, OF_SIZE, Scores
+from stixel_cli.evaluation.metric_table import METRICS, OF_CLASSES, OF_SIZE
 from stixel_cli.evaluation.overlaps import areas, overlaps
-from stixel_cli.evaluation.scan_errors import (
-    LEAST_OFF,
-    NO_UPPER_BOUNDS,
-    LabelScores,
-    ScanErrors,
-    UpperBounds,
-)
+from stixel_cli.evaluation.scan_errors import LEAST_OFF, NO_UPPER_BOUNDS, ScanErrors, UpperBounds
+from stixel_cli.evaluation.scores import LabelScores, Scores
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.classes import ROAD_USER_CLASSES

@@ -11,7 +11,8 @@ import numpy as np
 
 from stixel_cli.evaluation.contour_errors import boxes
 from stixel_cli.evaluation.overlaps import intersections_over_unions
-from stixel_cli.evaluation.scan_errors import LEAST_OFF, LabelScore, LabelScores
+from stixel_cli.evaluation.scan_errors import LEAST_OFF
+from stixel_cli.evaluation.scores import LabelScore, LabelScores
 from stixel_cli.recordings.types import LabelTruth
 from stixel_cli.tracking.followed import line
 from stixel_cli.tracking.several.found import LEAST_SCANS, ObjectTrack, least_speed

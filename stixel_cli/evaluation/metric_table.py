@@ -1,7 +1,6 @@
-"""The scores of a track, and how to show them: errors over time and scalar metrics.
+"""The one table of scalar metrics: how to compute each from the errors of a run, and to show it.
 
-Each error over time and each metric has one row here. Tables, figures and pages read labels, units
-and bounds from the row. The row of a metric also has the function that sums up the errors of a run.
+Tables, figures and pages read label, unit, bounds and the better direction from the row.
 """
 
 from collections.abc import Callable
@@ -13,7 +12,6 @@ import numpy as np
 from stixel_cli.evaluation.scan_errors import (
     FARTHEST_CENTRE,
     LOW_OVERLAP,
-    LabelScores,
     ScanErrors,
     finite_mean,
     finite_median,
@@ -28,72 +26,6 @@ from stixel_cli.evaluation.scan_errors import (
     time_to_loss,
 )
 from stixel_cli.scene.classes import ROAD_USER_CLASSES
-
-
-@dataclass(frozen=True)
-class Scores:
-    """Errors over time and their summary.
-
-    Attributes:
-        times: (K,) s.
-        centre_error: (K,) m.
-        orientation_error: (K,) rad in (-pi, pi], estimated minus true; NaN if missing.
-        iou: (K,) intersection over union of the estimated and the true outline, 0 … 1; NaN where
-            only the true box is known.
-        iou_box: (K,) the same of the boxes, each along its own heading.
-        nees_position: (K,) position NEES divided by 2: 1 is consistent.
-        nis: (K,) NIS divided by its degrees of freedom: 1 is consistent; NaN for an empty scan.
-        metrics: name to value; None if the metric has no value.
-        labels: of the tracks of moving objects, against the labels; None without.
-    """
-
-    times: np.ndarray
-    centre_error: np.ndarray
-    orientation_error: np.ndarray
-    iou: np.ndarray
-    iou_box: np.ndarray
-    nees_position: np.ndarray
-    nis: np.ndarray
-    metrics: dict[str, float | int | None]
-    labels: LabelScores | None = None
-
-
-@dataclass(frozen=True)
-class Series:
-    """An error over time.
-
-    Attributes:
-        label: full name.
-        short_label: name where space is short.
-        unit: of the values shown; "" without one.
-        factor: from the unit of the field of `Scores` to `unit`.
-        bounds: least and greatest possible value; None where there is no bound.
-        consistent: the value of a perfect or consistent filter, to mark; None to mark no value.
-        ratio: whether the axis is logarithmic.
-    """
-
-    label: str
-    short_label: str
-    unit: str
-    bounds: tuple[float | None, float | None]
-    consistent: float | None = None
-    factor: float = 1.0
-    ratio: bool = False
-
-
-SERIES = {
-    "centre_error": Series("Centre error", "Centre error", "m", (0.0, None)),
-    "orientation_error": Series(
-        "Orientation error", "Orientation error", "°", (None, None), 0.0, float(np.degrees(1.0))
-    ),
-    "iou": Series("IoU of the outline", "IoU, outline", "", (0.0, 1.0)),
-    "iou_box": Series("IoU of the box", "IoU, box", "", (0.0, 1.0)),
-    "nees_position": Series(
-        "Position NEES / 2", "Position NEES / 2", "", (0.0, None), 1.0, ratio=True
-    ),
-    "nis": Series("NIS / degrees of freedom", "NIS / d.o.f.", "", (0.0, None), 1.0, ratio=True),
-}
-"""Field of `Scores` to row, in the order in which figures show them."""
 
 Better = Literal["less", "more", "one"]
 
@@ -111,7 +43,8 @@ class Metric:
             where a tracker is consistent); None if no value is better.
         bounds: least and greatest possible value; None where there is no bound.
         over_scans: sums up the errors of a run; None or a value that is not finite where the metric
-            has no value. Over runs, a metric is summed up by its mean.
+            has no value. Over runs, a metric is summed up by its mean. None for a metric that is
+            not of one track.
         expected: least and greatest value that the verdict does not mention; None for no limit.
         degrees_of_freedom: of the χ² distribution that the value has at one scan of a consistent
             filter, once it is multiplied by them; None if it has no such distribution.
@@ -125,7 +58,7 @@ class Metric:
     unit: str
     better: Better | None
     bounds: tuple[float | None, float | None]
-    over_scans: Callable[[ScanErrors], float | int | None]
+    over_scans: Callable[[ScanErrors], float | int | None] | None = None
     expected: tuple[float | None, float | None] = (None, None)
     degrees_of_freedom: int | None = None
     percent: bool = False
@@ -273,30 +206,27 @@ METRICS = {metric.name: metric for metric in _TABLE}
 LOSS_RATE = "track_loss_rate"
 """The share of runs that lost the track: the mean over runs of `track_lost`."""
 
-_LOSS_ROW = Metric(LOSS_RATE, "track loss rate, share of runs", "track loss rate",
-                    *_SHARE, lambda e: None)  # fmt: skip
-_OVER_RUNS = {LOSS_RATE: _LOSS_ROW}
-
 # `LabelScores.metrics` has the values.
 _OF_LABELS = (
-    Metric("labels_expected", "labels of the class that move", "moving labels",
-           *_COUNT, lambda e: None),
+    Metric("labels_expected", "labels of the class that move", "moving labels", *_COUNT),
     Metric("labels_tracked", "labels of the class that move and are tracked", "tracked labels",
-           "", "more", (0.0, None), lambda e: None),
+           "", "more", (0.0, None)),
     Metric("labels_tracked_share", "frames of these labels with a track, share",
-           "tracked frames of labels", *_OVERLAP, lambda e: None),
+           "tracked frames of labels", *_OVERLAP),
     Metric("labels_iou_box_mean", "IoU of the box with the labels, mean", "mean IoU, labels",
-           *_OVERLAP, lambda e: None),
+           *_OVERLAP),
     Metric("labels_centre_mean_m", "centre error at the labels, mean", "centre error, labels",
-           *_METRE, lambda e: None),
-    Metric("label_switches", "changes of a label's track", "switches",
-           "", "less", (0.0, None), lambda e: None),
-    Metric("tracks_found", "tracks of moving objects", "tracks", *_COUNT, lambda e: None),
+           *_METRE),
+    Metric("label_switches", "changes of a label's track", "switches", "", "less", (0.0, None)),
+    Metric("tracks_found", "tracks of moving objects", "tracks", *_COUNT),
     Metric("tracks_false", "tracks without a label in most of their scans", "false tracks",
-           "", "less", (0.0, None), lambda e: None),
+           "", "less", (0.0, None)),
 )  # fmt: skip
 OF_LABELS = {row.name: row for row in _OF_LABELS}
 """Metrics that only a recording with labels and `source.target=auto` has."""
+
+_LOSS_RATE = Metric(LOSS_RATE, "track loss rate, share of runs", "track loss rate", *_SHARE)
+_KNOWN = {**METRICS, **OF_LABELS, LOSS_RATE: _LOSS_RATE}
 
 _SUFFIXES = {"_deg_s": "°/s", "_m_s": "m/s", "_m": "m", "_deg": "°", "_s": "s"}
 
@@ -311,10 +241,9 @@ def metric(name: str) -> Metric:
 
     Files of other versions can have metrics that this table does not have.
     """
-    known = METRICS | _OVER_RUNS | OF_LABELS
-    if name in known:
-        return known[name]
+    if name in _KNOWN:
+        return _KNOWN[name]
     suffix = next((s for s in _SUFFIXES if name.endswith(s)), "")
     words = name.removesuffix(suffix).replace("_", " ")
     unit = _SUFFIXES.get(suffix, "")
-    return Metric(name, words, words, unit, None, (None, None), lambda errors: None)
+    return Metric(name, words, words, unit, None, (None, None))

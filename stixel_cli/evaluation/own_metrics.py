@@ -6,8 +6,8 @@ from numbers import Real
 import numpy as np
 
 from stixel_cli.evaluation.evaluate import evaluate
-from stixel_cli.evaluation.metric_table import Scores
-from stixel_cli.evaluation.scan_errors import NO_UPPER_BOUNDS, LabelScores, UpperBounds
+from stixel_cli.evaluation.scan_errors import NO_UPPER_BOUNDS, UpperBounds
+from stixel_cli.evaluation.scores import LabelScores, Scores
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.own_code import loaded
 from stixel_cli.scene.scenario import Scenario

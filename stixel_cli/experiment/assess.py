@@ -1,18 +1,18 @@
-"""Assess the stixels of one pair: coverage, errors against truth, obstacles called free."""
+"""Assess the stixels of one pair, and estimate the disparity error of a recording's rig."""
 
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from stixel_cli.calibration.disparity_fit import DisparityFit
+from stixel_cli.calibration.label_errors import fit_label_errors
+from stixel_cli.calibration.motion_errors import fit_motion_error
 from stixel_cli.calibration.truth_alignment import fit_truth_error
 from stixel_cli.config.compose import Composition
-from stixel_cli.engine.execute import execute
-from stixel_cli.engine.locks import lease
 from stixel_cli.engine.progress import Progress
-from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.run import experiment_graph, one_line_errors
+from stixel_cli.experiment.stages import computed_stages
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.recordings.image_files import read_disparity
 from stixel_cli.recordings.tables import read_labels
@@ -48,17 +48,13 @@ def assess(composition: Composition, progress: Progress | None = None) -> Assess
         raise UserError(
             "assess needs a recording or two images; rendered runs are scored by stixel run"
         )
-    store = open_store(configuration.cache)
     wanted = ["camera_pictures", *(["truth_alignment"] if recording.true_disparities else [])]
-    with one_line_errors():
-        graph = experiment_graph(composition)
-        with lease(store.folder, sorted(graph.ancestors(graph.expand(wanted)))):
-            done = execute(graph, wanted, store, executor=configuration.executor, progress=progress)
-            first = {name: store.load(graph.of_stage(name)[0].key) for name in (*STAGES, *wanted)}
+    with computed_stages(composition, wanted, progress) as (done, load):
+        first = {name: load(name)[0] for name in (*STAGES, *wanted)}
         values = _columns(first["stixels"], first["free_space"], first["match"].raw(0) >= 0)
         values |= dict.fromkeys(name for name in LABELS if name not in values)
         values |= _against_truth(first, recording, configuration)
-    records = {name: done.of_stage(name) for name in STAGES}
+    records = {record["name"]: record for record in done.stage_records()}
     return Assessment(
         values=values,
         pictures={
@@ -66,8 +62,8 @@ def assess(composition: Composition, progress: Progress | None = None) -> Assess
             for name, data in first["camera_pictures"].files.items()
         },
         seconds={
-            name: record.seconds if record.status == "computed" else None
-            for name, record in records.items()
+            name: records[name]["seconds"] if records[name]["status"] == "computed" else None
+            for name in STAGES
         },
     )
 
@@ -146,3 +142,55 @@ def _aligned(errors: AreaErrors, alignment: Any, rig: Rig) -> dict[str, Any]:
     offset = fit.offset - rig.disparity_offset
     removed = replace(errors, errors=errors.errors - offset)
     return {"offset_px": offset, "patches": fit.count, **_square(removed, "_aligned")}
+
+
+METHODS = {
+    "labels": ("label_errors", fit_label_errors, "label_files", "labels"),
+    "truth": ("truth_alignment", fit_truth_error, "true_disparities", "true disparities"),
+    "motion": ("motion_tracks", fit_motion_error, "pose_files", "poses of the ego car"),
+}
+"""By name: the stage, the fit to its result, the files that it needs, and their noun."""
+
+
+def calibrate(
+    composition: Composition, method: str | None = None, progress: Progress | None = None
+) -> DisparityFit:
+    """The offset and slope of the disparities in a recording.
+
+    Args:
+        composition: of the recording.
+        method: a name of `METHODS`; None for the first whose files the recording has.
+        progress: reports the progress.
+
+    Raises:
+        UserError: if the composition has no recording, or nothing to compare with.
+        StageFailure: if a stage fails.
+    """
+    configuration = composition.configuration
+    if configuration.source.kind == "rendered":
+        raise UserError("source: rendered is exact: choose a recording, source.folder=DIR")
+    folder = configuration.source.folder
+    stage, fit, _, _ = METHODS[chosen_method(composition.recording, folder, method)]
+    with computed_stages(composition, [stage], progress) as (_, load):
+        (errors,) = load(stage)
+    try:
+        return fit(errors, configuration.rig)
+    except ValueError as fault:
+        raise UserError(f"{folder}: {fault}") from None
+
+
+def chosen_method(recording: Recording, folder: str, method: str | None) -> str:
+    """The name of the method to use.
+
+    Raises:
+        UserError: if it is unknown, or the recording lacks its files.
+    """
+    if method is not None and method not in METHODS:
+        raise UserError(f"--from: {method!r} is not known: must be one of {', '.join(METHODS)}")
+    lacking = []
+    for name in METHODS if method is None else (method,):
+        _, _, files, noun = METHODS[name]
+        if getattr(recording, files):
+            return name
+        lacking.append(noun)
+    raise UserError(f"{folder}: has no {' and no '.join(lacking)} to compare with")

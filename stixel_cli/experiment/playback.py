@@ -7,7 +7,7 @@ import numpy as np
 
 from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.run import repeated_run
+from stixel_cli.experiment.run import run_experiment
 from stixel_cli.report.playback import playback_html
 from stixel_cli.results.reader import flat_settings, listed
 from stixel_cli.results.result import RunResult
@@ -36,7 +36,7 @@ def folders_page(
     check_one_scene(stored, labels)
     runs = [
         replace(
-            repeated_run(one, progress, camera=True),
+            run_experiment(one.composition, progress, pictures=False, camera=True),
             label=name,
             manifest=one.manifest,
             folder=one.folder,

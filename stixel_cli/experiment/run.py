@@ -2,8 +2,7 @@
 
 import shlex
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,16 +14,13 @@ from stixel_cli.config.folders import OF_THE_MACHINE
 from stixel_cli.config.own_options import check_parameters, functions_of, refuse_code
 from stixel_cli.config.run_names import run_name
 from stixel_cli.config.schema import Configuration
-from stixel_cli.engine.errors import StageFailure
-from stixel_cli.engine.execute import execute
-from stixel_cli.engine.graph import Graph, build_graph
-from stixel_cli.engine.locks import lease
+from stixel_cli.engine.graph import Graph
 from stixel_cli.engine.plan import Plan, plan
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.evaluation.metric_table import Scores
-from stixel_cli.experiment.stages import CHUNK_SIZE, pipeline_stages, scan_count
+from stixel_cli.evaluation.scores import Scores
+from stixel_cli.experiment.stages import RESULTS, computed_stages, experiment_graph
 from stixel_cli.experiment.table.table import picture_stages
 from stixel_cli.measurements.file_truth import angle_to_motion
 from stixel_cli.report.playback import playback_html
@@ -33,9 +29,6 @@ from stixel_cli.results.lineage import lineage_of, read_lineage
 from stixel_cli.results.provenance import provenance
 from stixel_cli.results.result import RunResult, read_run
 from stixel_cli.scene.scenario import Scenario
-
-RESULTS = ("scenario", "scans", "track", "scores")
-"""Stages that every pipeline has; their results are those of the experiment."""
 
 GREATEST_ANGLE = 20.0
 """Degrees between a target's heading and its motion, above which a truth contradicts itself."""
@@ -58,81 +51,39 @@ def plan_experiment(composition: Composition, store: Store) -> Plan:
     return plan(graph, targets(graph), store)
 
 
-def experiment_graph(composition: Composition) -> Graph:
-    """The graph of an experiment's nodes."""
-    folder = open_store(composition.configuration.cache).folder
-    stages = pipeline_stages(composition)
-    return build_graph(stages, scan_count(composition), CHUNK_SIZE, folder)
-
-
 def run_experiment(
     composition: Composition,
-    store: Store,
     progress: Progress | None = None,
     pictures: bool = True,
     camera: bool | None = None,
     on_scores: Callable[[Scenario, Scores], None] | None = None,
+    store: Store | None = None,
 ) -> RunResult:
     """Compute the missing nodes of an experiment and load its result.
 
-    It runs on the executor of the configuration.
-
     Args:
-        composition: the experiment.
-        store: the cache.
-        progress: reports the progress.
+        composition, progress, on_scores: as in `computed_stages`, which has the errors.
         pictures: whether to draw pictures.
         camera: whether to load the camera's frames for the page; None: if there are pictures.
-        on_scores: called with the scenario and the scores as soon as they are computed, before the
-            pictures are drawn.
-
-    Raises:
-        StageFailure: if a stage fails; finished nodes stay in the store.
-        CacheError: if the store cannot be read or written.
+        store: the cache; None for that of the configuration.
     """
-    configuration = composition.configuration
     graph = experiment_graph(composition)
     wanted = targets(graph, pictures, camera)
-    # The lease lasts until all is loaded: another process, or the size limit, may remove entries.
-    with lease(store.folder, sorted(graph.ancestors(graph.expand(wanted)))):
-
-        def load(name: str) -> list[Any]:
-            """The result of each node of a stage; none if it is not wanted."""
-            nodes = graph.of_stage(name) if name in wanted else ()
-            return [store.load(node.key) for node in nodes]
-
-        execution = execute(
-            graph,
-            wanted,
-            store,
-            executor=configuration.executor,
-            progress=progress,
-            first=RESULTS,
-            on_first=on_scores and (lambda: on_scores(load("scenario")[0], load("scores")[0])),
-        )
+    store = open_store(composition.configuration.cache) if store is None else store
+    with computed_stages(composition, wanted, progress, on_scores, (graph, store)) as (done, load):
         results = {name: load(name)[0] for name in RESULTS}
-        if progress is not None and progress.advice and configuration.measurement.kind == "file":
-            angle = angle_to_motion(results["scenario"])
-            if angle > GREATEST_ANGLE:
-                progress.note(
-                    f"measurement.truth: headings are {angle:.0f}° (median) away from the "
-                    "direction of motion: are they in radians?"
-                )
-        files = {
-            path: data
-            for name in picture_stages(graph)
-            for drawn in load(name)
-            for path, data in drawn.files.items()
-        }
+        if progress is not None and progress.advice:
+            _note_headings(composition, results["scenario"], progress)
+        drawn = [one for name in picture_stages(graph) for one in load(name)]
         frames, objects, tracks = map(load, (CAMERA, OBJECTS, TRACKS))
-        lineage = lineage_of(graph, execution.records, store)
+        lineage = lineage_of(graph, done.status, store)
     return RunResult(
         settings=composition.resolved,
-        manifest={"choices": composition.choices, "stages": execution.stage_records()},
+        manifest={"choices": composition.choices, "stages": done.stage_records()},
         metrics=dict(results["scores"].metrics),
         composition=composition,
         **results,
-        pictures=files,
+        pictures={path: data for one in drawn for path, data in one.files.items()},
         camera=tuple(frames),
         objects=tuple(objects),
         tracks=tracks[0] if tracks else (),
@@ -140,18 +91,15 @@ def run_experiment(
     )
 
 
-def repeated_run(stored: RunResult, progress: Progress | None, camera: bool = False) -> RunResult:
-    """The run without its pictures, with the camera's frames if `camera`.
-
-    Results that the cache lacks are computed.
-
-    Raises:
-        UserError: if the run cannot be repeated.
-        StageFailure: if a stage fails.
-    """
-    store = open_store(stored.composition.configuration.cache)
-    with one_line_errors():
-        return run_experiment(stored.composition, store, progress, pictures=False, camera=camera)
+def _note_headings(composition: Composition, scenario: Scenario, progress: Progress) -> None:
+    """Note a truth in a file whose headings contradict its motion."""
+    if composition.configuration.measurement.kind == "file":
+        angle = angle_to_motion(scenario)
+        if angle > GREATEST_ANGLE:
+            progress.note(
+                f"measurement.truth: headings are {angle:.0f}° (median) away from the direction of "
+                "motion: are they in radians?"
+            )
 
 
 def record_run(
@@ -174,7 +122,7 @@ def record_run(
         stem: None for what differs from the default, see `config.run_names`.
         progress: reports the progress.
         notes: further entries of the manifest.
-        on_scores: see `run_experiment`.
+        on_scores: see `computed_stages`.
 
     Raises:
         UserError: for any error that the user can fix; no result folder is left then.
@@ -183,10 +131,8 @@ def record_run(
     started = time.perf_counter()
     if results is not None:
         check_results(results, name)
-    store = open_store(composition.configuration.cache)
     now = datetime.now(UTC)
-    with one_line_errors():
-        run = run_experiment(composition, store, progress=progress, on_scores=on_scores)
+    run = run_experiment(composition, progress, on_scores=on_scores)
     manifest = {
         "command": shlex.join(command),
         "overrides": list(composition.overrides),
@@ -223,17 +169,6 @@ def correction_note(configuration: Configuration) -> dict[str, str]:
         "correction": f"{rig.disparity_offset:+.3f} px {rig.disparity_slope:+.6f} px per column; "
         f"{origin}"
     }
-
-
-@contextmanager
-def one_line_errors() -> Iterator[None]:
-    """Turn a stage's failure about its input into a `UserError`; defects pass through."""
-    try:
-        yield
-    except StageFailure as failure:
-        if failure.is_about_input:
-            raise UserError(f"{failure.label}: {failure.cause}") from failure
-        raise
 
 
 def targets(graph: Graph, pictures: bool = True, camera: bool | None = None) -> list[str]:

@@ -1,6 +1,7 @@
 """The stages of one experiment: the entries of the table, wired by the pipeline's file."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -8,8 +9,15 @@ from typing import Any
 from stixel_cli.config.compose import Composition
 from stixel_cli.config.folders import shipped_folder
 from stixel_cli.config.schema import Configuration
+from stixel_cli.engine.errors import StageFailure
+from stixel_cli.engine.execute import Execution, execute
+from stixel_cli.engine.graph import Graph, build_graph
 from stixel_cli.engine.keys import Stage
+from stixel_cli.engine.locks import lease
+from stixel_cli.engine.progress import Progress
+from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import UserError
+from stixel_cli.evaluation.scores import Scores
 from stixel_cli.experiment.table.definition import Definition
 from stixel_cli.experiment.table.images import REPLAYED
 from stixel_cli.experiment.table.table import TABLE
@@ -22,6 +30,10 @@ from stixel_cli.recordings.types import Recording
 from stixel_cli.remembered import remembered
 from stixel_cli.scene.mesh_file import referred_files
 from stixel_cli.scene.path_parameters import ReplayedPath
+from stixel_cli.scene.scenario import Scenario
+
+RESULTS = ("scenario", "scans", "track", "scores")
+"""Stages that every pipeline has; their results are those of the experiment."""
 
 CHUNK_SIZE = 10
 """Frames per chunk: few enough to keep two workers busy, enough to share a background."""
@@ -191,3 +203,61 @@ def _value(configuration: Configuration, path: str) -> Any:
     for part in path.split("."):
         value = getattr(value, part)
     return value
+
+
+def experiment_graph(composition: Composition) -> Graph:
+    """The graph of an experiment's nodes."""
+    folder = open_store(composition.configuration.cache).folder
+    stages = pipeline_stages(composition)
+    return build_graph(stages, scan_count(composition), CHUNK_SIZE, folder)
+
+
+@contextmanager
+def computed_stages(
+    composition: Composition,
+    wanted: Sequence[str],
+    progress: Progress | None = None,
+    on_scores: Callable[[Scenario, Scores], None] | None = None,
+    parts: tuple[Graph, Store] | None = None,
+) -> Iterator[tuple[Execution, Callable[[str], list[Any]]]]:
+    """Compute the missing results of stages, and give a function that loads those of a stage.
+
+    That function gives one result for each chunk of frames that `wanted` needs: none if the
+    pipeline has no such stage. Inside the context no other process, and no size limit, removes
+    results.
+
+    Args:
+        composition: the experiment.
+        wanted: names of stages; `RESULTS` are computed before all others.
+        progress: reports the progress.
+        on_scores: called with the scenario and the scores as soon as `RESULTS` are computed.
+        parts: the graph of the experiment and the cache, if they exist already.
+
+    Raises:
+        UserError: for any error that the user can fix.
+        StageFailure: if a stage fails for another reason; finished nodes stay in the store.
+        KeyError: if the pipeline has no such stage.
+    """
+    configuration = composition.configuration
+    try:
+        graph, store = parts or (experiment_graph(composition), open_store(configuration.cache))
+        needed = graph.ancestors(graph.expand(wanted))
+
+        def load(name: str) -> list[Any]:
+            return [store.load(key) for key in graph.stages.get(name, ()) if key in needed]
+
+        with lease(store.folder, sorted(needed)):
+            execution = execute(
+                graph,
+                wanted,
+                store,
+                executor=configuration.executor,
+                progress=progress,
+                first=[name for name in RESULTS if name in wanted],
+                on_first=on_scores and (lambda: on_scores(load("scenario")[0], load("scores")[0])),
+            )
+            yield execution, load
+    except StageFailure as failure:
+        if failure.is_about_input:
+            raise UserError(f"{failure.label}: {failure.cause}") from failure
+        raise

@@ -9,12 +9,8 @@ import numpy as np
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store
-from stixel_cli.experiment.run import (
-    experiment_graph,
-    has_pictures,
-    one_line_errors,
-    run_experiment,
-)
+from stixel_cli.experiment.run import has_pictures, run_experiment
+from stixel_cli.experiment.stages import experiment_graph
 from stixel_cli.files import read_arrays, read_bytes
 from stixel_cli.results.differences import StageDifference, first_changed_stage, first_difference
 from stixel_cli.results.lineage import Lineage
@@ -90,8 +86,7 @@ def verify_run(
     # Before the run, which may take long.
     paths = {name: stored.folder / f"{name}.npz" for name in COMPARED}
     arrays = {name: read_arrays(path) for name, path in paths.items() if path.exists()}
-    with one_line_errors():
-        new = run_experiment(stored.composition, store, progress, has_pictures(stored))
+    new = run_experiment(stored.composition, progress, has_pictures(stored), store=store)
     compared = list(_compared_files(stored, arrays, new))
     files = tuple(
         FileDifference(file, stage, what) for file, stage, what in compared if what is not None

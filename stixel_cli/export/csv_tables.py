@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stixel_cli.engine.progress import Progress
-from stixel_cli.experiment.run import repeated_run
+from stixel_cli.experiment.run import run_experiment
 from stixel_cli.export.new_folder import write_texts
 from stixel_cli.results.folder import csv_text
 from stixel_cli.results.result import RunResult
@@ -60,7 +60,7 @@ def export_csv(stored: RunResult, folder: Path, progress: Progress | None = None
         UserError: if the folder exists or cannot be written, or the run cannot be repeated.
         StageFailure: if a stage fails.
     """
-    run = repeated_run(stored, progress)
+    run = run_experiment(stored.composition, progress, pictures=False, camera=False)
     tables = exported_tables(run)
     texts = {f"{name}.csv": csv_text(columns) for name, columns in tables.items()}
     texts["columns.csv"] = columns_table(tables).to_csv(index=False)

@@ -8,7 +8,7 @@ import numpy as np
 from stixel_cli.config.compose import compose
 from stixel_cli.config.texts import override_text
 from stixel_cli.engine.progress import Progress
-from stixel_cli.experiment.run import repeated_run
+from stixel_cli.experiment.run import run_experiment
 from stixel_cli.export.csv_tables import export_csv
 from stixel_cli.export.kitti_folder import write_clip
 from stixel_cli.export.new_folder import (
@@ -111,7 +111,7 @@ def export_tum(stored: RunResult, folder: Path, progress: Progress | None = None
         UserError: if the folder exists or cannot be written, or the run cannot be repeated.
         StageFailure: if a stage fails.
     """
-    run = repeated_run(stored, progress)
+    run = run_experiment(stored.composition, progress, pictures=False, camera=False)
     scenario = run.scenario
     poses = {
         "track": run.track.means[:, :3],

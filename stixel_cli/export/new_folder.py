@@ -6,12 +6,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.engine.execute import execute
-from stixel_cli.engine.locks import lease
 from stixel_cli.engine.progress import Progress
-from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.run import experiment_graph, one_line_errors
+from stixel_cli.experiment.stages import computed_stages, pipeline_stages
 from stixel_cli.files import written
 from stixel_cli.results.folder import whole_folder
 from stixel_cli.results.result import RunResult
@@ -29,15 +26,10 @@ def stage_results(
         UserError: if the run has no such stage.
         StageFailure: if a stage fails.
     """
-    configuration = stored.composition.configuration
-    store = open_store(configuration.cache)
-    with one_line_errors():
-        graph = experiment_graph(stored.composition)
-        if not all(name in graph.stages for name in wanted):
-            raise UserError(f"{stored.folder}: has no {what} to export")
-        with lease(store.folder, sorted(graph.ancestors(graph.expand(wanted)))):
-            execute(graph, wanted, store, executor=configuration.executor, progress=progress)
-            yield {name: [store.load(node.key) for node in graph.of_stage(name)] for name in wanted}
+    if not set(wanted) <= {stage.name for stage in pipeline_stages(stored.composition)}:
+        raise UserError(f"{stored.folder}: has no {what} to export")
+    with computed_stages(stored.composition, wanted, progress) as (_, load):
+        yield {name: load(name) for name in wanted}
 
 
 def write_texts(folder: Path, texts: Mapping[str, str]) -> list[str]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.run import repeated_run
+from stixel_cli.experiment.run import run_experiment
 from stixel_cli.export.new_folder import write_new_folder
 from stixel_cli.pictures.camera_frames import WIDEST
 from stixel_cli.pictures.style import depth_colours
@@ -45,7 +45,7 @@ def export_rerun(stored: RunResult, folder: Path, progress: Progress | None = No
         StageFailure: if a stage fails.
     """
     library = rerun_library()
-    run = repeated_run(stored, progress, camera=True)
+    run = run_experiment(stored.composition, progress, pictures=False, camera=True)
 
     def write(partial: Path) -> None:
         recording = library.RecordingStream("stixel", recording_id=folder.name)

@@ -4,8 +4,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from stixel_cli.evaluation.metric_table import SERIES, Scores, metric
+from stixel_cli.evaluation.metric_table import metric
 from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
+from stixel_cli.evaluation.scores import SERIES, Scores
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.pictures import style
 from stixel_cli.pictures.consistency import consistent_bounds

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 
-from stixel_cli.evaluation.metric_table import Series
+from stixel_cli.evaluation.scores import Series
 from stixel_cli.pictures import style
 from stixel_cli.report.blocks import Figure
 from stixel_cli.report.statistics import student_t

@@ -10,8 +10,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from stixel_cli.errors import UserError
-from stixel_cli.evaluation.metric_table import SERIES, metric
+from stixel_cli.evaluation.metric_table import metric
 from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
+from stixel_cli.evaluation.scores import SERIES
 from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.pictures import style
 from stixel_cli.report.charts import DASHES, Panel, chart
@@ -66,6 +67,7 @@ def page_html(runs: Sequence[RunResult], command: Sequence[str], page: Path) -> 
     """
     labels = run_labels([run.folder for run in runs])
     differing, same = differing_settings(runs)
+    pngs = [run.pictures.get("path.png") for run in runs]
     return page_template(__package__, "report").render(
         labels=labels,
         styles=[line_style(i) for i in range(len(runs))],
@@ -78,7 +80,7 @@ def page_html(runs: Sequence[RunResult], command: Sequence[str], page: Path) -> 
         metrics=metric_rows(runs),
         low_overlap=LOW_OVERLAP,
         curves=error_curves(runs),
-        pictures=[_path_picture(run) for run in runs],
+        pictures=[png and picture_for_page(png) for png in pngs],
         provenance=_provenance(runs),
         command=shlex.join(command),
     )
@@ -160,11 +162,6 @@ def _revision(git: Any) -> str:
 
 def _text(value: Any) -> str:
     return NO_VALUE if value is None else str(value)
-
-
-def _path_picture(run: RunResult) -> dict[str, Any] | None:
-    png = run.pictures.get("path.png")
-    return None if png is None else picture_for_page(png)
 
 
 _SETTINGS = {"axes.labelsize": 10.0, "xtick.labelsize": 10.0, "ytick.labelsize": 10.0}

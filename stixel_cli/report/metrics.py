@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 
 from stixel_cli.evaluation.metric_table import METRICS, Better, metric
-from stixel_cli.evaluation.scan_errors import LabelScores
+from stixel_cli.evaluation.scores import LabelScores
 
 NO_VALUE = "–"
 _FAR = math.log(2.0)

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from stixel_cli.evaluation.metric_table import SERIES
 from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
+from stixel_cli.evaluation.scores import SERIES
 from stixel_cli.evaluation.verdict import badges, verdict
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.pictures.consistency import consistent_bounds

@@ -23,7 +23,7 @@ from stixel_cli.results.reader import (
 )
 
 if TYPE_CHECKING:
-    from stixel_cli.evaluation.metric_table import Scores
+    from stixel_cli.evaluation.scores import Scores
     from stixel_cli.measurements.scans import Scans
     from stixel_cli.results.lineage import Lineage
     from stixel_cli.results.pictures import CameraFrames
@@ -203,7 +203,7 @@ def read_scored_run(folder: Path) -> RunResult:
     Raises:
         UserError: if it is not a result folder, or a file is missing or not valid.
     """
-    from stixel_cli.evaluation.metric_table import Scores
+    from stixel_cli.evaluation.scores import Scores
 
     check_folder(folder)
     times, series = read_series(folder / "scores.npz")

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stixel_cli.evaluation.metric_table import Scores
-from stixel_cli.evaluation.scan_errors import LabelScore, LabelScores
+from stixel_cli.evaluation.scores import LabelScore, LabelScores, Scores
 from stixel_cli.geometry.pose import world_from_ego
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.results.ego_frame import pose_columns

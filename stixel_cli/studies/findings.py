@@ -12,7 +12,7 @@ from stixel_cli.config.folders import conf_state, shipped_folder
 from stixel_cli.engine.keys import canonical
 from stixel_cli.engine.store import Store
 from stixel_cli.engine.task import remembered
-from stixel_cli.evaluation.metric_table import Scores
+from stixel_cli.evaluation.scores import Scores
 from stixel_cli.report.blocks import Findings
 from stixel_cli.studies.data import StudyData, StudySweep
 from stixel_cli.studies.file import StudyFile

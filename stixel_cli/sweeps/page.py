@@ -10,7 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from stixel_cli.errors import UserError
-from stixel_cli.evaluation.metric_table import SERIES, over_runs
+from stixel_cli.evaluation.metric_table import over_runs
+from stixel_cli.evaluation.scores import SERIES
 from stixel_cli.pictures import style
 from stixel_cli.report import charts
 from stixel_cli.report.charts import series_values

@@ -12,7 +12,6 @@ from stixel_cli.engine.plan import Durations
 from stixel_cli.engine.store import open_store
 from stixel_cli.engine.task import remembered
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.run import one_line_errors
 from stixel_cli.machine.kernels import uncompiled
 from stixel_cli.results.folder import figure_files
 from stixel_cli.results.result import FAILED, MISSING, SKIPPED, RunResult
@@ -55,9 +54,8 @@ def run_sweep(
     typed = plan.runs[0].overrides
     resume = "" if folder is None else f"; resume with: {resume_command(folder.path, typed)}"
     try:
-        with one_line_errors():
-            sweep.take_finished()
-            sweep.compute(visible, label)
+        sweep.take_finished()
+        sweep.compute(visible, label)
     except KeyboardInterrupt:
         done = len(sweep.runs)
         sweep.leave()
@@ -133,9 +131,9 @@ class _Sweep:
             progress=progress,
             keep_going=True,
         )
-        self.computed = sum(r.status == "computed" for r in execution.records.values())
-        self.cached.update(execution.records)
-        self.cached -= {key for key, r in execution.records.items() if r.status != "cached"}
+        self.computed = sum(status == "computed" for status in execution.status.values())
+        self.cached -= execution.status.keys()
+        self.cached.update(key for key, s in execution.status.items() if s == "cached")
         for planned in waiting:
             if planned.index in self.runs:
                 continue

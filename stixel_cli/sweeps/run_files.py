@@ -8,9 +8,9 @@ from functools import lru_cache
 from typing import Any
 
 from stixel_cli.config.folders import presets_option
-from stixel_cli.engine.execute import Execution, NodeRecord
+from stixel_cli.engine.execute import Execution
 from stixel_cli.engine.store import Store
-from stixel_cli.evaluation.metric_table import Scores
+from stixel_cli.evaluation.scores import Scores
 from stixel_cli.results import lineage
 from stixel_cli.results.folder import Content, arrays_content
 from stixel_cli.results.provenance import stored_sources
@@ -37,13 +37,16 @@ def run_files(
         notes: additional entries of the manifest.
         lineage_text: content of the lineage file.
     """
+    # Each run that shares a computed node records it as computed.
+    keys = planned.graph.ancestors(planned.targets)
+    status = {key: "computed" if key in seconds else "cached" for key in keys}
     manifest = {
         "command": shlex.join(["stixel", "run", *planned.overrides, *presets_option()]),
         **planned.manifest,
         **notes,
         "run": planned.index,
         "results": list(planned.targets),
-        "stages": _stage_records(planned, seconds),
+        "stages": Execution(planned.graph, status, seconds).stage_records(),
     }
     return {
         "config.yaml": yaml_of_parts(planned.composition.resolved),
@@ -87,25 +90,6 @@ def failure_files(run: RunResult, node: str, first: int) -> dict[str, str]:
         "failure.json": json_text(content),
         "traceback.txt": text,
     }
-
-
-def _stage_records(planned: PlannedRun, seconds: Mapping[str, float]) -> list[dict[str, Any]]:
-    """The stages of a run with the keys of their results, as in the manifest of `stixel run`.
-
-    Each run that shares a computed node records it as computed.
-    """
-    graph = planned.graph
-    records = {
-        key: NodeRecord(
-            key=key,
-            stage=graph.nodes[key].stage.name,
-            label=graph.nodes[key].label,
-            status="computed" if key in seconds else "cached",
-            seconds=round(seconds.get(key, 0.0), 4),
-        )
-        for key in graph.ancestors(planned.targets)
-    }
-    return Execution(graph, records).stage_records()
 
 
 class RunLineages:

@@ -41,7 +41,7 @@ def results(tmp_path_factory, shared_cache):
 def make_point(folder, overrides):
     composition = compose(overrides)
     store = open_store(composition.configuration.cache)
-    result = run_experiment(composition, store, pictures=False)
+    result = run_experiment(composition, pictures=False, store=store)
     folder.mkdir()
     (folder / "config.yaml").write_text(yaml.safe_dump(composition.resolved))
     (folder / "manifest.json").write_text(json.dumps({"choices": composition.choices}))

@@ -124,7 +124,7 @@ def test_a_crashed_worker_of_an_own_cluster_may_restart_slowly(project, tmp_path
     graph = build_graph([stage], 1, 1)
     executor = DaskExecutor("dask", 1, None, None)
     execution = execute(graph, ["crash"], project.store, executor=executor)
-    assert [record.status for record in execution.records.values()] == ["computed"]
+    assert [*execution.status.values()] == ["computed"]
 
 
 def test_a_cluster_ends_with_the_process_that_started_it():

@@ -22,6 +22,11 @@ from stixel_cli.engine.execute import execute
 from stixel_cli.engine.store import VALUE, Store
 
 
+def _computed(execution, stage):
+    (record,) = (one for one in execution.stage_records() if one["name"] == stage)
+    return record["nodes_computed"]
+
+
 def test_a_stage_that_raises(project):
     project.add_line("gather", "raise ValueError('no such thing')")
     with pytest.raises(StageFailure, match=r"^gather: ValueError: no such thing\n") as caught:
@@ -111,7 +116,7 @@ def test_a_damaged_target_is_made_again(project, cut):
     damage(project, graph, "show", cut=cut)
     execution = project.run(graph)
     assert project.calls() == ["show 2"]
-    assert execution.of_stage("show").nodes_computed == 1
+    assert _computed(execution, "show") == 1
     assert project.store.load(graph.of_stage("show")[0].key) == expected
 
 
@@ -129,7 +134,7 @@ def test_a_damaged_input_is_made_again(project, executor, notes):
     assert notes.notes == [
         "cached result of double[0:4] is unusable (its content has changed); recomputing it"
     ]
-    assert execution.of_stage("double").nodes_computed == 1
+    assert _computed(execution, "double") == 1
     assert project.store.load(graph.of_stage("show")[0].key) == expected
 
 

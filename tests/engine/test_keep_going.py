@@ -10,7 +10,8 @@ from stixel_cli.engine.task import run_task
 
 
 def statuses(execution):
-    return {record.label: record.status for record in execution.records.values()}
+    nodes = execution.graph.nodes
+    return {nodes[key].label: status for key, status in execution.status.items()}
 
 
 @pytest.mark.parametrize("executor", ["serial", "threads", "local"])

@@ -34,7 +34,11 @@ def test_other_running_nodes_are_submitted_again(project, notes):
     graph = project.graph()
     execution = project.run(graph, executor=LOCAL, keep_going=True, progress=notes)
     assert [failure.label for failure in execution.failures.values()] == ["gather"]
-    others = [record.status for record in execution.records.values() if record.label != "gather"]
+    others = [
+        status
+        for key, status in execution.status.items()
+        if execution.graph.nodes[key].label != "gather"
+    ]
     assert set(others) == {"computed"}
     assert project.calls().count("gather") == 1
     assert list((project.store.folder / "tmp").glob("limit-*")) != [], "the mark, for a look"

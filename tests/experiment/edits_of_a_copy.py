@@ -12,7 +12,7 @@ from pathlib import Path
 
 import stixel_cli
 from stixel_cli.config.compose import compose
-from stixel_cli.experiment.run import experiment_graph
+from stixel_cli.experiment.stages import experiment_graph
 
 RUNS = (
     ("path.duration=0.4", "road_user.mesh=wedge.obj"),

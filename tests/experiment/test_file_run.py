@@ -10,8 +10,7 @@ from run_cli import SMALL, run_json
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import compose
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.experiment.run import experiment_graph
-from stixel_cli.experiment.stages import pictured_frames, scan_count
+from stixel_cli.experiment.stages import experiment_graph, pictured_frames, scan_count
 from stixel_cli.results.result import read_scored_run
 
 QUICK = ("executor=threads", "seed=1003")

@@ -9,7 +9,7 @@ from run_cli import run_json
 
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import compose
-from stixel_cli.experiment.run import experiment_graph
+from stixel_cli.experiment.stages import experiment_graph
 
 WEDGE = """v -1.5 -0.7 0
 v -1.5 0.7 0

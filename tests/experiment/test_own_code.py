@@ -19,7 +19,7 @@ from stixel_cli.config import folders
 from stixel_cli.config.texts import override_text
 from stixel_cli.engine.code import CodeIndex
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.experiment.run import experiment_graph
+from stixel_cli.experiment.stages import experiment_graph
 
 
 def keys(*words):

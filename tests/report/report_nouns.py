@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from stixel_cli.evaluation.metric_table import Scores
+from stixel_cli.evaluation.scores import Scores
 from stixel_cli.geometry.pose import world_from_target, wrap_angle
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.scans import Scans
