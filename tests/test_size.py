@@ -15,7 +15,7 @@ BUDGET = {
     "config": 3060,
     "engine": 5172,
     "evaluation": 1563,
-    "experiment": 1492,
+    "experiment": 1490,
     "export": 680,
     "geometry": 180,
     "machine": 340,

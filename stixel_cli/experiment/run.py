@@ -223,7 +223,10 @@ def read_stored_run(path: Path, overrides: tuple[str, ...] = ()) -> RunResult:
     try:
         configuration = from_resolved(resolved)
     except ConfigurationError as fault:
-        raise UserError(f"{path / 'config.yaml'}: {fault}{_by_another_version(run)}") from None
+        theirs = run.entry("versions").get("stixel")
+        other = f" (the folder was made by stixel {theirs}, this is {__version__})"
+        hint = "" if theirs in (None, __version__) else other
+        raise UserError(f"{path / 'config.yaml'}: {fault}{hint}") from None
     composition = Composition(configuration, run.choices, run.overrides, resolved)
     return replace(run, settings=resolved, composition=composition, lineage=read_lineage(path))
 
@@ -231,10 +234,3 @@ def read_stored_run(path: Path, overrides: tuple[str, ...] = ()) -> RunResult:
 def has_pictures(run: RunResult) -> bool:
     """Whether the folder of a run has pictures. Runs of a sweep have them only on request."""
     return (run.folder / "figures").is_dir()
-
-
-def _by_another_version(run: RunResult) -> str:
-    theirs = run.entry("versions").get("stixel")
-    if theirs in (None, __version__):
-        return ""
-    return f" (the folder was made by stixel {theirs}, this is {__version__})"
