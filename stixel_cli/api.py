@@ -75,7 +75,7 @@ def run(
         UserError: for errors that the user can correct.
         StageFailure: if a stage fails for another reason.
     """
-    if any(isinstance(one, Composition) for one in experiment):
+    if any(isinstance(part, Composition) for part in experiment):
         if len(experiment) > 1:
             raise UserError("run: give overrides, or one composition without overrides")
         (composition,) = experiment
@@ -156,10 +156,10 @@ def plot(result: RunResult) -> "Figure":
 
 def _texts(given: Sequence[Sequence[str] | str], last_wins: bool) -> tuple[str, ...]:
     """The overrides in one tuple; of several of one key only the last if `last_wins`."""
-    for one in given:
-        if isinstance(one, Mapping):
+    for part in given:
+        if isinstance(part, Mapping):
             raise UserError("overrides must be texts, such as 'tracker=contour', not a mapping")
-    texts = [text for one in given for text in ((one,) if isinstance(one, str) else one)]
+    texts = [text for part in given for text in ((part,) if isinstance(part, str) else part)]
     if not last_wins:
         return tuple(texts)
     return tuple({split_override(text)[0]: text for text in texts}.values())

@@ -77,14 +77,14 @@ def further_arguments(
     schema = parameters_type(function, given)
     if schema is not None:
         return {next(iter(further)): _validated(schema, values)}
-    kinds = {one.kind for one in further.values()}
+    kinds = {parameter.kind for parameter in further.values()}
     for name in values:
         if name not in further and inspect.Parameter.VAR_KEYWORD not in kinds:
             known = f"it has {', '.join(further)}" if further else "it has no parameters"
             raise ValueError(f"{name}: unknown parameter; {known}")
-    for name, one in further.items():
-        variable = one.kind in (inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL)
-        if one.default is one.empty and name not in values and not variable:
+    for name, parameter in further.items():
+        variable = parameter.kind in (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL)
+        if parameter.default is parameter.empty and name not in values and not variable:
             raise ValueError(f"{name}: is missing")
     return dict(values)
 
@@ -99,19 +99,19 @@ def all_values(
     """
     from pydantic import ValidationError
 
-    found = further_arguments(function, given, values)
+    arguments = further_arguments(function, given, values)
     schema = parameters_type(function, given)
     if schema is None:
         further = list(inspect.signature(function).parameters.items())[given:]
-        found = {n: one.default for n, one in further if one.default is not one.empty} | found
+        defaults = {n: p.default for n, p in further if p.default is not p.empty}
+        arguments = defaults | arguments
     else:
-        (made,) = found.values()
-        found = {
-            one.name: getattr(made, one.name) for one in dataclasses.fields(schema) if one.init
-        }
+        (made,) = arguments.values()
+        fields = [field.name for field in dataclasses.fields(schema) if field.init]
+        arguments = {name: getattr(made, name) for name in fields}
         # A list in a file becomes a tuple again.
-        found = {n: list(one) if isinstance(one, tuple) else one for n, one in found.items()}
-    plain = {name: one for name, one in found.items() if _is_plain(one)} | dict(values)
+        arguments = {n: list(v) if isinstance(v, tuple) else v for n, v in arguments.items()}
+    plain = {name: value for name, value in arguments.items() if _is_plain(value)} | dict(values)
     try:
         further_arguments(function, given, plain)
     except ValidationError:

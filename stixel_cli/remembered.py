@@ -21,7 +21,7 @@ def remembered(read: Callable[P, T]) -> Callable[P, T]:
 
     @wraps(read)
     def read_if_changed(*arguments: Any) -> T:
-        files = [one for one in arguments if isinstance(one, Path)]
+        files = [argument for argument in arguments if isinstance(argument, Path)]
         return read_once(arguments, tuple(map(_state, files)))
 
     return read_if_changed

@@ -71,22 +71,22 @@ def assess(
         raise UserError("--calib, --disparity and --labels belong to two images: LEFT RIGHT")
     given = [*without_target(given), "pictures.frames=[0]"]
     composition = compose(with_workers(given, workers))
-    found = assessed(composition, make_progress())
+    assessment = assessed(composition, make_progress())
     if json:
-        print_json({"values": dict(found.values), "seconds": dict(found.seconds)})
+        print_json({"values": dict(assessment.values), "seconds": dict(assessment.seconds)})
         return 0
     page = unused_page(Path("assess.html")) if output is None else output
     command = [arg for arg in ("stixel", "assess", *arguments) if arg]
     for name, value in (("--calib", calib), ("--disparity", disparity), ("--labels", labels)):
         command += [] if value is None else [name, str(value)]
-    write_page(page, page_html(found, shlex.join(command)))
+    write_page(page, page_html(assessment, shlex.join(command)))
     rows = [
-        (label, shown(name, found.values[name]), unit)
+        (label, shown(name, assessment.values[name]), unit)
         for name, (label, unit, _) in LABELS.items()
-        if found.values[name] is not None
+        if assessment.values[name] is not None
     ]
     print_table(("value", "", "unit"), rows, right=(1,))
-    say("", *sentences(found), page)
+    say("", *sentences(assessment), page)
     return 0
 
 

@@ -44,20 +44,20 @@ def ls(json: Json = False) -> int:
 
     store = _store()
     damaged: list[MissingEntry] = []
-    found = entries(store, damaged.append)
+    listed = entries(store, damaged.append)
     if damaged:
         tell(_damage(damaged))
     stages: dict[str, dict[str, Any]] = {}
-    for entry in found:
+    for entry in listed:
         row = stages.setdefault(entry.stage, {"entries": 0, "size": 0, "last_use": 0.0})
         row["entries"] += 1
         row["size"] += entry.size
         row["last_use"] = max(row["last_use"], entry.last_use)
     stages = dict(sorted(stages.items(), key=lambda item: -item[1]["size"]))
-    total = sum(entry.size for entry in found)
+    total = sum(entry.size for entry in listed)
     if json:
         answer = {"folder": str(store.folder), "max_size": store.max_size, "size": total}
-        counts = {"entries": len(found), "damaged": len(damaged)}
+        counts = {"entries": len(listed), "damaged": len(damaged)}
         print_json({**answer, **counts, "stages": stages})
         return 0
     rows = [
@@ -67,7 +67,7 @@ def ls(json: Json = False) -> int:
     if rows:
         print_table(("stage", "entries", "size", "last use"), rows, right=(1, 2))
     limit = "no limit" if store.max_size is None else f"limit {show_size(store.max_size)}"
-    say(f"{store.folder}: {len(found)} results, {show_size(total)}, {limit}")
+    say(f"{store.folder}: {len(listed)} results, {show_size(total)}, {limit}")
     return 0
 
 
@@ -116,7 +116,7 @@ def gc(
 
 def _damage(damaged: "Sequence[MissingEntry]") -> str:
     count = "1 entry is" if len(damaged) == 1 else f"{len(damaged)} entries are"
-    aside = " and set aside" if all(one.set_aside for one in damaged) else ""
+    aside = " and set aside" if all(entry.set_aside for entry in damaged) else ""
     return f"{count} damaged or of an older version{aside}; recomputed when needed"
 
 
@@ -173,9 +173,9 @@ def _confirmed(store: "Store") -> bool:
         raise UserError(
             "this removes all cached results: add --yes, there is no terminal to ask at"
         )
-    found = entry_folders(store)
-    size = show_size(sum(one.size for one in found))
-    sys.stderr.write(f"remove {len(found)} results, {size}, from {store.folder}? [y/N] ")
+    listed = entry_folders(store)
+    size = show_size(sum(entry.size for entry in listed))
+    sys.stderr.write(f"remove {len(listed)} results, {size}, from {store.folder}? [y/N] ")
     sys.stderr.flush()
     return sys.stdin.readline().strip().lower() in ("y", "yes")
 
@@ -186,7 +186,7 @@ def _print_collection(store: "Store", done: "Collection", verb: str, json: bool)
     if json:
         answer = {
             "folder": str(store.folder),
-            "removed": [vars(one) for one in done.removed],
+            "removed": [vars(entry) for entry in done.removed],
             "removed_size": done.removed_size,
             "kept": done.kept,
             "kept_size": done.kept_size,
@@ -195,8 +195,8 @@ def _print_collection(store: "Store", done: "Collection", verb: str, json: bool)
         print_json(answer)
         return
     by_reason: dict[str, list[int]] = {}
-    for one in done.removed:
-        by_reason.setdefault(one.reason, []).append(one.size)
+    for entry in done.removed:
+        by_reason.setdefault(entry.reason, []).append(entry.size)
     for reason, sizes in by_reason.items():
         say(f"{reason}: {len(sizes)} {verb}, {show_size(sum(sizes))}")
     used = f", {done.in_use} of them in use" if done.in_use else ""

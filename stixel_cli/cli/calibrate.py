@@ -56,32 +56,32 @@ def calibrate(
     from stixel_cli.experiment.assess import calibrate as estimate
 
     composition = compose(with_workers(without_target(overrides), workers))
-    found = estimate(composition, method, make_progress())
+    fit = estimate(composition, method, make_progress())
     source = composition.configuration.source
-    text = correction_text(found, source)
+    text = correction_text(fit, source)
     if json:
         print_json(
-            asdict(found) | {"correction": text, "folder": source.folder, "frames": source.frames}
+            asdict(fit) | {"correction": text, "folder": source.folder, "frames": source.frames}
         )
         return 0
     values = {
-        "rig.disparity_offset": f"{found.offset:.3f}",
-        "rig.disparity_slope": f"{found.slope:.6f}",
+        "rig.disparity_offset": f"{fit.offset:.3f}",
+        "rig.disparity_slope": f"{fit.slope:.6f}",
         # Quotes of Hydra's grammar: the text has commas and blanks.
         "source.correction": f'"{text}"',
     }
     say(
         shlex.join(f"{name}={value}" for name, value in values.items()),
-        f"median residual {found.median_before:.2f} px before, {found.median_after:.2f} px after",
+        f"median residual {fit.median_before:.2f} px before, {fit.median_after:.2f} px after",
     )
     return 0
 
 
-def correction_text(found: "DisparityFit", source: "Recorded") -> str:
+def correction_text(fit: "DisparityFit", source: "Recorded") -> str:
     """How a correction was estimated: the method, the clip, n and the residual."""
     clip = getattr(source, "sequence", None) or Path(source.folder).name
     clip = "".join(letter for letter in clip if letter.isalnum() or letter in "-_. ")
     return (
-        f"{found.method} of clip {clip}, frames {source.frames.replace(':', ' to ')} (exclusive), "
-        f"{found.count} {found.unit}, median residual {found.median_after:.2f} px"
+        f"{fit.method} of clip {clip}, frames {source.frames.replace(':', ' to ')} (exclusive), "
+        f"{fit.count} {fit.unit}, median residual {fit.median_after:.2f} px"
     )

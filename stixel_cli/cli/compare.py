@@ -50,7 +50,7 @@ def compare(
             "metrics": {k: dict(zip(labels, v, strict=True)) for k, v in differing.items()},
         }
         if code:
-            answer["code"] = [asdict(one) for one in changed]
+            answer["code"] = [asdict(module) for module in changed]
         print_json(answer)
         return 0
     if settings:
@@ -76,9 +76,9 @@ def compare(
         say("the metrics are the same")
     if code:
         say("")
-        for one in changed:
-            name = f"{one.module}: " if one.module else ""
-            say(*(one.lines or [f"{name}{one.reason}"]))
+        for module in changed:
+            name = f"{module.module}: " if module.module else ""
+            say(*(module.lines or [f"{name}{module.reason}"]))
         if not changed:
             say("the code is the same")
     return 0

@@ -40,8 +40,8 @@ def complete_sweep(incomplete: str) -> Words:
 
 def complete_setting(incomplete: str) -> Words:
     """Complete to groups, options and keys, without values."""
-    found = _overrides(incomplete)
-    return _with_meaning([w.removesuffix("=") for w in found if w.endswith("=") or "." not in w])
+    words = _overrides(incomplete)
+    return _with_meaning([w.removesuffix("=") for w in words if w.endswith("=") or "." not in w])
 
 
 def _with_meaning(words: list[str]) -> Words:
@@ -74,10 +74,10 @@ def _overrides(incomplete: str) -> list[str]:
     words, group = _words_in_bash(incomplete)
     before = f"{group}=" if group else ""
     try:
-        found = _candidates(before + incomplete, words)
+        matches = _candidates(before + incomplete, words)
     except (OSError, UserError):
         return []
-    return [word.removeprefix(before) for word in found if word != before]
+    return [word.removeprefix(before) for word in matches if word != before]
 
 
 def _swept(incomplete: str) -> list[str]:
@@ -111,21 +111,21 @@ def complete_study(incomplete: str) -> list[str]:
 def complete_folder(incomplete: str) -> list[str]:
     """Complete to result folders, and to folders that may contain them."""
     folder, slash, name = incomplete.rpartition("/")
-    found: list[str] = []
+    paths: list[str] = []
     try:
         # `results/` is the default parent folder.
         places = [f"{folder}{slash}"] if incomplete else ["", "results/"]
         for place in places:
             with os.scandir(os.path.expanduser(place) or ".") as entries:
                 folders = sorted(entry.name for entry in entries if entry.is_dir())
-            for one in folders:
-                if one.startswith(name) and (name or not one.startswith(".")):
-                    path = place + one
+            for child in folders:
+                if child.startswith(name) and (name or not child.startswith(".")):
+                    path = place + child
                     is_run = os.path.isfile(os.path.join(os.path.expanduser(path), MANIFEST))
-                    found.append(path if is_run else f"{path}/")
+                    paths.append(path if is_run else f"{path}/")
     except OSError:
         pass
-    return found
+    return paths
 
 
 def complete_run_or_override(incomplete: str) -> list[str]:
@@ -148,17 +148,17 @@ def _candidates(typed: str, words: list[str]) -> list[str]:
     groups = [group for group in group_options() if group.startswith(key)]
     if "=" in typed or len(groups) == 1:
         # The shell appends a space to a single `group=`, so complete to its options.
-        found = [f"{group}={option}" for group in groups for option in group_options()[group]]
+        matches = [f"{group}={option}" for group in groups for option in group_options()[group]]
         if "tracker" in groups:
-            found += [f"tracker={name}" for name in installed_trackers()]
+            matches += [f"tracker={name}" for name in installed_trackers()]
     else:
-        found = [f"{group}=" for group in groups]
+        matches = [f"{group}=" for group in groups]
     if key and "seed".startswith(key):
-        found.append("seed=")
+        matches.append("seed=")
     group = key.partition(".")[0]
     if "." in key and group in group_options() and group != EXPERIMENT:
-        found += _keys(group, key, words)
-    return [word for word in found if word.startswith(typed)]
+        matches += _keys(group, key, words)
+    return [word for word in matches if word.startswith(typed)]
 
 
 def _keys(group: str, typed: str, words: list[str]) -> list[str]:
@@ -172,9 +172,9 @@ def _keys(group: str, typed: str, words: list[str]) -> list[str]:
     values = {f"{within}.{key}": value for key, value in option_values(group, option).items()}
     values.pop(f"{within}.kind", None)
     inner = [key for name in inner_options(group, option) for key in _keys(name, typed, words)]
-    found = [key for key in values if key.startswith(typed)]
-    if len(found) != 1:
-        return [f"{key}=" for key in found] + inner
-    plain = values[found[0]]
+    matches = [key for key in values if key.startswith(typed)]
+    if len(matches) != 1:
+        return [f"{key}=" for key in matches] + inner
+    plain = values[matches[0]]
     of_another = isinstance(plain, list) or "$" in str(plain)
-    return [f"{found[0]}="] + ([] if of_another else [override_text(found[0], plain)])
+    return [f"{matches[0]}="] + ([] if of_another else [override_text(matches[0], plain)])

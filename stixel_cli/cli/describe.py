@@ -67,7 +67,7 @@ def _print_groups() -> None:
     ]
     print_table(("group", "options (default first)", "meaning"), rows, width=WIDTH)
     say("")
-    tops = [(one.name, one.default, one.meaning) for one in settings_of_top()]
+    tops = [(key.name, key.default, key.meaning) for key in settings_of_top()]
     print_table(("key", "default", "meaning"), tops, width=WIDTH)
     say("", "stixel describe GROUP, GROUP=OPTION or KEY explains one of them.")
 
@@ -80,7 +80,8 @@ def _print_group(group: str) -> None:
     print_table((group, meaning_of_group(group)), rows, width=WIDTH)
     say("")
     options = [
-        (f"{group}={one}", meaning_of_option(group, one)) for one in options_default_first(group)
+        (f"{group}={option}", meaning_of_option(group, option))
+        for option in options_default_first(group)
     ]
     print_table(("option (default first)", "meaning"), options, width=WIDTH)
     say("")
@@ -98,7 +99,7 @@ def _print_keys(group: str, option: str) -> None:
     from stixel_cli.config.descriptions import keys_of_option
 
     rows = [
-        (one.name, one.values.get(option, ""), one.meaning) for one in keys_of_option(group, option)
+        (key.name, key.values.get(option, ""), key.meaning) for key in keys_of_option(group, option)
     ]
     if rows:
         print_table((f"key of {group}={option}", "value", "meaning"), rows, width=WIDTH)
@@ -110,20 +111,20 @@ def _print_key(name: str) -> None:
     from stixel_cli.config.descriptions import describe_key
     from stixel_cli.experiment.table.table import readers
 
-    for i, one in enumerate(describe_key(name)):
+    for i, key in enumerate(describe_key(name)):
         if i:
             say("")
-        rows = [("unit", one.unit), ("range", one.range), ("default", _values(one))]
-        rows.append(("belongs to", " ".join(one.belongs_to)))
-        rows.append(("read by", _listed([*readers(name), *one.followers])))
-        print_table((name, one.meaning), [row for row in rows if row[1]], width=WIDTH)
+        rows = [("unit", key.unit), ("range", key.range), ("default", _values(key))]
+        rows.append(("belongs to", " ".join(key.belongs_to)))
+        rows.append(("read by", _listed([*readers(name), *key.followers])))
+        print_table((name, key.meaning), [row for row in rows if row[1]], width=WIDTH)
 
 
-def _values(one: "Description") -> str:
+def _values(key: "Description") -> str:
     """The default, and the values of other options where they differ."""
-    if len(set(one.values.values())) < 2:
-        return one.default
-    return ", ".join(f"{value} ({option})" for option, value in one.values.items())
+    if len(set(key.values.values())) < 2:
+        return key.default
+    return ", ".join(f"{value} ({option})" for option, value in key.values.items())
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -180,6 +180,7 @@ def _near_option(wrong: str, context: Any) -> str:
         return "; `stixel sweep KEY=1,2,3` runs all combinations of several values"
     if key == "seed" or key.partition(".")[0] in group_options():
         return f"; did you mean {key}=… without the dashes?"
-    options = [name for one in context.command.params for name in one.opts] if context else []
+    parameters = context.command.params if context else []
+    options = [name for parameter in parameters for name in parameter.opts]
     near = get_close_matches(wrong, [*options, "--help"], 1)
     return f"; did you mean {near[0]}?" if near else ""

@@ -70,33 +70,33 @@ def explain(
     from stixel_cli.engine.explain import explain as explain_nodes
 
     asked = _asked(what or [], file, trust_code)
-    found = explain_nodes(asked.graph, asked.store, asked.targets, _before(asked.lineages))
-    needed_by = _needed_by(asked.runs, {one.key for one in found})
+    missing = explain_nodes(asked.graph, asked.store, asked.targets, _before(asked.lineages))
+    needed_by = _needed_by(asked.runs, {node.key for node in missing})
     if json:
-        print_json([_as_json(one, needed_by.get(one.key)) for one in found])
+        print_json([_as_json(node, needed_by.get(node.key)) for node in missing])
         return 0
     shown: set[tuple[str, ...]] = set()
-    for group, text in by_stage(found):
+    for group, text in by_stage(missing):
         first, last = group[0].label, group[-1].label
         labels = first if first == last else f"{first} … {last}"
         labels += f", {len(group)} nodes" if len(group) > 1 else ""
-        runs = sorted({index for one in group for index in needed_by.get(one.key, ())})
+        runs = sorted({index for node in group for index in needed_by.get(node.key, ())})
         where = f" ({shown_runs(runs, len(asked.runs))})" if asked.runs else ""
         say(f"{labels}{where}: {text}")
         for change in group[0].changes:
             if change.difference and change.difference not in shown:
                 shown.add(change.difference)
                 say(*(f"    {line}" for line in _shortened(change)))
-    if not found:
+    if not missing:
         say("nothing to recompute: all results are cached")
     return 0
 
 
 def _before(lineages: "Sequence[Lineage | None]") -> tuple[set[str], dict[str, str]]:
     """The keys of all results of a folder, and the digests of their modules."""
-    known = [one for one in lineages if one is not None]
-    keys = {key for one in known for stage in one.stages.values() for key in stage.keys}
-    return keys, {name: digest for one in known for name, digest in (one.code or {}).items()}
+    known = [lineage for lineage in lineages if lineage is not None]
+    keys = {key for lineage in known for stage in lineage.stages.values() for key in stage.keys}
+    return keys, {name: code for lineage in known for name, code in (lineage.code or {}).items()}
 
 
 def _shortened(change: "Change") -> list[str]:
@@ -126,7 +126,7 @@ def _asked(what: Sequence[str], file: str | None, trust_code: bool) -> _Asked:
             composer = Composer(request.working_directory, trusted=False)
             runs = compose_runs(on_this_machine(request.runs, ()), request.keys, composer)
             asked = _of_runs(*planned_sweep(runs, None, request.pictures, request.nodes))
-            return asked._replace(lineages=[read_lineage(one) for one in folder.glob("runs/*")])
+            return asked._replace(lineages=[read_lineage(run) for run in folder.glob("runs/*")])
         stored = read_stored_run(folder)
         asked = _of_run(stored.composition, has_pictures(stored))
         return asked._replace(lineages=[stored.lineage])
@@ -157,24 +157,24 @@ def _of_runs(plan: "SweepPlan", _: Sequence[str]) -> _Asked:
     from stixel_cli.engine.store import open_store
 
     store = open_store(plan.runs[0].composition.configuration.cache)
-    wanted = dict.fromkeys(target for one in plan.runs for target in one.targets)
+    wanted = dict.fromkeys(target for run in plan.runs for target in run.targets)
     return _Asked(plan.graph, list(wanted), store, plan.runs)
 
 
 def _needed_by(runs: "Sequence[PlannedRun]", missing: set[str]) -> dict[str, list[int]]:
     """Indices of the runs that need each missing node."""
     needed: dict[str, list[int]] = {}
-    for one in runs:
-        found: set[str] = set()
-        pending = [key for key in one.targets if key in missing]
+    for run in runs:
+        reached: set[str] = set()
+        pending = [key for key in run.targets if key in missing]
         while pending:
             key = pending.pop()
-            if key not in found:
-                found.add(key)
+            if key not in reached:
+                reached.add(key)
                 # The sources of a cached node are not needed, missing or not.
-                pending += [s for s in one.graph.nodes[key].sources if s in missing]
-        for key in found:
-            needed.setdefault(key, []).append(one.index)
+                pending += [s for s in run.graph.nodes[key].sources if s in missing]
+        for key in reached:
+            needed.setdefault(key, []).append(run.index)
     return needed
 
 
@@ -183,17 +183,17 @@ def shown_runs(runs: Sequence[int], count: int) -> str:
     if len(runs) == count:
         return f"all {count} runs"
     # Consecutive numbers differ from their positions by the same amount.
-    ranges = [list(one) for _, one in groupby(enumerate(runs), lambda at: at[1] - at[0])]
-    ends = [(one[0][1], one[-1][1]) for one in ranges]
+    ranges = [list(part) for _, part in groupby(enumerate(runs), lambda at: at[1] - at[0])]
+    ends = [(part[0][1], part[-1][1]) for part in ranges]
     shown = ", ".join(str(a) if a == b else f"{a}-{b}" for a, b in ends)
     return f"run{'' if len(runs) == 1 else 's'} {shown}"
 
 
-def _as_json(one: "Explanation", runs: Sequence[int] | None) -> dict:
+def _as_json(node: "Explanation", runs: Sequence[int] | None) -> dict:
     return {
-        "key": one.key,
-        "stage": one.stage,
-        "node": one.label,
+        "key": node.key,
+        "stage": node.stage,
+        "node": node.label,
         **({} if runs is None else {"runs": sorted(runs)}),
         "why": [
             {
@@ -204,6 +204,6 @@ def _as_json(one: "Explanation", runs: Sequence[int] | None) -> dict:
                 "difference": list(c.difference),
                 "text": str(c),
             }
-            for c in one.changes
+            for c in node.changes
         ],
     }

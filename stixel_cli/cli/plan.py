@@ -73,7 +73,7 @@ def print_plan(plan: "SweepPlan", design: "Design", notes: Sequence[str], json: 
     from stixel_cli.engine.progress import duration
 
     for axis in design.axes:
-        values = [" ".join(one.text for one in step) for step in axis.steps]
+        values = [" ".join(override.text for override in step) for step in axis.steps]
         shown = ", ".join(values[:6]) + (", …" if len(values) > 6 else "")
         say(f"{axis.name}: {counted(len(values), 'value')}: {shown}")
     for note in notes:

@@ -151,7 +151,7 @@ def _answer(result: "SweepResult") -> dict[str, Any]:
         "nodes": {"computed": result.computed, "cached": result.cached},
         "runs": result.records,
         "summary": summary_records(result.statistics),
-        "incomplete": [vars(one) for one in result.incomplete],
+        "incomplete": [vars(setting) for setting in result.incomplete],
     }
 
 
@@ -163,23 +163,22 @@ def _print_statistics(result: "SweepResult") -> None:
     from stixel_cli.sweeps.results import heading
 
     by_setting: dict[tuple, dict[str, Any]] = {}
-    for one in result.statistics:
-        by_setting.setdefault(tuple(one.setting.items()), {})[one.metric] = one
+    for statistic in result.statistics:
+        by_setting.setdefault(tuple(statistic.setting.items()), {})[statistic.metric] = statistic
     shown = [over_runs(name) for name in SHOWN]
     names = [name for name in shown if any(name in row for row in by_setting.values())]
     # The interval of a share of runs is not symmetric: it is in the summary only.
-    means = [one for one in result.statistics if one.metric != LOSS_RATE]
-    spread = any(one.low is not None for one in means)
+    spread = any(s.low is not None for s in result.statistics if s.metric != LOSS_RATE)
     keys = list(result.runs[0].setting)
     header = [*keys, "n", *(heading(name) for name in names)]
     rows = []
     for setting, row in list(by_setting.items())[: 2 * _MOST_SHOWN]:
         cells = []
         for name in names:
-            one = row[name]
-            plain = one.low is None or name == LOSS_RATE
-            half = "" if plain else f" ± {format_value(one.mean - one.low)}"
-            cells.append(f"{format_value(one.mean)}{half}")
+            statistic = row[name]
+            plain = statistic.low is None or name == LOSS_RATE
+            half = "" if plain else f" ± {format_value(statistic.mean - statistic.low)}"
+            cells.append(f"{format_value(statistic.mean)}{half}")
         n = max((row[name].n for name in names), default=0)
         rows.append((*(value for _, value in setting), str(n), *cells))
     print_table(header, rows, right=range(len(keys), len(header)))
@@ -202,15 +201,15 @@ def _tell_what_is_missing(result: "SweepResult") -> None:
     lines = []
     for status in (FAILED, SKIPPED):
         runs = [run for run in result.runs if run.status == status]
-        for one in runs[:_MOST_SHOWN]:
-            reason = " ".join(str(one.failure).split())
-            lines.append(f"run {one.index} {status} ({one.label}): {reason}")
+        for run in runs[:_MOST_SHOWN]:
+            reason = " ".join(str(run.failure).split())
+            lines.append(f"run {run.index} {status} ({run.label}): {reason}")
         if len(runs) > _MOST_SHOWN:
             lines.append(f"{len(runs) - _MOST_SHOWN} more runs {status}, see runs.csv")
     lacking = len(result.runs) - result.count("done")
     where = f"{lacking} of {len(result.runs)} runs are missing"
     if result.statistics:
-        named = "; ".join(one.label for one in result.incomplete[:_MOST_SHOWN])
+        named = "; ".join(setting.label for setting in result.incomplete[:_MOST_SHOWN])
         more = len(result.incomplete) - _MOST_SHOWN
         named += f"; and {more} more" if more > 0 else ""
         lines.append(

@@ -46,10 +46,10 @@ def verify(
 
     stored = stored_run(folder, workers, trust_code)
     tell_changed_code(stored)
-    own = open_store(stored.composition.configuration.cache)
+    store = open_store(stored.composition.configuration.cache)
     progress = make_progress()
     if cached:
-        found = verify_run(stored, own, own, provenance(), progress)
+        verification = verify_run(stored, store, store, provenance(), progress)
     else:
         try:
             temporary = tempfile.TemporaryDirectory(prefix="stixel-verify-")
@@ -59,49 +59,49 @@ def verify(
             ) from error
         try:
             with temporary as scratch:
-                found = verify_run(stored, Store(scratch), own, provenance(), progress)
+                verification = verify_run(stored, Store(scratch), store, provenance(), progress)
         except KeyboardInterrupt:
             raise VerifyInterrupted(
                 "interrupted; the results are discarded (--cached keeps them)"
             ) from None
     if json:
-        print_json(_as_json(folder, found))
+        print_json(_as_json(folder, verification))
     else:
-        say(*_as_text(found, stored.lineage is None))
-    return 0 if found.identical else 1
+        say(*_as_text(verification, stored.lineage is None))
+    return 0 if verification.identical else 1
 
 
-def _as_json(folder: Path, found: "Verification") -> dict[str, Any]:
+def _as_json(folder: Path, verification: "Verification") -> dict[str, Any]:
     return {
         "folder": str(folder),
-        "identical": found.identical,
-        "files_compared": found.compared,
-        "files": [vars(file) for file in found.files],
-        "first_by_key": None if found.by_key is None else vars(found.by_key),
-        "first_by_value": None if found.by_value is None else vars(found.by_value),
-        "changes": list(found.changes),
-        "stages": found.stages,
+        "identical": verification.identical,
+        "files_compared": verification.compared,
+        "files": [vars(file) for file in verification.files],
+        "first_by_key": None if verification.by_key is None else vars(verification.by_key),
+        "first_by_value": None if verification.by_value is None else vars(verification.by_value),
+        "changes": list(verification.changes),
+        "stages": verification.stages,
     }
 
 
-def _as_text(found: "Verification", no_record: bool) -> list[str]:
-    computed = sum(stage["nodes_computed"] for stage in found.stages)
-    nodes = sum(stage["nodes"] for stage in found.stages)
+def _as_text(verification: "Verification", no_record: bool) -> list[str]:
+    computed = sum(stage["nodes_computed"] for stage in verification.stages)
+    nodes = sum(stage["nodes"] for stage in verification.stages)
     again = f"{computed} of {nodes} nodes computed again"
-    if found.identical:
-        lines = [f"identical: {found.compared} files compared, {again}"]
+    if verification.identical:
+        lines = [f"identical: {verification.compared} files compared, {again}"]
     else:
-        lines = [f"differs: {len(found.files)} of {found.compared} files, {again}"]
-        lines += [f"  {file.file}: {file.what}" for file in found.files]
-    if found.by_key is not None:
-        lines += _stage_lines("first stage with another key", found.by_key)
-    if found.by_value is not None:
-        lines += _stage_lines("first stage with another result", found.by_value)
+        lines = [f"differs: {len(verification.files)} of {verification.compared} files, {again}"]
+        lines += [f"  {file.file}: {file.what}" for file in verification.files]
+    if verification.by_key is not None:
+        lines += _stage_lines("first stage with another key", verification.by_key)
+    if verification.by_value is not None:
+        lines += _stage_lines("first stage with another result", verification.by_value)
     if no_record:
         lines.append("the keys of the stages are unknown: lineage.json is missing")
-    if found.changes:
+    if verification.changes:
         lines.append("since then:")
-        lines += [f"  {change}" for change in found.changes]
+        lines += [f"  {change}" for change in verification.changes]
     return lines
 
 

@@ -63,13 +63,13 @@ def configuration_folder() -> Path:
     return shipped_folder("conf")
 
 
-_own: Path | None = None
+_presets: Path | None = None
 _trusted = False
 
 
 def own_presets() -> Path | None:
     """The folder of the user's own presets, `--config-dir`; None without one."""
-    return _own
+    return _presets
 
 
 def presets_trusted() -> bool:
@@ -91,7 +91,7 @@ def is_shipped(path: Path) -> bool:
 
 def presets_option() -> list[str]:
     """`--config-dir DIR` of a command line, if there are presets of the user's own."""
-    return [] if _own is None else ["--config-dir", str(_own)]
+    return [] if _presets is None else ["--config-dir", str(_presets)]
 
 
 def use_presets(folder: Path | None) -> Path | None:
@@ -100,12 +100,12 @@ def use_presets(folder: Path | None) -> Path | None:
     Raises:
         UserError: if a group is unknown, an option of that name exists, or a file is not a preset.
     """
-    global _own
+    global _presets
     trust_presets(False)
-    if _own is not None or folder is not None:
+    if _presets is not None or folder is not None:
         group_options.cache_clear()
         installed_trackers.cache_clear()
-    _own = None
+    _presets = None
     if folder is None:
         return None
     if not folder.is_dir():
@@ -121,7 +121,7 @@ def use_presets(folder: Path | None) -> Path | None:
             raise ConfigurationError(f"--config-dir: {path}: {group}={option} exists; rename it")
         _check_preset(path)
     group_options.cache_clear()
-    _own = folder.resolve()
+    _presets = folder.resolve()
     return folder
 
 
@@ -137,7 +137,7 @@ def _check_preset(path: Path) -> None:
 
 
 def _roots() -> list[Path]:
-    return [configuration_folder(), *([] if _own is None else [_own])]
+    return [configuration_folder(), *([] if _presets is None else [_presets])]
 
 
 def option_file(group: str, option: str) -> Path:
@@ -152,7 +152,7 @@ def conf_state() -> str:
 
     digest = sha256()
     for folder in _roots():
-        digest.update(f"{folder if folder == _own else ''}\n".encode())
+        digest.update(f"{folder if folder == _presets else ''}\n".encode())
         for path in sorted(folder.rglob("*.yaml")):
             content = path.read_bytes()
             digest.update(f"{path.relative_to(folder)}\n{len(content)}\n".encode() + content)
@@ -181,8 +181,9 @@ def installed_trackers() -> dict[str, str]:
     # It takes a tenth of a second to import.
     from importlib.metadata import entry_points
 
-    found = entry_points(group=TRACKERS)
-    return {one.name: one.value for one in found if one.name not in group_options()["tracker"]}
+    shipped = group_options()["tracker"]
+    points = entry_points(group=TRACKERS)
+    return {point.name: point.value for point in points if point.name not in shipped}
 
 
 def innermost_group(key: str) -> str:
@@ -244,7 +245,7 @@ def options_of_kind(group: str, kind: str) -> tuple[str, ...]:
     options = group_options()[group]
     if kind in options:
         return (kind,)
-    return tuple(one for one in options if option_values(group, one).get("kind") == kind)
+    return tuple(name for name in options if option_values(group, name).get("kind") == kind)
 
 
 def default_option(group: str) -> str:
@@ -272,7 +273,7 @@ def configured_option(group: str) -> str | None:
 
 def option_values(group: str, option: str) -> dict[str, Any]:
     """The keys of an option's file with their values; keys of nested groups have dots."""
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     pending = [("", option_content(group, option))]
     while pending:
         prefix, section = pending.pop(0)
@@ -280,6 +281,6 @@ def option_values(group: str, option: str) -> dict[str, Any]:
             if isinstance(value, dict):
                 pending.append((f"{prefix}{name}.", value))
             else:
-                found[prefix + name] = value
-    found.pop("defaults", None)
-    return found
+                values[prefix + name] = value
+    values.pop("defaults", None)
+    return values

@@ -33,18 +33,18 @@ WITHOUT_EFFECT = (
 """Groups of the scene and the cameras, which scans from a file do not have."""
 
 
-def read_overrides(texts: Sequence[str], own: Collection[str] = ()) -> list[Override]:
+def read_overrides(texts: Sequence[str]) -> list[Override]:
     """The overrides of texts, parsed and checked by `check_overrides`.
 
     Raises:
         ConfigurationError: for the first invalid override.
     """
     parsed = [parse(text) for text in texts]
-    check_overrides(parsed, own)
+    check_overrides(parsed)
     return parsed
 
 
-def check_overrides(parsed: Sequence[Override], own: Collection[str] = ()) -> None:
+def check_overrides(parsed: Sequence[Override], user_defined: Collection[str] = ()) -> None:
     """Refuse invalid overrides that Hydra accepts, or reports unclearly.
 
     Several values, and faults that depend on all overrides of a run, are checked by
@@ -52,15 +52,15 @@ def check_overrides(parsed: Sequence[Override], own: Collection[str] = ()) -> No
 
     Args:
         parsed: the overrides.
-        own: groups whose option is the user's own function by an override that is not in `parsed`.
+        user_defined: groups whose option is user-defined by an override that is not in `parsed`.
 
     Raises:
         ConfigurationError: for the first invalid override.
     """
-    own = own_groups(parsed) | set(own)
+    user_defined = own_groups(parsed) | set(user_defined)
     seen: dict[str, Override] = {}
     for override in parsed:
-        _check_name(override, own)
+        _check_name(override, user_defined)
         if override.sign == "~":
             what = "an option" if override.key in group_options() else "a value"
             raise ConfigurationError(f"~{override.key}: cannot be removed: it always needs {what}")
@@ -78,9 +78,9 @@ def check_overrides(parsed: Sequence[Override], own: Collection[str] = ()) -> No
         seen[override.key] = override
 
 
-def _check_name(override: Override, own: Collection[str]) -> None:
+def _check_name(override: Override, user_defined: Collection[str]) -> None:
     name = override.key
-    if name in group_options() or name in known_keys() or is_parameter(name, own):
+    if name in group_options() or name in known_keys() or is_parameter(name, user_defined):
         return
     if "/" in name and name.replace("/", ".") in known_keys():
         raise ConfigurationError(f"{name}: unknown key; did you mean {name.replace('/', '.')}?")

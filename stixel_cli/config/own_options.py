@@ -8,13 +8,15 @@ import os
 import re
 import sys
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from importlib.machinery import ModuleSpec, PathFinder
+from contextlib import suppress
+from importlib.machinery import PathFinder
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_type_hints
 
 from stixel_cli.config.folders import absolute, group_options, installed_trackers
 from stixel_cli.config.keys import describe
+from stixel_cli.config.messages import show
 from stixel_cli.config.schema import Configuration
 from stixel_cli.config.texts import override_text, split_override
 from stixel_cli.engine.versions import providers
@@ -47,13 +49,13 @@ def user_function(group: str, option: Any) -> str | None:
 
 def own_groups(parsed: "Iterable[Override]") -> set[str]:
     """The groups for which an override has an option of the user's own, one of several too."""
-    found = set()
-    for one in parsed:
-        if one.key in GIVEN:
-            words = [word.strip().strip("'\"") for word in one.value_text.split(",")]
-            if any(user_function(one.key, word) for word in words):
-                found.add(one.key)
-    return found
+    return {
+        override.key
+        for override in parsed
+        if override.key in GIVEN
+        for word in override.value_text.split(",")
+        if user_function(override.key, word.strip().strip("'\""))
+    }
 
 
 def check_option(group: str, option: Any) -> bool:
@@ -97,9 +99,8 @@ def user_sections(settings: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
 def nested(group: str, section: Mapping[str, Any]) -> dict[str, Any]:
     """A section of the user's own as `OwnCode` has it: the parameters in a mapping of their own."""
     known = (*RESERVED, *COMMON.get(group, ()))
-    head = {name: value for name, value in section.items() if name in known}
     rest = {name: value for name, value in section.items() if name not in known}
-    return head | {"parameters": rest}
+    return {name: section[name] for name in known if name in section} | {"parameters": rest}
 
 
 def is_own(section: Any) -> bool:
@@ -109,11 +110,10 @@ def is_own(section: Any) -> bool:
 
 def functions_of(resolved: Mapping[str, Any]) -> dict[str, str]:
     """The user's functions that a configuration in plain types names: key to "module:function"."""
-    found = {g: str(resolved[g].get("function")) for g in GIVEN if is_own(resolved.get(g))}
+    functions = {g: str(resolved[g].get("function")) for g in GIVEN if is_own(resolved.get(g))}
     metrics = resolved.get("metrics")
-    for i, name in enumerate(metrics if isinstance(metrics, list) else ()):
-        found[f"metrics[{i}]"] = str(name)
-    return found
+    names = metrics if isinstance(metrics, list) else ()
+    return functions | {f"metrics[{i}]": str(name) for i, name in enumerate(names)}
 
 
 def refuse_code(source: object, names: Iterable[str]) -> None:
@@ -129,21 +129,22 @@ def refuse_code(source: object, names: Iterable[str]) -> None:
 def code_in(parsed: "Iterable[Override]") -> list[str]:
     """The overrides of a file that can run code: functions, their folders, cache, scheduler."""
     return [
-        f"{one.key}={one.value}"
-        for one in parsed
-        if user_function(one.key, one.value) or (one.key in _RUN_CODE and one.value)
+        f"{override.key}={override.value}"
+        for override in parsed
+        if user_function(override.key, override.value)
+        or (override.key in _RUN_CODE and override.value)
     ]
 
 
 def code_of_presets(resolved: Mapping[str, Any], typed: Iterable[str]) -> list[str]:
     """The same of a configuration, for the groups of which no key is `typed`."""
     groups = {name.partition(".")[0] for name in typed}
-    found = functions_of(resolved)
+    names = functions_of(resolved)
     for key in _RUN_CODE[1:]:
         group, _, name = key.partition(".")
         value = resolved[group].get(name) if name else resolved[group]
-        found |= {key: f"{key}={value}"} if value else {}
-    return [name for key, name in found.items() if re.split(r"[.\[]", key)[0] not in groups]
+        names |= {key: f"{key}={value}"} if value else {}
+    return [name for key, name in names.items() if re.split(r"[.\[]", key)[0] not in groups]
 
 
 def find_folders(resolved: Mapping[str, Any], working_directory: str) -> list[str]:
@@ -176,7 +177,9 @@ def _folder_of(key: str, module: str, places: Sequence[str]) -> str | None:
     )
     # Not as `find_spec`, which may answer with a module of the same name that is imported.
     spec = PathFinder.find_spec(top, [p for p in sys.path if p not in places])
-    spec = _editable(top) if spec is None else spec
+    if spec is None and top in providers():
+        with suppress(ImportError, ValueError):  # an editable install has its own finder
+            spec = find_spec(top)
     where = None
     if spec is not None:
         locations = list(spec.submodule_search_locations or ())
@@ -199,16 +202,6 @@ def _folder_of(key: str, module: str, places: Sequence[str]) -> str | None:
     return local
 
 
-def _editable(top: str) -> ModuleSpec | None:
-    """The module of an editable install, which its own finder finds."""
-    if top not in providers():
-        return None
-    try:
-        return find_spec(top)
-    except (ImportError, ValueError):
-        return None
-
-
 def _exists(folder: Path, module: str) -> bool:
     path = folder.joinpath(*module.split("."))
     return path.is_dir() or path.with_name(f"{path.name}.py").is_file()
@@ -217,8 +210,12 @@ def _exists(folder: Path, module: str) -> bool:
 def with_own_values(overrides: Sequence[str], resolved: Mapping[str, Any]) -> tuple[str, ...]:
     """The overrides with all parameters of the user's functions, whose defaults may change."""
     typed = {split_override(text)[0] for text in overrides}
-    own = {g: nested(g, resolved[g])["parameters"] for g in GIVEN if is_own(resolved[g])}
-    values = {f"{group}.{name}": value for group in own for name, value in own[group].items()}
+    values = {
+        f"{group}.{name}": value
+        for group in GIVEN
+        if is_own(resolved[group])
+        for name, value in nested(group, resolved[group])["parameters"].items()
+    }
     return (*overrides, *(override_text(k, v) for k, v in values.items() if k not in typed))
 
 
@@ -242,12 +239,11 @@ def check_parameters(configuration: Configuration) -> dict[str, dict[str, Any]]:
     folders = [Path(folder) for folder in configuration.code_folders]
     values = {}
     for group, given in GIVEN.items():
-        own = getattr(configuration, group)
-        if isinstance(own, OwnCode):
-            function = _imported(group, own.function, folders)
-            found = _checked_values(group, function, given, own.parameters)
-            known = (*RESERVED, *COMMON.get(group, ()))
-            values[group] = {key: value for key, value in found.items() if key not in known}
+        code = getattr(configuration, group)
+        if isinstance(code, OwnCode):
+            function = _imported(group, code.function, folders)
+            checked = _checked_values(group, function, given, code.parameters)
+            values[group] = nested(group, checked)["parameters"]
     for i, name in enumerate(configuration.metrics):
         _imported(f"metrics[{i}]", name, folders)
     return values
@@ -269,10 +265,9 @@ def _imported(key: str, name: str, folders: Sequence[Path]) -> Any:
         text = "".join(traceback.format_exception(error))
         failure = StageFailure(key, key, error, text)
         what = " ".join(f"{type(error).__name__}: {error}".split())
-        place = (
-            f" ({failure.place})" if failure.place and not isinstance(error, SyntaxError) else ""
-        )
-        raise ConfigurationError(f"{key}: {name} cannot be imported: {what}{place}") from None
+        if failure.place and not isinstance(error, SyntaxError):
+            what += f" ({failure.place})"
+        raise ConfigurationError(f"{key}: {name} cannot be imported: {what}") from None
     if not callable(function):
         raise ConfigurationError(f"{key}: {name} is not a function")
     return function
@@ -294,8 +289,6 @@ def _checked_values(
 
 
 def _reason(function: Any, given: int, fault: Mapping[str, Any]) -> str:
-    from stixel_cli.config.messages import show
-
     schema = parameters_type(function, given)
     hints = get_type_hints(schema, include_extras=True)
     name = str(fault["loc"][0])

@@ -66,10 +66,10 @@ def _resolved(value: Any, tree: Mapping[str, Any], pending: tuple[str, ...] = ()
     match = _REFERENCE.fullmatch(value)
     if match is None or value in pending:
         raise LookupError(value)
-    found: Any = tree
+    target: Any = tree
     for part in match[1].split("."):
-        found = found[part]
-    return _resolved(found, tree, (*pending, value))
+        target = target[part]
+    return _resolved(target, tree, (*pending, value))
 
 
 def _by_omegaconf(tree: dict[str, Any]) -> dict[str, Any]:
