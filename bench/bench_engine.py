@@ -143,12 +143,12 @@ def test_plan_of_many_points(benchmark, points, tmp_path, how):
     def merged():
         builder = GraphBuilder()
         graph = merge(builder.build(stages, 60, 10) for stages in points)
-        return plan(graph, graph.stage_names, store, verify=False)
+        return plan(graph, list(graph.stages), store, verify=False)
 
     def one_by_one():
         for stages in points[:50]:
             graph = build_graph(stages, 60, 10)
-            plan(graph, graph.stage_names, store, verify=False)
+            plan(graph, list(graph.stages), store, verify=False)
 
     if how == "merged":
         planned = benchmark.pedantic(merged, rounds=3)

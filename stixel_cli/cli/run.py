@@ -213,7 +213,7 @@ def _print_plan(composition: "Composition", store: "Store", json: bool) -> None:
     planned = plan_experiment(composition, store)
     missing = set(planned.missing)
     stages: list[dict[str, Any]] = []
-    for name in planned.graph.stage_names:
+    for name in planned.graph.stages:
         # Some nodes of a pipeline are for studies only.
         nodes = planned.needed.intersection(planned.graph.stages[name])
         if nodes:

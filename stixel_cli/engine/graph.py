@@ -38,11 +38,6 @@ class Node:
     depth: int
 
     @property
-    def id(self) -> str:
-        """The same as `key`."""
-        return self.key
-
-    @property
     def sources(self) -> tuple[str, ...]:
         """Keys of all nodes that it depends on directly."""
         keys = dict.fromkeys(key for keys in self.inputs.values() for key in keys)
@@ -58,11 +53,6 @@ class Graph:
 
     nodes: dict[str, Node]
     stages: dict[str, tuple[str, ...]]
-
-    @property
-    def stage_names(self) -> list[str]:
-        """Names of the stages, each after its inputs."""
-        return list(self.stages)
 
     def of_stage(self, name: str) -> list[Node]:
         """Nodes of a stage in the order of their frames."""

@@ -81,7 +81,7 @@ def lineage_of(
     wanted = set(keys)
     known = {} if known is None else known
     stages, code, sources = {}, {}, {}
-    for name in graph.stage_names:
+    for name in graph.stages:
         nodes = [node for node in graph.of_stage(name) if node.key in wanted]
         if nodes:
             stages[name] = _stage_lineage(nodes, store, known)
@@ -126,28 +126,27 @@ def _stored_digest(key: str, store: Store | None, known: MutableMapping[str, str
     return known.get(key)
 
 
-def lineage_tree(lineage: Lineage) -> dict[str, Any]:
-    """The lineage as JSON, for the file of a result folder."""
-    return {"stages": stages_tree(lineage), "code": dict(sorted((lineage.code or {}).items()))}
+def lineage_tree(lineage: Lineage, code: str | None = None) -> dict[str, Any]:
+    """The lineage as JSON, for the file of a result folder.
 
-
-def stages_tree(lineage: Lineage) -> dict[str, Any]:
-    """The stages as JSON."""
-    return {name: vars(stage) for name, stage in lineage.stages.items()}
+    That of a sweep's run has the name of its `code` file instead of the digests.
+    """
+    stages = {name: vars(stage) for name, stage in lineage.stages.items()}
+    return {"stages": stages, "code": _sorted_code(lineage) if code is None else code}
 
 
 def shared_code(lineage: Lineage) -> tuple[str, str]:
     """The name and the text of the sweep's file with the code part of a lineage."""
-    text = _compact(dict(sorted((lineage.code or {}).items())))
+    text = compact_json(_sorted_code(lineage))
     return digest(text)[:_CODE_DIGITS], text
 
 
-def run_lineage_text(lineage: Lineage, code: str) -> str:
-    """The lineage of a sweep's run, which names its code file, see `shared_code`."""
-    return _compact({"stages": stages_tree(lineage), "code": code})
+def _sorted_code(lineage: Lineage) -> dict[str, str]:
+    return dict(sorted((lineage.code or {}).items()))
 
 
-def _compact(tree: Any) -> str:
+def compact_json(tree: Any) -> str:
+    """JSON on one line."""
     return json.dumps(tree, separators=(",", ":"), ensure_ascii=False) + "\n"
 
 

@@ -61,6 +61,20 @@ class SweepRequest:
         """Every key that differs between runs."""
         return [key for axis in self.axes for key in axis]
 
+    @property
+    def text(self) -> str:
+        """As YAML."""
+        content = {
+            **self.notes,
+            "working_directory": self.working_directory,
+            "shuffle": self.shuffle,
+            "pictures": self.pictures,
+            "nodes": list(self.nodes),
+            "axes": [list(keys) for keys in self.axes],
+            "runs": [list(overrides) for overrides in self.runs],
+        }
+        return yaml_text(content)
+
 
 class SweepFolder:
     """Writes and reads the folder at `path`; raises UserError for every disk failure."""
@@ -76,11 +90,7 @@ class SweepFolder:
             UserError: if it cannot be written.
         """
         with written(self.path):
-            write_whole_folder(self.path, {PLAN: _request_text(request)})
-
-    def write_request(self, request: SweepRequest) -> None:
-        """Write `sweep.yaml`."""
-        self.write_table(PLAN, _request_text(request))
+            write_whole_folder(self.path, {PLAN: request.text})
 
     def request(self) -> SweepRequest:
         """The content of `sweep.yaml`.
@@ -149,56 +159,26 @@ class SweepFolder:
         run = self.finished(planned.index)
         return run if run and run.manifest["results"] == list(planned.targets) else None
 
-    def write_run(self, index: int, files: Mapping[str, Content]) -> None:
-        """Write a run's folder atomically; it replaces an older one."""
+    def write_run(self, index: int, files: Mapping[str, Content], kind: str = RUNS) -> None:
+        """Write the folder of a run atomically, or that of its failure (`FAILED`).
+
+        It replaces an older one of either kind.
+        """
         with written(self.path):
-            write_whole_folder(self.run(index), files, replace=True)
+            write_whole_folder(self.path / kind / f"{index:04d}", files, replace=True)
         with suppress(OSError):
-            shutil.rmtree(self.path / FAILED / f"{index:04d}")
+            shutil.rmtree(self.path / (FAILED if kind == RUNS else RUNS) / f"{index:04d}")
             # An empty folder would look as if a run had failed.
             (self.path / FAILED).rmdir()
 
-    def write_failure(self, index: int, files: Mapping[str, str]) -> None:
-        """Write the folder of a failed run, and remove its results of an earlier attempt."""
+    def write(self, files: Mapping[str, str | bytes]) -> None:
+        """Write files of the folder, by path below it, each atomically."""
         with written(self.path):
-            write_whole_folder(self.path / FAILED / f"{index:04d}", files, replace=True)
-        with suppress(OSError):
-            shutil.rmtree(self.run(index))
+            for name, content in files.items():
+                write_whole(self.path / name, content)
 
-    def write_table(self, name: str, text: str | bytes) -> None:
-        """Write a file of the folder atomically."""
-        with written(self.path):
-            write_whole(self.path / name, text)
-
-    def write_figures(self, figures: Mapping[str, bytes]) -> None:
-        """Write the figures."""
-        with written(self.path):
-            (self.path / FIGURES).mkdir(exist_ok=True)
-            for name, data in figures.items():
-                (self.path / FIGURES / name).write_bytes(data)
-
-    def remove(self, names: Iterable[str]) -> None:
-        """Remove outdated files and folders."""
-        for name in names:
-            path = self.path / name
+    def remove(self, patterns: Iterable[str]) -> None:
+        """Remove outdated files and folders, by their paths with wildcards."""
+        for path in [path for pattern in patterns for path in self.path.glob(pattern)]:
             with suppress(OSError):
                 shutil.rmtree(path) if path.is_dir() else path.unlink()
-
-    def remove_unfinished(self) -> None:
-        """Remove partial folders that a killed process left."""
-        for name in (RUNS, FAILED):
-            for path in (self.path / name).glob(".*.partial-*"):
-                shutil.rmtree(path, ignore_errors=True)
-
-
-def _request_text(request: SweepRequest) -> str:
-    content = {
-        **request.notes,
-        "working_directory": request.working_directory,
-        "shuffle": request.shuffle,
-        "pictures": request.pictures,
-        "nodes": list(request.nodes),
-        "axes": [list(keys) for keys in request.axes],
-        "runs": [list(overrides) for overrides in request.runs],
-    }
-    return yaml_text(content)

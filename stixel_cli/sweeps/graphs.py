@@ -109,7 +109,7 @@ def plan_sweep(planned: Sequence[PlannedRun], store: Store) -> SweepPlan:
     missing = set(found.missing)
     durations = Durations(store.folder)
     stages = []
-    for name in graph.stage_names:
+    for name in graph.stages:
         keys = [key for key in graph.stages[name] if key in found.needed]
         to_run = [graph.nodes[key] for key in keys if key in missing]
         if keys:
@@ -149,7 +149,13 @@ def check_axes(planned: Sequence[PlannedRun]) -> list[str]:
             continue
         idle = [others for others, targets in several.items() if len(set(targets)) == 1]
         if len(idle) == len(several):
-            raise ConfigurationError(_unread(key, planned))
+            choices = planned[0].composition.choices
+            raise ConfigurationError(
+                f"{key}: no stage reads it: a sweep draws pictures only with --pictures"
+                if key.startswith("pictures")
+                else f"{key}: no stage reads it with measurement={choices.get('measurement')} and "
+                f"path={choices.get('path')}: all runs would be equal"
+            )
         if idle and key != SEED:
             labels = [name for name in keys if name != key]
             first = " ".join(f"{k}={v}" for k, v in zip(labels, idle[0], strict=True))
@@ -158,16 +164,6 @@ def check_axes(planned: Sequence[PlannedRun]) -> list[str]:
                 f"axes ({first}), so their runs give equal results"
             )
     return notes or _equal_runs(planned)
-
-
-def _unread(key: str, planned: Sequence[PlannedRun]) -> str:
-    if key.startswith("pictures"):
-        return f"{key}: no stage reads it: a sweep draws pictures only with --pictures"
-    choices = planned[0].composition.choices
-    return (
-        f"{key}: no stage reads it with measurement={choices.get('measurement')} and "
-        f"path={choices.get('path')}: all runs would be equal"
-    )
 
 
 def _equal_runs(planned: Sequence[PlannedRun]) -> list[str]:

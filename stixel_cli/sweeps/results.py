@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.evaluation.metric_table import metric
-from stixel_cli.report.metrics import NO_VALUE, shown_value
+from stixel_cli.report.metrics import NO_VALUE, counted, shown_value
 from stixel_cli.report.statistics import Statistic, consistent_bounds, summarise
 from stixel_cli.report.tables import csv_text, latex_table, markdown_table
 from stixel_cli.results.result import DONE, RunResult
@@ -171,64 +171,29 @@ def summary_records(statistics: Sequence[Statistic]) -> list[dict[str, Any]]:
 def summary_files(
     statistics: Sequence[Statistic], incomplete: Sequence[IncompleteSetting], title: str
 ) -> dict[str, str]:
-    """The summaries of a sweep by file name; `title` is its command line."""
-    writers = (_summary_csv, _summary_markdown, _summary_latex)
-    return {
-        name: write(statistics, incomplete, title)
-        for name, write in zip(SUMMARIES, writers, strict=True)
-    }
+    """The summaries of a sweep by file name; `title` is its command line.
 
-
-def _summary_csv(
-    statistics: Sequence[Statistic], incomplete: Sequence[IncompleteSetting], _: str
-) -> str:
-    """One row for each setting and metric, and one row for each incomplete setting."""
+    The CSV file has one row for each setting and metric, and one for each incomplete setting; the
+    others have one table for each metric. LaTeX needs no package for them.
+    """
     records = [record | {"status": "complete"} for record in summary_records(statistics)]
     columns = list(records[0]) if records else []
-    others = [one.setting | {"n": one.done, "status": "incomplete"} for one in incomplete]
-    return csv_text(columns, [*records, *others])
-
-
-def _summary_markdown(
-    statistics: Sequence[Statistic], incomplete: Sequence[IncompleteSetting], title: str
-) -> str:
-    """One table for each metric."""
-    lines = [f"# {title}", "", _EXPLANATION, ""]
+    records += [one.setting | {"n": one.done, "status": "incomplete"} for one in incomplete]
+    markdown = [f"# {title}", "", _EXPLANATION, ""]
+    latex = [f"% {' '.join(title.split())}", f"% {_EXPLANATION}"]
     if incomplete:
-        lines += [f"{_refusal(incomplete)}:", "", *(f"- {one.label}" for one in incomplete), ""]
-    for name, rows in _by_metric(statistics):
+        refusal = f"No statistics yet of {counted(len(incomplete), 'incomplete setting')}:"
+        labels = [one.label for one in incomplete]
+        markdown += [refusal, "", *(f"- {label}" for label in labels), ""]
+        latex += [f"% {refusal}", *(f"%   {' '.join(label.split())}" for label in labels)]
+    for name in dict.fromkeys(one.metric for one in statistics if one.n > 0):
+        rows = [one for one in statistics if one.metric == name]
         header, *body = _cells(rows, incomplete)
-        lines += [f"## {heading(name)}", ""]
-        keys = len(rows[0].setting)
-        numeric = [False] * keys + [True] * (len(header) - keys)
-        lines += [*markdown_table(header, body, numeric), ""]
-    return "\n".join(lines)
-
-
-def _summary_latex(
-    statistics: Sequence[Statistic], incomplete: Sequence[IncompleteSetting], title: str
-) -> str:
-    """One table for each metric; LaTeX needs no package for them."""
-    lines = [f"% {' '.join(title.split())}", f"% {_EXPLANATION}"]
-    if incomplete:
-        lines += [f"% {_refusal(incomplete)}:"]
-        lines += [f"%   {' '.join(one.label.split())}" for one in incomplete]
-    for name, rows in _by_metric(statistics):
-        header, *body = _cells(rows, incomplete)
-        keys = len(rows[0].setting)
-        numeric = [False] * keys + [True] * (len(header) - keys)
-        lines += latex_table(heading(name), numeric, header, body)
-    return "\n".join(lines)
-
-
-def _refusal(incomplete: Sequence[IncompleteSetting]) -> str:
-    count = len(incomplete)
-    return f"No statistics yet of {count} incomplete setting{'' if count == 1 else 's'}"
-
-
-def _by_metric(statistics: Sequence[Statistic]) -> list[tuple[str, list[Statistic]]]:
-    names = dict.fromkeys(one.metric for one in statistics if one.n > 0)
-    return [(name, [one for one in statistics if one.metric == name]) for name in names]
+        numeric = [place >= len(rows[0].setting) for place in range(len(header))]
+        markdown += [f"## {heading(name)}", "", *markdown_table(header, body, numeric), ""]
+        latex += latex_table(heading(name), numeric, header, body)
+    texts = (csv_text(columns, records), "\n".join(markdown), "\n".join(latex))
+    return dict(zip(SUMMARIES, texts, strict=True))
 
 
 def heading(name: str) -> str:
@@ -245,15 +210,11 @@ def _cells(rows: Sequence[Statistic], incomplete: Sequence[IncompleteSetting]) -
     for row in rows:
         ends = [(row.low, row.high), *([consistent_bounds(row)] if bounded else [])]
         numbers = [shown_value(row.metric, value) for value in (row.mean, row.std)]
-        spans = [_span(row.metric, low, high) for low, high in ends]
-        cells.append([*row.setting.values(), str(row.n), *numbers, *spans])
+        for low, high in ends:
+            span = f"{shown_value(row.metric, low)} … {shown_value(row.metric, high)}"
+            numbers.append(NO_VALUE if low is None else span)
+        cells.append([*row.setting.values(), str(row.n), *numbers])
     rest = [NO_VALUE] * (3 if bounded else 2)
     for one in incomplete:
         cells.append([*one.setting.values(), str(one.done), "incomplete", *rest])
     return cells
-
-
-def _span(name: str, low: float | None, high: float | None) -> str:
-    if low is None:
-        return NO_VALUE
-    return f"{shown_value(name, low)} … {shown_value(name, high)}"

@@ -16,7 +16,7 @@ from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.results.differences import first_changed_stage
 from stixel_cli.results.lineage import lineage_of, read_lineage
 from stixel_cli.results.reader import flat_settings, read_config
-from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
+from stixel_cli.sweeps.folder import PLAN, SweepFolder, SweepRequest
 from stixel_cli.sweeps.graphs import SweepPlan
 from stixel_cli.sweeps.runs import PlannedRun
 
@@ -90,7 +90,8 @@ def note_resumed(
     before = request.notes.get("resumed")
     entry = {"time": origin["created"], "command": command, "revision": origin["git"]["revision"]}
     resumed = [*(before if isinstance(before, list) else ()), entry]
-    folder.write_request(replace(request, notes={**request.notes, "resumed": resumed}))
+    changed = replace(request, notes={**request.notes, "resumed": resumed})
+    folder.write({PLAN: changed.text})
 
 
 def outdated_runs(folder: SweepFolder, planned: Sequence[PlannedRun]) -> str | None:

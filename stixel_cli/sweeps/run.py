@@ -15,6 +15,7 @@ from stixel_cli.errors import UserError
 from stixel_cli.machine.kernels import uncompiled
 from stixel_cli.results.folder import figure_files
 from stixel_cli.results.result import FAILED, MISSING, SKIPPED, RunResult
+from stixel_cli.sweeps.folder import FAILED as FAILED_RUNS
 from stixel_cli.sweeps.folder import FIGURES, SUMMARIES, TABLE, SweepFolder, SweepRequest
 from stixel_cli.sweeps.graphs import SweepPlan
 from stixel_cli.sweeps.progress import SweepProgress
@@ -92,8 +93,8 @@ class _Sweep:
     def take_finished(self) -> None:
         """Take the runs whose folder is complete, or whose results are all in the store."""
         if self.folder is not None:
-            self.folder.remove([*SUMMARIES, FIGURES])
-            self.folder.remove_unfinished()
+            # A killed process leaves partial folders.
+            self.folder.remove([*SUMMARIES, FIGURES, "runs/.*.partial-*", "failed/.*.partial-*"])
         missing = set(self.plan.missing)
         for planned in self.plan.runs:
             if self.folder is not None and missing.isdisjoint(planned.store_only):
@@ -112,11 +113,13 @@ class _Sweep:
         if not waiting:
             return
         executor = waiting[0].composition.configuration.executor
+        graph = self.plan.graph
+        firsts = [graph.nodes[keys[0]] for keys in graph.stages.values() if keys]
         progress = SweepProgress(
             waiting,
             len(self.runs),
             executor.workers,
-            self._known_seconds(),
+            Durations(self.store.folder).by_stage(firsts),
             self.take,
             visible,
             label,
@@ -124,7 +127,7 @@ class _Sweep:
             self._prepare,
         )
         execution = execute(
-            self.plan.graph,
+            graph,
             list(dict.fromkeys(target for one in waiting for target in one.targets)),
             self.store,
             executor=executor,
@@ -166,7 +169,7 @@ class _Sweep:
         self._note(planned, status=status, failure=failure)
         if self.folder is not None:
             content = failure_files(self.runs[planned.index], node, first)
-            self.folder.write_failure(planned.index, content)
+            self.folder.write_run(planned.index, content, FAILED_RUNS)
 
     def _note(self, planned: PlannedRun, **outcome: Any) -> None:
         self.runs[planned.index] = planned.result(**outcome)
@@ -197,11 +200,10 @@ class _Sweep:
         result = SweepResult(folder, runs, self.computed, len(self.cached))
         if self.folder is not None:
             columns = dict.fromkeys(name for row in result.rows for name in row)
-            self.folder.write_table(TABLE, csv_text(list(columns), result.rows))
+            self.folder.write({TABLE: csv_text(list(columns), result.rows)})
             if result.statistics:
                 files = summary_files(result.statistics, result.incomplete, self.title)
-                for name, text in files.items():
-                    self.folder.write_table(name, text)
+                self.folder.write(files)
         return result
 
     def _write_figures(self, result: SweepResult, axes: Sequence[Sequence[str]]) -> None:
@@ -221,12 +223,4 @@ class _Sweep:
         ]
         code = ["stixel_cli.sweeps.figures"]
         figures = remembered(self.store, "sweep_figures", code, content, draw)
-        if figures:
-            self.folder.write_figures(figures)
-
-    def _known_seconds(self) -> dict[str, float]:
-        durations = Durations(self.store.folder)
-        graph = self.plan.graph
-        firsts = {name: graph.nodes[keys[0]] for name, keys in graph.stages.items() if keys}
-        estimates = {name: durations.estimate([node]) for name, node in firsts.items()}
-        return {name: seconds for name, seconds in estimates.items() if seconds is not None}
+        self.folder.write({f"{FIGURES}/{name}": image for name, image in figures.items()})

@@ -117,11 +117,12 @@ class RunLineages:
         reached = tuple(graph.of_stage(name)[0].identity.code.digest for name in found.stages)
         if reached not in self._codes:
             name, text = lineage.shared_code(found)
-            self._folder.write_table(f"{lineage.CODE_FOLDER}/{name}.json", text)
-            for path, source in stored_sources(found.sources).items():
-                self._folder.write_table(f"{lineage.CODE_FOLDER}/{name}/{path}", source)
+            sources = stored_sources(found.sources).items()
+            files = {f"{name}.json": text} | {f"{name}/{path}": source for path, source in sources}
+            code = {f"{lineage.CODE_FOLDER}/{path}": content for path, content in files.items()}
+            self._folder.write(code)
             self._codes[reached] = name
-        return lineage.run_lineage_text(found, self._codes[reached])
+        return lineage.compact_json(lineage.lineage_tree(found, self._codes[reached]))
 
 
 def remove_unused_code(folder: SweepFolder) -> None:

@@ -16,7 +16,8 @@ def test_labels_and_frames(project):
     assert labels(graph, "numbers") == ["numbers"]
     assert labels(graph, "double") == ["double[0:4]", "double[4:8]", "double[8:10]"]
     assert labels(graph, "show") == ["show[2]", "show[9]"]
-    assert graph.stage_names.index("double") < graph.stage_names.index("running")
+    names = list(graph.stages)
+    assert names.index("double") < names.index("running")
 
 
 def test_inputs_of_each_node(project):

@@ -113,7 +113,8 @@ def test_merged_graphs_run_shared_nodes_once(project):
     graphs = [project.graph(seed=seed) for seed in (1, 2, 3)] + [project.graph(frames=(2, 5))]
     merged = merge(graphs)
     assert len(merged.nodes) == 1 + 3 + 3 + 3 + 3 + 3
-    assert merged.stage_names.index("double") < merged.stage_names.index("running")
+    names = list(merged.stages)
+    assert names.index("double") < names.index("running")
     assert len(merged.stages["gather"]) == 3 and len(merged.stages["show"]) == 3
     project.run(merged)
     calls = project.calls()

@@ -177,7 +177,7 @@ def test_a_sweep_of_files_without_truth_has_statistics_of_what_is_known(made, sh
 
 def keys(words):
     graph = experiment_graph(compose(words))
-    return {name: graph.of_stage(name)[0].key for name in graph.stage_names}
+    return {name: graph.of_stage(name)[0].key for name in graph.stages}
 
 
 def test_the_content_of_each_file_is_in_the_keys_that_need_it(made, tmp_path):

@@ -41,7 +41,5 @@ def draws(stage: Stage) -> bool:
 def picture_stages(graph: Graph) -> list[str]:
     """Names of the stages of a graph that draw."""
     return [
-        name
-        for name in graph.stage_names
-        if any(draws(node.stage) for node in graph.of_stage(name))
+        name for name in graph.stages if any(draws(node.stage) for node in graph.of_stage(name))
     ]
