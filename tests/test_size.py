@@ -11,7 +11,7 @@ PACKAGE = Path(stixel_cli.__file__).parent
 BUDGET = {
     "": 900,
     "calibration": 660,
-    "cli": 2990,
+    "cli": 2980,
     "config": 3060,
     "engine": 5162,
     "evaluation": 1563,

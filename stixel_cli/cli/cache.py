@@ -29,7 +29,8 @@ def cache() -> None:
     """
 
 
-def _store() -> "Store":
+def local_store() -> "Store":
+    """The cache of this machine."""
     from stixel_cli.config.compose import compose
     from stixel_cli.engine.store import open_store
 
@@ -42,7 +43,7 @@ def ls(json: Json = False) -> int:
     from stixel_cli.engine.entries import entries
     from stixel_cli.engine.parameters import show_size
 
-    store = _store()
+    store = local_store()
     damaged: list[MissingEntry] = []
     listed = entries(store, damaged.append)
     if damaged:
@@ -100,15 +101,14 @@ def gc(
     from stixel_cli.engine.cleanup import collect
     from stixel_cli.engine.parameters import parse_age, parse_size
 
-    store = _store()
+    store = local_store()
+    option = "--max-size"
     try:
         size = store.max_size if max_size is None else parse_size(max_size)
-    except ValueError as fault:
-        raise UserError(f"--max-size: {fault}") from None
-    try:
+        option = "--older-than"
         age = None if older_than is None else parse_age(older_than)
     except ValueError as fault:
-        raise UserError(f"--older-than: {fault}") from None
+        raise UserError(f"{option}: {fault}") from None
     done = collect(store, size, age, dry_run)
     _print_collection(store, done, "would be removed" if dry_run else "removed", json)
     return 0
@@ -131,7 +131,7 @@ def clear(
     """
     from stixel_cli.engine.cleanup import clear as clear_store
 
-    store = _store()
+    store = local_store()
     if not yes and not _confirmed(store):
         tell("nothing was removed")
         return 1
@@ -148,7 +148,7 @@ def verify(json: Json = False) -> int:
     """
     from stixel_cli.engine.entries import entry_folders, verify_all
 
-    store = _store()
+    store = local_store()
     # `entries` would set damaged results aside before `verify_all` could list them.
     count = len(entry_folders(store))
     bad = verify_all(store)
@@ -184,15 +184,9 @@ def _print_collection(store: "Store", done: "Collection", verb: str, json: bool)
     from stixel_cli.engine.parameters import show_size
 
     if json:
-        answer = {
-            "folder": str(store.folder),
-            "removed": [vars(entry) for entry in done.removed],
-            "removed_size": done.removed_size,
-            "kept": done.kept,
-            "kept_size": done.kept_size,
-            "in_use": done.in_use,
-        }
-        print_json(answer)
+        sizes = {k: getattr(done, k) for k in ("removed_size", "kept", "kept_size", "in_use")}
+        removed = [vars(entry) for entry in done.removed]
+        print_json({"folder": str(store.folder), "removed": removed, **sizes})
         return
     by_reason: dict[str, list[int]] = {}
     for entry in done.removed:

@@ -2,17 +2,15 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+from stixel_cli.cli.cache import local_store
 from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.options import Json, argument
 from stixel_cli.cli.terminal import print_json, print_table, say
 from stixel_cli.errors import UserError
-
-if TYPE_CHECKING:
-    from stixel_cli.results.differences import ModuleDifference
 
 
 def compare(
@@ -34,6 +32,7 @@ def compare(
         raise UserError(f"--code compares two result folders, got {len(folders)}")
     from stixel_cli.report.compare import metric_rows, run_labels
     from stixel_cli.report.differences import differing_settings
+    from stixel_cli.results.differences import code_differences
     from stixel_cli.results.result import read_scored_run
 
     labels = run_labels(folders)
@@ -42,7 +41,7 @@ def compare(
     names = dict.fromkeys(name for run in runs for name in run.metrics)
     metrics = {name: [run.metrics.get(name) for run in runs] for name in names}
     differing = {name: values for name, values in metrics.items() if len(set(values)) > 1}
-    changed = _code(folders, labels) if code else []
+    changed = code_differences(*folders, tuple(labels), local_store().folder) if code else []
     if json:
         answer = {
             "folders": [str(folder) for folder in folders],
@@ -82,15 +81,6 @@ def compare(
         if not changed:
             say("the code is the same")
     return 0
-
-
-def _code(folders: list[Path], labels: list[str]) -> "list[ModuleDifference]":
-    from stixel_cli.config.compose import compose
-    from stixel_cli.engine.store import open_store
-    from stixel_cli.results.differences import code_differences
-
-    store = open_store(compose().configuration.cache)
-    return code_differences(*folders, tuple(labels), store.folder)
 
 
 def _cell(cell: tuple[str, bool]) -> str:

@@ -7,11 +7,12 @@ the schema.
 import os
 
 from stixel_cli.config.folders import (
+    ENTRY_POINTS,
     EXPERIMENT,
     default_option,
     group_options,
     inner_options,
-    installed_trackers,
+    installed_functions,
     option_values,
     shipped_folder,
 )
@@ -149,8 +150,8 @@ def _candidates(typed: str, words: list[str]) -> list[str]:
     if "=" in typed or len(groups) == 1:
         # The shell appends a space to a single `group=`, so complete to its options.
         matches = [f"{group}={option}" for group in groups for option in group_options()[group]]
-        if "tracker" in groups:
-            matches += [f"tracker={name}" for name in installed_trackers()]
+        for group in {*ENTRY_POINTS}.intersection(groups):
+            matches += [f"{group}={name}" for name in installed_functions(group)]
     else:
         matches = [f"{group}=" for group in groups]
     if key and "seed".startswith(key):

@@ -8,7 +8,7 @@ import typer
 from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.errors import tell
 from stixel_cli.cli.options import Json
-from stixel_cli.cli.terminal import print_json, print_table
+from stixel_cli.cli.terminal import counted, print_json, print_table
 from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def _json(run: "RunResult") -> dict[str, Any]:
     return {
         "path": str(run.folder),
         "kind": "sweep" if _is_sweep(run) else "run",
-        "created": _created(run),
+        "created": str(run.manifest.get("created", "")),
         "choices": _differences(run),
         "overrides": run.overrides,
         "swept": run.setting,
@@ -72,10 +72,6 @@ def _json(run: "RunResult") -> dict[str, Any]:
 
 def _is_sweep(run: "RunResult") -> bool:
     return run.failure is None and not (run.folder / "manifest.json").exists()
-
-
-def _created(run: "RunResult") -> str:
-    return str(run.manifest.get("created", ""))
 
 
 def _differences(run: "RunResult") -> str:
@@ -109,8 +105,7 @@ def _swept(folder: Path) -> str:
     ]
     if len(axes) > MOST_AXES:
         axes = [*axes[:MOST_AXES], f"and {len(axes) - MOST_AXES} more"]
-    count = len(request.runs)
-    runs = f"{count} run" if count == 1 else f"{count} runs"
+    runs = counted(len(request.runs), "run")
     return ", ".join([" ".join(axes), runs] if axes else [runs])
 
 
@@ -119,5 +114,5 @@ def _row(run: "RunResult") -> list[str]:
 
     seed = "" if run.seed is None else str(run.seed)
     shown = [shown_value(n, run.metrics[n]) if n in run.metrics else "" for n in SHOWN]
-    created = _created(run)[:19].replace("T", " ")
+    created = str(run.manifest.get("created", ""))[:19].replace("T", " ")
     return [str(run.folder), created, _differences(run), seed, *shown]

@@ -21,7 +21,12 @@ from stixel_cli.cli.options import (
     Workers,
 )
 from stixel_cli.cli.terminal import console, print_json, print_table, say
-from stixel_cli.config.folders import group_options, installed_trackers, presets_option
+from stixel_cli.config.folders import (
+    ENTRY_POINTS,
+    group_options,
+    installed_functions,
+    presets_option,
+)
 from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
@@ -77,9 +82,11 @@ def run(
 def help_of_run() -> str:
     """The help of `stixel run`, with the groups of `conf/`."""
     try:
-        groups, installed = group_options(), installed_trackers()
+        groups = group_options()
+        installed = {group: installed_functions(group) for group in ENTRY_POINTS}
     except (OSError, UserError):
         groups, installed = {}, {}
+    names = [f"{group}={'|'.join(points)}" for group, points in installed.items() if points]
     many = [f"  {name}={'|'.join(these)}" for name, these in groups.items() if len(these) > 1]
     single = ", ".join(name for name, these in groups.items() if len(these) == 1)
     return "\n".join(
@@ -102,7 +109,7 @@ def help_of_run() -> str:
             "\b",
             "Your own (tutorial 4):",
             "  tracker=MODULE:FUNCTION measurement=MODULE:FUNCTION metrics=[MODULE:FUNCTION,…]",
-            *([f"  of installed packages: tracker={'|'.join(installed)}"] if installed else []),
+            *(f"  of installed packages: {text}" for text in names),
             "",
             "\b",
             "Keys of the chosen options, for example:",

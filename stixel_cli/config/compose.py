@@ -25,6 +25,7 @@ from stixel_cli.config.own_options import (
     find_folders,
     functions_of,
     is_own,
+    metric_functions,
     nested,
     refuse_code,
     user_sections,
@@ -37,6 +38,10 @@ from stixel_cli.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from stixel_cli.recordings.types import Recording
+
+
+_FILES = {"road_user": ["mesh"], "measurement": ["path", "ego", "truth"], "cache": ["folder"]}
+"""Keys that name a file or a folder of the user."""
 
 
 @dataclass(frozen=True)
@@ -140,6 +145,7 @@ class Composer:
             refuse_code(own_presets(), code_of_presets(resolved, settings))
         resolved |= user_defined
         choices |= {group: str(settings[group]) for group in user_defined}
+        resolved["metrics"] = metric_functions(resolved["metrics"])
         resolved["code_folders"] = find_folders(resolved, self._working_directory)
         name_files_in_full(resolved, self._working_directory)
         configuration = _validate(resolved, settings)
@@ -205,19 +211,13 @@ def name_files_in_full(resolved: dict[str, Any], working_directory: str = "") ->
 
     They refer to `working_directory`; "" for the working directory of the process.
     """
-    for group, key in (
-        ("road_user", "mesh"),
-        ("measurement", "path"),
-        ("measurement", "ego"),
-        ("measurement", "truth"),
-        ("cache", "folder"),
-    ):
-        name = resolved[group].get(key)
-        if resolved[group].get("kind") == "own":
-            continue
+    for group, keys in _FILES.items():
+        section = resolved[group]
         # The checks refuse an empty name.
-        if isinstance(name, str) and name:
-            resolved[group] = resolved[group] | {key: absolute(name, working_directory)}
+        names = {k: section[k] for k in keys if isinstance(section.get(k), str) and section[k]}
+        if names and not is_own(section):
+            full = {key: absolute(name, working_directory) for key, name in names.items()}
+            resolved[group] = section | full
 
 
 def from_resolved(resolved: Mapping[str, Any]) -> Configuration:

@@ -23,8 +23,12 @@ PACE = "pace"
 OF_THE_MACHINE = ("executor", "cache")
 """Groups that name where to compute, not what: they never come from a result folder."""
 
-TRACKERS = "stixel.trackers"
-"""The group of entry points in which installed packages name their trackers."""
+ENTRY_POINTS = {
+    "tracker": "stixel.trackers",
+    "measurement": "stixel.measurements",
+    "metrics": "stixel.metrics",
+}
+"""Groups of entry points in which installed packages name their functions."""
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -104,7 +108,7 @@ def use_presets(folder: Path | None) -> Path | None:
     trust_presets(False)
     if _presets is not None or folder is not None:
         group_options.cache_clear()
-        installed_trackers.cache_clear()
+        installed_functions.cache_clear()
     _presets = None
     if folder is None:
         return None
@@ -176,13 +180,17 @@ def group_options() -> dict[str, tuple[str, ...]]:
 
 
 @cache
-def installed_trackers() -> dict[str, str]:
-    """Trackers of installed packages: name to "module:function"; none of them is imported."""
+def installed_functions(group: str) -> dict[str, str]:
+    """Functions of installed packages for `tracker`, `measurement` or `metrics`; not imported.
+
+    Returns:
+        Name to "module:function".
+    """
     # It takes a tenth of a second to import.
     from importlib.metadata import entry_points
 
-    shipped = group_options()["tracker"]
-    points = entry_points(group=TRACKERS)
+    shipped = group_options().get(group, ())
+    points = entry_points(group=ENTRY_POINTS[group])
     return {point.name: point.value for point in points if point.name not in shipped}
 
 

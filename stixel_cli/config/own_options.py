@@ -14,7 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_type_hints
 
-from stixel_cli.config.folders import absolute, group_options, installed_trackers
+from stixel_cli.config.folders import absolute, group_options, installed_functions
 from stixel_cli.config.keys import describe
 from stixel_cli.config.messages import show
 from stixel_cli.config.schema import Configuration
@@ -44,7 +44,7 @@ def user_function(group: str, option: Any) -> str | None:
         return None
     if ":" in option:
         return option
-    return installed_trackers().get(option) if group == "tracker" else None
+    return installed_functions(group).get(option)
 
 
 def own_groups(parsed: "Iterable[Override]") -> set[str]:
@@ -94,6 +94,15 @@ def user_sections(settings: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
             given = {k.removeprefix(within): v for k, v in settings.items() if k.startswith(within)}
             sections[group] = {"kind": "own", "function": function} | COMMON.get(group, {}) | given
     return sections
+
+
+def metric_functions(metrics: Any) -> Any:
+    """The value of `metrics`, where names of installed packages are replaced by functions."""
+    if not isinstance(metrics, list):
+        return metrics  # The validation of the whole configuration reports it.
+    plain = [name for name in metrics if isinstance(name, str) and ":" not in name]
+    installed = installed_functions("metrics") if plain else {}
+    return [installed[name] if name in plain and name in installed else name for name in metrics]
 
 
 def nested(group: str, section: Mapping[str, Any]) -> dict[str, Any]:

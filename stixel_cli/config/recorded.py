@@ -64,8 +64,10 @@ def given_files(
     Raises:
         ConfigurationError: if a value is missing or wrong, or one is set that the files give.
     """
-    if group == "path":
-        _refuse_given(typed)
+    for name in typed if group == "path" else ():
+        for key, reason in OF_THE_MOTION.items():
+            if name == key or name.startswith(f"{key}."):
+                raise ConfigurationError(f"{name}: with path=recorded, {reason}")
     for name in FILE_KEYS:
         if isinstance(section.get(name), str) and section[name]:
             section[name] = absolute(section[name], working_directory)
@@ -84,25 +86,13 @@ def given_files(
         raise ConfigurationError(text) from None
     except ValueError as fault:
         raise ConfigurationError(str(fault)) from None
-    if group == "source":
-        _refuse_scene(typed, parameters.kind)
-    return parameters
-
-
-def _refuse_scene(typed: Iterable[str], kind: str) -> None:
-    for name in typed:
-        group = name.partition(".")[0]
-        if group in OF_THE_SCENE and (name, group) != ("ego", "ego"):
+    for name in typed if group == "source" else ():
+        outer = name.partition(".")[0]
+        if outer in OF_THE_SCENE and name != "ego":
             raise ConfigurationError(
-                f"{name}: is of the rendered scene; source={kind} has no {group} to set"
+                f"{name}: is of the rendered scene; source={parameters.kind} has no {outer} to set"
             )
-
-
-def _refuse_given(typed: Iterable[str]) -> None:
-    for name in typed:
-        for key, reason in OF_THE_MOTION.items():
-            if name == key or name.startswith(f"{key}."):
-                raise ConfigurationError(f"{name}: with path=recorded, {reason}")
+    return parameters
 
 
 def suitable_settings(group: str, recording: Recording, typed: Mapping[str, Any]) -> dict[str, Any]:

@@ -74,24 +74,22 @@ def _resolved(value: Any, tree: Mapping[str, Any], pending: tuple[str, ...] = ()
 
 def _by_omegaconf(tree: dict[str, Any]) -> dict[str, Any]:
     from omegaconf import OmegaConf
-    from omegaconf.errors import OmegaConfBaseException
+    from omegaconf.errors import (
+        InterpolationKeyError,
+        MissingMandatoryValue,
+        OmegaConfBaseException,
+    )
 
     try:
         container = OmegaConf.create(tree)
         return OmegaConf.to_container(container, resolve=True, throw_on_missing=True)
+    except MissingMandatoryValue as fault:
+        raise ConfigurationError(f"{fault.full_key}: ??? is a missing value: give one") from None
     except OmegaConfBaseException as fault:
-        raise ConfigurationError(_unresolved(fault)) from None
-
-
-def _unresolved(fault: Any) -> str:
-    """Message for an interpolation that cannot be resolved."""
-    from omegaconf.errors import InterpolationKeyError, MissingMandatoryValue
-
-    name = fault.full_key or "the configuration"
-    if isinstance(fault, MissingMandatoryValue):
-        return f"{name}: ??? is a missing value: give one"
-    reason = messages.first_line(fault.msg or fault)
-    if isinstance(fault, InterpolationKeyError) and (wanted := re.search("key '(.*)'", reason)):
-        hint = messages.suggestion(wanted[1], known_keys(), form="${{{}}}")
-        return f"{name}: refers to {wanted[1]}, an unknown key{hint}"
-    return f"{name}: {reason}"
+        reason = messages.first_line(fault.msg or fault)
+        wanted = re.search("key '(.*)'", reason)
+        if isinstance(fault, InterpolationKeyError) and wanted:
+            hint = messages.suggestion(wanted[1], known_keys(), form="${{{}}}")
+            reason = f"refers to {wanted[1]}, an unknown key{hint}"
+        name = fault.full_key or "the configuration"
+        raise ConfigurationError(f"{name}: {reason}") from None

@@ -226,20 +226,31 @@ def test_commands_that_compute_refuse_the_code_of_a_folder_unless_it_is_trusted(
     assert stored.imports() > 0
 
 
-def test_trackers_of_installed_packages_are_options(own, monkeypatch, capsys):
-    point = importlib.metadata.EntryPoint("mine", f"{own.name}:plain", folders.TRACKERS)
-    monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: [point])
-    folders.installed_trackers.cache_clear()
+def test_functions_of_installed_packages_are_options(own, monkeypatch, capsys):
+    def points(group):
+        names = {"stixel.trackers": "plain", "stixel.measurements": "dots"}
+        function = f"{own.name}:{names.get(group, 'offset_m')}"
+        return [importlib.metadata.EntryPoint("mine", function, group)]
+
+    monkeypatch.setattr(importlib.metadata, "entry_points", points)
+    folders.installed_functions.cache_clear()
     try:
-        assert "tracker=mine" in help_of_run()
+        for text in ("tracker=mine", "measurement=mine", "metrics=mine"):
+            assert text in help_of_run()
         assert complete_override("tracker=mi") == ["tracker=mine"]
+        assert complete_override("measurement=mi") == ["measurement=mine"]
         answer = run_json(capsys, own.results, *QUICK, THREADS, "tracker=mine", "tracker.alpha=0.1",
                           "--name", "a")  # fmt: skip
         assert answer["metrics"]["scans"] == 3
+        composed = compose(["measurement=mine", "metrics=[mine]"]).resolved
+        assert composed["measurement"]["function"] == f"{own.name}:dots"
+        assert composed["metrics"] == [f"{own.name}:offset_m"]
         with pytest.raises(ConfigurationError, match="tracker: unknown option 'min'"):
             compose(["tracker=min"])
+        with pytest.raises(ConfigurationError, match="'min': must be module:function"):
+            compose(["metrics=[min]"])
     finally:
-        folders.installed_trackers.cache_clear()
+        folders.installed_functions.cache_clear()
 
 
 def test_a_keys_code_holds_the_modules_of_the_folder_only(own):
