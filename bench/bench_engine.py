@@ -23,10 +23,17 @@ from stixel_cli.engine.execute import execute
 from stixel_cli.engine.explain import explain
 from stixel_cli.engine.graph import GraphBuilder, build_graph, merge
 from stixel_cli.engine.keys import Stage
+from stixel_cli.engine.parameters import DaskExecutor, LocalExecutor, ThreadsExecutor
 from stixel_cli.engine.plan import plan
 from stixel_cli.engine.store import Store
 
 NODES = sized(200, 8)
+EXECUTORS = {
+    "serial": None,
+    "local": LocalExecutor("local", 2, None),
+    "threads": ThreadsExecutor("threads", 2),
+    "dask": DaskExecutor("dask", 2, None, None),
+}
 STAGES = """
 import numpy as np
 
@@ -74,7 +81,7 @@ def test_overhead_of_a_node(benchmark, graph, tmp_path, executor, monkeypatch):
     folders = (Store(tmp_path / f"cache-{i}") for i in itertools.count())
     # Unknown durations, so that `local` starts its workers.
     benchmark.pedantic(
-        lambda store: execute(graph, ["add"], store, executor=executor),
+        lambda store: execute(graph, ["add"], store, executor=EXECUTORS[executor]),
         setup=lambda: ((next(folders),), {}),
         rounds=3,
     )
@@ -96,7 +103,7 @@ def test_overhead_without_the_start(benchmark, tmp_path, executor, monkeypatch, 
         ]
         store = Store(tmp_path / f"cache-{nodes}-{seed}")
         started = time.perf_counter()
-        execute(build_graph(stages, nodes // 2, 1), ["add"], store, executor=executor)
+        execute(build_graph(stages, nodes // 2, 1), ["add"], store, executor=EXECUTORS[executor])
         return time.perf_counter() - started
 
     found = [(seconds(3 * NODES, i) - seconds(NODES, i)) / (2 * NODES) for i in range(sized(3, 1))]
@@ -179,7 +186,7 @@ def test_upkeep(benchmark, graph, tmp_path, what):
 @pytest.mark.benchmark(group="200 cached nodes")
 def test_plan_of_cached_nodes(benchmark, graph, tmp_path):
     store = Store(tmp_path / "cache")
-    execute(graph, ["add"], store, executor="serial")
+    execute(graph, ["add"], store)
     planned = benchmark(plan, graph, ["add"], store)
     assert not planned.missing
 

@@ -15,12 +15,10 @@ from stixel_cli.engine.one_thread import one_thread
 from stixel_cli.engine.parameters import Executor, LocalExecutor, ThreadsExecutor
 from stixel_cli.engine.plan import Durations, check_writable, plan, undeclared_reads
 from stixel_cli.engine.pools import (
-    ExecutorName,
     Pool,
     ProcessPool,
     SerialPool,
     ThreadPool,
-    executor_of,
     fork_is_safe,
 )
 from stixel_cli.engine.progress import Progress
@@ -91,8 +89,7 @@ def execute(
     graph: Graph,
     targets: Sequence[str],
     store: Store,
-    workers: int = 2,
-    executor: Executor | ExecutorName = "local",
+    executor: Executor | None = None,
     progress: Progress | None = None,
     keep_going: bool = False,
     first: Sequence[str] = (),
@@ -101,8 +98,7 @@ def execute(
     """Compute the results that `targets` (stage names or node ids) need and `store` lacks.
 
     Afterwards every target can be loaded from the store, and the store's limit is kept. Results do
-    not depend on the executor. `workers` applies to an executor given by name. "local" starts no
-    processes for little work.
+    not depend on the executor. Without one, and for little work, no worker is started.
 
     With `keep_going` a failing node does not stop the others: nodes that depend on it are skipped,
     and the failures are in the returned execution.
@@ -118,9 +114,7 @@ def execute(
         ExecutorError: no workers are available, all were lost, or a library uses more than one
             thread.
         KeyError: no such target.
-        ValueError: no such executor, or fewer than one worker.
     """
-    chosen = executor_of(executor, workers)
     progress = Progress() if progress is None else progress
     durations = Durations(store.folder)
     lease = Lease(store.folder)
@@ -138,20 +132,20 @@ def execute(
         check_bytecode({name: file for name, _, file in files})
         for text in undeclared_reads(nodes) if progress.advice else ():
             progress.note(text)
-        here = not nodes or _runs_here(chosen, nodes, durations)
+        here = not nodes or _runs_here(executor, nodes, durations)
         # A copy of this process must not run modules that were edited after their import.
         copies = all(may_run_here(node.identity.code) for node in nodes)
-        pool = SerialPool() if here else make_pool(chosen, copies)
-        progress.expect(durations.by_stage(nodes), 1 if here else chosen.workers)
-        time_limit = getattr(chosen, "time_limit", None)
+        pool = SerialPool() if here else make_pool(executor, copies)
+        progress.expect(durations.by_stage(nodes), 1 if here else executor.workers)
+        time_limit = getattr(executor, "time_limit", None)
         run = Run(planned, store, pool, progress, time_limit, keep_going, lease)
         needed_first = graph.ancestors(graph.expand(first))
         nodes_first = [node for node in nodes if node.key in needed_first]
         run.first, run.on_first = frozenset(node.key for node in nodes_first), on_first
-        if nodes_first and not here and _runs_here(chosen, nodes_first, durations):
+        if nodes_first and not here and _runs_here(executor, nodes_first, durations):
             run.here = run.first
-        if not here and isinstance(chosen, LocalExecutor):
-            for node in _to_import(nodes, run.here, chosen.workers):
+        if not here and isinstance(executor, LocalExecutor):
+            for node in _to_import(nodes, run.here, executor.workers):
                 pool.submit(import_function, node.stage.function, node.identity.code)
         try:
             # In this process the calling thread limits the libraries for the whole run, because it

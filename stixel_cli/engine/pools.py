@@ -9,20 +9,16 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Future
 from contextlib import contextmanager
 from queue import SimpleQueue
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
 from stixel_cli.engine.one_thread import ENVIRONMENT
-from stixel_cli.engine.parameters import DaskExecutor, Executor, LocalExecutor, ThreadsExecutor
 
-ExecutorName = Literal["local", "threads", "dask", "serial"]
 ORPHAN_INTERVAL = 0.5
 """Seconds between two checks of a worker that its parent is alive."""
 FEEDER = "QueueFeederThread"
 """Name of the thread by which loky sends tasks to its processes."""
 FEEDER_TIME = 1.0
 """Maximum wait for such threads, in seconds: one may hang in a pipe that no process reads."""
-
-NAMES = ("local", "threads", "dask", "serial")
 
 
 class Pool(Protocol):
@@ -161,25 +157,6 @@ class SerialPool(Pool):
         future: Future = Future()
         _settle(future, function, arguments)
         return future
-
-
-def executor_of(executor: Executor | ExecutorName, workers: int) -> Executor | None:
-    """Return the executor of that name with `workers`, or `executor` itself; None for "serial".
-
-    Raises:
-        ValueError: unknown executor, or fewer than one worker; one line.
-    """
-    if not isinstance(executor, str):
-        return executor
-    if executor not in NAMES:
-        raise ValueError(f"executor: {executor!r} is unknown; choose {', '.join(NAMES)}")
-    if workers < 1:
-        raise ValueError(f"workers: must be at least 1, got {workers}")
-    if executor == "local":
-        return LocalExecutor("local", workers, None)
-    if executor == "threads":
-        return ThreadsExecutor("threads", workers)
-    return DaskExecutor("dask", workers, None, None) if executor == "dask" else None
 
 
 def fork_is_safe() -> bool:

@@ -23,13 +23,16 @@ class Progress:
         display: None to show only notes.
         uncompiled: modules whose machine code is not cached: the first node of a stage that reaches
             one of them compiles it.
+        advice: whether to note files that the user's code may read without declaring them.
     """
 
-    advice = False
-    """Whether to note files that the user's code may read without declaring them."""
-
-    def __init__(self, display: Lines | None = None, uncompiled: Collection[str] = ()):
-        self.display = display
+    def __init__(
+        self,
+        display: Lines | None = None,
+        uncompiled: Collection[str] = (),
+        advice: bool = False,
+    ):
+        self.display, self.advice = display, advice
         self.uncompiled = frozenset(uncompiled)
         self.total: dict[str, int] = {}
         self.done: dict[str, int] = {}
@@ -187,9 +190,7 @@ def crash_note(labels: Sequence[str], retry: bool) -> str:
 
 def make_progress(uncompiled: Collection[str] = (), advice: bool = False) -> Progress:
     """Progress with the display that suits stderr; `uncompiled` and `advice` as in `Progress`."""
-    progress = Progress(make_display(), uncompiled)
-    progress.advice = advice
-    return progress
+    return Progress(make_display(), uncompiled, advice)
 
 
 def duration(seconds: float) -> str:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -74,11 +75,7 @@ def chart(
                 style.log_axis(axes)
         for axes in grid[len(panels) :]:
             axes.set_axis_off()
-        handles = {
-            label: handle
-            for axes in grid
-            for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
-        }
+        handles = legend_handles(grid)
         if handles:
             longest = max(map(len, handles))
             figure.legend(
@@ -88,6 +85,15 @@ def chart(
                 ncols=min(legend if longest < 22 else 1, len(handles)),
             )
         return Figure(name, "", style.svg(figure))
+
+
+def legend_handles(grid: Iterable[Axes]) -> dict[str, Any]:
+    """The handle of each label in several axes."""
+    return {
+        label: handle
+        for axes in grid
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
 
 
 def line(

@@ -69,7 +69,9 @@ def forest(name: str, rows: Sequence[Row], left: str = "", right: str = "") -> F
     known = [row for row in rows if row.value.mean is not None]
     if not known:
         return None
-    panels = {metric: [row for row in known if row.metric == metric] for metric in _metrics(known)}
+    panels: dict[str, list[Row]] = {}
+    for row in known:
+        panels.setdefault(row.metric, []).append(row)
     series = list(dict.fromkeys(row.series for row in known))
     scales = {metric: _greatest(own) for metric, own in panels.items()}
     ends = [_side(row) * end / scales[row.metric] for row in known for end in (*_extent(row), 0.0)]
@@ -105,7 +107,7 @@ def _panel(
     side = _side(rows[0])
     axes.axvline(0.0, color=style.TRUTH, linewidth=0.9)
     for place, row in enumerate(rows):
-        colour = _colour(row.series, series)
+        colour = style.RUNS[series.index(row.series) % len(style.RUNS)]
         low, value, high = row.value.low, row.value.mean, row.value.high
         if low is not None and high is not None:
             axes.plot([low, high], [place, place], color=colour, linewidth=1.6)
@@ -145,14 +147,6 @@ def _labels(rows: Sequence[Row], series: Sequence[str]) -> list[str]:
     if len(series) == 1:
         return [row.group for row in rows]
     return [f"{row.group}, {row.series}" for row in rows]
-
-
-def _colour(one: str, series: Sequence[str]) -> str:
-    return style.RUNS[series.index(one) % len(style.RUNS)]
-
-
-def _metrics(rows: Sequence[Row]) -> list[str]:
-    return list(dict.fromkeys(row.metric for row in rows))
 
 
 def _side(row: Row) -> float:

@@ -168,10 +168,11 @@ def read_lineage(folder: Path) -> Lineage | None:
         if isinstance(code, str):
             file = _code_file(folder, code)
             code = read_json(file) if file.exists() else None
-        parts = None if code is None else _read_code(code)
+        # An older version has digests of functions.
+        known = code is not None and all(isinstance(digest, str) for digest in code.values())
     except (KeyError, TypeError, AttributeError, ValueError):
         raise UserError(f"{file}: not a valid lineage of a run") from None
-    return Lineage(stages, parts)
+    return Lineage(stages, dict(code) if known else None)
 
 
 def read_code_name(folder: Path) -> str | None:
@@ -187,11 +188,6 @@ def _code_file(folder: Path, code: str) -> Path:
     if len(code) != _CODE_DIGITS or not set(code) <= set("0123456789abcdef"):
         raise ValueError("no name of a file of code")
     return folder.resolve().parent.parent / CODE_FOLDER / f"{code}.json"
-
-
-def _read_code(tree: Mapping[str, Any]) -> dict[str, str] | None:
-    """Digests by module; None for an older version, which has digests of functions."""
-    return dict(tree) if all(isinstance(digest, str) for digest in tree.values()) else None
 
 
 def _read_stage(stage: Mapping[str, Any]) -> StageLineage:

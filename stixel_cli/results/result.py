@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -225,7 +226,11 @@ def list_runs(root: Path) -> list[RunResult]:
     listed = []
     for folder in find_folders(root):
         if not os.path.lexists(folder / "manifest.json"):
-            listed.append(RunResult(folder=folder, manifest={"created": _modified(folder)}))
+            modified = ""
+            with suppress(OSError):
+                seconds = (folder / SWEEP_FILE).stat().st_mtime
+                modified = datetime.fromtimestamp(seconds, UTC).isoformat(timespec="seconds")
+            listed.append(RunResult(folder=folder, manifest={"created": modified}))
             continue
         try:
             manifest, metrics = read_manifest(folder), read_metrics(folder)
@@ -233,11 +238,3 @@ def list_runs(root: Path) -> list[RunResult]:
         except UserError as fault:
             listed.append(RunResult(folder=folder, failure=fault))
     return sorted(listed, key=lambda run: (str(run.manifest.get("created", "")), run.folder))
-
-
-def _modified(folder: Path) -> str:
-    try:
-        seconds = (folder / SWEEP_FILE).stat().st_mtime
-    except OSError:
-        return ""
-    return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="seconds")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stixel_cli.evaluation.scores import LabelScore, LabelScores, Scores
+from stixel_cli.evaluation.scores import LabelScore, Scores
 from stixel_cli.geometry.pose import world_from_ego
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.results.ego_frame import pose_columns
@@ -35,7 +35,9 @@ def run_tables(run: "RunResult") -> dict[str, dict[str, np.ndarray]]:
     if run.tracks:
         tables["tracks"] = tracks_columns(run.tracks)
     if run.scores.labels and run.scores.labels.labels:
-        tables["labels"] = label_columns(run.scores.labels)
+        labels = run.scores.labels.labels
+        names = [column.name for column in fields(LabelScore)]
+        tables["labels"] = {n: np.array([getattr(row, n) for row in labels]) for n in names}
     return tables
 
 
@@ -92,14 +94,6 @@ def tracks_columns(tracks: Sequence[ObjectTrack]) -> dict[str, np.ndarray]:
             [table.get(name, np.full(len(table["k"]), np.nan)) for table in tables]
         )
         for name in names
-    }
-
-
-def label_columns(labels: LabelScores) -> dict[str, np.ndarray]:
-    """The fields of `LabelScore` as a table, one row per label."""
-    return {
-        one.name: np.array([getattr(row, one.name) for row in labels.labels])
-        for one in fields(LabelScore)
     }
 
 

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from stixel_cli.evaluation.metric_table import metric, over_runs
 from stixel_cli.pictures import style
+from stixel_cli.report.charts import legend_handles
 from stixel_cli.report.statistics import Statistic, statistic
 from stixel_cli.sweeps.design import SEED
 from stixel_cli.sweeps.results import heading
@@ -123,27 +124,29 @@ def _figure(
             axes.set_xlabel(_joined(keys))
             axes.grid(True, axis="y")
             scale_values(axes, over_runs(name))
-            if log:
-                axes.set_xscale("log")
-                axes.minorticks_off()
-                axes.set_xticks(numbers, [_shortened(" ".join(v)) for v in values])
-            if numbers is None:
-                axes.set_xticks(range(len(values)), [_shortened(" ".join(v)) for v in values])
-                if len(values) > 5:
-                    axes.tick_params("x", labelrotation=30)
+            _mark_values(axes, [_shortened(" ".join(v)) for v in values], numbers, log)
         # A line may be missing where a metric has no value.
-        legend = {
-            label: handle
-            for axes in figure.axes
-            for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
-            if label
-        }
+        legend = legend_handles(figure.axes)
         if len(legend) > 1:
             columns = max(1, _LEGEND_WIDTH // (8 + max(map(len, legend))))
             figure.legend(legend.values(), legend, loc="outside lower center", ncols=columns)
         text = caption(not others, len(others), clipped, left_out, counts)
         figure.suptitle(text, fontsize=9.0, x=0.01, ha="left")
         return write(figure)
+
+
+def _mark_values(
+    axes: Axes, labels: Sequence[str], numbers: Sequence[float] | None, log: bool
+) -> None:
+    """Ticks of the swept values: at their `numbers`, if they are numbers."""
+    if log:
+        axes.set_xscale("log")
+        axes.minorticks_off()
+        axes.set_xticks(numbers, labels)
+    if numbers is None:
+        axes.set_xticks(range(len(labels)), labels)
+        if len(labels) > 5:
+            axes.tick_params("x", labelrotation=30)
 
 
 def is_geometric(places: Sequence[float]) -> bool:

@@ -85,8 +85,15 @@ def design_of(content: Mapping[Any, Any], shuffled: bool) -> Design:
         if not isinstance(keys, dict) or len(keys) < 2:
             raise ConfigurationError(f"{where}: must map two keys or more to values")
         axes.append(_axis(where, keys, shuffled))
-    if content.get("seeds") is not None:
-        axes.append(_axis("seeds", {SEED: _seeds(content["seeds"])}, shuffled))
+    seeds = content.get("seeds")
+    if isinstance(seeds, int) and not isinstance(seeds, bool):
+        if not 1 <= seeds <= 100_000:
+            raise ConfigurationError(
+                f"seeds: must be a number from 1 to 100000 or a list, got {seeds}"
+            )
+        seeds = list(range(seeds))
+    if seeds is not None:
+        axes.append(_axis("seeds", {SEED: seeds}, shuffled))
     _refuse_repeated(fixed, axes)
     left_out = tuple(_left_out(content, axes))
     return Design(fixed, tuple(axes), left_out)
@@ -147,16 +154,6 @@ def _list(content: Mapping[str, Any], name: str) -> list[Any]:
         return []
     if not isinstance(value, list):
         raise ConfigurationError(f"{name}: must be a list of mappings from keys to values")
-    return value
-
-
-def _seeds(value: Any) -> Any:
-    if isinstance(value, int) and not isinstance(value, bool):
-        if not 1 <= value <= 100_000:
-            raise ConfigurationError(
-                f"seeds: must be a number from 1 to 100000 or a list, got {value}"
-            )
-        return list(range(value))
     return value
 
 

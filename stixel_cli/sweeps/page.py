@@ -15,7 +15,7 @@ from stixel_cli.evaluation.scores import SERIES
 from stixel_cli.pictures import style
 from stixel_cli.report import charts
 from stixel_cli.report.charts import series_values
-from stixel_cli.report.metrics import shown_value
+from stixel_cli.report.metrics import counted, shown_value
 from stixel_cli.report.page import Drawing, drawing_for_page, page_template
 from stixel_cli.report.statistics import Statistic
 from stixel_cli.results.folder import PAGE
@@ -52,7 +52,8 @@ def sweep_page(folder: Path, page: Path, command: Sequence[str]) -> str:
     shown = [name for name in DRAWN if name in known] or sorted(known)[:8]
     keys = [key for key in request.keys if key != SEED]
     incomplete = len(result.incomplete)
-    settings = len(result.by_setting) - incomplete
+    settings = counted(len(result.by_setting), "setting")
+    settings += f", {incomplete} incomplete: no statistics yet" if incomplete else ""
     axes = axis_figures(
         [run.setting for run in complete],
         [run.metrics for run in complete],
@@ -63,7 +64,7 @@ def sweep_page(folder: Path, page: Path, command: Sequence[str]) -> str:
     name = folder.resolve().name
     return page_template(__package__, "sweep").render(
         title=name,
-        counts=f"{len(done)} of {len(runs)} runs done; {_settings_text(settings, incomplete)}",
+        counts=f"{len(done)} of {len(runs)} runs done; {settings}",
         tables=[
             _settings_table(result.statistics, keys, shown),
             _runs_table(runs, keys, shown, page.resolve().parent),
@@ -74,16 +75,10 @@ def sweep_page(folder: Path, page: Path, command: Sequence[str]) -> str:
         ],
         over_time=over_time(result),
         most_lines=MOST_LINES,
-        settings=settings,
+        settings=len(result.by_setting) - incomplete,
         request=request.notes,
         command=shlex.join(command),
     )
-
-
-def _settings_text(complete: int, incomplete: int) -> str:
-    count = complete + incomplete
-    text = f"{count} setting{'' if count == 1 else 's'}"
-    return f"{text}, {incomplete} incomplete: no statistics yet" if incomplete else text
 
 
 def _settings_table(

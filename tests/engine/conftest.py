@@ -8,6 +8,7 @@ from pathlib import Path
 from textwrap import dedent
 
 import pytest
+from executors import executors
 
 from stixel_cli.engine import loaded_code
 from stixel_cli.engine.execute import execute
@@ -211,10 +212,12 @@ class Project:
     def graph(self, **changes):
         return build_graph(self.stages(**changes), FRAMES, CHUNK)
 
-    def run(self, graph=None, targets=("gather", "show"), executor="serial", **options):
+    def run(self, graph=None, targets=("gather", "show"), executor="serial", workers=2, **options):
         """Execute, by default in this process, with the code as it is on the disk."""
         self.forget()
         graph = self.graph() if graph is None else graph
+        if isinstance(executor, str):
+            executor = executors(workers)[executor]
         return execute(graph, targets, self.store, executor=executor, **options)
 
 

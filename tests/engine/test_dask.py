@@ -11,6 +11,7 @@ from concurrent.futures import wait
 from textwrap import dedent
 
 import pytest
+from executors import EXECUTORS
 
 from stixel_cli.engine.dask_cluster import PATIENT, local_cluster
 from stixel_cli.engine.dask_pool import make_dask_pool
@@ -123,7 +124,7 @@ def test_a_worker_is_killed_in_the_midst_and_the_bytes_are_those_of_local(
     assert any("slow[5:6]" in note for note in notes.notes) and len(notes.notes) <= 2
     by_dask = project.contents(graph)
     project.store.folder = tmp_path / "other"
-    execute(graph, ["total"], project.store, executor="local")
+    execute(graph, ["total"], project.store, executor=EXECUTORS["local"])
     assert by_dask == project.contents(graph) and len(by_dask) == 2 * FRAMES
 
 
@@ -248,7 +249,7 @@ def test_no_scheduler_there(project, monkeypatch):
 def test_dask_is_not_installed(project, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ExecutorError, match=r"requires Dask: pip install 'stixel\[dask\]'"):
-        execute(project.graph(), ["numbers"], project.store, executor="dask")
+        execute(project.graph(), ["numbers"], project.store, executor=EXECUTORS["dask"])
 
 
 @pytest.fixture

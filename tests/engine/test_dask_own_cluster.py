@@ -8,6 +8,7 @@ import time
 from textwrap import dedent
 
 import pytest
+from executors import EXECUTORS
 
 from stixel_cli.engine.dask_cluster import Cluster
 from stixel_cli.engine.errors import ExecutorError
@@ -99,7 +100,7 @@ def test_ctrl_c_while_a_cluster_of_its_own_starts(project, monkeypatch):
 
     monkeypatch.setattr("stixel_cli.engine.dask_pool.Cluster", Slow)
     with pytest.raises(KeyboardInterrupt):
-        execute(project.graph(), ["numbers"], project.store, executor="dask")
+        execute(project.graph(), ["numbers"], project.store, executor=EXECUTORS["dask"])
     (cluster,) = made
     # It was importing Dask, and had not sent its address yet.
     assert cluster._process.returncode == -signal.SIGKILL
@@ -151,4 +152,4 @@ def test_a_cluster_that_cannot_be_started(project, monkeypatch, tmp_path):
     (tmp_path / "distributed.py").write_text("raise ImportError('broken')")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     with pytest.raises(ExecutorError, match=r"no Dask scheduler on this machine \(.*broken"):
-        execute(project.graph(), ["numbers"], project.store, executor="dask")
+        execute(project.graph(), ["numbers"], project.store, executor=EXECUTORS["dask"])

@@ -5,8 +5,10 @@ import os
 
 import numpy as np
 import pytest
+from executors import EXECUTORS
 
 from stixel_cli.engine.execute import execute
+from stixel_cli.engine.parameters import LocalExecutor
 from stixel_cli.engine.plan import plan
 from stixel_cli.engine.store import VALUE
 
@@ -119,14 +121,9 @@ def test_a_setting_reruns_the_stage_and_its_dependents(project):
 def test_the_same_bytes_on_any_executor(project):
     graph = project.graph()
     found = []
-    for options in (
-        {"executor": "serial"},
-        {"executor": "threads", "workers": 2},
-        {"executor": "local", "workers": 1},
-        {"executor": "local", "workers": 2},
-    ):
+    for executor in ("serial", "threads", LocalExecutor("local", 1, None), "local"):
         project.store.folder = project.folder / f"cache-{len(found)}"
-        project.run(graph, **options)
+        project.run(graph, executor=executor)
         assert project.calls() == ALL
         found.append(
             {
@@ -154,7 +151,7 @@ def test_edited_code_that_is_imported_already_runs_in_a_new_process(project):
     project.edit("show", "return doubled.first, grid", "return doubled.first, -grid")
     # As in a notebook: the old module is still loaded.
     graph = project.graph()
-    execute(graph, ["show"], project.store)
+    execute(graph, ["show"], project.store, EXECUTORS["local"])
     assert load(project, graph, "show") == [(0, -12.0, 2), (8, -54.0, 9)]
 
 
@@ -171,15 +168,6 @@ def test_plan_computes_and_writes_nothing(project):
         "running[8:10]",
         "gather",
     ]
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [({"executor": "cloud"}, "'cloud' is unknown"), ({"workers": 0}, "must be at least 1, got 0")],
-)
-def test_refuses_pools_that_do_not_exist(project, options, message):
-    with pytest.raises(ValueError, match=message):
-        project.run(**options)
 
 
 def test_a_chunk_sequence_can_be_read_again_and_in_part(project):
@@ -223,8 +211,7 @@ def test_few_first_targets_are_computed_in_this_process(project):
     project.run(
         project.graph(seed=2, frames=(3,)),
         targets=("gather", "grid", "show"),
-        executor="local",
-        workers=1,
+        executor=LocalExecutor("local", 1, None),
         first=["gather"],
     )
     calls = project.calls()

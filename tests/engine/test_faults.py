@@ -13,6 +13,7 @@ from pathlib import Path
 from textwrap import dedent
 
 import pytest
+from executors import EXECUTORS
 
 from stixel_cli.engine import pools, scheduler
 from stixel_cli.engine.cleanup import collect
@@ -175,10 +176,10 @@ def test_code_that_was_imported_before_an_edit_is_not_taken_for_the_edited(proje
     # Clocks of file systems are coarse.
     os.utime(project.package / "helpers.py", (time.time() + 1.0,) * 2)
     with pytest.raises(Exception, match=r"double:double was edited"):
-        execute(project.graph(), ["gather"], project.store, executor=executor)
+        execute(project.graph(), ["gather"], project.store, EXECUTORS[executor])
     assert "double[0:4]" not in project.contents(project.graph())
     # Worker processes import what is there now.
-    execute(project.graph(), ["gather"], project.store, executor="local")
+    execute(project.graph(), ["gather"], project.store, EXECUTORS["local"])
     assert "double[0:4]" in project.contents(project.graph())
 
 
@@ -200,6 +201,7 @@ SCRIPT = """
     from pathlib import Path
     from stixel_cli.engine.execute import execute
     from stixel_cli.engine.graph import build_graph
+    from stixel_cli.engine.parameters import LocalExecutor, ThreadsExecutor
     from stixel_cli.engine.progress import Progress
     from stixel_cli.engine.keys import Stage
     from stixel_cli.engine.store import Store
@@ -243,7 +245,7 @@ def start(project, executor):
         folder=str(project.folder),
         name=project.name,
         cache=str(project.store.folder),
-        executor=executor,
+        executor=EXECUTORS[executor],
     )
     process = subprocess.Popen(
         [sys.executable, "-c", script],

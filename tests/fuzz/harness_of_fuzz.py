@@ -70,7 +70,7 @@ def no_computing(monkeypatch) -> None:
             raise _Computes("would compute")
         return execute(graph, targets, store, **options)
 
-    monkeypatch.setattr("stixel_cli.experiment.run.execute", only_cached)
+    monkeypatch.setattr("stixel_cli.experiment.stages.execute", only_cached)
     monkeypatch.setattr("stixel_cli.sweeps.run.execute", only_cached)
 
 

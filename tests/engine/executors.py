@@ -1,0 +1,15 @@
+"""Executors by name; "serial" is this process."""
+
+from stixel_cli.engine.parameters import DaskExecutor, LocalExecutor, ThreadsExecutor
+
+
+def executors(workers=2):
+    return {
+        "serial": None,
+        "local": LocalExecutor("local", workers, None),
+        "threads": ThreadsExecutor("threads", workers),
+        "dask": DaskExecutor("dask", workers, None, None),
+    }
+
+
+EXECUTORS = executors()
