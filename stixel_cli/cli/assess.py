@@ -1,8 +1,9 @@
 """`stixel assess`: how good the stixels of one pair of images are."""
 
 import shlex
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -11,6 +12,9 @@ from stixel_cli.cli.options import Json, Workers, argument, check_output
 from stixel_cli.cli.run import with_workers, without_target
 from stixel_cli.cli.terminal import print_json, print_table, say
 from stixel_cli.errors import UserError
+
+if TYPE_CHECKING:
+    from stixel_cli.report.assess import Assessment
 
 
 def assess(
@@ -60,49 +64,54 @@ def assess(
     from stixel_cli.config.compose import compose
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.experiment.assess import assess as assessed
-    from stixel_cli.report.assess import LABELS, page_html, sentences, shown
+    from stixel_cli.report.assess import page_html
     from stixel_cli.report.compare import unused_page, write_page
 
-    files = [text for text in arguments if "=" not in text]
-    given = [text for text in arguments if "=" in text]
-    if files:
-        given = [*_pair(files, calib, disparity, labels), *given]
-    elif calib or disparity or labels:
-        raise UserError("--calib, --disparity and --labels belong to two images: LEFT RIGHT")
+    named = {"--calib": calib, "--disparity": disparity, "--labels": labels}
+    given = [*_pair(arguments, named), *(text for text in arguments if "=" in text)]
     given = [*without_target(given), "pictures.frames=[0]"]
-    composition = compose(with_workers(given, workers))
-    assessment = assessed(composition, make_progress())
+    assessment = assessed(compose(with_workers(given, workers)), make_progress())
     if json:
         print_json({"values": dict(assessment.values), "seconds": dict(assessment.seconds)})
         return 0
     page = unused_page(Path("assess.html")) if output is None else output
-    command = [arg for arg in ("stixel", "assess", *arguments) if arg]
-    for name, value in (("--calib", calib), ("--disparity", disparity), ("--labels", labels)):
-        command += [] if value is None else [name, str(value)]
+    command = [word for word in ("stixel", "assess", *arguments) if word]
+    for name, file in named.items():
+        command += [] if file is None else [name, str(file)]
     write_page(page, page_html(assessment, shlex.join(command)))
+    _print(assessment)
+    say(page)
+    return 0
+
+
+def _print(assessment: "Assessment") -> None:
+    from stixel_cli.report.assess import LABELS, sentences, shown
+
     rows = [
         (label, shown(name, assessment.values[name]), unit)
         for name, (label, unit, _) in LABELS.items()
         if assessment.values[name] is not None
     ]
     print_table(("value", "", "unit"), rows, right=(1,))
-    say("", *sentences(assessment), page)
-    return 0
+    say("", *sentences(assessment))
 
 
-def _pair(
-    files: list[str], calib: Path | None, disparity: Path | None, labels: Path | None
-) -> list[str]:
-    """The overrides that name the files of a pair."""
-    if len(files) != 2:
-        raise UserError(f"assess needs two images, LEFT and RIGHT, got {len(files)}: {files[0]} …")
-    if calib is None:
+def _pair(arguments: Sequence[str], named: Mapping[str, Path | None]) -> list[str]:
+    """The overrides that name the files of a pair; [] for a recording."""
+    from stixel_cli.config.texts import override_text
+
+    images = [text for text in arguments if "=" not in text]
+    if not images:
+        if any(named.values()):
+            raise UserError("--calib, --disparity and --labels belong to two images: LEFT RIGHT")
+        return []
+    if len(images) != 2:
+        raise UserError(
+            f"assess needs two images, LEFT and RIGHT, got {len(images)}: {images[0]} …"
+        )
+    if named["--calib"] is None:
         raise UserError("--calib: is required with two images: KITTI's file or a rig.yaml")
-    named = {"folder": files[0], "right": files[1], "calibration": calib}
-    named |= {"disparity": disparity, "labels": labels}
-    quoted = {
-        name: "'" + str(file).replace("'", "\\'") + "'"
-        for name, file in named.items()
-        if file is not None
-    }
-    return ["source=pair", *(f"source.{name}={file}" for name, file in quoted.items())]
+    files = {"folder": images[0], "right": images[1], "calibration": named["--calib"]}
+    files |= {"disparity": named["--disparity"], "labels": named["--labels"]}
+    given = {f"source.{key}": str(file) for key, file in files.items() if file is not None}
+    return ["source=pair", *(override_text(key, file) for key, file in given.items())]

@@ -58,10 +58,7 @@ def compare(
         say("the settings are the same")
     say("")
     rows = [
-        (
-            f"{row['label']}, {row['unit']}" if row["unit"] else row["label"],
-            *map(_cell, row["cells"]),
-        )
+        (", ".join(filter(None, (row["label"], row["unit"]))), *map(_cell, row["cells"]))
         for row in metric_rows(runs)
         if row["name"] in differing
     ]

@@ -75,55 +75,24 @@ def sweep(
     from stixel_cli.sweeps.whole import new_sweep, planned_sweep, resumed_sweep
 
     started = time.perf_counter()
-    overrides = overrides or []
+    words = with_workers(overrides or [], workers)
     if resume is not None:
-        _refuse_with_resume(file, name, shuffle, pictures, dry_run)
-        result = resumed_sweep(
-            resume,
-            workers,
-            visible=True,
-            overrides=overrides,
-            note=tell,
-            trust_code=trust_code,
-        )
+        given = {"--from": file, "--name": name, "--shuffle": shuffle}
+        given |= {"--pictures": pictures or None, "--dry-run": dry_run or None}
+        for option in (option for option, value in given.items() if value is not None):
+            raise UserError(f"--resume continues the sweep of that folder: leave out {option}")
+        result = resumed_sweep(resume, None, True, "", words, tell, trust_code)
+    elif dry_run:
+        check_name(results, name)
+        design = sweep_design(words, file, shuffle, trust_code=trust_code)
+        plan, notes = planned_sweep(design_runs(design, imports=False), shuffle, pictures)
+        print_plan(plan, design, notes, json)
+        return 0
     else:
-        overrides = with_workers(overrides, workers)
-        if dry_run:
-            check_name(results, name)
-            design = sweep_design(overrides, file, shuffle, trust_code=trust_code)
-            runs = design_runs(design, imports=False)
-            plan, notes = planned_sweep(runs, shuffle, pictures)
-            print_plan(plan, design, notes, json)
-            return 0
-        result = new_sweep(
-            overrides,
-            file,
-            results,
-            name,
-            shuffle,
-            pictures,
-            True,
-            tell,
-            advice=not json,
-            trust_code=trust_code,
-        )
+        of_runs = (file, results, name, shuffle, pictures)
+        result = new_sweep(words, *of_runs, True, tell, advice=not json, trust_code=trust_code)
     _report(result, json, time.perf_counter() - started)
     return 0 if result.complete else INCOMPLETE
-
-
-def _refuse_with_resume(
-    file: str | None, name: str | None, shuffle: int | None, pictures: bool, dry_run: bool
-) -> None:
-    given = {
-        "--from": file is not None,
-        "--name": name is not None,
-        "--shuffle": shuffle is not None,
-        "--pictures": pictures,
-        "--dry-run": dry_run,
-    }
-    for what, is_given in given.items():
-        if is_given:
-            raise UserError(f"--resume continues the sweep of that folder: leave out {what}")
 
 
 def _report(result: "SweepResult", json: bool, seconds: float) -> None:
