@@ -11,8 +11,8 @@ PACKAGE = Path(stixel_cli.__file__).parent
 BUDGET = {
     "": 900,
     "calibration": 660,
-    "cli": 2980,
-    "config": 3060,
+    "cli": 2930,
+    "config": 3050,
     "engine": 5134,
     "evaluation": 1563,
     "experiment": 1488,

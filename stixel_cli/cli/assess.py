@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stixel_cli.cli.completion import complete_override
-from stixel_cli.cli.options import Json, Workers, argument, check_output
+from stixel_cli.cli.options import Json, Workers, argument, new_file
 from stixel_cli.cli.run import with_workers, without_target
 from stixel_cli.cli.terminal import print_json, print_table, say
 from stixel_cli.errors import UserError
@@ -44,7 +44,7 @@ def assess(
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Output file (default: assess.html)."),
+        typer.Option(metavar="FILE", help="Output file (default: assess.html).", callback=new_file),
     ] = None,
     workers: Workers = None,
     json: Json = False,
@@ -60,7 +60,6 @@ def assess(
       stixel assess left.png right.png --calib 000074.txt --disparity disp_occ/000074_10.png
       stixel assess source.folder=DIR source.sequence=000074
     """
-    check_output(output)
     from stixel_cli.config.compose import compose
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.experiment.assess import assess as assessed

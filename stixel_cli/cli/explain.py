@@ -195,15 +195,5 @@ def _as_json(node: "Explanation", runs: Sequence[int] | None) -> dict:
         "stage": node.stage,
         "node": node.label,
         **({} if runs is None else {"runs": sorted(runs)}),
-        "why": [
-            {
-                "kind": c.kind,
-                "what": c.what,
-                "before": c.before,
-                "after": c.after,
-                "difference": list(c.difference),
-                "text": str(c),
-            }
-            for c in node.changes
-        ],
+        "why": [vars(change) | {"text": str(change)} for change in node.changes],
     }

@@ -20,6 +20,17 @@ def argument(help: str, metavar: str, complete: Callable[[str], Any]) -> Any:
     return typer.Argument(help=help, metavar=metavar, autocompletion=complete, show_default=False)
 
 
+def new_file(output: Path | None) -> Path | None:
+    """`output`, unless the file exists.
+
+    Raises:
+        UserError: in one line.
+    """
+    if output is not None and output.exists():
+        raise UserError(f"--output: {output} exists and is not overwritten; name another file")
+    return output
+
+
 Overrides = Annotated[
     list[str] | None,
     argument(
@@ -46,7 +57,9 @@ Name = Annotated[
 ]
 Output = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="Output file (default: named after the runs)."),
+    typer.Option(
+        metavar="FILE", help="Output file (default: named after the runs).", callback=new_file
+    ),
 ]
 Results = Annotated[
     Path, typer.Option(metavar="DIR", help="Folder in which to create the result folder.")
@@ -92,13 +105,3 @@ TrustCode = Annotated[
         callback=trust_presets,
     ),
 ]
-
-
-def check_output(output: Path | None) -> None:
-    """Refuse an `--output` that exists.
-
-    Raises:
-        UserError: in one line.
-    """
-    if output is not None and output.exists():
-        raise UserError(f"--output: {output} exists and is not overwritten; name another file")

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.errors import tell
-from stixel_cli.cli.options import Output, TrustCode, Workers, argument, check_output
+from stixel_cli.cli.options import Output, TrustCode, Workers, argument
 from stixel_cli.cli.run import stored_run
 from stixel_cli.cli.terminal import say
 from stixel_cli.errors import UserError
@@ -33,7 +33,6 @@ def play(
       stixel play results/gp results/point
       stixel play results/sweep/runs/0003
     """
-    check_output(output)
     if output is not None and not output.parent.is_dir():
         raise UserError(f"--output: the folder {output.parent} does not exist")
     from stixel_cli.engine.progress import make_progress

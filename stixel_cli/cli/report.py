@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from stixel_cli.cli.completion import complete_folder
-from stixel_cli.cli.options import Output, argument, check_output
+from stixel_cli.cli.options import Output, argument
 from stixel_cli.cli.terminal import say
 from stixel_cli.errors import UserError
 
@@ -37,7 +37,6 @@ def report(
             f"report compares two or more runs, or shows one sweep; the page of one run is "
             f"{folders[0] / PAGE}"
         )
-    check_output(output)
     from stixel_cli.report.compare import default_page, page_html, write_page
 
     page = default_page(folders) if output is None else output

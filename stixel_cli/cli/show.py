@@ -105,17 +105,8 @@ def _provenance(run: "RunResult") -> list[tuple[str, str]]:
     return rows
 
 
-def _stages(manifest: dict[str, Any]) -> list[tuple[str, ...]]:
+def _stages(manifest: dict[str, Any]) -> list[list[str]]:
     stages = manifest.get("stages")
-    stages = stages if isinstance(stages, list) else []
-    return [
-        (
-            str(stage.get("name", "?")),
-            str(stage.get("status", "?")),
-            str(stage.get("nodes", "")),
-            str(stage.get("seconds", "")),
-            str(stage.get("key", ""))[:12],
-        )
-        for stage in stages
-        if isinstance(stage, dict)
-    ]
+    missing = {"name": "?", "status": "?", "nodes": "", "seconds": "", "key": ""}
+    rows = [missing | s for s in stages if isinstance(s, dict)] if isinstance(stages, list) else []
+    return [[str(row[name])[: 12 if name == "key" else None] for name in missing] for row in rows]

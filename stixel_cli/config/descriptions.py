@@ -39,6 +39,12 @@ _UNITS = (
 _UNIT = re.compile(rf"(?:^|, )({'|'.join(map(re.escape, _UNITS))})(?=$|[.,;:])")
 
 
+_NO_SCHEMA = {
+    EXPERIMENT: "options and values of several groups under one name",
+    PACE: "speeds and first positions of a class of road user; its values are those of the paths",
+}
+
+
 @dataclass(frozen=True)
 class Description:
     """A key of one variant of its group.
@@ -101,13 +107,7 @@ def groups() -> list[str]:
 
 def meaning_of_group(group: str) -> str:
     """What a group sets, in one line; "" for an inner group."""
-    if group == EXPERIMENT:
-        return "options and values of several groups under one name"
-    if group == PACE:
-        return (
-            "speeds and first positions of a class of road user; its values are those of the paths"
-        )
-    return attribute_texts(Configuration).get(group, "")
+    return (_NO_SCHEMA | attribute_texts(Configuration)).get(group, "")
 
 
 def meaning_of_option(group: str, option: str) -> str:

@@ -161,11 +161,8 @@ def _element(annotation: Any, index: int) -> Any:
 
 def choices(annotation: Any) -> tuple[str, ...]:
     """The valid words of a key; () if it does not take words."""
-    words: list[str] = []
-    for member in _alternatives(annotation):
-        if get_origin(_bare(member)) is Literal:
-            words += [str(word) for word in get_args(_bare(member))]
-    return tuple(words)
+    members = map(_bare, _alternatives(annotation))
+    return tuple(str(w) for t in members if get_origin(t) is Literal for w in get_args(t))
 
 
 def describe(annotation: Any) -> str:

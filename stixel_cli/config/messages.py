@@ -167,19 +167,8 @@ def show(value: Any) -> str:
     return printable(json.dumps(value, ensure_ascii=False, default=str))
 
 
-def _what(value: Any) -> str:
-    match value:
-        case bool():
-            return "a boolean"
-        case int():
-            return "a whole number"
-        case float():
-            return "a float"
-        case str():
-            return "text" if value else "empty"
-        case list():
-            return "a list"
-    return "a group of keys"
+_TYPES = {bool: "a boolean", int: "a whole number", float: "a float", str: "text", list: "a list"}
+_NOT_SUITABLE = {"finite_number": "is not finite", "multiple_of": "does not fit"}
 
 
 def describe_fault(fault: dict[str, Any], plain: dict[str, Any]) -> str:
@@ -208,16 +197,15 @@ def describe_fault(fault: dict[str, Any], plain: dict[str, Any]) -> str:
         # Both bounds, so that the user need not find the other one.
         range_ = right.removeprefix("a whole number ").removeprefix("a number ")
         return f"{name}: {show(value)} is out of range: must be {range_}"
-    if kind == "finite_number":
-        return f"{name}: {show(value)} is not finite: must be {right}"
-    if kind == "multiple_of":
-        return f"{name}: {show(value)} does not fit: must be {right}"
+    if kind in _NOT_SUITABLE:
+        return f"{name}: {show(value)} {_NOT_SUITABLE[kind]}: must be {right}"
     if value is None:
         return f"{name}: has no value: must be {right}"
     words = keys.choices(annotation)
     if words and isinstance(value, str):
         return f"{name}: {show(value)} is not known: must be {right}" + suggestion(value, words)
-    return f"{name}: {show(value)} is {_what(value)}: must be {right}"
+    what = "empty" if value == "" else _TYPES.get(type(value), "a group of keys")
+    return f"{name}: {show(value)} is {what}: must be {right}"
 
 
 def describe_faults(
