@@ -14,7 +14,7 @@ BUDGET = {
     "cli": 2930,
     "config": 3050,
     "engine": 5134,
-    "evaluation": 1563,
+    "evaluation": 1561,
     "experiment": 1488,
     "export": 680,
     "geometry": 180,
@@ -29,7 +29,7 @@ BUDGET = {
     "stereo": 480,
     "stixels": 2050,
     "studies": 6340,
-    "sweeps": 2471,
+    "sweeps": 2463,
     "tracking": 4250,
     "validation": 1370,
 }

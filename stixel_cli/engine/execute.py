@@ -123,13 +123,7 @@ def execute(
         planned = plan(graph, targets, store)
         nodes = [graph.nodes[key] for key in planned.missing]
         check_writable(len(nodes), store)
-        codes = {id(node.identity.code): node.identity.code for node in nodes}.values()
-        files = [
-            (name, c.modules[name], file) for c in codes for name, (file, _) in c.files.items()
-        ]
-        keep_sources(store.folder, ((digest, file) for _, digest, file in files))
-        save_digests(store.folder)
-        check_bytecode({name: file for name, _, file in files})
+        _keep_code(nodes, store)
         for text in undeclared_reads(nodes) if progress.advice else ():
             progress.note(text)
         here = not nodes or _runs_here(executor, nodes, durations)
@@ -162,6 +156,15 @@ def execute(
     finally:
         lease.end()
     return Execution(graph, run.statuses(), run.seconds, run.failures)
+
+
+def _keep_code(nodes: Sequence[Node], store: Store) -> None:
+    """Keep the sources that nodes reach, and check that Python runs them."""
+    codes = {id(node.identity.code): node.identity.code for node in nodes}.values()
+    files = [(name, c.modules[name], file) for c in codes for name, (file, _) in c.files.items()]
+    keep_sources(store.folder, ((digest, file) for _, digest, file in files))
+    save_digests(store.folder)
+    check_bytecode({name: file for name, _, file in files})
 
 
 def _to_import(nodes: Sequence[Node], here: Collection[str], workers: int) -> list[Node]:

@@ -113,7 +113,11 @@ def explain(
     if not missing:
         return []
     memory = _Memory(store, set(graph.stages), before)
-    return [_explain(graph, graph.nodes[key], memory) for key in missing]
+    nodes = [graph.nodes[key] for key in missing]
+    return [
+        Explanation(n.key, n.stage.name, n.label, tuple(dict.fromkeys(_changes(graph, n, memory))))
+        for n in nodes
+    ]
 
 
 def by_stage(explanations: Iterable[Explanation]) -> list[tuple[list[Explanation], str]]:
@@ -136,11 +140,6 @@ class _Memory:
             self.by_stage.setdefault(notes["stage"], []).append(notes)
         self.evicted = evicted(store)
         self.source_difference = cache(partial(source_difference, store.folder))
-
-
-def _explain(graph: Graph, node: Node, memory: _Memory) -> Explanation:
-    changes = dict.fromkeys(_changes(graph, node, memory))
-    return Explanation(node.key, node.stage.name, node.label, tuple(changes))
 
 
 def _changes(graph: Graph, node: Node, memory: _Memory) -> list[Change]:

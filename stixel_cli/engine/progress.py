@@ -42,7 +42,6 @@ class Progress:
         self.running: dict[str, str] = {}
         self.compiling: set[str] = set()
         self.failures = 0
-        self.skipped = 0
         self.cached = 0
         self.began = time.monotonic()
         self.known: Mapping[str, float] = {}
@@ -84,7 +83,6 @@ class Progress:
         """Report a failed node. The nodes `skipped` depend on it and will not be computed."""
         self.running.pop(node.key, None)
         self.failures += 1
-        self.skipped += len(skipped)
         for one in (node, *skipped):
             self.total[one.stage.name] -= 1
             self.frames_total[one.stage.name] -= _frames(one)

@@ -98,15 +98,13 @@ def evaluate(
         **{name: np.full(counted.sum(), value) for name, value in vars(upper_bounds).items()},
         **{name: values[counted[known]] for name, values in at_known.items()},
     )
-    metrics = {name: metric.of_run(errors) for name, metric in METRICS.items()}
-    if scenario.scored is None:
-        del metrics["scored_scans"]
-    if track.size_deviations is None:
-        for name in OF_SIZE:
-            del metrics[name]
-    if track.class_probabilities is None:
-        for name in OF_CLASSES:
-            del metrics[name]
+    missing = [
+        *(["scored_scans"] if scenario.scored is None else []),
+        *(OF_SIZE if track.size_deviations is None else []),
+        *(OF_CLASSES if track.class_probabilities is None else []),
+    ]
+    rows = {name: row for name, row in METRICS.items() if name not in missing}
+    metrics = {name: row.of_run(errors) for name, row in rows.items()}
     if not counted.any():
         metrics = {name: value for name, value in metrics.items() if value is not None}
     return Scores(

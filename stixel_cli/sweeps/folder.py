@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from stixel_cli.config.folders import of_the_machine
 from stixel_cli.config.texts import split_override
@@ -24,9 +24,6 @@ from stixel_cli.results.folder import Content, write_whole_folder
 from stixel_cli.results.reader import read_manifest, read_metrics, yaml_text
 from stixel_cli.results.result import MISSING, RunResult
 from stixel_cli.sweeps.design import SEED
-
-if TYPE_CHECKING:
-    from stixel_cli.sweeps.runs import PlannedRun
 
 PLAN = "sweep.yaml"
 TABLE = "runs.csv"
@@ -143,21 +140,16 @@ class SweepFolder:
             runs.append(run)
         return runs
 
-    def finished(self, index: int) -> RunResult | None:
-        """A run with manifest and metrics; None if it is not complete."""
-        folder = self.run(index)
-        try:
-            run = RunResult(
-                manifest=read_manifest(folder), metrics=read_metrics(folder), folder=folder
-            )
-        except UserError:
-            return None
-        return run if isinstance(run.manifest.get("results"), list) else None
-
-    def up_to_date(self, planned: "PlannedRun") -> RunResult | None:
-        """A run that is complete, with results of the keys that are planned; else None."""
-        run = self.finished(planned.index)
-        return run if run and run.manifest["results"] == list(planned.targets) else None
+    def finished(self, count: int) -> dict[int, RunResult]:
+        """The complete ones of `count` runs by index, with manifest and metrics."""
+        runs = {}
+        for index in range(count):
+            folder = self.run(index)
+            with suppress(UserError):
+                manifest, metrics = read_manifest(folder), read_metrics(folder)
+                if isinstance(manifest.get("results"), list):
+                    runs[index] = RunResult(manifest=manifest, metrics=metrics, folder=folder)
+        return runs
 
     def write_run(self, index: int, files: Mapping[str, Content], kind: str = RUNS) -> None:
         """Write the folder of a run atomically, or that of its failure (`FAILED`).

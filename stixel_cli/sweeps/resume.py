@@ -3,7 +3,7 @@
 import os
 import shlex
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.results.differences import first_changed_stage
 from stixel_cli.results.lineage import lineage_of, read_lineage
 from stixel_cli.results.reader import flat_settings, read_config
+from stixel_cli.results.result import RunResult
 from stixel_cli.sweeps.folder import PLAN, SweepFolder, SweepRequest
 from stixel_cli.sweeps.graphs import SweepPlan
 from stixel_cli.sweeps.runs import PlannedRun
@@ -73,46 +74,43 @@ def note_resumed(
     folder: SweepFolder,
     request: SweepRequest,
     plan: SweepPlan,
-    command: str,
-    origin: dict[str, Any],
+    finished: Mapping[int, RunResult],
+    entry: dict[str, Any],
 ) -> None:
-    """Note the resume in `sweep.yaml` if any run is incomplete.
+    """Add an entry on the resume to `sweep.yaml` if any run is incomplete.
 
     Raises:
         UserError: if the file cannot be written.
     """
     missing = set(plan.missing)
-    if all(
-        folder.up_to_date(one) is not None and missing.isdisjoint(one.store_only)
+    done = (
+        one.is_done_by(finished.get(one.index)) and missing.isdisjoint(one.store_only)
         for one in plan.runs
-    ):
+    )
+    if all(done):
         return
     before = request.notes.get("resumed")
-    entry = {"time": origin["created"], "command": command, "revision": origin["git"]["revision"]}
     resumed = [*(before if isinstance(before, list) else ()), entry]
     changed = replace(request, notes={**request.notes, "resumed": resumed})
     folder.write({PLAN: changed.text})
 
 
-def outdated_runs(folder: SweepFolder, planned: Sequence[PlannedRun]) -> str | None:
+def outdated_runs(
+    folder: SweepFolder, planned: Sequence[PlannedRun], finished: Mapping[int, RunResult]
+) -> str | None:
     """One line that counts the finished runs that are out of date, with causes; None if none is."""
-    finished = 0
-    reasons: Counter[str] = Counter()
-    for one in planned:
-        run = folder.finished(one.index)
-        if run is None:
-            continue
-        finished += 1
-        if run.manifest["results"] != list(one.targets):
-            reasons[_reason(folder, one)] += 1
+    outdated = [
+        one for one in planned if one.index in finished and not one.is_done_by(finished[one.index])
+    ]
+    reasons = Counter(_reason(folder, one) for one in outdated)
     if not reasons:
         return None
-    count = sum(reasons.values())
+    count = len(outdated)
     shown = [reason for reason, _ in reasons.most_common(MOST_REASONS)]
     shown += ["…"] if len(reasons) > MOST_REASONS else []
     return (
-        f"{count} of {finished} finished runs {'is' if count == 1 else 'are'} out of date and will "
-        f"be recomputed ({'; '.join(shown)})"
+        f"{count} of {len(finished)} finished runs {'is' if count == 1 else 'are'} out of date and "
+        f"will be recomputed ({'; '.join(shown)})"
     )
 
 

@@ -37,6 +37,7 @@ def run_sweep(
     folder: SweepFolder | None,
     visible: bool,
     label: str = "",
+    finished: Mapping[int, RunResult] | None = None,
 ) -> SweepResult:
     """Compute the missing nodes of a sweep and write its results. A failing run stops no other.
 
@@ -46,6 +47,7 @@ def run_sweep(
         folder: of the sweep, with its `sweep.yaml`; None to write nothing.
         visible: show progress on stderr.
         label: prefix of the progress.
+        finished: complete runs of the folder by index, which may be out of date.
 
     Raises:
         SweepInterrupted: by Ctrl-C; the tables in the folder show which runs are done.
@@ -55,7 +57,7 @@ def run_sweep(
     typed = plan.runs[0].overrides
     resume = "" if folder is None else f"; resume with: {resume_command(folder.path, typed)}"
     try:
-        sweep.take_finished()
+        sweep.take_finished(finished or {})
         sweep.compute(visible, label)
     except KeyboardInterrupt:
         done = len(sweep.runs)
@@ -90,18 +92,17 @@ class _Sweep:
         """Nodes in the store that this call did not compute."""
         self.lineages = None if folder is None else RunLineages(self.store, folder)
 
-    def take_finished(self) -> None:
+    def take_finished(self, finished: Mapping[int, RunResult]) -> None:
         """Take the runs whose folder is complete, or whose results are all in the store."""
         if self.folder is not None:
             # A killed process leaves partial folders.
             self.folder.remove([*SUMMARIES, FIGURES, "runs/.*.partial-*", "failed/.*.partial-*"])
         missing = set(self.plan.missing)
         for planned in self.plan.runs:
-            if self.folder is not None and missing.isdisjoint(planned.store_only):
-                stored = self.folder.up_to_date(planned)
-                if stored is not None:
-                    self._note(planned, metrics=stored.metrics)
-                    continue
+            stored = finished.get(planned.index)
+            if planned.is_done_by(stored) and missing.isdisjoint(planned.store_only):
+                self._note(planned, metrics=stored.metrics)
+                continue
             if missing.isdisjoint(planned.targets):
                 # A damaged entry is moved away; the run is computed with the others.
                 with suppress(MissingEntry):

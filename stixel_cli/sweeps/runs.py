@@ -77,6 +77,10 @@ class PlannedRun:
         others = {self.scores, *self.pictures}
         return tuple(key for key in self.targets if key not in others)
 
+    def is_done_by(self, run: RunResult | None) -> bool:
+        """Whether a complete run of the folder has results of the keys that are planned."""
+        return run is not None and run.manifest["results"] == list(self.targets)
+
     @property
     def manifest(self) -> dict[str, Any]:
         """Its entries in a manifest."""

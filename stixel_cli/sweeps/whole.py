@@ -71,19 +71,20 @@ def new_sweep(
     if results is not None:
         check_results(results, name)
     design = sweep_design(overrides, file, shuffle, trust_code=trust_code)
-    runs = design_runs(design)
-    plan, notes = planned_sweep(runs, shuffle, pictures)
+    options = [] if file is None else ["--from", file]
+    options += [] if shuffle is None else ["--shuffle", str(shuffle)]
+    options += [*(["--pictures"] if pictures else []), *presets_option()]
+    command = shlex.join(["stixel", "sweep", *overrides, *options])
+    plan, request, notes = _requested(design, command, shuffle, pictures)
     missing = [plan.graph.nodes[key] for key in plan.missing] if advice else []
     for text in [*notes, *undeclared_reads(missing)]:
         note(text)
-    now = datetime.now(UTC)
-    command = _command(overrides, file, shuffle, pictures)
-    request = _request(design, runs, shuffle, pictures, (), _origin(command, now))
     if results is None:
         return run_sweep(plan, request, None, visible)
     swept = [re.split("[./]", key)[-1] for key in design.keys]
     stem = joined_name(["sweep", *swept]) if file is None else Path(file).stem
     check_computable(plan)
+    now = datetime.now(UTC)
     folder = new_folder(results, name, stem, now, lambda path: SweepFolder(path).create(request))
     return run_sweep(plan, request, SweepFolder(folder), visible)
 
@@ -108,9 +109,7 @@ def designed_sweep(
     Raises:
         UserError, SweepInterrupted: as `new_sweep` does.
     """
-    runs = design_runs(design)
-    plan, _ = planned_sweep(runs, None, False, nodes)
-    request = _request(design, runs, None, False, nodes, _origin(command, datetime.now(UTC)))
+    plan, request, _ = _requested(design, command, nodes=nodes)
     check_computable(plan)
     folder = SweepFolder(path)
     folder.create(request)
@@ -149,12 +148,15 @@ def resumed_sweep(
     for one in runs:
         trust_stored_run(replace(one.result(), folder=path), trust_code)
     plan, _ = planned_sweep(runs, request.shuffle, request.pictures, request.nodes)
-    origin = _origin(str(request.notes.get("command", path.name)), datetime.now(UTC))
-    outdated = outdated_runs(folder, plan.runs)
+    origin = _origin(str(request.notes.get("command", path.name)))
+    finished = folder.finished(len(runs))
+    outdated = outdated_runs(folder, plan.runs, finished)
     if outdated is not None:
         note(outdated)
-    note_resumed(folder, request, plan, resume_command(path, overrides), origin)
-    return run_sweep(plan, replace(request, notes=origin), folder, visible, label)
+    command, revision = resume_command(path, overrides), origin["git"]["revision"]
+    entry = {"time": origin["created"], "command": command, "revision": revision}
+    note_resumed(folder, request, plan, finished, entry)
+    return run_sweep(plan, replace(request, notes=origin), folder, visible, label, finished)
 
 
 def planned_sweep(
@@ -177,33 +179,28 @@ def check_computable(plan: SweepPlan) -> None:
     probe(len(plan.missing), open_store(configuration.cache), configuration.executor)
 
 
-def _origin(command: str, now: datetime) -> dict[str, Any]:
-    return {"command": command, "created": now.isoformat(timespec="seconds"), **provenance()}
-
-
-def _request(
+def _requested(
     design: Design,
-    runs: Sequence[PlannedRun],
-    shuffle: int | None,
-    pictures: bool,
-    nodes: Sequence[str],
-    origin: dict[str, Any],
-) -> SweepRequest:
-    return SweepRequest(
+    command: str,
+    shuffle: int | None = None,
+    pictures: bool = False,
+    nodes: Sequence[str] = (),
+) -> tuple[SweepPlan, SweepRequest, list[str]]:
+    """The plan and the request of a design, and notes on its axes; see `planned_sweep`."""
+    runs = design_runs(design)
+    plan, notes = planned_sweep(runs, shuffle, pictures, nodes)
+    request = SweepRequest(
         axes=tuple(axis.keys for axis in design.axes),
         runs=tuple(with_own_values(o.overrides, o.composition.resolved) for o in runs),
         shuffle=shuffle,
         pictures=pictures,
         nodes=tuple(nodes),
         working_directory=os.getcwd(),
-        notes=origin,
+        notes=_origin(command),
     )
+    return plan, request, notes
 
 
-def _command(
-    overrides: Sequence[str], file: str | None, shuffle: int | None, pictures: bool
-) -> str:
-    options = [] if file is None else ["--from", file]
-    options += [] if shuffle is None else ["--shuffle", str(shuffle)]
-    options += ["--pictures"] if pictures else []
-    return shlex.join(["stixel", "sweep", *overrides, *options, *presets_option()])
+def _origin(command: str) -> dict[str, Any]:
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    return {"command": command, "created": now, **provenance()}
