@@ -1,8 +1,9 @@
 """`stixel compare`: print the settings and metrics that differ between runs."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -57,19 +58,8 @@ def compare(
     else:
         say("the settings are the same")
     say("")
-    rows = [
-        (", ".join(filter(None, (row["label"], row["unit"]))), *map(_cell, row["cells"]))
-        for row in metric_rows(runs)
-        if row["name"] in differing
-    ]
-    if rows:
-        print_table(("metric (* is the best)", *labels), rows, right=range(1, 1 + len(runs)))
-        say(
-            "One run per column: a difference may be due to chance. NEES, NIS: the best is nearest "
-            "to 1 (0.5 and 2 are equally near); farther from 1 there is no best"
-        )
-    else:
-        say("the metrics are the same")
+    rows = [row for row in metric_rows(runs) if row["name"] in differing]
+    _print_metrics(labels, rows)
     if code:
         say("")
         for module in changed:
@@ -78,6 +68,21 @@ def compare(
         if not changed:
             say("the code is the same")
     return 0
+
+
+def _print_metrics(labels: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
+    if not rows:
+        say("the metrics are the same")
+        return
+    cells = [
+        (", ".join(filter(None, (row["label"], row["unit"]))), *map(_cell, row["cells"]))
+        for row in rows
+    ]
+    print_table(("metric (* is the best)", *labels), cells, right=range(1, 1 + len(labels)))
+    say(
+        "One run per column: a difference may be due to chance. NEES, NIS: the best is nearest "
+        "to 1 (0.5 and 2 are equally near); farther from 1 there is no best"
+    )
 
 
 def _cell(cell: tuple[str, bool]) -> str:

@@ -89,11 +89,15 @@ def print_plan(plan: "SweepPlan", design: "Design", notes: Sequence[str], json: 
         for stage in plan.stages
     ]
     print_table(("stage", "nodes", "cached", "to run", "time"), rows, right=(1, 2, 3, 4))
-    counts = content["nodes"]
+    counts, seconds = content["nodes"], content["seconds"]
+    estimate = "; no estimate of the time yet"
+    if seconds is not None:
+        workers = counted(content["workers"], "worker")
+        estimate = f", about {duration(seconds)} with {workers}"
     say(
         f"{counted(content['runs'], 'run')}, {content['runs_cached']} complete; "
         f"{counted(counts['all'], 'node')}, {counts['cached']} cached, {counts['to_run']} to run"
-        f"{_estimate(plan, content)}"
+        f"{estimate if plan.missing else ''}"
     )
 
 
@@ -118,13 +122,3 @@ def plan_content(plan: "SweepPlan", design: "Design", notes: Sequence[str]) -> d
             for stage in plan.stages
         ],
     }
-
-
-def _estimate(plan: "SweepPlan", content: dict[str, Any]) -> str:
-    if not plan.missing:
-        return ""
-    from stixel_cli.engine.progress import duration
-
-    if content["seconds"] is None:
-        return "; no estimate of the time yet"
-    return f", about {duration(content['seconds'])} with {counted(content['workers'], 'worker')}"

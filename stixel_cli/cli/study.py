@@ -80,27 +80,34 @@ def study(
     """
     from stixel_cli.studies.file import ALL, shipped_studies
 
-    shipped = shipped_studies()
-    if not words or "=" in words[0]:
-        raise ConfigurationError(f"name a study first: {', '.join(shipped)}, or {ALL}")
-    chosen, *overrides = words
-    second = next((word for word in overrides if word in (*shipped, ALL)), None)
-    if second is not None:
-        raise ConfigurationError(f"{second}: one command runs one study, or {ALL}")
-    if chosen == ALL and name is not None:
-        raise UserError(f"--name names the folder of one study: leave it out with {ALL}")
+    chosen, *overrides = _checked(words or [], name)
     options = [] if name is None else ["--name", name]
     options += [] if results == Path("results") else ["--results", str(results)]
     options += [] if workers is None else ["--workers", str(workers)]
     options += ["--trust-code"] if trust_code else []
     wanted = (overrides, options, results, name, workers, dry_run, fresh, trust_code, json)
     if chosen == ALL:
-        return _run_all([_Command(each, *wanted) for each in shipped], json)
+        return _run_all([_Command(each, *wanted) for each in shipped_studies()], json)
     command = _Command(chosen, *wanted)
     answer, code = command.run(command.plan())
     if json:
         print_json(answer)
     return code
+
+
+def _checked(words: Sequence[str], name: str | None) -> Sequence[str]:
+    """The words of the command line: a study, or all, then overrides."""
+    from stixel_cli.studies.file import ALL, shipped_studies
+
+    shipped = shipped_studies()
+    if not words or "=" in words[0]:
+        raise ConfigurationError(f"name a study first: {', '.join(shipped)}, or {ALL}")
+    second = next((word for word in words[1:] if word in (*shipped, ALL)), None)
+    if second is not None:
+        raise ConfigurationError(f"{second}: one command runs one study, or {ALL}")
+    if words[0] == ALL and name is not None:
+        raise UserError(f"--name names the folder of one study: leave it out with {ALL}")
+    return words
 
 
 def _run_all(commands: "list[_Command]", json: bool) -> int:

@@ -11,7 +11,7 @@ from stixel_cli.cli.terminal import print_json, say
 from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
-    from stixel_cli.experiment.verify import StageDifference, Verification
+    from stixel_cli.experiment.verify import Verification
 
 
 class VerifyInterrupted(UserError):
@@ -93,17 +93,13 @@ def _as_text(verification: "Verification", no_record: bool) -> list[str]:
     else:
         lines = [f"differs: {len(verification.files)} of {verification.compared} files, {again}"]
         lines += [f"  {file.file}: {file.what}" for file in verification.files]
-    if verification.by_key is not None:
-        lines += _stage_lines("first stage with another key", verification.by_key)
-    if verification.by_value is not None:
-        lines += _stage_lines("first stage with another result", verification.by_value)
+    for kind, stage in (("key", verification.by_key), ("result", verification.by_value)):
+        if stage is not None:
+            lines.append(f"first stage with another {kind}: {stage.stage}: {stage.what}")
+            lines += [f"  {cause}" for cause in stage.causes]
     if no_record:
         lines.append("the keys of the stages are unknown: lineage.json is missing")
     if verification.changes:
         lines.append("since then:")
         lines += [f"  {change}" for change in verification.changes]
     return lines
-
-
-def _stage_lines(title: str, stage: "StageDifference") -> list[str]:
-    return [f"{title}: {stage.stage}: {stage.what}", *(f"  {cause}" for cause in stage.causes)]

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stixel_cli.cli.app import main
 from stixel_cli.cli.report import report
 from stixel_cli.errors import UserError
 
@@ -37,8 +38,8 @@ def test_report_writes_where_it_is_told(folders, tmp_path, capsys):
     page = tmp_path / "page.html"
     assert report(folders, page) == 0
     assert f"--output {page}" in page.read_text()
-    with pytest.raises(UserError, match="not overwritten"):
-        report(folders, page)
+    assert main(["report", *map(str, folders), "--output", str(page)]) == 2
+    assert "not overwritten" in capsys.readouterr().err
     with pytest.raises(UserError, match="cannot be written"):
         report(folders, tmp_path / "nowhere" / "page.html")
 
