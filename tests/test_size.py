@@ -14,7 +14,7 @@ BUDGET = {
     "cli": 2930,
     "config": 3050,
     "engine": 5134,
-    "evaluation": 1561,
+    "evaluation": 1564,
     "experiment": 1488,
     "export": 680,
     "geometry": 180,
@@ -23,8 +23,8 @@ BUDGET = {
     "pictures": 1410,
     "recordings": 2530,
     "rendering": 2640,
-    "report": 2201,
-    "results": 1579,
+    "report": 2124,
+    "results": 1648,
     "scene": 3550,
     "stereo": 480,
     "stixels": 2050,
@@ -35,7 +35,7 @@ BUDGET = {
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
-MODULES = 335
+MODULES = 334
 """Modules of the package, without `__init__`."""
 
 

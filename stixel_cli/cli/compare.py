@@ -32,8 +32,7 @@ def compare(
     if code and len(folders) > 2:
         raise UserError(f"--code compares two result folders, got {len(folders)}")
     from stixel_cli.report.compare import metric_rows, run_labels
-    from stixel_cli.report.differences import differing_settings
-    from stixel_cli.results.differences import code_differences
+    from stixel_cli.results.differences import code_differences, differing_settings
     from stixel_cli.results.result import read_scored_run
 
     labels = run_labels(folders)

@@ -27,6 +27,9 @@ from stixel_cli.evaluation.scan_errors import (
 )
 from stixel_cli.scene.classes import ROAD_USER_CLASSES
 
+NO_VALUE = "–"
+"""Shown in the place of a missing value."""
+
 Better = Literal["less", "more", "one"]
 
 

@@ -16,9 +16,9 @@ from stixel_cli.evaluation.scores import SERIES
 from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.pictures import style
 from stixel_cli.report.charts import DASHES, Panel, chart
-from stixel_cli.report.differences import by_group, differing_settings, warnings
 from stixel_cli.report.metrics import NO_VALUE, best, shown_difference, shown_value, with_value
 from stixel_cli.report.page import Drawing, drawing_for_page, page_template, picture_for_page
+from stixel_cli.results.differences import by_group, differing_settings, warnings
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.result import RunResult
 

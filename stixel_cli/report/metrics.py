@@ -3,10 +3,9 @@
 import math
 from collections.abc import Mapping
 
-from stixel_cli.evaluation.metric_table import METRICS, Better, metric
+from stixel_cli.evaluation.metric_table import METRICS, NO_VALUE, Better, metric
 from stixel_cli.evaluation.scores import LabelScores
 
-NO_VALUE = "–"
 _FAR = math.log(2.0)
 
 MAIN = (

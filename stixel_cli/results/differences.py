@@ -1,8 +1,8 @@
-"""Differences of two runs: the first of their values, of their keys, and the edited source."""
+"""Differences of runs: of values, of keys with their causes, of source and of settings."""
 
 import difflib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -11,8 +11,10 @@ import numpy as np
 
 from stixel_cli.engine.graph import Graph, Node
 from stixel_cli.engine.source_files import kept_source
+from stixel_cli.evaluation.metric_table import NO_VALUE
 from stixel_cli.results.lineage import Lineage, StageLineage, read_lineage, settings_digest
-from stixel_cli.results.reader import read_manifest
+from stixel_cli.results.reader import flat_settings, read_manifest
+from stixel_cli.results.result import RunResult
 
 
 def first_difference(old: Any, new: Any, name: str = "") -> str | None:
@@ -196,7 +198,7 @@ def code_differences(
         codes.append(lineage.code)
     before, after = codes
     how = _with_git(read_manifest(one), read_manifest(other))
-    found = []
+    changed = []
     for module in sorted({*before, *after}):
         digests = [code.get(module) for code in codes]
         if digests[0] == digests[1]:
@@ -209,13 +211,13 @@ def code_differences(
         ]
         if missing:
             reason = f"the cache has no copy of the source of {' and '.join(missing)}{how}"
-            found.append(ModuleDifference(module, (), reason))
+            changed.append(ModuleDifference(module, (), reason))
             continue
         names = [f"{label}: {module}" for label in labels]
         texts = [source or [] for source in sources]
         lines = difflib.unified_diff(*texts, *names, lineterm="", n=2)
-        found.append(ModuleDifference(module, tuple(lines), ""))
-    return found
+        changed.append(ModuleDifference(module, tuple(lines), ""))
+    return changed
 
 
 def _with_git(*manifests: Mapping[str, Any]) -> str:
@@ -227,3 +229,70 @@ def _with_git(*manifests: Mapping[str, Any]) -> str:
         return ""
     revisions = [str(git["revision"])[:12] for git in states]
     return f"; try: git diff {' '.join(revisions)}" if len(set(revisions)) > 1 else ""
+
+
+def differing_settings(
+    runs: Sequence[RunResult],
+) -> tuple[list[Any], list[tuple[str, str]]]:
+    """Different settings as (key, value of each run), and equal ones as (key, value)."""
+    flat = [flat_settings(run.settings) for run in runs]
+    # The chosen option of each group whose settings have no `kind`.
+    tables = [
+        {g: option for g, option in run.choices.items() if f"{g}.kind" not in settings} | settings
+        for run, settings in zip(runs, flat, strict=True)
+    ]
+    keys = list(dict.fromkeys(key for table in tables for key in table))
+    groups = list(dict.fromkeys(key.partition(".")[0] for key in keys))
+    keys.sort(key=lambda key: groups.index(key.partition(".")[0]))
+    differing, same = [], []
+    for key in keys:
+        values = [table.get(key, NO_VALUE) for table in tables]
+        if len(set(values)) > 1:
+            differing.append((key, values))
+        else:
+            same.append((key, values[0]))
+    return differing, same
+
+
+def by_group(differing: Sequence[tuple[str, list[str]]]) -> list[dict[str, Any]]:
+    """Different settings as rows: key, values, and the settings `inside` an exchanged group.
+
+    A group is exchanged if its option or kind differs: its other keys follow from that.
+    """
+    names = {key for key, _ in differing}
+    rows: list[dict[str, Any]] = []
+    for key, values in differing:
+        group, _, rest = key.partition(".")
+        exchanged = f"{group}.kind" in names or group in names
+        if exchanged and rows and rows[-1]["key"] == group:
+            if rest != "kind":
+                rows[-1]["inside"].append((key, values))
+        elif exchanged:
+            shown = next(own for name, own in differing if name in (group, f"{group}.kind"))
+            inside = [] if rest in ("", "kind") else [(key, values)]
+            rows.append({"key": group, "values": shown, "inside": inside})
+        else:
+            rows.append({"key": key, "values": values, "inside": []})
+    return rows
+
+
+_SCENE = ("road_user", "path", "ego", "world", "rig", "source")
+
+
+def warnings(runs: Sequence[RunResult]) -> list[str]:
+    """Reasons why a difference of the metrics may not be one of the method."""
+    found = []
+    ends = [float(run.scores.times[-1]) if len(run.scores.times) else 0.0 for run in runs]
+    counts = {len(run.scores.times) for run in runs}
+    if len(set(ends)) > 1 or len(counts) > 1:
+        shown = ", ".join(f"{end:g} s" for end in ends)
+        found.append(f"The durations differ ({shown}): the metrics are over other scans.")
+    groups = [g for g in _SCENE if len({str(run.settings.get(g)) for run in runs}) > 1]
+    if groups:
+        found.append(
+            f"The scenes differ ({', '.join(groups)}): the metrics compare other motions or views."
+        )
+    seeds = {str(run.settings.get("seed")) for run in runs}
+    if len(seeds) > 1:
+        found.append("The seeds differ: a difference may be that of the noise.")
+    return found
