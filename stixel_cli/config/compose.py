@@ -13,6 +13,7 @@ from stixel_cli.config.folders import (
     absolute,
     conf_state,
     group_options,
+    installed_functions,
     own_presets,
     presets_trusted,
 )
@@ -25,7 +26,6 @@ from stixel_cli.config.own_options import (
     find_folders,
     functions_of,
     is_own,
-    metric_functions,
     nested,
     refuse_code,
     user_sections,
@@ -145,7 +145,7 @@ class Composer:
             refuse_code(own_presets(), code_of_presets(resolved, settings))
         resolved |= user_defined
         choices |= {group: str(settings[group]) for group in user_defined}
-        resolved["metrics"] = metric_functions(resolved["metrics"])
+        resolved["metrics"] = _metric_functions(resolved["metrics"])
         resolved["code_folders"] = find_folders(resolved, self._working_directory)
         name_files_in_full(resolved, self._working_directory)
         configuration = _validate(resolved, settings)
@@ -204,6 +204,14 @@ class Composer:
             for name, value in resolved.items()
         }
         return Configuration(**parts)
+
+
+def _metric_functions(metrics: Any) -> Any:
+    """The value of `metrics`, with functions for the names of installed packages."""
+    if not isinstance(metrics, list) or all(":" in str(name) for name in metrics):
+        return metrics  # The validation of the whole configuration reports another type.
+    installed = installed_functions("metrics")
+    return [installed.get(name, name) if isinstance(name, str) else name for name in metrics]
 
 
 def name_files_in_full(resolved: dict[str, Any], working_directory: str = "") -> None:

@@ -96,15 +96,6 @@ def user_sections(settings: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     return sections
 
 
-def metric_functions(metrics: Any) -> Any:
-    """The value of `metrics`, where names of installed packages are replaced by functions."""
-    if not isinstance(metrics, list):
-        return metrics  # The validation of the whole configuration reports it.
-    plain = [name for name in metrics if isinstance(name, str) and ":" not in name]
-    installed = installed_functions("metrics") if plain else {}
-    return [installed[name] if name in plain and name in installed else name for name in metrics]
-
-
 def nested(group: str, section: Mapping[str, Any]) -> dict[str, Any]:
     """A section of the user's own as `OwnCode` has it: the parameters in a mapping of their own."""
     known = (*RESERVED, *COMMON.get(group, ()))
