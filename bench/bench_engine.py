@@ -204,7 +204,7 @@ def scores(tmp_path_factory):
 @pytest.mark.parametrize("how", ["pickle", "joblib", "store"])
 def test_write_and_read(benchmark, tmp_path, scores, how, what):
     """The store adds locks, digests and notes."""
-    value = scores if what == "scores" else np.zeros(int(what[:-3]) * 125_000)
+    value = scores if what == "scores" else np.zeros(int(what[:-3]) * sized(125_000, 1000))
     store, path = Store(tmp_path / "cache"), tmp_path / "value"
     keys = (f"{i:064x}" for i in itertools.count())
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from sklearn.cluster import DBSCAN, HDBSCAN
-from small import IMAGES, sized
+from small import sized
 
 from stixel_cli.config.compose import compose
 from stixel_cli.engine.execute import execute
@@ -75,7 +75,8 @@ def frames_of(configuration, chunks: list[Stixels], truth) -> Iterator[Frame]:
 
 
 def rendered(words: str) -> Iterator[Frame]:
-    given = [*words.split(), f"path.duration={sized(4, 1)}", "path.sample_time=1.0", *IMAGES]
+    given = [*words.split(), f"path.duration={sized(4, 1)}", "path.sample_time=1.0"]
+    given += sized([], ["rig.width=320", "rig.height=240"])
     composition, chunks, images = results(given, "stixels", "render")
 
     def truth(number: int, i: int, rows: np.ndarray) -> np.ndarray:

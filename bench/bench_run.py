@@ -19,9 +19,15 @@ from small import IMAGES, sized
 
 RUN = "`stixel run`, whole process"
 STUDY = "`stixel study`, whole process"
-SIZE = sized((), ("path.duration=0.3", "pictures.frames=[1]", *IMAGES, "executor=threads"))
-TINY_STUDY = ("study", "rq2", "road_user=car", "path=turn", "measurement=fabricated,lidar")
-TINY_STUDY += ("seed=range(0,2)", f"path.duration={sized(2, 0.5)}", "--name", "tiny", *SIZE[-1:])
+SIZE = sized((), ("path.duration=0.1", "pictures.frames=[]", *IMAGES, "executor=threads"))
+TINY_STUDY = ("study", "rq2", "road_user=car", "path=turn", "seed=range(0,2)")
+TINY_STUDY += (
+    f"measurement=fabricated{sized(',lidar', '')}",
+    f"path.duration={sized(2, 0.2)}",
+    "--name",
+    "tiny",
+    *SIZE[-1:],
+)
 
 
 def process(cache, results, *arguments):

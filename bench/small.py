@@ -6,7 +6,7 @@ STIXEL_BENCH_SMALL names the folder for the page then. Without it everything has
 import os
 
 FOLDER = os.environ.get("STIXEL_BENCH_SMALL")
-IMAGES = ("rig.width=320", "rig.height=240") if FOLDER else ()
+IMAGES = ("rig.width=160", "rig.height=120") if FOLDER else ()
 """Overrides for small images."""
 
 

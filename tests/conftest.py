@@ -8,11 +8,24 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import pytest
 from browser import open_page as open_page
 
+from stixel_cli.engine.cache_folder import make_folder
+
 
 @pytest.fixture(scope="session")
 def shared_cache(tmp_path_factory):
-    """A cache folder for the whole session: tests of runs share what they have in common."""
-    return tmp_path_factory.mktemp("cache")
+    """A cache folder for the whole session: tests of runs share what they have in common.
+
+    Workers of xdist have a cache each, and share what Hydra has composed.
+    """
+    cache = tmp_path_factory.mktemp("cache")
+    session = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        session = session.parent
+    composed = session / "configurations"
+    composed.mkdir(exist_ok=True)
+    make_folder(cache, "configurations").rmdir()
+    (cache / "configurations").symlink_to(composed, target_is_directory=True)
+    return cache
 
 
 @pytest.fixture(autouse=True)

@@ -70,7 +70,9 @@ def test_every_road_user_runs_every_path_with_fabricated_measurements(
 ):
     choice = (f"road_user={road_user}", f"path={path}", "measurement=fabricated", IN_THIS_PROCESS)
     choice += few_seconds(path)
-    answer = run_json(capsys, results, *choice, "path.duration=0.5", "pictures.frames=[2]")
+    # Drawing takes longer than the rest: one road user on each path.
+    pictures = f"pictures.frames=[{2 if road_user == 'car' else ''}]"
+    answer = run_json(capsys, results, *choice, "path.duration=0.5", pictures)
     check(answer)
     assert answer["metrics"]["points_per_scan_mean"] > 1
 

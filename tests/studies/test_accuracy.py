@@ -16,7 +16,7 @@ from stixel_cli.studies.accuracy.report import ABLATIONS, OWN_TABLES, WRONG_CLAS
 from stixel_cli.studies.file import find_study, read_study
 
 SMALL = {
-    "path.duration": 0.3,
+    "path.duration": 0.2,
     "path.start": [0.3, 9.0],
     "rig.width": 160,
     "rig.height": 120,
@@ -64,7 +64,7 @@ def tiny(tmp_path):
         sweep["axes"] = {
             **sweep["axes"],
             "road_user": users,
-            "path": ["turn"] if name == "long_range" else ["turn", "s_curve"],
+            "path": ["turn", "s_curve"] if name == "simulated" else ["turn"],
             "tracker": ["gp_ekf", "contour"],
         }
         if name == "lidar":
