@@ -30,12 +30,13 @@ BUDGET = {
     "stixels": 2050,
     "studies": 6340,
     "sweeps": 2463,
-    "tracking": 4250,
+    # The bank of forms of `contour` for shapes and sensors that it did not learn from.
+    "tracking": 4700,
     "validation": 1370,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
-MODULES = 334
+MODULES = 336
 """Modules of the package, without `__init__`."""
 
 

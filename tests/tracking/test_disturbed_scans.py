@@ -17,9 +17,10 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.build import build_scenario
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.tracking.contour import contour
+from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.contour.contour import track
 from stixel_cli.tracking.contour.contour_filter import ClassFilter
-from stixel_cli.tracking.contour.contour_rays import rays_of
+from stixel_cli.tracking.contour.contour_rays import rays_of, sight_of
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.start import noisy_start
 from stixel_cli.tracking.start_scans import start_from_scans
@@ -153,7 +154,8 @@ def test_each_scan_has_the_state_of_the_class_that_it_reports(monkeypatch):
 def test_the_other_classes_change_nothing_while_the_prior_fits(user):
     p, scenario, scans = clean(user)
     initial = noisy_start(scenario, p.start, SEED)
-    alone = ClassFilter(scans, initial, p.prior, p.tracker)
+    seen = class_shape(user), sight_of(user, p.tracker)
+    alone = ClassFilter(scans, initial, p.prior, *seen, p.tracker)
     for k, interval in enumerate(intervals(scans.times)):
         rows = scans.rows(k)
         points, covariances = scans.points_world[rows], scans.covariances_world[rows]

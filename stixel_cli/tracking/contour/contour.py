@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.scene.classes import ROAD_USER_CLASSES
+from stixel_cli.scene.classes import ROAD_USER_CLASSES, RoadUserClass
 from stixel_cli.tracking.contour.class_probabilities import (
     CONTRADICTED,
     RULED_OUT,
@@ -17,9 +17,18 @@ from stixel_cli.tracking.contour.class_size import class_size
 from stixel_cli.tracking.contour.contour_filter import ClassFilter
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import rays_of
+from stixel_cli.tracking.contour.forms import RECTANGLE_ODDS, forms_of, is_learned
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState, Track, used_rows
+
+FITS = 5.0
+"""A size that the user states fits a class within so many of its standard deviations."""
+
+
+GREATEST_DEVIATION = 4.0
+"""A class whose size is estimated farther from its mean, in its standard deviations, replaces none.
+"""
 
 
 def track(
@@ -32,10 +41,12 @@ def track(
     known class is reported until the scans contradict it; if they do not, the others change
     nothing.
     """
-    filters = {
-        road_user: ClassFilter(scans, *_of_class(road_user, initial, prior, tracker))
-        for road_user in ROAD_USER_CLASSES
-    }
+    filters = {}
+    for road_user in ROAD_USER_CLASSES:
+        if is_learned(prior, tracker) or may_be(road_user, prior):
+            start, of_class, parameters = _of_class(road_user, initial, prior, tracker)
+            for form, seen in forms_of(road_user, prior, parameters).items():
+                filters[road_user, form] = ClassFilter(scans, start, of_class, *seen)
     kept, best = dict(filters), 0.0
     for k, interval in enumerate(intervals(scans.times)):
         rows = scans.rows(k)
@@ -51,11 +62,26 @@ def track(
             one.step(k, interval, rays, recovers=probable)
         best = max(one.log_weights[k] for one in kept.values())
         kept = {
-            road_user: one
-            for road_user, one in kept.items()
+            (road_user, form): one
+            for (road_user, form), one in kept.items()
             if one.log_weights[k] > best - RULED_OUT
+            or (one.sight.residual and road_user == prior.road_user)
         }
     return _reported(filters, None if prior.road_user == "unknown" else prior.road_user)
+
+
+def may_be(road_user: RoadUserClass, prior: PriorShape) -> bool:
+    """Whether a target with this prior may turn out to be a `road_user`.
+
+    A size that is not that of the prior's class is the user's, and excludes the classes that it
+    does not fit.
+    """
+    if prior.road_user in ("unknown", road_user):
+        return True
+    stated, size = np.array([prior.length, prior.width]), class_size(road_user)
+    if np.allclose(stated, class_size(prior.road_user).mean, rtol=5e-3):
+        return True
+    return bool((np.abs(stated / size.mean - 1.0) <= FITS * size.stds).all())
 
 
 def _of_class(
@@ -76,16 +102,28 @@ def _of_class(
     )
 
 
-def _reported(filters: dict[str, ClassFilter], class_of_prior: str | None) -> Track:
-    """The track that is, at each scan, that of the class that is reported there."""
-    names = list(filters)
-    log_weights = {name: one.log_weights for name, one in filters.items()}
+def _reported(filters: dict[tuple[str, str], ClassFilter], class_of_prior: str | None) -> Track:
+    """The track that is, at each scan, that of the class and the form that are reported there."""
+    keys, names = list(filters), list(dict.fromkeys(road_user for road_user, _ in filters))
+    of_class = np.array([names.index(road_user) for road_user, _ in keys])
+    weights = np.stack([one.log_weights for one in filters.values()])
+    weights[[form == "rectangle" for _, form in keys]] -= RECTANGLE_ODDS
+    for row, ((road_user, _), one) in zip(weights, filters.items(), strict=True):
+        # The points of another class stretch or shrink the size before they contradict the shape.
+        if one.sight.residual and class_of_prior not in (None, road_user):
+            row[one.size_deviations > GREATEST_DEVIATION] = -1e9
+    log_weights = {
+        name: np.logaddexp.reduce(weights[of_class == i], axis=0) for i, name in enumerate(names)
+    }
     best = reported_classes(log_weights, class_of_prior)
+    chosen_keys = np.where(of_class[:, None] == best, weights, -np.inf).argmax(axis=0)
     own = None if class_of_prior is None else names.index(class_of_prior)
-    if own is not None and (best == own).all():
-        return filters[names[own]].track()
-    tracks = {i: filters[names[i]].track() for i in np.unique(best)}
-    chosen = [tracks[i] for i in best]
+    replaced = None if own is None else best != own
+    known = replaced is not None and not replaced.any()
+    if known and len(set(chosen_keys)) == 1:
+        return filters[keys[chosen_keys[0]]].track()
+    tracks = {i: filters[keys[i]].track() for i in np.unique(chosen_keys)}
+    chosen = [tracks[i] for i in chosen_keys]
     values = {
         field.name: np.stack([getattr(one, field.name)[k] for k, one in enumerate(chosen)])
         for field in fields(Track)
@@ -99,8 +137,8 @@ def _reported(filters: dict[str, ClassFilter], class_of_prior: str | None) -> Tr
         **values,
         used_offsets=offsets,
         used_points=rows,
-        class_probabilities=probabilities_of(log_weights),
-        class_replaced=None if own is None else best != own,
+        class_probabilities=None if known else probabilities_of(log_weights),
+        class_replaced=None if known else replaced,
     )
 
 

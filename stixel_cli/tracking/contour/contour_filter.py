@@ -1,7 +1,8 @@
 """An extended Kalman filter on pose and size that casts the scan's rays on the class's shape.
 
 State: x, y, heading psi, speed v along the heading, turn rate omega, and the logarithms of the
-factors on the class's length and width; world frame, m, rad, s. The heading is tied to the
+factors on the class's length and width; world frame, m, rad, s. Where the visible shape was not
+learned, the residual of the outline follows (`residual.py`). The heading is tied to the
 velocity, as a road user does not slide sideways: x' = v cos psi, y' = v sin psi, psi' = omega
 (Bar-Shalom, Li & Kirubarajan 2001, 11.7).
 
@@ -37,14 +38,18 @@ import numpy as np
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.contour.class_probabilities import log_likelihood, log_weight
-from stixel_cli.tracking.contour.class_shape import ClassShape, class_shape
+from stixel_cli.tracking.contour.class_shape import ClassShape
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
-from stixel_cli.tracking.contour.contour_rays import Rays, associate, sight_of
+from stixel_cli.tracking.contour.contour_rays import Rays, Sight, associate
 from stixel_cli.tracking.contour.contour_recovery import detect_again, is_inconsistent
 from stixel_cli.tracking.contour.contour_report import contours_of, reported
 from stixel_cli.tracking.contour.contour_update import SEEN, update
+from stixel_cli.tracking.contour.residual import NODES, RESIDUAL_STD
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState, Track
+
+SIZE_TIME = 10.0
+"""s in which the size goes back to the prior's by 63 %, where the visible shape was not learned."""
 
 
 class ClassFilter:
@@ -57,24 +62,32 @@ class ClassFilter:
     Attributes:
         log_weights: (K,) of the class given the scans up to k, see `class_probabilities`; -inf at
             scans without a step.
+        size_deviations: (K,) of the size from the class's, in its standard deviations.
     """
 
     def __init__(
-        self, scans: Scans, initial: InitialState, prior: PriorShape, tracker: ContourParameters
+        self,
+        scans: Scans,
+        initial: InitialState,
+        prior: PriorShape,
+        shape: ClassShape,
+        sight: Sight,
+        tracker: ContourParameters,
     ):
         self._scans, self._tracker, self._road_user = scans, tracker, prior.road_user
-        self._shape = class_shape(prior.road_user)
-        self._sight = sight_of(prior.road_user, tracker)
+        self._shape, self.sight = shape, sight
         self._of_class = np.log(np.array([prior.length, prior.width]) / self._shape.size)
-        self._mean, self._covariance = start(initial, prior, self._shape, tracker)
-        self._of_bias = np.zeros(7)
+        self._mean, self._covariance = start(
+            initial, prior, shape, tracker, NODES if sight.residual else 0
+        )
+        self._of_bias = np.zeros(len(self._mean))
         self._sum_of_log_likelihoods = 0.0
         count = len(scans)
         self._means = np.tile(self._mean, (count, 1))
         self._covariances = np.tile(self._covariance, (count, 1, 1))
         self._used = [np.zeros(0, np.int64) for _ in range(count)]
         self._nis, self._degrees = np.full(count, np.nan), np.zeros(count, np.int64)
-        self._size_deviations = np.zeros(count)
+        self.size_deviations = np.zeros(count)
         self.log_weights = np.full(count, -np.inf)
 
     def step(self, k: int, interval: float, rays: Rays, recovers: bool) -> None:
@@ -82,31 +95,55 @@ class ClassFilter:
 
         `recovers`: whether the filter looks for the target again where the scans contradict it.
         """
-        tracker, sight = self._tracker, self._sight
+        tracker, sight = self._tracker, self.sight
         of_bias = transition(self._mean, interval) @ self._of_bias
         mean, covariance = predict(self._mean, self._covariance, interval, tracker)
+        if sight.residual:
+            mean, covariance = self._size_recalled(mean, covariance, interval)
         indices = associate(rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], sight, tracker)
         if len(indices):
             predicted = mean, covariance, of_bias
-            posterior = update(*predicted, rays.subset(indices), sight, tracker)
+            first = not np.isfinite(self._nis[:k]).any()
+            posterior = update(*predicted, rays.subset(indices, sight), sight, tracker)
             *_, self._nis[k], self._degrees[k], _ = posterior
-            if recovers and is_inconsistent(self._nis[: k + 1], self._degrees[: k + 1]):
-                indices, posterior = detect_again(*predicted, rays, indices, sight, tracker)
+            # Of a shape that is not known, the first scan may fit in several poses.
+            if (first and sight.residual) or (
+                recovers and is_inconsistent(self._nis[: k + 1], self._degrees[: k + 1])
+            ):
+                indices, posterior = detect_again(
+                    *predicted, rays, indices, sight, tracker, widen=not first
+                )
             mean, covariance, of_bias, nis, degrees, stated = posterior
             self._nis[k], self._degrees[k] = nis, degrees
             self._sum_of_log_likelihoods += log_likelihood(stated, nis, degrees)
         self._mean, self._covariance, self._of_bias = mean, covariance, of_bias
         self._means[k], self._covariances[k] = mean, covariance
         self._used[k] = indices + self._scans.rows(k).start
-        deviations = (mean[5:] - self._of_class) / [tracker.length_std, tracker.width_std]
-        self._size_deviations[k] = np.abs(deviations).max()
+        deviations = (mean[5:7] - self._of_class) / [tracker.length_std, tracker.width_std]
+        self.size_deviations[k] = np.abs(deviations).max()
         self.log_weights[k] = log_weight(
             self._sum_of_log_likelihoods,
-            self._size_deviations[k],
+            self.size_deviations[k],
             mean[3],
             covariance[3, 3],
             self._road_user,
         )
+
+    def _size_recalled(
+        self, mean: np.ndarray, covariance: np.ndarray, interval: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and covariance with a size that goes back to the prior's, as an AR(1) process.
+
+        The errors of a shape that is not known have the same sign in all scans: without this, the
+        size follows them and becomes certain.
+        """
+        keep = np.ones(len(mean))
+        keep[5:7] = np.exp(-interval / SIZE_TIME)
+        mean, covariance = mean.copy(), keep[:, None] * covariance * keep
+        mean[5:7] = self._of_class + keep[5:7] * (mean[5:7] - self._of_class)
+        stds = np.array([self._tracker.length_std, self._tracker.width_std])
+        covariance[[5, 6], [5, 6]] += (1.0 - keep[5:7] ** 2) * stds**2
+        return mean, covariance
 
     def track(self) -> Track:
         """The posteriors of all scans; a scan without a step has the state of the start.
@@ -120,20 +157,32 @@ class ClassFilter:
         return replace(
             Track.of_scans(
                 self._scans.times,
-                reported(self._means, self._covariances, tracker.slip),
-                contours_of(self._means, self._covariances, self._shape, tracker.contour_points),
+                reported(self._means, self._covariances, tracker.slip, self.sight.residual),
+                contours_of(
+                    self._means,
+                    self._covariances,
+                    self._shape,
+                    tracker.contour_points,
+                    self.sight.residual,
+                ),
                 self._used,
                 self._nis,
                 self._degrees,
             ),
-            size_deviations=self._size_deviations,
+            size_deviations=self.size_deviations,
         )
 
 
 def start(
-    initial: InitialState, prior: PriorShape, shape: ClassShape, tracker: ContourParameters
+    initial: InitialState,
+    prior: PriorShape,
+    shape: ClassShape,
+    tracker: ContourParameters,
+    nodes: int = 0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (7,) and covariance (7, 7) from an initial state and the prior's size.
+    """Mean (d,) and covariance (d, d) from an initial state and the prior's size.
+
+    The residual, of so many `nodes`, is zero.
 
     The velocity is split along and across the heading. The part across is measured as zero: that
     turns the heading towards the velocity.
@@ -148,9 +197,10 @@ def start(
     gain = covariance @ row / (row @ covariance @ row + tracker.slip**2)
     mean, covariance = mean - gain * mean[4], covariance - np.outer(gain, row @ covariance)
     kept = [0, 1, 2, 3, 5]
-    whole, spread = np.zeros(7), np.zeros((7, 7))
+    whole = np.zeros(7 + nodes)
+    spread = np.diag([0.0] * 7 + [RESIDUAL_STD**2] * nodes)
     whole[:5], spread[:5, :5] = mean[kept], covariance[np.ix_(kept, kept)]
-    whole[5:] = np.log(np.array([prior.length, prior.width]) / shape.size)
+    whole[5:7] = np.log(np.array([prior.length, prior.width]) / shape.size)
     spread[5, 5], spread[6, 6] = tracker.length_std**2, tracker.width_std**2
     return whole, spread
 
@@ -158,7 +208,7 @@ def start(
 def predict(
     mean: np.ndarray, covariance: np.ndarray, interval: float, tracker: ContourParameters
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (7,) and covariance (7, 7) one `interval` in s later: a turn at constant rate.
+    """Mean (d,) and covariance (d, d) one `interval` in s later: a turn at constant rate.
 
     The displacement has the heading of the middle of the interval.
     """
@@ -166,7 +216,7 @@ def predict(
     predicted[:2] += mean[3] * _forward(mean, interval)
     predicted[2] += mean[4] * interval
     matrix = transition(mean, interval)
-    noise = np.zeros((7, 7))
+    noise = np.zeros((len(mean), len(mean)))
     noise[0, 0] = noise[1, 1] = tracker.slip**2 * interval
     # The heading's noise keeps its covariance away from zero.
     noise[2, 2] = tracker.turn_acceleration**2 * interval**3 / 3.0 + 1e-4 * interval
@@ -177,10 +227,10 @@ def predict(
 
 
 def transition(mean: np.ndarray, interval: float) -> np.ndarray:
-    """Jacobian (7, 7) of the state one `interval` in s later."""
+    """Jacobian (d, d) of the state one `interval` in s later."""
     forward = _forward(mean, interval)
     left = mean[3] * np.array([-forward[1], forward[0]])
-    matrix = np.eye(7)
+    matrix = np.eye(len(mean))
     matrix[:2, 2], matrix[:2, 3], matrix[:2, 4] = left, forward, 0.5 * interval * left
     matrix[2, 4] = interval
     return matrix

@@ -10,9 +10,19 @@ from stixel_cli.scene.classes import RoadUserClass
 from stixel_cli.tracking.contour.class_shape import class_shape, visible_shape, visible_table
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.ray_table import RayTable, expected
+from stixel_cli.tracking.contour.residual import Residual
 
 NEAR_RANGE, NEAR_ACROSS = 0.3, 0.15
 """A point this near to the expected one, m, along the ray and across, is in every gate."""
+
+BESIDE, NEARER = 0.3, 0.3
+"""A point that is by so much nearer, m, and so near across the rays, hides an end."""
+
+GAP = 0.6
+"""Points of neighbouring rays farther apart, m, and four standard deviations, are two objects'."""
+
+LEARNED = ("stixels", "fabricated", "lidar")
+"""Kinds of measurement from whose scans of the drawn classes the visible shapes were learned."""
 
 
 @dataclass(frozen=True)
@@ -24,12 +34,15 @@ class Sight:
         bias_per_std, std_factor: see `VisibleShape`.
         outline: whether the sensor sees the outline itself, between whose ends the first and last
             ray fall at random.
+        residual: how the outline may differ from the form; None where the visible shape was
+            learned from such scans, see `forms.py`.
     """
 
     table: RayTable
     bias_per_std: float
     std_factor: float
     outline: bool
+    residual: Residual | None = None
 
 
 @dataclass(frozen=True)
@@ -44,6 +57,7 @@ class Rays:
         stds: (n,) m, of the ranges.
         across_variances: (n,) m², of the points across their rays.
         field_of_view: of the sensor; None: unknown.
+        hidden: whether a nearer object hides what is beside the first and the last ray.
     """
 
     sensor: np.ndarray
@@ -53,14 +67,15 @@ class Rays:
     stds: np.ndarray
     across_variances: np.ndarray
     field_of_view: FieldOfView | None = None
+    hidden: tuple[bool, bool] = (False, False)
 
     @property
     def normals(self) -> np.ndarray:
         """Unit vectors (n, 2) to the left of the rays."""
         return np.stack([-self.directions[:, 1], self.directions[:, 0]], axis=-1)
 
-    def subset(self, indices: np.ndarray) -> "Rays":
-        """The rays at `indices`."""
+    def subset(self, indices: np.ndarray, sight: Sight) -> "Rays":
+        """The rays at `indices`; where the shape was learned, no end counts as hidden."""
         return Rays(
             self.sensor,
             self.directions[indices],
@@ -69,7 +84,20 @@ class Rays:
             self.stds[indices],
             self.across_variances[indices],
             self.field_of_view,
+            self._hidden_ends(indices) if sight.residual else (False, False),
         )
+
+    def _hidden_ends(self, indices: np.ndarray) -> tuple[bool, bool]:
+        """Whether a nearer point that is not at `indices` is right beside an end of these rays."""
+        others = np.ones(len(self.ranges), bool)
+        others[indices] = False
+        ends = []
+        for find in (np.argmin, np.argmax):
+            end = indices[find(self.bearings[indices])]
+            apart = np.abs(wrap_angle(self.bearings - self.bearings[end])) * self.ranges[end]
+            nearer = self.ranges < self.ranges[end] - NEARER
+            ends.append(bool((others & nearer & (apart < BESIDE)).any()))
+        return ends[0], ends[1]
 
 
 def sight_of(road_user: RoadUserClass, tracker: ContourParameters) -> Sight:
@@ -123,14 +151,41 @@ def associate(
     ranges, _, misses, stds, _ = expected(
         pose_and_size[None], rays.sensor[:2], rays.directions, -1, -1, *sight.table.arrays()
     )
-    position = covariance[0, 0] + covariance[1, 1]
+    along = across = covariance[0, 0] + covariance[1, 1]
+    if sight.residual:
+        across = np.einsum("ni,ij,nj->n", rays.normals, covariance[:2, :2], rays.normals)
+        along = along - across
     reach = np.hypot(*(sight.table.high - sight.table.low)[[0, len(sight.table.low) // 4]])
     turned = 0.25 * reach**2 * covariance[2, 2]
     errors = rays.ranges - ranges[0] - sight.bias_per_std * rays.stds
-    variance = rays.stds**2 + stds**2 + position + turned
+    variance = rays.stds**2 + stds**2 + along + turned
     fits = np.abs(errors) < NEAR_RANGE + tracker.gate_std * np.sqrt(variance)
-    meets = misses[0] < NEAR_ACROSS + tracker.gate_std * np.sqrt(position + turned)
-    return np.flatnonzero(fits & meets)
+    meets = misses[0] < NEAR_ACROSS + tracker.gate_std * np.sqrt(across + turned)
+    inside = fits & meets
+    if sight.residual and inside.any():
+        inside &= _of_target(segments(rays), inside)
+    return np.flatnonzero(inside)
+
+
+def _of_target(labels: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """Which points (n,) are of a segment that may be the target's.
+
+    Half of its points are in the gate, or it has half of the points that are: the target may touch
+    a wall.
+    """
+    counts = np.bincount(labels)
+    within = np.bincount(labels, weights=inside, minlength=len(counts))
+    return ((within >= 0.5 * counts) | (within >= 0.5 * inside.sum()))[labels]
+
+
+def segments(rays: Rays) -> np.ndarray:
+    """Labels (n,) of the stretches of neighbouring rays whose points are near each other."""
+    order = np.argsort(rays.bearings, kind="stable")
+    points, stds = (rays.ranges[:, None] * rays.directions)[order], rays.stds[order]
+    apart = np.hypot(*np.diff(points, axis=0).T) > GAP + 2.0 * (stds[1:] + stds[:-1])
+    labels = np.zeros(len(order), np.int64)
+    labels[order[1:]] = np.cumsum(apart)
+    return labels
 
 
 def sampling_inset(rays: Rays, sight: Sight) -> tuple[float, float]:

@@ -25,6 +25,9 @@ TURNS = np.radians([0.0, -10.0, 10.0, -20.0, 20.0, -30.0, 30.0, -40.0, 40.0])
 WIDE = np.diag([0.3, 0.3, 0.35, 1.0, 0.5, 0.0, 0.0]) ** 2
 """Added to the covariance of an inconsistent prediction: m, rad, m/s, rad/s."""
 
+SHIFTS = (-1.0, -0.5, 0.5, 1.0)
+"""Places across the rays from which it begins, too, m, where the visible shape was not learned."""
+
 LARGEST = 1.3
 """A cluster is the target if it is at most this many times the class's diagonal long."""
 
@@ -46,21 +49,28 @@ def detect_again(
     indices: np.ndarray,
     sight: Sight,
     tracker: ContourParameters,
+    widen: bool = True,
 ) -> tuple[np.ndarray, Posterior]:
     """The points of the target (m,) and the posterior of a prediction that is inconsistent.
 
-    `mean` (7,), `covariance` (7, 7) and `of_bias` (7,) are the prediction, `indices` (n,) > 0 its
-    points.
+    `mean` (d,), `covariance` (d, d) and `of_bias` (d,) are the prediction, `indices` (n,) > 0 its
+    points. `widen`: whether the prediction may be wrong by more than its covariance.
     """
     points = rays.sensor[:2] + rays.ranges[:, None] * rays.directions
     indices = cluster_of(rays, points, indices, sight)
-    own, place = rays.subset(indices), points[indices].mean(axis=0)
+    taken, place = rays.subset(indices, sight), points[indices].mean(axis=0)
+    left = taken.normals.mean(axis=0)
+    wide = covariance.copy()
+    if widen:
+        wide[:7, :7] += WIDE
     results = []
-    for turn in TURNS:
+    for turn, shift in [(turn, 0.0) for turn in TURNS] + [
+        (0.0, shift) for shift in SHIFTS if sight.residual
+    ]:
         begin = mean.copy()
-        begin[:2] = place + rotation(turn) @ (mean[:2] - place)
+        begin[:2] = place + rotation(turn) @ (mean[:2] - place) + shift * left
         begin[2] += turn
-        results.append(update(mean, covariance + WIDE, of_bias, own, sight, tracker, begin))
+        results.append(update(mean, wide, of_bias, taken, sight, tracker, begin))
     return indices, max(results, key=lambda result: np.nan_to_num(result[-1], nan=-np.inf))
 
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.tracking.contour.class_shape import ClassShape
+from stixel_cli.tracking.contour.residual import Residual
 from stixel_cli.tracking.track import contour_directions
 
 LEAST_OUTLINE_STD = 0.03
@@ -11,7 +12,11 @@ LEAST_OUTLINE_STD = 0.03
 
 
 def contours_of(
-    means: np.ndarray, covariances: np.ndarray, shape: ClassShape, points: int
+    means: np.ndarray,
+    covariances: np.ndarray,
+    shape: ClassShape,
+    points: int,
+    residual: Residual | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Contours (K, M, 2) m, directions (K, M, 2) and standard deviations (K, M) m of K states.
 
@@ -24,17 +29,21 @@ def contours_of(
     contours = np.empty((len(means), points, 2))
     std = np.empty((len(means), points))
     for k, (mean, covariance) in enumerate(zip(means, covariances, strict=True)):
-        radii, shape_stds = _radii(shape, np.exp(mean[5:]), angles)
+        outline = residual.outline(mean) if residual else shape.outline * np.exp(mean[5:])
+        radii, shape_stds = _radii(outline, shape.outline_stds, angles)
         body = radii[:, None] * unit
         edges = np.roll(body, -1, axis=0) - np.roll(body, 1, axis=0)
         normals = np.stack([edges[:, 1], -edges[:, 0]], axis=-1)
         facing = np.maximum(np.einsum("mi,mi->m", normals, unit), 0.2 * np.hypot(*edges.T))
         turn = rotation(mean[2])
-        moves = np.zeros((points, 2, 7))
+        moves = np.zeros((points, 2, len(mean)))
         moves[:, :, :2] = turn.T
         moves[:, 0, 2], moves[:, 1, 2] = -body[:, 1], body[:, 0]
         moves[:, 0, 5], moves[:, 1, 6] = body[:, 0], body[:, 1]
         slopes = np.einsum("mi,mij->mj", normals, moves) / facing[:, None]
+        if residual:
+            lengths = np.hypot(*edges.T) / facing
+            slopes[:, 7:] = residual.weights_at(body, mean) * lengths[:, None]
         variances = np.einsum("mi,ij,mj->m", slopes, covariance, slopes)
         std[k] = np.sqrt(
             np.maximum(variances, 0.0) + np.maximum(shape_stds, LEAST_OUTLINE_STD) ** 2
@@ -44,29 +53,35 @@ def contours_of(
 
 
 def _radii(
-    shape: ClassShape, factors: np.ndarray, angles: np.ndarray
+    outline: np.ndarray, outline_stds: np.ndarray, angles: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Radii (M,) m and their standard deviations (M,) m of the scaled outline at `angles` rad."""
-    scaled = shape.outline * factors
-    bearings = np.unwrap(np.arctan2(scaled[:, 1], scaled[:, 0]))
-    radii = np.hypot(scaled[:, 0], scaled[:, 1])
+    """Radii (M,) m and their standard deviations (M,) m of an outline (N, 2) m at `angles` rad."""
+    bearings = np.unwrap(np.arctan2(outline[:, 1], outline[:, 0]))
+    radii = np.hypot(outline[:, 0], outline[:, 1])
     turn = 2.0 * np.pi
     return (
         np.interp(angles, bearings, radii, period=turn),
-        np.interp(angles, bearings, shape.outline_stds, period=turn),
+        np.interp(angles, bearings, outline_stds, period=turn),
     )
 
 
 def reported(
-    means: np.ndarray, covariances: np.ndarray, slip: float
+    means: np.ndarray, covariances: np.ndarray, slip: float, residual: Residual | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """States (K, 8) and covariances (K, 8, 8) as a track has them.
 
     x, y, heading, their rates, and the logarithms of the two factors of size. The velocity is along
-    the heading; across it its standard deviation is `slip`, m/s.
+    the heading; across it its standard deviation is `slip`, m/s. With a `residual`, x and y are the
+    middle of the outline's box.
     """
     states, spreads = np.empty((len(means), 8)), np.empty((len(means), 8, 8))
     for k, (mean, covariance) in enumerate(zip(means, covariances, strict=True)):
+        if residual:
+            shift, slopes = residual.box_centre(mean)
+            turn, reduction = rotation(mean[2]), np.eye(7, len(mean))
+            reduction[:2, 7:] = turn @ slopes
+            covariance = reduction @ covariance @ reduction.T
+            mean = np.concatenate([mean[:2] + turn @ shift, mean[2:7]])
         along = np.array([np.cos(mean[2]), np.sin(mean[2])])
         across = np.array([-along[1], along[0]])
         states[k] = [*mean[:3], *(mean[3] * along), *mean[4:]]

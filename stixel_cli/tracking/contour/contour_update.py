@@ -1,5 +1,7 @@
 """The update of the tracker `contour`: rays on the class's shape; see `contour_filter.py`."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
@@ -20,6 +22,10 @@ LEAST_STEP = np.array([0.02, 0.02, 0.01, 0.01, 0.01])
 GREATEST_STEP = np.array([0.3, 0.3, 0.2, 0.1, 0.1])
 """Bounds of the steps of the central differences, in the units of the states seen."""
 
+MISS_STD, MISS_FACTOR = 0.05, 4.0
+"""A ray with a point of the target should meet its shape: standard deviation, m, and a factor on it
+that stands for neighbours, which share the error."""
+
 CONVERGED = 2e-3
 """The iteration ends when no state moves by more than this."""
 
@@ -36,11 +42,11 @@ def update(
     tracker: ContourParameters,
     first_iterate: np.ndarray | None = None,
 ) -> Posterior:
-    """Posterior mean (7,) and covariance (7, 7), of n > 0 rays; NIS and its degrees of freedom.
+    """Posterior mean (d,) and covariance (d, d), of n > 0 rays; NIS and its degrees of freedom.
 
-    `of_bias` (7,), and the third result, is the state's covariance with the considered error over
+    `of_bias` (d,), and the third result, is the state's covariance with the considered error over
     the error's standard deviation. Last the log likelihood: of the innovation, with the weighted
-    noise, at the last iterate. The iteration begins at `first_iterate` (7,), by default at the
+    noise, at the last iterate. The iteration begins at `first_iterate` (d,), by default at the
     prior's `mean`.
     """
     count = len(rays.ranges)
@@ -50,17 +56,24 @@ def update(
     silhouettes = uncut(
         rays.bearings[[first, last]], rays.ranges[[first, last]], rays.field_of_view
     )
-    rows = np.concatenate([np.ones(count, bool), silhouettes])
+    rows = np.concatenate([np.ones(count, bool), silhouettes & ~np.array(rays.hidden)])
     biases = np.concatenate([range_biases(rays, tracker), [0.0, 0.0]])
     # With the considered error, of variance 1, after the state.
-    joint = np.eye(8)
-    joint[:7, :7], joint[:7, 7], joint[7, :7] = covariance, of_bias, of_bias
+    size = len(mean)
+    joint = np.eye(size + 1)
+    joint[:size, :size], joint[:size, size], joint[size, :size] = covariance, of_bias, of_bias
     posterior = joint
     iterate = mean if first_iterate is None else first_iterate
     for _ in range(tracker.iterations):
-        predicted, slopes, stds = _linearise(iterate, posterior, rays, first, last, sight)
-        matrix = np.zeros((count + 2, 8))
-        matrix[:, SEEN], matrix[:, 7] = slopes.T, biases
+        linear = _linearise(iterate, posterior, rays, first, last, sight)
+        predicted, slopes, stds = linear.predicted, linear.slopes, linear.stds
+        matrix = np.zeros((count + 2, size + 1))
+        matrix[:, SEEN], matrix[:, size] = slopes.T, biases
+        if sight.residual:
+            matrix[:, 7:size] = sight.residual.slopes(
+                iterate, rays.sensor[:2], rays.directions, predicted[:count], (first, last)
+            )
+            predicted = predicted + matrix[:, 7:size] @ iterate[7:]
         errors = -predicted
         errors[:count] += rays.ranges - sight.bias_per_std * rays.stds
         errors[count:] -= inset
@@ -75,20 +88,45 @@ def update(
         variances[count:] = tracker.silhouette_factor**2 * (
             stds[count:] ** 2 + inset_variance + edges
         )
+        if sight.residual:
+            variances += linear.curvature_variances
         freedom = tracker.degrees_of_freedom
         weights = (freedom + 1.0) / (freedom + errors**2 / (variances + biases**2))
 
         noise = (variances / np.minimum(weights, 1.0))[rows]
         matrix, errors = matrix[rows], errors[rows]
-        innovation = errors + matrix[:, :7] @ (iterate - mean)
+        if sight.residual:
+            passing = linear.misses > 0.0
+            misses, miss_matrix = linear.misses[passing], np.zeros((passing.sum(), size + 1))
+            miss_matrix[:, SEEN] = linear.miss_slopes[:, passing].T
+            miss_noise = _miss_noise(misses, rays.across_variances[passing], tracker)
+            matrix, errors = np.vstack([matrix, miss_matrix]), np.concatenate([errors, -misses])
+            noise = np.concatenate([noise, miss_noise])
+        innovation = errors + matrix[:, :size] @ (iterate - mean)
         correction, posterior, nis, likelihood = condition(joint, matrix, noise, innovation)
-        moved = mean + correction[:7]
+        if sight.residual:
+            # A miss is a penalty: it makes nothing more likely.
+            likelihood += 0.5 * np.log(2.0 * np.pi * miss_noise).sum()
+        moved = mean + correction[:size]
         change = np.abs(moved - iterate).max()
         iterate = moved
         if change < CONVERGED:
             break
     # The considered error is not estimated: its variance stays 1.
-    return iterate, posterior[:7, :7], posterior[:7, 7], nis, len(innovation), likelihood
+    covariance, of_bias = posterior[:size, :size], posterior[:size, size]
+    return iterate, covariance, of_bias, nis, int(rows.sum()), likelihood
+
+
+def _miss_noise(
+    misses: np.ndarray, across_variances: np.ndarray, tracker: ContourParameters
+) -> np.ndarray:
+    """Variances (n,) m² of how far rays with a point of the target pass by its shape, m.
+
+    Weighted as those of a Student distribution, see `contour_filter.py`.
+    """
+    variances = MISS_FACTOR**2 * (MISS_STD**2 + tracker.offset_std**2 + across_variances)
+    freedom = tracker.degrees_of_freedom
+    return variances * np.maximum((freedom + misses**2 / variances) / (freedom + 1.0), 1.0)
 
 
 def condition(
@@ -110,13 +148,33 @@ def condition(
     return posterior @ pull, posterior, float(nis), float(density)
 
 
+class Linear(NamedTuple):
+    """Predictions of n rays and of minus the two insets, and how they depend on the states seen.
+
+    Attributes:
+        predicted, stds: (n + 2,) m.
+        slopes: (5, n + 2).
+        curvature_variances: (n + 2,) m², of what the slopes leave out: that of a parabola over one
+            standard deviation of each state (Nørgaard, Poulsen & Ravn 2000, *New developments in
+            state estimation for nonlinear systems*).
+        misses: (n,) m, how far the rays pass by the shape, negative inside; `miss_slopes` (5, n).
+    """
+
+    predicted: np.ndarray
+    slopes: np.ndarray
+    stds: np.ndarray
+    curvature_variances: np.ndarray
+    misses: np.ndarray
+    miss_slopes: np.ndarray
+
+
 def _linearise(
     state: np.ndarray, covariance: np.ndarray, rays: Rays, first: int, last: int, sight: Sight
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Predictions (n + 2,) m, their slopes (5, n + 2) by the states seen, and stds (n + 2,) m.
+) -> Linear:
+    """The measurements at a `state` (d,) with a `covariance` (d, d).
 
-    The last two are minus the insets of the silhouette. The slopes are central differences along
-    the target's axes, over about a standard deviation: so no frame of the world matters.
+    The slopes are central differences along the target's axes, over about a standard deviation: so
+    no frame of the world matters.
     """
     axes = np.eye(5)
     axes[:2, :2] = rotation(state[2])
@@ -125,9 +183,17 @@ def _linearise(
     moved = np.repeat(state[None, SEEN], 11, axis=0)
     moved[1:6] += (axes * steps).T
     moved[6:] -= (axes * steps).T
-    ranges, insets, _, range_stds, inset_stds = expected(
+    ranges, insets, misses, range_stds, inset_stds = expected(
         moved, rays.sensor[:2], rays.directions, first, last, *sight.table.arrays()
     )
     predicted = np.hstack([ranges, -insets])
     slopes = axes @ ((predicted[1:6] - predicted[6:]) / (2.0 * steps[:, None]))
-    return predicted[0], slopes, np.concatenate([range_stds, inset_stds])
+    second = predicted[1:6] + predicted[6:] - 2.0 * predicted[0]
+    return Linear(
+        predicted[0],
+        slopes,
+        np.concatenate([range_stds, inset_stds]),
+        0.5 * (second**2).sum(axis=0),
+        misses[0],
+        axes @ ((misses[1:6] - misses[6:]) / (2.0 * steps[:, None])),
+    )

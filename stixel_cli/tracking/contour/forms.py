@@ -1,0 +1,103 @@
+"""What a target looks like where the visible shape of its class is not known to hold.
+
+The visible shapes (`class_shape.py`) were learned from stixels, lidars and fabricated rays of the
+drawn classes. Points of another sensor, or rays on a target whose size the user states, may look
+different. Then there is a bank of two forms, the class's outline and the rectangle of its box,
+weighted by likelihood; each may deviate a little along its outline (`residual.py`); and the ends of
+the target are uncertain by what the rays graze.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from stixel_cli.scene.classes import RoadUserClass
+from stixel_cli.tracking.contour.class_shape import ClassShape, class_shape
+from stixel_cli.tracking.contour.class_size import class_size
+from stixel_cli.tracking.contour.contour_parameters import ContourParameters
+from stixel_cli.tracking.contour.contour_rays import LEARNED, Sight, sight_of
+from stixel_cli.tracking.contour.ray_table import RayTable, outline_table
+from stixel_cli.tracking.contour.residual import Residual
+from stixel_cli.tracking.prior import PriorShape
+
+FORMS = ("class", "rectangle")
+
+RECTANGLE_ODDS = 8.0
+"""Log odds of the class's outline against the rectangle, before the first scan."""
+
+RECTANGLE_STD = 0.02
+"""How well a rectangle's ranges and ends fit, m."""
+
+GREATEST_SLOPE = 2.0
+"""Depth over offset, tan 63°: where a ray grazes the shape more, a real sensor may get no echo."""
+
+SILHOUETTE_FACTOR, OFFSET_STD = 4.0, 0.08
+"""In the place of smaller values of `silhouette_factor` and `offset_std`: real edges are round."""
+
+
+def is_learned(prior: PriorShape, tracker: ContourParameters) -> bool:
+    """Whether the visible shapes were learned from such scans, of targets of such a size.
+
+    Recordings set the sizes of their labels, and what stixels see of a road user is blurred: for
+    them the class's shape holds whatever the size.
+    """
+    if tracker.seen_by not in LEARNED:
+        return False
+    if tracker.seen_by == "stixels" or prior.road_user == "unknown":
+        return True
+    stated = [prior.length, prior.width]
+    return np.allclose(stated, class_size(prior.road_user).mean, rtol=5e-3)
+
+
+def forms_of(
+    road_user: RoadUserClass, prior: PriorShape, tracker: ContourParameters
+) -> dict[str, tuple[ClassShape, Sight, ContourParameters]]:
+    """The forms that a `road_user` may have: shape, how the sensor sees it, and parameters."""
+    shape, sight = class_shape(road_user), sight_of(road_user, tracker)
+    if is_learned(prior, tracker):
+        return {"class": (shape, sight, tracker)}
+    tracker = replace(
+        tracker,
+        silhouette_factor=max(tracker.silhouette_factor, SILHOUETTE_FACTOR),
+        offset_std=max(tracker.offset_std, OFFSET_STD),
+    )
+    box = rectangle(shape)
+    table, std = outline_table(box.outline), RECTANGLE_STD
+    ends = np.full_like(table.low, std)
+    table = replace(table, stds=np.full_like(table.stds, std), low_stds=ends, high_stds=ends)
+    tables = {"class": (shape, sight.table), "rectangle": (box, table)}
+    return {
+        form: (form_shape, _of_table(sight, form_table, form_shape, tracker), tracker)
+        for form, (form_shape, form_table) in tables.items()
+    }
+
+
+def rectangle(shape: ClassShape) -> ClassShape:
+    """The rectangle of the class's box, with corners at the angles of the class's outline."""
+    unit = shape.outline / np.hypot(*shape.outline.T)[:, None]
+    outline = unit * (0.5 / np.abs(unit / shape.size).max(axis=1))[:, None]
+    return replace(shape, outline=outline, outline_stds=np.zeros(len(outline)))
+
+
+def _of_table(
+    sight: Sight, table: RayTable, shape: ClassShape, tracker: ContourParameters
+) -> Sight:
+    if tracker.seen_by not in LEARNED:
+        table = with_uncertain_ends(table)
+    return replace(sight, table=table, residual=Residual(shape))
+
+
+def with_uncertain_ends(table: RayTable) -> RayTable:
+    """The table with limits that are as uncertain as the stretch at each that rays only graze."""
+    share = np.linspace(0.0, 1.0, table.depths.shape[1])
+    offsets = table.lowest[:, None] + share * (table.highest - table.lowest)[:, None]
+    slopes = np.abs(np.gradient(table.depths, axis=1) / np.gradient(offsets, axis=1))
+    inside = (offsets >= table.low[:, None]) & (offsets <= table.high[:, None])
+    echoes = inside & (slopes < GREATEST_SLOPE)
+    low = np.where(echoes, offsets, np.inf).min(axis=1) - table.low
+    high = table.high - np.where(echoes, offsets, -np.inf).max(axis=1)
+    return replace(
+        table,
+        low_stds=np.hypot(table.low_stds, np.clip(low, 0.0, 3.0)),
+        high_stds=np.hypot(table.high_stds, np.clip(high, 0.0, 3.0)),
+    )

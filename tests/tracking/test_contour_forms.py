@@ -1,0 +1,203 @@
+"""`contour` where the visible shape was not learned: other sensors, sizes that the user states."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from seen_targets import SENSOR, scans_seen, seen, start_at, turning
+from tracking_cases import CAR, scans_of
+
+from stixel_cli.config.compose import compose
+from stixel_cli.geometry.pose import rotation, world_from_target
+from stixel_cli.scene.classes import ROAD_USER_CLASSES
+from stixel_cli.tracking.contour.class_shape import class_shape
+from stixel_cli.tracking.contour.class_size import class_size
+from stixel_cli.tracking.contour.contour import may_be, track
+from stixel_cli.tracking.contour.contour_rays import associate, rays_of, segments, sight_of
+from stixel_cli.tracking.contour.contour_report import LEAST_OUTLINE_STD, contours_of, reported
+from stixel_cli.tracking.contour.forms import forms_of, is_learned, rectangle, with_uncertain_ends
+from stixel_cli.tracking.contour.ray_table import first_depths, outline_table
+from stixel_cli.tracking.contour.residual import NODES, Residual
+
+FILE = dataclasses.replace(compose(["tracker=contour"]).configuration.tracker, seen_by="file")
+FABRICATED = dataclasses.replace(FILE, seen_by="fabricated")
+SHAPE = class_shape("car")
+PRIOR = dataclasses.replace(
+    CAR, road_user="car", length=float(SHAPE.size[0]), width=float(SHAPE.size[1])
+)
+STATED = dataclasses.replace(PRIOR, length=4.5, width=1.8)
+BOX = 0.5 * np.array([[4.5, 1.8], [-4.5, 1.8], [-4.5, -1.8], [4.5, -1.8]])
+TRAPEZIUM = np.array([[2.25, 0.5], [-2.25, 0.9], [-2.25, -0.9], [2.25, -0.5]])
+
+
+def overlap(result, outline, poses, k=-1):
+    estimated = shapely.Polygon(result.contours_world[k]).buffer(0)
+    true = shapely.Polygon(world_from_target(outline, poses[k]))
+    return estimated.intersection(true).area / estimated.union(true).area
+
+
+@settings(derandomize=True, deadline=None, max_examples=30)
+@given(seed=st.integers(0, 2**31))
+def test_slopes_of_the_residual_are_those_of_rays_cast_on_the_outline(seed):
+    random = np.random.default_rng(seed)
+    residual = Residual(SHAPE)
+    aspect, size = random.uniform(-np.pi, np.pi), random.uniform(-0.1, 0.1, 2)
+    state = np.concatenate([np.zeros(5), size, np.zeros(NODES)])
+    ray = -np.array([np.cos(aspect), np.sin(aspect)])
+    sensor = -20.0 * ray
+    # Even rays that are parallel enough, through the middle half of what the sensor sees.
+    scaled = SHAPE.outline * np.exp(size)
+    across = scaled @ np.array([-ray[1], ray[0]])
+    offsets = np.linspace(0.6 * across.min(), 0.6 * across.max(), 9)
+    directions = ray + np.outer(offsets, [-ray[1], ray[0]]) / 20.0
+    directions /= np.hypot(*directions.T)[:, None]
+
+    def ranges(nodes):
+        outline = residual.outline(np.concatenate([state[:7], nodes]))
+        angles = np.arctan2(-directions[:, 1], -directions[:, 0])
+        offset = directions[:, 0] * -sensor[1] - directions[:, 1] * -sensor[0]
+        depths = first_depths(outline, angles, -offset[:, None])[:, 0]
+        return depths + directions @ -sensor
+
+    predicted = ranges(np.zeros(NODES))
+    slopes = residual.slopes(state, sensor, directions, predicted, (0, 8))[:9]
+    nodes = 0.002 * random.standard_normal(NODES)
+    changes = ranges(nodes) - predicted
+    # At a corner the ray leaves the side whose normal was taken.
+    assert np.median(np.abs(changes - slopes @ nodes)) < 0.05 * np.abs(changes).max() + 1e-4
+
+
+@settings(derandomize=True, deadline=None, max_examples=20)
+@given(seed=st.integers(0, 2**31))
+def test_reported_centre_is_the_middle_of_the_box_and_linear_in_the_residual(seed):
+    random = np.random.default_rng(seed)
+    residual = Residual(SHAPE)
+    mean = np.concatenate([[3.0, 9.0, 0.7, 2.0, 0.1, 0.05, -0.05], np.zeros(NODES)])
+    mean[7:] = 0.05 * random.standard_normal(NODES)
+    moved, before = residual.outline(mean), residual.outline(np.r_[mean[:7], np.zeros(NODES)])
+    middle = 0.5 * (moved.max(axis=0) + moved.min(axis=0) - before.max(axis=0) - before.min(axis=0))
+    root = np.diag(np.r_[np.zeros(7), np.full(NODES, 0.03)])
+    states, covariances = reported(mean[None], (root @ root)[None], 0.0, residual)
+    np.testing.assert_allclose(states[0, :2], mean[:2] + rotation(0.7) @ middle)
+    step, columns = 1e-7, []
+    for unit in np.eye(len(mean))[7:]:
+        ends = [
+            reported((mean + s * unit)[None], root[None], 0.0, residual)[0] for s in (step, -step)
+        ]
+        columns.append((ends[0][0, :2] - ends[1][0, :2]) / (2.0 * step))
+    slopes = np.stack(columns, axis=1)
+    np.testing.assert_allclose(covariances[0, :2, :2], 0.03**2 * slopes @ slopes.T, atol=1e-7)
+
+
+def test_stated_deviation_of_the_contour_has_the_residual():
+    residual, random = Residual(SHAPE), np.random.default_rng(1)
+    shape = dataclasses.replace(SHAPE, outline_stds=np.zeros(len(SHAPE.outline)))
+    mean = np.concatenate([[0.0, 0.0, 0.7, 2.0, 0.0, 0.05, -0.05], np.zeros(NODES)])
+    root = np.diag(np.r_[np.zeros(7), np.full(NODES, 0.05)])
+    covariance = (root @ root)[None]
+    _, _, std = contours_of(mean[None], covariance, shape, 90, residual)
+    radii = [
+        np.hypot(*contours_of(one[None], covariance, shape, 90, residual)[0][0].T)
+        for one in mean + random.standard_normal((300, len(mean))) @ root
+    ]
+    ratio = np.std(radii, axis=0) / np.sqrt(std[0] ** 2 - LEAST_OUTLINE_STD**2)
+    assert 0.9 < np.median(ratio) < 1.1
+
+
+@pytest.mark.parametrize(
+    ("outline", "least", "more"),
+    [(BOX, 0.96, 0.05), (TRAPEZIUM, 0.75, 0.15)],
+    ids=["box", "trapezium"],
+)
+def test_shapes_that_are_no_drawn_car_are_followed(outline, least, more):
+    poses = turning(40, 4.0, 0.3)
+    scans, start = scans_seen(outline, poses, noise=0.1), start_at(poses)
+    found, learned = track(scans, start, STATED, FABRICATED), track(scans, start, PRIOR, FABRICATED)
+    assert overlap(found, outline, poses) > max(least, overlap(learned, outline, poses) + more)
+    assert found.class_replaced is None
+
+
+def test_a_drawn_car_stays_one():
+    poses = turning(40, 4.0, 0.3)
+    scans, start = scans_seen(SHAPE.outline, poses, noise=0.03), start_at(poses)
+    plain, bank = track(scans, start, PRIOR, FABRICATED), track(scans, start, PRIOR, FILE)
+    assert overlap(bank, SHAPE.outline, poses) > overlap(plain, SHAPE.outline, poses) - 0.07
+
+
+def test_only_learned_sensors_and_sizes_of_the_class_have_one_form():
+    assert is_learned(PRIOR, FABRICATED)
+    assert not is_learned(PRIOR, FILE) and not is_learned(STATED, FABRICATED)
+    assert is_learned(STATED, dataclasses.replace(FILE, seen_by="stixels"))
+    assert list(forms_of("car", PRIOR, FABRICATED)) == ["class"]
+    assert list(forms_of("car", PRIOR, FILE)) == ["class", "rectangle"]
+    assert forms_of("car", PRIOR, FABRICATED)["class"][1].residual is None
+    box = rectangle(SHAPE).outline
+    np.testing.assert_allclose(np.ptp(box, axis=0), SHAPE.size, rtol=2e-2)
+    assert shapely.Polygon(box).area == pytest.approx(SHAPE.size.prod(), rel=0.02)
+
+
+def test_a_stated_size_excludes_the_classes_that_it_does_not_fit():
+    cargo_bike = dataclasses.replace(PRIOR, road_user="cyclist", length=2.2, width=0.6)
+    assert [may_be(name, cargo_bike) for name in ROAD_USER_CLASSES] == [
+        name == "cyclist" for name in ROAD_USER_CLASSES
+    ]
+    assert all(may_be(name, PRIOR) for name in ROAD_USER_CLASSES)
+    length, width = class_size("car").mean
+    car_like = dataclasses.replace(PRIOR, road_user="cyclist", length=1.02 * length, width=width)
+    assert may_be("car", car_like) and not may_be("pedestrian", car_like)
+
+
+def rays_at(points):
+    covariances = np.tile(0.01 * np.eye(2), (len(points), 1, 1))
+    return rays_of(np.array(points, float), covariances, SENSOR)
+
+
+def test_an_end_beside_a_nearer_point_is_hidden():
+    target = [[x, 20.0] for x in np.linspace(-1.0, 1.0, 9)]
+    near, far = [[1.1, 12.0]], [[-1.4, 30.0]]
+    rays = rays_at(target + near + far)
+    seen_by_file = forms_of("car", PRIOR, FILE)["class"][1]
+    # Bearings grow to the left: the first ray is the rightmost.
+    assert rays.subset(np.arange(9), seen_by_file).hidden == (False, False)
+    rays = rays_at([*target, [1.1, 19.0], *far])
+    assert rays.subset(np.arange(9), seen_by_file).hidden == (True, False)
+    assert rays.subset(np.arange(9), sight_of("car", FABRICATED)).hidden == (False, False)
+
+
+def test_points_of_a_neighbour_are_not_the_targets():
+    poses = np.array([[0.0, 15.0, 0.0]] * 2)
+    (own, _), _ = seen(SHAPE.outline, poses)
+    wall = np.column_stack([np.linspace(3.6, 9.0, 60), np.full(60, 14.3)])
+    rays = rays_at(np.concatenate([own, wall]))
+    assert len(np.unique(segments(rays))) >= 2
+    _, sight, tracker = forms_of("car", PRIOR, FILE)["class"]
+    state, covariance = np.array([0.0, 15.0, 0.0, 0.0, 0.0]), np.diag([0.3, 0.3, 0.01, 0.0, 0.0])
+    taken = associate(rays, state, covariance, sight, tracker)
+    assert taken.max() < len(own) and len(taken) > 0.9 * len(own)
+    plain = associate(rays, state, covariance, sight_of("car", FABRICATED), FABRICATED)
+    assert plain.max() >= len(own)
+
+
+def test_ends_are_uncertain_by_what_rays_graze():
+    table = with_uncertain_ends(outline_table(rectangle(SHAPE).outline))
+    ahead, slanted = 0, len(table.low) // 8
+    assert table.low_stds[ahead] < 0.1
+    # At 45 degrees no side is grazed; a little off the front, one is.
+    assert max(table.low_stds[slanted], table.high_stds[slanted]) < 0.1
+    assert max(table.low_stds[10], table.high_stds[10]) > 0.4
+
+
+def test_a_neighbour_costs_nothing_where_the_target_is_seen_alone():
+    poses = turning(30, 4.0, 0.2)
+    points, covariances = seen(SHAPE.outline, poses, noise=0.03)
+    post = np.array([[2.0, 8.0], [2.05, 8.0]])
+    mixed = [np.concatenate([scan, post]) for scan in points]
+    noises = [np.concatenate([c, np.tile(0.01 * np.eye(2), (2, 1, 1))]) for c in covariances]
+    alone = track(
+        scans_of(points, covariances=np.concatenate(covariances)), start_at(poses), PRIOR, FILE
+    )
+    among = track(scans_of(mixed, covariances=np.concatenate(noises)), start_at(poses), PRIOR, FILE)
+    assert overlap(among, SHAPE.outline, poses) > overlap(alone, SHAPE.outline, poses) - 0.05
