@@ -36,7 +36,7 @@ run: setup
 	$(BIN)/stixel run $(ARGS)
 
 test: setup lint
-	$(BIN)/python -m pytest -n 2 -p no:benchmark $(ARGS)
+	$(BIN)/python -m pytest -n 2 --dist worksteal -p no:benchmark $(ARGS)
 
 lint: setup .venv/installed-for-tests
 	$(BIN)/ruff check .

@@ -31,3 +31,8 @@ def shared_cache(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def _no_user_cache(shared_cache, monkeypatch):
     monkeypatch.setenv("STIXEL_CACHE", str(shared_cache))
+
+
+def pytest_collection_modifyitems(items):
+    """The longest test first: at the end, the other worker would wait for it."""
+    items.sort(key=lambda item: item.path.name != "test_bench.py")

@@ -72,7 +72,8 @@ def test_a_value_out_of_range_is_refused():
 def test_keys_that_distinguish_sweeps_cannot_be_overridden():
     rays = fixed("measurement=fabricated", "path=turn")
     stereo = fixed("measurement=stixels", "path=turn")
-    with pytest.raises(ConfigurationError, match="measurement=fabricated in rays, measurement=sim"):
+    names = "measurement=fabricated in rays, measurement=stixels in stereo"
+    with pytest.raises(ConfigurationError, match=names):
         overridden([rays, stereo], ["measurement=lidar"], ["rays", "stereo"])
     designs, notes = overridden([rays, stereo], ["path=circle"], ["rays", "stereo"])
     assert all("path=circle" in texts_of(design) for design in designs) and not notes
