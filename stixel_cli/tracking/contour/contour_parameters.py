@@ -12,9 +12,9 @@ class ContourParameters:
     """A filter that casts the scan's rays on the class's shape.
 
     Attributes:
-        seen_by: kind of measurement; selects the visible shape: `stixels`
-            see less than the outline. Points of a `file` or of the user's `own`
-            source are taken to be on the outline, as fabricated ones are.
+        seen_by: kind of measurement; selects the visible shape: `stixels` see less than the
+            outline. Points of a `file` or of the user's `own` source are on the class's outline
+            or on its box, whichever fits, with a residual.
         acceleration: process noise of the speed, a white acceleration's root density, m/s^1.5.
         turn_acceleration: process noise of the turn rate, rad/s^1.5.
         slip: process noise of the position, m/s^0.5: motion that is not along the heading.
