@@ -206,17 +206,20 @@ def test_a_stage_that_fails_is_shown_with_file_line_and_code(
 
 
 def test_sigterm_ends_a_run_in_one_line(tmp_path):
-    """Workers are running by then."""
-    words = ["run", "path.duration=20", "rig.width=128", "rig.height=96"]
+    """Workers are running by then; the tracker never ends, so that the run cannot be faster."""
+    code = "import signal\n\n\ndef track(scans, initial, prior):\n    signal.pause()\n"
+    (tmp_path / "waits.py").write_text(code)
+    own = ["tracker=waits:track", f"code_folders=[{tmp_path}]", "--trust-code"]
+    small = ["path.duration=1", "rig.width=128", "rig.height=96"]
     with subprocess.Popen(
-        [*STIXEL, *words, "--results", str(tmp_path / "results")],
+        [*STIXEL, "run", *small, *own, "--results", str(tmp_path / "results")],
         stderr=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
         env=os.environ | {"STIXEL_CACHE": str(tmp_path / "cache")},
     ) as process:
         for line in process.stderr:
-            if " frames" in line:
+            if "] track" in line:
                 break
         process.terminate()
         out, err = process.communicate(timeout=600)
