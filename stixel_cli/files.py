@@ -9,6 +9,7 @@ import os
 import re
 import stat
 import sys
+import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -46,7 +47,8 @@ def write_whole(file: Path, content: str | bytes) -> None:
     Raises:
         OSError: if it cannot be written; an older file is kept.
     """
-    partial = file.with_name(f".{file.name}.partial-{os.getpid()}")
+    # Threads of a process may write the same file at once.
+    partial = file.with_name(f".{file.name}.partial-{threading.get_native_id()}")
     missing = [folder for folder in file.parents if not folder.exists()]
     try:
         file.parent.mkdir(parents=True, exist_ok=True)

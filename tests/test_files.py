@@ -3,6 +3,7 @@ import json
 import os
 import re
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,22 @@ def test_texts_and_bytes_in_a_folder_that_is_not_there_yet(tmp_path):
     write_whole(tmp_path / "a/bytes", b"\x00\r\n")
     assert (tmp_path / "a/b/text").read_bytes() == "10° ± 1\n".encode()
     assert (tmp_path / "a/bytes").read_bytes() == b"\x00\r\n"
+
+
+def test_threads_write_one_file_at_once(tmp_path, monkeypatch):
+    """The other thread replaces the file between this one's two steps."""
+    replace = Path.replace
+
+    def slowly(partial, target):
+        monkeypatch.setattr(Path, "replace", replace)
+        with ThreadPoolExecutor(1) as pool:
+            pool.submit(write_whole, target, "other").result()
+        return replace(partial, target)
+
+    monkeypatch.setattr(Path, "replace", slowly)
+    write_whole(tmp_path / "text", "this")
+    assert (tmp_path / "text").read_text() == "this"
+    assert len(list(tmp_path.iterdir())) == 1
 
 
 def test_a_write_that_fails_leaves_what_was_there_and_nothing_else(tmp_path, monkeypatch):

@@ -93,7 +93,8 @@ def check_owner(folder: Path) -> None:
     # A folder that is missing or cannot be read is reported where it is used.
     with suppress(OSError):
         foreign = _foreign(folder)
-        if foreign is not None:
+        # Another process may have marked the folder since.
+        if foreign is not None and not is_marked(folder):
             name = printable(str(foreign.relative_to(folder)))
             raise CacheError(
                 f"the cache {folder} has files that stixel did not make, such as {name}: choose a "

@@ -6,7 +6,8 @@ import time
 import pytest
 
 from stixel_cli.cli.app import main
-from stixel_cli.engine.cache_folder import MARK, is_marked, made_here
+from stixel_cli.engine import cache_folder
+from stixel_cli.engine.cache_folder import MARK, is_marked, made_here, make_folder
 from stixel_cli.engine.cleanup import clear, collect, evicted, keep_limit
 from stixel_cli.engine.entries import set_aside
 from stixel_cli.engine.errors import CacheError, MissingEntry
@@ -60,6 +61,19 @@ def test_whoever_creates_the_cache_marks_it(tmp_path):
     assert not is_marked(store.folder)
     with pytest.raises(CacheError, match=MARK):
         open_store(CacheParameters(str(store.folder), None))
+
+
+def test_a_cache_that_another_process_marks_at_the_same_time(tmp_path, monkeypatch):
+    """The mark itself is no foreign file."""
+    foreign = cache_folder._foreign
+
+    def marked_meanwhile(folder):
+        monkeypatch.setattr(cache_folder, "_foreign", foreign)
+        make_folder(tmp_path, "locks")
+        return foreign(folder)
+
+    monkeypatch.setattr(cache_folder, "_foreign", marked_meanwhile)
+    assert make_folder(tmp_path, "tmp").is_dir()
 
 
 def test_an_unmarked_cache_of_an_earlier_version_is_marked(tmp_path):
