@@ -41,13 +41,19 @@ def _rotations(poses: np.ndarray) -> np.ndarray:
     return np.moveaxis(rotation(poses[:, 2]), -1, 0)
 
 
-def boxes(polygons: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def boxes(
+    polygons: np.ndarray, poses: np.ndarray, sizes: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """The least boxes along the headings: corners (K, 4, 2) m, counter-clockwise; sides (K, 2) m.
 
-    The sides are the length along the heading and the width across it.
+    The sides are the length along the heading and the width across it. With `sizes` (K, 2) m the
+    boxes have these sides, and the poses as their centres.
     """
-    body = in_frames(polygons, poses)
-    low, high = body.min(axis=1), body.max(axis=1)
+    if sizes is None:
+        body = in_frames(polygons, poses)
+        low, high = body.min(axis=1), body.max(axis=1)
+    else:
+        low, high = -0.5 * sizes, 0.5 * sizes
     x, y = np.stack([low, high], axis=-1).transpose(1, 0, 2)
     corners = np.stack([x[:, [0, 1, 1, 0]], y[:, [0, 0, 1, 1]]], axis=-1)
     return corners @ _rotations(poses).transpose(0, 2, 1) + poses[:, None, :2], high - low

@@ -173,7 +173,8 @@ def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
     places = in_frames(track.means[scans, None, :2], truth)[:, 0]
     headings = track.means[scans, 2] - truth[:, 2]
     estimated = in_frames(track.contours_world[scans], truth)
-    estimated_boxes, sides = boxes(estimated, np.column_stack([places, headings]))
+    sizes = None if track.box_sizes is None else track.box_sizes[scans]
+    estimated_boxes, sides = boxes(estimated, np.column_stack([places, headings]), sizes)
     # The box of all poses of the limbs: that of a label.
     low, high = scenario.box_target
     corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])

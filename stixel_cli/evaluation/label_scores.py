@@ -16,6 +16,7 @@ from stixel_cli.evaluation.scores import LabelScore, LabelScores
 from stixel_cli.recordings.types import LabelTruth
 from stixel_cli.tracking.followed import line
 from stixel_cli.tracking.several.found import LEAST_SCANS, ObjectTrack, least_speed
+from stixel_cli.tracking.track import Track
 
 NEVER = 1e3
 """m, more than any allowed distance."""
@@ -81,11 +82,10 @@ def _score(truth: LabelTruth, matched: np.ndarray, tracks: Sequence[ObjectTrack]
     moves = speed >= least_speed(float(np.hypot(*of_camera)))
     at = counted[matched[counted] >= 0]
     rows = [(tracks[matched[k]], k - tracks[matched[k]].first) for k in at]
-    means = np.array([one.track.means[row, :3] for one, row in rows]).reshape(-1, 3)
+    means = np.array([track.track.means[row, :3] for track, row in rows]).reshape(-1, 3)
     iou = np.zeros(0)
     if len(at):
-        contours = np.stack([one.track.contours_world[row] for one, row in rows])
-        estimated, _ = boxes(contours, means)
+        estimated = np.concatenate([_box(track.track, row) for track, row in rows])
         true, _ = boxes(scenario.boxes_world[at], poses[at])
         iou = intersections_over_unions(estimated, true)
     in_order = matched[matched >= 0]
@@ -102,6 +102,13 @@ def _score(truth: LabelTruth, matched: np.ndarray, tracks: Sequence[ObjectTrack]
         iou_box=_mean(iou),
         centre_m=_mean(_apart(means, poses[at])),
     )
+
+
+def _box(track: Track, row: int) -> np.ndarray:
+    """Corners (1, 4, 2) m of the box of a track at one scan."""
+    scan = slice(row, row + 1)
+    sizes = None if track.box_sizes is None else track.box_sizes[scan]
+    return boxes(track.contours_world[scan], track.means[scan, :3], sizes)[0]
 
 
 def _mean(values: np.ndarray, function=np.mean) -> float:

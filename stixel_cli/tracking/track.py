@@ -37,6 +37,8 @@ class Track:
             used_points[used_offsets[k]:used_offsets[k + 1]] of the scans' arrays.
         nis: (K,) normalised innovation squared; NaN where no point was used.
         nis_degrees_of_freedom: (K,) int64.
+        box_sizes: (K, 2) m, length and width of the target's box, which is centred at x, y and has
+            room for its limbs in all poses; None: the box of the contour.
         size_deviations: (K,) how far length or width, the farther one, is from the mean of the
             reported class, in its standard deviations; None if the tracker does not estimate them.
         class_probabilities: class to (K,), its probability given the scans up to k. None if the
@@ -56,6 +58,7 @@ class Track:
     used_points: np.ndarray
     nis: np.ndarray
     nis_degrees_of_freedom: np.ndarray
+    box_sizes: np.ndarray | None = None
     size_deviations: np.ndarray | None = None
     class_probabilities: dict[str, np.ndarray] | None = None
     class_replaced: np.ndarray | None = None

@@ -109,7 +109,7 @@ def test_stated_deviation_of_the_contour_has_the_residual():
 
 @pytest.mark.parametrize(
     ("outline", "least", "more"),
-    [(BOX, 0.96, 0.05), (TRAPEZIUM, 0.75, 0.15)],
+    [(BOX, 0.96, 0.05), (TRAPEZIUM, 0.75, 0.1)],
     ids=["box", "trapezium"],
 )
 def test_shapes_that_are_no_drawn_car_are_followed(outline, least, more):

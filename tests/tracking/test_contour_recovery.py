@@ -2,8 +2,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from seen_targets import SENSOR, scans_seen, start_at
-from tracking_cases import CAR
+from seen_targets import SENSOR, scans_seen, seen, start_at, turning
+from tracking_cases import CAR, scans_of
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import wrap_angle
@@ -12,11 +12,15 @@ from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.contour.contour import track
 from stixel_cli.tracking.contour.contour_rays import rays_of, sight_of
 from stixel_cli.tracking.contour.contour_recovery import RECENT, cluster_of, is_inconsistent
+from stixel_cli.tracking.contour.contour_report import box_sizes
+from stixel_cli.tracking.contour.residual import NODES, Residual
 
 TRACKER = dataclasses.replace(
     compose(["tracker=contour"]).configuration.tracker, seen_by="fabricated"
 )
-SHAPE = class_shape("cyclist")
+SHAPE, CAR_SHAPE = class_shape("cyclist"), class_shape("car")
+KNOWN = dataclasses.replace(CAR, length=4.52, width=1.83)
+"""A car of the size of its class."""
 CYCLIST = dataclasses.replace(
     CAR, road_user="cyclist", length=float(SHAPE.size[0]), width=float(SHAPE.size[1])
 )
@@ -77,3 +81,53 @@ def test_the_update_begins_again_from_turns_to_both_sides():
     turns = contour_recovery.TURNS
     assert turns[0] == 0.0  # of equal results the first one, not turned, is taken
     np.testing.assert_allclose(np.sort(turns), np.sort(-turns), atol=1e-12)
+
+
+def test_a_target_is_found_again_that_turned_during_a_gap():
+    """For 2 s without points it turned by 86 degrees, while the filter went straight on."""
+    poses = turning(50, 4.0, 0.75)
+    poses[:15] = poses[15] - (15 - np.arange(15))[:, None] * [*(poses[16] - poses[15])[:2], 0.0]
+    points, covariances = seen(CAR_SHAPE.outline, poses, noise=0.03)
+    nothing = np.zeros((0, 2)), np.zeros((0, 2, 2))
+    pairs = [
+        nothing if 15 <= k < 35 else pair
+        for k, pair in enumerate(zip(points, covariances, strict=True))
+    ]
+    scans = scans_of([pair[0] for pair in pairs], covariances=np.concatenate([p[1] for p in pairs]))
+    result = track(scans, start_at(poses), KNOWN, TRACKER)
+    assert np.hypot(*(result.means[40:, :2] - poses[40:, :2]).T).max() < 0.3
+    assert np.abs(wrap_angle(result.means[40:, 2] - poses[40:, 2])).max() < np.radians(5)
+
+
+@pytest.mark.parametrize("offset", [(1.0, 1.0, 0.5), (-1.0, 0.5, -0.5), (0.5, -1.0, 0.5)])
+def test_a_start_that_is_as_wrong_as_it_states_is_mended(offset):
+    poses = turning(30, 4.0, 0.3)
+    scans = scans_seen(CAR_SHAPE.outline, poses, noise=0.03)
+    initial = dataclasses.replace(
+        start_at(poses, offset), covariance=np.diag([1.0, 1.0, 0.25, 4.0, 4.0, 0.1])
+    )
+    result = track(scans, initial, KNOWN, TRACKER)
+    assert result.class_replaced is None
+    assert np.hypot(*(result.means[3:, :2] - poses[3:, :2]).T).max() < 0.15
+
+
+def test_what_the_scans_say_of_the_size_fades():
+    """Else the error of the shape, the same in all scans, would make the size certain."""
+    poses = turning(700, 4.0, 0.3)
+    points, covariances = seen(CAR_SHAPE.outline * [1.07, 1.0], poses[:20], noise=0.03)
+    scans = scans_of(points + [np.zeros((0, 2))] * 680, covariances=np.concatenate(covariances))
+    result = track(scans, start_at(poses), KNOWN, TRACKER)
+    assert result.means[19, 6] > 0.04
+    assert result.means[-1, 6] == pytest.approx(0.0, abs=1e-3)
+    assert np.sqrt(result.covariances[-1, 6, 6]) == pytest.approx(TRACKER.length_std, rel=0.01)
+
+
+def test_the_box_has_room_for_the_limbs():
+    """The outline of a pedestrian is that of a mean pose, the box that of all."""
+    shape = class_shape("pedestrian")
+    state = np.array([[0.0, 10.0, 0.3, 1.0, 0.0, 0.1, -0.1]])
+    assert box_sizes(state, shape) == pytest.approx((shape.size * np.exp([0.1, -0.1]))[None])
+    assert (np.ptp(shape.outline, axis=0) < shape.size).all()
+    residual = Residual(shape)
+    without = np.concatenate([state, np.zeros((1, NODES))], axis=1)
+    assert box_sizes(without, shape, residual) == pytest.approx(box_sizes(state, shape))

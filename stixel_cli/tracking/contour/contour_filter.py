@@ -41,15 +41,15 @@ from stixel_cli.tracking.contour.class_probabilities import log_likelihood, log_
 from stixel_cli.tracking.contour.class_shape import ClassShape
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight, associate
-from stixel_cli.tracking.contour.contour_recovery import detect_again, is_inconsistent
-from stixel_cli.tracking.contour.contour_report import contours_of, reported
+from stixel_cli.tracking.contour.contour_recovery import RECENT, detect_again, is_inconsistent
+from stixel_cli.tracking.contour.contour_report import box_sizes, contours_of, reported
 from stixel_cli.tracking.contour.contour_update import SEEN, update
 from stixel_cli.tracking.contour.residual import NODES, RESIDUAL_STD
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState, Track
 
 SIZE_TIME = 10.0
-"""s in which the size goes back to the prior's by 63 %, where the visible shape was not learned."""
+"""s in which the size goes back to the prior's by 63 %."""
 
 
 class ClassFilter:
@@ -98,18 +98,14 @@ class ClassFilter:
         tracker, sight = self._tracker, self.sight
         of_bias = transition(self._mean, interval) @ self._of_bias
         mean, covariance = predict(self._mean, self._covariance, interval, tracker)
-        if sight.residual:
-            mean, covariance = self._size_recalled(mean, covariance, interval)
+        mean, covariance = self._size_recalled(mean, covariance, interval)
         indices = associate(rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], sight, tracker)
         if len(indices):
             predicted = mean, covariance, of_bias
-            first = not np.isfinite(self._nis[:k]).any()
+            first = not np.isfinite(self._nis[max(k - RECENT, 0) : k]).any()
             posterior = update(*predicted, rays.subset(indices, sight), sight, tracker)
             *_, self._nis[k], self._degrees[k], _ = posterior
-            # Of a shape that is not known, the first scan may fit in several poses.
-            if (first and sight.residual) or (
-                recovers and is_inconsistent(self._nis[: k + 1], self._degrees[: k + 1])
-            ):
+            if first or (recovers and is_inconsistent(self._nis[: k + 1], self._degrees[: k + 1])):
                 indices, posterior = detect_again(
                     *predicted, rays, indices, sight, tracker, widen=not first
                 )
@@ -134,8 +130,9 @@ class ClassFilter:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Mean and covariance with a size that goes back to the prior's, as an AR(1) process.
 
-        The errors of a shape that is not known have the same sign in all scans: without this, the
-        size follows them and becomes certain.
+        The errors of a shape have the same sign in all scans: without this, the size follows them
+        and becomes certain. Of a car that is followed, only the rear is seen; its roundness then
+        counted as a measurement of the length.
         """
         keep = np.ones(len(mean))
         keep[5:7] = np.exp(-interval / SIZE_TIME)
@@ -169,6 +166,7 @@ class ClassFilter:
                 self._nis,
                 self._degrees,
             ),
+            box_sizes=box_sizes(self._means, self._shape, self.sight.residual),
             size_deviations=self.size_deviations,
         )
 

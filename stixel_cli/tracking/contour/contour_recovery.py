@@ -5,7 +5,9 @@ which is local, stays on the side where it began. As the target turns on, less a
 the gate, and the track is lost. The normalised innovation squared (NIS) shows this early: it stays
 far below its degrees of freedom on a target that is tracked, and near them or above on one that is
 not. Then the update is done again with all points of the target's cluster, with a wide prior, from
-several headings; the most likely result is taken. Where the NIS is small, nothing changes.
+several headings and places; the most likely result is taken. Where the NIS is small, nothing
+changes. At the first scan, and at the first after a gap, this is done in any case, with the prior
+as it is: the start or the prediction may be wrong by more than a local update can mend.
 """
 
 import numpy as np
@@ -26,7 +28,7 @@ WIDE = np.diag([0.3, 0.3, 0.35, 1.0, 0.5, 0.0, 0.0]) ** 2
 """Added to the covariance of an inconsistent prediction: m, rad, m/s, rad/s."""
 
 SHIFTS = (-1.0, -0.5, 0.5, 1.0)
-"""Places across the rays from which it begins, too, m, where the visible shape was not learned."""
+"""Places across the rays from which it begins, too, m."""
 
 LARGEST = 1.3
 """A cluster is the target if it is at most this many times the class's diagonal long."""
@@ -64,13 +66,18 @@ def detect_again(
     if widen:
         wide[:7, :7] += WIDE
     results = []
-    for turn, shift in [(turn, 0.0) for turn in TURNS] + [
-        (0.0, shift) for shift in SHIFTS if sight.residual
+    # After a gap the target may have turned by more.
+    scale = max(1.0, min(2.0 * np.sqrt(covariance[2, 2]), np.pi) / TURNS.max())
+    for turn, shift in [
+        *((scale * turn, 0.0) for turn in TURNS),
+        *((0.0, shift) for shift in SHIFTS),
     ]:
         begin = mean.copy()
         begin[:2] = place + rotation(turn) @ (mean[:2] - place) + shift * left
         begin[2] += turn
-        results.append(update(mean, wide, of_bias, taken, sight, tracker, begin))
+        # After a gap of years the innovation's covariance is singular.
+        with np.errstate(invalid="ignore"):
+            results.append(update(mean, wide, of_bias, taken, sight, tracker, begin))
     return indices, max(results, key=lambda result: np.nan_to_num(result[-1], nan=-np.inf))
 
 

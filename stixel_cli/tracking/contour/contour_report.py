@@ -52,6 +52,17 @@ def contours_of(
     return contours, directions, std
 
 
+def box_sizes(means: np.ndarray, shape: ClassShape, residual: Residual | None = None) -> np.ndarray:
+    """Lengths and widths (K, 2) m of the boxes of K states, with room for the limbs in all poses.
+
+    The outline may be smaller than this box, see `ClassShape`.
+    """
+    plain = np.ptp(shape.outline, axis=0)
+    if residual is None:
+        return shape.size * np.exp(means[:, 5:7])
+    return np.stack([np.ptp(residual.outline(mean), axis=0) for mean in means]) * shape.size / plain
+
+
 def _radii(
     outline: np.ndarray, outline_stds: np.ndarray, angles: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
