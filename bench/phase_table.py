@@ -1,4 +1,4 @@
-"""The table of sub-pixel phases of `stixel_cli.stereo.phase_table`, and the accuracy of each way.
+"""The table of sub-pixel phases of `stixel_cli.stereo.matching`, and the accuracy of each way.
 
 `python bench/phase_table.py` fits the table on seeds 1000 and 1001 of world and sensor noise and
 prints it, then the errors on seed 0 and on the real pairs in the folder of STIXEL_DATA.
@@ -19,7 +19,7 @@ from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
 from stixel_cli.rendering.frames import TARGET_ID, StereoPairs
 from stixel_cli.stereo import sgm
-from stixel_cli.stereo.phase_table import PHASE_TABLE
+from stixel_cli.stereo.matching import PHASE_TABLE
 from stixel_cli.validation.stage_errors import GROSS
 
 APPROACH = [

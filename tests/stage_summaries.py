@@ -1,10 +1,25 @@
-"""Plain summaries of columns and of coverage, to compare the studies' statistics with."""
+"""Plain summaries of the errors of stages, to compare the studies' statistics with.
+
+Bias and RMS leave out gross errors, whose share is a value of its own. A value that cannot be
+computed is NaN.
+"""
+
+from collections.abc import Iterable
+from dataclasses import fields
 
 import numpy as np
 
 from stixel_cli.geometry.rig import Rig
+from stixel_cli.validation.stage_errors import (
+    GROSS,
+    PHASES,
+    ColumnErrors,
+    DisparityErrors,
+    StageErrors,
+    column_kinds,
+    histogram_median,
+)
 from stixel_cli.validation.stage_stixels import StixelErrors
-from stixel_cli.validation.stage_summary import column_kinds
 
 
 def column_summary(
@@ -53,6 +68,113 @@ def coverage_summary(errors: StixelErrors, frames: np.ndarray) -> dict[str, floa
         "unseen": _ratio(float(errors.unseen[seen].sum()), float(errors.shown[seen].sum())),
         "overhang": _ratio(float(errors.overhang[seen].sum()), count),
         "hanging": _ratio(float(errors.hanging[seen].sum()), count),
+    }
+
+
+def pooled(records: Iterable[StageErrors]) -> StageErrors:
+    """The frames of all records one after the other; `first` is 0 and means nothing.
+
+    Raises:
+        ValueError: if there is no record, or they are of images of different widths.
+    """
+    records = list(records)
+    if not records:
+        raise ValueError("no records to pool")
+    if len({record.columns.true.shape[1] for record in records}) > 1:
+        raise ValueError("cannot pool records of images of different widths")
+
+    def joined(kind, parts):
+        names = [field.name for field in fields(kind)]
+        return kind(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in names})
+
+    return StageErrors(
+        first=0,
+        target_depth=np.concatenate([record.target_depth for record in records]),
+        target_pixels=np.concatenate([record.target_pixels for record in records]),
+        disparity=joined(DisparityErrors, [record.disparity for record in records]),
+        columns=joined(ColumnErrors, [record.columns for record in records]),
+        stixels=StixelErrors.joined([record.stixels for record in records]),
+    )
+
+
+def disparity_summary(errors: DisparityErrors, frames: np.ndarray, zone: int) -> dict[str, float]:
+    """Sum up the chosen `frames` (n,) bool in a zone of `stage_errors.ZONES`.
+
+    Returns:
+        pixels; density: share of pixels with a disparity; gross: share of those that are off by
+        more than `GROSS` px; bias, rms: px, of the others; median: px, of all valid ones, from the
+        histogram.
+    """
+    pixels, valid, gross, total, squares = (
+        float(getattr(errors, name)[frames, zone].sum())
+        for name in ("pixels", "valid", "gross", "total", "squares")
+    )
+    histogram = errors.histogram[frames, zone].sum(axis=0)
+    return {
+        "pixels": pixels,
+        "density": _ratio(valid, pixels),
+        "gross": _ratio(gross, valid),
+        "bias": _ratio(total, valid - gross),
+        "rms": float(np.sqrt(_ratio(squares, valid - gross))),
+        "median": histogram_median(histogram),
+    }
+
+
+def phase_bias(errors: DisparityErrors, zone: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Centres of the fractional parts (P,) px, mean error (P,) px, pixels (P,) of a zone."""
+    count = errors.phase_count[:, zone].sum(axis=0)
+    total = errors.phase_total[:, zone].sum(axis=0)
+    mean = np.divide(total, count, out=np.full(PHASES, np.nan), where=count > 0)
+    return (np.arange(PHASES) + 0.5) / PHASES, mean, count
+
+
+def stixel_summary(
+    errors: StixelErrors, low: float = 0.0, high: float = np.inf
+) -> dict[str, float]:
+    """Sum up the stixels whose true depth is in [low, high) m.
+
+    Returns:
+        stixels; gross: share whose disparity is off by more than `GROSS` px; of the others: bias,
+        rms, spread (standard deviation round the bias), median_abs: m in depth, bias_px, rms_px,
+        all against the front face; square_bias, square_rms, slanted_bias, slanted_rms: m against
+        the own pixels, by face; sigma: mean stated, m; nees: mean
+        square of error / σ (1 is consistent); within_1, within_2: share within one and two σ;
+        lateral_bias, lateral_rms: m; top_bias, top_rms, base_bias, base_rms: px; height_bias,
+        height_rms: m.
+    """
+    chosen = (errors.true_depth >= low) & (errors.true_depth < high)
+    fine = chosen & (np.abs(errors.disparity) <= GROSS)
+    depth, sigma = errors.depth[fine], errors.sigma[fine]
+    ratio = depth / sigma
+    square, slanted = (
+        errors.own_depth[fine & errors.square],
+        errors.own_depth[fine & errors.slanted],
+    )
+    return {
+        "stixels": float(chosen.sum()),
+        "gross": _ratio(chosen.sum() - fine.sum(), chosen.sum()),
+        "bias": _mean(depth),
+        "rms": _root_mean_square(depth),
+        "spread": float(depth.std()) if len(depth) else float("nan"),
+        "median_abs": float(np.median(np.abs(depth))) if len(depth) else float("nan"),
+        "bias_px": _mean(errors.disparity[fine]),
+        "rms_px": _root_mean_square(errors.disparity[fine]),
+        "square_bias": _mean(square),
+        "square_rms": _root_mean_square(square),
+        "slanted_bias": _mean(slanted),
+        "slanted_rms": _root_mean_square(slanted),
+        "sigma": _mean(sigma),
+        "nees": _mean(ratio**2),
+        "within_1": _mean(np.abs(ratio) <= 1.0),
+        "within_2": _mean(np.abs(ratio) <= 2.0),
+        "lateral_bias": _mean(errors.lateral[fine]),
+        "lateral_rms": _root_mean_square(errors.lateral[fine]),
+        "top_bias": _mean(errors.top[fine]),
+        "top_rms": _root_mean_square(errors.top[fine]),
+        "base_bias": _mean(errors.base[fine]),
+        "base_rms": _root_mean_square(errors.base[fine]),
+        "height_bias": _mean(errors.height[fine]),
+        "height_rms": _root_mean_square(errors.height[fine]),
     }
 
 

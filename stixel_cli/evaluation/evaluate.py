@@ -14,16 +14,17 @@ import shapely
 
 from stixel_cli.evaluation.contour_errors import (
     COVERED,
+    areas,
     boundary_distances,
     boxes,
     differences_along_rays,
     even_points,
     gaussian_wasserstein,
     in_frames,
+    overlaps,
     seen_points,
 )
 from stixel_cli.evaluation.metric_table import METRICS, OF_CLASSES, OF_SIZE
-from stixel_cli.evaluation.overlaps import areas, overlaps
 from stixel_cli.evaluation.scan_errors import LEAST_OFF, NO_UPPER_BOUNDS, ScanErrors, UpperBounds
 from stixel_cli.evaluation.scores import LabelScores, Scores
 from stixel_cli.geometry.pose import wrap_angle

@@ -9,8 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stixel_cli.evaluation.contour_errors import boxes
-from stixel_cli.evaluation.overlaps import intersections_over_unions
+from stixel_cli.evaluation.contour_errors import boxes, intersections_over_unions
 from stixel_cli.evaluation.scan_errors import LEAST_OFF
 from stixel_cli.evaluation.scores import LabelScore, LabelScores
 from stixel_cli.recordings.types import LabelTruth

@@ -4,8 +4,7 @@ import numpy as np
 
 from stixel_cli.measurements.clusters import cluster
 from stixel_cli.measurements.gates import Gates, candidates
-from stixel_cli.stixels.objects import Objects
-from stixel_cli.stixels.types import Stixels
+from stixel_cli.stixels.types import Objects, Stixels
 
 
 def find_objects(stixels: Stixels, gates: Gates, frames: range) -> Objects:

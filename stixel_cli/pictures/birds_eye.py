@@ -11,7 +11,7 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.pictures import ground, style
 from stixel_cli.results.pictures import Pictures
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.stixels.objects import Objects
+from stixel_cli.stixels.types import Objects
 from stixel_cli.tracking.several.found import ObjectTrack
 from stixel_cli.tracking.track import Track
 

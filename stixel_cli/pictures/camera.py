@@ -19,8 +19,7 @@ from stixel_cli.rendering.frames import RenderedFrames, StereoPairs
 from stixel_cli.results.pictures import Pictures
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stixels.objects import Objects
-from stixel_cli.stixels.types import FreeSpace, Stixels
+from stixel_cli.stixels.types import FreeSpace, Objects, Stixels
 
 if TYPE_CHECKING:  # the module compiles kernels, which no picture needs
     from stixel_cli.stixels.types import OccupancyGrid

@@ -33,7 +33,7 @@ from stixel_cli.report.playback_values import (
 )
 from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.results.result import RunResult
-from stixel_cli.stixels.objects import Objects
+from stixel_cli.stixels.types import Objects
 
 IMAGE_BUDGET = 4_200_000
 """Characters of encoded images on a page. Longer runs show every 2nd, 3rd, … frame."""

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from stixel_cli.results.lineage import Lineage
     from stixel_cli.results.pictures import CameraFrames
     from stixel_cli.scene.scenario import Scenario
-    from stixel_cli.stixels.objects import Objects
+    from stixel_cli.stixels.types import Objects
     from stixel_cli.tracking.several.found import ObjectTrack
     from stixel_cli.tracking.track import Track
 

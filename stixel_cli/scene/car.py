@@ -8,8 +8,8 @@ import numpy as np
 
 from stixel_cli.scene.car_shape import HATCHBACK, CarShape
 from stixel_cli.scene.mesh import Mesh, Part, scaled
-from stixel_cli.scene.monotone_curve import MonotoneCurve
 from stixel_cli.scene.shapes import (
+    MonotoneCurve,
     box,
     cube_uvs,
     ellipsoid,

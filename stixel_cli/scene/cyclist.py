@@ -7,9 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stixel_cli.scene.limbs import knee, turned
 from stixel_cli.scene.mesh import Mesh, Part
-from stixel_cli.scene.shapes import Surface, box, ellipsoid, lathe, loft, part, torus, tube
+from stixel_cli.scene.shapes import (
+    Surface,
+    box,
+    ellipsoid,
+    knee,
+    lathe,
+    loft,
+    part,
+    torus,
+    tube,
+    turned,
+)
 from stixel_cli.scene.textures import Colour, cloth, mottled, paint
 
 AXLE = np.array([0.0, 0.06, 0.0])

@@ -23,11 +23,11 @@ from stixel_cli.errors import UserError, printable
 from stixel_cli.files import GREATEST_ARRAYS, opened, read_bytes, read_json
 from stixel_cli.remembered import remembered
 from stixel_cli.scene.mesh import Mesh, Part, bounding_box, corners, grounded
-from stixel_cli.scene.mesh_process import read
+from stixel_cli.scene.open3d_import import read_mesh
 from stixel_cli.scene.shapes import cube_uvs
 from stixel_cli.scene.textures import paint
 
-COMMAND = (sys.executable, "-m", read.__module__)
+COMMAND = (sys.executable, "-m", read_mesh.__module__)
 
 LEAST_SIDE, GREATEST_SIDE = 0.1, 30.0
 """Of the box around a road user, m: nothing flat, and no file in millimetres."""
@@ -149,7 +149,7 @@ def _check_textures(path: str) -> None:
 
 
 def _read_in_child(path: str) -> dict[str, np.ndarray]:
-    """The arrays of `mesh_process.read`; no triangles if the file ends the child process."""
+    """The arrays of `read_mesh`; no triangles if the file ends the child process."""
     child = subprocess.run((*COMMAND, path), stdin=subprocess.DEVNULL, capture_output=True)
     if child.returncode < 0:
         return {"vertices": np.empty((0, 3)), "triangles": np.empty((0, 3), np.int32)}

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stixel_cli.scene.limbs import knee, turned
 from stixel_cli.scene.mesh import Mesh, Part
-from stixel_cli.scene.shapes import Surface, ellipsoid, loft, part, tube
+from stixel_cli.scene.shapes import Surface, ellipsoid, knee, loft, part, tube, turned
 from stixel_cli.scene.textures import Colour, cloth, mottled
 
 ANKLE_HEIGHT = 0.09

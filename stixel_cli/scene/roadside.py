@@ -11,12 +11,11 @@ import shapely
 
 from stixel_cli.randomness import generator
 from stixel_cli.scene import background
+from stixel_cli.scene.background import flat
 from stixel_cli.scene.car import car
-from stixel_cli.scene.facades import facade, roof_tiles
-from stixel_cli.scene.ground import flat
 from stixel_cli.scene.mesh import Mesh, bounding_box, fitted, moved
 from stixel_cli.scene.shapes import box, part
-from stixel_cli.scene.textures import asphalt, leaves, mottled
+from stixel_cli.scene.textures import asphalt, facade, leaves, mottled, roof_tiles
 from stixel_cli.scene.world import WALLS, WorldObject
 from stixel_cli.scene.world_parameters import World
 

@@ -12,12 +12,11 @@ import numpy as np
 
 from stixel_cli.randomness import generator
 from stixel_cli.scene import background
+from stixel_cli.scene.background import ground
 from stixel_cli.scene.car import car
-from stixel_cli.scene.facades import facade, roof_tiles
-from stixel_cli.scene.ground import ground
 from stixel_cli.scene.mesh import Mesh, fitted, moved
 from stixel_cli.scene.shapes import box, part
-from stixel_cli.scene.textures import leaves, mottled
+from stixel_cli.scene.textures import facade, leaves, mottled, roof_tiles
 from stixel_cli.scene.world_parameters import World
 
 HOUSES = (

@@ -1,7 +1,7 @@
 """Errors of the steps from disparity to stixels against the rendered truth, frame by frame.
 
 The records are compact and additive, so that frames of many runs can be pooled and binned by range
-afterwards (`stage_summary`). Errors are found minus true.
+afterwards. Errors are found minus true.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -235,3 +235,53 @@ def _nearest(truth: FrameTruth) -> float:
 def _stacked(kind, records):
     names = [field.name for field in fields(kind)]
     return kind(**{name: np.stack([getattr(r, name) for r in records]) for name in names})
+
+
+def histogram_median(histogram: np.ndarray) -> float:
+    """Median px of counts (n,) over `HISTOGRAM_EDGES`, even inside a bin; NaN if all are 0."""
+    before = np.concatenate([[0], np.cumsum(histogram)])
+    if before[-1] == 0:
+        return float("nan")
+    half = 0.5 * before[-1]
+    b = int(np.searchsorted(before, half, side="left")) - 1
+    share = (half - before[b]) / (before[b + 1] - before[b])
+    return float(HISTOGRAM_EDGES[b] + share * (HISTOGRAM_EDGES[b + 1] - HISTOGRAM_EDGES[b]))
+
+
+@dataclass(frozen=True)
+class ColumnKinds:
+    """The result of each column; bool arrays of any one shape.
+
+    Attributes:
+        real: has a true nearest obstacle.
+        hit: its obstacle was found within `GROSS` px.
+        missed: it has one, and no obstacle was found, or one more than `GROSS` px farther.
+        below_threshold: an obstacle was found where the column has no true one, or more than
+            `GROSS` px nearer than the true one, at a surface below the threshold: smaller than the
+            least obstacle, or beyond the grid's range.
+        false_positive: the same, without a surface there.
+    """
+
+    real: np.ndarray
+    hit: np.ndarray
+    missed: np.ndarray
+    below_threshold: np.ndarray
+    false_positive: np.ndarray
+
+
+def column_kinds(true: np.ndarray, found: np.ndarray, there: np.ndarray) -> ColumnKinds:
+    """Kinds of columns of pitch-compensated disparities in px, any shape, NaN where free.
+
+    See `ColumnErrors`.
+    """
+    real, any_ = np.isfinite(true), np.isfinite(found)
+    error = found.astype(np.float64) - true.astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        extra = any_ & (~real | (error > GROSS))
+        return ColumnKinds(
+            real=real,
+            hit=np.abs(error) <= GROSS,
+            missed=real & (~any_ | (error < -GROSS)),
+            below_threshold=extra & there,
+            false_positive=extra & ~there,
+        )

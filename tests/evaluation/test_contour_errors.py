@@ -9,15 +9,17 @@ from scipy.spatial.distance import directed_hausdorff
 from stixel_cli.evaluation.contour_errors import (
     SHRUNK,
     area_moments,
+    areas,
     boundary_distances,
     boxes,
     differences_along_rays,
     even_points,
     gaussian_wasserstein,
+    intersections_over_unions,
+    overlaps,
     seen_points,
 )
 from stixel_cli.evaluation.evaluate import normalised_errors
-from stixel_cli.evaluation.overlaps import areas, intersections_over_unions, overlaps
 from stixel_cli.geometry.pose import target_from_world, world_from_target
 
 SQUARE = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]], float)

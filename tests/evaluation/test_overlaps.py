@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stixel_cli.evaluation.overlaps import intersections_over_unions
+from stixel_cli.evaluation.contour_errors import intersections_over_unions
 
 SQUARE = np.array([[0, 0], [2, 0], [2, 2], [0, 2]], float)
 

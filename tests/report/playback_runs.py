@@ -16,7 +16,7 @@ from report_nouns import (
 from stixel_cli.config.compose import compose
 from stixel_cli.pictures.camera_frames import camera_frames
 from stixel_cli.results.result import RunResult
-from stixel_cli.stixels.objects import Objects
+from stixel_cli.stixels.types import Objects
 from stixel_cli.tracking.several.found import ObjectTrack
 
 SCANS = 12

@@ -9,12 +9,11 @@ import shapely
 
 from stixel_cli.geometry.pose import target_from_world
 from stixel_cli.scene.build import build_scenario
-from stixel_cli.scene.contours import road_user_contours
+from stixel_cli.scene.contours import ground_contour, road_user_contours
 from stixel_cli.scene.ego import ego_motion
-from stixel_cli.scene.limbs import knee
 from stixel_cli.scene.mesh import bounding_box
-from stixel_cli.scene.outline import ground_contour
 from stixel_cli.scene.road_user import LIMB_POSES, limb_poses, moving_parts, road_user_meshes
+from stixel_cli.scene.shapes import knee
 
 WALKERS = ("cyclist", "pedestrian")
 

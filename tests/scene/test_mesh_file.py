@@ -12,10 +12,10 @@ import pytest
 from stixel_cli.config.compose import compose
 from stixel_cli.engine.graph import build_graph
 from stixel_cli.experiment.stages import pipeline_stages, scan_count
-from stixel_cli.scene import mesh_file, mesh_process
+from stixel_cli.scene import mesh_file, open3d_import
+from stixel_cli.scene.contours import ground_contour
 from stixel_cli.scene.mesh import bounding_box
 from stixel_cli.scene.mesh_file import load_mesh, referred_files
-from stixel_cli.scene.outline import ground_contour
 from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.road_user_parameters import RoadUser
 
@@ -205,7 +205,7 @@ DAMAGED += [
 )
 def test_invalid_user_mesh_gives_a_one_line_error(tmp_path, monkeypatch, name, text, message):
     # Here: a child process for each takes half a second.
-    monkeypatch.setattr(mesh_file, "_read_in_child", mesh_process.read)
+    monkeypatch.setattr(mesh_file, "_read_in_child", open3d_import.read_mesh)
     path = tmp_path / name
     if text is not None:
         path.write_text(text)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
-from stixel_cli.scene.monotone_curve import MonotoneCurve
+from stixel_cli.scene.shapes import MonotoneCurve
 
 POINTS = {
     "rising": ([0.0, 1.0, 1.5, 4.0], [0.0, 0.1, 2.0, 2.1]),

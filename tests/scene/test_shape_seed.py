@@ -11,8 +11,8 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from stixel_cli.scene.contours import ground_contour
 from stixel_cli.scene.mesh import bounding_box, corners
-from stixel_cli.scene.outline import ground_contour
 from stixel_cli.scene.road_user import road_user_meshes
 
 SIZES = {

@@ -12,12 +12,13 @@ from stixel_cli.stereo import bm, sgm
 from stixel_cli.stereo.bm import BmParameters
 from stixel_cli.stereo.disparities import INVALID
 from stixel_cli.stereo.matching import (
+    PHASE_TABLE,
     cancel_errors,
+    correct_phases,
     corrected,
     disparity_count,
     half_pixel_right,
 )
-from stixel_cli.stereo.phase_table import PHASE_TABLE, correct_phases
 from stixel_cli.stereo.sgm import SgmParameters
 
 SHIFT = 10

@@ -16,7 +16,14 @@ from stage_scene import (
     scene,
     truth_of,
 )
-from stage_summaries import column_summary, coverage_summary
+from stage_summaries import (
+    column_summary,
+    coverage_summary,
+    disparity_summary,
+    phase_bias,
+    pooled,
+    stixel_summary,
+)
 
 from stixel_cli.rendering.frames import TARGET_ID, RenderedFrames
 from stixel_cli.stereo.disparities import Disparities
@@ -30,15 +37,9 @@ from stixel_cli.validation.stage_errors import (
     disparity_errors,
     grid_choice,
     has_surface,
+    histogram_median,
     stage_errors,
     zones,
-)
-from stixel_cli.validation.stage_summary import (
-    disparity_summary,
-    histogram_median,
-    phase_bias,
-    pooled,
-    stixel_summary,
 )
 
 

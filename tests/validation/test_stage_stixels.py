@@ -14,15 +14,13 @@ from stage_scene import (
     scene,
     truth_of,
 )
+from stage_summaries import stixel_summary
 
 from stixel_cli.rendering.frames import TARGET_ID
 from stixel_cli.validation.stage_errors import (
     GROSS,
 )
 from stixel_cli.validation.stage_stixels import overhang, stixel_errors
-from stixel_cli.validation.stage_summary import (
-    stixel_summary,
-)
 from stixel_cli.validation.stage_truth import frame_truth
 
 

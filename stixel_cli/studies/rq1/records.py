@@ -8,8 +8,7 @@ from stixel_cli.geometry.rig import Rig
 from stixel_cli.report.tables import chosen
 from stixel_cli.studies.data import StudyRun
 from stixel_cli.studies.rq1.errors import FRAMES_A_USER, Errors, road_user
-from stixel_cli.validation.stage_errors import GROSS, PHASES, StageErrors
-from stixel_cli.validation.stage_summary import column_kinds
+from stixel_cli.validation.stage_errors import GROSS, PHASES, StageErrors, column_kinds
 
 
 def errors_of(runs: Iterable[StudyRun], columns: str = "") -> Errors:

@@ -8,8 +8,7 @@ from stixel_cli.report.blocks import Cell, Table
 from stixel_cli.report.tables import ends
 from stixel_cli.studies.rq1 import errors as of
 from stixel_cli.studies.rq1.figures import phase_error
-from stixel_cli.validation.stage_errors import PHASES, ZONES
-from stixel_cli.validation.stage_summary import histogram_median
+from stixel_cli.validation.stage_errors import PHASES, ZONES, histogram_median
 
 _OF_PIXELS = ("density %", "gross %", "bias px", "RMS px")
 _OF_HEIGHT = {
