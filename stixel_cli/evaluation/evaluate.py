@@ -25,13 +25,21 @@ from stixel_cli.evaluation.contour_errors import (
     seen_points,
 )
 from stixel_cli.evaluation.metric_table import METRICS, OF_CLASSES, OF_SIZE
-from stixel_cli.evaluation.scan_errors import LEAST_OFF, NO_UPPER_BOUNDS, ScanErrors, UpperBounds
+from stixel_cli.evaluation.scan_errors import (
+    LOW_OVERLAP,
+    NO_UPPER_BOUNDS,
+    ScanErrors,
+    UpperBounds,
+)
 from stixel_cli.evaluation.scores import LabelScores, Scores
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.classes import ROAD_USER_CLASSES
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track, check_finite
+
+LEAST_SPEED = 0.5
+"""A target that is not faster than this, m/s, stands: its heading may be reported either way."""
 
 BESIDE = 0.5
 """A point this near to a used one, m, is likely to be of the same road user."""
@@ -80,7 +88,13 @@ def evaluate(
     nis = np.divide(track.nis, degrees, out=np.full(len(degrees), np.nan), where=degrees > 0)
     counted = known if scenario.scored is None else known & scenario.scored
     rates = scenario.target_rates_world
-    speed = np.hypot(*track.means[:, 3:5].T) - np.hypot(*rates[:, :2].T)
+    true_speed = np.hypot(*rates[:, :2].T)
+    speed = np.hypot(*track.means[:, 3:5].T) - true_speed
+    of_classes = class_errors(track, road_user)
+    replaced_wrongly = (of_classes["class_replaced"] == 1.0) & (of_classes["class_wrong"] == 1.0)
+    lost = off_target(
+        at_known["iou_box"], orientation[known], true_speed[known], replaced_wrongly[known]
+    )
     errors = ScanErrors(
         times=(scenario.times - scenario.times[0])[counted],
         centre=centre[counted],
@@ -94,8 +108,9 @@ def evaluate(
         points_used=np.diff(track.used_offsets),
         scan_times=scenario.times - scenario.times[0],
         **size_errors(track, scans),
-        **class_errors(track, road_user),
+        **of_classes,
         uses_scans=track.uses_scans,
+        lost=lost[counted[known]],
         **{name: np.full(counted.sum(), value) for name, value in vars(upper_bounds).items()},
         **{name: values[counted[known]] for name, values in at_known.items()},
     )
@@ -185,7 +200,6 @@ def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
         "iou_box": iou_box,
         "length": length,
         "width": width,
-        "lost": off_target(np.hypot(*places.T), iou_box, high[0] - low[0]),
     }
     if scenario.only_box or not len(scans):
         names = ("iou", "iou_hull", "gaussian_wasserstein", "hausdorff", "contour_distance")
@@ -220,14 +234,17 @@ def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
     }
 
 
-def off_target(centre: np.ndarray, iou_box: np.ndarray, length: float) -> np.ndarray:
-    """Whether an estimate (K,) is off the target.
+def off_target(
+    iou_box: np.ndarray, orientation: np.ndarray, speed: np.ndarray, replaced_wrongly: np.ndarray
+) -> np.ndarray:
+    """Whether each of n estimates is off the target, (n,) bool.
 
-    It is where its box does not overlap the true one, or its centre is farther away than
-    `LEAST_OFF` and half the true length, m; also where it is not finite.
+    It is where the IoU of the boxes is below `LOW_OVERLAP` or unknown, where the heading of a
+    target that moves is wrong by more than 90°, and where the reported class is neither the
+    prior's nor the road user's. `orientation` is the error, rad, `speed` the true one, m/s.
     """
-    near = centre <= np.maximum(LEAST_OFF, 0.5 * length)
-    return ~(near & (iou_box > 0.0))
+    backwards = (np.abs(orientation) > 0.5 * np.pi) & (speed > LEAST_SPEED)
+    return ~(iou_box >= LOW_OVERLAP) | backwards | replaced_wrongly
 
 
 def _over_time(values: np.ndarray, known: np.ndarray) -> np.ndarray:

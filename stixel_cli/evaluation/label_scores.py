@@ -2,7 +2,7 @@
 
 At each scan the tracks are assigned to the labels: the most pairs, and of these the least sum of
 centre distances (the association of CLEAR MOT: Bernardin, Stiefelhagen 2008). A pair is allowed up
-to the distance at which an estimate is off its target, see `evaluate.off_target`.
+to half the label's length, but at least `LEAST_REACH`.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from stixel_cli.evaluation.contour_errors import boxes, intersections_over_unions
-from stixel_cli.evaluation.scan_errors import LEAST_OFF
 from stixel_cli.evaluation.scores import LabelScore, LabelScores
 from stixel_cli.recordings.types import LabelTruth
 from stixel_cli.tracking.followed import line
@@ -19,6 +18,9 @@ from stixel_cli.tracking.track import Track
 
 NEVER = 1e3
 """m, more than any allowed distance."""
+
+LEAST_REACH = 1.0
+"""A track may be this far, m, from the label of a short road user."""
 
 FALSE = 0.5
 """A track is false if it matches labels in less than this share of its scans."""
@@ -61,7 +63,7 @@ def _matches(tracks: Sequence[ObjectTrack], truths: Sequence[LabelTruth]) -> np.
         means = np.array([tracks[j].track.means[k - tracks[j].first, :2] for j in alive])
         apart = np.hypot(*np.moveaxis(true[:, None] - means, 2, 0))
         lengths = np.array([np.ptp(truths[i].scenario.box_target[:, 0]) for i in here])
-        allowed = apart <= np.maximum(LEAST_OFF, 0.5 * lengths)[:, None]
+        allowed = apart <= np.maximum(LEAST_REACH, 0.5 * lengths)[:, None]
         pairs = linear_sum_assignment(np.where(allowed, apart - NEVER, 0.0))
         for i, j in zip(*pairs, strict=True):
             if allowed[i, j]:

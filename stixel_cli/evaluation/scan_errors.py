@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 LOW_OVERLAP = 0.2
-"""A scan has low overlap if the IoU of its outline is below this."""
+"""A scan has low overlap if the IoU of its outline is below this; a box that has is off."""
 
 LOSS_DURATION = 1.0
 """A track is lost once it has been off the target for this long, s."""
@@ -13,8 +13,8 @@ LOSS_DURATION = 1.0
 DIVERGED_NIS = 9.0
 """A tracker has diverged where the mean NIS / degrees of freedom of a second is above this."""
 
-LEAST_OFF = 1.0
-"""A centre error up to this, m, is never off the target."""
+SURE = 3.0
+"""A tracker is sure that the target is not farther away than this, in standard deviations."""
 
 THRESHOLDS = 21
 """Thresholds of the curves of success and of precision, as in lidar single-object tracking."""
@@ -69,7 +69,7 @@ class ScanErrors:
         seen_contour: mean distance of the true outline's points that the ego car sees from the
             estimated outline, m; NaN if it sees no point.
         band_coverage: share of the true outline's points in the estimated 95 % band.
-        lost: whether the estimated box is off the true one; see `evaluate.off_target`.
+        lost: whether the estimate is off the target; see `evaluate.off_target`.
         nees_position, nees_orientation: NEES divided by its dimension; NaN without a valid
             covariance.
         nis: NIS divided by its degrees of freedom; NaN for an empty scan.
@@ -156,6 +156,15 @@ def share_of(part: np.ndarray, rest: np.ndarray) -> float | None:
 def low_overlap_share(iou: np.ndarray) -> float | None:
     """Share of scans with an IoU below `LOW_OVERLAP`; None if an IoU is NaN."""
     return mean(np.where(np.isnan(iou), np.nan, iou < LOW_OVERLAP))
+
+
+def sure_and_wrong_share(errors: ScanErrors) -> float | None:
+    """Share of scans where the box has low overlap and the stated covariance excludes the centre.
+
+    The centre's Mahalanobis distance is above `SURE`; None if there is no scan.
+    """
+    sure = np.sqrt(2.0 * errors.nees_position) > SURE
+    return mean((sure & (errors.iou_box < LOW_OVERLAP)).astype(float))
 
 
 def time_to_loss(times: np.ndarray, lost: np.ndarray) -> float | None:

@@ -72,6 +72,8 @@ def test_summary_matches_a_calculation_by_hand():
     expected = {
         "track_lost": 0,
         "time_to_loss_s": None,
+        # The last centre is 10 m away, and its standard deviation is 0.5 m.
+        "sure_and_wrong_share": 0.2,
         "diverged": 0,
         "time_to_divergence_s": None,
         "centre_rmse_m": np.sqrt(101 / 5),

@@ -11,6 +11,7 @@ from stixel_cli.evaluation.scan_errors import (
     low_overlap_share,
     precision,
     success,
+    sure_and_wrong_share,
     time_to_divergence,
     time_to_loss,
 )
@@ -80,12 +81,28 @@ def test_less_than_a_second_is_too_short_to_diverge():
     assert time_to_divergence(short) is None
 
 
-def test_off_target_is_far_or_without_overlap():
-    centre = np.array([0.9, 1.1, 1.1, 2.3, 0.5, np.nan])
-    length = np.array([0.5, 0.5, 4.4, 4.4, 0.5, 4.4])
-    iou = np.array([0.1, 0.1, 0.1, 0.1, 0.0, 0.0])
-    expected = [False, True, False, True, True, True]
-    np.testing.assert_array_equal(off_target(centre, iou, length), expected)
+@pytest.mark.parametrize(
+    ("iou_box", "degrees", "speed", "replaced_wrongly", "expected"),
+    [
+        (0.2, 0.0, 5.0, False, False),
+        (0.19, 0.0, 5.0, False, True),
+        (np.nan, 0.0, 5.0, False, True),
+        (0.9, 89.0, 5.0, False, False),
+        (0.9, -91.0, 5.0, False, True),
+        # A target that stands has no direction of motion.
+        (0.9, 180.0, 0.4, False, False),
+        (0.9, 0.0, 5.0, True, True),
+    ],
+)
+def test_off_target(iou_box, degrees, speed, replaced_wrongly, expected):
+    arrays = (np.array([value]) for value in (iou_box, np.radians(degrees), speed))
+    assert off_target(*arrays, np.array([replaced_wrongly])).tolist() == [expected]
+
+
+def test_sure_and_wrong_needs_both():
+    sigmas, iou = np.array([2.9, 3.1, 3.1, np.nan]), np.array([0.1, 0.1, 0.3, 0.1])
+    errors = output(nees_position=0.5 * sigmas**2, iou_box=iou)
+    assert sure_and_wrong_share(errors) == 0.25
 
 
 def test_success_and_precision_are_areas_under_their_curves():
