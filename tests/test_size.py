@@ -18,11 +18,11 @@ BUDGET = {
     # The box of a track has room for the limbs; loss has one definition, with heading and class.
     "evaluation": 1603,
     "experiment": 1488,
-    "export": 680,
+    "export": 590,
     "geometry": 173,
     "machine": 331,
     "measurements": 1710,
-    "pictures": 1410,
+    "pictures": 1403,
     "recordings": 2530,
     "rendering": 2632,
     "report": 2124,
@@ -38,7 +38,7 @@ BUDGET = {
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
-MODULES = 326
+MODULES = 325
 """Modules of the package, without `__init__`."""
 
 

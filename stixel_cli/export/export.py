@@ -1,125 +1,118 @@
-"""Export runs: a rendered clip in KITTI's layout, trajectories for evo; the table of formats."""
+"""The formats of exports; CSV tables with a table of their columns, trajectories for evo."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from stixel_cli.config.compose import compose
-from stixel_cli.config.texts import override_text
 from stixel_cli.engine.progress import Progress
 from stixel_cli.experiment.run import run_experiment
-from stixel_cli.export.csv_tables import export_csv
-from stixel_cli.export.kitti_folder import write_clip
-from stixel_cli.export.new_folder import (
-    stage_results,
-    write_new_folder,
-    write_texts,
-)
+from stixel_cli.export.kitti_folder import export_kitti
+from stixel_cli.export.new_folder import new_folder
 from stixel_cli.export.rerun_log import export_rerun
 from stixel_cli.export.stixel_files import export_stx1
-from stixel_cli.images import encode_png
+from stixel_cli.results.folder import csv_text
 from stixel_cli.results.result import RunResult
-from stixel_cli.scene.classes import CLASS_ROWS
-from stixel_cli.stereo.disparities import INVALID, SUBPIXELS, Disparities
+from stixel_cli.scene.classes import ROAD_USER_CLASSES
 
-SEQUENCE = "0000"
-"""Name of an exported clip."""
+COLUMNS: dict[str, tuple[str, str]] = {
+    "k": ("", "index of the scan, from 0"),
+    "t": ("s", "time of the scan"),
+    "x": ("m", "position, to the right of the ego car's pose at k = 0"),
+    "y": ("m", "position, ahead of the ego car's pose at k = 0"),
+    "heading": ("rad", "counter-clockwise from +x"),
+    "x_rate": ("m/s", "derivative of x"),
+    "y_rate": ("m/s", "derivative of y"),
+    "heading_rate": ("rad/s", "derivative of heading"),
+    "std_x": ("m", "standard deviation of x"),
+    "std_y": ("m", "standard deviation of y"),
+    "std_heading": ("rad", "standard deviation of heading"),
+    "std_x_rate": ("m/s", "standard deviation of x_rate"),
+    "std_y_rate": ("m/s", "standard deviation of y_rate"),
+    "std_heading_rate": ("rad/s", "standard deviation of heading_rate"),
+    "var_xx": ("m²", "variance of x"),
+    "var_xy": ("m²", "covariance of x and y"),
+    "var_yy": ("m²", "variance of y"),
+    "used": ("", "1 if the track was updated with the point, else 0"),
+    "points_used": ("", "number of points with which the track was updated"),
+    "nis": ("", "normalised innovation squared; nan without a point"),
+    "nis_degrees_of_freedom": ("", "degrees of freedom of nis"),
+    **{
+        f"{name}_probability": ("", f"probability of the class {name}, given the scans up to k")
+        for name in ROAD_USER_CLASSES
+    },
+    "length": ("m", "length of the true box"),
+    "width": ("m", "width of the true box"),
+    "i": ("", "number of the contour's point, counter-clockwise, from 0"),
+    "std": ("m", "standard deviation of the contour along the ray from the centre"),
+}
+"""Unit and meaning of each column; all positions are in the world frame."""
 
-FROM_IMAGES = tuple(
-    ["road", "stereo", "occupancy", "free_space", "height", "extraction", "measurement"]
-)
-"""Groups of the stages from the images to the scans."""
 
-
-def export_kitti(stored: RunResult, folder: Path, progress: Progress | None = None) -> list[str]:
-    """Write the images, calibration, labels, ego poses and disparities of a run as a KITTI clip.
+def export_csv(stored: RunResult, folder: Path, progress: Progress | None = None) -> None:
+    """Write scans, track, truth, contours and ego poses as CSV, and `columns.csv` about them.
 
     Results that the cache lacks are computed.
 
-    Returns:
-        The overrides with which `stixel run` makes the scans of this run from the clip.
-
     Raises:
-        UserError: if the run has no rendered images, or the folder exists or cannot be written.
+        UserError: if the folder exists or cannot be written, or the run cannot be repeated.
         StageFailure: if a stage fails.
     """
-    configuration = stored.composition.configuration
-    user, rig = configuration.road_user, configuration.rig
-    wanted = ["add_sensor_noise", "match", "scenario"]
-    with stage_results(stored, wanted, "rendered images", progress) as found:
-        pairs, disparities, (scenario,) = (found[name] for name in wanted)
+    import pandas
 
-        def write(partial: Path) -> None:
-            write_clip(
-                partial,
-                SEQUENCE,
-                pairs,
-                scenario,
-                rig,
-                CLASS_ROWS[user.kind].kitti_types[0],
-                user.height,
-            )
-            write_disparities(partial, disparities)
-
-        write_new_folder(folder, write)
-    choices = stored.composition.choices
-    given = {
-        "source": "kitti_tracking",
-        "source.folder": str(folder),
-        "source.sequence": SEQUENCE,
-        "source.target": 0,
-        "source.sample_time": configuration.path.sample_time,
-        "rig.pitch": rig.pitch,
-        "rig.camera_height": rig.camera_height,
-        **{group: choices[group] for group in (*FROM_IMAGES, "prior")},
-    }
-    overrides = [override_text(name, value) for name, value in given.items()]
-    # A recording has values of its own, and the run has those of its command line.
-    read = compose(overrides).resolved
-    return overrides + [
-        override_text(f"{group}.{name}", value)
-        for group in FROM_IMAGES
-        for name, value in stored.settings[group].items()
-        if value != read[group][name]
-    ]
+    run = run_experiment(stored.composition, progress, pictures=False, camera=False)
+    tables = exported_tables(run)
+    rows = [(table, name, *COLUMNS[name]) for table, columns in tables.items() for name in columns]
+    with new_folder(folder) as partial:
+        for table, columns in tables.items():
+            (partial / f"{table}.csv").write_text(csv_text(columns), encoding="utf-8")
+        columns_table = pandas.DataFrame(rows, columns=["table", "column", "unit", "meaning"])
+        columns_table.to_csv(partial / "columns.csv", index=False)
 
 
-def write_disparities(folder: Path, disparities: Iterable[Disparities]) -> None:
-    """Write the disparities of all frames as KITTI stores them: uint16, 256 per px, 0 is invalid.
+def exported_tables(run: RunResult) -> dict[str, dict[str, np.ndarray]]:
+    """The tables by name; without truth, those of the truth are missing."""
+    tables = {name: run.tables[name] for name in ("scans", "track", "truth", "ego")
+              if name in run.tables}  # fmt: skip
+    used = np.zeros(len(run.scans.points_world), dtype=np.int64)
+    used[run.track.used_points] = 1
+    tables["scans"] = tables["scans"] | {"used": used}
+    contours = _contour(np.arange(len(run.track.times)), run.track.contours_world)
+    tables["contour"] = contours | {"std": run.track.contour_std.ravel()}
+    if "truth" in tables:
+        known = np.flatnonzero(run.scenario.known)
+        true_contours = np.stack([run.scenario.contour_world(k) for k in known])
+        tables["true_contour"] = _contour(known, true_contours)
+    return tables
 
-    Raises:
-        OSError: if a file cannot be written.
-    """
-    target = folder / "disparity" / SEQUENCE
-    target.mkdir(parents=True, exist_ok=True)
-    for chunk in disparities:
-        for i in range(len(chunk)):
-            raw = chunk.raw(i).astype(np.int64)
-            stored = np.where(raw == INVALID, 0, np.clip(raw * (256 // SUBPIXELS), 1, 65535))
-            file = target / f"{chunk.first + i:06d}.png"
-            file.write_bytes(encode_png(stored.astype(np.uint16)))
+
+def _contour(k: np.ndarray, contours_world: np.ndarray) -> dict[str, np.ndarray]:
+    """Polygons (K, M, 2) m of the scans `k` (K,) as a table, one row a point."""
+    count = contours_world.shape[1]
+    x, y = contours_world.reshape(-1, 2).T
+    return {"k": np.repeat(k, count), "i": np.tile(np.arange(count), len(k)), "x": x, "y": y}
 
 
-def export_tum(stored: RunResult, folder: Path, progress: Progress | None = None) -> list[str]:
+def export_tum(stored: RunResult, folder: Path, progress: Progress | None = None) -> None:
     """Write the trajectories of the track, the truth and the ego car in TUM's format, as evo reads.
 
     Each row has the time (s), the place (m, z = 0) and the heading as a quaternion (x, y, z, w).
-    Times without truth have no row. Returns the names of the files.
+    Times without truth have no row.
 
     Raises:
         UserError: if the folder exists or cannot be written, or the run cannot be repeated.
         StageFailure: if a stage fails.
     """
     run = run_experiment(stored.composition, progress, pictures=False, camera=False)
-    scenario = run.scenario
     poses = {
         "track": run.track.means[:, :3],
-        "truth": scenario.target_poses_world,
-        "ego": scenario.ego_poses_world,
+        "truth": run.scenario.target_poses_world,
+        "ego": run.scenario.ego_poses_world,
     }
-    texts = {f"{name}.tum": tum_text(scenario.times, values) for name, values in poses.items()}
-    return write_texts(folder, texts)
+    with new_folder(folder) as partial:
+        for name, values in poses.items():
+            text = tum_text(run.scenario.times, values)
+            (partial / f"{name}.tum").write_text(text, encoding="utf-8")
 
 
 def tum_text(times: np.ndarray, poses_world: np.ndarray) -> str:
@@ -133,7 +126,7 @@ def tum_text(times: np.ndarray, poses_world: np.ndarray) -> str:
     return "".join(f"{row}\n" for row in rows)
 
 
-FORMATS: dict[str, Callable[..., list[str]]] = {
+FORMATS: dict[str, Callable[..., list[str] | None]] = {
     "kitti": export_kitti,
     "csv": export_csv,
     "tum": export_tum,

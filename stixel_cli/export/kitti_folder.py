@@ -1,14 +1,88 @@
-"""Write a clip in the layout of KITTI's tracking benchmark, as `kitti_tracking` reads it."""
+"""Export a rendered run as a clip of KITTI's tracking benchmark, as `kitti_tracking` reads it."""
 
 from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
+from stixel_cli.config.compose import compose
+from stixel_cli.config.texts import override_text
+from stixel_cli.engine.progress import Progress
+from stixel_cli.export.new_folder import new_folder, stage_results
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotation, world_from_target
 from stixel_cli.geometry.rig import Rig
+from stixel_cli.images import encode_png
 from stixel_cli.rendering.frames import StereoPairs
+from stixel_cli.results.result import RunResult
+from stixel_cli.scene.classes import CLASS_ROWS
 from stixel_cli.scene.scenario import Scenario
+from stixel_cli.stereo.disparities import INVALID, SUBPIXELS, Disparities
+
+SEQUENCE = "0000"
+"""Name of an exported clip."""
+
+FROM_IMAGES = ("road", "stereo", "occupancy", "free_space", "height", "extraction", "measurement")
+"""Groups of the stages from the images to the scans."""
+
+
+def export_kitti(stored: RunResult, folder: Path, progress: Progress | None = None) -> list[str]:
+    """Write the images, calibration, labels, ego poses and disparities of a run as a KITTI clip.
+
+    Results that the cache lacks are computed.
+
+    Returns:
+        The overrides with which `stixel run` makes the scans of this run from the clip.
+
+    Raises:
+        UserError: if the run has no rendered images, or the folder exists or cannot be written.
+        StageFailure: if a stage fails.
+    """
+    configuration = stored.composition.configuration
+    user, rig = configuration.road_user, configuration.rig
+    wanted = ["add_sensor_noise", "match", "scenario"]
+    with (
+        stage_results(stored, wanted, "rendered images", progress) as found,
+        new_folder(folder) as partial,
+    ):
+        pairs, disparities, (scenario,) = (found[name] for name in wanted)
+        label = CLASS_ROWS[user.kind].kitti_types[0]
+        write_clip(partial, SEQUENCE, pairs, scenario, rig, label, user.height)
+        write_disparities(partial / "disparity" / SEQUENCE, disparities)
+    choices = stored.composition.choices
+    given = {
+        "source": "kitti_tracking",
+        "source.folder": str(folder),
+        "source.sequence": SEQUENCE,
+        "source.target": 0,
+        "source.sample_time": configuration.path.sample_time,
+        "rig.pitch": rig.pitch,
+        "rig.camera_height": rig.camera_height,
+        **{group: choices[group] for group in (*FROM_IMAGES, "prior")},
+    }
+    overrides = [override_text(name, value) for name, value in given.items()]
+    # A recording has values of its own, and the run has those of its command line.
+    read = compose(overrides).resolved
+    return overrides + [
+        override_text(f"{group}.{name}", value)
+        for group in FROM_IMAGES
+        for name, value in stored.settings[group].items()
+        if value != read[group][name]
+    ]
+
+
+def write_disparities(folder: Path, disparities: Iterable[Disparities]) -> None:
+    """Write the disparities of all frames as KITTI stores them: uint16, 256 per px, 0 is invalid.
+
+    Raises:
+        OSError: if a file cannot be written.
+    """
+    folder.mkdir(parents=True)
+    for chunk in disparities:
+        for i in range(len(chunk)):
+            raw = chunk.raw(i).astype(np.int64)
+            stored = np.where(raw == INVALID, 0, np.clip(raw * (256 // SUBPIXELS), 1, 65535))
+            png = encode_png(stored.astype(np.uint16))
+            (folder / f"{chunk.first + i:06d}.png").write_bytes(png)
 
 
 def write_clip(

@@ -1,7 +1,7 @@
 """What all exports share: results of stages, and a new folder."""
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -32,24 +32,14 @@ def stage_results(
         yield {name: load(name) for name in wanted}
 
 
-def write_texts(folder: Path, texts: Mapping[str, str]) -> list[str]:
-    """Write files by name as a new folder, and return their names; errors as `write_new_folder`."""
-
-    def write(partial: Path) -> None:
-        for name, text in texts.items():
-            (partial / name).write_text(text, encoding="utf-8")
-
-    write_new_folder(folder, write)
-    return list(texts)
-
-
-def write_new_folder(folder: Path, write: Callable[[Path], None]) -> None:
-    """Write a new folder: it appears complete, or not at all.
+@contextmanager
+def new_folder(folder: Path) -> Iterator[Path]:
+    """Context with a partial folder, which at the end becomes `folder`: complete, or not at all.
 
     Raises:
-        UserError: if it exists, or cannot be written.
+        UserError: if `folder` exists, or cannot be written.
     """
     if os.path.lexists(folder):
         raise UserError(f"--output: {folder} exists; choose another folder")
     with written(folder), whole_folder(folder) as partial:
-        write(partial)
+        yield partial

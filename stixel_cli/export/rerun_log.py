@@ -8,13 +8,11 @@ import numpy as np
 from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.run import run_experiment
-from stixel_cli.export.new_folder import write_new_folder
+from stixel_cli.export.new_folder import new_folder
 from stixel_cli.pictures.camera_frames import WIDEST
 from stixel_cli.pictures.style import depth_colours
 from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.results.result import RunResult
-
-FILE = "run.rrd"
 
 TRACK, TRUTH, POINTS, EGO = (0, 114, 178), (0, 158, 115), (213, 94, 0), (90, 90, 90)
 """Colours, RGB (Okabe & Ito)."""
@@ -23,39 +21,25 @@ LINE_RADIUS = 0.1
 """px of the image: half of the width of a stixel's lines. The image is seen between them."""
 
 
-def rerun_library() -> Any:
-    """The module of rerun.
-
-    Raises:
-        UserError: if it is not installed.
-    """
-    try:
-        import rerun
-    except ImportError:
-        raise UserError("--format: rerun needs rerun: pip install 'stixel[rerun]'") from None
-    return rerun
-
-
-def export_rerun(stored: RunResult, folder: Path, progress: Progress | None = None) -> list[str]:
-    """Write `run.rrd`, which `rerun FILE` shows. Returns its name.
+def export_rerun(stored: RunResult, folder: Path, progress: Progress | None = None) -> None:
+    """Write `run.rrd`, which `rerun FILE` shows.
 
     Raises:
         UserError: if rerun is not installed, the folder exists or cannot be written, or the run
             cannot be repeated.
         StageFailure: if a stage fails.
     """
-    library = rerun_library()
+    try:
+        import rerun as library
+    except ImportError:
+        raise UserError("--format: rerun needs rerun: pip install 'stixel[rerun]'") from None
     run = run_experiment(stored.composition, progress, pictures=False, camera=True)
-
-    def write(partial: Path) -> None:
+    with new_folder(folder) as partial:
         recording = library.RecordingStream("stixel", recording_id=folder.name)
-        recording.save(str(partial / FILE))
+        recording.save(str(partial / "run.rrd"))
         log_run(library, recording, run)
         recording.flush()
         recording.disconnect()
-
-    write_new_folder(folder, write)
-    return [FILE]
 
 
 def log_run(library: Any, recording: Any, run: RunResult) -> None:

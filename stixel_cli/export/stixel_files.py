@@ -11,7 +11,7 @@ from scipy.special import erf
 
 from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import UserError
-from stixel_cli.export.new_folder import stage_results, write_new_folder
+from stixel_cli.export.new_folder import new_folder, stage_results
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.gates import Gates, candidates
 from stixel_cli.measurements.scans import Scans
@@ -26,59 +26,42 @@ CLOSE = 1.0
 """A stixel's confidence: the probability that its disparity is within this of the truth, px."""
 
 
-def stixel_library() -> Any:
-    """The module of pyStixel-lib.
-
-    Raises:
-        UserError: if it is not installed.
-    """
-    try:
-        import stixel
-    except ImportError:
-        raise UserError("--format: stx1 needs pyStixel-lib: pip install 'stixel[stx1]'") from None
-    return stixel
-
-
-def export_stx1(stored: RunResult, folder: Path, progress: Progress | None = None) -> list[str]:
+def export_stx1(stored: RunResult, folder: Path, progress: Progress | None = None) -> None:
     """Write the stixels of each frame with its left image and the calibration as `000000.stx1`.
 
     Fields of a stixel: u, its left column; vT, its top row; vB, the row below its base; d, depth
     along the optical axis, m; label, that of the road user if the track was updated with the
     stixel; width, px; confidence, see `CLOSE`; idx, its number in the frame; cluster, see `TARGET`.
 
-    Returns the names of the files.
-
     Raises:
         UserError: if pyStixel-lib is not installed, the run has no stixels, or the folder exists or
             cannot be written.
         StageFailure: if a stage fails.
     """
-    library = stixel_library()
+    try:
+        import stixel as library
+    except ImportError:
+        raise UserError("--format: stx1 needs pyStixel-lib: pip install 'stixel[stx1]'") from None
     configuration = stored.composition.configuration
     rig, kind = configuration.rig, configuration.road_user.kind
     recorded = configuration.source.kind != "rendered"
     images = "pairs" if recorded else "add_sensor_noise"
-    names: list[str] = []
     wanted = [images, "stixels", "scans", "track"]
-    with stage_results(stored, wanted, "stixels", progress) as found:
+    with (
+        stage_results(stored, wanted, "stixels", progress) as found,
+        new_folder(folder) as partial,
+    ):
         (scans,), (track,) = found["scans"], found["track"]
-
-        def write(partial: Path) -> None:
-            for pairs, stixels in zip(found[images], found["stixels"], strict=True):
-                of_target = used_stixels(
-                    stixels, configuration.measurement.gates, scans, track.used_points
-                )
-                for i in range(len(stixels.offsets) - 1):
-                    name = f"{stixels.first + i:06d}"
-                    world = stixel_world(library, stixels, i, of_target, rig, kind)
-                    world.image = pairs.left.encoded[i]
-                    world.context.name = name
-                    world.context.calibration.img_name = f"{name}.png"
-                    (partial / f"{name}.stx1").write_bytes(world.SerializeToString())
-                    names.append(f"{name}.stx1")
-
-        write_new_folder(folder, write)
-    return names
+        gates = configuration.measurement.gates
+        for pairs, stixels in zip(found[images], found["stixels"], strict=True):
+            of_target = used_stixels(stixels, gates, scans, track.used_points)
+            for i in range(len(stixels.offsets) - 1):
+                name = f"{stixels.first + i:06d}"
+                world = stixel_world(library, stixels, i, of_target, rig, kind)
+                world.image = pairs.left.encoded[i]
+                world.context.name = name
+                world.context.calibration.img_name = f"{name}.png"
+                (partial / f"{name}.stx1").write_bytes(world.SerializeToString())
 
 
 def used_stixels(stixels: Stixels, gates: Gates, scans: Scans, used: np.ndarray) -> np.ndarray:
