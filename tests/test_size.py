@@ -26,7 +26,7 @@ BUDGET = {
     "recordings": 2530,
     "rendering": 2632,
     "report": 2124,
-    "results": 1648,
+    "results": 1612,
     "scene": 3525,
     "stereo": 471,
     "stixels": 2045,

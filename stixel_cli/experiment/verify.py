@@ -15,7 +15,6 @@ from stixel_cli.files import read_arrays, read_bytes
 from stixel_cli.results.differences import StageDifference, first_changed_stage, first_difference
 from stixel_cli.results.lineage import Lineage
 from stixel_cli.results.result import RunResult
-from stixel_cli.results.tables import run_arrays
 
 COMPARED = {
     "ego": "scenario",
@@ -114,7 +113,7 @@ def _compared_files(
     stored: RunResult, old: Mapping[str, Mapping[str, np.ndarray]], new: RunResult
 ) -> Iterator[tuple[str, str, str | None]]:
     """(file, stage, difference or None) of every file with results that the folder has."""
-    arrays = run_arrays(new)
+    arrays = new.arrays
     for name, content in old.items():
         yield f"{name}.npz", COMPARED[name], first_difference(content, arrays.get(name))
     yield "metrics.json", "scores", first_difference(stored.metrics, new.metrics)

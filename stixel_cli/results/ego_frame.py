@@ -7,16 +7,26 @@ import numpy as np
 
 from stixel_cli.errors import UserError
 from stixel_cli.files import read_arrays
-from stixel_cli.geometry.pose import STRAIGHT_AHEAD, wrap_angle
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotation, wrap_angle
 from stixel_cli.results.reader import check_folder
 
 Table = Mapping[str, np.ndarray]
+
+STATE = ("x", "y", "heading", "x_rate", "y_rate", "heading_rate")
+"""Columns of the motion in a track's table."""
 
 
 def pose_columns(times: np.ndarray, poses_world: np.ndarray) -> dict[str, np.ndarray]:
     """Poses (K, 3) in the world at `times` (K,) s as a table: k, t (s), x, y (m), heading (rad)."""
     x, y, heading = poses_world.T
     return {"k": np.arange(len(times)), "t": times, "x": x, "y": y, "heading": heading}
+
+
+def state_columns(means: np.ndarray, covariances: np.ndarray) -> dict[str, np.ndarray]:
+    """The `STATE` and its std_… as columns, from means (K, 6 or more) and their covariances."""
+    std = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
+    columns = {name: means[:, i] for i, name in enumerate(STATE)}
+    return columns | {f"std_{name}": std[:, i] for i, name in enumerate(STATE)}
 
 
 def scans_in_ego_frame(scans: Table, ego: Table) -> dict[str, np.ndarray]:
@@ -27,14 +37,14 @@ def scans_in_ego_frame(scans: Table, ego: Table) -> dict[str, np.ndarray]:
         ego: columns as in `ego.csv`, one row per k.
     """
     k = scans["k"].astype(np.int64)
-    angle = STRAIGHT_AHEAD - ego["heading"][k]
-    x, y = _turned(scans["x"] - ego["x"][k], scans["y"] - ego["y"][k], angle)
-    variances = _turned_variances(scans["var_xx"], scans["var_xy"], scans["var_yy"], angle)
-    return (
-        dict(scans)
-        | {"x": x, "y": y}
-        | dict(zip(("var_xx", "var_xy", "var_yy"), variances, strict=True))
-    )
+    turn = _turns(ego["heading"][k])
+    away = np.stack([scans["x"] - ego["x"][k], scans["y"] - ego["y"][k]], axis=1)
+    x, y = (turn @ away[:, :, None])[:, :, 0].T
+    rows = [["var_xx", "var_xy"], ["var_xy", "var_yy"]]
+    covariances = np.moveaxis(np.array([[scans[name] for name in row] for row in rows]), 2, 0)
+    covariances = turn @ covariances @ turn.swapaxes(1, 2)
+    variances = {"var_xx": covariances[:, 0, 0], "var_xy": covariances[:, 0, 1]}
+    return {**scans, "x": x, "y": y, **variances, "var_yy": covariances[:, 1, 1]}
 
 
 def track_in_ego_frame(track: Table, ego: Table) -> dict[str, np.ndarray]:
@@ -52,25 +62,15 @@ def track_in_ego_frame(track: Table, ego: Table) -> dict[str, np.ndarray]:
         k, t (s), x, y (m), heading (rad), x_rate, y_rate (m/s), heading_rate (rad/s), and for each
         of the six std_….
     """
-    means, covariances = track["means"], track["covariances"]
-    angle = STRAIGHT_AHEAD - ego["heading"]
-    x, y = _turned(means[:, 0] - ego["x"], means[:, 1] - ego["y"], angle)
-    x_rate, y_rate = _turned(means[:, 3], means[:, 4], angle)
-    variances = np.diagonal(covariances, axis1=1, axis2=2)[:, :6].T.copy()
-    for first in (0, 3):
-        block = covariances[:, first : first + 2, first : first + 2]
-        turned = _turned_variances(block[:, 0, 0], block[:, 0, 1], block[:, 1, 1], angle)
-        variances[first], variances[first + 1] = turned[0], turned[2]
-    state = {
-        "x": x,
-        "y": y,
-        "heading": wrap_angle(means[:, 2] + angle),
-        "x_rate": x_rate,
-        "y_rate": y_rate,
-        "heading_rate": means[:, 5],
-    }
-    std = {f"std_{name}": np.sqrt(row) for name, row in zip(state, variances, strict=True)}
-    return {"k": np.arange(len(means)), "t": track["times"], **state, **std}
+    count = len(track["times"])
+    turn = np.tile(np.eye(6), (count, 1, 1))
+    turn[:, :2, :2] = turn[:, 3:5, 3:5] = _turns(ego["heading"])
+    means = track["means"][:, :6].copy()
+    means[:, :3] -= np.stack([ego["x"], ego["y"], ego["heading"] - STRAIGHT_AHEAD], axis=1)
+    means = (turn @ means[:, :, None])[:, :, 0]
+    means[:, 2] = wrap_angle(means[:, 2])
+    covariances = turn @ track["covariances"][:, :6, :6] @ turn.swapaxes(1, 2)
+    return {"k": np.arange(count), "t": track["times"], **state_columns(means, covariances)}
 
 
 def read_ego_tables(folder: Path | str) -> dict[str, dict[str, np.ndarray]]:
@@ -118,19 +118,6 @@ def _columns(file: Path, names) -> dict[str, np.ndarray]:
     return columns
 
 
-def _turned(x: np.ndarray, y: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Vectors (x, y), each (n,), turned counter-clockwise by `angle` (n,) rad."""
-    cosine, sine = np.cos(angle), np.sin(angle)
-    return cosine * x - sine * y, sine * x + cosine * y
-
-
-def _turned_variances(
-    xx: np.ndarray, xy: np.ndarray, yy: np.ndarray, angle: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Variances and covariance (n,) of vectors that are turned by `angle` (n,) rad."""
-    cosine, sine = np.cos(angle), np.sin(angle)
-    return (
-        cosine**2 * xx - 2.0 * cosine * sine * xy + sine**2 * yy,
-        cosine * sine * (xx - yy) + (cosine**2 - sine**2) * xy,
-        sine**2 * xx + 2.0 * cosine * sine * xy + cosine**2 * yy,
-    )
+def _turns(headings: np.ndarray) -> np.ndarray:
+    """Rotations (n, 2, 2) from the world's axes to those of the ego car with headings (n,) rad."""
+    return np.moveaxis(rotation(STRAIGHT_AHEAD - headings), 2, 0)

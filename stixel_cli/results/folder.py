@@ -17,7 +17,6 @@ from stixel_cli.results import lineage
 from stixel_cli.results.provenance import stored_sources
 from stixel_cli.results.reader import json_text, yaml_text
 from stixel_cli.results.result import RunResult
-from stixel_cli.results.tables import run_arrays
 
 PAGE = "index.html"
 """The playback page of a run."""
@@ -167,7 +166,7 @@ def write_folder(folder: Path, run: RunResult, page: str) -> None:
         lineage.FILE: json_text(lineage.lineage_tree(run.lineage)),
         PAGE: page,
         **{f"{stem}.csv": csv_text(columns) for stem, columns in run.tables.items()},
-        **{f"{stem}.npz": arrays_content(columns) for stem, columns in run_arrays(run).items()},
+        **{f"{stem}.npz": arrays_content(columns) for stem, columns in run.arrays.items()},
         **figure_files(run.pictures),
     }
     sources = stored_sources(run.lineage.sources)

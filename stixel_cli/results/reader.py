@@ -24,8 +24,6 @@ SWEEP_FILE = "sweep.yaml"
 DEEPEST = 4
 """Depth of the search below the folder."""
 
-PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-
 
 def check_folder(path: Path) -> None:
     """Raise UserError unless `path` is the result folder of a run."""
@@ -118,19 +116,12 @@ def read_series(file: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     return times, found
 
 
-def read_pictures(figures: Path, name: str) -> dict[str, bytes]:
-    """The PNG picture `name` of a folder of figures, by its name; empty if it is missing.
-
-    Raises:
-        UserError: if it is not a PNG image.
-    """
-    file = figures / name
-    if not file.exists():
-        return {}
+def read_png(file: Path) -> bytes:
+    """The content of a picture; UserError if it is not a PNG image."""
     data = read_bytes(file)
-    if not data.startswith(PNG_SIGNATURE):
+    if not data.startswith(b"\x89PNG\r\n\x1a\n"):
         raise UserError(f"{file}: not a PNG image")
-    return {name: data}
+    return data
 
 
 def find_folders(root: Path) -> list[Path]:

@@ -19,7 +19,7 @@ from stixel_cli.results.reader import (
     read_config,
     read_manifest,
     read_metrics,
-    read_pictures,
+    read_png,
     read_series,
 )
 
@@ -154,9 +154,34 @@ class RunResult:
 
         `pandas.DataFrame(result.tables["track"])` is such a table.
         """
-        from stixel_cli.results.tables import run_tables
+        from stixel_cli.results import tables
+        from stixel_cli.results.ego_frame import pose_columns
 
-        return run_tables(self)
+        scenario, scores = self.scenario, self.scores
+        times, ego_poses = scenario.times, scenario.ego_poses_world
+        found = {
+            "scans": tables.scan_columns(self.scans),
+            "track": tables.track_columns(self.track),
+            "scores": tables.score_columns(scores),
+            "ego": pose_columns(times, ego_poses),
+        }
+        if scenario.known.any():
+            found["truth"] = tables.truth_columns(scenario)
+        if self.objects:
+            found["objects"] = tables.object_columns(self.objects, times, ego_poses)
+        if self.tracks:
+            found["tracks"] = tables.tracks_columns(self.tracks)
+        if scores.labels and scores.labels.labels:
+            found["labels"] = tables.label_columns(scores.labels.labels)
+        return found
+
+    @property
+    def arrays(self) -> dict[str, dict[str, np.ndarray]]:
+        """The arrays of the NPZ files: the `tables`, but of track and truth everything."""
+        from stixel_cli.results.tables import track_arrays, truth_arrays
+
+        found = self.tables | {"track": track_arrays(self.track)}
+        return found | ({"truth": truth_arrays(self.scenario)} if "truth" in found else {})
 
     @property
     def ego_tables(self) -> dict[str, dict[str, np.ndarray]]:
@@ -165,12 +190,11 @@ class RunResult:
         `results.ego_frame.read_ego_tables` gives the same from a result folder.
         """
         from stixel_cli.results.ego_frame import scans_in_ego_frame, track_in_ego_frame
-        from stixel_cli.results.tables import track_arrays
 
         tables = self.tables
         return {
             "scans": scans_in_ego_frame(tables["scans"], tables["ego"]),
-            "track": track_in_ego_frame(track_arrays(self.track), tables["ego"]),
+            "track": track_in_ego_frame(vars(self.track), tables["ego"]),
         }
 
     def choice(self, group: str) -> str:
@@ -206,12 +230,13 @@ def read_scored_run(folder: Path) -> RunResult:
     """
     from stixel_cli.evaluation.scores import Scores
 
-    check_folder(folder)
-    times, series = read_series(folder / "scores.npz")
     run = read_run(folder)
+    times, series = read_series(folder / "scores.npz")
     missing = {name: np.full(times.shape, np.nan) for name in SERIES if name not in series}
     scores = Scores(times=times, **series, **missing, metrics=run.metrics)
-    return replace(run, scores=scores, pictures=read_pictures(folder / "figures", "path.png"))
+    picture = folder / "figures/path.png"
+    pictures = {picture.name: read_png(picture)} if picture.exists() else {}
+    return replace(run, scores=scores, pictures=pictures)
 
 
 def list_runs(root: Path) -> list[RunResult]:

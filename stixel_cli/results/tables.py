@@ -2,50 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import fields
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stixel_cli.evaluation.scores import LabelScore, Scores
 from stixel_cli.geometry.pose import world_from_ego
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.results.ego_frame import pose_columns
+from stixel_cli.results.ego_frame import pose_columns, state_columns
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.stixels.types import Objects
 from stixel_cli.tracking.several.found import ObjectTrack
 from stixel_cli.tracking.track import Track
-
-if TYPE_CHECKING:
-    from stixel_cli.results.result import RunResult
-
-
-def run_tables(run: "RunResult") -> dict[str, dict[str, np.ndarray]]:
-    """The tables of a computed run by name, see `RunResult.tables`."""
-    scenario = run.scenario
-    tables = {
-        "scans": scan_columns(run.scans),
-        "track": track_columns(run.track),
-        "scores": score_columns(run.scores),
-        "ego": pose_columns(scenario.times, scenario.ego_poses_world),
-    }
-    if scenario.known.any():
-        tables["truth"] = truth_columns(scenario)
-    if run.objects:
-        tables["objects"] = object_columns(run.objects, scenario.times, scenario.ego_poses_world)
-    if run.tracks:
-        tables["tracks"] = tracks_columns(run.tracks)
-    if run.scores.labels and run.scores.labels.labels:
-        labels = run.scores.labels.labels
-        names = [column.name for column in fields(LabelScore)]
-        tables["labels"] = {n: np.array([getattr(row, n) for row in labels]) for n in names}
-    return tables
-
-
-def run_arrays(run: "RunResult") -> dict[str, dict[str, np.ndarray]]:
-    """The arrays of the NPZ files of a computed run: its tables, with whole track and truth."""
-    tables = run_tables(run)
-    truth = {"truth": truth_arrays(run.scenario)} if "truth" in tables else {}
-    return tables | {"track": track_arrays(run.track)} | truth
 
 
 def scan_columns(scans: Scans) -> dict[str, np.ndarray]:
@@ -64,13 +31,10 @@ def scan_columns(scans: Scans) -> dict[str, np.ndarray]:
 
 def track_columns(track: Track) -> dict[str, np.ndarray]:
     """The track as a table, one row per scan: pose, rates, their stds, number of points used."""
-    names = ("x", "y", "heading", "x_rate", "y_rate", "heading_rate")
-    std = np.sqrt(np.diagonal(track.covariances, axis1=1, axis2=2)[:, :6])
     return {
         "k": np.arange(len(track.times)),
         "t": track.times,
-        **{name: track.means[:, i] for i, name in enumerate(names)},
-        **{f"std_{name}": std[:, i] for i, name in enumerate(names)},
+        **state_columns(track.means, track.covariances),
         "points_used": np.diff(track.used_offsets),
         "nis": track.nis,
         "nis_degrees_of_freedom": track.nis_degrees_of_freedom,
@@ -83,18 +47,20 @@ def tracks_columns(tracks: Sequence[ObjectTrack]) -> dict[str, np.ndarray]:
 
     k is that of the run.
     """
-    tables = [track_columns(one.track) for one in tracks]
-    for one, table in zip(tracks, tables, strict=True):
-        table["k"] = table["k"] + one.first
-    # A track of the prior's class has no probabilities.
-    names = dict.fromkeys(name for table in tables for name in table)
-    numbers = np.repeat(np.arange(len(tracks)), [len(table["k"]) for table in tables])
-    return {"track": numbers} | {
-        name: np.concatenate(
-            [table.get(name, np.full(len(table["k"]), np.nan)) for table in tables]
-        )
-        for name in names
-    }
+    import pandas
+
+    tables = [pandas.DataFrame(track_columns(one.track)) for one in tracks]
+    for number, (one, table) in enumerate(zip(tracks, tables, strict=True)):
+        table["k"] += one.first
+        table.insert(0, "track", number)
+    # A track of the prior's class has no probabilities: NaN.
+    return {name: column.to_numpy() for name, column in pandas.concat(tables).items()}
+
+
+def label_columns(labels: Sequence[LabelScore]) -> dict[str, np.ndarray]:
+    """The scores of labels as a table, one row per label; columns as in `LabelScore`."""
+    names = [field.name for field in fields(LabelScore)]
+    return {name: np.array([getattr(one, name) for one in labels]) for name in names}
 
 
 def score_columns(scores: Scores) -> dict[str, np.ndarray]:
@@ -172,13 +138,9 @@ def object_columns(
     counts = np.concatenate([np.diff(one.offsets) for one in objects])
     k = np.repeat(np.arange(len(counts)), counts)
     left, right, top, base = np.concatenate([one.boxes for one in objects]).T
-    corners = [
-        world_from_ego(one.corners_ego[row], ego_poses_world[one.first + i])
-        for one in objects
-        for i in range(len(one.offsets) - 1)
-        for row in range(one.offsets[i], one.offsets[i + 1])
-    ]
-    corners_world = np.array(corners).reshape(-1, 4, 2)
+    corners_ego = np.concatenate([one.corners_ego for one in objects])
+    corners = map(world_from_ego, corners_ego, ego_poses_world[k])
+    corners_world = np.array(list(corners)).reshape(-1, 4, 2)
     sides = corners_world[:, 1:3] - corners_world[:, :2]
     sizes = np.hypot(*np.moveaxis(sides, 2, 0))
     longer = sizes.argmax(axis=1)
