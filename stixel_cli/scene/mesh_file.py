@@ -21,6 +21,7 @@ import numpy as np
 
 from stixel_cli.errors import UserError, printable
 from stixel_cli.files import GREATEST_ARRAYS, opened, read_bytes, read_json
+from stixel_cli.geometry.pose import rotation
 from stixel_cli.remembered import remembered
 from stixel_cli.scene.mesh import Mesh, Part, bounding_box, corners, grounded
 from stixel_cli.scene.open3d_import import read_mesh
@@ -39,13 +40,14 @@ LEVELS = 32
 """Shades of each primary colour that vertex colours are rounded to."""
 
 
-def load_mesh(path: str, contrast: float) -> Mesh:
+def load_mesh(path: str, contrast: float, scale: float = 1.0, turn: float = 0.0) -> Mesh:
     """The mesh in the file `path`, in the target frame: x forward, y left, z up, m.
 
-    It is shifted so that its footprint's box is centred on the origin and its lowest point is on
-    z = 0; its size does not change. Where the file has textures or vertex colours they are kept
-    (the latter as one mean colour a triangle); otherwise it is painted with `contrast`. Open3D
-    passes over faces of more than three corners.
+    Its coordinates are multiplied by `scale`, turned about z by `turn` rad, counter-clockwise, and
+    shifted so that its footprint's box is centred on the origin and its lowest point is on z = 0.
+    Where the file has textures or vertex colours they are kept (the latter as one mean colour a
+    triangle); otherwise it is painted with `contrast`. Open3D passes over faces of more than three
+    corners.
 
     Raises:
         ValueError: if there is no such file, Open3D cannot read it, a number in it is not finite,
@@ -57,14 +59,17 @@ def load_mesh(path: str, contrast: float) -> Mesh:
     digest = sha256()
     for file in (Path(path), *referred_files(Path(path))):
         digest.update(sha256(read_bytes(file, GREATEST_ARRAYS)).digest())
-    return _loaded(path, contrast, digest.hexdigest())
+    return _loaded(path, contrast, scale, turn, digest.hexdigest())
 
 
 # Every chunk of frames asks for it, and a child process takes half a second.
 @lru_cache(maxsize=2)
-def _loaded(path: str, contrast: float, digest: str) -> Mesh:
+def _loaded(path: str, contrast: float, scale: float, turn: float, digest: str) -> Mesh:
     found = _read_in_child(path)
-    vertices, triangles = found["vertices"], found["triangles"]
+    vertices, triangles = scale * found["vertices"], found["triangles"]
+    if turn:
+        vertices[:, :2] = vertices[:, :2] @ rotation(turn).T
+    found["vertices"] = vertices
     if len(triangles) == 0:
         raise ValueError(
             f"road_user.mesh: Open3D finds no triangles in {path!r}: the file is damaged, or all "
@@ -88,7 +93,7 @@ def _loaded(path: str, contrast: float, digest: str) -> Mesh:
         raise ValueError(
             f"road_user.mesh: the mesh in {path!r} is {sides[0]:.3g} × {sides[1]:.3g} × "
             f"{sides[2]:.3g} m large; each side must be {LEAST_SIDE:g} to {GREATEST_SIDE:g} m "
-            "(is the file in metres?)"
+            "(give road_user.mesh_scale if the file is not in metres)"
         )
     a, b = np.diff(corners(mesh)[:, :, :2], axis=1).transpose(1, 2, 0)
     if 0.5 * np.abs(a[0] * b[1] - a[1] * b[0]).sum() < LEAST_FOOTPRINT:

@@ -21,6 +21,9 @@ from stixel_cli.scene.shapes import Surface, joined
 LIMB_POSES = 32
 """Poses of the limbs in one cycle: one turn of the cranks, or two steps."""
 
+FORWARD = {"x": 0.0, "y": 0.5 * np.pi, "-x": np.pi, "-y": -0.5 * np.pi}
+"""Direction of each axis of a mesh's file, rad."""
+
 CAR_COLOUR = (66, 108, 160)
 
 
@@ -63,7 +66,8 @@ def road_user_meshes(road_user: RoadUser) -> tuple[Mesh, ...]:
         # Open3D takes seconds to import; a built-in road user never needs it.
         from stixel_cli.scene.mesh_file import load_mesh
 
-        return (load_mesh(road_user.mesh, road_user.contrast),)
+        turn = -FORWARD[road_user.mesh_forward]
+        return (load_mesh(road_user.mesh, road_user.contrast, road_user.mesh_scale, turn),)
     return _built_in(road_user)
 
 

@@ -24,7 +24,7 @@ POSE = np.array([0.0, 0.0, AHEAD])
 def street() -> tuple[list[Body], Camera]:
     """The shipped street and a car in it, and the left camera."""
     static = build_surfaces(numbered_objects(World("street", 1, 1.0)))
-    car = RoadUser("car", 4.5, 1.8, 1.5, contrast=1.0, shape_seed=None, mesh=None)
+    car = RoadUser("car", 4.5, 1.8, 1.5, 1.0, None, None, 1.0, "x")
     pose = world_from_target_3d(np.array([-1.0, 9.0, 0.4]))
     bodies = [Body(static, np.eye(4)), Body(build_surfaces([(2, road_user_meshes(car)[0])]), pose)]
     return bodies, rig_cameras(RIG, POSE)[0]

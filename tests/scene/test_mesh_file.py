@@ -42,7 +42,7 @@ def wedge(header="", uvs="", corner="{0}"):
 def test_user_mesh_is_placed_on_the_ground_and_keeps_its_size(tmp_path):
     path = tmp_path / "wedge.obj"
     path.write_text(wedge())
-    mesh = road_user_meshes(RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, str(path)))[0]
+    mesh = road_user_meshes(RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, str(path), 1.0, "x"))[0]
     np.testing.assert_allclose(bounding_box(mesh), [[-1, -0.5, 0], [1, 0.5, 1]], atol=1e-9)
     contour = ground_contour(mesh)
     assert {tuple(point) for point in np.round(contour, 3)} == {(-1, -0.5), (1, -0.5), (-1, 0.5)}
@@ -125,6 +125,21 @@ def test_user_mesh_far_from_the_origin_is_centred(tmp_path, name):
     path = tmp_path / name
     path.write_text(box(name, lambda v: (v[0] + 1e6, *v[1:])))
     np.testing.assert_allclose(bounding_box(load_mesh(str(path), 0.5)), [[-2, -1, 0], [2, 1, 1.5]])
+
+
+@pytest.mark.parametrize(
+    ("forward", "corner"),
+    [("x", (-1, -0.5)), ("-x", (1, 0.5)), ("y", (-0.5, 1)), ("-y", (0.5, -1))],
+)
+def test_user_mesh_in_millimetres_and_turned(tmp_path, forward, corner):
+    """The wedge's right angle is at its file's least x and y."""
+    path = tmp_path / "wedge.obj"
+    path.write_text(wedge())
+    user = RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, str(path), 2.0, forward)
+    mesh = road_user_meshes(user)[0]
+    contour = {tuple(point) for point in np.round(ground_contour(mesh), 3)}
+    x, y = (2.0 * side for side in corner)
+    assert contour == {(x, y), (-x, y), (x, -y)}
 
 
 SHORT = {

@@ -85,9 +85,9 @@ def test_paint_has_detail_at_short_and_long_range():
 
 
 def test_every_class_has_a_mesh_of_its_own():
-    same_size = {"length": 2.0, "width": 1.0, "height": 1.5, "shape_seed": None, "mesh": None}
     kinds = get_args(get_type_hints(RoadUser)["kind"])
-    meshes = [road_user_meshes(RoadUser(kind=kind, contrast=0.6, **same_size))[0] for kind in kinds]
+    users = [RoadUser(kind, 2.0, 1.0, 1.5, 0.6, None, None, 1.0, "x") for kind in kinds]
+    meshes = [road_user_meshes(user)[0] for user in users]
     assert len({corners(mesh).tobytes() for mesh in meshes}) == len(kinds)
 
 
@@ -99,6 +99,13 @@ def test_mesh_is_repeatable():
 
 
 def test_missing_mesh_file_is_rejected_before_the_run():
-    road_user = RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, "nowhere/mesh.ply")
+    road_user = RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, "nowhere/mesh.ply", 1.0, "x")
     with pytest.raises(ValueError, match=r"road_user\.mesh: file not found"):
         road_user.check()
+
+
+def test_a_built_in_shape_is_not_scaled_or_turned_by_keys_of_a_mesh():
+    for scale, forward in ((0.001, "x"), (1.0, "-y")):
+        road_user = RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, None, scale, forward)
+        with pytest.raises(ValueError, match=r"give road_user\.mesh=FILE"):
+            road_user.check()

@@ -161,7 +161,7 @@ def test_cpu_seconds_per_frame_and_values_of_a_scene():
     turning = values_of(compose(["ego=turning"]).configuration)
     # Speed and yaw rate; a turn has side and radius, stop-and-go three times in their place.
     assert turning == short + 2 and longer == short + 1
-    user = RoadUser("pedestrian", 0.6, 0.35, 1.75, 0.6, None, None)
+    user = RoadUser("pedestrian", 0.6, 0.35, 1.75, 0.6, None, None, 1.0, "x")
     built = timed_building(lambda: [road_user_meshes(user)[0]])
     assert built.cpu_seconds > 0.0
     assert built.triangles == sum(len(p.triangles) for p in road_user_meshes(user)[0].parts)
