@@ -24,11 +24,14 @@ class Sensor:
         read_noise: standard deviation in the dark, grey levels.
         shot_noise: standard deviation that is added at full scale, grey levels.
         right_gain: brightness of the right camera over that of the left.
+        disparity_error: px by which all disparities are too large: the right image is shifted to
+            the left, as by a rig that is out of calibration. No later stage reads it.
     """
 
     read_noise: Annotated[float, Ge(0), Le(50)]
     shot_noise: Annotated[float, Ge(0), Le(50)]
     right_gain: Annotated[float, Ge(0.5), Le(2)]
+    disparity_error: Annotated[float, Ge(-5), Le(5)]
 
 
 LUMA = np.array([0.299, 0.587, 0.114], dtype=np.float32)
@@ -52,14 +55,11 @@ def add_sensor_noise(
     left, right = [], []
     for k in frames:
         index = k - rendered.first
-        left.append(
-            _noisy_grey(rendered.left[index], 1.0, sensor, generator(seed, "expose left", k))
-        )
-        right.append(
-            _noisy_grey(
-                rendered.right[index], sensor.right_gain, sensor, generator(seed, "expose right", k)
-            )
-        )
+        grey = grey_levels(rendered.left[index])
+        left.append(_noisy(grey, sensor, generator(seed, "expose left", k)))
+        grey = _shifted(grey_levels(rendered.right[index]), -sensor.disparity_error)
+        grey *= np.float32(sensor.right_gain)
+        right.append(_noisy(grey, sensor, generator(seed, "expose right", k)))
     return StereoPairs(frames.start, ImageStack(tuple(left)), ImageStack(tuple(right)))
 
 
@@ -74,8 +74,16 @@ def noise_std(grey: np.ndarray, sensor: Sensor) -> np.ndarray:
     return np.sqrt(np.float32(sensor.read_noise**2) + shot)
 
 
-def _noisy_grey(colour, gain: float, sensor: Sensor, random: np.random.Generator) -> bytes:
-    grey = grey_levels(colour) * np.float32(gain)
+def _shifted(grey: np.ndarray, columns: float) -> np.ndarray:
+    """`grey` (H, W) moved to the right by `columns` px, by cubic splines along its rows."""
+    if columns == 0.0:
+        return grey
+    from scipy.ndimage import shift
+
+    return shift(grey, (0.0, columns), order=3, mode="nearest")
+
+
+def _noisy(grey: np.ndarray, sensor: Sensor, random: np.random.Generator) -> bytes:
     drawn = random.integers(0, len(normal_quantiles()), grey.shape, dtype=np.uint16)
     grey += normal_quantiles()[drawn] * noise_std(grey, sensor)
     np.clip(np.rint(grey, out=grey), 0, 255, out=grey)

@@ -15,7 +15,7 @@ from stixel_cli.rendering.sensor_noise import (
     normal_quantiles,
 )
 
-SENSOR = Sensor(read_noise=1.2, shot_noise=1.8, right_gain=1.0)
+SENSOR = Sensor(read_noise=1.2, shot_noise=1.8, right_gain=1.0, disparity_error=0.0)
 
 
 def flat(count: int, value: int, first: int = 0, shape=(120, 160)) -> RenderedFrames:
@@ -57,7 +57,7 @@ def test_image_without_noise_is_the_luma_with_gain_on_the_right():
     picture = np.random.default_rng(0).integers(0, 256, (40, 50, 3)).astype(np.uint8)
     depth, ids = np.ones((40, 50)), np.zeros((40, 50), dtype=np.uint8)
     rendered = RenderedFrames.from_frames(0, [(picture, picture, depth, ids)])
-    pairs = add_sensor_noise(rendered, Sensor(0.0, 0.0, 1.1), range(1), seed=0)
+    pairs = add_sensor_noise(rendered, Sensor(0.0, 0.0, 1.1, 0.0), range(1), seed=0)
     exact = picture @ np.array([0.299, 0.587, 0.114])
     assert np.abs(pairs.left[0] - exact).max() <= 0.5 + 1e-4
     assert np.abs(pairs.right[0] - np.minimum(1.1 * exact, 255)).max() <= 0.5 + 1e-4
@@ -71,7 +71,7 @@ def test_noise_is_normal():
     assert np.allclose(ndtr(deviates), below, rtol=1e-5, atol=1e-9)
     assert abs(deviates.std() - 1) < 2e-5
     # And every one of them can be drawn.
-    image = add_sensor_noise(flat(1, 128), Sensor(12.0, 0.0, 1.0), range(1), seed=1).left[0]
+    image = add_sensor_noise(flat(1, 128), Sensor(12.0, 0.0, 1.0, 0.0), range(1), seed=1).left[0]
     noise = (image.astype(float) - 128) / 12
     assert abs((noise**4).mean() - 3) < 0.15 and noise.max() > 3.5 and noise.min() < -3.5
 
@@ -104,3 +104,19 @@ def test_frames_are_compressed_one_at_a_time(monkeypatch):
     assert len(rendered) == 3
     assert rendered.left[2].max() == 2
     assert np.all(rendered.depth(1) == 1.5)
+
+
+def test_the_right_image_is_shifted_by_the_error_of_disparity():
+    """A smooth stripe: its centre moves by exactly the error, in the right image alone."""
+    columns = np.arange(160)
+
+    def picture(centre):
+        row = 200.0 * np.exp(-0.5 * ((columns - centre) / 6.0) ** 2)
+        return np.rint(np.broadcast_to(row[None, :, None], (40, 160, 3))).astype(np.uint8)
+
+    depth, ids = np.ones((40, 160)), np.zeros((40, 160), dtype=np.uint8)
+    rendered = RenderedFrames.from_frames(0, [(picture(90.0), picture(80.0), depth, ids)])
+    pairs = add_sensor_noise(rendered, Sensor(0.0, 0.0, 1.0, 0.3), range(1), seed=0)
+    left, right = (image[0].astype(float).sum(axis=0) for image in (pairs.left, pairs.right))
+    disparity = columns @ left / left.sum() - columns @ right / right.sum()
+    assert disparity == pytest.approx(10.3, abs=0.01)
