@@ -131,9 +131,7 @@ def _print_statistics(result: "SweepResult") -> None:
     from stixel_cli.sweeps.figures import SHOWN
     from stixel_cli.sweeps.results import heading
 
-    by_setting: dict[tuple, dict[str, Any]] = {}
-    for statistic in result.statistics:
-        by_setting.setdefault(tuple(statistic.setting.items()), {})[statistic.metric] = statistic
+    by_setting = result.statistics_of
     shown = [over_runs(name) for name in SHOWN]
     names = [name for name in shown if any(name in row for row in by_setting.values())]
     # The interval of a share of runs is not symmetric: it is in the summary only.

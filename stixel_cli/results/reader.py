@@ -13,10 +13,8 @@ import numpy as np
 import yaml
 
 from stixel_cli.errors import UserError, printable_path
+from stixel_cli.evaluation.scores import SERIES
 from stixel_cli.files import read_arrays, read_bytes, read_json, read_yaml
-
-SERIES = ("centre_error", "orientation_error", "iou", "iou_box", "nees_position", "nis")
-"""Errors over time in `scores.npz`; units as in `evaluation.scores.Scores`."""
 
 SWEEP_FILE = "sweep.yaml"
 """The file that marks the folder of a sweep."""

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stixel_cli.errors import UserError
+from stixel_cli.evaluation.scores import SERIES, Scores
 from stixel_cli.results.reader import (
-    SERIES,
     SWEEP_FILE,
     check_folder,
     find_folders,
@@ -24,7 +24,6 @@ from stixel_cli.results.reader import (
 )
 
 if TYPE_CHECKING:
-    from stixel_cli.evaluation.scores import Scores
     from stixel_cli.measurements.scans import Scans
     from stixel_cli.results.lineage import Lineage
     from stixel_cli.results.pictures import CameraFrames
@@ -72,7 +71,7 @@ class RunResult:
     scenario: "Scenario | None" = None
     scans: "Scans | None" = None
     track: "Track | None" = None
-    scores: "Scores | None" = None
+    scores: Scores | None = None
     pictures: Mapping[str, bytes] = field(default_factory=dict)
     camera: "tuple[CameraFrames, ...]" = ()
     objects: "tuple[Objects, ...]" = ()
@@ -228,8 +227,6 @@ def read_scored_run(folder: Path) -> RunResult:
     Raises:
         UserError: if it is not a result folder, or a file is missing or not valid.
     """
-    from stixel_cli.evaluation.scores import Scores
-
     run = read_run(folder)
     times, series = read_series(folder / "scores.npz")
     missing = {name: np.full(times.shape, np.nan) for name in SERIES if name not in series}

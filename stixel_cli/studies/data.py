@@ -12,8 +12,8 @@ from stixel_cli.engine.errors import MissingEntry
 from stixel_cli.engine.graph import Graph
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
-from stixel_cli.evaluation.scores import Scores
-from stixel_cli.results.reader import SERIES, read_series
+from stixel_cli.evaluation.scores import SERIES, Scores
+from stixel_cli.results.reader import read_series
 from stixel_cli.studies.entry import SweepEntry
 from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.results import SweepResult

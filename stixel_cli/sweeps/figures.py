@@ -2,18 +2,17 @@
 
 import itertools
 import math
-from collections import defaultdict
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from collections.abc import Collection, Mapping, Sequence
+from typing import Literal
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from stixel_cli.evaluation.metric_table import metric, over_runs
 from stixel_cli.pictures import style
 from stixel_cli.report.charts import legend_handles
-from stixel_cli.report.statistics import Statistic, statistic
+from stixel_cli.report.statistics import Statistic, statistic, summarise
 from stixel_cli.sweeps.design import SEED
 from stixel_cli.sweeps.results import heading
 
@@ -61,20 +60,15 @@ def axis_figures(
         others = list(dict.fromkeys(_label(setting, keys) for setting in settings))
         if keys and (len(others) <= MOST_LINES or not left_out):
             lines = others if len(others) <= MOST_LINES else []
+            figure = _figure(keys, settings, metrics, lines, left_out)
+            stem = "+".join(keys) if len("+".join(keys)) <= _LONGEST_NAME else _joined(keys)
             write = style.png if kind == "png" else style.svg
-            image = _figure(keys, settings, metrics, lines, left_out, write)
-            figures[f"{_file_stem(keys)}.{kind}"] = image
+            figures[f"{stem.replace('/', '.')}.{kind}"] = write(figure)
     return figures
 
 
-def _file_stem(keys: Sequence[str]) -> str:
-    """A file name from the keys; of many zipped keys the first, and the number of others."""
-    name = "+".join(keys).replace("/", ".")
-    return name if len(name) <= _LONGEST_NAME else _joined(keys).replace("/", ".")
-
-
 def _joined(keys: Sequence[str]) -> str:
-    """The keys of an axis, shortened if they are too long."""
+    """The keys of an axis; of many zipped keys the first, and the number of others."""
     text = " + ".join(keys)
     return text if len(text) <= _LONGEST_NAME else f"{keys[0]} + {len(keys) - 1} more"
 
@@ -85,16 +79,16 @@ def _figure(
     metrics: Sequence[Mapping[str, float | int | None]],
     others: Sequence[str],
     left_out: int,
-    write: Callable[[Figure], bytes],
-) -> bytes:
+) -> Figure:
     """A figure over `keys` with a line for each label in `others`; one line if that is empty."""
     known = {name for run in metrics for name in run}
     names = [name for name in DRAWN if name in known] or sorted(known)[:4]
-    members: dict[tuple[tuple[str, ...], str], list[int]] = defaultdict(list)
-    for i, setting in enumerate(settings):
-        other = _label(setting, keys) if others else ""
-        members[tuple(setting[key] for key in keys), other].append(i)
-    values = list(dict.fromkeys(value for value, _ in members))
+    pairs = [
+        {"value": tuple(map(setting.get, keys)), "line": _label(setting, keys) if others else ""}
+        for setting in settings
+    ]
+    found = {(*one.setting.values(), one.metric): one for one in summarise(pairs, metrics)}
+    values = list(dict.fromkeys(pair["value"] for pair in pairs))
     numbers = _numbers(values)
     if numbers is not None:
         values = [value for _, value in sorted(zip(numbers, values, strict=True))]
@@ -107,23 +101,20 @@ def _figure(
     clipped, counts = False, set()
     with style.drawing():
         figure = style.new_figure(9.0, 2.9 * math.ceil(len(names) / 2), layout="constrained")
-        for number, name in enumerate(names):
+        for number, name in enumerate(map(over_runs, names)):
             axes = figure.add_subplot(math.ceil(len(names) / 2), 2, number + 1)
             for line, other in enumerate(others or [""]):
-                rows = []
-                for value in values:
-                    values_of = [metrics[i].get(name) for i in members[value, other]]
-                    rows.append(statistic({}, over_runs(name), values_of))
+                rows = [found.get((v, other, name), statistic({}, name, [])) for v in values]
                 counts |= {row.n for row in rows}
                 shifted = [place + steps[line] for place in places]
                 if log:
                     shifted = [math.exp(place) for place in shifted]
-                drawn = Line(shifted, rows, style.RUNS[line], other, numbers is not None)
-                clipped |= drawn.draw(axes)
-            axes.set_title(heading(over_runs(name)))
+                joined = numbers is not None
+                clipped |= draw_line(axes, shifted, rows, style.RUNS[line], other, joined)
+            axes.set_title(heading(name))
             axes.set_xlabel(_joined(keys))
             axes.grid(True, axis="y")
-            scale_values(axes, over_runs(name))
+            scale_values(axes, name)
             _mark_values(axes, [_shortened(" ".join(v)) for v in values], numbers, log)
         # A line may be missing where a metric has no value.
         legend = legend_handles(figure.axes)
@@ -132,7 +123,7 @@ def _figure(
             figure.legend(legend.values(), legend, loc="outside lower center", ncols=columns)
         text = caption(not others, len(others), clipped, left_out, counts)
         figure.suptitle(text, fontsize=9.0, x=0.01, ha="left")
-        return write(figure)
+        return figure
 
 
 def _mark_values(
@@ -195,45 +186,38 @@ def dodges(places: Sequence[float], lines: int) -> list[float]:
     return [width * ((line + 0.5) / lines - 0.5) for line in range(lines)]
 
 
-@dataclass(frozen=True)
-class Line:
-    """Means and intervals at some places, and their style."""
-
-    places: Sequence[float]
-    rows: Sequence[Statistic]
-    colour: str
-    label: str
-    joined: bool
-
-    def draw(self, axes: Any) -> bool:
-        """Draw the line; return whether an interval was clipped."""
-        drawn = [
-            (x, row) for x, row in zip(self.places, self.rows, strict=True) if row.mean is not None
-        ]
-        if not drawn:
-            return False
-        bounds = [drawn_interval(row) for _, row in drawn]
-        errors = [
-            [row.mean - low for (_, row), (low, _) in zip(drawn, bounds, strict=True)],
-            [high - row.mean for (_, row), (_, high) in zip(drawn, bounds, strict=True)],
-        ]
-        axes.errorbar(
-            [x for x, _ in drawn],
-            [row.mean for _, row in drawn],
-            yerr=errors if any(map(any, errors)) else None,
-            marker="o",
-            markersize=3.5,
-            capsize=2.5,
-            linewidth=1.2 if self.joined else 0.0,
-            elinewidth=1.0,
-            color=self.colour,
-            label=_shortened(self.label, 3 * _LONGEST_LABEL),
-        )
-        return any(
-            (low, high) != (row.low, row.high)
-            for (_, row), (low, high) in zip(drawn, bounds, strict=True)
-            if row.low is not None
-        )
+def draw_line(
+    axes: Axes,
+    places: Sequence[float],
+    rows: Sequence[Statistic],
+    colour: str,
+    label: str,
+    joined: bool,
+) -> bool:
+    """Draw means and intervals at places, `joined` by a line; return whether one was clipped."""
+    known = [(x, row) for x, row in zip(places, rows, strict=True) if row.mean is not None]
+    if not known:
+        return False
+    mean = np.array([row.mean for _, row in known])
+    low, high = np.transpose([drawn_interval(row) for _, row in known])
+    errors = np.stack([mean - low, high - mean])
+    axes.errorbar(
+        [x for x, _ in known],
+        mean,
+        yerr=errors if errors.any() else None,
+        marker="o",
+        markersize=3.5,
+        capsize=2.5,
+        linewidth=1.2 if joined else 0.0,
+        elinewidth=1.0,
+        color=colour,
+        label=_shortened(label, 3 * _LONGEST_LABEL),
+    )
+    ends = [(row.low, row.high) for _, row in known]
+    return any(
+        one[0] is not None and one != shown
+        for one, shown in zip(ends, zip(low, high, strict=True), strict=True)
+    )
 
 
 def drawn_interval(row: Statistic) -> tuple[float, float]:

@@ -17,17 +17,12 @@ from stixel_cli.report import charts
 from stixel_cli.report.charts import series_values
 from stixel_cli.report.metrics import counted, shown_value
 from stixel_cli.report.page import Drawing, drawing_for_page, page_template
-from stixel_cli.report.statistics import Statistic
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.reader import read_series
 from stixel_cli.results.result import DONE, RunResult
-from stixel_cli.sweeps.design import SEED
 from stixel_cli.sweeps.figures import DRAWN, MOST_LINES, axis_figures
 from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.results import SweepResult, heading
-
-Cell = tuple[str, str]
-"""Text, and the value by which a table is sorted."""
 
 
 def sweep_page(folder: Path, page: Path, command: Sequence[str]) -> str:
@@ -50,7 +45,6 @@ def sweep_page(folder: Path, page: Path, command: Sequence[str]) -> str:
     complete = result.complete_runs
     known = {name for run in done for name in run.metrics}
     shown = [name for name in DRAWN if name in known] or sorted(known)[:8]
-    keys = [key for key in request.keys if key != SEED]
     incomplete = len(result.incomplete)
     settings = counted(len(result.by_setting), "setting")
     settings += f", {incomplete} incomplete: no statistics yet" if incomplete else ""
@@ -61,13 +55,12 @@ def sweep_page(folder: Path, page: Path, command: Sequence[str]) -> str:
         incomplete,
         "svg",
     )
-    name = folder.resolve().name
     return page_template(__package__, "sweep").render(
-        title=name,
+        title=folder.resolve().name,
         counts=f"{len(done)} of {len(runs)} runs done; {settings}",
         tables=[
-            _settings_table(result.statistics, keys, shown),
-            _runs_table(runs, keys, shown, page.resolve().parent),
+            _settings_table(result, shown),
+            _runs_table(result, shown, page.resolve().parent),
         ],
         axes=[
             (stem, drawing_for_page(data.decode(), f"a{i}"))
@@ -81,68 +74,59 @@ def sweep_page(folder: Path, page: Path, command: Sequence[str]) -> str:
     )
 
 
-def _settings_table(
-    statistics: Sequence[Statistic], keys: Sequence[str], shown: Sequence[str]
-) -> dict[str, Any]:
-    """One row for each setting: its values, n, and each metric with its interval."""
-    rows: dict[tuple, dict[str, Statistic]] = {}
-    for one in statistics:
-        rows.setdefault(tuple(one.setting.values()), {})[one.metric] = one
-    names = list(dict.fromkeys(one.metric for one in statistics))
-    columns = [over_runs(name) for name in shown]
-    body = []
-    for values, of in rows.items():
-        cells = [(value, value) for value in values]
+def _settings_table(result: SweepResult, shown: Sequence[str]) -> dict[str, Any]:
+    """One row for each complete setting: its values, n, and each metric with its interval."""
+    keys, columns = list(result.runs[0].setting), list(map(over_runs, shown))
+    rows = []
+    for setting, of in result.statistics_of.items():
+        cells = [(value, value) for _, value in setting]
         cells.append((str(max(one.n for one in of.values())),) * 2)
-        cells += [_statistic_cell(of.get(name)) for name in columns]
-        body.append((cells, ""))
-    header = [*keys, "n", *map(heading, columns)]
+        for name in columns:
+            one = of.get(name)
+            mean = None if one is None else one.mean
+            text = shown_value(name, mean)
+            if mean is not None and one.low is not None:
+                text += f"\n[{shown_value(name, one.low)}, {shown_value(name, one.high)}]"
+            cells.append((text, _sorted_by(mean)))
+        rows.append((cells, ""))
+    count = len({one.metric for one in result.statistics})
     return {
         "id": "settings",
         "title": "Settings",
         "note": "Means over the seeds with 95 % intervals (Student's t; of a share of runs "
         "Wilson's), not corrected for multiplicity. A click on a column's name sorts. "
-        f"All {len(names)} metrics are in summary.csv.",
-        "header": header,
+        f"All {count} metrics are in summary.csv.",
+        "header": [*keys, "n", *map(heading, columns)],
         "text": len(keys),
-        "rows": body,
+        "rows": rows,
         "open": True,
     }
 
 
-def _statistic_cell(one: Statistic | None) -> Cell:
-    if one is None or one.mean is None:
-        return "–", ""
-    text = shown_value(one.metric, one.mean)
-    if one.low is not None and one.high is not None:
-        ends = (shown_value(one.metric, end) for end in (one.low, one.high))
-        text = f"{text}\n[{', '.join(ends)}]"
-    return text, repr(float(one.mean))
+def _sorted_by(value: float | int | None) -> str:
+    return "" if value is None else repr(float(value))
 
 
-def _runs_table(
-    runs: Sequence[RunResult], keys: Sequence[str], shown: Sequence[str], parent: Path
-) -> dict[str, Any]:
+def _runs_table(result: SweepResult, shown: Sequence[str], parent: Path) -> dict[str, Any]:
     """One row for each run, with a link to its page, or else to its folder."""
-    body = []
-    for run in runs:
+    keys, rows = list(result.runs[0].setting), []
+    for run in result.runs:
         seed = run.manifest["seed"]
         cells = [(f"{run.index:04d}", str(run.index))]
-        cells += [(run.setting[key], run.setting[key]) for key in keys]
+        cells += [(value, value) for value in run.setting.values()]
         cells.append((seed or "–", seed))
-        for name in shown:
-            value = run.metrics.get(name)
-            cells.append((shown_value(name, value), "" if value is None else repr(float(value))))
+        values = [(name, run.metrics.get(name)) for name in shown]
+        cells += [(shown_value(name, value), _sorted_by(value)) for name, value in values]
         target = run.folder / PAGE if (run.folder / PAGE).exists() else run.folder
         link = "" if run.status != DONE else os.path.relpath(target.resolve(), parent)
-        body.append((cells, link.replace(os.sep, "/")))
+        rows.append((cells, link.replace(os.sep, "/")))
     return {
         "id": "runs",
         "title": "Runs",
         "note": "The number links to the run's page, or to its folder.",
         "header": ["run", *keys, "seed", *map(heading, shown)],
         "text": len(keys) + 2,
-        "rows": body,
+        "rows": rows,
         "open": False,
     }
 
@@ -153,26 +137,23 @@ def over_time(result: SweepResult) -> list[tuple[str, Drawing]]:
     A line is the mean over the seeds, and its band the 95 % interval at each time. A setting whose
     runs have different times is left out, as are runs without errors over time.
     """
-    complete = dict.fromkeys(tuple(run.setting.items()) for run in result.complete_runs)
-    read = {key: _stacked(result.by_setting[key]) for key in list(complete)[:MOST_LINES]}
+    settings = [s for s, runs in result.by_setting.items() if all(r.status == DONE for r in runs)]
+    read = {setting: _stacked(result.by_setting[setting]) for setting in settings[:MOST_LINES]}
     drawn = []
     for name, series in SERIES.items():
         known = {key: found for key, found in read.items() if found and name in found[1]}
         if known:
-            title = series.label + (f" ({series.unit})" if series.unit else "")
-            svg = _over_time(name, title, known).decode()
+            svg = _over_time(name, known).decode()
             drawn.append((series.label, drawing_for_page(svg, f"t{len(drawn)}")))
     return drawn
 
 
 def _stacked(runs: Sequence[RunResult]) -> tuple[np.ndarray, dict[str, np.ndarray]] | None:
     """Times (K,) and each error (n, K) of the runs of one setting; None if they do not match."""
-    found = []
-    for run in runs:
-        try:
-            found.append(read_series(run.folder / "scores.npz"))
-        except UserError:
-            return None
+    try:
+        found = [read_series(run.folder / "scores.npz") for run in runs]
+    except UserError:
+        return None
     times = found[0][0]
     if any(not np.array_equal(times, other) for other, _ in found):
         return None
@@ -181,7 +162,7 @@ def _stacked(runs: Sequence[RunResult]) -> tuple[np.ndarray, dict[str, np.ndarra
     return times, {name: values for name, values in stacked.items() if np.isfinite(values).any()}
 
 
-def _over_time(name: str, title: str, lines: Mapping[tuple, tuple]) -> bytes:
+def _over_time(name: str, lines: Mapping[tuple, tuple]) -> bytes:
     series = SERIES[name]
     labels = [" ".join(value for _, value in key)[:40] or "all" for key in lines]
 
@@ -196,6 +177,7 @@ def _over_time(name: str, title: str, lines: Mapping[tuple, tuple]) -> bytes:
     texts = ("axes.label", "xtick.label", "ytick.label", "legend.font", "axes.title")
     settings = {f"{text}size": 10.0 for text in texts}
     keys = " ".join(key for key, _ in next(iter(lines)))[:60] if len(lines) > 1 else ""
+    title = series.label + (f" ({series.unit})" if series.unit else "")
     panel = charts.Panel(draw, keys, "t (s)", title, series.ratio)
     columns = max(1, min(4, 56 // max(6, *map(len, labels))))
     return charts.chart("", [panel], row=2.45, width=5.0, legend=columns, settings=settings).svg

@@ -81,6 +81,14 @@ class SweepResult:
         runs = self.complete_runs
         return summarise([run.setting for run in runs], [run.metrics for run in runs])
 
+    @cached_property
+    def statistics_of(self) -> dict[tuple[tuple[str, str], ...], dict[str, Statistic]]:
+        """The statistics of each complete setting by metric."""
+        found: dict[tuple, dict[str, Statistic]] = {}
+        for one in self.statistics:
+            found.setdefault(tuple(one.setting.items()), {})[one.metric] = one
+        return found
+
     @property
     def rows(self) -> list[dict[str, Any]]:
         """The rows of `runs.csv`."""

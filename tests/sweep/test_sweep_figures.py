@@ -6,10 +6,10 @@ from stixel_cli.pictures import style
 from stixel_cli.report.statistics import statistic
 from stixel_cli.sweeps.figures import (
     MOST_LINES,
-    Line,
     axis_figures,
     caption,
     dodges,
+    draw_line,
     drawn_interval,
     is_geometric,
     scale_values,
@@ -42,12 +42,12 @@ def test_drawn_means_and_intervals():
     rows = [statistic({}, "iou_mean", values) for values in ([0.2, 0.95], [0.5, 0.5], [None])]
     with style.drawing():
         axes = style.new_figure(3.0, 2.0).add_subplot()
-        assert Line([0.1, 1.1, 2.1], rows, "#000000", "a", True).draw(axes)
+        assert draw_line(axes, [0.1, 1.1, 2.1], rows, "#000000", "a", True)
         (bars,) = axes.collections
         low, high = bars.get_segments()[0][:, 1]
         assert (low, high) == pytest.approx((0.0, 1.0))
         assert bars.get_segments()[0][0, 0] == pytest.approx(0.1)
-        assert not Line([0.0], rows[1:2], "#000000", "a", True).draw(axes)
+        assert not draw_line(axes, [0.0], rows[1:2], "#000000", "a", True)
 
 
 def test_the_caption_names_every_change_of_the_drawing():
