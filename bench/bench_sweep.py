@@ -87,7 +87,7 @@ def test_tracker_runs(benchmark, cache, tmp_path, how):
         )
         assert result.computed == 2 * TRACKER_RUNS
         return
-    from stixel_cli.engine.one_thread import one_thread
+    from stixel_cli.engine.limits import one_thread
     from stixel_cli.evaluation.evaluate import evaluate
     from stixel_cli.tracking.gp_ekf import track
 
@@ -113,7 +113,7 @@ def test_scores(benchmark, cache, tracker, how):
     benchmark.group = f"scores of a track of {tracker}, 100 scans"
     import shapely
 
-    from stixel_cli.engine.one_thread import one_thread
+    from stixel_cli.engine.limits import one_thread
     from stixel_cli.evaluation.evaluate import evaluate
 
     line = [*FABRICATED, f"tracker={tracker}", "seed=0,1"]

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 from stixel_cli.config.compose import Composition, from_resolved
 from stixel_cli.config.compose import compose as compose_overrides
 from stixel_cli.config.texts import split_override
-from stixel_cli.engine.displays import in_notebook
-from stixel_cli.engine.progress import Progress, make_progress
+from stixel_cli.engine.progress import Progress, in_notebook, make_progress
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.run import record_run
 from stixel_cli.machine.kernels import uncompiled

@@ -32,7 +32,7 @@ from stixel_cli.cli.study import study
 from stixel_cli.cli.sweep import sweep
 from stixel_cli.cli.terminal import escaping, say
 from stixel_cli.cli.verify import verify
-from stixel_cli.engine.one_thread import ENVIRONMENT
+from stixel_cli.engine.limits import ENVIRONMENT
 from stixel_cli.errors import UserError
 
 

@@ -70,7 +70,7 @@ def print_plan(plan: "SweepPlan", design: "Design", notes: Sequence[str], json: 
     if json:
         print_json(content)
         return
-    from stixel_cli.engine.progress import duration
+    from stixel_cli.engine.parameters import duration
 
     for axis in design.axes:
         values = [" ".join(override.text for override in step) for step in axis.steps]

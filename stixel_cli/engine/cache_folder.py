@@ -1,19 +1,30 @@
-"""The folder of the cache: who made it, which names the store makes in it, how its files are read.
+"""The folder of the cache: its owner, the names in it, how its files are read, locked and leased.
 
 Whoever creates the folder marks it with a file `CACHEDIR.TAG` (https://bford.info/cachedir/), whose
 second line names this program. A folder of the user's with other files is never used, so that no
 cleanup can remove them; and only names that the store makes are ever removed.
+
+The operating system releases a file lock when its process ends, even if the process is killed. A
+lease is a file of keys whose process holds a lock on it; a lease without a lock is void.
 """
 
+import os
 import re
+import socket
 import stat
-from contextlib import suppress
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from hashlib import file_digest
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from stixel_cli.engine.errors import CacheError
+from stixel_cli.engine.errors import CacheError, unwritable
 from stixel_cli.errors import printable
 from stixel_cli.files import write_whole
+
+if TYPE_CHECKING:
+    from filelock import FileLock
 
 MARK = "CACHEDIR.TAG"
 _SIGNATURE = "Signature: 8a477f597d28d172789f06886806bc55"
@@ -132,3 +143,111 @@ def _foreign(folder: Path) -> Path | None:
                 if not made_here(inside):
                     return inside
     return None
+
+
+def file_lock(path: Path) -> "FileLock":
+    """Return a lock on the file `path`, not acquired yet.
+
+    `acquire` raises TimeoutError, and OSError on a file system without locks. The library's
+    fallback, a file that exists while its process runs, would survive a killed process.
+    """
+    from filelock import FileLock
+
+    return FileLock(path, fallback_to_soft=False)
+
+
+LEASES = "leases"
+PATIENCE = 60.0
+"""Seconds to wait for another process that cleans up."""
+
+
+class Lease:
+    """A lease of this process on entries of the cache at `folder`, for the time of a `with` block.
+
+    In a cache that is read-only nothing is leased: no other process can remove its entries.
+    """
+
+    def __init__(self, folder: Path, keys: Iterable[str] = ()):
+        self._folder = folder
+        self._keys = keys
+        self._path: Path | None = None
+        self._lock: FileLock | None = None
+
+    def __enter__(self) -> "Lease":
+        self.take(self._keys)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
+
+    def take(self, keys: Iterable[str]) -> None:
+        """Lease `keys` instead of the previous ones. Their entries may not exist yet."""
+        name = f"{socket.gethostname()}-{os.getpid()}-{time.monotonic_ns():x}"
+        path = self._folder / LEASES / f"{name}.keys"
+        with suppress(OSError, CacheError):
+            make_folder(self._folder, LEASES)
+            # A cleanup that has started has read the leases already: wait for its end.
+            with collector_lock(self._folder):
+                path.write_text("\n".join(keys), encoding="ascii")
+                lock = file_lock(path.with_suffix(".lock"))
+                lock.acquire(timeout=0)
+            self.end()
+            self._path, self._lock = path, lock
+
+    def end(self) -> None:
+        """End the lease."""
+        if self._lock is not None:
+            _drop(self._path)
+            self._lock.release()
+            self._path = self._lock = None
+
+
+@contextmanager
+def collector_lock(folder: Path) -> Iterator[None]:
+    """Acquire the lock that every cleanup and every new lease needs.
+
+    Raises:
+        CacheError: the folder cannot be written, or another process keeps the lock for too long.
+    """
+    try:
+        lock = file_lock(folder / "collector.lock")
+        lock.acquire(timeout=PATIENCE)
+    except TimeoutError as error:
+        raise CacheError(
+            f"another process has been cleaning the cache {folder} for {PATIENCE:.0f} s"
+        ) from error
+    except OSError as error:
+        raise unwritable(folder, error) from error
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def leased_keys(folder: Path) -> set[str]:
+    """Return the keys that running processes use, and remove the leases of ended processes.
+
+    Requires `collector_lock`.
+    """
+    keys: set[str] = set()
+    try:
+        paths = sorted((folder / LEASES).glob("*.keys"))
+    except OSError:
+        return keys
+    for path in paths:
+        lock = file_lock(path.with_suffix(".lock"))
+        try:
+            lock.acquire(timeout=0)
+        except OSError:
+            with suppress(OSError):
+                keys.update(read_file(path).decode("ascii").split())
+            continue
+        _drop(path)
+        lock.release()
+    return keys
+
+
+def _drop(path: Path) -> None:
+    for suffix in (".keys", ".lock"):
+        with suppress(OSError):
+            path.with_suffix(suffix).unlink()

@@ -1,6 +1,6 @@
 """Remove entries from the store: by size, by age, or all.
 
-Entries that a running process uses are never removed: see `stixel_cli.engine.locks`.
+Entries that a running process uses are never removed: see `stixel_cli.engine.cache_folder`.
 """
 
 import json
@@ -16,10 +16,15 @@ from pathlib import Path
 
 from filelock import Timeout
 
-from stixel_cli.engine.cache_folder import made_here, read_file
+from stixel_cli.engine.cache_folder import (
+    collector_lock,
+    file_lock,
+    leased_keys,
+    made_here,
+    read_file,
+)
 from stixel_cli.engine.entries import Entry, entry_folders, stage_and_label
 from stixel_cli.engine.errors import CacheError
-from stixel_cli.engine.locks import collector_lock, file_lock, leased_keys
 from stixel_cli.engine.source_files import remove_sources
 from stixel_cli.engine.store import Store
 

@@ -12,7 +12,7 @@ from contextlib import suppress
 from threading import Thread
 from typing import TYPE_CHECKING
 
-from stixel_cli.engine.one_thread import ENVIRONMENT
+from stixel_cli.engine.limits import ENVIRONMENT
 from stixel_cli.engine.parameters import PROGRAM
 
 if TYPE_CHECKING:

@@ -1,22 +1,25 @@
 """Workers of Dask: those of a running scheduler, or of a cluster that `dask_cluster` starts.
 
-Tasks and outcomes contain only names and keys. Results are exchanged through the store, which all
-workers must share.
+Nodes and outcomes contain names, settings and keys, but no arrays. Results are exchanged through
+the store, which all workers must share.
 """
 
 import asyncio
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Future, InvalidStateError
-from contextlib import suppress
+from contextlib import ExitStack, contextmanager, suppress
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stixel_cli.engine.dask_cluster import Cluster
 from stixel_cli.engine.errors import ExecutorError
 from stixel_cli.engine.parameters import PROGRAM, DaskExecutor
 from stixel_cli.engine.pools import Pool
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 PATIENCE = 20.0
 """Seconds to wait for a scheduler to answer."""
@@ -39,23 +42,30 @@ class DaskPool(Pool):
 
     kills = True
 
-    def __init__(
-        self, client: Any, cluster: Cluster | None, workers: int, restore: Callable[[], None]
-    ):
-        from distributed.scheduler import KilledWorker
+    def __init__(self, executor: DaskExecutor):
+        """Connect to the executor's address, or start a cluster on this machine.
 
-        with suppress(AttributeError):
-            # Dask's client collects messages for 10 ms, longer than an empty node takes.
-            client.scheduler_comm.interval = 0.001
-        self._client = client
-        self._cluster = cluster
-        self._workers = workers
-        self._restore = restore
+        Raises:
+            ExecutorError: Dask is not installed, or no scheduler answers; one line.
+        """
+        self._workers = executor.workers
+        self._cluster: Cluster | None = None
         self._counted = 0.0
         self._threads = 0
         self._waiting_since: float | None = None
         self._noted = False
-        self._death = KilledWorker
+        # What fails, also Ctrl-C, does not wait until the workers have started.
+        with ExitStack() as opened:
+            opened.enter_context(_silence())
+            if executor.address is None:
+                # The cluster imports Dask at the same time as this process.
+                self._cluster = Cluster(executor.workers)
+                opened.callback(self._cluster.close)
+            self._client = opened.enter_context(_client(executor, self._cluster))
+            self._opened = opened.pop_all()
+        with suppress(AttributeError):
+            # Dask's client collects messages for 10 ms, longer than an empty node takes.
+            self._client.scheduler_comm.interval = 0.001
 
     @property
     def limit(self) -> int:
@@ -151,45 +161,16 @@ class DaskPool(Pool):
         """
         if isinstance(error, CancelledError) or "CancelledError" in type(error).__name__:
             raise self._lost()
-        return isinstance(error, self._death)
+        return isinstance(error, _distributed().scheduler.KilledWorker)
 
     def close(self) -> None:
         """Disconnect from the scheduler, and end a cluster on this machine."""
-        with suppress(Exception):
-            self._client.close(timeout=1.0)
-        if self._cluster is not None:
-            self._cluster.close()
-        self._restore()
+        self._opened.close()
 
     def _lost(self) -> ExecutorError:
         return ExecutorError(
             f"the Dask scheduler at {self._address} was lost; computed results are kept"
         )
-
-
-def make_dask_pool(executor: DaskExecutor) -> DaskPool:
-    """Connect to the executor's address, or start a cluster on this machine.
-
-    Raises:
-        ExecutorError: Dask is not installed, or no scheduler answers; one line.
-    """
-    # The cluster imports Dask at the same time as this process.
-    cluster = Cluster(executor.workers) if executor.address is None else None
-    try:
-        distributed = _distributed()
-        restore = _silence()
-        try:
-            address = executor.address if cluster is None else cluster.address()
-            client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
-        except UNREACHABLE as error:
-            restore()
-            raise _no_scheduler(executor, error) from error
-    except BaseException:
-        # Also Ctrl-C, which does not wait until the workers have started.
-        if cluster is not None:
-            cluster.close()
-        raise
-    return DaskPool(client, cluster, executor.workers, restore)
 
 
 def probe_scheduler(executor: DaskExecutor) -> None:
@@ -198,16 +179,29 @@ def probe_scheduler(executor: DaskExecutor) -> None:
     Raises:
         ExecutorError: one of these fails; one line.
     """
+    _distributed()
+    if executor.address is not None:
+        with _silence(), _client(executor, None):
+            pass
+
+
+@contextmanager
+def _client(executor: DaskExecutor, cluster: Cluster | None) -> Iterator["Client"]:
+    """A client of the cluster, or of the scheduler at the executor's address."""
     distributed = _distributed()
-    if executor.address is None:
-        return
-    restore = _silence()
     try:
-        distributed.Client(executor.address, timeout=PATIENCE, set_as_default=False).close()
+        address = executor.address if cluster is None else cluster.address()
+        client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
     except UNREACHABLE as error:
-        raise _no_scheduler(executor, error) from error
+        where = "on this machine" if executor.address is None else f"at {executor.address}"
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        text = f"executor.address: no Dask scheduler {where} ({reason})"
+        raise ExecutorError(text) from error
+    try:
+        yield client
     finally:
-        restore()
+        with suppress(Exception):
+            client.close(timeout=1.0)
 
 
 def _distributed() -> ModuleType:
@@ -220,15 +214,13 @@ def _distributed() -> ModuleType:
     return distributed
 
 
-def _silence() -> Callable[[], None]:
-    """Silence the logger of Dask; return a function that restores it."""
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Silence the logger of Dask inside the `with` block."""
     logger = logging.getLogger("distributed")
     level = logger.level
     logger.setLevel(logging.CRITICAL)
-    return lambda: logger.setLevel(level)
-
-
-def _no_scheduler(executor: DaskExecutor, error: Exception) -> ExecutorError:
-    where = "on this machine" if executor.address is None else f"at {executor.address}"
-    reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-    return ExecutorError(f"executor.address: no Dask scheduler {where} ({reason})")
+    try:
+        yield
+    finally:
+        logger.setLevel(level)

@@ -1,7 +1,9 @@
 """Errors of the engine. Those with `one_line` have a message of one line for the user."""
 
+import errno
 import os.path
 import re
+from pathlib import Path
 
 from stixel_cli.errors import UserError
 
@@ -21,6 +23,19 @@ class MissingEntry(CacheError):
 
     def __str__(self) -> str:
         return f"cache entry {self.key[:12]}: {self.reason}"
+
+
+_NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP)
+
+
+def unwritable(folder: Path, error: OSError) -> CacheError:
+    """Error for a cache at `folder` in which a file cannot be written or locked."""
+    if error.errno in _NO_LOCKS:
+        return CacheError(
+            f"the file system of the cache {folder} does not support locks (flock): mount it with "
+            "locks, or choose another folder"
+        )
+    return CacheError(f"cannot write in the cache {folder}: {error.strerror or error}")
 
 
 class InvalidCode(UserError, LookupError):

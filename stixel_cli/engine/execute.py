@@ -1,31 +1,24 @@
 """Compute the missing results with any pool of workers, and record what was done."""
 
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from typing import Any
 
+from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.graph import Graph, Node
 from stixel_cli.engine.keys import digest
+from stixel_cli.engine.limits import can_interrupt, one_thread
 from stixel_cli.engine.loaded_code import check_bytecode, import_function, may_run_here
-from stixel_cli.engine.locks import Lease
-from stixel_cli.engine.one_thread import one_thread
-from stixel_cli.engine.parameters import Executor, LocalExecutor, ThreadsExecutor
+from stixel_cli.engine.parameters import DaskExecutor, Executor, LocalExecutor, ThreadsExecutor
 from stixel_cli.engine.plan import Durations, check_writable, plan, undeclared_reads
-from stixel_cli.engine.pools import (
-    Pool,
-    ProcessPool,
-    SerialPool,
-    ThreadPool,
-    fork_is_safe,
-)
+from stixel_cli.engine.pools import Pool, ProcessPool, SerialPool, ThreadPool, fork_is_safe
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.scheduler import STATUSES, Run, Status
 from stixel_cli.engine.source_files import keep_sources, save_digests
 from stixel_cli.engine.store import Store
-from stixel_cli.engine.time_limit import can_interrupt
 
 
 @dataclass(frozen=True)
@@ -117,35 +110,36 @@ def execute(
     """
     progress = Progress() if progress is None else progress
     durations = Durations(store.folder)
-    lease = Lease(store.folder)
-    try:
-        lease.take(sorted(graph.ancestors(graph.expand(targets))))
+    with Lease(store.folder, sorted(graph.ancestors(graph.expand(targets)))) as lease:
         planned = plan(graph, targets, store)
         nodes = [graph.nodes[key] for key in planned.missing]
         check_writable(len(nodes), store)
         _keep_code(nodes, store)
         for text in undeclared_reads(nodes) if progress.advice else ():
             progress.note(text)
-        here = not nodes or _runs_here(executor, nodes, durations)
-        # A copy of this process must not run modules that were edited after their import.
-        copies = all(may_run_here(node.identity.code) for node in nodes)
-        pool = SerialPool() if here else make_pool(executor, copies)
-        progress.expect(durations.by_stage(nodes), 1 if here else executor.workers)
-        time_limit = getattr(executor, "time_limit", None)
-        run = Run(planned, store, pool, progress, time_limit, keep_going, lease)
         needed_first = graph.ancestors(graph.expand(first))
         nodes_first = [node for node in nodes if node.key in needed_first]
-        run.first, run.on_first = frozenset(node.key for node in nodes_first), on_first
-        if nodes_first and not here and _runs_here(executor, nodes_first, durations):
-            run.here = run.first
-        if not here and isinstance(executor, LocalExecutor):
-            for node in _to_import(nodes, run.here, executor.workers):
-                pool.submit(import_function, node.stage.function, node.identity.code)
+        small = (some for some in (nodes, nodes_first) if _runs_here(executor, some, durations))
+        here = next(small, [])
+        all_here = len(here) == len(nodes)
+        pool = SerialPool() if all_here else make_pool(executor, nodes, here)
+        progress.expect(durations.by_stage(nodes), 1 if all_here else executor.workers)
+        run = Run(
+            planned=planned,
+            store=store,
+            pool=pool,
+            progress=progress,
+            time_limit=getattr(executor, "time_limit", None),
+            keep_going=keep_going,
+            lease=lease,
+            first=frozenset(node.key for node in nodes_first),
+            on_first=on_first,
+            here=frozenset(node.key for node in here),
+        )
         try:
             # In this process the calling thread limits the libraries for the whole run, because it
             # may have set limits of its own.
-            in_here = nodes and (run.here or not pool.kills)
-            with one_thread() if in_here else nullcontext():
+            with one_thread() if nodes and (here or not pool.kills) else nullcontext():
                 run.all()
         finally:
             # Nothing runs any more, or its result is not wanted.
@@ -153,8 +147,6 @@ def execute(
             progress.close()
             durations.learn(graph, run.seconds)
         run.keep_limit()
-    finally:
-        lease.end()
     return Execution(graph, run.statuses(), run.seconds, run.failures)
 
 
@@ -167,38 +159,43 @@ def _keep_code(nodes: Sequence[Node], store: Store) -> None:
     check_bytecode({name: file for name, _, file in files})
 
 
-def _to_import(nodes: Sequence[Node], here: Collection[str], workers: int) -> list[Node]:
+def make_pool(executor: Executor, nodes: Sequence[Node], here: Sequence[Node]) -> Pool:
+    """Make the pool of an executor for `nodes`, those `here` excepted.
+
+    Raises:
+        ExecutorError: its workers cannot be started or reached; one line.
+    """
+    if isinstance(executor, ThreadsExecutor):
+        return ThreadPool(executor.workers)
+    if isinstance(executor, DaskExecutor):
+        from stixel_cli.engine.dask_pool import DaskPool
+
+        return DaskPool(executor)
+    # A copy of this process must not run modules that were edited after their import.
+    copies = all(may_run_here(node.identity.code) for node in nodes)
+    pool = ProcessPool(executor.workers, may_fork=copies)
+    for node in _to_import(nodes, here, executor.workers):
+        pool.submit(import_function, node.stage.function, node.identity.code)
+    return pool
+
+
+def _to_import(nodes: Sequence[Node], here: Sequence[Node], workers: int) -> list[Node]:
     """Nodes whose code the workers import that have nothing to compute at first.
 
     They are of different stages, those with most nodes first.
     """
     missing = {node.key for node in nodes}
-    given = [node for node in nodes if node.key not in here]
-    ready = {node.key for node in given if missing.isdisjoint(node.sources)}
-    later = {node.stage.function: node for node in given if node.key not in ready}
+    given = missing.difference(node.key for node in here)
+    ready = {n.key for n in nodes if n.key in given and missing.isdisjoint(n.sources)}
+    later = {n.stage.function: n for n in nodes if n.key in given - ready}
     counts = Counter(node.stage.function for node in nodes)
     chosen = sorted(later, key=lambda function: -counts[function])
     return [later[function] for function in chosen[: max(0, workers - len(ready))]]
 
 
-def make_pool(executor: Executor, may_fork: bool = False) -> Pool:
-    """Make the pool of an executor; `may_fork`: its workers may be copies of this process.
-
-    Raises:
-        ExecutorError: its workers cannot be started or reached; one line.
-    """
-    if isinstance(executor, LocalExecutor):
-        return ProcessPool(executor.workers, may_fork)
-    if isinstance(executor, ThreadsExecutor):
-        return ThreadPool(executor.workers)
-    from stixel_cli.engine.dask_pool import make_dask_pool
-
-    return make_dask_pool(executor)
-
-
 def _runs_here(executor: Executor | None, nodes: Sequence[Node], durations: Durations) -> bool:
     """Whether starting workers would take longer than the work."""
-    if executor is None:
+    if executor is None or not nodes:
         return True
     if not isinstance(executor, LocalExecutor):
         return False

@@ -159,17 +159,13 @@ def _changes(graph: Graph, node: Node, memory: _Memory) -> list[Change]:
         nearest = nearest | {"code": "", "modules": modules}
     changes = _identity_changes(node, nearest, memory)
     roots = _roots(graph, node, nearest, memory, set())
-    if nearest.get("frames") == _frames(node):
+    if nearest.get("frames") == node.frames:
         changes += _input_changes(graph, node, nearest)
         changes = changes or [Change("needed", name)]
     elif not changes:
         # Other frames have other inputs: the frames are new.
         changes = _input_changes(graph, node, nearest) if roots else [Change("new", node.label)]
     return changes + roots
-
-
-def _frames(node: Node) -> list[int | None] | None:
-    return None if node.first is None else [node.first, node.stop]
 
 
 def _distance(node: Node, notes: Mapping[str, Any]) -> tuple:
@@ -182,7 +178,7 @@ def _distance(node: Node, notes: Mapping[str, Any]) -> tuple:
     differing += sum(stored.get(name) != list(keys) for name, keys in node.inputs.items())
     return (
         notes.get("function") != content["function"],
-        notes.get("frames") != _frames(node),
+        notes.get("frames") != node.frames,
         differing,
         -float(notes.get("created", 0.0)),
     )

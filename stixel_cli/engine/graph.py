@@ -38,6 +38,16 @@ class Node:
     depth: int
 
     @property
+    def frames(self) -> list[int] | None:
+        """`first` and `stop`; None for `once`."""
+        return None if self.first is None else [self.first, self.stop]
+
+    @property
+    def frame_count(self) -> int:
+        """Number of frames; 0 for a node that does not run over frames."""
+        return 0 if self.first is None else self.stop - self.first
+
+    @property
     def sources(self) -> tuple[str, ...]:
         """Keys of all nodes that it depends on directly."""
         keys = dict.fromkeys(key for keys in self.inputs.values() for key in keys)

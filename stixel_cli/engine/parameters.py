@@ -58,6 +58,16 @@ def show_size(size: int) -> str:
     )
 
 
+def duration(seconds: float) -> str:
+    """Format a time: `40 s`, `12 min`, `3 h 20 min`."""
+    if seconds < 90:
+        return f"{max(1, round(seconds))} s"
+    minutes = round(seconds / 60)
+    if minutes < 90:
+        return f"{minutes} min"
+    return f"{minutes // 60} h {minutes % 60} min"
+
+
 def _split(text: str) -> tuple[float | None, str]:
     found = re.fullmatch(r"\s*(\d{1,15}(?:\.\d{1,9})?)\s*([A-Za-z]*)\s*", text, re.ASCII)
     return (float(found[1]), found[2]) if found else (None, "")

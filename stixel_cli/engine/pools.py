@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from queue import SimpleQueue
 from typing import Any, Protocol
 
-from stixel_cli.engine.one_thread import ENVIRONMENT
+from stixel_cli.engine.limits import ENVIRONMENT
 
 ORPHAN_INTERVAL = 0.5
 """Seconds between two checks of a worker that its parent is alive."""

@@ -1,17 +1,136 @@
-"""Progress of an execution: counts of nodes and frames, and the time left."""
+"""Progress of an execution: counts of nodes and frames, the time left, and where they are shown.
 
+A bar on a terminal or in a notebook, some lines elsewhere.
+"""
+
+import html
 import sys
 import time
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
+from importlib import import_module
+from typing import Any
 
-from stixel_cli.engine.displays import Lines, make_display
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.graph import Node
-from stixel_cli.engine.parameters import PROGRAM
+from stixel_cli.engine.parameters import PROGRAM, duration
+from stixel_cli.errors import escaped
 
 PATIENCE = 1.0
 """Seconds before the first output: a shorter execution shows nothing."""
+
+LINE_INTERVAL = 5.0
+"""Seconds between two lines."""
+
+REPEAT_INTERVAL = 60.0
+"""Seconds between two equal lines."""
+
+
+def in_notebook() -> bool:
+    """Whether this process is the kernel of a notebook."""
+    # Not imported here: a notebook has imported it.
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return hasattr(shell, "kernel")
+
+
+class Lines:
+    """Where progress is shown: a line on stderr every few seconds."""
+
+    def __init__(self):
+        self._last = time.monotonic()
+        self._line = ""
+
+    def show(self, share: float, text: str) -> None:
+        """Show the share that is done, 0 … 1, and a text of one line.
+
+        A line is printed if the last one is some time ago; an equal one only after longer.
+        """
+        now = time.monotonic()
+        line = f"{PROGRAM}: [{100.0 * share:.0f} %] {text}"
+        if text and now - self._last > (REPEAT_INTERVAL if line == self._line else LINE_INTERVAL):
+            self._last, self._line = now, line
+            print(line, file=sys.stderr, flush=True)  # noqa: T201
+
+    def note(self, text: str) -> bool:
+        """Print one line above the progress; False if that is left to stderr."""
+        return False
+
+    def close(self) -> None:
+        """Remove the progress, if it does not stay; the next `show` may show it again."""
+
+
+class Bar(Lines):
+    """Show a progress bar of rich, and remove it at the end."""
+
+    def __init__(self):
+        self._bar: Any = None
+
+    def show(self, share: float, text: str) -> None:
+        """Show or update the bar."""
+        if self._bar is None:
+            self._bar = _rich_bar()
+            self._bar.start()
+        self._bar.update(self._bar.task_ids[0], completed=share, description=escaped(text))
+
+    def note(self, text: str) -> bool:
+        """Print a line above the bar, if it is shown."""
+        if self._bar is None:
+            return False
+        self._bar.console.print(escaped(f"{PROGRAM}: {text}"), markup=False, highlight=False)
+        return True
+
+    def close(self) -> None:
+        """Remove the bar."""
+        if self._bar is not None:
+            self._bar.stop()
+            self._bar = None
+
+
+def _rich_bar() -> Any:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+    columns = BarColumn(), TaskProgressColumn(), TimeElapsedColumn()
+    stderr = Console(file=getattr(sys.stderr, "rich_proxied_file", sys.stderr))
+    bar = Progress(
+        *columns, TextColumn("{task.description}", markup=False), console=stderr, transient=True
+    )
+    bar.add_task("", total=1.0)
+    return bar
+
+
+class NotebookBar(Lines):
+    """Show a progress bar below the cell of a notebook, and remove it at the end."""
+
+    def __init__(self):
+        self._handle: Any = None
+        self._shown = ""
+
+    def show(self, share: float, text: str) -> None:
+        """Show the bar, or update it if it has changed."""
+        shown = f'<progress value="{share:.3f}" max="1"></progress> {html.escape(text)}'
+        if shown == self._shown:
+            return
+        self._shown = shown
+        # Not an import statement: only notebooks have this package.
+        display = import_module("IPython.display")
+        if self._handle is None:
+            self._handle = display.display(display.HTML(shown), display_id=True)
+        else:
+            self._handle.update(display.HTML(shown))
+
+    def close(self) -> None:
+        """Remove the bar."""
+        if self._handle is not None:
+            self._handle.update(import_module("IPython.display").HTML(""))
+            self._handle, self._shown = None, ""
+
+
+def make_display() -> Lines:
+    """A bar in a notebook, or if stderr is a terminal; else lines."""
+    if in_notebook():
+        return NotebookBar()
+    return Bar() if sys.stderr.isatty() else Lines()
 
 
 class Progress:
@@ -34,11 +153,12 @@ class Progress:
     ):
         self.display, self.advice = display, advice
         self.uncompiled = frozenset(uncompiled)
-        self.total: dict[str, int] = {}
-        self.done: dict[str, int] = {}
+        # By the name of the stage.
+        self.total: Counter[str] = Counter()
+        self.done: Counter[str] = Counter()
         self.frames_total: Counter[str] = Counter()
         self.frames_done: Counter[str] = Counter()
-        self.seconds: dict[str, float] = {}
+        self.seconds: Counter[str] = Counter()
         self.running: dict[str, str] = {}
         self.compiling: set[str] = set()
         self.failures = 0
@@ -60,8 +180,8 @@ class Progress:
     def extend(self, nodes: Sequence[Node]) -> None:
         """Add nodes that will be computed as well."""
         for node in nodes:
-            self.total[node.stage.name] = self.total.get(node.stage.name, 0) + 1
-            self.frames_total[node.stage.name] += _frames(node)
+            self.total[node.stage.name] += 1
+            self.frames_total[node.stage.name] += node.frame_count
 
     def started(self, node: Node) -> None:
         """Count a node as running. A node whose worker crashed starts a second time."""
@@ -75,9 +195,9 @@ class Progress:
         name = node.stage.name
         self.running.pop(node.key, None)
         self.compiling.discard(name)
-        self.done[name] = self.done.get(name, 0) + 1
-        self.frames_done[name] += _frames(node)
-        self.seconds[name] = self.seconds.get(name, 0.0) + seconds
+        self.done[name] += 1
+        self.frames_done[name] += node.frame_count
+        self.seconds[name] += seconds
 
     def failed(self, node: Node, failure: StageFailure, skipped: Sequence[Node]) -> None:
         """Report a failed node. The nodes `skipped` depend on it and will not be computed."""
@@ -85,12 +205,13 @@ class Progress:
         self.failures += 1
         for one in (node, *skipped):
             self.total[one.stage.name] -= 1
-            self.frames_total[one.stage.name] -= _frames(one)
+            self.frames_total[one.stage.name] -= one.frame_count
         self.note(f"failed: {' '.join(str(failure).split())}")
 
     def tick(self) -> None:
         """Update the display. Called several times per second."""
-        if self.display is not None and self.all_total and self.elapsed > PATIENCE:
+        elapsed = time.monotonic() - self.began
+        if self.display is not None and self.all_total and elapsed > PATIENCE:
             self.display.show(self.share, self.text)
 
     def note(self, text: str) -> None:
@@ -106,12 +227,12 @@ class Progress:
     @property
     def all_done(self) -> int:
         """Number of finished nodes."""
-        return sum(self.done.values())
+        return self.done.total()
 
     @property
     def all_total(self) -> int:
         """Number of nodes to compute."""
-        return sum(self.total.values())
+        return self.total.total()
 
     @property
     def share(self) -> float:
@@ -120,22 +241,17 @@ class Progress:
         total = sum(max(self.frames_total[name], count) for name, count in self.total.items())
         return min(1.0, done / total) if total else 1.0
 
-    @property
-    def elapsed(self) -> float:
-        """Seconds since the start."""
-        return time.monotonic() - self.began
-
     def seconds_left(self) -> float | None:
         """Estimated seconds left; None if nothing is known about a stage.
 
         As soon as any frame was measured in this execution, a frame of a stage without any measured
         time counts as an average one, and a stage that does not run over frames as nothing.
         """
-        frames = sum(self.frames_done.values())
+        frames = self.frames_done.total()
         spent = sum(self.seconds[name] for name in self.done if self.frames_done[name])
         total = 0.0
         for name, count in self.total.items():
-            done = self.done.get(name, 0)
+            done = self.done[name]
             if count <= done:
                 continue
             each = self.seconds[name] / done if done else self.known.get(name)
@@ -150,10 +266,8 @@ class Progress:
     @property
     def text_left(self) -> str:
         """`; about 40 s left`; empty if that is unknown or all nodes are done."""
-        left = self.seconds_left()
-        if left is None or self.all_done >= self.all_total:
-            return ""
-        return f"; about {duration(left)} left"
+        left = self.seconds_left() if self.all_done < self.all_total else None
+        return "" if left is None else f"; about {duration(left)} left"
 
     @property
     def text(self) -> str:
@@ -167,11 +281,6 @@ class Progress:
             return f"{name}: compiling (first run only)"
         total = self.frames_total[name]
         return f"{name} {self.frames_done[name]}/{total} frames" if total else name
-
-
-def _frames(node: Node) -> int:
-    """Number of frames of a node; 0 for one that does not run over frames."""
-    return 0 if node.first is None else node.stop - node.first
 
 
 def crash_note(labels: Sequence[str], retry: bool) -> str:
@@ -189,13 +298,3 @@ def crash_note(labels: Sequence[str], retry: bool) -> str:
 def make_progress(uncompiled: Collection[str] = (), advice: bool = False) -> Progress:
     """Progress with the display that suits stderr; `uncompiled` and `advice` as in `Progress`."""
     return Progress(make_display(), uncompiled, advice)
-
-
-def duration(seconds: float) -> str:
-    """Format a time: `40 s`, `12 min`, `3 h 20 min`."""
-    if seconds < 90:
-        return f"{max(1, round(seconds))} s"
-    minutes = round(seconds / 60)
-    if minutes < 90:
-        return f"{minutes} min"
-    return f"{minutes // 60} h {minutes % 60} min"

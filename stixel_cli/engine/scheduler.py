@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from graphlib import TopologicalSorter
 from typing import Literal, get_args
 
+from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.engine.cleanup import keep_limit
 from stixel_cli.engine.errors import (
     CacheError,
@@ -21,13 +22,12 @@ from stixel_cli.engine.errors import (
     StageFailure,
     WorkerDied,
 )
-from stixel_cli.engine.locks import Lease
+from stixel_cli.engine.limits import TimeLimit, mark_text
 from stixel_cli.engine.plan import Plan, missing_nodes
 from stixel_cli.engine.pools import Pool, SerialPool, deferred_interrupts, error_of, no_interrupt
 from stixel_cli.engine.progress import Progress, crash_note
 from stixel_cli.engine.store import Store
-from stixel_cli.engine.task import Outcome, run_task, task_of
-from stixel_cli.engine.time_limit import TimeLimit, mark_text
+from stixel_cli.engine.task import Outcome, run_node
 
 Status = Literal["failed", "skipped", "computed", "cached"]
 """`skipped`: depends on a node that failed."""
@@ -186,10 +186,10 @@ class Run:
     def _submit(self, key: str) -> None:
         node = self.graph.nodes[key]
         self.progress.started(node)
-        task = task_of(node, self._limit(key))
         pool = SerialPool() if key in self.here else self.pool
         try:
-            self._in_flight[pool.submit(run_task, task, self.store.folder)] = key
+            future = pool.submit(run_node, node, self.store.folder, self._limit(key))
+            self._in_flight[future] = key
         except ExecutorError as error:
             self._fatal = error
 
@@ -240,14 +240,14 @@ class Run:
             return False
         if outcome.status == "missing":
             self._tries[key] += 1
-            for source, reason in outcome.missing:
-                what = f"cached result of {self.graph.nodes[source].label}"
-                self.progress.note(f"{what} is unusable ({reason}); recomputing it")
-                if self._tries[key] >= TRIES and self._fatal is None:
-                    self._fatal = CacheError(
-                        f"the {what} in {self.store.folder} is unusable and cannot be replaced: "
-                        f"{reason}"
-                    )
+            reason = outcome.error.reason
+            what = f"cached result of {self.graph.nodes[outcome.error.key].label}"
+            self.progress.note(f"{what} is unusable ({reason}); recomputing it")
+            if self._tries[key] >= TRIES and self._fatal is None:
+                self._fatal = CacheError(
+                    f"the {what} in {self.store.folder} is unusable and cannot be replaced: "
+                    f"{reason}"
+                )
             return False
         # A worker may have stored the result just before it crashed with another task.
         if outcome.status == "computed" or self._deaths[key]:

@@ -22,11 +22,12 @@ from stixel_cli.engine.cache_folder import (
     NotARegularFile,
     check_owner,
     digest_of_file,
+    file_lock,
     make_folder,
     read_file,
+    unwritable,
 )
 from stixel_cli.engine.errors import CacheError, MissingEntry
-from stixel_cli.engine.locks import file_lock, unwritable
 from stixel_cli.engine.parameters import (
     CacheParameters,
     default_cache_folder,

@@ -1,59 +1,27 @@
 """Compute and store a node in a worker, or a result that is no node.
 
-Names and keys travel between processes, never arrays.
+A node travels between processes with its names, settings and keys, never with arrays.
 """
 
 import pickle
 import time
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
-from stixel_cli.engine.code import Code, CodeIndex
+from stixel_cli.engine.code import CodeIndex
 from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.graph import Node
-from stixel_cli.engine.keys import LAYOUT, digest
+from stixel_cli.engine.keys import CHUNKED, LAYOUT, digest
+from stixel_cli.engine.limits import TimeLimit, limited, one_thread
 from stixel_cli.engine.loaded_code import may_run_here, planned_function
-from stixel_cli.engine.one_thread import one_thread
 from stixel_cli.engine.source_files import save_digests
 from stixel_cli.engine.store import Store
-from stixel_cli.engine.time_limit import TimeLimit, limited
 from stixel_cli.engine.versions import check_versions, python_version
-
-
-@dataclass(frozen=True)
-class Task:
-    """Everything a worker needs to compute a node.
-
-    Attributes:
-        key, label, function: of the node and its stage.
-        arguments: settings, frames and seed, as the function takes them.
-        inputs: argument name -> keys; those in `sequences` are passed as a lazy sequence.
-        fold: whether the function has the argument `previous`.
-        previous: key of the node before in a fold, None for the first.
-        code: the code that the key was made from.
-        notes: stored with the value.
-        limit: time limit of the node, None for no limit.
-        watched: see `Stage`.
-    """
-
-    key: str
-    label: str
-    function: str
-    arguments: Mapping[str, Any]
-    inputs: Mapping[str, tuple[str, ...]]
-    sequences: frozenset[str]
-    fold: bool
-    previous: str | None
-    code: Code
-    notes: Mapping[str, Any]
-    limit: TimeLimit | None
-    watched: str = ""
-
 
 SLOW = 5.0
 """Seconds of one step of a stage above which it is reported."""
@@ -83,60 +51,24 @@ class Steps:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Outcome of a task.
+    """Outcome of the computation of a node.
 
     Attributes:
         status: `computed`, `cached` (another process was first), `missing` (an input is missing or
             damaged), or `failed`.
         seconds: time to load, compute and store, without the wait for the lock.
         size: bytes that were stored.
-        missing: (key, reason) of the missing inputs.
-        error, traceback_text: see `StageFailure`.
+        error: MissingEntry of the missing input, or the stage's error.
+        traceback_text: see `StageFailure`.
         note: what took long in a computed node; "" for nothing.
     """
 
     status: Literal["computed", "cached", "missing", "failed"]
     seconds: float = 0.0
     size: int = 0
-    missing: tuple[tuple[str, str], ...] = ()
-    error: BaseException | None = None
+    error: Exception | None = None
     traceback_text: str = ""
     note: str = ""
-
-
-def task_of(node: Node, limit: TimeLimit | None = None) -> Task:
-    """Make the task that computes `node`."""
-    stage = node.stage
-    arguments = dict(stage.settings)
-    if stage.pattern in ("map", "fold"):
-        arguments["frames"] = range(node.first, node.stop)
-    elif stage.pattern == "pick":
-        arguments["frame"] = node.first
-    if stage.seed is not None:
-        arguments["seed"] = stage.seed
-    if stage.gives_files:
-        arguments["files"] = stage.files
-    notes = {
-        **node.identity.content,
-        "label": node.label,
-        "frames": None if node.first is None else [node.first, node.stop],
-        "inputs": {name: list(keys) for name, keys in node.inputs.items()},
-        "previous": node.previous,
-    }
-    return Task(
-        key=node.key,
-        label=node.label,
-        function=stage.function,
-        arguments=arguments,
-        inputs=node.inputs,
-        sequences=node.sequences,
-        fold=stage.pattern == "fold",
-        previous=node.previous,
-        code=node.identity.code,
-        notes=notes,
-        limit=limit,
-        watched=stage.watched,
-    )
 
 
 class ChunkSequence(Sequence):
@@ -155,49 +87,75 @@ class ChunkSequence(Sequence):
         return self._load(self._keys[index])
 
 
-def run_task(task: Task, folder: Path) -> Outcome:
+def run_node(node: Node, folder: Path, limit: TimeLimit | None = None) -> Outcome:
     """Compute a node and store it at `folder`, unless the store has it by now."""
     # The store needs it; its import is no part of the node's time.
     import_module("joblib")
     store = Store(folder)
-    inputs = _Inputs(store)
     started = time.perf_counter()
     try:
-        with store.lock(task.key):
-            if store.has(task.key):
+        with store.lock(node.key):
+            if store.has(node.key):
                 return Outcome("cached")
             started = time.perf_counter()
-            with limited(task.limit):
-                size, note = _compute(task, inputs, store)
+            with limited(limit):
+                size, note = _compute(node, store)
             return Outcome("computed", time.perf_counter() - started, size, note=note)
     except Exception as error:
         seconds = time.perf_counter() - started
-        if inputs.missing:
-            return Outcome("missing", seconds, missing=tuple(inputs.missing.items()))
+        if isinstance(error, MissingEntry) and error.key in node.sources:
+            return Outcome("missing", seconds, error=error)
         return Outcome("failed", seconds, error=_portable(error), traceback_text=_own_part(error))
 
 
-def _compute(task: Task, inputs: "_Inputs", store: Store) -> tuple[int, str]:
+def _compute(node: Node, store: Store) -> tuple[int, str]:
     """Load, call and store; return the size of the result in bytes, and a note on slow steps."""
     # CPU time of this thread does not depend on the load of the machine. It does not include
     # processes that the function starts.
     started, cpu_started = time.perf_counter(), time.thread_time()
-    check_versions(task.notes)
-    function = planned_function(task.function, task.code)
-    arguments, steps = _arguments(task, inputs), Steps()
-    if task.watched:
-        arguments[task.watched] = arguments[task.watched].watched(steps.begin)
+    check_versions(node.identity.content)
+    code, watched = node.identity.code, node.stage.watched
+    function = planned_function(node.stage.function, code)
+    arguments, steps = _arguments(node, store), Steps()
+    if watched:
+        arguments[watched] = arguments[watched].watched(steps.begin)
     with one_thread():
         value = function(**arguments)
     steps.begin("the end")
     size = store.save(
-        task.key,
+        node.key,
         value,
-        **task.notes,
-        modules=task.code.modules,
+        **node.identity.content,
+        label=node.label,
+        frames=node.frames,
+        inputs={name: list(keys) for name, keys in node.inputs.items()},
+        previous=node.previous,
+        modules=code.modules,
         **_times(started, cpu_started),
     )
     return size, steps.note
+
+
+def _arguments(node: Node, store: Store) -> dict[str, Any]:
+    """The settings, frames, seed and files of a node, and its inputs, loaded from the store."""
+    stage = node.stage
+    arguments = dict(stage.settings)
+    if stage.pattern in CHUNKED:
+        arguments["frames"] = range(node.first, node.stop)
+    elif stage.pattern == "pick":
+        arguments["frame"] = node.first
+    if stage.seed is not None:
+        arguments["seed"] = stage.seed
+    if stage.gives_files:
+        arguments["files"] = stage.files
+    for name, keys in node.inputs.items():
+        if name in node.sequences:
+            arguments[name] = ChunkSequence(keys, store.load)
+        else:
+            arguments[name] = store.load(keys[0])
+    if stage.pattern == "fold":
+        arguments["previous"] = None if node.previous is None else store.load(node.previous)
+    return arguments
 
 
 def _times(started: float, cpu_started: float) -> dict[str, float]:
@@ -207,33 +165,6 @@ def _times(started: float, cpu_started: float) -> dict[str, float]:
         "cpu_seconds": round(time.thread_time() - cpu_started, 6),
         "created": round(time.time(), 3),
     }
-
-
-class _Inputs:
-    """Load inputs, and record the missing ones."""
-
-    def __init__(self, store: Store):
-        self.store = store
-        self.missing: dict[str, str] = {}
-
-    def load(self, key: str) -> Any:
-        try:
-            return self.store.load(key)
-        except MissingEntry as error:
-            self.missing[key] = error.reason
-            raise
-
-
-def _arguments(task: Task, inputs: _Inputs) -> dict[str, Any]:
-    arguments = dict(task.arguments)
-    for name, keys in task.inputs.items():
-        if name in task.sequences:
-            arguments[name] = ChunkSequence(keys, inputs.load)
-        else:
-            arguments[name] = inputs.load(keys[0])
-    if task.fold:
-        arguments["previous"] = None if task.previous is None else inputs.load(task.previous)
-    return arguments
 
 
 def _own_part(error: Exception) -> str:

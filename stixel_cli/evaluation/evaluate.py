@@ -76,43 +76,23 @@ def evaluate(
         ValueError: as `validate` does.
     """
     validate(track, scenario, scans)
-    known, truth = scenario.known, scenario.target_poses_world
-    at_known = contour_errors(track, scenario)
-    centre = centre_errors(track.means, truth)
-    orientation = orientation_errors(track.means[:, 2], truth[:, 2])
-    nees_position = normalised_errors(
-        track.means[:, :2] - truth[:, :2], track.covariances[:, :2, :2]
-    )
-    nees_orientation = normalised_errors(orientation[:, None], track.covariances[:, 2:3, 2:3])
-    degrees = track.nis_degrees_of_freedom
-    nis = np.divide(track.nis, degrees, out=np.full(len(degrees), np.nan), where=degrees > 0)
-    counted = known if scenario.scored is None else known & scenario.scored
-    rates = scenario.target_rates_world
-    true_speed = np.hypot(*rates[:, :2].T)
-    speed = np.hypot(*track.means[:, 3:5].T) - true_speed
     of_classes = class_errors(track, road_user)
     replaced_wrongly = (of_classes["class_replaced"] == 1.0) & (of_classes["class_wrong"] == 1.0)
-    lost = off_target(
-        at_known["iou_box"], orientation[known], true_speed[known], replaced_wrongly[known]
-    )
+    over_time = errors_over_time(track, scenario, replaced_wrongly)
+    times, degrees = scenario.times - scenario.times[0], track.nis_degrees_of_freedom
+    nis = np.divide(track.nis, degrees, out=np.full(len(degrees), np.nan), where=degrees > 0)
+    counted = scenario.known if scenario.scored is None else scenario.known & scenario.scored
     errors = ScanErrors(
-        times=(scenario.times - scenario.times[0])[counted],
-        centre=centre[counted],
-        orientation=np.degrees(orientation[counted]),
-        speed=speed[counted],
-        yaw_rate=np.degrees(track.means[:, 5] - rates[:, 2])[counted],
-        nees_position=nees_position[counted],
-        nees_orientation=nees_orientation[counted],
+        times=times[counted],
+        **{name: values[counted] for name, values in over_time.items()},
+        **{name: np.full(counted.sum(), value) for name, value in vars(upper_bounds).items()},
         nis=nis,
         points=np.diff(scans.offsets),
         points_used=np.diff(track.used_offsets),
-        scan_times=scenario.times - scenario.times[0],
+        scan_times=times,
         **size_errors(track, scans),
         **of_classes,
         uses_scans=track.uses_scans,
-        lost=lost[counted[known]],
-        **{name: np.full(counted.sum(), value) for name, value in vars(upper_bounds).items()},
-        **{name: values[counted[known]] for name, values in at_known.items()},
     )
     missing = [
         *(["scored_scans"] if scenario.scored is None else []),
@@ -125,33 +105,56 @@ def evaluate(
         metrics = {name: value for name, value in metrics.items() if value is not None}
     return Scores(
         times=np.array(scenario.times, dtype=np.float64),
-        centre_error=centre,
-        orientation_error=orientation,
-        iou=_over_time(at_known["iou"], known),
-        iou_box=_over_time(at_known["iou_box"], known),
-        nees_position=nees_position,
+        centre_error=over_time["centre"],
+        orientation_error=orientation_errors(track.means[:, 2], scenario.target_poses_world[:, 2]),
+        iou=over_time["iou"],
+        iou_box=over_time["iou_box"],
+        nees_position=over_time["nees_position"],
         nis=nis,
         metrics=metrics | ({} if labels is None else labels.metrics),
         labels=labels,
     )
 
 
+def errors_over_time(
+    track: Track, scenario: Scenario, replaced_wrongly: np.ndarray
+) -> dict[str, np.ndarray]:
+    """The errors at all scans, fields of `ScanErrors`, each (K,); NaN where the truth is unknown.
+
+    `replaced_wrongly` (K,) is whether the reported class is neither the prior's nor the true one.
+    """
+    truth, rates = scenario.target_poses_world, scenario.target_rates_world
+    orientation = orientation_errors(track.means[:, 2], truth[:, 2])
+    true_speed = np.hypot(*rates[:, :2].T)
+    contours = {}
+    for name, values in contour_errors(track, scenario).items():
+        contours[name] = np.full(len(truth), np.nan)
+        contours[name][scenario.known] = values
+    return contours | {
+        "centre": centre_errors(track.means, truth),
+        "orientation": np.degrees(orientation),
+        "speed": np.hypot(*track.means[:, 3:5].T) - true_speed,
+        "yaw_rate": np.degrees(track.means[:, 5] - rates[:, 2]),
+        "nees_position": normalised_errors(
+            track.means[:, :2] - truth[:, :2], track.covariances[:, :2, :2]
+        ),
+        "nees_orientation": normalised_errors(orientation[:, None], track.covariances[:, 2:3, 2:3]),
+        "lost": off_target(contours["iou_box"], orientation, true_speed, replaced_wrongly),
+    }
+
+
 def class_errors(track: Track, road_user: str | None) -> dict[str, Any]:
     """The probabilities of the classes and their errors: fields of `ScanErrors`."""
-    missing = np.full(len(track.times), np.nan)
-    if track.class_probabilities is None:
-        probabilities = dict.fromkeys(ROAD_USER_CLASSES, missing)
-        return {
-            "class_probabilities": probabilities,
-            "class_wrong": missing,
-            "class_replaced": missing,
-        }
-    replaced = track.class_replaced
-    names = np.array(list(track.class_probabilities))
-    found = names[np.argmax(list(track.class_probabilities.values()), axis=0)]
+    probabilities, replaced = track.class_probabilities, track.class_replaced
+    wrong = missing = np.full(len(track.times), np.nan)
+    if probabilities is None:
+        probabilities, replaced = dict.fromkeys(ROAD_USER_CLASSES, missing), None
+    elif road_user is not None:
+        most_probable = np.argmax(list(probabilities.values()), axis=0)
+        wrong = (np.array(list(probabilities))[most_probable] != road_user).astype(float)
     return {
-        "class_probabilities": track.class_probabilities,
-        "class_wrong": missing if road_user is None else (found != road_user).astype(float),
+        "class_probabilities": probabilities,
+        "class_wrong": wrong,
         "class_replaced": missing if replaced is None else replaced.astype(float),
     }
 
@@ -245,13 +248,6 @@ def off_target(
     """
     backwards = (np.abs(orientation) > 0.5 * np.pi) & (speed > LEAST_SPEED)
     return ~(iou_box >= LOW_OVERLAP) | backwards | replaced_wrongly
-
-
-def _over_time(values: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """The values (n,) of the n scans that are `known` (K,), NaN at the others."""
-    result = np.full(len(known), np.nan)
-    result[known] = values
-    return result
 
 
 def centre_errors(estimated_world: np.ndarray, true_world: np.ndarray) -> np.ndarray:

@@ -9,11 +9,11 @@ from typing import Any
 from stixel_cli.config.compose import Composition
 from stixel_cli.config.folders import shipped_folder
 from stixel_cli.config.schema import Configuration
+from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.execute import Execution, execute
 from stixel_cli.engine.graph import Graph, build_graph
 from stixel_cli.engine.keys import Stage
-from stixel_cli.engine.locks import lease
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import UserError
@@ -246,7 +246,7 @@ def computed_stages(
         def load(name: str) -> list[Any]:
             return [store.load(key) for key in graph.stages.get(name, ()) if key in needed]
 
-        with lease(store.folder, sorted(needed)):
+        with Lease(store.folder, sorted(needed)):
             execution = execute(
                 graph,
                 wanted,

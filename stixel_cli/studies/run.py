@@ -14,7 +14,7 @@ from typing import Any
 from stixel_cli.config import messages
 from stixel_cli.config.folders import of_the_machine
 from stixel_cli.config.overrides import parse
-from stixel_cli.engine.locks import lease
+from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
 from stixel_cli.report.blocks import Findings
@@ -200,7 +200,7 @@ class _Run:
             for run in result.runs
             for target in run.planned.targets
         }
-        return lease(self.store.folder, sorted(keys))
+        return Lease(self.store.folder, sorted(keys))
 
     def _sweep(self, name: str, one: PlannedSweep, design: Design) -> SweepResult:
         path = self.folder.sweep(name)

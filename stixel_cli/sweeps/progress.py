@@ -2,10 +2,9 @@
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 
-from stixel_cli.engine.displays import make_display
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.graph import Node
-from stixel_cli.engine.progress import Progress
+from stixel_cli.engine.progress import Progress, make_display
 from stixel_cli.sweeps.runs import PlannedRun
 
 

@@ -7,11 +7,10 @@ import pytest
 
 from stixel_cli.cli.app import main
 from stixel_cli.engine import cache_folder
-from stixel_cli.engine.cache_folder import MARK, is_marked, made_here, make_folder
+from stixel_cli.engine.cache_folder import MARK, Lease, is_marked, made_here, make_folder
 from stixel_cli.engine.cleanup import clear, collect, evicted, keep_limit
 from stixel_cli.engine.entries import set_aside
 from stixel_cli.engine.errors import CacheError, MissingEntry
-from stixel_cli.engine.locks import Lease
 from stixel_cli.engine.parameters import CacheParameters
 from stixel_cli.engine.plan import Durations
 from stixel_cli.engine.source_files import kept_source

@@ -9,10 +9,10 @@ import time
 import numpy as np
 import pytest
 
+from stixel_cli.engine.cache_folder import Lease, leased_keys
 from stixel_cli.engine.cleanup import clear, collect, evicted, keep_limit
 from stixel_cli.engine.entries import entries, entry_folders, verify_all
 from stixel_cli.engine.errors import CacheError
-from stixel_cli.engine.locks import Lease, lease, leased_keys
 from stixel_cli.engine.parameters import CacheParameters, parse_age, parse_size, show_size
 from stixel_cli.engine.store import VALUE, Store, default_cache_folder, open_store
 
@@ -81,7 +81,7 @@ def test_a_dry_run_removes_nothing(store):
 
 
 def test_entries_in_use_stay(store):
-    with lease(store.folder, KEYS[:2]):
+    with Lease(store.folder, KEYS[:2]):
         collection = collect(store, max_size=0)
         assert left(store) == KEYS[:2] and collection.in_use == 2
         assert clear(store).removed == ()
@@ -104,7 +104,7 @@ def test_a_lease_that_is_taken_again_lets_the_others_go(store):
 
 HOLD = """
 import sys, time
-from stixel_cli.engine.locks import Lease
+from stixel_cli.engine.cache_folder import Lease
 from pathlib import Path
 own = Lease(Path(sys.argv[1]))
 own.take(sys.argv[2:])

@@ -14,7 +14,7 @@ import pytest
 from executors import EXECUTORS
 
 from stixel_cli.engine.dask_cluster import PATIENT, local_cluster
-from stixel_cli.engine.dask_pool import make_dask_pool
+from stixel_cli.engine.dask_pool import DaskPool
 from stixel_cli.engine.errors import CodeChanged, ExecutorError, StageFailure
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.graph import build_graph
@@ -153,7 +153,7 @@ def test_a_stage_that_always_kills_its_worker(cluster, project, notes):
 
 def test_an_outcome_that_never_comes_is_computed_again(cluster, monkeypatch):
     """A worker may be killed just after it has finished a task, with the outcome."""
-    pool = make_dask_pool(executor_at(cluster))
+    pool = DaskPool(executor_at(cluster))
     gather, lost = pool._client.gather, []
 
     async def never():
@@ -178,7 +178,7 @@ def test_an_outcome_that_never_comes_is_computed_again(cluster, monkeypatch):
 def test_a_task_is_cancelled_while_it_runs(cluster, tmp_path):
     from dask_steps.steps import wait_for
 
-    pool = make_dask_pool(executor_at(cluster))
+    pool = DaskPool(executor_at(cluster))
     try:
         future = pool.submit(wait_for, str(tmp_path / "go"))
         assert future.cancel()

@@ -35,7 +35,7 @@ def test_a_stage_that_raises(project):
     failure = caught.value
     assert (failure.stage, failure.label) == ("gather", "gather")
     assert isinstance(failure.cause, ValueError) and failure.__cause__ is failure.cause
-    assert "in gather" in failure.traceback_text and "run_task" not in failure.traceback_text
+    assert "in gather" in failure.traceback_text and "run_node" not in failure.traceback_text
     assert failure.traceback_text in failure.__notes__, "Python shows where it happened"
     assert "gather.py, line " in failure.place
     assert failure.place.endswith("; raise ValueError('no such thing')`")

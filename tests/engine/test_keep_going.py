@@ -6,7 +6,7 @@ import pytest
 
 from stixel_cli.engine.errors import CacheError, StageFailure
 from stixel_cli.engine.graph import merge
-from stixel_cli.engine.task import run_task
+from stixel_cli.engine.task import run_node
 
 
 def statuses(execution):
@@ -85,14 +85,14 @@ def test_a_killer_of_workers_fails_alone(project, notes):
 def test_a_result_that_was_stored_before_a_crash_is_computed(project, notes, tmp_path, monkeypatch):
     mark = tmp_path / "crashed"
 
-    def run_and_crash(task, folder):
-        outcome = run_task(task, folder)
-        if task.notes["label"] == "gather" and not mark.exists():
+    def run_and_crash(node, folder, limit):
+        outcome = run_node(node, folder, limit)
+        if node.label == "gather" and not mark.exists():
             mark.touch()
             os._exit(9)
         return outcome
 
-    monkeypatch.setattr("stixel_cli.engine.scheduler.run_task", run_and_crash)
+    monkeypatch.setattr("stixel_cli.engine.scheduler.run_node", run_and_crash)
     execution = project.run(executor="local", keep_going=True, progress=notes)
     assert mark.exists()
     assert set(statuses(execution).values()) == {"computed"}

@@ -13,7 +13,7 @@ import pytest
 from threadpoolctl import ThreadpoolController, threadpool_info, threadpool_limits
 
 from stixel_cli.engine.errors import ExecutorError
-from stixel_cli.engine.one_thread import ENVIRONMENT, one_thread
+from stixel_cli.engine.limits import ENVIRONMENT, one_thread
 from stixel_cli.engine.store import Store
 
 THREADS = """

@@ -6,9 +6,16 @@ from types import SimpleNamespace
 
 import pytest
 
-from stixel_cli.engine import displays
-from stixel_cli.engine.displays import Bar, Lines, NotebookBar, in_notebook
-from stixel_cli.engine.progress import Progress, crash_note, make_progress
+from stixel_cli.engine import progress as progress_module
+from stixel_cli.engine.progress import (
+    Bar,
+    Lines,
+    NotebookBar,
+    Progress,
+    crash_note,
+    in_notebook,
+    make_progress,
+)
 
 FRAMES = 10
 """Of the graph of `project`."""
@@ -17,7 +24,7 @@ FRAMES = 10
 @pytest.fixture
 def clock(monkeypatch):
     now = [100.0]
-    monkeypatch.setattr(displays.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(progress_module.time, "monotonic", lambda: now[0])
     return now
 
 
@@ -147,7 +154,7 @@ class Page:
 def test_a_bar_in_a_notebook(project, clock, capsys, monkeypatch):
     page, shell = Page(), SimpleNamespace(kernel=1)
     monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
-    monkeypatch.setattr(displays, "import_module", {"IPython.display": page}.__getitem__)
+    monkeypatch.setattr(progress_module, "import_module", {"IPython.display": page}.__getitem__)
     progress = make_progress()
     assert isinstance(progress.display, NotebookBar)
     feed(progress, project, clock, 2.0)

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stixel_cli.engine.cache_folder import collector_lock
 from stixel_cli.engine.errors import CacheError, MissingEntry
-from stixel_cli.engine.locks import collector_lock
 from stixel_cli.engine.store import META, VALUE, Store, default_cache_folder
 
 KEY = "ab" + "0" * 62

@@ -2,10 +2,10 @@
 
 import pytest
 
-from stixel_cli.engine import time_limit
+from stixel_cli.engine import limits
 from stixel_cli.engine.errors import StageFailure, TimeLimitExceeded
+from stixel_cli.engine.limits import TimeLimit, limited
 from stixel_cli.engine.parameters import LocalExecutor
-from stixel_cli.engine.time_limit import TimeLimit, limited
 
 LIMIT = 3.0
 """Seconds. Long for a node that does nothing, also on a busy machine."""
@@ -98,4 +98,4 @@ def test_where_nothing_can_be_interrupted_workers_are_started(project, monkeypat
     monkeypatch.setattr("stixel_cli.engine.execute.make_pool", None)
     with pytest.raises(TypeError, match="NoneType"):
         project.run(project.graph(seed=2), executor=LOCAL)
-    assert time_limit.can_interrupt()
+    assert limits.can_interrupt()

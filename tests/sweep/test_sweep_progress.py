@@ -3,7 +3,7 @@
 from runs_of import sweep_runs
 
 from stixel_cli.engine.errors import StageFailure
-from stixel_cli.engine.progress import duration
+from stixel_cli.engine.parameters import duration
 from stixel_cli.sweeps.graphs import plan_runs
 from stixel_cli.sweeps.progress import SweepProgress
 
