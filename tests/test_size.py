@@ -22,7 +22,7 @@ BUDGET = {
     "geometry": 173,
     "machine": 331,
     "measurements": 1710,
-    "pictures": 1403,
+    "pictures": 1315,
     "recordings": 2530,
     # Images of a rig out of calibration.
     "rendering": 2640,
@@ -33,7 +33,7 @@ BUDGET = {
     "stereo": 471,
     "stixels": 2045,
     "studies": 6340,
-    "sweeps": 2437,
+    "sweeps": 2403,
     # `contour`: the bank of forms for what it did not learn from, the search at the first scan.
     "tracking": 4712,
     "validation": 1225,

@@ -106,18 +106,10 @@ def _draw_target(axes: Axes, track: Track, scenario: Scenario, k: int, linewidth
 
 def _draw_centre(axes: Axes, track: Track, k: int) -> None:
     """The ellipse of two standard deviations of the estimated centre."""
-    mean = track.means[k]
-    if np.isfinite(mean[:2]).all():
-        ground.draw_ellipses(
-            axes,
-            mean[None, :2],
-            track.covariances[k, None, :2, :2],
-            2.0,
-            style.ESTIMATE,
-            linewidth=1.0,
-            linestyle="--",
-            zorder=4.0,
-        )
+    means, covariances = track.means[k : k + 1, :2], track.covariances[k : k + 1, :2, :2]
+    if np.isfinite(means).all():
+        look = {"linewidth": 1.0, "linestyle": "--", "zorder": 4.0}
+        ground.draw_ellipses(axes, means, covariances, 2.0, style.ESTIMATE, **look)
 
 
 def _draw_scan(axes: Axes, scans: Scans, track: Track, k: int) -> None:
@@ -166,24 +158,14 @@ def _enlarge(axes: Axes, scans: Scans, track: Track, scenario: Scenario, k: int)
 
 def _mark_enlarged(wide: Axes, near: Axes) -> None:
     (left, right), (bottom, top) = near.get_xlim(), near.get_ylim()
-    wide.add_patch(
-        Rectangle(
-            (left, bottom),
-            right - left,
-            top - bottom,
-            fill=False,
-            edgecolor="#555555",
-            linewidth=0.7,
-            linestyle=":",
-            zorder=6,
-        )
-    )
+    look = {"edgecolor": "#555555", "linewidth": 0.7, "linestyle": ":", "zorder": 6}
+    wide.add_patch(Rectangle((left, bottom), right - left, top - bottom, fill=False, **look))
 
 
 def _std(track: Track, scenario: Scenario, k: int) -> str:
-    offset = track.means[k, :3] - scenario.target_poses_world[k]
     if not scenario.known[k]:
         return "Target, enlarged"
+    offset = track.means[k, :3] - scenario.target_poses_world[k]
     if not np.isfinite(offset).all():
         return "Target, enlarged;  no valid estimate"
     centre = float(np.hypot(*offset[:2]))

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,10 +18,7 @@ from stixel_cli.rendering.frames import RenderedFrames, StereoPairs
 from stixel_cli.results.pictures import Pictures
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stixels.types import FreeSpace, Objects, Stixels
-
-if TYPE_CHECKING:  # the module compiles kernels, which no picture needs
-    from stixel_cli.stixels.types import OccupancyGrid
+from stixel_cli.stixels.types import FreeSpace, Objects, OccupancyGrid, Stixels
 
 LEFT, RIGHT, TOP, BOTTOM = 58, 18, 34, 52  # margins, px
 BAR, LEGEND = 92, 26  # room for a colour bar, for a legend, px
@@ -55,7 +51,7 @@ def camera_pictures(
     rendered: RenderedFrames | LeftImage,
     pairs: StereoPairs,
     disparities: Disparities,
-    grid: "OccupancyGrid",
+    grid: OccupancyGrid,
     free_space: FreeSpace,
     stixels: Stixels,
     ego_motion: EgoMotion,
@@ -70,50 +66,18 @@ def camera_pictures(
     image), and `camera.png`, all of them on one page. Only the times of `ego_motion` are used.
     With `objects`, their boxes are drawn over the stixels.
     """
-    view = _view(rendered, pairs, disparities, grid, free_space, stixels, rig, frame, objects)
     time = float(ego_motion.times[frame])
+    chunks = (rendered, pairs, disparities, grid, free_space, stixels, objects)
+    view = FrameView(frame, time, rig, *chunks)
     with style.drawing({"axes.spines.top": True, "axes.spines.right": True}):
-        figures = {panel.name: _single(panel, view, frame, time) for panel in PANELS}
-        figures["camera"] = _overview(view, frame, time)
+        figures = {panel.name: _single(panel, view) for panel in PANELS}
+        figures["camera"] = _overview(view)
         return Pictures(
             {f"k{frame:04d}/{name}.png": style.png(figure) for name, figure in figures.items()}
         )
 
 
-def _view(
-    rendered, pairs, disparities, grid, free_space, stixels, rig, frame, objects
-) -> FrameView:
-    i = frame - free_space.first
-    rows = stixels.rows(frame - stixels.first)
-    boxes = np.zeros((0, 4), dtype=np.int32)
-    if objects is not None:
-        boxes = objects.boxes[objects.rows(frame - objects.first)]
-    slope, intercept = free_space.road[i]
-    farthest = rig.disparity_from_depth(float(grid.depths[-1]))
-    horizon = (farthest - intercept) / slope if slope > 0 else 0.0
-    return FrameView(
-        rig=rig,
-        colour=rendered.left[frame - rendered.first],
-        grey=pairs.left[frame - pairs.first],
-        raw_disparity=disparities.raw(frame - disparities.first),
-        grid_kind=grid.kind,
-        grid=grid.values,
-        grid_depth=grid.depths,
-        grid_laterals=grid.laterals,
-        obstacle_disparity=free_space.disparity[i],
-        base_row=free_space.base_row[i],
-        unknown_row=free_space.unknown_row[i],
-        horizon_row=int(np.clip(np.ceil(horizon), 0, rig.height)),
-        left=stixels.left[rows],
-        right=stixels.right[rows],
-        top=stixels.top[rows],
-        base=stixels.base[rows],
-        depth=stixels.depth[rows],
-        boxes=boxes,
-    )
-
-
-def _single(panel: Panel, view: FrameView, frame: int, time: float) -> Figure:
+def _single(panel: Panel, view: FrameView) -> Figure:
     """One panel, one screen pixel for each of the image's (more for small images)."""
     scale = max(1, round(480 / view.rig.width))
     width, height = scale * view.rig.width, scale * view.rig.height
@@ -123,7 +87,7 @@ def _single(panel: Panel, view: FrameView, frame: int, time: float) -> Figure:
     axes = _axes_at(figure, size, LEFT, bottom, width, height)
     panel.draw(axes, view)
     _label(axes, panel, view)
-    axes.set_title(style.title(panel.title, frame, time))
+    axes.set_title(style.title(panel.title, view.k, view.time))
     if panel.bar:
         bar = _axes_at(figure, size, LEFT + width + 12, bottom, 12, height)
         _colour_bar(figure, bar, panel.bar, view)
@@ -132,7 +96,7 @@ def _single(panel: Panel, view: FrameView, frame: int, time: float) -> Figure:
     return figure
 
 
-def _overview(view: FrameView, frame: int, time: float) -> Figure:
+def _overview(view: FrameView) -> Figure:
     """All panels on one page; wide images in two columns, others in three."""
     columns, width = (2, 600) if view.rig.width > 2 * view.rig.height else (3, 430)
     height = round(width * view.rig.height / view.rig.width)
@@ -153,7 +117,8 @@ def _overview(view: FrameView, frame: int, time: float) -> Figure:
     bar = _axes_at(figure, size, columns * across + 24, LEGEND + 26, 12, count * down - 30)
     _colour_bar(figure, bar, "depth", view)
     _legend(figure, ("invalid", "limit", "free", "unknown", "obstacle"), 40 / size[0])
-    figure.text(40 / size[0], 1.0 - 14 / size[1], style.title("Camera", frame, time), va="center")
+    title = style.title("Camera", view.k, view.time)
+    figure.text(40 / size[0], 1.0 - 14 / size[1], title, va="center")
     return figure
 
 
@@ -164,15 +129,15 @@ def _axes_at(figure: Figure, size, left, bottom, width, height) -> Axes:
 
 def _label(axes: Axes, panel: Panel, view: FrameView) -> None:
     is_grid = panel.bar == "likelihood"
-    lateral = is_grid and view.grid_kind == "cartesian"
+    lateral = is_grid and view.grid.kind == "cartesian"
     axes.set_xlabel("lateral x (m)" if lateral else "u (px)")
     axes.set_ylabel("depth (m)" if is_grid else "v (px)")
 
 
 def _colour_bar(figure: Figure, axes: Axes, kind: str, view: FrameView) -> None:
     if kind == "likelihood":
-        unit = "px²" if view.grid_kind == "cartesian" else "px"
-        scale = panels.likelihood_scale(view)
+        unit = "px²" if view.grid.kind == "cartesian" else "px"
+        scale = panels.likelihood_scale(view.grid)
         figure.colorbar(scale, cax=axes, label=f"obstacle pixels per {unit}", format="{x:g}")
         return
     bar = figure.colorbar(panels.depth_scale(), cax=axes)

@@ -22,27 +22,22 @@ def camera_frames(pairs: StereoPairs, stixels: Stixels, frames: range) -> Camera
     Raises:
         ValueError: if an image cannot be encoded.
     """
-    images, rows, offsets = [], [], [0]
-    height = width = 0
-    for k in frames:
-        image = pairs.left[k - pairs.first]
-        height, width = image.shape
-        images.append(_jpeg(image))
-        chosen = stixels.rows(k - stixels.first)
-        rows.append(np.arange(chosen.start, chosen.stop))
-        offsets.append(offsets[-1] + len(rows[-1]))
-    of_frames = np.concatenate(rows)
+    images = [pairs.left[k - pairs.first] for k in frames]
+    height, width = images[0].shape
+    first = frames.start - stixels.first
+    offsets = stixels.offsets[first : first + len(frames) + 1]
+    rows = slice(offsets[0], offsets[-1])
     return CameraFrames(
         first=frames.start,
         width=width,
         height=height,
-        images=tuple(images),
-        offsets=np.array(offsets, dtype=np.int64),
-        left=stixels.left[of_frames],
-        right=stixels.right[of_frames],
-        top=stixels.top[of_frames],
-        base=stixels.base[of_frames],
-        depth=stixels.depth[of_frames],
+        images=tuple(map(_jpeg, images)),
+        offsets=(offsets - offsets[0]).astype(np.int64),
+        left=stixels.left[rows],
+        right=stixels.right[rows],
+        top=stixels.top[rows],
+        base=stixels.base[rows],
+        depth=stixels.depth[rows],
     )
 
 

@@ -18,7 +18,10 @@ from matplotlib.patches import Rectangle
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.pictures import style
-from stixel_cli.stereo.disparities import SUBPIXELS
+from stixel_cli.recordings.types import LeftImage
+from stixel_cli.rendering.frames import RenderedFrames, StereoPairs
+from stixel_cli.stereo.disparities import SUBPIXELS, Disparities
+from stixel_cli.stixels.types import FreeSpace, Objects, OccupancyGrid, Stixels
 
 LIKELIHOOD_RANGE = 1000.0
 """Likelihoods below the maximum divided by this are drawn as empty."""
@@ -29,53 +32,64 @@ GRID_DEPTHS = (10, 20, 50, 100, 5, 2, 30, 200, 1, 40, 60, 80, 3, 15, 4, 7)
 
 @dataclass(frozen=True)
 class FrameView:
-    """The data of one frame that the panels draw.
+    """Frame k and the results of its stages; each is a chunk that contains the frame.
 
     Attributes:
+        k: index of the frame.
+        time: s.
         rig: the stereo rig.
-        colour: (H, W, 3) uint8, the left view without noise; grey: (H, W) uint8, the camera's.
-        raw_disparity: (H, W) int16, 1/16 px, negative where invalid.
-        grid_kind: kind of the occupancy grid.
-        grid: (R, C) likelihood; grid_depth: (R,) m, depth of its rows, ascending.
-        grid_laterals: (C,) lateral positions: m to the right (Cartesian), else image columns.
-        obstacle_disparity: (W,) px, NaN where the column is free; base_row, unknown_row: (W,) as in
-            `FreeSpace`.
-        horizon_row: the first image row of the road in the grid.
-        left, right, top, base: (S,) px, the stixels' columns left … right - 1, rows top … base.
-        depth: (S,) m, the stixels' depth.
-        boxes: (B, 4) px, the objects' columns left … right - 1 and rows top … base.
+        rendered: has the left view without noise.
+        pairs: the camera's images.
+        disparities, grid, free_space, stixels: of these stages.
+        objects: clusters of the stixels; None without.
     """
 
+    k: int
+    time: float
     rig: Rig
-    colour: np.ndarray
-    grey: np.ndarray
-    raw_disparity: np.ndarray
-    grid_kind: str
-    grid: np.ndarray
-    grid_depth: np.ndarray
-    grid_laterals: np.ndarray
-    obstacle_disparity: np.ndarray
-    base_row: np.ndarray
-    unknown_row: np.ndarray
-    horizon_row: int
-    left: np.ndarray
-    right: np.ndarray
-    top: np.ndarray
-    base: np.ndarray
-    depth: np.ndarray
-    boxes: np.ndarray
+    rendered: RenderedFrames | LeftImage
+    pairs: StereoPairs
+    disparities: Disparities
+    grid: OccupancyGrid
+    free_space: FreeSpace
+    stixels: Stixels
+    objects: Objects | None
+
+    @property
+    def rows(self) -> slice:
+        """The rows of the frame's stixels."""
+        return self.stixels.rows(self.k - self.stixels.first)
+
+    @property
+    def obstacle_disparity(self) -> np.ndarray:
+        """(W,) px, NaN where the column is free."""
+        return self.free_space.disparity[self.k - self.free_space.first]
+
+    @property
+    def horizon_row(self) -> int:
+        """The first image row of the road in the grid."""
+        slope, intercept = self.free_space.road[self.k - self.free_space.first]
+        farthest = self.rig.disparity_from_depth(float(self.grid.depths[-1]))
+        horizon = (farthest - intercept) / slope if slope > 0 else 0.0
+        return int(np.clip(np.ceil(horizon), 0, self.rig.height))
+
+    @property
+    def grey_image(self) -> np.ndarray:
+        """The camera's image, (H, W, 3) uint8."""
+        return np.repeat(self.pairs.left[self.k - self.pairs.first][..., None], 3, axis=2)
 
     # Each of these is drawn twice: as a picture, and on the page of all.
 
     @cached_property
     def disparity_image(self) -> np.ndarray:
         """The disparity's colours, (H, W, 3) uint8."""
-        highest = int(self.raw_disparity.max(initial=0))
+        raw = self.disparities.raw(self.k - self.disparities.first)
+        highest = int(raw.max(initial=0))
         with np.errstate(divide="ignore"):
             depth = self.rig.depth_from_disparity(np.arange(highest + 1) / SUBPIXELS)
         table = np.concatenate([[to_rgb(style.INVALID)], style.depth_colours(depth)])
         table = np.rint(255.0 * table).astype(np.uint8)
-        return table[np.maximum(self.raw_disparity, -1) + 1]
+        return table[np.maximum(raw, -1) + 1]
 
     @cached_property
     def free_space_image(self) -> np.ndarray:
@@ -84,11 +98,12 @@ class FrameView:
         Each column is tinted from its obstacle's base, or the horizon, down: in the colour of free
         space, but above the unknown row in that of the unknown.
         """
-        image = _grey_rgb(self)
-        free = np.isnan(self.obstacle_disparity) | (self.base_row < 0)
-        first = np.where(free, self.horizon_row, self.base_row + 1)
+        image, i = self.grey_image, self.k - self.free_space.first
+        base_row = self.free_space.base_row[i]
+        free = np.isnan(self.obstacle_disparity) | (base_row < 0)
+        first = np.where(free, self.horizon_row, base_row + 1)
         rows = np.arange(len(image))[:, None]
-        known = rows > self.unknown_row[None, :]
+        known = rows > self.free_space.unknown_row[i][None, :]
         tinted = np.where(
             known[..., None], _tinted(image, style.FREE), _tinted(image, style.UNKNOWN)
         )
@@ -98,15 +113,17 @@ class FrameView:
     def height_image(self) -> np.ndarray:
         """`free_space_image` with the stixels tinted, (H, W, 3) uint8."""
         image = self.free_space_image.copy()
-        for left, right, top, base in zip(self.left, self.right, self.top, self.base, strict=True):
-            part = image[top : base + 1, left:right]
+        stixels = self.stixels
+        for i in range(self.rows.start, self.rows.stop):
+            rows = slice(stixels.top[i], stixels.base[i] + 1)
+            part = image[rows, stixels.left[i] : stixels.right[i]]
             part[...] = _tinted(part, style.OBSTACLE)
         return image
 
 
 def draw_left(axes: Axes, view: FrameView) -> None:
     """The left view as it is rendered, before the sensor's noise."""
-    _draw_image(axes, view.colour)
+    _draw_image(axes, view.rendered.left[view.k - view.rendered.first])
 
 
 def draw_disparity(axes: Axes, view: FrameView) -> None:
@@ -116,31 +133,27 @@ def draw_disparity(axes: Axes, view: FrameView) -> None:
 
 def draw_occupancy(axes: Axes, view: FrameView) -> None:
     """Occupancy grid over column and depth, and the free space found in it."""
-    rows = np.arange(len(view.grid_depth))
-    half = 0.5 * (view.grid_laterals[1] - view.grid_laterals[0])
-    scale = likelihood_scale(view)
+    grid, laterals = view.grid, view.grid.laterals
+    rows = np.arange(len(grid.depths))
+    half = 0.5 * (laterals[1] - laterals[0])
+    scale = likelihood_scale(grid)
     axes.imshow(
-        scale.to_rgba(np.maximum(view.grid, scale.norm.vmin), bytes=True)[..., :3],
+        scale.to_rgba(np.maximum(grid.values, scale.norm.vmin), bytes=True)[..., :3],
         origin="lower",
         aspect="auto",
         interpolation="nearest",
-        extent=(
-            view.grid_laterals[0] - half,
-            view.grid_laterals[-1] + half,
-            -0.5,
-            rows[-1] + 0.5,
-        ),
+        extent=(laterals[0] - half, laterals[-1] + half, -0.5, rows[-1] + 0.5),
     )
     depth = view.rig.depth_from_disparity(view.obstacle_disparity.astype(np.float64))
-    limit = np.where(np.isfinite(depth), np.interp(depth, view.grid_depth, rows), np.nan)
+    limit = np.where(np.isfinite(depth), np.interp(depth, grid.depths, rows), np.nan)
     across = np.arange(len(depth), dtype=np.float64)
-    if view.grid_kind == "cartesian":
+    if grid.kind == "cartesian":
         # Neighbouring columns may be far apart here: a line between them would mean nothing.
         across = (across - view.rig.u0) * depth / view.rig.focal
         axes.plot(across, limit, ".", color=style.FREE, markersize=2.5)
     else:
         axes.plot(across, limit, color=style.FREE, linewidth=1.8)
-    _label_depths(axes, view.grid_depth)
+    _label_depths(axes, grid.depths)
 
 
 def draw_free_space(axes: Axes, view: FrameView) -> None:
@@ -155,11 +168,12 @@ def draw_height(axes: Axes, view: FrameView) -> None:
 
 def draw_stixels(axes: Axes, view: FrameView) -> None:
     """Stixels, coloured by their depth, and the boxes of the objects, over the camera's image."""
-    _draw_image(axes, _grey_rgb(view))
-    left, right = view.left - 0.5, view.right - 0.5
-    top, base = view.top - 0.5, view.base + 0.5
+    _draw_image(axes, view.grey_image)
+    stixels, rows = view.stixels, view.rows
+    left, right = stixels.left[rows] - 0.5, stixels.right[rows] - 0.5
+    top, base = stixels.top[rows] - 0.5, stixels.base[rows] + 0.5
     corners = np.stack([left, top, right, top, right, base, left, base], axis=1)
-    colours = style.depth_colours(view.depth)
+    colours = style.depth_colours(stixels.depth[rows])
     axes.add_collection(
         PolyCollection(
             corners.reshape(-1, 4, 2),
@@ -169,24 +183,17 @@ def draw_stixels(axes: Axes, view: FrameView) -> None:
         ),
         autolim=False,
     )
-    for number, (left, right, top, base) in enumerate(view.boxes):
-        place = (left - 0.5, top - 0.5)
-        axes.add_patch(
-            Rectangle(
-                place,
-                right - left,
-                base + 1 - top,
-                fill=False,
-                edgecolor=style.OBJECT,
-                linewidth=1.2,
-            )
-        )
+    objects = view.objects
+    boxes = [] if objects is None else objects.boxes[objects.rows(view.k - objects.first)]
+    for number, (left, right, top, base) in enumerate(boxes):
+        place, outline = (left - 0.5, top - 0.5), {"edgecolor": style.OBJECT, "linewidth": 1.2}
+        axes.add_patch(Rectangle(place, right - left, base + 1 - top, fill=False, **outline))
         axes.text(*place, str(number), color=style.OBJECT, size=7, va="bottom", clip_on=True)
 
 
-def likelihood_scale(view: FrameView) -> ScalarMappable:
+def likelihood_scale(grid: OccupancyGrid) -> ScalarMappable:
     """Colours of the grid's likelihood, logarithmic."""
-    greatest = float(view.grid.max(initial=0.0)) or 1.0
+    greatest = float(grid.values.max(initial=0.0)) or 1.0
     return ScalarMappable(LogNorm(greatest / LIKELIHOOD_RANGE, greatest), colormaps["Greys"])
 
 
@@ -229,10 +236,6 @@ def _draw_image(axes: Axes, image: np.ndarray) -> None:
         _Pixels(axes, image)
     else:
         axes.imshow(image, interpolation="antialiased", aspect="auto")
-
-
-def _grey_rgb(view: FrameView) -> np.ndarray:
-    return np.repeat(view.grey[..., None], 3, axis=2)
 
 
 def _tinted(image: np.ndarray, colour: str) -> np.ndarray:

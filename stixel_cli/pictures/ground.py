@@ -40,10 +40,8 @@ def draw_band(
     ring = np.concatenate([outer, outer[:1], inner[::-1], inner[-1:]])
     codes = np.full(len(ring), Path.LINETO, dtype=np.uint8)
     codes[[0, len(outer) + 1]] = Path.MOVETO
-    _add(
-        axes,
-        PathPatch(Path(ring, codes), facecolor=style.ESTIMATE, alpha=0.2, linewidth=0, zorder=2.0),
-    )
+    look = {"facecolor": style.ESTIMATE, "alpha": 0.2, "linewidth": 0, "zorder": 2.0}
+    _add(axes, PathPatch(Path(ring, codes), **look))
 
 
 def _add(axes: Axes, patch: Patch) -> None:
@@ -57,9 +55,8 @@ def draw_points(
     """Points (n, 2) and their ellipses of one standard deviation, covariances (n, 2, 2) in m²."""
     if len(points_world) == 0:
         return
-    alpha = min(
-        max(20.0 / len(points_world), 0.3), 0.8
-    )  # few points are visible, many do not smear
+    # Few points are visible, many do not smear.
+    alpha = min(max(20.0 / len(points_world), 0.3), 0.8)
     draw_ellipses(axes, points_world, covariances_world, 1.0, colour, alpha=alpha, linewidth=0.6)
     axes.plot(*points_world.T, ".", color=colour, markersize=3.0, zorder=3.5)
 
@@ -97,20 +94,10 @@ def draw_heading(axes: Axes, pose_world: np.ndarray, length: float, colour: str)
     if not np.isfinite(pose_world).all():
         return
     x, y, heading = pose_world
-    axes.annotate(
-        "",
-        xy=(x + length * np.cos(heading), y + length * np.sin(heading)),
-        xytext=(x, y),
-        arrowprops={
-            "arrowstyle": "-|>,head_width=0.22,head_length=0.45",
-            "color": colour,
-            "linewidth": 1.3,
-            "shrinkA": 0,
-            "shrinkB": 0,
-        },
-        zorder=4.5,
-        annotation_clip=False,
-    )
+    tip = (x + length * np.cos(heading), y + length * np.sin(heading))
+    head = "-|>,head_width=0.22,head_length=0.45"
+    look = {"arrowstyle": head, "color": colour, "linewidth": 1.3, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", tip, (x, y), arrowprops=look, zorder=4.5, annotation_clip=False)
     axes.plot(x, y, "o", color=colour, markersize=3.5, zorder=4.5)
 
 
@@ -125,21 +112,16 @@ def draw_field_of_view(axes: Axes, pose_world: np.ndarray, bearings: tuple[float
     arc = pose_world[:2] + reach * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     wedge = np.concatenate([[pose_world[:2]], arc])
     _add(axes, Polygon(wedge, facecolor=style.FIELD_OF_VIEW, alpha=0.09, linewidth=0, zorder=0))
-    axes.plot(
-        *np.stack([arc[0], pose_world[:2], arc[-1]]).T,
-        color=style.FIELD_OF_VIEW,
-        linewidth=0.9,
-        zorder=1.0,
-    )
+    edges = np.stack([arc[0], pose_world[:2], arc[-1]])
+    axes.plot(*edges.T, color=style.FIELD_OF_VIEW, linewidth=0.9, zorder=1.0)
 
 
 def draw_ego(axes: Axes, pose_world: np.ndarray, size: float = 9.0) -> None:
     """A triangle of `size` pt at the camera, `pose_world` (3,), along the ego car's heading."""
     shape = MarkerStyle([(-0.7, -1.0), (0.7, -1.0), (0.0, 1.0)])
     turned = shape.rotated(rad=float(pose_world[2]) - 0.5 * np.pi)
-    axes.plot(
-        *pose_world[:2], linestyle="none", marker=turned, color=style.EGO, markersize=size, zorder=5
-    )
+    look = {"linestyle": "none", "marker": turned, "color": style.EGO, "zorder": 5}
+    axes.plot(*pose_world[:2], markersize=size, **look)
 
 
 def near(points_world: np.ndarray, reference_world: np.ndarray) -> np.ndarray:

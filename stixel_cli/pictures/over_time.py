@@ -30,12 +30,10 @@ def run_pictures(
     """
     files = {}
     with style.drawing():
-        for name, figure in (
-            ("path", path_figure(track, scenario, field_of_view)),
-            ("errors", errors_figure(scans, track, scores, bool(scenario.known.any()))),
-        ):
-            files[f"{name}.png"] = style.png(figure)
-            files[f"{name}.svg"] = style.svg(figure)
+        path = path_figure(track, scenario, field_of_view)
+        errors = errors_figure(scans, track, scores, bool(scenario.known.any()))
+        for name, figure in (("path", path), ("errors", errors)):
+            files |= {f"{name}.png": style.png(figure), f"{name}.svg": style.svg(figure)}
     return Pictures(files)
 
 
@@ -46,20 +44,9 @@ def errors_figure(scans: Scans, track: Track, scores: Scores, with_truth: bool =
     """
     figure = style.new_figure(10.4, 6.0 if with_truth else 4.2)
     used = np.diff(track.used_offsets)
-    grid = figure.subplots(
-        3 if with_truth else 2,
-        2 if with_truth else 1,
-        sharex=True,
-        squeeze=False,
-        gridspec_kw={
-            "left": 0.07,
-            "right": 0.985,
-            "bottom": 0.08 if with_truth else 0.12,
-            "top": 0.95,
-            "hspace": 0.32,
-            "wspace": 0.18,
-        },
-    )
+    rows, columns, bottom = (3, 2, 0.08) if with_truth else (2, 1, 0.12)
+    grid = figure.subplots(rows, columns, sharex=True, squeeze=False)
+    figure.subplots_adjust(0.07, bottom, 0.985, 0.95, hspace=0.32, wspace=0.18)
     if with_truth:
         _draw_errors(grid[:, 0], scores)
         _draw_consistency(grid[0, 1], scores, "nees_position", np.full(len(used), 2))

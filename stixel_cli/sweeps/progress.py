@@ -1,10 +1,12 @@
 """Progress of a sweep, counted in runs and nodes."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.graph import Node
-from stixel_cli.engine.progress import Progress, make_display
+from stixel_cli.engine.progress import Progress
 from stixel_cli.sweeps.runs import PlannedRun
 
 
@@ -14,44 +16,36 @@ class SweepProgress(Progress):
     def __init__(
         self,
         waiting: Sequence[PlannedRun],
-        finished: int,
-        workers: int,
-        known_seconds: Mapping[str, float],
         on_run: Callable[[PlannedRun, Mapping[str, float]], None],
-        visible: bool = True,
+        done: int = 0,
         label: str = "",
-        uncompiled: Collection[str] = (),
         prepare: Callable[[], None] = lambda: None,
+        **shown: Any,
     ):
         """Start with no run of `waiting` done.
 
         Args:
             waiting: the runs to compute.
-            finished: number of runs that are already done.
-            workers: number of workers.
-            known_seconds: recorded seconds of a node, by stage name.
             on_run: called with each complete run, and the seconds of all nodes computed so far,
                 by key.
-            visible: show more than notes.
+            done: number of runs that are already done.
             label: prefix of the counts.
-            uncompiled: as in `Progress`.
             prepare: called once, as soon as the first nodes run: the workers start meanwhile.
+            shown: `display` and `uncompiled`, as in `Progress`.
         """
-        super().__init__(make_display() if visible else None, uncompiled)
-        self.runs_total = finished + len(waiting)
-        self.runs_done = finished
+        super().__init__(**shown)
+        self.runs_total = done + len(waiting)
+        self.runs_done = done
         self.runs_failed = 0
         self.node_seconds: dict[str, float] = {}
-        self.expect(known_seconds, workers)
         self._on_run = on_run
         self._prepare: Callable[[], None] | None = prepare
         self._label = f"{label}: " if label else ""
         self._left = {one.index: set(one.targets) for one in waiting}
-        self._runs = {one.index: one for one in waiting}
-        self._waiting_for: dict[str, list[int]] = {}
+        self._waiting_for: dict[str, list[PlannedRun]] = defaultdict(list)
         for one in waiting:
             for target in one.targets:
-                self._waiting_for.setdefault(target, []).append(one.index)
+                self._waiting_for[target].append(one)
 
     def begin(self, nodes: Sequence[Node], cached: int) -> None:
         """Count the nodes, and report runs that need no node to run."""
@@ -77,8 +71,8 @@ class SweepProgress(Progress):
         """Report the failure, and count the runs that cannot become complete."""
         super().failed(node, failure, skipped)
         for one in (node, *skipped):
-            for index in self._waiting_for.get(one.key, ()):
-                if self._left.pop(index, None) is not None:
+            for run in self._waiting_for.get(one.key, ()):
+                if self._left.pop(run.index, None) is not None:
                     self.runs_failed += 1
 
     @property
@@ -95,12 +89,10 @@ class SweepProgress(Progress):
         return "; ".join(parts) + self.text_left
 
     def _done(self, target: str) -> None:
-        for index in self._waiting_for.get(target, ()):
-            left = self._left.get(index)
-            if left is None:
-                continue
-            left.discard(target)
-            if not left:
-                del self._left[index]
+        for run in self._waiting_for.get(target, ()):
+            left = self._left.get(run.index, set())
+            if left == {target}:
+                del self._left[run.index]
                 self.runs_done += 1
-                self._on_run(self._runs[index], self.node_seconds)
+                self._on_run(run, self.node_seconds)
+            left.discard(target)

@@ -97,7 +97,10 @@ class SweepResult:
     @property
     def records(self) -> list[dict[str, Any]]:
         """The rows with values of keys that differ between runs in their own types."""
-        return [self._row(run) | run.planned.values for run in self.runs]
+        return [
+            self._row(run) | {key: run.composition.value(key) for key in run.setting}
+            for run in self.runs
+        ]
 
     def _row(self, run: RunResult) -> dict[str, Any]:
         failure = run.failure

@@ -83,11 +83,7 @@ def note_resumed(
         UserError: if the file cannot be written.
     """
     missing = set(plan.missing)
-    done = (
-        one.is_done_by(finished.get(one.index)) and missing.isdisjoint(one.store_only)
-        for one in plan.runs
-    )
-    if all(done):
+    if all(one.is_done_by(finished.get(one.index), missing) for one in plan.runs):
         return
     before = request.notes.get("resumed")
     resumed = [*(before if isinstance(before, list) else ()), entry]

@@ -9,17 +9,19 @@ from typing import Any
 from stixel_cli.engine.errors import MissingEntry, StageFailure
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.plan import Durations
+from stixel_cli.engine.progress import make_display
 from stixel_cli.engine.store import open_store
 from stixel_cli.engine.task import remembered
 from stixel_cli.errors import UserError
 from stixel_cli.machine.kernels import uncompiled
+from stixel_cli.report.tables import csv_text
 from stixel_cli.results.folder import figure_files
 from stixel_cli.results.result import FAILED, MISSING, SKIPPED, RunResult
 from stixel_cli.sweeps.folder import FAILED as FAILED_RUNS
 from stixel_cli.sweeps.folder import FIGURES, SUMMARIES, TABLE, SweepFolder, SweepRequest
 from stixel_cli.sweeps.graphs import SweepPlan
 from stixel_cli.sweeps.progress import SweepProgress
-from stixel_cli.sweeps.results import SweepResult
+from stixel_cli.sweeps.results import SweepResult, summary_files
 from stixel_cli.sweeps.resume import resume_command
 from stixel_cli.sweeps.run_files import RunLineages, failure_files, remove_unused_code, run_files
 from stixel_cli.sweeps.runs import PlannedRun
@@ -59,18 +61,17 @@ def run_sweep(
     try:
         sweep.take_finished(finished or {})
         sweep.compute(visible, label)
-    except KeyboardInterrupt:
-        done = len(sweep.runs)
-        sweep.leave()
+    except (KeyboardInterrupt, UserError) as error:
+        # The runs in the folder count, even if its tables cannot be written. Figures would delay
+        # Ctrl-C.
+        with suppress(UserError):
+            sweep.write_tables()
+        if isinstance(error, UserError):
+            raise type(error)(f"{error}{resume}") from error
         raise SweepInterrupted(
-            f"interrupted: {done} of {len(plan.runs)} runs are done; computed results are "
-            f"kept{resume}"
+            f"interrupted: {len(sweep.runs)} of {len(plan.runs)} runs are done; computed results "
+            f"are kept{resume}"
         ) from None
-    except UserError as error:
-        sweep.leave()
-        if folder is None:
-            raise
-        raise type(error)(f"{error}{resume}") from error
     return sweep.finish(request.axes)
 
 
@@ -100,10 +101,9 @@ class _Sweep:
         missing = set(self.plan.missing)
         for planned in self.plan.runs:
             stored = finished.get(planned.index)
-            if planned.is_done_by(stored) and missing.isdisjoint(planned.store_only):
+            if planned.is_done_by(stored, missing):
                 self._note(planned, metrics=stored.metrics)
-                continue
-            if missing.isdisjoint(planned.targets):
+            elif missing.isdisjoint(planned.targets):
                 # A damaged entry is moved away; the run is computed with the others.
                 with suppress(MissingEntry):
                     self.take(planned, {})
@@ -116,17 +116,9 @@ class _Sweep:
         executor = waiting[0].composition.configuration.executor
         graph = self.plan.graph
         firsts = [graph.nodes[keys[0]] for keys in graph.stages.values() if keys]
-        progress = SweepProgress(
-            waiting,
-            len(self.runs),
-            executor.workers,
-            Durations(self.store.folder).by_stage(firsts),
-            self.take,
-            visible,
-            label,
-            uncompiled() if visible else (),
-            self._prepare,
-        )
+        shown = {"display": make_display(), "uncompiled": uncompiled()} if visible else {}
+        progress = SweepProgress(waiting, self.take, len(self.runs), label, self._prepare, **shown)
+        progress.expect(Durations(self.store.folder).by_stage(firsts), executor.workers)
         execution = execute(
             graph,
             list(dict.fromkeys(target for one in waiting for target in one.targets)),
@@ -135,12 +127,11 @@ class _Sweep:
             progress=progress,
             keep_going=True,
         )
-        self.computed = sum(status == "computed" for status in execution.status.values())
-        self.cached -= execution.status.keys()
-        self.cached.update(key for key, s in execution.status.items() if s == "cached")
-        for planned in waiting:
-            if planned.index in self.runs:
-                continue
+        status = execution.status
+        self.computed = sum(one == "computed" for one in status.values())
+        self.cached -= status.keys()
+        self.cached.update(key for key, one in status.items() if one == "cached")
+        for planned in (one for one in waiting if one.index not in self.runs):
             failure = execution.failure_of(planned.targets)
             if failure is None:
                 self.take(planned, progress.node_seconds)
@@ -184,17 +175,8 @@ class _Sweep:
             remove_unused_code(self.folder)
         return result
 
-    def leave(self) -> None:
-        """Write the tables of an interrupted sweep; drawing figures would delay Ctrl-C."""
-        # The runs in the folder count, even if its tables cannot be written.
-        with suppress(UserError):
-            self.write_tables()
-
     def write_tables(self) -> SweepResult:
         """Write `runs.csv` and the summaries."""
-        from stixel_cli.report.tables import csv_text
-        from stixel_cli.sweeps.results import summary_files
-
         in_order = sorted(self.plan.runs, key=lambda planned: planned.index)
         runs = tuple(self.runs.get(one.index) or one.result(status=MISSING) for one in in_order)
         folder = None if self.folder is None else self.folder.path

@@ -1,7 +1,7 @@
 """The runs of a sweep, composed and validated from overrides or a file."""
 
 import random
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -52,11 +52,6 @@ class PlannedRun:
         return {key: value for key, value in self.settings.items() if key != SEED}
 
     @property
-    def values(self) -> dict[str, Any]:
-        """The settings without the seed: options of groups, and values of their own types."""
-        return {key: self.composition.value(key) for key in self.setting}
-
-    @property
     def label(self) -> str:
         """`key=value …` of the settings."""
         return _label(self.settings)
@@ -71,15 +66,14 @@ class PlannedRun:
         """Keys of its pictures; empty unless they are required."""
         return tuple(key for key in self.targets if draws(self.graph.nodes[key].stage))
 
-    @property
-    def store_only(self) -> tuple[str, ...]:
-        """Keys of required results that stay in the store: neither scores nor pictures."""
-        others = {self.scores, *self.pictures}
-        return tuple(key for key in self.targets if key not in others)
+    def is_done_by(self, run: RunResult | None, missing: Set[str] = frozenset()) -> bool:
+        """Whether a complete run of the folder has results of the keys that are planned.
 
-    def is_done_by(self, run: RunResult | None) -> bool:
-        """Whether a complete run of the folder has results of the keys that are planned."""
-        return run is not None and run.manifest["results"] == list(self.targets)
+        Results other than scores and pictures stay in the store: none may be `missing` there.
+        """
+        if run is None or run.manifest["results"] != list(self.targets):
+            return False
+        return missing.isdisjoint({*self.targets} - {self.scores, *self.pictures})
 
     @property
     def manifest(self) -> dict[str, Any]:

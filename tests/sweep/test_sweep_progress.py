@@ -12,9 +12,8 @@ def test_runs_and_nodes_are_counted(capsys):
     line = ["measurement=fabricated", "seed=1,2,3"]
     waiting = plan_runs(sweep_runs(line))
     complete = []
-    progress = SweepProgress(
-        waiting, 2, 2, {"track": 4.0}, lambda run, seconds: complete.append(run)
-    )
+    progress = SweepProgress(waiting, lambda run, seconds: complete.append(run), 2)
+    progress.expect({"track": 4.0}, workers=2)
     tracks = [one.graph.of_stage("track")[0] for one in waiting]
     scores = [one.graph.nodes[one.scores] for one in waiting]
     progress.begin([*tracks, *scores[:2]], cached=7)
@@ -38,9 +37,7 @@ def test_runs_and_nodes_are_counted(capsys):
 def test_the_end_of_a_sweep_is_prepared_once_after_its_first_nodes_started():
     waiting = plan_runs(sweep_runs(["measurement=fabricated", "seed=1,2"]))
     calls = []
-    progress = SweepProgress(
-        waiting, 0, 2, {}, lambda run, seconds: None, False, prepare=lambda: calls.append("now")
-    )
+    progress = SweepProgress(waiting, lambda *_: None, prepare=lambda: calls.append("now"))
     progress.begin([one.graph.nodes[one.scores] for one in waiting], cached=0)
     progress.started(waiting[0].graph.nodes[waiting[0].scores])
     assert calls == []
