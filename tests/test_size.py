@@ -22,7 +22,7 @@ BUDGET = {
     "geometry": 173,
     "machine": 331,
     "measurements": 1710,
-    "pictures": 1315,
+    "pictures": 1304,
     "recordings": 2530,
     # Images of a rig out of calibration.
     "rendering": 2640,

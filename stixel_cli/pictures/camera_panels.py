@@ -103,10 +103,8 @@ class FrameView:
         free = np.isnan(self.obstacle_disparity) | (base_row < 0)
         first = np.where(free, self.horizon_row, base_row + 1)
         rows = np.arange(len(image))[:, None]
-        known = rows > self.free_space.unknown_row[i][None, :]
-        tinted = np.where(
-            known[..., None], _tinted(image, style.FREE), _tinted(image, style.UNKNOWN)
-        )
+        known = (rows > self.free_space.unknown_row[i])[..., None]
+        tinted = np.where(known, _tinted(image, style.FREE), _tinted(image, style.UNKNOWN))
         return np.where((rows >= first[None, :])[..., None], tinted, image)
 
     @cached_property
@@ -174,15 +172,13 @@ def draw_stixels(axes: Axes, view: FrameView) -> None:
     top, base = stixels.top[rows] - 0.5, stixels.base[rows] + 0.5
     corners = np.stack([left, top, right, top, right, base, left, base], axis=1)
     colours = style.depth_colours(stixels.depth[rows])
-    axes.add_collection(
-        PolyCollection(
-            corners.reshape(-1, 4, 2),
-            facecolors=np.concatenate([colours, np.full((len(colours), 1), 0.65)], axis=1),
-            edgecolors=0.75 * colours,
-            linewidths=0.5,
-        ),
-        autolim=False,
+    boxes = PolyCollection(
+        corners.reshape(-1, 4, 2),
+        facecolors=np.concatenate([colours, np.full((len(colours), 1), 0.65)], axis=1),
+        edgecolors=0.75 * colours,
+        linewidths=0.5,
     )
+    axes.add_collection(boxes, autolim=False)
     objects = view.objects
     boxes = [] if objects is None else objects.boxes[objects.rows(view.k - objects.first)]
     for number, (left, right, top, base) in enumerate(boxes):

@@ -73,20 +73,18 @@ def draw_ellipses(
     a, b, c = covariances[:, 0, 0], covariances[:, 0, 1], covariances[:, 1, 1]
     # The eigenvalues of a symmetric 2 × 2 matrix in closed form.
     mean, spread = 0.5 * (a + c), np.hypot(0.5 * (a - c), b)
-    axes.add_collection(
-        EllipseCollection(
-            2.0 * std * np.sqrt(np.maximum(mean + spread, 0.0)),
-            2.0 * std * np.sqrt(np.maximum(mean - spread, 0.0)),
-            np.degrees(0.5 * np.arctan2(2.0 * b, a - c)),
-            units="xy",
-            offsets=centres,
-            offset_transform=axes.transData,
-            facecolors="none",
-            edgecolors=colour,
-            **({"zorder": 3.0} | options),
-        ),
-        autolim=False,
+    ellipses = EllipseCollection(
+        2.0 * std * np.sqrt(np.maximum(mean + spread, 0.0)),
+        2.0 * std * np.sqrt(np.maximum(mean - spread, 0.0)),
+        np.degrees(0.5 * np.arctan2(2.0 * b, a - c)),
+        units="xy",
+        offsets=centres,
+        offset_transform=axes.transData,
+        facecolors="none",
+        edgecolors=colour,
+        **({"zorder": 3.0} | options),
     )
+    axes.add_collection(ellipses, autolim=False)
 
 
 def draw_heading(axes: Axes, pose_world: np.ndarray, length: float, colour: str) -> None:

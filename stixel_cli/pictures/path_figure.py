@@ -55,14 +55,10 @@ def path_figure(
     for k in chosen:
         if k in contours:
             ground.draw_contour(axes, contours[k], style.TRUTH, linewidth=1.2)
-        ground.draw_contour(axes, track.contours_world[k], style.ESTIMATE, linewidth=1.2)
-        ground.draw_band(
-            axes,
-            track.means[k, :2],
-            track.contours_world[k],
-            track.contour_directions[k],
-            track.contour_std[k],
-        )
+        contour = track.contours_world[k]
+        ground.draw_contour(axes, contour, style.ESTIMATE, linewidth=1.2)
+        band = (track.means[k, :2], contour, track.contour_directions[k], track.contour_std[k])
+        ground.draw_band(axes, *band)
     _label_times(axes, track.times, poses, chosen, 1.25 * size)
     axes.set(xlabel="x in the world (m)", ylabel="y in the world (m)")
     axes.set_title(f"Path of the target, {track.times[-1] - track.times[0]:.1f} s")
@@ -165,13 +161,10 @@ def _draw_strip(
         drawn = len(axes.patches)
         contour = target_from_world(track.contours_world[k], pose) + centre
         ground.draw_contour(axes, contour, style.ESTIMATE, linewidth=1.2)
-        ground.draw_band(
-            axes,
-            target_from_world(track.means[k, None, :2], pose)[0] + centre,
-            contour,
-            target_from_world(track.contour_directions[k], np.array([0.0, 0.0, pose[2]])),
-            track.contour_std[k],
-        )
+        middle = target_from_world(track.means[k, None, :2], pose)[0] + centre
+        turned = np.array([0.0, 0.0, pose[2]])
+        directions = target_from_world(track.contour_directions[k], turned)
+        ground.draw_band(axes, middle, contour, directions, track.contour_std[k])
         cell = Rectangle((i * width, -0.42 * height), 0.97 * width, 0.92 * height, lw=0, fill=False)
         axes.add_patch(cell)
         for patch in axes.patches[drawn:-1]:
