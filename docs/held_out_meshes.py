@@ -1,14 +1,15 @@
-"""Write the meshes of `study accuracy` that no class knows: python docs/held_out_meshes.py
+"""Write the meshes of the studies that no class knows: python docs/held_out_meshes.py
 
-They are made of flat-sided blocks and of discs, not of the parts that the package draws road users
-from. x forward, y left, z up, m.
+Those of `study accuracy` (`meshes`) are made of flat-sided blocks and of discs, not of the parts
+that the package draws road users from. Those of `study robustness` (`shapes`) are upright prisms.
+x forward, y left, z up, m.
 """
 
 from pathlib import Path
 
 import numpy as np
 
-FOLDER = Path(__file__).parents[1] / "pipelines" / "studies" / "meshes"
+FOLDER = Path(__file__).parents[1] / "pipelines" / "studies"
 
 
 Block = tuple[np.ndarray, np.ndarray]
@@ -60,69 +61,78 @@ def wheels(axles: tuple, track: float, radius: float, width: float) -> list[Bloc
     return [disc(x, side * 0.5 * track, radius, width) for x in axles for side in (-1, 1)]
 
 
+RECTANGLE = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
+"""Of side 1, about the origin."""
+
+
+def upright(z: tuple, ring: np.ndarray) -> Block:
+    """A prism from z[0] to z[1] with the footprint `ring` (n, 2), convex and counter-clockwise."""
+    return prism(*(np.insert(ring, 2, height, axis=1) for height in z))
+
+
 MESHES = {
-    "pickup": (
-        "car",
-        [
-            slab((0.35, 1.0), ((-2.6, 2.6), (-2.6, 2.5)), (1.9, 1.86), 0.12),
-            slab((1.0, 1.78), ((-0.6, 1.35), (-0.5, 0.55)), (1.8, 1.5), 0.08),
-            *wheels((-1.6, 1.6), 1.66, 0.38, 0.24),
-        ],
-    ),
-    "box_van": (
-        "car",
-        [
-            slab((0.25, 0.95), ((-2.2, 2.2), (-2.2, 2.05)), (1.83, 1.83), 0.2),
-            slab((0.95, 1.85), ((-2.2, 1.5), (-2.15, 0.75)), (1.83, 1.7), 0.06),
-            *wheels((-1.35, 1.35), 1.6, 0.31, 0.2),
-        ],
-    ),
-    "wedge": (
-        "car",
-        [
-            slab((0.15, 0.8), ((-2.1, 2.15), (-2.1, 1.3)), (1.85, 1.8), 0.35),
-            slab((0.8, 1.22), ((-1.6, 0.9), (-0.9, 0.1)), (1.5, 1.1), 0.1),
-            *wheels((-1.3, 1.3), 1.6, 0.33, 0.25),
-        ],
-    ),
-    "city_bike": (
-        "cyclist",
-        [
-            disc(-0.58, 0.0, 0.34, 0.06),
-            disc(0.56, 0.0, 0.34, 0.06),
-            slab((0.4, 0.5), ((-0.58, 0.5), (-0.55, 0.45)), (0.08, 0.08)),
-            slab((0.7, 0.95), ((0.45, 0.8), (0.4, 0.85)), (0.34, 0.4)),
-            slab((0.2, 0.95), ((-0.1, 0.2), (-0.35, 0.05)), (0.3, 0.34)),
-            slab((0.95, 1.55), ((-0.42, -0.05), (-0.25, 0.05)), (0.36, 0.48), 0.06),
-            slab((1.15, 1.27), ((-0.1, 0.45), (-0.1, 0.45)), (0.5, 0.58)),
-            slab((1.58, 1.82), ((-0.2, 0.02), (-0.18, 0.01)), (0.18, 0.18), 0.04),
-        ],
-    ),
-    "pedestrian_in_a_coat": (
-        "pedestrian",
-        [
-            slab((0.0, 0.5), ((-0.3, -0.02), (-0.14, 0.04)), (0.28, 0.3), 0.03),
-            slab((0.0, 0.5), ((0.12, 0.4), (0.0, 0.16)), (0.28, 0.3), 0.03),
-            slab((0.45, 1.05), ((-0.24, 0.26), (-0.13, 0.14)), (0.52, 0.4), 0.08),
-            slab((1.05, 1.48), ((-0.13, 0.14), (-0.12, 0.12)), (0.42, 0.5), 0.06),
-            slab((1.52, 1.76), ((-0.1, 0.11), (-0.09, 0.09)), (0.17, 0.16), 0.04),
-        ],
-    ),
+    "meshes/car/pickup": [
+        slab((0.35, 1.0), ((-2.6, 2.6), (-2.6, 2.5)), (1.9, 1.86), 0.12),
+        slab((1.0, 1.78), ((-0.6, 1.35), (-0.5, 0.55)), (1.8, 1.5), 0.08),
+        *wheels((-1.6, 1.6), 1.66, 0.38, 0.24),
+    ],
+    "meshes/car/box_van": [
+        slab((0.25, 0.95), ((-2.2, 2.2), (-2.2, 2.05)), (1.83, 1.83), 0.2),
+        slab((0.95, 1.85), ((-2.2, 1.5), (-2.15, 0.75)), (1.83, 1.7), 0.06),
+        *wheels((-1.35, 1.35), 1.6, 0.31, 0.2),
+    ],
+    "meshes/car/wedge": [
+        slab((0.15, 0.8), ((-2.1, 2.15), (-2.1, 1.3)), (1.85, 1.8), 0.35),
+        slab((0.8, 1.22), ((-1.6, 0.9), (-0.9, 0.1)), (1.5, 1.1), 0.1),
+        *wheels((-1.3, 1.3), 1.6, 0.33, 0.25),
+    ],
+    "meshes/cyclist/city_bike": [
+        disc(-0.58, 0.0, 0.34, 0.06),
+        disc(0.56, 0.0, 0.34, 0.06),
+        slab((0.4, 0.5), ((-0.58, 0.5), (-0.55, 0.45)), (0.08, 0.08)),
+        slab((0.7, 0.95), ((0.45, 0.8), (0.4, 0.85)), (0.34, 0.4)),
+        slab((0.2, 0.95), ((-0.1, 0.2), (-0.35, 0.05)), (0.3, 0.34)),
+        slab((0.95, 1.55), ((-0.42, -0.05), (-0.25, 0.05)), (0.36, 0.48), 0.06),
+        slab((1.15, 1.27), ((-0.1, 0.45), (-0.1, 0.45)), (0.5, 0.58)),
+        slab((1.58, 1.82), ((-0.2, 0.02), (-0.18, 0.01)), (0.18, 0.18), 0.04),
+    ],
+    "meshes/pedestrian/pedestrian_in_a_coat": [
+        slab((0.0, 0.5), ((-0.3, -0.02), (-0.14, 0.04)), (0.28, 0.3), 0.03),
+        slab((0.0, 0.5), ((0.12, 0.4), (0.0, 0.16)), (0.28, 0.3), 0.03),
+        slab((0.45, 1.05), ((-0.24, 0.26), (-0.13, 0.14)), (0.52, 0.4), 0.08),
+        slab((1.05, 1.48), ((-0.13, 0.14), (-0.12, 0.12)), (0.42, 0.5), 0.06),
+        slab((1.52, 1.76), ((-0.1, 0.11), (-0.09, 0.09)), (0.17, 0.16), 0.04),
+    ],
+    "shapes/car/rectangle": [upright((0.0, 1.5), RECTANGLE * [4.5, 1.8])],
+    "shapes/car/trapezium": [
+        upright((0.0, 1.5), np.array([(-2.25, -0.9), (2.25, -0.6), (2.25, 0.6), (-2.25, 0.9)]))
+    ],
+    "shapes/car/l_shape": [
+        upright((0.0, 1.5), RECTANGLE * [4.5, 0.9] + [0.0, -0.45]),
+        upright((0.0, 1.5), RECTANGLE * [2.25, 0.9] + [-1.125, 0.45]),
+    ],
+    "shapes/cyclist/rectangle": [upright((0.0, 1.75), RECTANGLE * [1.8, 0.6])],
+    # That of docs/tutorials/2_your_own_road_user_and_path.md: load, frame with wheels, rider.
+    "shapes/cyclist/cargo_bike": [
+        upright((0.3, 0.9), RECTANGLE * [0.9, 0.7] + [0.6, 0.0]),
+        upright((0.0, 0.55), RECTANGLE * [2.4, 0.12]),
+        upright((0.5, 1.8), RECTANGLE * [0.5, 0.5] + [-0.35, 0.0]),
+    ],
 }
-"""Name to class and blocks."""
+"""Path without its suffix to blocks; the folder above a mesh names its class."""
 
 
 def main() -> None:
     """Write one Wavefront file for each mesh."""
-    for name, (road_user, blocks) in MESHES.items():
+    for name, blocks in MESHES.items():
         lines, count = ["# made by docs/held_out_meshes.py"], 1
         for points, faces in blocks:
             lines += ["v " + " ".join(f"{value:.4g}" for value in point) for point in points]
             lines += ["f " + " ".join(map(str, face)) for face in faces + count]
             count += len(points)
-        folder = FOLDER / road_user
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / f"{name}.obj").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        file = FOLDER / f"{name}.obj"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

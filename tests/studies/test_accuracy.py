@@ -163,8 +163,12 @@ def test_the_held_out_meshes_are_those_that_the_script_makes(tmp_path):
     script = load_script("held_out_meshes")
     script.FOLDER = tmp_path
     script.main()
-    made = {file.name: file.read_bytes() for file in tmp_path.glob("*/*.obj")}
-    assert made == {file.name: file.read_bytes() for file in MESHES}
+    made = {str(f.relative_to(tmp_path)): f.read_bytes() for f in tmp_path.glob("*/*/*.obj")}
     assert {file.parent.name for file in MESHES} == {"car", "cyclist", "pedestrian"}
-    for file in MESHES:
+    shapes = sorted((shipped_folder("pipelines") / "studies" / "shapes").glob("*/*.obj"))
+    files = [*MESHES, *shapes]
+    assert made == {
+        str(file.relative_to(MESHES[0].parents[2])): file.read_bytes() for file in files
+    }
+    for file in files:
         assert len(load_mesh(str(file), 0.6).parts)
