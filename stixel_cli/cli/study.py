@@ -63,6 +63,8 @@ def study(
     \b
       accuracy  How accurate are the trackers, for each road user, measurement and path?
       motions   Do the answers of RQ2 and RQ3 hold for real motion?
+      robustness       How do the trackers do on other shapes, after gaps, from a wrong start?
+      robustness_real  The same on recordings of real sensors.
       rq1       Are these stixels like those of The Stixel World?
       rq2       How well does the tracker work on stixels, compared with lidar?
       rq3       What do fabricated measurements miss?

@@ -23,7 +23,7 @@ class ScansStart:
     """A start from the scans and the class prior; it sees no truth.
 
     With `bearing` or `range` the target is the cluster inside them that is nearest to their middle,
-    in the first scan that has one. With neither it is the cluster that moves.
+    in the first scan that has one. With neither it is the cluster that moves, or the only one.
 
     Attributes:
         bearing: [lowest, highest] direction from the sensor, degrees, 0 ahead, positive to the
@@ -51,7 +51,7 @@ class ScansStart:
     heading_rate: Annotated[float, Gt(0), Le(10)]
 
     cluster_distance: ClassVar[float] = 0.8
-    """DBSCAN's radius, m: less than the gap between two road users."""
+    """DBSCAN's least radius, m: less than the gap between two road users."""
 
     @property
     def std(self) -> tuple[float, ...]:
@@ -70,8 +70,13 @@ class ScansStart:
                 )
 
 
-FASTEST = 20.0
-"""Speed of a target, m/s: a cluster is not linked over a longer distance."""
+FASTEST, FASTEST_CHANGE = 16.0, 10.0
+"""Speed of a target, and from the second link on change of its speed, m/s: a cluster is not linked
+over a longer distance."""
+
+RAYS_APART, WIDEST = 2.0, 3.0
+"""DBSCAN's radius is this many distances of neighbouring rays, at most `WIDEST` m: a sparse lidar's
+rays are far apart on a distant target, and farther where they graze it."""
 
 SLOWEST = 0.3
 """A cluster moves if it is faster, m/s, and by `CERTAIN` standard errors of its speed."""
@@ -107,24 +112,40 @@ def start_from_scans(scans: Scans, start: ScansStart, prior: PriorShape) -> Init
 
 def _followed(scans: Scans, start: ScansStart, sizes: np.ndarray) -> Followed:
     """The target's cluster over time, of one of the `sizes` (n, 2) m."""
-    clusters = [
-        _clusters(scans.points_world[scans.rows(k)], start, sizes) for k in range(len(scans))
-    ]
+    apart = _angle_of_rays(scans)
+    clusters = [_clusters(scans, k, apart, start, sizes) for k in range(len(scans))]
     if start.bearing is None and start.range is None:
         return _moving(scans, clusters, start)
     return _chosen(scans, clusters, start)
 
 
-def _clusters(points: np.ndarray, start: ScansStart, sizes: np.ndarray) -> list[np.ndarray]:
-    """The clusters of one scan's points (n, 2) m, without those too large for the `sizes`."""
+def _angle_of_rays(scans: Scans) -> float:
+    """Median angle between neighbouring points of a scan, seen from the sensor, rad; 0 if none."""
+    steps = []
+    for k in range(len(scans)):
+        away = scans.points_world[scans.rows(k)] - scans.sensor_poses_world[k, :2]
+        bearings = np.arctan2(away[:, 1], away[:, 0]) - scans.sensor_poses_world[k, 2]
+        steps.append(np.diff(np.sort(wrap_angle(bearings))))
+    together = np.concatenate(steps)
+    return float(np.median(together)) if len(together) else 0.0
+
+
+def _clusters(
+    scans: Scans, k: int, apart: float, start: ScansStart, sizes: np.ndarray
+) -> list[np.ndarray]:
+    """The clusters (n, 2) m of scan `k`, without those too large for the `sizes`.
+
+    `apart` is the angle between neighbouring rays, rad.
+    """
+    points = scans.points_world[scans.rows(k)]
     if len(points) == 0:
         return []
+    away = np.median(np.hypot(*(points - scans.sensor_poses_world[k, :2]).T))
+    radius = max(start.cluster_distance, min(RAYS_APART * apart * float(away), WIDEST))
     # It takes a second to import, and every command imports this module.
     from sklearn.cluster import DBSCAN
 
-    labels = DBSCAN(eps=start.cluster_distance, min_samples=start.cluster_points).fit_predict(
-        points
-    )
+    labels = DBSCAN(eps=radius, min_samples=start.cluster_points).fit_predict(points)
     found = [points[labels == label] for label in range(labels.max() + 1)]
     longest = LARGEST * float(np.hypot(*sizes.T).max()) + 2.0 * SLACK
     return [one for one in found if np.hypot(*np.ptp(one, axis=0)) <= longest]
@@ -174,7 +195,11 @@ def _from_middle(
 
 
 def _moving(scans: Scans, clusters: Sequence[list[np.ndarray]], start: ScansStart) -> Followed:
-    """The cluster that moves with the least doubt, from the first scan that has a moving one."""
+    """The cluster that moves with the least doubt, from the first scan that has a moving one.
+
+    A cluster that is alone in its scans may move with any doubt: nothing else can be the target.
+    """
+    alone = all(len(found) <= 1 for found in clusters)
     for k in range(len(scans)):
         best = None
         for followed in (_follow(scans, clusters, k, points, start) for points in clusters[k]):
@@ -183,7 +208,7 @@ def _moving(scans: Scans, clusters: Sequence[list[np.ndarray]], start: ScansStar
             places = np.array([points.mean(axis=0) for points in followed.points])
             _, velocity, error = line(scans.times[list(followed.scans)], places)
             speed = float(np.hypot(*velocity))
-            moves = speed >= max(SLOWEST, CERTAIN * error)
+            moves = speed >= (SLOWEST if alone else max(SLOWEST, CERTAIN * error))
             if moves and (best is None or speed / error > best[0]):
                 best = (speed / error, followed)
         if best is not None:
@@ -211,8 +236,7 @@ def _follow(
             # Of the last links, so that noise of a single one does not decide.
             other = chain[-min(len(chain), 4)]
             rate = (before - other[1].mean(axis=0)) / (scans.times[last] - scans.times[other[0]])
-            expected, reach = before + elapsed * rate, 0.5 * FASTEST * elapsed
-        reach = min(reach, 2.0 * start.cluster_distance)
+            expected, reach = before + elapsed * rate, FASTEST_CHANGE * elapsed
         near = [
             (float(np.hypot(*(one.mean(axis=0) - expected))), i)
             for i, one in enumerate(clusters[k])

@@ -110,6 +110,24 @@ def test_a_wall_larger_than_the_class_is_no_target():
         )
 
 
+def test_a_distant_target_of_a_slow_and_sparse_lidar_is_found():
+    """One scan a second of a lorry that turns, 90 m away: rays are 1.1 m apart, and it is alone."""
+    headings = np.array([0.2, 0.6, 0.1, 0.5, 0.3])
+    steps = 6.0 * np.stack([np.cos(headings), np.sin(headings)], axis=1)
+    centres = np.array([-60.0, 65.0]) + np.cumsum(steps, axis=0)
+    side = np.stack([np.arange(-4.4, 4.5, 1.1), np.full(9, -1.5)], axis=1)
+    points = [
+        world_from_target(side, np.array([*centre, heading]))
+        for centre, heading in zip(centres, headings, strict=True)
+    ]
+    scans = dataclasses.replace(scans_of(points), times=np.arange(5.0))
+    prior = dataclasses.replace(PRIOR, length=8.5, width=3.0)
+    state = start_from_scans(scans, dataclasses.replace(START, duration=3.0), prior)
+    predicted = transition(1.0) @ state.mean
+    assert np.hypot(*(predicted[:2] - centres[0])) < 2.0
+    np.testing.assert_allclose(predicted[3:5], 6.0 * np.array([0.94, 0.34]), atol=1.0)
+
+
 def test_a_start_of_no_known_class_is_a_mixture_of_all():
     side = np.stack([np.linspace(-0.4, 0.4, 9), np.full(9, 12.0)], axis=1)
     scans = scans_of([side] * 3)

@@ -1,0 +1,1 @@
+"""The studies of the trackers away from home: `robustness` and `robustness_real`."""

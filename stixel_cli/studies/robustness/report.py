@@ -1,0 +1,164 @@
+"""The reports of `stixel study robustness` and `robustness_real`: a table for each departure."""
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stixel_cli.config.folders import shipped_folder
+from stixel_cli.errors import MissingData
+from stixel_cli.report import tables
+from stixel_cli.report.blocks import Material, Table
+from stixel_cli.studies.data import StudyData, StudyRun, run_frame
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+DATA = "STIXEL_DATA"
+CLIP, CARS = "0005", (31, 0, 1)
+"""KITTI tracking's clip with images, and its cars."""
+
+TRACKER = "contour"
+MEASURES = (
+    *("iou_mean", "iou_box_mean", "centre_rmse_m", "orientation_rmse_deg"),
+    *("nees_position_mean", "track_lost", "sure_and_wrong_share"),
+)
+"""Metrics of the tables, in this order."""
+
+FOUND_AGAIN = 0.4
+"""A target is found again if its box has this IoU one second after a gap."""
+
+KEYS = {
+    "shapes": ("shape", "tracker"),
+    "following": ("tracker",),
+    "gaps": ("road_user", "gap", "tracker"),
+    "wrong_start": ("road_user", "tracker"),
+    "miscalibrated": ("road_user", "path", "error", "tracker"),
+    "pandaset": ("target", "tracker"),
+    "lidarrm": ("scans", "tracker"),
+    "clip": ("target", "tracker"),
+}
+"""Sweep to the columns that name the rows of its table."""
+
+
+def shapes() -> list[dict[str, list]]:
+    """Axes: plain shapes, in a folder for the class whose prior the tracker has."""
+    files = sorted((shipped_folder("pipelines") / "studies" / "shapes").glob("*/*.obj"))
+    users = [file.parent.name for file in files]
+    return [{"road_user": users, "road_user.mesh": list(map(str, files))}]
+
+
+def pandaset() -> list[dict[str, list]]:
+    """Axes: the tables of each target, whose folder's name begins with its class."""
+    folders = _folders("pandaset")
+    users = [folder.name.partition("-")[0] for folder in folders]
+    return [{"road_user": users, **_tables(folders, "path", "ego", "truth")}]
+
+
+def lidarrm() -> list[dict[str, list]]:
+    """Axes: the tables of each run; its sensor stays at the origin."""
+    return [_tables(_folders("lidarrm"), "path", "truth")]
+
+
+def clip() -> list[dict[str, list]]:
+    """Axes: the cars of the clip, with all frames that have their label."""
+    sequence = {"source.folder": [str(_data() / "kitti_tracking")], "source.sequence": [CLIP]}
+    return [
+        {key: values * len(CARS) for key, values in sequence.items()}
+        | {"source.target": list(CARS)}
+    ]
+
+
+def _folders(name: str) -> list[Path]:
+    found = sorted(file.parent for file in (_data() / name).glob("*/scans.csv"))
+    if not found:
+        raise MissingData(f"{DATA}: {_data() / name} has no folder with scans.csv")
+    return found
+
+
+def _data() -> Path:
+    named = os.environ.get(DATA, "")
+    if not named or not Path(named).is_dir():
+        raise MissingData(
+            f"{DATA}: must name a folder with pandaset, lidarrm and kitti_tracking, got {named!r}"
+        )
+    return Path(named).absolute()
+
+
+def _tables(folders: list[Path], *keys: str) -> dict[str, list]:
+    names = {"path": "scans", "ego": "ego", "truth": "truth"}
+    return {
+        f"measurement.{key}": [str(folder / f"{names[key]}.csv") for folder in folders]
+        for key in keys
+    }
+
+
+def report(data: StudyData) -> Material:
+    """Values and tables of the template."""
+    frames = {name: _named(run_frame(sweep.runs)) for name, sweep in data.sweeps.items()}
+    return Material(
+        {
+            "answers": {name: _answer(frame) for name, frame in frames.items()},
+            "tables": {name: _table(name, frame) for name, frame in frames.items()},
+        }
+    )
+
+
+def _named(runs: "pd.DataFrame") -> "pd.DataFrame":
+    """The runs with the columns of `KEYS` that their sweep has."""
+    new = {
+        "shape": ("road_user.mesh", lambda path: f"{Path(path).stem}, {Path(path).parent.name}"),
+        "gap": ("measurement.dropout", _length),
+        "error": ("sensor.disparity_error", lambda pixels: f"{float(pixels):+g} px"),
+        "target": ("source.target", str),
+    }
+    if "measurement.path" in runs:
+        new["target"] = ("measurement.path", lambda path: Path(path).parent.name)
+        new["scans"] = ("measurement.path", lambda path: Path(path).parent.name.partition("-")[0])
+    runs = runs.assign(
+        **{
+            column: runs[key].map(str).map(text).str.replace("_", " ")
+            for column, (key, text) in new.items()
+            if key in runs
+        }
+    )
+    return runs.assign(found_again=runs["run"].map(_found_again)) if "gap" in runs else runs
+
+
+def _length(dropout: str) -> str:
+    first, last = dropout.strip("[]").split(",")
+    return f"{float(last) - float(first):g} s"
+
+
+def _found_again(run: StudyRun) -> float:
+    """Whether the box has an IoU of `FOUND_AGAIN` one second after the gap, 0 or 1."""
+    after = run.configuration.measurement.dropout[1] + 1.0
+    times = run.scores.times - run.scores.times[0]
+    at = int(np.argmin(np.abs(times - after)))
+    return float(run.scores.iou_box[at] >= FOUND_AGAIN)
+
+
+def _table(name: str, runs: "pd.DataFrame") -> Table:
+    """One row for each setting and tracker; of recordings also the mean over all."""
+    measures = {measure: tables.label_of(measure) for measure in MEASURES}
+    if "found_again" in runs:
+        measures["found_again"] = "found again"
+    # Seeds vary only the start of a recording: the unit is the recording.
+    unit = "target" if "measurement.path" in runs else "seed"
+    keys = KEYS[name]
+    rows = [*tables.rows_by(runs, keys, measures, unit="seed" if "target" in keys else unit)]
+    if name == "pandaset":
+        cars = runs[runs["road_user"] == "car"].assign(target="mean of the cars")
+        names = runs.loc[cars.index, "target"]
+        rows += tables.rows_by(cars.assign(car=names), keys, measures, unit="car")
+    return Table.of(name, rows)
+
+
+def _answer(runs: "pd.DataFrame") -> dict[str, Any]:
+    """Tracker to its mean box IoU, share of lost tracks and NEES over all runs."""
+    measures = ("iou_box_mean", "track_lost", "nees_position_mean")
+    return {
+        tracker: {name: float(own[name].mean()) for name in measures}
+        for (tracker,), own in tables.groups(runs, ["tracker"])
+    }
