@@ -9,19 +9,19 @@ import stixel_cli
 PACKAGE = Path(stixel_cli.__file__).parent
 
 BUDGET = {
-    "": 900,
+    "": 899,
     "calibration": 654,
-    "cli": 2930,
-    "config": 3050,
+    "cli": 2928,
+    "config": 3040,
     # A check that another process has not marked the new cache meanwhile.
     "engine": 5039,
     # The box of a track has room for the limbs; loss has one definition, with heading and class.
     "evaluation": 1599,
-    "experiment": 1488,
+    "experiment": 1487,
     "export": 590,
     "geometry": 173,
     "machine": 331,
-    "measurements": 1710,
+    "measurements": 1703,
     "pictures": 1304,
     "recordings": 2530,
     # Images of a rig out of calibration.
@@ -32,15 +32,17 @@ BUDGET = {
     "scene": 3543,
     "stereo": 471,
     "stixels": 2045,
-    "studies": 6340,
+    # A study of the trackers away from home.
+    "studies": 6494,
     "sweeps": 2403,
-    # `contour`: the bank of forms for what it did not learn from, the search at the first scan.
-    "tracking": 4712,
+    # `contour`: the bank of forms for what it did not learn from, the search at the first scan;
+    # a start from slow and sparse scans.
+    "tracking": 4736,
     "validation": 1225,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
-MODULES = 322
+MODULES = 323
 """Modules of the package, without `__init__`."""
 
 

@@ -1,1 +1,0 @@
-"""The studies of the trackers away from home: `robustness` and `robustness_real`."""
