@@ -88,7 +88,9 @@ def explain(
                 shown.add(change.difference)
                 say(*(f"    {line}" for line in _shortened(change)))
     if not missing:
-        say("nothing to recompute: all results are cached")
+        others = _before(asked.lineages)[0] - asked.graph.nodes.keys()
+        other = "; the folder has results of other code or files" if others else ""
+        say(f"nothing to recompute: all results are cached{other}")
     return 0
 
 

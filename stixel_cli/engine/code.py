@@ -34,6 +34,7 @@ from stixel_cli.engine.source_files import (
     parse,
 )
 from stixel_cli.engine.versions import is_editable, providers, versions_of
+from stixel_cli.errors import UserError
 
 OWN_PACKAGE = __name__.partition(".")[0]
 
@@ -110,7 +111,7 @@ def same_files(files: Mapping[str, tuple[Path, str]]) -> bool:
     """Whether all files still have the content of their digests."""
     try:
         return all(content_digest(path) == digest for path, digest in files.values())
-    except OSError:
+    except UserError:
         return False
 
 

@@ -137,7 +137,7 @@ def build_graph(
 
     Raises:
         ValueError: the stages are not valid; one line.
-        LookupError, TypeError, OSError: see `stage_identity`.
+        LookupError, TypeError, UserError: see `stage_identity`.
     """
     return GraphBuilder(store_folder).build(stages, frame_count, chunk_size)
 

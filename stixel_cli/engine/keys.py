@@ -215,7 +215,7 @@ def stage_identity(stage: Stage, index: CodeIndex) -> Identity:
     Raises:
         LookupError: a module is missing or is not valid Python.
         TypeError: a setting cannot be part of a key.
-        OSError: one of the stage's files cannot be read.
+        UserError: one of the stage's files cannot be read.
     """
     types = settings_types(dict(stage.settings))
     module = stage.function.partition(":")[0]

@@ -22,6 +22,8 @@ from pathlib import Path
 
 from stixel_cli.engine.cache_folder import made_here, make_folder, read_file
 from stixel_cli.engine.errors import InvalidCode
+from stixel_cli.errors import UserError
+from stixel_cli.files import opened
 
 SOURCES = "sources"
 """Folder in the store."""
@@ -34,9 +36,6 @@ MOST_DIGESTS = 2000
 
 LARGEST_FILE = 16_000_000
 """A larger file of digests, in bytes, is not read."""
-
-LARGEST_FILES = 1_000_000_000
-"""Limit of the bytes of all files that a module declares."""
 
 DIGITS = 32
 """Number of hex digits of a module's digest."""
@@ -108,24 +107,20 @@ def declared_files(path: Path, source: Source) -> Iterator[tuple[str, Path, str]
     """Name, path and digest of each file that the module at `path` declares.
 
     Raises:
-        InvalidCode: one is missing, not a regular file, or too large.
+        InvalidCode: one is missing, not a regular file next to the module, or too large.
     """
-    left = LARGEST_FILES
     for name in source.files or ():
-        file = path.parent / name
+        if Path(name).is_absolute():
+            raise InvalidCode(f"{path}: FILES: {name}: must be relative to the module's folder")
         try:
-            left -= file.stat().st_size
-            if Path(name).is_absolute() or not file.is_file() or left < 0:
-                raise ValueError("must be a file next to the module; all together at most 1 GB")
-            yield name, file, content_digest(file)
-        except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise InvalidCode(f"{path}: FILES: {name}: {reason}") from error
+            yield name, path.parent / name, content_digest(path.parent / name)
+        except UserError as error:
+            raise InvalidCode(f"{path}: FILES: {error}") from error
 
 
 def content_digest(path: Path) -> str:
-    """SHA-256, in hex, of a file's content."""
-    with path.open("rb") as file:
+    """SHA-256, in hex, of a regular file's content; UserError for any other: it may not end."""
+    with opened(path) as file:
         return file_digest(file, "sha256").hexdigest()
 
 

@@ -82,13 +82,8 @@ def plan_runs(
     planned = []
     for run in runs:
         composition = run.composition
-        try:
-            stages = pipeline_stages(composition)
-            graph = builder.build(stages, scan_count(composition), CHUNK_SIZE)
-        except OSError as error:
-            raise ConfigurationError(
-                f"{error.filename}: cannot be read: {error.strerror} (run {run.index}: {run.label})"
-            ) from None
+        stages = pipeline_stages(composition)
+        graph = builder.build(stages, scan_count(composition), CHUNK_SIZE)
         names = [SCORES]
         if pictures:
             names += picture_stages(graph)

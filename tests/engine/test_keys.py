@@ -1,6 +1,8 @@
 """Keys: the same for the same work, another for any other."""
 
+import os
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from hypothesis import strategies as st
 
 from stixel_cli.engine.graph import build_graph
 from stixel_cli.engine.keys import canonical, digest
+from stixel_cli.errors import UserError
 
 CHUNK, FRAMES = 4, 10
 
@@ -123,6 +126,14 @@ def test_every_part_of_a_stage_counts(project, tmp_path):
     file.write_text("b")
     found.append(key(stage))
     assert len(set(found)) == len(found)
+
+
+def test_a_file_without_an_end_is_refused(project, tmp_path):
+    os.mkfifo(tmp_path / "fifo")
+    for file in (tmp_path / "fifo", Path("/dev/zero")):
+        stage = replace(project.stages()[0], files=(file,))
+        with pytest.raises(UserError, match=f"{file}: not a regular file"):
+            build_graph([stage], FRAMES, CHUNK)
 
 
 def test_the_version_of_a_package_counts(project, monkeypatch):

@@ -29,8 +29,12 @@ def test_explain_compares_a_folder_with_its_own_code(own, words, capsys):
     helper = own.folder / f"{own.helper}.py"
     helper.write_text("OFFSET = 2.0\n")
     folder_of(own, "b", *words)
-    helper.write_text("OFFSET = 3.0\n")
+    said = "nothing to recompute: all results are cached"
+    capsys.readouterr()
+    assert main(["explain", str(folder)]) == 0
+    assert capsys.readouterr().out == f"{said}; the folder has results of other code or files\n"
     for remove in (False, True):
+        helper.write_text("OFFSET = 3.0\n")
         capsys.readouterr()
         assert main(["explain", str(folder)]) == 0
         answer = capsys.readouterr().out

@@ -117,7 +117,7 @@ def test_a_declared_file_is_part_of_the_key(reader, capsys):
     assert f"code: {reader.name}/weights.npy changed" in capsys.readouterr().out
     assert run(words).track.means[0, 0] == 2.0
     (reader.folder / "weights.npy").unlink()
-    with pytest.raises(UserError, match=r"FILES: weights.npy: No such file") as error:
+    with pytest.raises(UserError, match=r"FILES: .*: weights.npy is missing") as error:
         run(words)
     assert "\n" not in str(error.value)
 

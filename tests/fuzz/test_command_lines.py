@@ -3,38 +3,30 @@
 import random
 from pathlib import Path
 
+import typer
 from harness_of_fuzz import Kind, run_cases, settle
 from odd_values import INTERPOLATIONS, LISTS, NUMBERS, ODD, SWEEPS
 
+from stixel_cli.cli.app import app
 from stixel_cli.config.folders import group_options
 from stixel_cli.config.keys import known_keys
 
 SMALL = 30
 
-OVERRIDES = ("run", "run --dry-run", "sweep", "sweep --dry-run", "plan", "explain")
-FOLDERS = ("show", "compare", "report", "play", "rerun", "verify", "ls")
-OTHERS = (
-    "assess",
-    "calibrate",
-    "completion",
-    "describe",
-    "doctor",
-    "export",
-    "study",
-    "study --dry-run rq2",
-    "cache",
-    "cache ls",
-    "cache gc",
-    "cache verify",
-    "cache clear",
-    "doctor x",
-    "",
-)
-FLAGS = ("--json", "--dry-run", "--pictures", "--fresh", "--cached", "--yes", "--help", "-h")
-WITH_VALUE = (
-    *("--name", "--results", "--resume", "--from", "--output"),
-    *("--workers", "--shuffle", "--max-size", "--older-than"),
-)
+
+def _commands(group, before: tuple[str, ...] = ()):
+    """Each command, as words, with the options that it declares."""
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from _commands(command, (*before, name))
+        else:
+            options = [text for one in command.params for text in one.opts if text[0] == "-"]
+            yield (*before, name), [*options, "--help", "-h"]
+
+
+COMMANDS = dict(_commands(typer.main.get_command(app)))
+OVERRIDES = [("run",), ("sweep",), ("plan",), ("explain",)]
+INCOMPLETE = [[], ["cache"], ["completion"], ["study", "--dry-run", "rq2"], ["doctor", "x"]]
 NAMES = ("x", ".", "..", "../x", "a/b", "/", "~", "-", "rq2", "prior_width", "here", "here/x")
 
 
@@ -104,18 +96,16 @@ def draw_override(rng: random.Random) -> str:
     return f"{name}{joint}{value}"
 
 
-def draw_option(rng: random.Random) -> list[str]:
-    """An option of some command, or nearly one, with its value or without."""
+def draw_option(rng: random.Random, options: list[str]) -> list[str]:
+    """One of a command's `options`, or nearly one, with a value or without."""
     how = rng.random()
-    if how < 0.3:
-        return [rng.choice(FLAGS)]
-    if how < 0.4:
-        return [
-            rng.choice((*FLAGS, *WITH_VALUE)) + rng.choice(("x", "=", "=x", " ", "-", "\udcff"))
-        ]
-    if how < 0.5:
+    if how < 0.1:
         return [rng.choice(("-z", "-", "--", "---", "-hz", "--no-json", "--J", "-é", "--é=é"))]
-    name = rng.choice(WITH_VALUE)
+    name = rng.choice(options)
+    if how < 0.2:
+        return [name + rng.choice(("x", "=", "=x", " ", "-", "\udcff"))]
+    if how < 0.4:
+        return [name]
     value = rng.choice(rng.choice((ODD, NUMBERS, NAMES, NAMES)))
     return [f"{name}={value}"] if rng.random() < 0.4 else [name, value]
 
@@ -137,14 +127,14 @@ def draw_words(rng: random.Random, place: Path) -> list[str]:
     if rng.random() < 0.3:
         return draw_near(rng)
     kind = rng.random()
-    if kind < 0.65:
-        words = rng.choice(OVERRIDES).split()
-    elif kind < 0.85:
-        words = [rng.choice(FOLDERS)]
-    elif kind < 0.97:
-        words = rng.choice(OTHERS).split()
-    else:
+    command = rng.choice(OVERRIDES if kind < 0.6 else list(COMMANDS))
+    options, words = COMMANDS[command], list(command)
+    if kind < 0.3 and "--dry-run" in options:
+        words.append("--dry-run")
+    elif kind > 0.97:
         words = [rng.choice((*ODD, "swep", "Run", "run ", "--version", "--help", "-h"))]
+    elif kind > 0.93:
+        words = list(rng.choice(INCOMPLETE))
     if rng.random() < 0.3:
         words.insert(1, "--json")
     for _ in range(rng.choice((0, 1, 1, 1, 2, 2, 3, 5, 8))):
@@ -152,7 +142,7 @@ def draw_words(rng: random.Random, place: Path) -> list[str]:
         if how < 0.65:
             words.append(draw_override(rng))
         elif how < 0.9:
-            words += draw_option(rng)
+            words += draw_option(rng, options)
         else:
             words.append(rng.choice(rng.choice((ODD, NAMES))))
     return words

@@ -108,9 +108,27 @@ sys.exit(main())
 """
 
 
-def test_ctrl_c_names_the_command_that_resumes(sweeps):
+# The later runs wait while the file exists: no machine is so fast that the sweep ends.
+WAITS = """
+import signal
+from pathlib import Path
+from stixel_cli.tracking.baselines import box
+
+
+def track(scans, initial, prior, number: int):
+    while number > 10 and Path({!r}).exists():
+        signal.pause()
+    values = dict(sigma_q=3.0, measurement_std=1.0, centroid_std=1.0, gate=1.0, least_speed=3.0)
+    return box.track(scans, initial, prior, box.BoxParameters("box", use_scans=False, **values))
+"""
+
+
+def test_ctrl_c_names_the_command_that_resumes(sweeps, tmp_path):
     """A real process with workers, which the signal meets in the midst of its runs."""
-    line = ["measurement=fabricated", "tracker.sigma_q=range(1,61)", "tracker.basis_points=80"]
+    mark = tmp_path / "waits"
+    mark.touch()
+    (tmp_path / "waits.py").write_text(WAITS.format(str(mark)))
+    line = [*FEW, "tracker=waits:track", f"code_folders=[{tmp_path}]", "tracker.number=range(1,61)"]
     where = ["--results", str(sweeps.results), "--name", "mine"]
     process = subprocess.Popen(
         [sys.executable, "-c", COMMAND, "sweep", *line, "--workers", "2", *where],
@@ -138,14 +156,15 @@ def test_ctrl_c_names_the_command_that_resumes(sweeps):
     assert [row["status"] for row in rows].count("missing") == 60 - done
     # Complete settings have statistics; an interrupted sweep draws no figures.
     with (folder / "summary.csv").open(newline="") as file:
-        settings = {row["tracker.sigma_q"] for row in csv.DictReader(file) if row["n"] == "1"}
+        settings = {row["tracker.number"] for row in csv.DictReader(file) if row["n"] == "1"}
     assert len(settings) == done
     assert not (folder / "figures").exists()
     # A few runs are enough to test resume.
     request = yaml.safe_load((folder / "sweep.yaml").read_text())
     request["runs"] = request["runs"][: done + 2]
     (folder / "sweep.yaml").write_text(yaml.safe_dump(request))
-    again = sweeps.run("--resume", folder)
+    mark.unlink()
+    again = sweeps.run("--resume", folder, "--trust-code")
     assert again["complete"]
     assert again["nodes"]["computed"] <= 4
 
