@@ -11,7 +11,8 @@ PACKAGE = Path(stixel_cli.__file__).parent
 BUDGET = {
     "": 899,
     "calibration": 654,
-    "cli": 2928,
+    # `explain` says if a folder has results of other code than the cached ones.
+    "cli": 2929,
     "config": 3040,
     # A check that another process has not marked the new cache meanwhile.
     "engine": 5035,

@@ -88,8 +88,8 @@ def explain(
                 shown.add(change.difference)
                 say(*(f"    {line}" for line in _shortened(change)))
     if not missing:
-        others = _before(asked.lineages)[0] - asked.graph.nodes.keys()
-        other = "; the folder has results of other code or files" if others else ""
+        current = _before(asked.lineages)[0] <= asked.graph.nodes.keys()
+        other = "" if current else "; the folder has results of other code or files"
         say(f"nothing to recompute: all results are cached{other}")
     return 0
 
@@ -151,8 +151,7 @@ def _of_run(composition: "Composition", pictures: bool) -> _Asked:
     from stixel_cli.experiment.stages import experiment_graph
 
     graph = experiment_graph(composition)
-    store = open_store(composition.configuration.cache)
-    return _Asked(graph, targets(graph, pictures), store)
+    return _Asked(graph, targets(graph, pictures), open_store(composition.configuration.cache))
 
 
 def _of_runs(plan: "SweepPlan", _: Sequence[str]) -> _Asked:
