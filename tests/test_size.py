@@ -27,7 +27,7 @@ BUDGET = {
     "recordings": 2530,
     # Images of a rig out of calibration.
     "rendering": 2640,
-    "report": 2124,
+    "report": 2072,
     "results": 1607,
     # A mesh in other units and along another axis.
     "scene": 3543,

@@ -15,8 +15,8 @@ from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
 from stixel_cli.evaluation.scores import SERIES
 from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.pictures import style
-from stixel_cli.report.charts import DASHES, Panel, chart
-from stixel_cli.report.metrics import NO_VALUE, best, shown_difference, shown_value, with_value
+from stixel_cli.report.charts import DASHES, Panel, chart, over_time
+from stixel_cli.report.metrics import NO_VALUE, best, shown_difference, shown_value
 from stixel_cli.report.page import Drawing, drawing_for_page, page_template, picture_for_page
 from stixel_cli.results.differences import by_group, differing_settings, warnings
 from stixel_cli.results.folder import PAGE
@@ -117,59 +117,46 @@ def metric_rows(runs: Sequence[RunResult]) -> list[dict[str, Any]]:
     `cells`: value as text, and whether it is the best; `differences`: of each run but the first
     from the first, as text.
     """
-    rows = []
-    known = [with_value(run.metrics) for run in runs]
     # In the order of a run's own metrics, also where an earlier run has no value.
-    for name in dict.fromkeys(name for run in runs for name in run.metrics):
-        values = [metrics.get(name) for metrics in known]
-        if all(value is None for value in values):
-            continue
-        shown = metric(name)
-        texts = [shown_value(name, value) for value in values]
-        cells = list(zip(texts, best(name, values), strict=True))
-        rows.append(
-            {
-                "name": name,
-                "label": shown.label,
-                "unit": shown.shown_unit,
-                "cells": cells,
-                "differences": [shown_difference(name, v, values[0]) for v in values[1:]],
-            }
-        )
-    return rows
+    names = dict.fromkeys(name for run in runs for name in run.metrics)
+    table = {name: [run.metrics.get(name) for run in runs] for name in names}
+    return [
+        {
+            "name": name,
+            "label": metric(name).label,
+            "unit": metric(name).shown_unit,
+            "cells": [
+                (shown_value(name, value), is_best)
+                for value, is_best in zip(values, best(name, values), strict=True)
+            ],
+            "differences": [shown_difference(name, v, values[0]) for v in values[1:]],
+        }
+        for name, values in table.items()
+        if any(value is not None for value in values)
+    ]
 
 
 def _provenance(runs: Sequence[RunResult]) -> list[tuple[str, list[str]]]:
     """(name, value of each run): command, revision, versions and machine."""
-    manifests = [run.manifest for run in runs]
-    rows = [("folder", [str(run.folder) for run in runs])]
-    for name in ("command", "seed", "created"):
-        rows.append((name, [_text(manifest.get(name)) for manifest in manifests]))
-    rows.append(("run time (s)", [_text(manifest.get("seconds")) for manifest in manifests]))
-    rows.append(("git revision", [_revision(manifest.get("git")) for manifest in manifests]))
-    for group, title in (("versions", ""), ("machine", "machine, ")):
-        tables = [m.get(group) if isinstance(m.get(group), dict) else {} for m in manifests]
-        for name in dict.fromkeys(name for table in tables for name in table):
-            rows.append((f"{title}{name}", [_text(table.get(name)) for table in tables]))
-    return rows
-
-
-def _revision(git: Any) -> str:
-    if not isinstance(git, dict) or git.get("revision") is None:
-        return NO_VALUE
-    return f"{str(git['revision'])[:12]}{' with uncommitted changes' if git.get('dirty') else ''}"
-
-
-def _text(value: Any) -> str:
-    return NO_VALUE if value is None else str(value)
-
-
-_SETTINGS = {"axes.labelsize": 10.0, "xtick.labelsize": 10.0, "ytick.labelsize": 10.0}
-
-
-def run_colour(i: int) -> str:
-    """Colour of the i-th run."""
-    return style.RUNS[i % len(style.RUNS)]
+    tables: list[dict[str, Any]] = []
+    for run in runs:
+        given, git = run.manifest, run.entry("git")
+        revision = None if git.get("revision") is None else str(git["revision"])[:12]
+        changes = " with uncommitted changes" if git.get("dirty") else ""
+        tables.append(
+            {
+                "folder": run.folder,
+                **{name: given.get(name) for name in ("command", "seed", "created")},
+                "run time (s)": given.get("seconds"),
+                "git revision": revision and revision + changes,
+                **run.entry("versions"),
+                **{f"machine, {name}": value for name, value in run.entry("machine").items()},
+            }
+        )
+    names = dict.fromkeys(name for table in tables for name in table)
+    in_order = sorted(names, key=lambda name: name.startswith("machine"))
+    values = {name: [table.get(name) for table in tables] for name in in_order}
+    return [(n, [NO_VALUE if v is None else str(v) for v in row]) for n, row in values.items()]
 
 
 def line_style(i: int) -> str:
@@ -195,14 +182,14 @@ def _curve_svg(name: str, title: str, runs: Sequence[RunResult]) -> str:
         if mark is not None:
             axes.axhline(mark, color=style.TRUTH, linewidth=0.7, linestyle=(0, (4, 3)))
         for i, run in enumerate(runs):
-            values = series.factor * getattr(run.scores, name)
-            if series.ratio:
-                values = np.where(values > 0.0, values, np.nan)
-            look = {"color": run_colour(i), "linestyle": line_style(i), "linewidth": 1.6}
-            axes.plot(run.scores.times, values, **look)
+            values = series.factor * getattr(run.scores, name)[None]
+            look = {"linestyle": line_style(i), "linewidth": 1.6}
+            colour = style.RUNS[i % len(style.RUNS)]
+            over_time(axes, run.scores.times, values, colour, ratio=series.ratio, **look)
         axes.margins(x=0.01)
 
     limits = (None, None) if series.ratio else series.bounds
     y = series.unit or series.short_label
     panel = Panel(draw, title, "t (s)", y, series.ratio, limits)
-    return chart("", [panel], row=2.25, width=5.0, settings=_SETTINGS).svg.decode()
+    settings = {f"{text}size": 10.0 for text in ("axes.label", "xtick.label", "ytick.label")}
+    return chart("", [panel], row=2.25, width=5.0, settings=settings).svg.decode()

@@ -40,14 +40,9 @@ def result_html(result: RunResult) -> str:
         f"<td>{shown_value(name, value)} {metric(name).shown_unit}</td></tr>"
         for name, value in with_value(main_metrics(result.metrics)).items()
     )
-    sentences = html.escape(" ".join(verdict(result.metrics)))
-    return f"<p><b>{sentences}</b></p><table>{rows}</table>{_picture(result)}"
-
-
-def _picture(result: RunResult) -> str:
-    if PICTURE not in result.pictures:
-        return ""
-    data = base64.b64encode(result.pictures[PICTURE]).decode()
-    return (
-        f'<img alt="The run from above" style="max-width:100%" src="data:image/png;base64,{data}">'
-    )
+    page = f"<p><b>{html.escape(' '.join(verdict(result.metrics)))}</b></p><table>{rows}</table>"
+    if PICTURE in result.pictures:
+        data = base64.b64encode(result.pictures[PICTURE]).decode()
+        look = 'alt="The run from above" style="max-width:100%"'
+        page += f'<img {look} src="data:image/png;base64,{data}">'
+    return page

@@ -98,16 +98,16 @@ def playback_data(
     Lengths are whole millimetres and headings 1e-4 rad. Scans and images that several runs share
     are stored once, and each run has their index.
     """
-    scans: list[Scans] = []
-    cameras: list[tuple[CameraFrames, ...]] = []
+    scans: list[dict[str, Any]] = []
+    cameras: list[dict[str, Any]] = []
     played = []
     for i, run in enumerate(runs):
         facts = [("folder", folders[i])] if folders else []
         played.append(
             _run(run, [*facts, *facts_of(run)])
             | {
-                "scan": _place(scans, run.scans, _same_scans),
-                "camera": _place(cameras, run.camera, _same_camera) if run.camera else None,
+                "scan": _place(scans, _scan(run.scans)),
+                "camera": _place(cameras, _camera(run.camera)) if run.camera else None,
             }
         )
     scenario = runs[0].scenario
@@ -131,8 +131,8 @@ def playback_data(
         ],
         "neesBounds": numbers(consistent_bounds(np.array([2])).ravel(), 4),
         "runs": played,
-        "scans": [_scan(one) for one in scans],
-        "cameras": [_camera(one) for one in cameras],
+        "scans": scans,
+        "cameras": cameras,
     }
 
 
@@ -247,26 +247,8 @@ def _stixels(chunk: CameraFrames, index: int) -> list[int]:
     return np.stack(columns, axis=1).astype(np.int64).ravel().tolist()
 
 
-def _place(known: list, value: Any, same) -> int:
+def _place(known: list[dict[str, Any]], value: dict[str, Any]) -> int:
     """Index of a value among the known ones; a new value is added to them."""
-    for i, other in enumerate(known):
-        if same(other, value):
-            return i
-    known.append(value)
-    return len(known) - 1
-
-
-def _same_scans(one: Scans, other: Scans) -> bool:
-    names = ("offsets", "points_world", "covariances_world")
-    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
-
-
-def _same_camera(one: tuple[CameraFrames, ...], other: tuple[CameraFrames, ...]) -> bool:
-    return len(one) == len(other) and all(
-        a.images == b.images
-        and all(
-            np.array_equal(getattr(a, name), getattr(b, name))
-            for name in ("offsets", "left", "right", "top", "base", "depth")
-        )
-        for a, b in zip(one, other, strict=True)
-    )
+    if value not in known:
+        known.append(value)
+    return known.index(value)

@@ -4,6 +4,7 @@ Lengths are whole millimetres and the like; None stands for what is not finite.
 """
 
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -61,8 +62,8 @@ def origin_of(manifest: Mapping[str, Any], folder: Path | None) -> dict[str, Any
         f"revision {revision}{' with uncommitted changes' if git.get('dirty') else ''}",
         str(manifest.get("created", "")),
     ]
-    names = {"figures": "figures/", "metrics": "metrics.json", "configuration": "config.yaml"}
-    links = [] if folder is not None else [list(link) for link in names.items()]
+    files = (["figures", "figures/"], ["metrics", "metrics.json"], ["configuration", "config.yaml"])
+    links = [] if folder is not None else list(files)
     return {
         "command": str(manifest["command"]),
         "made": [one for one in made if one],
@@ -72,16 +73,11 @@ def origin_of(manifest: Mapping[str, Any], folder: Path | None) -> dict[str, Any
 
 def summary_of(metrics: dict[str, float | int | None]) -> list[list[str]]:
     """[name, value with its unit] of the `SUMMARY`'s metrics that have a value."""
-    return [
-        [
-            metric(name).short_label,
-            f"{shown_value(name, metrics[name])} {metric(name).shown_unit}".strip().replace(
-                " °", "°"
-            ),
-        ]
-        for name in SUMMARY
-        if metrics.get(name) is not None
-    ]
+    rows = []
+    for name in (name for name in SUMMARY if metrics.get(name) is not None):
+        value = f"{shown_value(name, metrics[name])} {metric(name).shown_unit}".strip()
+        rows.append([metric(name).short_label, value.replace(" °", "°")])
+    return rows
 
 
 FARTHEST = 1e7  # m; the page omits farther points
@@ -135,41 +131,29 @@ def noise_of(run: RunResult) -> dict[str, Any]:
     those of the scan.
     """
     tracker = run.composition.configuration.tracker
-    kind = getattr(tracker, "kind", "")
+    kind, covariances = getattr(tracker, "kind", ""), None
+    text = "the covariance that the scan states"
     if kind in ("point", "box") or (
         kind == "gp_ekf" and tracker.measurement_covariance == "isotropic"
     ):
         std = tracker.measurement_std
-        return _same(f"R = ({std:.3g} m)² for each of them", std)
+        text = f"R = ({std:.3g} m)² for each of them"
+        return {"text": text, "std": round(1000.0 * std), "ellipses": None}
     if kind == "gp_ekf" and tracker.measurement_covariance == "projected":
-        return _of_the_scan("R from the scan, projected on the normal of the contour")
-    if kind in ("pyrecest", "random_matrix", "rectangle"):
+        text = "R from the scan, projected on the normal of the contour"
+    elif kind in ("pyrecest", "random_matrix", "rectangle"):
         std = tracker.measurement_std
-        added = run.scans.covariances_world + std**2 * np.eye(2)
-        return _own(run, added, f"R = the scan's + ({std:.3g} m)²")
-    if kind == "contour":
+        covariances = run.scans.covariances_world + std**2 * np.eye(2)
+        text = f"R = the scan's + ({std:.3g} m)²"
+    elif kind == "contour":
         covariances = _stretched(run.scans, tracker.noise_factor, tracker.offset_std)
         text = f"R along the ray = ({tracker.noise_factor:g} σ)², and the shape's error"
-        return _own(run, covariances, text)
-    return _of_the_scan("the covariance that the scan states")
-
-
-def _same(text: str, std: float) -> dict[str, Any]:
-    return {"text": text, "std": round(1000.0 * std), "ellipses": None}
-
-
-def _of_the_scan(text: str) -> dict[str, Any]:
-    return {"text": text, "std": None, "ellipses": None}
-
-
-def _own(run: RunResult, covariances: np.ndarray, text: str) -> dict[str, Any]:
-    """Ellipses of the used points from `covariances` (P, 2, 2) m² of all points."""
-    offsets, rows = run.track.used_offsets, run.track.used_points
-    if len(rows) > MOST_ELLIPSES:
-        return _of_the_scan(f"{text}; too many points to show it")
-    shown = [
-        ellipses(covariances[rows[offsets[k] : offsets[k + 1]]]) for k in range(len(offsets) - 1)
-    ]
+    rows, shown = run.track.used_points, None
+    if covariances is not None and len(rows) > MOST_ELLIPSES:
+        text += "; too many points to show it"
+    elif covariances is not None:
+        scans = pairwise(run.track.used_offsets)
+        shown = [ellipses(covariances[rows[start:stop]]) for start, stop in scans]
     return {"text": text, "std": None, "ellipses": shown}
 
 

@@ -60,10 +60,11 @@ def axis_figures(
         others = list(dict.fromkeys(_label(setting, keys) for setting in settings))
         if keys and (len(others) <= MOST_LINES or not left_out):
             lines = others if len(others) <= MOST_LINES else []
-            figure = _figure(keys, settings, metrics, lines, left_out)
             stem = "+".join(keys) if len("+".join(keys)) <= _LONGEST_NAME else _joined(keys)
             write = style.png if kind == "png" else style.svg
-            figures[f"{stem.replace('/', '.')}.{kind}"] = write(figure)
+            with style.drawing():
+                figure = write(_figure(keys, settings, metrics, lines, left_out))
+            figures[f"{stem.replace('/', '.')}.{kind}"] = figure
     return figures
 
 
@@ -99,31 +100,30 @@ def _figure(
         places = [math.log(place) for place in places]
     steps = dodges(places, max(1, len(others)))
     clipped, counts = False, set()
-    with style.drawing():
-        figure = style.new_figure(9.0, 2.9 * math.ceil(len(names) / 2), layout="constrained")
-        for number, name in enumerate(map(over_runs, names)):
-            axes = figure.add_subplot(math.ceil(len(names) / 2), 2, number + 1)
-            for line, other in enumerate(others or [""]):
-                rows = [found.get((v, other, name), statistic({}, name, [])) for v in values]
-                counts |= {row.n for row in rows}
-                shifted = [place + steps[line] for place in places]
-                if log:
-                    shifted = [math.exp(place) for place in shifted]
-                joined = numbers is not None
-                clipped |= draw_line(axes, shifted, rows, style.RUNS[line], other, joined)
-            axes.set_title(heading(name))
-            axes.set_xlabel(_joined(keys))
-            axes.grid(True, axis="y")
-            scale_values(axes, name)
-            _mark_values(axes, [_shortened(" ".join(v)) for v in values], numbers, log)
-        # A line may be missing where a metric has no value.
-        legend = legend_handles(figure.axes)
-        if len(legend) > 1:
-            columns = max(1, _LEGEND_WIDTH // (8 + max(map(len, legend))))
-            figure.legend(legend.values(), legend, loc="outside lower center", ncols=columns)
-        text = caption(not others, len(others), clipped, left_out, counts)
-        figure.suptitle(text, fontsize=9.0, x=0.01, ha="left")
-        return figure
+    figure = style.new_figure(9.0, 2.9 * math.ceil(len(names) / 2), layout="constrained")
+    for number, name in enumerate(map(over_runs, names)):
+        axes = figure.add_subplot(math.ceil(len(names) / 2), 2, number + 1)
+        for line, other in enumerate(others or [""]):
+            rows = [found.get((v, other, name), statistic({}, name, [])) for v in values]
+            counts |= {row.n for row in rows}
+            shifted = [place + steps[line] for place in places]
+            if log:
+                shifted = [math.exp(place) for place in shifted]
+            joined = numbers is not None
+            clipped |= draw_line(axes, shifted, rows, style.RUNS[line], other, joined)
+        axes.set_title(heading(name))
+        axes.set_xlabel(_joined(keys))
+        axes.grid(True, axis="y")
+        scale_values(axes, name)
+        _mark_values(axes, [_shortened(" ".join(v)) for v in values], numbers, log)
+    # A line may be missing where a metric has no value.
+    legend = legend_handles(figure.axes)
+    if len(legend) > 1:
+        columns = max(1, _LEGEND_WIDTH // (8 + max(map(len, legend))))
+        figure.legend(legend.values(), legend, loc="outside lower center", ncols=columns)
+    text = caption(not others, len(others), clipped, left_out, counts)
+    figure.suptitle(text, fontsize=9.0, x=0.01, ha="left")
+    return figure
 
 
 def _mark_values(

@@ -10,11 +10,11 @@ from result_folders import CONFIG, make_folder
 
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.metric_table import METRICS, metric
+from stixel_cli.pictures import style
 from stixel_cli.report.compare import (
     default_page,
     line_style,
     page_html,
-    run_colour,
     run_labels,
     write_page,
 )
@@ -128,7 +128,7 @@ def test_page_shows_options_of_groups_without_kind(folders):
 
 
 def test_runs_have_different_line_styles():
-    looks = {(run_colour(i), line_style(i)) for i in range(32)}
+    looks = {(style.RUNS[i % len(style.RUNS)], line_style(i)) for i in range(32)}
     assert len(looks) == 32
 
 
