@@ -96,7 +96,7 @@ def recorded() -> Iterator[Frame]:
     source += ["source.sequence=0005", "road_user=car", "start.range=[5,60]"]
     composition, chunks = results(source, "stixels")
     recording = composition.recording
-    labels = read_labels(recording.label_files, recording.table_layout)
+    labels = read_labels(recording.label_files, recording.tables)
 
     def truth(number: int, i: int, rows: np.ndarray) -> np.ndarray:
         chunk = chunks[number]
@@ -106,7 +106,7 @@ def recorded() -> Iterator[Frame]:
             for j in np.flatnonzero(own.frames == recording.first + chunk.first + i):
                 if own.occluded[j] > 1:
                     continue
-                place = own.places[j] - np.array(recording.left_camera)
+                place = own.places[j] - np.array(recording.tables.left_camera)
                 pose = np.array([place[0], place[2], -own.yaws[j]])
                 _, width, length = own.sizes[j]
                 along, across = np.abs(target_from_world(chunk.points_ego[rows], pose)).T

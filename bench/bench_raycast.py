@@ -21,8 +21,7 @@ from stixel_cli.rendering.raycast import StaticScene, Target, render_frame
 from stixel_cli.rendering.raycast_parameters import RaycastParameters
 from stixel_cli.rendering.supersampling import sample_offsets
 from stixel_cli.rendering.surfaces import srgb_from_linear
-from stixel_cli.rendering.tracing import Body, light_of, nearest, sunlit
-from stixel_cli.rendering.views import CENTRE
+from stixel_cli.rendering.tracing import Body, Shot, light_of, nearest, sunlit
 from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.scenario import Scenario
@@ -45,7 +44,7 @@ def motion(moving: bool) -> Scenario:
     if moving:
         ego[:, 1] = 0.05 * k
     target = np.stack([-4.0 + 0.3 * k, np.full(CHUNK, 12.0), 0.05 * k - 0.5], axis=1)
-    return Scenario.rigid(0.1 * k, ego, target, 0.0 * target, np.zeros((0, 2)))
+    return Scenario(0.1 * k, ego, target, 0.0 * target, np.zeros((1, 0, 2)))
 
 
 @pytest.fixture(scope="module")
@@ -92,19 +91,17 @@ def test_plain_pair_with_four_rays_everywhere(benchmark, scene):
 
     def pair():
         pose = world_from_target_3d(scenario.target_poses_world[0])
-        bodies = [static.body, Body(target.surfaces(0), pose)]
+        bodies = static.body, Body(target.surfaces(0), pose)
         pictures, light = [], static.renderer.light
         rows, columns = np.divmod(np.arange(static.rig.height * static.rig.width), static.rig.width)
         right, down = sample_offsets(2)
         u, v = np.add.outer(columns, right).ravel(), np.add.outer(rows, down).ravel()
         cameras = rig_cameras(static.rig, scenario.ego_poses_world[0])
-        for camera in cameras:
-            hits = nearest(bodies, camera, rows, columns, right, down)
-            lit = sunlit(bodies, camera, u, v, hits, static.sun, (0, 1))
-            linear = light_of(
-                bodies, camera, u, v, hits, lit, static.sun, light, np.full(len(u), 0.5)
-            )
+        shots = [Shot(bodies, camera, light) for camera in cameras]
+        for shot in shots:
+            hits = nearest(shot, u, v)
+            linear = light_of(shot, hits, sunlit(shot, hits, (0, 1)), 0.5)
             pictures.append(srgb_from_linear(linear.reshape(len(rows), 4, 3).mean(axis=1)))
-        return pictures, nearest(bodies, cameras[0], rows, columns, *CENTRE).depth
+        return pictures, nearest(shots[0], columns.astype(float), rows.astype(float)).depth
 
     benchmark.pedantic(pair, rounds=3)

@@ -29,7 +29,7 @@ from stixel_cli.rendering.raycast_parameters import RaycastParameters
 from stixel_cli.rendering.sensor_noise import LUMA, grey_levels, normal_quantiles
 from stixel_cli.rendering.supersampling import Centres, sample_offsets, supersampled
 from stixel_cli.rendering.surfaces import srgb_from_linear
-from stixel_cli.rendering.tracing import Body
+from stixel_cli.rendering.tracing import Body, Shot
 from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.world_parameters import World
@@ -137,7 +137,7 @@ def test_noise(benchmark):
     )
 
 
-def rays(bodies, camera, centres, at_shadow, sun, light, samples):
+def rays(shot, centres, at_shadow, samples):
     """As `supersampled`, with a ray and a colour for each sample.
 
     A sample on the triangle of the pixel's centre keeps the light of that, unless `at_shadow` is
@@ -149,7 +149,9 @@ def rays(bodies, camera, centres, at_shadow, sun, light, samples):
     for start in range(0, len(result), step):
         block = slice(start, start + step)
         some = centres.at(block)
-        hits = tracing.nearest(bodies, camera, some.rows, some.columns, right, down)
+        u = np.add.outer(some.columns, right).ravel()
+        v = np.add.outer(some.rows, down).ravel()
+        hits = tracing.nearest(shot, u, v)
         pixel = np.repeat(np.arange(len(some.rows)), len(right))
         alike = np.zeros(len(pixel), dtype=bool)
         asked = np.arange(len(pixel))
@@ -157,16 +159,11 @@ def rays(bodies, camera, centres, at_shadow, sun, light, samples):
             alike = hits.body == some.hits.body[pixel]
             alike &= hits.triangle == some.hits.triangle[pixel]
             asked = np.flatnonzero(~alike | at_shadow[block][pixel])
-        u = np.add.outer(some.columns, right).ravel()[asked]
-        v = np.add.outer(some.rows, down).ravel()[asked]
         hits = hits.at(asked)
-        lit = tracing.sunlit(bodies, camera, u, v, hits, sun, (0, 1))
+        lit = tracing.sunlit(shot, hits, (0, 1))
         other = np.flatnonzero(~alike[asked] | (lit != some.lit[pixel[asked]]))
         colours = some.light[pixel]
-        u, v, hits, lit = u[other], v[other], hits.at(other), lit[other]
-        colours[asked[other]] = tracing.light_of(
-            bodies, camera, u, v, hits, lit, sun, light, 1 / samples
-        )
+        colours[asked[other]] = tracing.light_of(shot, hits.at(other), lit[other], 1 / samples)
         result[block] = colours.reshape(-1, len(right), 3).mean(axis=1)
     return result
 
@@ -175,28 +172,25 @@ def test_edges(benchmark, scene):
     """Next to rays; the error is that of grey levels, against 256 rays in a pixel."""
     static, target = scene
     pose = world_from_target_3d(np.array([-1.0, 14.0, -0.5]))
-    bodies = [static.body, Body(target.surfaces(0), pose)]
+    bodies = static.body, Body(target.surfaces(0), pose)
     camera = rig_cameras(static.rig, np.array([0.0, 0.0, 0.5 * np.pi]))[0]
+    shot = Shot(bodies, camera, static.renderer.light)
     rows, columns = np.divmod(np.arange(camera.height * camera.width), camera.width)
-    u, v = columns.astype(float), rows.astype(float)
-    sun, light = static.sun, static.renderer.light
-    hits = tracing.nearest(bodies, camera, rows, columns, np.zeros(1), np.zeros(1))
-    lit = tracing.sunlit(bodies, camera, u, v, hits, sun, (0, 1))
-    plain = tracing.light_of(bodies, camera, u, v, hits, lit, sun, light, 1.0)
+    hits = tracing.nearest(shot, columns.astype(float), rows.astype(float))
+    lit = tracing.sunlit(shot, hits, (0, 1))
+    plain = tracing.light_of(shot, hits, lit, 1.0)
     edge, at_shadow = edge_pixels(bodies, hits, lit, plain, camera.height)
     edge = np.flatnonzero(edge)
     centres, at_shadow = Centres(rows, columns, hits, lit, plain).at(edge), at_shadow[edge]
     ways = {
-        f"{way.__name__} {n}": lambda n=n, way=way: way(
-            bodies, camera, centres, at_shadow, sun, light, n
-        )
+        f"{way.__name__} {n}": lambda n=n, way=way: way(shot, centres, at_shadow, n)
         for way, n in [*product([rays], [2, 4, 8]), *product([supersampled], [2, 4, 8])]
     }
     for way in ways.values():
         way()
     title = f"{len(edge)} pixels at edges"
     compare(benchmark, title, 3, **ways)
-    exact = srgb_from_linear(rays(bodies, camera, centres, None, sun, light, 16)) @ LUMA
+    exact = srgb_from_linear(rays(shot, centres, None, 16)) @ LUMA
     for name, way in ways.items():
         error = srgb_from_linear(way()) @ LUMA - exact
         record(benchmark, title, name, f"{np.sqrt((error**2).mean()):.2f} grey levels RMS")

@@ -9,8 +9,9 @@ import stixel_cli
 PACKAGE = Path(stixel_cli.__file__).parent
 
 BUDGET = {
-    "": 899,
-    "calibration": 654,
+    # The reader of Feather files stands beside that of all other foreign files.
+    "": 1046,
+    "calibration": 647,
     # `explain` says if a folder has results of other code than the cached ones.
     "cli": 2929,
     "config": 3040,
@@ -18,19 +19,20 @@ BUDGET = {
     "engine": 5035,
     # The box of a track has room for the limbs; loss has one definition, with heading and class.
     "evaluation": 1599,
-    "experiment": 1487,
+    "experiment": 1483,
     "export": 590,
-    "geometry": 173,
-    "machine": 331,
-    "measurements": 1703,
+    # Camera poses on the plane, poses of labels, rotations of quaternions: from recordings.
+    "geometry": 213,
+    "machine": 332,
+    "measurements": 1699,
     "pictures": 1304,
-    "recordings": 2530,
+    "recordings": 2174,
     # Images of a rig out of calibration.
-    "rendering": 2640,
+    "rendering": 2368,
     "report": 2072,
     "results": 1607,
     # A mesh in other units and along another axis.
-    "scene": 3543,
+    "scene": 3506,
     "stereo": 471,
     "stixels": 2045,
     # A study of the trackers away from home.
@@ -39,11 +41,11 @@ BUDGET = {
     # `contour`: the bank of forms for what it did not learn from, the search at the first scan;
     # a start from slow and sparse scans.
     "tracking": 4736,
-    "validation": 1225,
+    "validation": 1224,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
-MODULES = 323
+MODULES = 319
 """Modules of the package, without `__init__`."""
 
 

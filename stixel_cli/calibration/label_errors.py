@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.calibration.disparity_fit import DisparityFit, fit_line
-from stixel_cli.geometry.pose import world_from_target
+from stixel_cli.geometry.pose import rectangle, world_from_target
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.rays import Rays, first_crossings, spread_rays
-from stixel_cli.recordings.labelled import rectangle
 from stixel_cli.recordings.tables import read_labels
-from stixel_cli.recordings.types import TableLayout
+from stixel_cli.recordings.types import Tables
 from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
 from stixel_cli.stixels.types import Stixels
 
@@ -57,9 +56,7 @@ def label_errors(
     stixels: Iterable[Stixels],
     files: tuple[Path, ...],
     rig: Rig,
-    first: int,
-    left_camera: tuple[float, float, float],
-    layout: TableLayout,
+    tables: Tables,
 ) -> LabelErrors:
     """Errors at all labelled cars in the frames of `stixels`.
 
@@ -70,22 +67,20 @@ def label_errors(
         stixels: chunks in the order of their frames.
         files: the files of the labels.
         rig: of the stixels.
-        first: number of the first frame.
-        left_camera: place of the left camera in the frame of the labels, m.
-        layout: of the files.
+        tables: how the files are written.
     """
     rays = column_rays(rig)
-    tracks = enumerate(read_labels(files, layout).values())
+    tracks = enumerate(read_labels(files, tables).values())
     cars = {i: one for i, one in tracks if CLASS_OF_KITTI_TYPE.get(one.kind) == "car"}
     rows = []
     for chunk in stixels:
         for i in range(len(chunk.offsets) - 1):
-            number = first + chunk.first + i
+            number = tables.first + chunk.first + i
             for track, labels in cars.items():
                 for row in np.flatnonzero(labels.frames == number):
                     if labels.truncated[row] or labels.occluded[row]:
                         continue
-                    place = rig.level_from_camera @ (labels.places[row] - left_camera)
+                    place = rig.level_from_camera @ (labels.places[row] - tables.left_camera)
                     _, width, length = labels.sizes[row]
                     # Frame of the rays: x ahead, y to the left.
                     pose = np.array([place[2], -place[0], -labels.yaws[row] - 0.5 * np.pi])

@@ -19,7 +19,7 @@ import numpy as np
 from stixel_cli.calibration.disparity_fit import DisparityFit
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.recordings.tables import read_poses
-from stixel_cli.recordings.types import TableLayout
+from stixel_cli.recordings.types import Tables
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo.disparities import Disparities
 
@@ -83,8 +83,7 @@ def track_points(
     disparities: Iterable[Disparities],
     files: tuple[Path, ...],
     rig: Rig,
-    first: int,
-    layout: TableLayout,
+    tables: Tables,
 ) -> Tracks:
     """Corners with a disparity in one image, and their places in a later one.
 
@@ -92,8 +91,7 @@ def track_points(
         pairs, disparities: chunks in the order of their frames.
         files: the files of the ego poses.
         rig: of the images.
-        first: number of the first frame.
-        layout: of the files.
+        tables: how the files are written.
 
     Raises:
         UserError: if the file is not valid.
@@ -101,7 +99,7 @@ def track_points(
     # Decoded one by one: all images of a long recording do not fit into the memory.
     images = [(chunk, i) for chunk in pairs for i in range(len(chunk))]
     known = [(chunk, i) for chunk in disparities for i in range(len(chunk))]
-    poses = read_poses(files, layout)[first : first + len(images)]
+    poses = read_poses(files, tables)[tables.first :][: len(images)]
     found, motions = [], []
     for k, step in image_pairs(poses[:, :, 3]):
         motion = motion_between(poses[k], poses[k + step])

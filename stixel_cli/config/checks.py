@@ -8,7 +8,7 @@ from functools import cache
 from stixel_cli.config.schema import Configuration
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.measurements.disturbance_parameters import check_dropout
-from stixel_cli.measurements.file_parameters import FileParameters
+from stixel_cli.measurements.file import FileParameters
 from stixel_cli.tracking.start import NO_TRUTH, TruthStart
 
 _NEAREST_START = 1.0

@@ -14,7 +14,7 @@ from pydantic import Field, TypeAdapter
 from stixel_cli.engine.parameters import CacheParameters, Executor
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import FabricatedParameters
-from stixel_cli.measurements.file_parameters import FileParameters
+from stixel_cli.measurements.file import FileParameters
 from stixel_cli.measurements.lidar import LidarParameters
 from stixel_cli.measurements.own import OwnMeasurement
 from stixel_cli.measurements.stixels import StixelsParameters

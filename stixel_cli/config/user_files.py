@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config.schema import Configuration
 from stixel_cli.errors import UserError
-from stixel_cli.measurements.file_parameters import FileParameters
+from stixel_cli.measurements.file import FileParameters
 from stixel_cli.scene.ego import Parked
 from stixel_cli.scene.path_parameters import ReplayedPath
 
@@ -63,7 +63,7 @@ def _open(parameters: Any) -> Any:
     if isinstance(parameters, FileParameters):
         return _read_scans(parameters)
     if isinstance(parameters, ReplayedPath):
-        from stixel_cli.recordings.kitti import find_replay
+        from stixel_cli.recordings.replay import find_replay
 
         return find_replay(parameters)
     from stixel_cli.recordings.find import find_recording

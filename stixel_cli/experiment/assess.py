@@ -105,9 +105,9 @@ def _against_truth(first: dict[str, Any], recording: Recording, configuration) -
             **_aligned(errors, first["truth_alignment"], rig),
         }
     if recording.label_files:
-        tracks = read_labels(recording.label_files, recording.table_layout)
+        tracks = read_labels(recording.label_files, recording.tables)
         labels = [one for one in tracks.values() if one.kind in CLASS_OF_KITTI_TYPE]
-        boxes = label_obstacles(labels, recording.first, rig, recording.left_camera)
+        boxes = label_obstacles(labels, recording.frames.start, rig, recording.tables.left_camera)
         obstacles = np.fmin(obstacles, boxes)
     if recording.true_disparities or recording.label_files:
         with np.errstate(invalid="ignore"):

@@ -24,7 +24,7 @@ from stixel_cli.experiment.table.table import TABLE
 from stixel_cli.experiment.table.tracks import OWN
 from stixel_cli.files import read_yaml
 from stixel_cli.measurements.disturbance_parameters import Disturbance, is_disturbed, undisturbed
-from stixel_cli.measurements.file_parameters import FileParameters
+from stixel_cli.measurements.file import FileParameters
 from stixel_cli.own_code import OwnCode
 from stixel_cli.recordings.types import Recording
 from stixel_cli.remembered import remembered
@@ -193,13 +193,13 @@ def _setting(configuration: Configuration, recording: Recording | None, path: st
         path = "recording.road_user"
     name, _, attribute = path.partition(".")
     if name == "recording":
-        return getattr(recording, attribute)
+        return _value(recording, attribute)
     value = _value(configuration, path)
     return undisturbed(value) if isinstance(value, Disturbance) else value
 
 
-def _value(configuration: Configuration, path: str) -> Any:
-    value: Any = configuration
+def _value(value: Any, path: str) -> Any:
+    """The value at a dotted path of attributes."""
     for part in path.split("."):
         value = getattr(value, part)
     return value

@@ -48,3 +48,43 @@ def rotate_covariances(covariances: np.ndarray, angle: float) -> np.ndarray:
 def wrap_angle(angle: ArrayLike) -> np.ndarray:
     """`angle`, any shape, rad, wrapped to the half-open interval (-pi, pi]."""
     return -np.remainder(-np.asarray(angle, dtype=np.float64) + np.pi, 2.0 * np.pi) + np.pi
+
+
+def rectangle(length: float, width: float) -> np.ndarray:
+    """Corners (4, 2) m of a rectangle about the origin, counter-clockwise, x along its length."""
+    return 0.5 * np.array([[length, width], [-length, width], [-length, -width], [length, -width]])
+
+
+def planar_poses(poses: np.ndarray, level_from_camera: np.ndarray) -> np.ndarray:
+    """Poses (K, 3) x m, y m, heading rad on the ground plane of the first camera pose.
+
+    Args:
+        poses: (K, 3, 4) poses of the camera (x right, y down, z forward) in any one frame, m.
+            Their roll, height, and changes of pitch are left out.
+        level_from_camera: (3, 3) rotation, see `Rig`.
+    """
+    turn, place = poses[0, :, :3] @ level_from_camera.T, poses[0, :, 3]
+    places = (poses[:, :, 3] - place) @ turn
+    ahead = poses[:, :, :3] @ level_from_camera[2] @ turn
+    headings = np.unwrap(np.arctan2(ahead[:, 2], ahead[:, 0]))
+    return np.stack([places[:, 0], places[:, 2], headings], axis=1)
+
+
+def rotations(quaternions: np.ndarray) -> np.ndarray:
+    """Rotation matrices (n, 3, 3) of unit quaternions (n, 4): w, x, y, z."""
+    w, x, y, z = quaternions.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def label_pose(place: np.ndarray, yaw: float, ego_pose: np.ndarray) -> np.ndarray:
+    """Pose (3,) in the world of a label at `place` (3,) m in the level frame, turned by `yaw` rad.
+
+    KITTI's `rotation_y`: about the y axis (down), 0 along x.
+    """
+    x, y = world_from_ego(place[None, [0, 2]], ego_pose)[0]
+    return np.array([x, y, ego_pose[2] - STRAIGHT_AHEAD - yaw])

@@ -42,7 +42,7 @@ def call_rendering_kernels() -> None:
     p = _configuration()
     ego = np.array([[0.0, 0.0, np.pi / 2]])
     target = np.array([[0.0, 10.0, 0.0]])
-    scenario = Scenario.rigid(np.zeros(1), ego, target, np.zeros((1, 3)), np.eye(3, 2))
+    scenario = Scenario(np.zeros(1), ego, target, np.zeros((1, 3)), np.eye(3, 2)[None])
     texture = np.zeros((1, 1, 3), dtype=np.uint8)
     ground, car = (
         Mesh((part("box", [box(low, high)], texture, 1.0),))

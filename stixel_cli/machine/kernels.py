@@ -6,7 +6,8 @@ from pathlib import Path
 PACKAGE = Path(__file__).resolve().parents[1]
 
 KERNELS = (
-    *("rendering.edges", "rendering.rasteriser", "rendering.shading", "stixels.grouping"),
+    *("rendering.edges", "rendering.rasteriser", "rendering.shading", "rendering.tracing"),
+    "stixels.grouping",
     *("stixels.height", "stixels.nearest_obstacle", "stixels.occupancy", "stixels.refinement"),
     *("stixels.road", "stixels.unknown", "tracking.contour.ray_table"),
 )

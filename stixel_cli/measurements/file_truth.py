@@ -13,9 +13,10 @@ import numpy as np
 import shapely
 
 from stixel_cli.errors import UserError
+from stixel_cli.geometry.pose import rectangle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.measurements.tables import read_table, row_name, scan_indices
-from stixel_cli.scene.scenario import Scenario, is_star_convex
+from stixel_cli.scene.scenario import Scenario
 
 RATES = ("x_rate", "y_rate", "heading_rate")
 SIZE = ("length", "width")
@@ -61,7 +62,6 @@ def read_truth(scans: Scans, truth: str | None) -> Scenario:
         target_rates_world=rates,
         contours_target=contours,
         limb_poses=limb_poses,
-        star_convex=all(is_star_convex(contour) for contour in contours),
         only_box=only_box,
     )
 
@@ -118,8 +118,7 @@ def _contours(file: Path, table: dict[str, np.ndarray]) -> np.ndarray:
             raise UserError(f"{file}: {name}: must be > 0 m, got {table[name].min():g}")
         if np.ptp(table[name]) > SAME_SIZE:
             raise UserError(f"{file}: {name}: must be the same in each row: the target is rigid")
-    half = 0.5 * np.array([table[name][0] for name in SIZE])
-    return half * np.array([[[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]]])
+    return rectangle(*(table[name][0] for name in SIZE))[None]
 
 
 def _counter_clockwise(file: Path, contour: np.ndarray) -> np.ndarray:

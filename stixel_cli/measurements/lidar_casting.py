@@ -82,8 +82,8 @@ def cast_beams(
 def beam_azimuths(scanner: Scanner, camera_field: tuple[float, float]) -> np.ndarray:
     """Azimuths (A,) rad, one step apart, even about the middle of the field of view, inside it."""
     step = np.radians(scanner.azimuth_step)
-    own = scanner.horizontal_fov
-    right, left = camera_field if own is None else np.radians([-0.5 * own, 0.5 * own])
+    field = scanner.horizontal_fov
+    right, left = camera_field if field is None else np.radians([-0.5 * field, 0.5 * field])
     # On a full turn the last beam must not be the first one again.
     count = min(int((left - right) / step + 1e-9) + 1, int(np.ceil(2.0 * np.pi / step - 1e-9)))
     return 0.5 * (right + left) + (np.arange(count) - 0.5 * (count - 1)) * step

@@ -8,14 +8,13 @@ undistorted but not rectified.
 """
 
 from bisect import bisect
-from dataclasses import replace
 from pathlib import Path
 
 from stixel_cli.errors import UserError
 from stixel_cli.recordings.argoverse_tables import CAMERAS, read_calibration
 from stixel_cli.recordings.assembly import assembled_recording, numbered_images
 from stixel_cli.recordings.parameters import Argoverse
-from stixel_cli.recordings.types import Recording, TableLayout
+from stixel_cli.recordings.types import Recording, Tables
 
 IMAGES = Path("sensors/cameras")
 NAMES = r"(\d{1,18})\.jpg"
@@ -34,51 +33,35 @@ def is_layout(folder: Path) -> bool:
 
 
 def find_recording(source: Argoverse) -> Recording:
-    """The files of a log and its target, checked as far as their heads.
-
-    Raises:
-        UserError: if a file is missing or not valid.
-    """
+    """The recording of a log."""
     root = Path(source.folder)
-    left, right = (numbered_images(root / IMAGES / name, NAMES, EXAMPLE) for name in CAMERAS)
+    folders = (root / IMAGES / name for name in CAMERAS)
+    left, right = numbered_images(*folders, names=NAMES, example=EXAMPLE)
     intrinsics, sensors = (
         root / "calibration" / f"{name}.feather" for name in ("intrinsics", "egovehicle_SE3_sensor")
     )
-    calibration, rectification = read_calibration(intrinsics, sensors)
     times, city = tuple(left), root / "city_SE3_egovehicle.feather"
     others = list(right)
     nearest = {k: _nearest(others, time) for k, time in enumerate(times)}
     pairs = {k: right[t] for k, t in nearest.items() if abs(t - times[k]) <= PAIRED}
     if not pairs:
         raise UserError(f"{root / IMAGES}: no image of {CAMERAS[1]} at a time of {CAMERAS[0]}")
-    found = assembled_recording(
+    recording = assembled_recording(
         source,
-        calibration,
-        dict(enumerate(left.values())),
-        pairs,
+        read_calibration(intrinsics, sensors),
+        (dict(enumerate(left.values())), pairs),
         poses=(city, sensors),
         labels=(root / "annotations.feather", city, sensors, intrinsics),
-        layout=TableLayout("argoverse", times),
+        tables=Tables("argoverse", times),
     )
-    stated = (rectification.file_width, rectification.file_height)
-    if (found.width, found.height) != stated:
-        raise UserError(
-            f"{found.left[0]}: {found.width} × {found.height} px, "
-            f"but {intrinsics.name} has {stated[0]} × {stated[1]} px"
-        )
-    for k in found.frames[1:]:
+    for k in recording.frames[1:]:
         step = 1e-9 * (times[k] - times[k - 1])
         if abs(step - source.sample_time) > JITTER * source.sample_time:
             raise UserError(
                 f"source.frames: frames {k - 1} and {k} of {root} are {step:.3f} s apart, but "
                 f"source.sample_time is {source.sample_time:g} s"
             )
-    return replace(
-        found,
-        width=rectification.width,
-        height=rectification.height,
-        rectification=rectification,
-    )
+    return recording
 
 
 def _nearest(times: list[int], time: int) -> int:

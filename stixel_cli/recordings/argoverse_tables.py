@@ -12,16 +12,17 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import UserError, printable
-from stixel_cli.recordings.feather import read_columns
-from stixel_cli.recordings.labelled import rectangle
-from stixel_cli.recordings.tables import Tracks, labels_in
-from stixel_cli.recordings.types import Calibration, Rectification
+from stixel_cli.feather import read_columns
+from stixel_cli.geometry.pose import rectangle, rotations
+from stixel_cli.recordings.kitti_tables import labels_in
+from stixel_cli.recordings.types import Calibration, Rectification, Tracks
 from stixel_cli.remembered import remembered
+from stixel_cli.scene.classes import CLASS_ROWS
 
 CAMERAS = ("stereo_front_left", "stereo_front_right")
 
-KINDS = {"REGULAR_VEHICLE": "Car", "PEDESTRIAN": "Pedestrian"}
-"""KITTI's types of the categories. A BICYCLIST has no type: the BICYCLE has its own label."""
+KITTI_TYPES = {row.argoverse_category: row.kitti_types[0] for row in CLASS_ROWS.values()}
+"""By category."""
 
 GREATEST_GAP = 250_000_000
 """Between two poses, or two labels of a track, ns: with more, there is no line between them."""
@@ -37,7 +38,7 @@ PLACE = ("tx_m", "ty_m", "tz_m")
 SIZE = ("height_m", "width_m", "length_m")
 
 
-def read_calibration(intrinsics: Path, sensors: Path) -> tuple[Calibration, Rectification]:
+def read_calibration(intrinsics: Path, sensors: Path) -> Calibration:
     """The rectified pair of the stereo cameras, whose files are free of distortion but not aligned.
 
     The axes are those of Fusiello, Trucco, Verri 2000, *A compact algorithm for rectification of
@@ -73,10 +74,11 @@ def read_calibration(intrinsics: Path, sensors: Path) -> tuple[Calibration, Rect
     matrix = np.diag([focal_length, focal_length, 1.0])
     matrix[:2, 2] = -first
     left, right = (tuple(map(float, (matrix @ ray).ravel())) for ray in rays)
-    calibration = Calibration(
-        focal_length, focal_length, float(-first[0]), float(-first[1]), baseline, None
+    rectification = Rectification(left, right, (int(size[0]), int(size[1])), (width, height))
+    centre = (float(-first[0]), float(-first[1]))
+    return Calibration(
+        focal_length, focal_length, *centre, baseline, None, rectification=rectification
     )
-    return calibration, Rectification(left, right, int(size[0]), int(size[1]), width, height)
 
 
 def read_poses(city: Path, sensors: Path, times: tuple[int, ...]) -> np.ndarray:
@@ -104,41 +106,40 @@ def read_labels(
     """
     numbers = ("timestamp_ns", "num_interior_pts", *SIZE, *TURN, *PLACE)
     table = read_columns(annotations, numbers, ("track_uuid", "category"))
-    sizes = np.stack([table[name] for name in SIZE], axis=1)
+    sizes = _stacked(table, SIZE)
     if (sizes <= 0.0).any():
         row = int(np.flatnonzero((sizes <= 0.0).any(axis=1))[0])
         raise UserError(f"{annotations}: row {row + 1}: height, width and length must be > 0")
-    calibration, rectification = read_calibration(intrinsics, sensors)
+    calibration = read_calibration(intrinsics, sensors)
     stamps, at = np.unique(table["timestamp_ns"], return_inverse=True)
-    ego_turns, ego_places = (one[at] for one in _ego_poses(city, stamps))
-    turns = ego_turns @ _rotations(annotations, table)
-    centres = np.stack([table[name] for name in PLACE], axis=1)
-    places = np.einsum("nij,nj->ni", ego_turns, centres) + ego_places
+    ego_turns, ego_places = (values[at] for values in _ego_poses(city, stamps))
+    turns = ego_turns @ _rotations(annotations, _stacked(table, TURN))
+    places = np.einsum("nij,nj->ni", ego_turns, _stacked(table, PLACE)) + ego_places
     places -= 0.5 * sizes[:, :1] * turns[:, :, 2]
     cameras = read_poses(city, sensors, times)
     rows, kinds = {}, {}
     for track in np.unique(table["track_uuid"]).tolist():
-        own = np.flatnonzero(table["track_uuid"] == track)
-        own = own[np.argsort(table["timestamp_ns"][own], kind="stable")]
-        at_times = table["timestamp_ns"][own]
+        of_track = np.flatnonzero(table["track_uuid"] == track)
+        of_track = of_track[np.argsort(table["timestamp_ns"][of_track], kind="stable")]
+        at_times = table["timestamp_ns"][of_track]
         if (np.diff(at_times) == 0).any():
             raise UserError(f"{annotations}: track {printable(track)} is labelled twice at a time")
-        category = str(table["category"][own[0]])
-        kinds[track] = KINDS.get(category, printable(category))
+        category = str(table["category"][of_track[0]])
+        kinds[track] = KITTI_TYPES.get(category, printable(category))
         rows[track] = []
         for frame, i, share in _between(at_times, times):
-            one, other = own[i], own[min(i + 1, len(own) - 1)]
-            place = (1.0 - share) * places[one] + share * places[other]
-            ahead = (1.0 - share) * turns[one, :, 0] + share * turns[other, :, 0]
-            nearest = one if share < 0.5 else other
+            before, after = of_track[i], of_track[min(i + 1, len(of_track) - 1)]
+            place = (1.0 - share) * places[before] + share * places[after]
+            ahead = (1.0 - share) * turns[before, :, 0] + share * turns[after, :, 0]
+            nearest = before if share < 0.5 else after
             pose = _in_camera(place, ahead, cameras[frame])
-            seen = _seen(*pose, sizes[nearest], calibration, rectification)
+            seen = _seen(*pose, sizes[nearest], calibration)
             if seen is not None:
                 box, truncated = seen
                 empty = table["num_interior_pts"][nearest] <= 0
                 flags = [float(truncated), float(empty), 0.0]
                 rows[track].append([frame, 0, *flags, *box, *sizes[nearest], *pose[0], pose[1]])
-    _mark_hidden([one for labels in rows.values() for one in labels])
+    _mark_hidden([label for labels in rows.values() for label in labels])
     return {
         track: labels_in(np.array(labels), kinds[track]) for track, labels in rows.items() if labels
     }
@@ -173,7 +174,6 @@ def _seen(
     yaw: float,
     size: np.ndarray,
     calibration: Calibration,
-    rectification: Rectification,
 ) -> tuple[np.ndarray, bool] | None:
     """The box (4,) px of a label in the image, and whether it is cut; None if it is not seen."""
     height, width, length = size
@@ -186,7 +186,7 @@ def _seen(
     y = place[1] - np.array([[0.0], [height]])
     v = calibration.principal_v + calibration.focal_length * y / z
     box = np.array([u.min(), v.min(), u.max(), v.max()])
-    inside = np.clip(box, 0.0, np.array([rectification.width, rectification.height] * 2) - 1.0)
+    inside = np.clip(box, 0.0, np.array(calibration.rectification.size * 2) - 1.0)
     if inside[2] <= inside[0] or inside[3] <= inside[1]:
         return None
     return inside, bool((inside != box).any())
@@ -195,23 +195,23 @@ def _seen(
 def _mark_hidden(labels: list[list[float]]) -> None:
     """Mark as occluded, in place, what nearer labels of the same frame cover."""
     by_frame: dict[int, list[list[float]]] = {}
-    for one in labels:
-        by_frame.setdefault(one[0], []).append(one)
+    for label in labels:
+        by_frame.setdefault(label[0], []).append(label)
     for frame in by_frame.values():
-        left, top, right, bottom, depth = np.array([[*one[5:9], one[14]] for one in frame]).T
+        left, top, right, bottom, depth = np.array([[*label[5:9], label[14]] for label in frame]).T
         nearer = (depth[None] < depth[:, None]) & (top[None] < bottom[:, None])
         nearer &= bottom[None] > top[:, None]
         shared = np.minimum(right[None], right[:, None]) - np.maximum(left[None], left[:, None])
-        for one, covered in zip(frame, np.where(nearer, shared, 0.0), strict=True):
-            if covered.max() > HIDDEN * (one[7] - one[5]):
-                one[3] = 1.0
+        for label, covered in zip(frame, np.where(nearer, shared, 0.0), strict=True):
+            if covered.max() > HIDDEN * (label[7] - label[5]):
+                label[3] = 1.0
 
 
 def _mounting(sensors: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Rotations (2, 3, 3) and places (2, 3) m of both cameras in the ego car's frame, the rotation
     (3, 3) of the rectified pair in it, and the baseline, m."""
     rows = _of_cameras(sensors, (*TURN, *PLACE))
-    turns = _matrices(sensors, rows[:, :4])
+    turns = _rotations(sensors, rows[:, :4])
     across = rows[1, 4:] - rows[0, 4:]
     baseline = float(np.linalg.norm(across))
     if baseline < 0.001 or across @ turns[0, :, 0] < 0.9 * baseline:
@@ -226,13 +226,13 @@ def _mounting(sensors: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]
 def _of_cameras(file: Path, names: tuple[str, ...]) -> np.ndarray:
     """The columns (2, n) of the left and the right camera."""
     table = read_columns(file, names, ("sensor_name",))
-    found = []
+    values = []
     for camera in CAMERAS:
         rows = np.flatnonzero(table["sensor_name"] == camera)
         if len(rows) != 1:
             raise UserError(f"{file}: must have one row of {camera}, got {len(rows)}")
-        found.append([float(table[name][rows[0]]) for name in names])
-    return np.array(found)
+        values.append([float(table[name][rows[0]]) for name in names])
+    return np.array(values)
 
 
 def _ego_poses(city: Path, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -247,22 +247,21 @@ def _ego_poses(city: Path, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if far.any():
         raise UserError(f"{city}: has no pose round {int(times[far][0])} ns")
     share = ((times - stamps[after - 1]) / span)[:, None]
-    turns = np.stack([table[name] for name in TURN], axis=1)[rows]
-    places = np.stack([table[name] for name in PLACE], axis=1)[rows]
-    one, other = turns[after - 1], turns[after]
+    turns, places = _stacked(table, TURN)[rows], _stacked(table, PLACE)[rows]
+    earlier, later = turns[after - 1], turns[after]
     # q and −q are one rotation. Between poses some milliseconds apart a line is as good as an arc.
-    other = np.where((one * other).sum(axis=1, keepdims=True) < 0.0, -other, other)
+    later = np.where((earlier * later).sum(axis=1, keepdims=True) < 0.0, -later, later)
     between = (1.0 - share) * places[after - 1] + share * places[after]
-    mixed = (1.0 - share) * one + share * other
-    _matrices(city, turns)
-    return _matrices(city, mixed / np.linalg.norm(mixed, axis=1, keepdims=True)), between
+    mixed = (1.0 - share) * earlier + share * later
+    _rotations(city, turns)
+    return _rotations(city, mixed / np.linalg.norm(mixed, axis=1, keepdims=True)), between
 
 
-def _rotations(file: Path, table: dict[str, np.ndarray]) -> np.ndarray:
-    return _matrices(file, np.stack([table[name] for name in TURN], axis=1))
+def _stacked(table: dict[str, np.ndarray], names: tuple[str, ...]) -> np.ndarray:
+    return np.stack([table[name] for name in names], axis=1)
 
 
-def _matrices(file: Path, quaternions: np.ndarray) -> np.ndarray:
+def _rotations(file: Path, quaternions: np.ndarray) -> np.ndarray:
     """Rotations (n, 3, 3) of quaternions (n, 4): w, x, y, z.
 
     Raises:
@@ -272,10 +271,4 @@ def _matrices(file: Path, quaternions: np.ndarray) -> np.ndarray:
     wrong = np.flatnonzero(np.abs(lengths - 1.0) > 0.01)
     if len(wrong):
         raise UserError(f"{file}: row {wrong[0] + 1}: qw, qx, qy, qz must have the length 1")
-    w, x, y, z = (quaternions / lengths[:, None]).T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)
+    return rotations(quaternions / lengths[:, None])

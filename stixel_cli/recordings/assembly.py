@@ -1,63 +1,78 @@
 """A recording from its files: the steps that all layouts share."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 from stixel_cli.errors import UserError
 from stixel_cli.recordings.image_files import image_size
 from stixel_cli.recordings.parameters import Recorded, chosen_frames
 from stixel_cli.recordings.tables import labels_of, read_poses
-from stixel_cli.recordings.types import KITTI, Calibration, Recording, TableLayout
+from stixel_cli.recordings.types import Calibration, Recording, Rectification, Tables
+
+MOST_FILES = 200_000
+"""In a folder of images."""
+
+Images = dict[int, Path]
+"""The images of one camera by their number."""
 
 
 def assembled_recording(
     source: Recorded,
     calibration: Calibration,
-    left: dict[int, Path],
-    right: dict[int, Path],
+    images: tuple[Images, Images],
     poses: tuple[Path, ...],
     labels: tuple[Path, ...] = (),
-    layout: TableLayout = KITTI,
+    tables: Tables | None = None,
 ) -> Recording:
     """The recording in these files, checked as far as the heads of the images.
 
-    The frames are those that the images, the target's labels and the poses have. `poses` may be
-    missing, and so may `labels` if the source has no target. `layout` is that of both. With the
-    target `auto` every moving object is tracked.
+    The frames are those that the images, the target's labels and the poses have. With the target
+    `auto` every moving object is tracked.
+
+    Args:
+        source: the user's parameters.
+        calibration: of the rig.
+        images: of the left and the right camera.
+        poses: files of the ego poses, which may be missing.
+        labels: files of the labels, which may be missing if the source has no target.
+        tables: how both are written; None for KITTI's.
 
     Raises:
         UserError: if a file is missing or not valid.
     """
+    tables = tables or Tables()
     auto = source.target == "auto"
     target = None if auto else source.target
     limits: dict[str, tuple[int, int]] = {}
     if target is not None:
-        found = labels_of(labels, layout, target)
-        limits[f"track {target}"] = (int(found.frames[0]), int(found.frames[-1]) + 1)
+        track = labels_of(labels, tables, target)
+        limits[f"track {target}"] = (int(track.frames[0]), int(track.frames[-1]) + 1)
     pose_files = _existing(poses)
     if pose_files:
-        limits["the ego poses"] = (0, len(read_poses(pose_files, layout)))
-    frames = common_frames(chosen_frames(source.frames), left, limits)
+        limits["the ego poses"] = (0, len(read_poses(pose_files, tables)))
+    frames = _common_frames(chosen_frames(source.frames), images[0], limits)
     of_target = {}
     if target is not None:
-        if frames.start not in found.frames:
+        if frames.start not in track.frames:
             raise UserError(
                 f"source.frames: {labels[0]} has no label of track {target} in frame {frames.start}"
             )
-        box = found.boxes[found.frames == frames.start][0]
-        of_target = {"label": found.kind, "first_box": (float(box[0]), float(box[2]))}
-    files_left, files_right, (width, height) = checked_pairs(frames, left, right)
+        box = track.boxes[track.frames == frames.start][0]
+        of_target = {"label": track.kind, "first_box": (float(box[0]), float(box[2]))}
+    width, height = _common_size(frames, images, calibration.rectification)
+    left, right = (tuple(files[number] for number in frames) for files in images)
     return Recording(
         layout=source.kind,
         frames=frames,
-        left=files_left,
-        right=files_right,
+        left=left,
+        right=right,
         width=width,
         height=height,
         calibration=calibration,
+        tables=replace(tables, first=frames.start, left_camera=calibration.left_camera),
         pose_files=pose_files,
         label_files=_existing(labels),
-        table_layout=layout,
         target=target,
         auto=auto,
         **of_target,
@@ -69,48 +84,49 @@ def _existing(files: tuple[Path, ...]) -> tuple[Path, ...]:
     return files if all(file.exists() for file in files) else ()
 
 
-MOST_FILES = 200_000
+def root_of(folder: Path, *contents: str) -> Path:
+    """The folder that has one of the `contents`: the folder itself, or else its `training`."""
+    inner = folder / "training"
+    has_contents = any((folder / name).exists() for name in contents)
+    return inner if inner.is_dir() and not has_contents else folder
 
 
-def numbered_images(folder: Path, names: str = r"(\d{1,9})\.png", example: str = "000000.png"):
-    """The images of a folder by the number in their name, a dictionary of paths.
+def numbered_images(
+    *folders: Path, names: str = r"(\d{1,9})\.png", example: str = "000000.png"
+) -> tuple[Images, ...]:
+    """The images of each of the `folders` by the number in their name, in ascending order.
 
-    Args:
-        folder: of the images.
-        names: pattern of their names; its group is the number.
-        example: such a name, for messages.
+    `names` is the pattern of the files' names, its group is the number; `example` is such a name.
 
     Raises:
-        UserError: if there is no such folder, or it has no such file.
+        UserError: if a folder is missing, or has no such file.
     """
-    found = {}
+    return tuple(_numbered(folder, names, example) for folder in folders)
+
+
+def _numbered(folder: Path, names: str, example: str) -> Images:
+    images = {}
     try:
         for i, file in enumerate(folder.iterdir()):
             if i >= MOST_FILES:
                 raise UserError(f"{folder}: more than {MOST_FILES} files")
             if match := re.fullmatch(names, file.name):
-                found[int(match[1])] = file
+                images[int(match[1])] = file
     except FileNotFoundError:
         raise UserError(f"{folder}: no such folder") from None
     except OSError as error:
         raise UserError(f"{folder}: cannot be read: {error.strerror}") from error
-    if not found:
+    if not images:
         raise UserError(f"{folder}: has no images such as {example}")
-    return dict(sorted(found.items()))
+    return dict(sorted(images.items()))
 
 
-def common_frames(
-    chosen: range | None, images: dict[int, Path], limits: dict[str, tuple[int, int]]
+def _common_frames(
+    chosen: range | None, images: Images, limits: dict[str, tuple[int, int]]
 ) -> range:
-    """The frames that the images and each of the `limits` have, without gaps in the images.
+    """The frames that the images and each of the `limits` have, or those `chosen` by the user.
 
-    Args:
-        chosen: by the user; None for all.
-        images: by their number.
-        limits: first frame and stop of other files, by a name for messages.
-
-    Raises:
-        UserError: if there is no common frame, or a chosen frame is missing.
+    `limits` are the first frame and the stop of other files, by a name for messages.
     """
     spans = {"the images": (min(images), max(images) + 1), **limits}
     first = max(start for start, _ in spans.values())
@@ -129,26 +145,29 @@ def common_frames(
     return range(first, stop)
 
 
-def checked_pairs(
-    frames: range, left: dict[int, Path], right: dict[int, Path]
-) -> tuple[tuple[Path, ...], tuple[Path, ...], tuple[int, int]]:
-    """Left and right image of each frame, and their common width and height.
-
-    Raises:
-        UserError: if one is missing, is not an image of 8 bits, or has another size.
-    """
+def _common_size(
+    frames: range, images: tuple[Images, Images], rectification: Rectification | None
+) -> tuple[int, int]:
+    """Width and height in px of the rectified images of all `frames`."""
     size: tuple[int, int] | None = None
     for number in frames:
-        for images in (left, right):
-            if number not in images:
-                folder = next(iter(images.values())).parent
+        for files in images:
+            if number not in files:
+                folder = next(iter(files.values())).parent
                 raise UserError(f"{folder}: the image of frame {number} is missing")
-            found = image_size(images[number])
-            if size is None:
-                size = found
-            elif found != size:
+            width, height = image_size(files[number])
+            size = size or (width, height)
+            if (width, height) != size:
                 raise UserError(
-                    f"{images[number]}: {found[0]} × {found[1]} px, "
+                    f"{files[number]}: {width} × {height} px, "
                     f"but the images before have {size[0]} × {size[1]} px"
                 )
-    return tuple(left[n] for n in frames), tuple(right[n] for n in frames), size
+    if rectification is None:
+        return size
+    if size != rectification.file_size:
+        width, height = rectification.file_size
+        raise UserError(
+            f"{images[0][frames[0]]}: {size[0]} × {size[1]} px, "
+            f"but its calibration has {width} × {height} px"
+        )
+    return rectification.size

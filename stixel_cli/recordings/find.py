@@ -16,7 +16,10 @@ LAYOUTS = {
     "folder": (plain_folder.is_layout, plain_folder.find_recording),
     "pair": (lambda folder: False, pair.find_named_pair),  # no folder has it
 }
-"""Whether a folder has the layout, and its recording, by the option of `source`."""
+"""Whether a folder has the layout, and its recording, by the option of `source`.
+
+Each of the latter is called by, and has the errors of, `find_recording`.
+"""
 
 
 def find_recording(source: Source) -> Recording:

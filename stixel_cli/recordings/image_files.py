@@ -26,12 +26,14 @@ _JPEG_HEAD = 2**20
 
 _JPEG_END = b"\xff\xd9"
 
-_COLOUR_TYPES = {0: 1, 2: 3}
-"""PNG's colour types with 8 bits per channel that are read, and their channels."""
+_COLOUR_TYPES = (0, 2)
+"""PNG's grey and RGB."""
 
 
-def image_size(file: Path) -> tuple[int, int]:
+def image_size(file: Path, of_disparities: bool = False) -> tuple[int, int]:
     """Width and height in px of a PNG or JPEG of 8-bit grey or RGB values; reads only its head.
+
+    With `of_disparities`, of a grey PNG of 16 bits.
 
     Raises:
         UserError: if it is missing, or another kind of file.
@@ -40,7 +42,7 @@ def image_size(file: Path) -> tuple[int, int]:
         head = stream.read(33) or b""
         if head.startswith(JPEG):
             head += stream.read(_JPEG_HEAD)
-        return _size(file, head)
+        return _size(file, head, of_disparities)
 
 
 def read_grey(file: Path) -> np.ndarray:
@@ -61,48 +63,51 @@ def read_rgb(file: Path) -> np.ndarray:
     return np.repeat(image[..., None], 3, axis=2) if image.ndim == 2 else image[..., ::-1].copy()
 
 
-def _decoded(file: Path) -> np.ndarray:
+def read_disparity(file: Path) -> np.ndarray:
+    """The true disparities (H, W) float32 px in a file; NaN where they are unknown.
+
+    As KITTI stores them: PNG of uint16, 256 per px, 0 for unknown.
+
+    Raises:
+        UserError: if it is missing, damaged, or not a grey PNG of 16 bits.
+    """
+    image = _decoded(file, of_disparities=True)
+    return np.where(image > 0, image / np.float32(256.0), np.float32(np.nan))
+
+
+def _decoded(file: Path, of_disparities: bool = False) -> np.ndarray:
     import cv2
 
     data = read_bytes(file, GREATEST_IMAGE)
-    width, height = _size(file, data)
+    width, height = _size(file, data, of_disparities)
     # libpng and libjpeg write own lines to stderr about a damaged file, so it is checked first.
     if data.startswith(PNG):
-        check_chunks(file, data)
+        _check_chunks(file, data)
     elif not data.rstrip(b"\0\r\n").endswith(_JPEG_END):
         raise UserError(f"{file}: a damaged or incomplete JPEG image")
     image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
-    if (
-        image is None
-        or image.dtype != np.uint8
-        or image.shape not in ((height, width), (height, width, 3))
-    ):
+    kind = np.uint16 if of_disparities else np.uint8
+    shapes = ((height, width), (height, width, 3))
+    if image is None or image.dtype != kind or image.shape not in shapes:
         raise UserError(f"{file}: cannot be decoded as an image")
     return image
 
 
-def png_head(file: Path, head: bytes) -> tuple[int, int, int, int]:
-    """Width, height, bits per channel and colour type of a PNG file that begins with `head`.
-
-    Raises:
-        UserError: if it is another kind of file, or too large.
-    """
+def _size(file: Path, head: bytes, of_disparities: bool) -> tuple[int, int]:
+    """Width and height in px of a checked image that begins with `head`."""
     if head.startswith(LFS):
         raise UserError(f"{file}: a Git LFS pointer, not an image: fetch it with git lfs pull")
-    if not head.startswith(PNG) or len(head) < 33 or head[12:16] != b"IHDR":
-        raise UserError(f"{file}: not a PNG image")
-    width, height = (int.from_bytes(head[i : i + 4], "big") for i in (16, 20))
-    _check_sides(file, width, height)
-    return width, height, head[24], head[25]
-
-
-def _size(file: Path, head: bytes) -> tuple[int, int]:
-    if head.startswith(JPEG):
+    if head.startswith(JPEG) and not of_disparities:
         return _jpeg_size(file, head)
-    if file.suffix.lower() in (".jpg", ".jpeg") and not head.startswith((PNG, LFS)):
-        raise UserError(f"{file}: not a JPEG image")
-    width, height, bits, colour = png_head(file, head)
-    if bits != 8:
+    if not head.startswith(PNG) or len(head) < 33 or head[12:16] != b"IHDR":
+        is_jpeg = file.suffix.lower() in (".jpg", ".jpeg") and not head.startswith(PNG)
+        raise UserError(f"{file}: not a {'JPEG' if is_jpeg else 'PNG'} image")
+    width, height = (int.from_bytes(head[i : i + 4], "big") for i in (16, 20))
+    bits, colour = head[24], head[25]
+    _check_sides(file, width, height)
+    if of_disparities and (bits, colour) != (16, 0):
+        raise UserError(f"{file}: not a grey PNG of 16 bits: 256 per px of disparity")
+    if bits != 8 and not of_disparities:
         raise UserError(f"{file}: {bits} bits per channel: 8 are needed")
     if colour not in _COLOUR_TYPES:
         raise UserError(f"{file}: a PNG with a palette or transparency: grey or RGB is needed")
@@ -133,7 +138,7 @@ def _check_sides(file: Path, width: int, height: int) -> None:
         raise UserError(f"{file}: {width} × {height} px: each side must be 1 to {GREATEST_SIDE}")
 
 
-def check_chunks(file: Path, data: bytes) -> None:
+def _check_chunks(file: Path, data: bytes) -> None:
     """Raise UserError unless a PNG is whole and its checksums are right."""
     at = len(PNG)
     while at + 12 <= len(data):
@@ -149,27 +154,6 @@ def check_chunks(file: Path, data: bytes) -> None:
     raise UserError(f"{file}: a damaged or incomplete PNG image")
 
 
-def read_disparity(file: Path) -> np.ndarray:
-    """The true disparities (H, W) float32 px in a file; NaN where they are unknown.
-
-    As KITTI stores them: PNG of uint16, 256 per px, 0 for unknown.
-
-    Raises:
-        UserError: if it is missing, damaged, or not a grey PNG of 16 bits.
-    """
-    import cv2
-
-    data = read_bytes(file, GREATEST_IMAGE)
-    _, _, bits, colour = png_head(file, data[:33])
-    if (bits, colour) != (16, 0):
-        raise UserError(f"{file}: not a grey PNG of 16 bits: 256 per px of disparity")
-    check_chunks(file, data)
-    image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
-    if image is None or image.dtype != np.uint16 or image.ndim != 2:
-        raise UserError(f"{file}: cannot be decoded as a PNG image")
-    return np.where(image > 0, image / np.float32(256.0), np.float32(np.nan))
-
-
 def rectified(image: np.ndarray, rectification: Rectification | None, right: bool) -> np.ndarray:
     """An image (H, W) or (H, W, 3) uint8 of the left or the right camera; as it is without one."""
     if rectification is None:
@@ -177,5 +161,4 @@ def rectified(image: np.ndarray, rectification: Rectification | None, right: boo
     import cv2
 
     turn = np.reshape(rectification.right if right else rectification.left, (3, 3))
-    size = (rectification.width, rectification.height)
-    return cv2.warpPerspective(image, turn, size, flags=cv2.INTER_LINEAR)
+    return cv2.warpPerspective(image, turn, rectification.size, flags=cv2.INTER_LINEAR)

@@ -4,33 +4,26 @@ from pathlib import Path
 
 import numpy as np
 
-from stixel_cli.geometry.pose import STRAIGHT_AHEAD
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD, planar_poses
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.recordings.labelled import planar_poses
 from stixel_cli.recordings.tables import read_poses
-from stixel_cli.recordings.types import KITTI, TableLayout
+from stixel_cli.recordings.types import Tables
 from stixel_cli.scene.scenario import EgoMotion
 
 
 def recorded_motion(
-    files: tuple[Path, ...],
-    rig: Rig,
-    first: int,
-    count: int,
-    sample_time: float,
-    layout: TableLayout = KITTI,
+    files: tuple[Path, ...], rig: Rig, tables: Tables, count: int, sample_time: float
 ) -> EgoMotion:
-    """Planar motion at `count` frames from number `first` on, (0, 0, pi/2) at the first of them.
+    """Planar motion at the first `count` frames, (0, 0, pi/2) at the first of them.
 
     Poses in space also give the pitch and the height of each frame.
 
     Args:
         files: the files of the poses; empty for a parked ego car.
         rig: the ground plane is that of its level frame.
-        first: number of the first frame.
+        tables: how the files are written, and the first frame in them.
         count: number of frames.
         sample_time: time from one frame to the next, s.
-        layout: of the files.
 
     Raises:
         UserError: if the file is not valid.
@@ -38,11 +31,25 @@ def recorded_motion(
     times = sample_time * np.arange(count)
     if not files:
         return EgoMotion(times, np.tile([0.0, 0.0, STRAIGHT_AHEAD], (count, 1)))
-    poses = read_poses(files, layout)
+    poses, rows = read_poses(files, tables), slice(tables.first, tables.first + count)
     # The frames before and after help to find the road's direction at the ends.
-    pitches, heights = (one[first : first + count] for one in rocking(poses, rig.level_from_camera))
-    chosen = poses[first : first + count]
-    return EgoMotion(times, planar_poses(chosen, rig.level_from_camera), pitches, heights)
+    pitches, heights = rocking(poses, rig.level_from_camera)
+    planar = planar_poses(poses[rows], rig.level_from_camera)
+    return EgoMotion(times, planar, pitches[rows], heights[rows])
+
+
+def replayed_motion(
+    files: tuple[Path, ...], tables: Tables, count: int, sample_time: float
+) -> EgoMotion:
+    """Planar motion at the first `count` frames, (0, 0, pi/2) at the first of them.
+
+    The recording's camera is taken as level. Its roll, its height and changes of its pitch are left
+    out; nothing is smoothed.
+
+    The arguments are those of `recorded_motion`.
+    """
+    poses = read_poses(files, tables)[tables.first : tables.first + count]
+    return EgoMotion(sample_time * np.arange(count), planar_poses(poses, np.eye(3)))
 
 
 REACH = 10.0

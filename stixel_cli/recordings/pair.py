@@ -16,116 +16,71 @@ move. Of named files, the calibration is one of KITTI or a `rig.yaml`, see `plai
 from pathlib import Path
 
 from stixel_cli.errors import UserError
-from stixel_cli.files import opened
-from stixel_cli.recordings.image_files import GREATEST_IMAGE, image_size, png_head
+from stixel_cli.recordings.assembly import root_of
+from stixel_cli.recordings.image_files import image_size
+from stixel_cli.recordings.kitti_tables import PAIRS, read_calibration
 from stixel_cli.recordings.parameters import KittiPair, Pair
 from stixel_cli.recordings.plain_folder import read_rig
-from stixel_cli.recordings.tables import pair_names, read_calibration
-from stixel_cli.recordings.types import Calibration, Recording
+from stixel_cli.recordings.types import Calibration, Recording, Tables
 
-BENCHMARKS = {
-    "object": ("image_2", "image_3", "{}", "calib", ("P2", "P3"), "label_2", None),
-    "2015": (
-        "image_2",
-        "image_3",
-        "{}_10",
-        "calib_cam_to_cam",
-        ("P_rect_02", "P_rect_03"),
-        None,
-        "disp_occ_0",
-    ),
-    "2012": ("image_0", "image_1", "{}_10", "calib", ("P0", "P1"), None, "disp_occ"),
-}
-"""Folders of the left and right images, their names, folder and rows of the calibration, folders of
-the labels and of the true disparities."""
+BENCHMARKS = (
+    ("image_2/{}.png", "image_3/{}.png", "calib/{}.txt", "label_2/{}.txt", None),
+    ("image_2/{}_10.png", "image_3/{}_10.png", "calib_cam_to_cam/{}.txt", None,
+     "disp_occ_0/{}_10.png"),
+    ("image_0/{}_10.png", "image_1/{}_10.png", "calib/{}.txt", None, "disp_occ/{}_10.png"),
+)  # fmt: skip
+"""Left and right image, calibration, labels and true disparities, by the number of a pair; their
+cameras are the `PAIRS` of the same place."""
 
 
 def is_benchmark(folder: Path) -> bool:
     """Whether the folder has the layout of one of the benchmarks."""
-    root = _root(folder)
-    return any(
-        (root / left).is_dir() and (root / right).is_dir() and (root / calibration).is_dir()
-        for left, right, _, calibration, *_ in BENCHMARKS.values()
-    )
-
-
-def _root(folder: Path) -> Path:
-    """The folder that has the images: the folder itself or its `training`."""
-    inner = folder / "training"
-    return inner if inner.is_dir() else folder
+    root = root_of(folder, "image_2", "image_0")
+    return any(all((root / file).parent.is_dir() for file in files[:3]) for files in BENCHMARKS)
 
 
 def find_benchmark_pair(source: KittiPair) -> Recording:
-    """The files of a pair, checked as far as their heads.
-
-    Raises:
-        UserError: if a file is missing or not valid.
-    """
-    root, name = _root(Path(source.folder)), f"{int(source.sequence):06d}"
-    for left, right, file, calibration, rows, labels, disparity in BENCHMARKS.values():
-        image = file.format(name) + ".png"
-        if not (root / calibration).is_dir() or not (root / left / image).is_file():
-            continue
-        return pair_recording(
-            source.kind,
-            root / left / image,
-            root / right / image,
-            read_calibration(root / calibration / f"{name}.txt", *rows),
-            _existing(root, labels, f"{name}.txt"),
-            _existing(root, disparity, image),
-        )
-    images = " or ".join(
-        dict.fromkeys(
-            f"{left}/{file.format(name)}.png" for left, _, file, *_ in BENCHMARKS.values()
-        )
-    )
+    """The recording of a benchmark's pair."""
+    root, name = root_of(Path(source.folder), "image_2", "image_0"), f"{int(source.sequence):06d}"
+    for files, cameras in zip(BENCHMARKS, PAIRS, strict=True):
+        left, right, calibration, *truth = (file and root / file.format(name) for file in files)
+        if calibration.parent.is_dir() and left.is_file():
+            existing = [file if file and file.is_file() else None for file in truth]
+            calibrated = read_calibration(calibration, cameras)
+            return _pair(source.kind, (left, right), calibrated, *existing)
+    images = " or ".join(files[0].format(name) for files in BENCHMARKS)
     raise UserError(f"source.sequence: {root} has no {images}")
 
 
-def _existing(root: Path, folder: str | None, name: str) -> Path | None:
-    return None if folder is None or not (root / folder / name).is_file() else root / folder / name
-
-
 def find_named_pair(source: Pair) -> Recording:
-    """The files of a pair, checked as far as their heads.
-
-    Raises:
-        UserError: if a file is missing or not valid.
-    """
-    calibration = Path(source.calibration)
-    if calibration.suffix in (".yaml", ".yml"):
-        found = read_rig(calibration)
+    """The recording of a pair whose files are named."""
+    file = Path(source.calibration)
+    if file.suffix in (".yaml", ".yml"):
+        calibration = read_rig(file)
     else:
-        found = read_calibration(calibration, *pair_names(calibration))
-    return pair_recording(
+        calibration = read_calibration(file, *PAIRS)
+    return _pair(
         source.kind,
-        Path(source.folder),
-        Path(source.right),
-        found,
-        None if source.labels is None else Path(source.labels),
-        None if source.disparity is None else Path(source.disparity),
+        (Path(source.folder), Path(source.right)),
+        calibration,
+        source.labels and Path(source.labels),
+        source.disparity and Path(source.disparity),
     )
 
 
-def pair_recording(
+def _pair(
     layout: str,
-    left: Path,
-    right: Path,
+    images: tuple[Path, Path],
     calibration: Calibration,
     labels: Path | None,
     disparity: Path | None,
 ) -> Recording:
-    """The recording of one pair, checked as far as the heads of the images.
-
-    Raises:
-        UserError: if an image is not valid, or they differ in size.
-    """
+    left, right = images
     size = image_size(left)
-    others = [(right, image_size(right))]
+    others = {right: image_size(right)}
     if disparity is not None:
-        with opened(disparity, GREATEST_IMAGE) as stream:
-            others.append((disparity, png_head(disparity, stream.read(33) or b"")[:2]))
-    for file, other in others:
+        others[disparity] = image_size(disparity, of_disparities=True)
+    for file, other in others.items():
         if other != size:
             raise UserError(
                 f"{file}: {other[0]} × {other[1]} px, but {left.name} has {size[0]} × {size[1]} px"
@@ -138,6 +93,7 @@ def pair_recording(
         width=size[0],
         height=size[1],
         calibration=calibration,
+        tables=Tables(left_camera=calibration.left_camera),
         label_files=() if labels is None else (labels,),
         true_disparities=() if disparity is None else (disparity,),
     )

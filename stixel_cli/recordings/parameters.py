@@ -2,7 +2,7 @@
 
 import re
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Ge, Le
 
@@ -37,47 +37,60 @@ class Recorded:
     sample_time: Annotated[float, Ge(0.001), Le(10)]
     correction: str | None = None
 
+    required: ClassVar[tuple[str, ...]] = ("folder",)
+    example: ClassVar[str] = ""
+    """Of a sequence, with the most digits."""
+
     def check(self) -> None:
-        """Raise ValueError if a needed value is missing, or the frames are not a range."""
-        if not self.folder:
-            raise ValueError(f"source.folder: is required with source={self.kind}")
+        """Raise ValueError if a required value is missing or not valid."""
+        for name in self.required:
+            if not getattr(self, name):
+                raise ValueError(f"source.{name}: is required with source={self.kind}")
+        if self.example and not re.fullmatch(rf"\d{{1,{len(self.example)}}}", self.sequence):
+            raise ValueError(
+                f"source.sequence: must be a number such as {self.example}, got {self.sequence!r}"
+            )
         chosen_frames(self.frames)
 
 
 @dataclass(frozen=True, kw_only=True)
-class KittiTracking(Recorded):
+class Labelled(Recorded):
+    """A clip that may have labels.
+
+    Attributes:
+        target: track id in the labels; `auto`: every moving object is tracked; null for no truth.
+    """
+
+    target: Annotated[int, Ge(0)] | Literal["auto"] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class KittiTracking(Labelled):
     """KITTI's tracking benchmark.
 
     Attributes:
         sequence: number of the clip, such as 0005.
-        target: track id in the labels; `auto`: every moving object is tracked; null for no truth.
     """
 
     kind: Literal["kitti_tracking"]
     sequence: str | None
-    target: Annotated[int, Ge(0)] | Literal["auto"] | None
 
-    def check(self) -> None:
-        """Raise ValueError if a needed value is missing or not valid."""
-        super().check()
-        if self.sequence is None:
-            raise ValueError(f"source.sequence: is required with source={self.kind}")
-        if not re.fullmatch(r"\d{1,4}", self.sequence):
-            raise ValueError(
-                f"source.sequence: must be a number such as 0005, got {self.sequence!r}"
-            )
+    required = ("folder", "sequence")
+    example = "0005"
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlainFolder(Recorded):
-    """A folder with `rig.yaml`, the images in `left/` and `right/`, and optional truth.
-
-    Attributes:
-        target: track id in the labels; `auto`: every moving object is tracked; null for no truth.
-    """
+class PlainFolder(Labelled):
+    """A folder with `rig.yaml`, the images in `left/` and `right/`, and optional truth."""
 
     kind: Literal["folder"]
-    target: Annotated[int, Ge(0)] | Literal["auto"] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class VirtualKitti(Labelled):
+    """Virtual KITTI 2, one variation of a scene."""
+
+    kind: Literal["virtual_kitti"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,6 +106,18 @@ class KittiOdometry(Recorded):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Argoverse(Recorded):
+    """Argoverse 2's sensor data set, the stereo cameras of one log.
+
+    Attributes:
+        target: track_uuid in the labels; `auto`: every moving object is tracked; null for no truth.
+    """
+
+    kind: Literal["argoverse"]
+    target: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
 class KittiPair(Recorded):
     """One pair of KITTI's object, stereo 2012 or stereo 2015 benchmark.
 
@@ -103,37 +128,8 @@ class KittiPair(Recorded):
     kind: Literal["kitti_pair"]
     sequence: str | None
 
-    def check(self) -> None:
-        """Raise ValueError if a needed value is missing or not valid."""
-        super().check()
-        if self.sequence is None or not re.fullmatch(r"\d{1,6}", self.sequence):
-            raise ValueError(
-                f"source.sequence: must be a number such as 000123, got {self.sequence!r}"
-            )
-
-
-@dataclass(frozen=True, kw_only=True)
-class VirtualKitti(Recorded):
-    """Virtual KITTI 2, one variation of a scene.
-
-    Attributes:
-        target: trackID in the labels; `auto`: every moving object is tracked; null for no truth.
-    """
-
-    kind: Literal["virtual_kitti"]
-    target: Annotated[int, Ge(0)] | Literal["auto"] | None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Argoverse(Recorded):
-    """Argoverse 2's sensor data set, the stereo cameras of one log.
-
-    Attributes:
-        target: track_uuid in the labels; `auto`: every moving object is tracked; null for no truth.
-    """
-
-    kind: Literal["argoverse"]
-    target: str | None
+    required = ("folder", "sequence")
+    example = "000123"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,12 +150,7 @@ class Pair(Recorded):
     disparity: str | None
     labels: str | None
 
-    def check(self) -> None:
-        """Raise ValueError if a needed value is missing."""
-        super().check()
-        for name in ("right", "calibration"):
-            if not getattr(self, name):
-                raise ValueError(f"source.{name}: is required with source={self.kind}")
+    required = ("folder", "right", "calibration")
 
 
 Source = (

@@ -25,17 +25,12 @@ def is_layout(folder: Path) -> bool:
 
 
 def find_recording(source: PlainFolder) -> Recording:
-    """The files of the folder, checked as far as their heads.
-
-    Raises:
-        UserError: if a file is missing or not valid.
-    """
+    """The recording of the folder."""
     root = Path(source.folder)
     return assembled_recording(
         source,
         read_rig(root / RIG),
-        left=numbered_images(root / "left"),
-        right=numbered_images(root / "right"),
+        numbered_images(root / "left", root / "right"),
         labels=(root / "labels.txt",),
         poses=(root / "poses.txt",),
     )

@@ -1,286 +1,46 @@
-"""Poses and labels of a recording in any layout; KITTI's text files and calibration.
+"""Ego poses and labels of a recording in any layout."""
 
-Geiger, Lenz, Stiller, Urtasun 2013, *Vision meets robotics: the KITTI dataset*. Calibration: rows
-`P2: 12 numbers`, the 3 × 4 projections of the cameras, (4); the odometry benchmark may leave out
-the names, its rows are P0, P1, … in order. Poses: one row per frame, the 3 × 4 matrix of the left
-camera's pose, row by row. Labels: one row per frame and object with frame, track id, type,
-truncated, occluded, alpha, box in the left colour image (left, top, right, bottom, px), size
-(height, width, length, m), place of the bottom's centre (x, y, z, m, in the frame of camera 0),
-rotation_y (rad), https://www.cvlibs.net/datasets/kitti/eval_tracking.php. Those of the object
-benchmark have no frame and no track id, and a share of truncation: they are of frame 0, and the
-track id is the number of the row, from 0.
-"""
-
-import math
-import re
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 
-from stixel_cli.errors import UserError, printable
-from stixel_cli.files import read_text
-from stixel_cli.recordings.types import Calibration, Labels, TableLayout
-from stixel_cli.remembered import remembered
+from stixel_cli.errors import UserError
+from stixel_cli.recordings import argoverse_tables, kitti_tables, virtual_kitti_tables
+from stixel_cli.recordings.types import Labels, Tables, Tracks
 
-MOST_ROWS = 1_000_000
-
-GREATEST = 1e9
-"""Greatest absolute value of a number, in its unit: products of larger ones overflow."""
-
-
-def text_rows(file: Path) -> list[tuple[int, list[str]]]:
-    """Number (from 1) and words of each row that is not empty.
-
-    Raises:
-        UserError: if the file is missing, not a text, or has more than `MOST_ROWS` rows.
-    """
-    lines = read_text(file).splitlines()
-    if len(lines) > MOST_ROWS:
-        raise UserError(f"{file}: more than {MOST_ROWS} rows")
-    return [(i, line.split()) for i, line in enumerate(lines, 1) if line.strip()]
+READERS = {
+    "kitti": kitti_tables,
+    "virtual_kitti": virtual_kitti_tables,
+    "argoverse": argoverse_tables,
+}
+"""The module that reads each kind of tables."""
 
 
-def numbers(file: Path, row: int, words: list[str]) -> list[float]:
-    """The words of a row as numbers.
-
-    Raises:
-        UserError: if a word is not a finite number, or is beyond `GREATEST`.
-    """
-    found = []
-    for word in words:
-        try:
-            value = float(word)
-        except ValueError:
-            raise UserError(f"{file}: row {row}: {printable(word)!r} is not a number") from None
-        if not math.isfinite(value):
-            raise UserError(f"{file}: row {row}: {printable(word)} is not finite")
-        if abs(value) > GREATEST:
-            raise UserError(f"{file}: row {row}: {printable(word)} must be within ±{GREATEST:g}")
-        found.append(value)
-    return found
-
-
-def check_columns(file: Path, row: int, words: list[str], needed: int) -> None:
-    """Raise UserError unless the row has `needed` columns."""
-    if len(words) != needed:
-        raise UserError(f"{file}: row {row}: {needed} columns are needed, got {len(words)}")
-
-
-CAMERA_HEIGHT = 1.65
-"""Of KITTI's cameras above the road, m (Geiger et al. 2013, figure 3)."""
-
-
-def read_calibration(file: Path, left: str, right: str) -> Calibration:
-    """The calibration of the cameras `left` and `right`, such as `P2` and `P3`.
-
-    Raises:
-        UserError: if a projection is missing, damaged, or the cameras are not a rectified pair.
-    """
-    found = _projections(file)
-    for name in (left, right):
-        if name not in found:
-            raise UserError(f"{file}: the projection {name} is missing")
-    first, second = found[left], found[right]
-    for name, matrix in ((left, first), (right, second)):
-        if not (matrix[0, 0] > 0 and matrix[1, 1] > 0) or abs(matrix[2, 2] - 1.0) > 1e-6:
-            raise UserError(f"{file}: {name} is not a camera's projection")
-    if not np.allclose(first[:, :3], second[:, :3], rtol=0.0, atol=1e-3):
-        raise UserError(f"{file}: {left} and {right} are not rectified to one camera matrix")
-    # P = K [I | t]: t moves points from the labels' frame into the camera's.
-    shifts = [np.linalg.solve(matrix[:, :3], matrix[:, 3]) for matrix in (first, second)]
-    baseline = float(shifts[0][0] - shifts[1][0]) + 0.0
-    if baseline < 0.001:
-        raise UserError(
-            f"{file}: no baseline: {right} is {baseline:.4g} m to the right of {left}; "
-            "at least 0.001 m are needed"
-        )
-    return Calibration(
-        focal_length=float(first[0, 0]),
-        focal_length_v=float(first[1, 1]),
-        principal_u=float(first[0, 2]),
-        principal_v=float(first[1, 2]),
-        baseline=baseline,
-        camera_height=CAMERA_HEIGHT,
-        left_camera=tuple(float(-value) for value in shifts[0]),
-    )
-
-
-def pair_names(file: Path) -> tuple[str, str]:
-    """The names of the two cameras in a file: of the colour cameras, else of the grey ones.
-
-    Raises:
-        UserError: if it has no such pair.
-    """
-    found = _projections(file)
-    for left, right in (("P2", "P3"), ("P_rect_02", "P_rect_03"), ("P0", "P1")):
-        if left in found and right in found:
-            return left, right
-    raise UserError(f"{file}: the projections P2 and P3, or P0 and P1, are missing")
-
-
-def _projections(file: Path) -> dict[str, np.ndarray]:
-    """The 3 × 4 matrices by name."""
-    found: dict[str, np.ndarray] = {}
-    unnamed = 0
-    for row, words in text_rows(file):
-        name = words[0].removesuffix(":")
-        if name[:1].isalpha() and name.lower() not in ("nan", "inf"):
-            words = words[1:]
-        else:
-            name, unnamed = f"P{unnamed}", unnamed + 1
-        # Other rows, such as Tr_velo_to_cam, are not needed.
-        if not re.fullmatch(r"P(_rect_)?\d+", name):
-            continue
-        check_columns(file, row, words, 12)
-        found[name] = np.array(numbers(file, row, words)).reshape(3, 4)
-    return found
-
-
-COLUMNS = 17
-OBJECT_COLUMNS = 15
-
-Tracks = dict[int | str, Labels]
-
-
-@remembered
-def read_kitti_labels(file: Path) -> Tracks:
-    """The labels of each target by its track id; regions of the type `DontCare` are left out.
-
-    Raises:
-        UserError: if a row is short, has a value that is not finite, or repeats a frame.
-    """
-    rows: dict[int, list[list[float]]] = {}
-    kinds: dict[int, str] = {}
-    seen: set[tuple[int, int]] = set()
-    found = text_rows(file)
-    of_object = bool(found) and len(found[0][1]) == OBJECT_COLUMNS
-    for row, words in found:
-        check_columns(file, row, words, OBJECT_COLUMNS if of_object else COLUMNS)
-        if of_object:
-            words = ["0", str(row - 1), *words]
-        kind = words[2]
-        if kind == "DontCare":
-            continue
-        values = numbers(file, row, words[:2] + words[3:])
-        frame, target = int(values[0]), int(values[1])
-        if (frame, target) != (values[0], values[1]) or frame < 0 or target < 0:
-            raise UserError(f"{file}: row {row}: frame and track id must be whole numbers ≥ 0")
-        if (frame, target) in seen:
-            raise UserError(f"{file}: row {row}: track {target} is labelled twice in frame {frame}")
-        if min(values[9:12]) <= 0.0:
-            raise UserError(f"{file}: row {row}: height, width and length must be > 0")
-        if kinds.setdefault(target, kind) != kind:
-            raise UserError(
-                f"{file}: row {row}: track {target} is a {printable(kind)}, "
-                f"but was a {printable(kinds[target])} before"
-            )
-        seen.add((frame, target))
-        rows.setdefault(target, []).append(values)
-    return {target: labels_in(np.array(rows[target]), kinds[target]) for target in sorted(rows)}
-
-
-def labels_in(values: np.ndarray, kind: str) -> Labels:
-    """The labels of one target in rows (n, 16): KITTI's columns but for the type."""
-    values = values[np.argsort(values[:, 0], kind="stable")]
-    return Labels(
-        frames=values[:, 0].astype(np.int64),
-        truncated=np.ceil(values[:, 2]).astype(np.int64),
-        occluded=values[:, 3].astype(np.int64),
-        boxes=values[:, 5:9],
-        sizes=values[:, 9:12],
-        places=values[:, 12:15],
-        yaws=values[:, 15],
-        kind=kind,
-    )
-
-
-def track_of(tracks: Tracks, target: int | str, file: Path, key: str = "source.target") -> Labels:
-    """The labels of one of the `tracks` in a file; `key` is the setting that names it.
-
-    Raises:
-        UserError: if there is no such track; the line lists tracks that there are.
-    """
-    if target not in tracks:
-        known = ", ".join(f"{i} ({labels.kind})" for i, labels in list(tracks.items())[:12])
-        more = ", …" if len(tracks) > 12 else ""
-        raise UserError(f"{key}: {file} has no track {target}; it has {known}{more}")
-    return tracks[target]
-
-
-GREATEST_STEP = 10.0
-"""Between two rows, m; with more, they are not in the order of the frames."""
-
-GREATEST_TURN = 30.0
-"""Between two rows, degrees; likewise."""
-
-
-@remembered
-def read_kitti_poses(file: Path) -> np.ndarray:
-    """Poses (n, 3, 4) of the left camera (x right, y down, z forward) in that of the first row, m.
-
-    Raises:
-        UserError: if a row is short, not finite, not a rigid motion, or not in order.
-    """
-    poses = []
-    for row, words in text_rows(file):
-        check_columns(file, row, words, 12)
-        poses.append((row, np.array(numbers(file, row, words)).reshape(3, 4)))
-    return checked_poses(file, poses)
-
-
-def checked_poses(file: Path, poses: list[tuple[int, np.ndarray]]) -> np.ndarray:
-    """Poses (n, 3, 4), each given with its row in a file; errors as in `read_poses`."""
-    found: list[np.ndarray] = []
-    for row, pose in poses:
-        turn = pose[:, :3]
-        if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-3) or np.linalg.det(turn) < 0.0:
-            raise UserError(f"{file}: row {row}: not a rigid pose: its 3 × 3 part is no rotation")
-        if found:
-            step = np.linalg.norm(pose[:, 3] - found[-1][:, 3])
-            cosine = 0.5 * (np.trace(found[-1][:, :3].T @ turn) - 1.0)
-            angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
-            if step > GREATEST_STEP or angle > GREATEST_TURN:
-                raise UserError(
-                    f"{file}: row {row}: out of order: {step:.1f} m and {angle:.0f} degrees from "
-                    f"the row before, at most {GREATEST_STEP:g} m and {GREATEST_TURN:g} degrees"
-                )
-        found.append(pose)
-    if not found:
-        raise UserError(f"{file}: has no poses")
-    return np.stack(found)
-
-
-def read_poses(files: tuple[Path, ...], layout: TableLayout) -> np.ndarray:
+def read_poses(files: tuple[Path, ...], tables: Tables) -> np.ndarray:
     """Poses (n, 3, 4) of the left camera (x right, y down, z forward) in any one frame, m.
 
     Raises:
         UserError: if a file is missing or not valid.
     """
-    if layout.kind == "kitti":
-        return read_kitti_poses(*files)
-    return _readers(layout).read_poses(*files, *filter(None, [layout.times]))
+    return READERS[tables.kind].read_poses(*files, *filter(None, [tables.times]))
 
 
-def read_labels(files: tuple[Path, ...], layout: TableLayout) -> Tracks:
+def read_labels(files: tuple[Path, ...], tables: Tables) -> Tracks:
     """The labels of each target by its track id; errors as in `read_poses`."""
-    if layout.kind == "kitti":
-        return read_kitti_labels(*files)
-    return _readers(layout).read_labels(*files, *filter(None, [layout.times]))
+    return READERS[tables.kind].read_labels(*files, *filter(None, [tables.times]))
 
 
-def _readers(layout: TableLayout) -> ModuleType:
-    """The module that reads the tables of another layout than KITTI's."""
-    # Imported here, because both use this module.
-    from stixel_cli.recordings import argoverse_tables, virtual_kitti_tables
-
-    return virtual_kitti_tables if layout.kind == "virtual_kitti" else argoverse_tables
-
-
-def labels_of(files: tuple[Path, ...], layout: TableLayout, target: int | str) -> Labels:
-    """The labels of one target.
+def labels_of(
+    files: tuple[Path, ...], tables: Tables, target: int | str, key: str = "source.target"
+) -> Labels:
+    """The labels of one target; `key` is the setting that names it.
 
     Raises:
         UserError: if the files have no such track; the line lists tracks that they have.
     """
-    return track_of(read_labels(files, layout), target, files[0])
+    tracks = read_labels(files, tables)
+    if target not in tracks:
+        known = ", ".join(f"{i} ({labels.kind})" for i, labels in list(tracks.items())[:12])
+        more = ", …" if len(tracks) > 12 else ""
+        raise UserError(f"{key}: {files[0]} has no track {target}; it has {known}{more}")
+    return tracks[target]

@@ -20,8 +20,8 @@ class Calibration:
         principal_u, principal_v: principal point of the left camera, px.
         baseline: distance of the cameras, m.
         camera_height: above the road, m; None if the files do not state it.
-        left_camera: (x, y, z) m, the left camera's place in the frame of the labels, whose axes are
-            the camera's (x right, y down, z forward).
+        left_camera: its place in the frame of the labels, see `Tables`.
+        rectification: of the images; None if the files are rectified.
     """
 
     focal_length: float
@@ -31,6 +31,7 @@ class Calibration:
     baseline: float
     camera_height: float | None
     left_camera: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rectification: "Rectification | None" = None
 
 
 @dataclass(frozen=True)
@@ -39,33 +40,32 @@ class Rectification:
 
     Attributes:
         left, right: homographies from the pixels of a file to those of the pair, row by row.
-        width, height: of the pair, px.
-        file_width, file_height: of the files, px.
+        size: width and height of the pair, px; and file_size: of the files.
     """
 
     left: tuple[float, ...]
     right: tuple[float, ...]
-    width: int
-    height: int
-    file_width: int
-    file_height: int
+    size: tuple[int, int]
+    file_size: tuple[int, int]
 
 
 @dataclass(frozen=True)
-class TableLayout:
-    """How the files of the poses and the labels are written.
+class Tables:
+    """How the tables of a recording, its ego poses and its labels, are written.
 
     Attributes:
         kind: `kitti`, or another one that `tables` reads.
         times: time stamps of all left images of the clip, ns, where files name times and not
             frames; else ().
+        first: number of the recording's first frame.
+        left_camera: (x, y, z) m, the left camera's place in the frame of the labels, whose axes are
+            the camera's (x right, y down, z forward).
     """
 
     kind: str = "kitti"
     times: tuple[int, ...] = ()
-
-
-KITTI = TableLayout()
+    first: int = 0
+    left_camera: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -75,35 +75,33 @@ class Recording:
     Attributes:
         layout: the option of the group `source`.
         frames: numbers of the frames in the files, without gaps.
-        left, right: one image file per frame.
-        width, height: of the rectified images, px.
         calibration: of the rig.
+        tables: how the files of the ego poses and the labels are written.
+        left, right: one image file per frame; () if only its motion is replayed.
+        width, height: of the rectified images, px.
         pose_files: files of the ego poses; () without.
         label_files: files of the labels; () without.
-        table_layout: of both.
         target: track id in the labels; None for no truth.
         auto: whether every moving object is tracked.
         label: type of the target's label, such as `Car`; None without target.
         first_box: left and right border, px, of the target's box in the first image, or None.
-        rectification: of the images; None if the files are rectified.
         true_disparities: one file per frame of the left images' true disparities; () without.
     """
 
     layout: str
     frames: range
-    left: tuple[Path, ...]
-    right: tuple[Path, ...]
-    width: int
-    height: int
     calibration: Calibration
+    tables: Tables
+    left: tuple[Path, ...] = ()
+    right: tuple[Path, ...] = ()
+    width: int = 0
+    height: int = 0
     pose_files: tuple[Path, ...] = ()
     label_files: tuple[Path, ...] = ()
-    table_layout: TableLayout = KITTI
     target: int | str | None = None
     auto: bool = False
     label: str | None = None
     first_box: tuple[float, float] | None = None
-    rectification: Rectification | None = None
     true_disparities: tuple[Path, ...] = ()
 
     @property
@@ -112,19 +110,9 @@ class Recording:
         return CLASS_OF_KITTI_TYPE.get(self.label or "")
 
     @property
-    def first(self) -> int:
-        """Number of the first frame."""
-        return self.frames.start
-
-    @property
     def count(self) -> int:
         """Number of frames."""
         return len(self.frames)
-
-    @property
-    def left_camera(self) -> tuple[float, float, float]:
-        """The left camera's place in the frame of the labels, m."""
-        return self.calibration.left_camera
 
     @property
     def first_bearings(self) -> tuple[float, ...]:
@@ -168,6 +156,10 @@ class Labels:
     truncated: np.ndarray
     occluded: np.ndarray
     kind: str
+
+
+Tracks = dict[int | str, Labels]
+"""The labels of each target by its track id."""
 
 
 @dataclass(frozen=True)

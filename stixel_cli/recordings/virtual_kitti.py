@@ -9,7 +9,7 @@ from pathlib import Path
 
 from stixel_cli.recordings.assembly import assembled_recording, numbered_images
 from stixel_cli.recordings.parameters import VirtualKitti
-from stixel_cli.recordings.types import Recording, TableLayout
+from stixel_cli.recordings.types import Recording, Tables
 from stixel_cli.recordings.virtual_kitti_tables import read_calibration
 
 IMAGES = Path("frames/rgb")
@@ -23,22 +23,14 @@ def is_layout(folder: Path) -> bool:
 
 
 def find_recording(source: VirtualKitti) -> Recording:
-    """The files of a variation and its target, checked as far as their heads.
-
-    Raises:
-        UserError: if a file is missing or not valid.
-    """
+    """The recording of a variation."""
     root = Path(source.folder)
-    left, right = (
-        numbered_images(root / IMAGES / camera, NAMES, "rgb_00000.jpg")
-        for camera in ("Camera_0", "Camera_1")
-    )
+    folders = (root / IMAGES / camera for camera in ("Camera_0", "Camera_1"))
     return assembled_recording(
         source,
         read_calibration(root / "intrinsic.txt", root / "extrinsic.txt"),
-        left,
-        right,
+        numbered_images(*folders, names=NAMES, example="rgb_00000.jpg"),
         poses=(root / "extrinsic.txt",),
         labels=tuple(root / name for name in LABELS),
-        layout=TableLayout("virtual_kitti"),
+        tables=Tables("virtual_kitti"),
     )

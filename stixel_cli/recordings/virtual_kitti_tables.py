@@ -10,23 +10,23 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import UserError, printable
-from stixel_cli.recordings.tables import (
-    Tracks,
+from stixel_cli.recordings.kitti_tables import (
+    check_baseline,
     check_columns,
     checked_poses,
     labels_in,
     numbers,
     text_rows,
 )
-from stixel_cli.recordings.types import Calibration
+from stixel_cli.recordings.types import Calibration, Tracks
 from stixel_cli.remembered import remembered
 
 VISIBLE = 0.7
 """Least share of its box that a vehicle in full view fills: chosen here, not by the data set."""
 
 KEY = ("frame", "cameraID", "trackID")
-POSE = ("height", "width", "length")
-POSE += ("camera_space_X", "camera_space_Y", "camera_space_Z", "rotation_camera_space_y")
+PLACE = ("camera_space_X", "camera_space_Y", "camera_space_Z")
+POSE = ("height", "width", "length", *PLACE, "rotation_camera_space_y")
 BOX = ("left", "top", "right", "bottom", "truncation_ratio", "occupancy_ratio")
 
 
@@ -50,11 +50,7 @@ def read_calibration(intrinsic: Path, extrinsic: Path) -> Calibration:
     aligned[0, 3] = -baseline
     if not np.allclose(motion, aligned, atol=0.01):
         raise UserError(f"{extrinsic}: the cameras of the first frame are not a rectified pair")
-    if baseline < 0.001:
-        raise UserError(
-            f"{extrinsic}: no baseline: camera 1 is {baseline:.4g} m to the right of camera 0; "
-            "at least 0.001 m are needed"
-        )
+    check_baseline(extrinsic, baseline, "camera 0", "camera 1")
     return Calibration(focal_length, focal_length_v, principal_u, principal_v, baseline, None)
 
 
@@ -64,16 +60,15 @@ def read_poses(extrinsic: Path) -> np.ndarray:
     Raises:
         UserError: if a row is damaged, a frame is missing, or the poses are not in order.
     """
-    poses = []
+    poses: list[tuple[int, np.ndarray]] = []
     for row, words in _rows(extrinsic, ("frame", "cameraID"), 18):
         frame, camera, *values = numbers(extrinsic, row, words)
-        if camera != 0:
-            continue
-        if frame != len(poses):
+        if camera == 0 and frame != len(poses):
             raise UserError(f"{extrinsic}: row {row}: frame {len(poses)} is missing before it")
-        matrix = np.reshape(values, (4, 4))[:3]
-        turn = matrix[:, :3].T
-        poses.append((row, np.column_stack([turn, -turn @ matrix[:, 3]])))
+        if camera == 0:
+            matrix = np.reshape(values, (4, 4))[:3]
+            turn = matrix[:, :3].T
+            poses.append((row, np.column_stack([turn, -turn @ matrix[:, 3]])))
     return checked_poses(extrinsic, poses)
 
 
@@ -84,7 +79,7 @@ def read_labels(pose: Path, bbox: Path, info: Path) -> Tracks:
     Raises:
         UserError: if a row is short, has a value that is not finite, or repeats a frame.
     """
-    kinds = {words[0]: words[1] for _, words in _rows(info, ("trackID", "label"), picked=True)}
+    kinds = dict(words for _, words in _rows(info, ("trackID", "label")))
     boxes = _of_left_camera(bbox, BOX)
     rows: dict[int, list[list[float]]] = {}
     for (frame, track), (row, values) in _of_left_camera(pose, POSE).items():
@@ -92,65 +87,59 @@ def read_labels(pose: Path, bbox: Path, info: Path) -> Tracks:
             raise UserError(f"{pose}: row {row}: height, width and length must be > 0")
         if (frame, track) in boxes:
             *box, truncated, filled = boxes[frame, track][1]
-            occluded = float(filled < VISIBLE)
-            one = [frame, track, truncated, occluded, 0.0, *box, *values]
-            rows.setdefault(track, []).append(one)
-    for track in rows:
+            flags = [truncated, float(filled < VISIBLE), 0.0]
+            rows.setdefault(track, []).append([frame, track, *flags, *box, *values])
+    tracks = {}
+    for track in sorted(rows):
         if str(track) not in kinds:
             raise UserError(f"{info}: track {track} of {pose.name} is missing")
-    return {
-        track: labels_in(np.array(rows[track]), printable(kinds[str(track)]))
-        for track in sorted(rows)
-    }
+        tracks[track] = labels_in(np.array(rows[track]), printable(kinds[str(track)]))
+    return tracks
 
 
 def _of_left_camera(
     file: Path, names: tuple[str, ...]
 ) -> dict[tuple[int, int], tuple[int, list[float]]]:
     """Row number and the columns `names` by frame and track."""
-    found: dict[tuple[int, int], tuple[int, list[float]]] = {}
-    for row, words in _rows(file, (*KEY, *names), picked=True):
+    by_label: dict[tuple[int, int], tuple[int, list[float]]] = {}
+    for row, words in _rows(file, (*KEY, *names)):
         frame, camera, track, *values = numbers(file, row, words)
         if camera != 0:
             continue
         if (int(frame), int(track)) != (frame, track) or min(frame, track) < 0:
             raise UserError(f"{file}: row {row}: frame and trackID must be whole numbers ≥ 0")
-        if (frame, track) in found:
+        if (frame, track) in by_label:
             raise UserError(
                 f"{file}: row {row}: track {track:g} is labelled twice in frame {frame:g}"
             )
-        found[int(frame), int(track)] = row, values
-    return found
+        by_label[int(frame), int(track)] = row, values
+    return by_label
 
 
 def _of_first_frame(file: Path, columns: int) -> tuple[list[float], list[float]]:
     """The values of cameras 0 and 1 in their first row."""
-    found: dict[float, list[float]] = {}
+    by_camera: dict[float, list[float]] = {}
     for row, words in _rows(file, ("frame", "cameraID"), 2 + columns):
         _, camera, *values = numbers(file, row, words)
-        found.setdefault(camera, values)
-        if {0.0, 1.0} <= found.keys():
-            return found[0.0], found[1.0]
-    raise UserError(f"{file}: a row of cameraID {0 if 0.0 not in found else 1} is missing")
+        by_camera.setdefault(camera, values)
+        if {0.0, 1.0} <= by_camera.keys():
+            return by_camera[0.0], by_camera[1.0]
+    raise UserError(f"{file}: a row of cameraID {0 if 0.0 not in by_camera else 1} is missing")
 
 
 def _rows(
-    file: Path, names: tuple[str, ...], columns: int | None = None, picked: bool = False
+    file: Path, names: tuple[str, ...], count: int | None = None
 ) -> list[tuple[int, list[str]]]:
-    """Number and words of each row after that of the names, which must have `names`.
+    """Number of each row after that of the names, and its words in the columns `names`.
 
-    Args:
-        file: to read.
-        names: of columns.
-        columns: number of them; None for those of the row of names.
-        picked: whether to return the columns `names` only, in this order.
+    With `count`, all of its words, which must be as many.
     """
     rows = text_rows(file)
     header = rows[0][1] if rows else []
     for name in names:
         if name not in header:
             raise UserError(f"{file}: row 1: the column {name} is missing")
+    columns = [header.index(name) for name in names] if count is None else range(count)
     for row, words in rows[1:]:
-        check_columns(file, row, words, columns or len(header))
-    at = [header.index(name) for name in names] if picked else slice(None)
-    return [(row, [words[i] for i in at] if picked else words) for row, words in rows[1:]]
+        check_columns(file, row, words, count or len(header))
+    return [(row, [words[i] for i in columns]) for row, words in rows[1:]]

@@ -1,6 +1,6 @@
 """Cameras of the rig in any rigid frame, the rays through their pixels, and screen rectangles."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -37,16 +37,16 @@ class Camera:
     def seen_from(self, world_from_body: np.ndarray) -> "Camera":
         """This camera of the world in the frame of a body with the pose (4, 4)."""
         turn, shift = world_from_body[:3, :3], world_from_body[:3, 3]
-        return Camera(
-            np.ascontiguousarray(turn.T @ self.rotation),
-            np.ascontiguousarray(turn.T @ (self.origin - shift)),
-            self.focal,
-            self.u0,
-            self.v0,
-            self.width,
-            self.height,
-            self.stretch,
+        return replace(
+            self,
+            rotation=np.ascontiguousarray(turn.T @ self.rotation),
+            origin=np.ascontiguousarray(turn.T @ (self.origin - shift)),
         )
+
+    @property
+    def pinhole(self) -> tuple[np.ndarray, np.ndarray, float, float, float]:
+        """The camera as kernels take it: rotation, origin, focal, u0, v0."""
+        return self.rotation, self.origin, self.focal, self.u0, self.v0
 
     @property
     def projection(self) -> np.ndarray:

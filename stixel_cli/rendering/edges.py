@@ -20,7 +20,7 @@ FLAT = 0.99
 
 
 def edge_pixels(
-    bodies: list[Body], hits: Hits, lit: np.ndarray, light: np.ndarray, rows: int
+    bodies: tuple[Body, ...], hits: Hits, lit: np.ndarray, light: np.ndarray, rows: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Pixels that show an edge of surface or shadow, and pixels where a shadow's edge may be.
 
@@ -34,23 +34,13 @@ def edge_pixels(
         Two masks (n,) bool.
     """
     edge, at_shadow = np.zeros((2, len(lit)), dtype=bool)
-    _mark_edges(
-        edge,
-        at_shadow,
-        len(lit) // rows,
-        *(hits.body, hits.triangle, hits.depth),
-        *_tables(bodies),
-        lit,
-        light,
-        ENCODE,
-        EDGE_CONTRAST,
-        EDGE_BEND,
-        EDGE_JUMP,
-    )
+    surfaces = (hits.body, hits.triangle, hits.depth), _tables(bodies)
+    limits = (ENCODE, EDGE_CONTRAST, EDGE_BEND, EDGE_JUMP)
+    _mark_edges(edge, at_shadow, len(lit) // rows, *surfaces, lit, light, *limits)
     return edge, at_shadow
 
 
-def unclear_pixels(bodies: list[Body], hits: Hits, lit: np.ndarray, rows: int) -> np.ndarray:
+def unclear_pixels(bodies: tuple[Body, ...], hits: Hits, lit: np.ndarray, rows: int) -> np.ndarray:
     """Let the odd fields of a chequer-board take `lit` from their neighbours.
 
     Args:
@@ -62,32 +52,27 @@ def unclear_pixels(bodies: list[Body], hits: Hits, lit: np.ndarray, rows: int) -
         Indices of the odd fields that meet something and stay unknown.
     """
     unclear = np.empty(len(lit), dtype=np.int64)
-    found = _spread_light(
-        unclear,
-        len(lit) // rows,
-        *(hits.body, hits.triangle, hits.depth),
-        *_tables(bodies),
-        lit,
-        FLAT,
-        EDGE_JUMP,
-    )
-    return unclear[:found]
+    surfaces = (hits.body, hits.triangle, hits.depth), _tables(bodies)
+    count = _spread_light(unclear, len(lit) // rows, *surfaces, lit, FLAT, EDGE_JUMP)
+    return unclear[:count]
 
 
-def _tables(bodies: list[Body]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _tables(bodies: tuple[Body, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Texture and normals of the first body's triangles, and of the last one's."""
     first, last = bodies[0].surfaces, bodies[-1].surfaces
     return first.texture, first.normals, last.texture, last.normals
 
 
 @njit(inline="always")
-def _continues(one, two, body, triangle, depth, texture0, normals0, texture1, normals1, bend, jump):
-    """Whether pixels `one` and `two` show one surface: no other body or texture, no bend or gap."""
-    if body[one] != body[two]:
+def _continues(pixel, other, hits, tables, bend, jump):
+    """Whether `pixel` and `other` show one surface: no other body or texture, no bend or gap."""
+    body, triangle, depth = hits
+    texture0, normals0, texture1, normals1 = tables
+    if body[pixel] != body[other]:
         return False
-    a, b = triangle[one], triangle[two]
+    a, b = triangle[pixel], triangle[other]
     texture, normals = texture0, normals0
-    if body[one] == 1:
+    if body[pixel] == 1:
         texture, normals = texture1, normals1
     if texture[a] != texture[b]:
         return False
@@ -96,18 +81,18 @@ def _continues(one, two, body, triangle, depth, texture0, normals0, texture1, no
         + normals[a, 1] * normals[b, 1]
         + normals[a, 2] * normals[b, 2]
     )
-    near, far = min(depth[one], depth[two]), max(depth[one], depth[two])
+    near, far = min(depth[pixel], depth[other]), max(depth[pixel], depth[other])
     return product >= bend and far - near <= jump * near
 
 
 @njit(inline="always")
-def _contrasts(one, two, light, encode, contrast):
+def _contrasts(pixel, other, light, encode, contrast):
     """Whether the colours of two pixels differ by more than `contrast` grey levels."""
     top = np.float32(len(encode) - 1)
     half, unit, zero = np.float32(0.5), np.float32(1.0), np.float32(0.0)
     for channel in range(3):
-        a = min(max(light[one, channel], zero), unit)
-        b = min(max(light[two, channel], zero), unit)
+        a = min(max(light[pixel, channel], zero), unit)
+        b = min(max(light[other, channel], zero), unit)
         difference = np.int64(encode[np.int64(a * top + half)])
         difference -= np.int64(encode[np.int64(b * top + half)])
         if abs(difference) > contrast:
@@ -116,24 +101,7 @@ def _contrasts(one, two, light, encode, contrast):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _mark_edges(
-    edge,
-    at_shadow,
-    width,
-    body,
-    triangle,
-    depth,
-    texture0,
-    normals0,
-    texture1,
-    normals1,
-    lit,
-    light,
-    encode,
-    contrast,
-    bend,
-    jump,
-):
+def _mark_edges(edge, at_shadow, width, hits, tables, lit, light, encode, contrast, bend, jump):
     """Set the pixels of `edge_pixels` in its two masks (n,) bool.
 
     Inside one surface the texture's own filter is enough, and an invisible edge needs no
@@ -143,88 +111,70 @@ def _mark_edges(
 
     Args:
         width: of the image.
-        body, triangle, depth: (n,) of the pixels in row-major order, as `Hits` has them.
-        texture0, normals0: (T,) and (T, 3) of the first body's triangles; texture1, normals1: of
-            the second's.
+        hits: body, triangle and depth (n,) of the pixels in row-major order, as `Hits` has them.
+        tables: of `_tables`.
         lit, light: (n,) bool and (n, 3) float32, of the same pixels.
         encode: (m,) uint8, sRGB of linear light.
         contrast: least difference of colours, grey levels.
         bend: neighbours whose normals' scalar product is below this are bent.
         jump: least relative difference of two depths that make an edge.
     """
+    body, triangle, _ = hits
     count = len(body)
     column = -1
-    for one in range(count):
+    for pixel in range(count):
         column = column + 1 if column < width - 1 else 0
         for step in (1, width):
-            two = one + step
-            if two >= count or (step == 1 and column == width - 1):
+            other = pixel + step
+            if other >= count or (step == 1 and column == width - 1):
                 continue
-            other_light = lit[one] != lit[two]
-            if body[one] == body[two] and triangle[one] == triangle[two] and not other_light:
+            other_light = lit[pixel] != lit[other]
+            if (
+                body[pixel] == body[other]
+                and triangle[pixel] == triangle[other]
+                and not other_light
+            ):
                 continue
-            same = _continues(
-                one, two, body, triangle, depth, texture0, normals0, texture1, normals1, bend, jump
-            )
+            same = _continues(pixel, other, hits, tables, bend, jump)
             if other_light and same:
-                at_shadow[one] = at_shadow[two] = True
-            if (other_light or not same) and _contrasts(one, two, light, encode, contrast):
-                edge[one] = edge[two] = True
+                at_shadow[pixel] = at_shadow[other] = True
+            if (other_light or not same) and _contrasts(pixel, other, light, encode, contrast):
+                edge[pixel] = edge[other] = True
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _spread_light(
-    unclear,
-    width,
-    body,
-    triangle,
-    depth,
-    texture0,
-    normals0,
-    texture1,
-    normals1,
-    lit,
-    bend,
-    jump,
-):
+def _spread_light(unclear, width, hits, tables, lit, bend, jump):
     """Write the indices of `unclear_pixels`, and to `lit`; return how many indices there are.
 
     The other arguments are those of `_mark_edges`.
     """
+    body, triangle, _ = hits
     count = len(body)
-    found = 0
+    written = 0
     column, row = -1, 0
-    for one in range(count):
+    for pixel in range(count):
         column += 1
         if column == width:
             column, row = 0, row + 1
-        if (row + column) & 1 == 0 or body[one] < 0:
+        if (row + column) & 1 == 0 or body[pixel] < 0:
             continue
-        agreed = lit[one - 1]
-        clear = 0 < column < width - 1 and width <= one < count - width
+        agreed = lit[pixel - 1]
+        clear = 0 < column < width - 1 and width <= pixel < count - width
         if clear:
             for step in (-1, 1, -width, width):
-                two = one + step
-                if lit[two] == agreed and triangle[one] == triangle[two] and body[one] == body[two]:
-                    continue
-                if lit[two] != agreed or not _continues(
-                    one,
-                    two,
-                    body,
-                    triangle,
-                    depth,
-                    texture0,
-                    normals0,
-                    texture1,
-                    normals1,
-                    bend,
-                    jump,
+                other = pixel + step
+                if (
+                    lit[other] == agreed
+                    and triangle[pixel] == triangle[other]
+                    and body[pixel] == body[other]
                 ):
+                    continue
+                if lit[other] != agreed or not _continues(pixel, other, hits, tables, bend, jump):
                     clear = False
                     break
         if clear:
-            lit[one] = agreed
+            lit[pixel] = agreed
         else:
-            unclear[found] = one
-            found += 1
-    return found
+            unclear[written] = pixel
+            written += 1
+    return written

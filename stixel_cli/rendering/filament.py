@@ -46,7 +46,6 @@ def render(
     rig: Rig,
     renderer: FilamentParameters,
     frames: range,
-    command: tuple[str, ...] = COMMAND,
 ) -> RenderedFrames:
     """Render `frames` of the scenario without noise, as `raycast.render` does.
 
@@ -59,7 +58,6 @@ def render(
         rig: the cameras.
         renderer: light, timeouts and attempts.
         frames: consecutive frame indices.
-        command: the child process.
 
     Raises:
         RendererUnavailable: if the child hung or died `renderer.attempts` times.
@@ -67,7 +65,7 @@ def render(
     objects = numbered_objects(world, motion_of(world, scenario))
     meshes = road_user_meshes(road_user)
     scene = describe_scene(scenario, objects, meshes, rig, renderer, frames)
-    return RenderedFrames.from_frames(frames.start, rendered(scene, renderer, command))
+    return RenderedFrames.from_frames(frames.start, rendered(scene, renderer, COMMAND))
 
 
 def describe_scene(

@@ -20,65 +20,27 @@ MARGIN = 1e-6
 """Rounding of a triangle's extent in the image, px; samples keep further off a pixel's border."""
 
 
-def rasterise(
-    inverse: np.ndarray,
-    found: np.ndarray,
-    first: int,
-    corners: np.ndarray,
-    projection: np.ndarray,
-    origin: np.ndarray,
-    focal: float,
-    u0: float,
-    v0: float,
-    columns: np.ndarray,
-    preceding: np.ndarray,
-    width: int,
-    right: np.ndarray,
-    down: np.ndarray,
-) -> None:
+@njit(cache=True, nogil=True, error_model="numpy")
+def rasterise(inverse, found, memory, first, corners, pinhole, pixels, right, down):
     """Write the nearest triangle of a body into the samples of pixels, where it is nearer.
 
     Args:
         inverse: (n, s) float64 1/m, inverse depth of what is found so far; 0: nothing.
         found: (n, s) int32, its number; -1: nothing.
+        memory: filled (n,) 1/m, zero at first: what is behind it need not be looked at, because a
+            triangle fills the pixel; points and edges (3, 3).
         first: number of the body's first triangle.
         corners: (T, 3, 3) float64 m, triangles in the frame of the body.
-        projection, origin, focal, u0, v0: the camera in that frame, see `Camera.projection`.
-        columns: (n,) int64 of the pixels, which are sorted by row and then by column.
-        preceding: (H W + 1,) int32, how many of the pixels precede each of the image, row by row.
-        width: of the image, px.
+        pinhole: projection, origin, focal, u0, v0: the camera in that frame, see
+            `Camera.projection`.
+        pixels: columns (n,) int64 of the pixels, which are sorted by row and then by column;
+            preceding (H W + 1,) int32, how many of them precede each of the image, row by row;
+            width of the image, px.
         right, down: (s,) float64 px, the samples' offsets from a pixel's centre.
     """
-    memory = np.zeros(len(columns)), np.empty((3, 3)), np.empty((3, 3))
-    pinhole, pixels = (projection, origin, focal, u0, v0), (columns, preceding, width)
-    _rasterise(inverse, found, *memory, first, corners, *pinhole, *pixels, right, down)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _rasterise(
-    inverse,
-    found,
-    filled,
-    points,
-    edges,
-    first,
-    corners,
-    projection,
-    origin,
-    focal,
-    u0,
-    v0,
-    columns,
-    preceding,
-    width,
-    right,
-    down,
-):
-    """Do `rasterise`.
-
-    What is behind `filled` (n,) 1/m need not be looked at: a triangle fills the pixel. It is zero
-    at first; `points` and `edges` (3, 3) are working memory.
-    """
+    filled, points, edges = memory
+    projection, origin, focal, u0, v0 = pinhole
+    columns, preceding, width = pixels
     height, samples, most = (len(preceding) - 1) // width, len(right), 1.0 / NEAREST
     for t in range(len(corners)):
         nearest, depth = -np.inf, np.inf
@@ -119,7 +81,7 @@ def _rasterise(
         a2, b2 = edges[2, 0], edges[2, 1]
         half0, half1 = 0.5 * (abs(a0) + abs(b0)), 0.5 * (abs(a1) + abs(b1))
         half2 = 0.5 * (abs(a2) + abs(b2))
-        own = np.int32(first + t)
+        triangle = np.int32(first + t)
         for row in range(top, bottom):
             left, past = first_column, past_column
             if past_column - first_column > NARROW:
@@ -150,7 +112,7 @@ def _rasterise(
                             & (value < most)
                         )
                         inverse[pixel, k] = value if seen else before
-                        found[pixel, k] = own if seen else number
+                        found[pixel, k] = triangle if seen else number
                     if e0 >= half0 and e1 >= half1 and e2 >= half2 and centre + ahead < most:
                         filled[pixel] = max(filled[pixel], centre - ahead)
 
@@ -207,84 +169,46 @@ def _span(edges, row):
     return low, high
 
 
-def fragments(
-    found: np.ndarray,
-    inverse: np.ndarray,
-    second: int,
-    rows: np.ndarray,
-    columns: np.ndarray,
-    parts: np.ndarray,
-    split: np.ndarray,
-    right: np.ndarray,
-    down: np.ndarray,
-) -> tuple[np.ndarray, ...]:
-    """The distinct triangles of each pixel, in the order of their first samples.
+@njit(cache=True, nogil=True, error_model="numpy")
+def fragments(results, memory, found, inverse, second, pixels, samples):
+    """Write the distinct triangles of each pixel, the fragments, and return how many there are.
+
+    They are in the order of their first samples, pixel by pixel.
 
     Args:
+        results: gets of each fragment, up to one a sample, its pixel, int64; how many samples it
+            has, int64; the mean u and v of these, px, and the depth there, m, inf without a
+            triangle, float64; the body, int8, and its triangle, int32, both -1 without one.
+        memory: (s,) int32 and (s,) int64.
         found, inverse: (n, s), of `rasterise`.
         second: number of the first triangle of the second body.
-        rows, columns: (n,) int64 of the pixels.
-        parts: (s,) int64, the part of the pixel, counted from 0, in which a sample is.
-        split: (n,) bool, whether a triangle's parts count as distinct.
-        right, down: (s,) px.
-
-    Returns:
-        For each fragment (m,), pixel by pixel: its pixel, int64; how many samples it has, int64;
-        the mean u and v of these, px, and the depth there, m, inf without a triangle, float64;
-        the body, int8, and its triangle, int32, both -1 without one.
+        pixels: rows and columns (n,) int64; split (n,) bool, whether a triangle's parts count as
+            distinct.
+        samples: right, down (s,) px, as of `rasterise`; parts (s,) int64, the part of the pixel,
+            counted from 0, in which each is.
     """
-    # Memory that is not written is not taken.
-    types = np.int64, np.int64, np.float64, np.float64, np.float64, np.int8, np.int32
-    results = [np.empty(found.size, dtype) for dtype in types]
-    numbers, own_parts = np.empty(len(right), dtype=np.int32), np.empty(len(right), dtype=np.int64)
-    samples = rows, columns, parts, split, right, down
-    past = _fragments(*results, numbers, own_parts, found, inverse, second, *samples)
-    return tuple(result[:past] for result in results)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _fragments(
-    pixels,
-    covered,
-    u,
-    v,
-    depth,
-    body,
-    triangle,
-    numbers,
-    own_parts,
-    found,
-    inverse,
-    second,
-    rows,
-    columns,
-    parts,
-    split,
-    right,
-    down,
-):
-    """Write the results of `fragments`, and return how many there are.
-
-    `numbers` (s,) int32 and `own_parts` (s,) int64 are working memory.
-    """
-    count, samples = found.shape
+    to_pixel, covered, u, v, depth, body, triangle = results
+    numbers, own_parts = memory
+    rows, columns, split = pixels
+    right, down, parts = samples
+    count, size = found.shape
     past = 0
     for pixel in range(count):
-        begin, own, k = past, 0, 0
-        while k < samples:
+        begin, distinct, k = past, 0, 0
+        while k < size:
             number = found[pixel, k]
             part = parts[k] if split[pixel] else 0
             at = 0
-            while at < own and (numbers[at] != number or own_parts[at] != part):
+            while at < distinct and (numbers[at] != number or own_parts[at] != part):
                 at += 1
             to = begin + at
-            if at == own:
-                own += 1
+            if at == distinct:
+                distinct += 1
                 numbers[at], own_parts[at], covered[to] = number, part, 0
                 u[to] = v[to] = depth[to] = 0.0
             # The next sample mostly shows the same triangle: sum such runs in local variables.
             summed, sum_u, sum_v, sum_depth = covered[to], u[to], v[to], depth[to]
-            while k < samples and found[pixel, k] == number:
+            while k < size and found[pixel, k] == number:
                 if split[pixel] and parts[k] != part:
                     break
                 summed += 1
@@ -293,10 +217,10 @@ def _fragments(
                 sum_depth += inverse[pixel, k]
                 k += 1
             covered[to], u[to], v[to], depth[to] = summed, sum_u, sum_v, sum_depth
-        past += own
-        for at in range(own):
+        past += distinct
+        for at in range(distinct):
             to, number = begin + at, numbers[at]
-            pixels[to] = pixel
+            to_pixel[to] = pixel
             u[to] = columns[pixel] + u[to] / covered[to]
             v[to] = rows[pixel] + v[to] / covered[to]
             # Inverse depth is linear in the image: its mean is that of the mean point.

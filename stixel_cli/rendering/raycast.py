@@ -7,18 +7,17 @@ from itertools import product
 import numpy as np
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.rendering.camera_rays import Camera, rig_cameras
+from stixel_cli.rendering.camera_rays import rig_cameras
 from stixel_cli.rendering.frames import TARGET_ID, RenderedFrames
 from stixel_cli.rendering.placement import (
     Motion,
     motion_of,
     numbered_objects,
-    sun_direction,
     world_from_target_3d,
 )
 from stixel_cli.rendering.raycast_parameters import RaycastParameters
 from stixel_cli.rendering.surfaces import Surfaces, build_surfaces, with_other_vertices
-from stixel_cli.rendering.tracing import Body
+from stixel_cli.rendering.tracing import Body, Shot
 from stixel_cli.rendering.views import StaticView, static_view, view_with_target
 from stixel_cli.scene.mesh import Mesh, bounding_box
 from stixel_cli.scene.open3d_import import import_open3d_bindings
@@ -68,20 +67,18 @@ class StaticScene:
 
     def __init__(self, objects: Iterable[tuple[int, Mesh]], rig: Rig, renderer: RaycastParameters):
         self.rig, self.renderer = rig, renderer
-        self.sun = sun_direction(renderer.light)
         self.body = Body(build_surfaces(objects), np.eye(4))
         self._pose: bytes | None = None
-        self._views: list[tuple[Camera, StaticView]] = []
+        self._views: list[StaticView] = []
 
-    def views(self, ego_pose_world: np.ndarray) -> list[tuple[Camera, StaticView]]:
-        """Left and right camera on the ego car at the pose (3,), and what they see."""
+    def views(self, ego_pose_world: np.ndarray) -> list[StaticView]:
+        """What the left and the right camera see, on the ego car at the pose (3,)."""
         if self._pose != ego_pose_world.tobytes():
             # Let go of the old views first: two pairs need not be in memory.
             self._pose, self._views = None, []
-            cameras = rig_cameras(self.rig, ego_pose_world)
             self._views = [
-                (camera, static_view(self.body, camera, self.sun, self.renderer))
-                for camera in cameras
+                static_view(Shot((self.body,), camera, self.renderer.light), self.renderer.samples)
+                for camera in rig_cameras(self.rig, ego_pose_world)
             ]
             self._pose = ego_pose_world.tobytes()
         return self._views
@@ -125,16 +122,7 @@ def render_frame(
     pose = world_from_target_3d(scenario.target_poses_world[k])
     body = Body(target.surfaces(int(scenario.limb_poses[k])), pose)
     (left, depth, ids), (right, _, _) = (
-        view_with_target(
-            view,
-            static.body,
-            body,
-            target.corners,
-            camera,
-            static.sun,
-            static.renderer,
-            whole,
-        )
-        for camera, view in static.views(scenario.ego_poses_world[k])
+        view_with_target(view, body, target.corners, whole)
+        for view in static.views(scenario.ego_poses_world[k])
     )
     return left, right, depth, ids

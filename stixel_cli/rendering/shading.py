@@ -1,4 +1,4 @@
-"""Compiled kernels of the ray caster: rays to the sun, filtered textures, light.
+"""Compiled kernels of the ray caster that compute light: filtered textures, sun and sky.
 
 A sample is a point (u, v) in px on the image of a camera, given by `rotation` (3, 3) from the
 camera to the frame, `origin` (3,) m, `focal`, `u0`, `v0` px. Directions have depth 1 along the
@@ -19,104 +19,6 @@ RED, GREEN, FIELD = np.uint64(42), np.uint64(21), np.uint64((1 << 21) - 1)
 
 TEXEL_STEP = 1.0 / 8191.0
 """Linear light of one step of a packed texel."""
-
-SHADOW_OFFSET = 2e-3
-"""Rays to the sun start this far off the surface, m: single precision at 100 m is a tenth of it."""
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def camera_rays(rays, u, v, rotation, origin, focal, u0, v0):
-    """Write the rays (n, 6) float32 (origin, direction) through samples (n,) float64."""
-    for i in range(len(u)):
-        x, y = (u[i] - u0) / focal, (v[i] - v0) / focal
-        for axis in range(3):
-            rays[i, axis] = origin[axis]
-            rays[i, 3 + axis] = rotation[axis, 0] * x + rotation[axis, 1] * y + rotation[axis, 2]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def exact_depths(depth, u, v, triangle, hit, rotation, origin, focal, u0, v0, normals, offsets):
-    """Write depths (n,) float64 m of the hits: the ray against the triangle's plane; inf: no hit.
-
-    `hit` (n,) float32 is the caster's own depth, kept where the ray grazes the plane.
-    """
-    for i in range(len(u)):
-        t = triangle[i]
-        if t < 0:
-            depth[i] = np.inf
-            continue
-        x, y = (u[i] - u0) / focal, (v[i] - v0) / focal
-        slope, start = 0.0, offsets[t]
-        for axis in range(3):
-            normal = normals[t, axis]
-            slope += normal * (rotation[axis, 0] * x + rotation[axis, 1] * y + rotation[axis, 2])
-            start -= normal * origin[axis]
-        depth[i] = hit[i]
-        if abs(slope) > 1e-9:
-            exact = start / slope
-            if abs(exact - hit[i]) < 1e-3 * hit[i]:
-                depth[i] = exact
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def sun_rays(
-    rays,
-    which,
-    direction,
-    u,
-    v,
-    depth,
-    body,
-    triangle,
-    index,
-    rotation,
-    origin,
-    focal,
-    u0,
-    v0,
-    normals,
-    sun,
-):
-    """Write rays from the hits on body `index` that face the sun, and return how many there are.
-
-    `rays` (n, 6) float32 gets them, `which` (n,) int64 their samples. `direction` (3,) is working
-    memory. `sun` (3,) is the unit vector towards the sun. A back face counts as if it were turned
-    round.
-    """
-    count = 0
-    for i in range(len(u)):
-        if body[i] != index:
-            continue
-        t = triangle[i]
-        x, y = (u[i] - u0) / focal, (v[i] - v0) / focal
-        towards, facing = 0.0, 0.0
-        for axis in range(3):
-            direction[axis] = rotation[axis, 0] * x + rotation[axis, 1] * y + rotation[axis, 2]
-            towards += normals[t, axis] * sun[axis]
-            facing += normals[t, axis] * direction[axis]
-        side = -1.0 if facing > 0.0 else 1.0
-        if towards * side <= 0.0:
-            continue
-        for axis in range(3):
-            rays[count, axis] = (
-                origin[axis] + depth[i] * direction[axis] + SHADOW_OFFSET * side * normals[t, axis]
-            )
-            rays[count, 3 + axis] = sun[axis]
-        which[count] = i
-        count += 1
-    return count
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def moved_rays(moved, rays, transform):
-    """Write rays (n, 6) float32 in the frame that `transform` (4, 4) leads to."""
-    for i in range(len(rays)):
-        for axis in range(3):
-            point, direction = transform[axis, 3], 0.0
-            for k in range(3):
-                point += transform[axis, k] * rays[i, k]
-                direction += transform[axis, k] * rays[i, 3 + k]
-            moved[i, axis], moved[i, 3 + axis] = point, direction
 
 
 @njit(inline="always")
@@ -205,48 +107,27 @@ def _filtered(texels, levels, first, past, s, t, sx, tx, sy, ty, finer):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def shade(
-    light,
-    u,
-    v,
-    depth,
-    body,
-    triangle,
-    lit,
-    index,
-    finer,
-    spread,
-    rotation,
-    origin,
-    focal,
-    u0,
-    v0,
-    normals,
-    uv_gradients,
-    texture,
-    texels,
-    levels,
-    first_level,
-    sun,
-    sunlight,
-    skylight,
-    groundlight,
-):
+def shade(light, hits, lit, index, finer, spread, pinhole, planes, textures, suns):
     """Write the linear light of the hits on one body: Lambert's law, textured.
 
     Args:
         light: (n, 3) float32, written where the body is hit.
-        u, v, depth, body, triangle: (n,) samples and what they hit.
+        hits: u, v, depth, body, triangle (n,): samples and what they hit.
         lit: (n,) bool, whether the sun is seen from there.
         index: of the body.
         finer: probes along the short axis of a footprint. The grid of a mip-map is not that of the
             pixels; the smaller its texels, the less do two cameras see different textures.
         spread: (n,) float64, width of the square that a sample represents, px.
-        sun: (3,) towards the sun.
-        sunlight, skylight, groundlight: (3,) light of the sun, the sky above, the ground below.
-        rotation, origin, focal, u0, v0: the camera.
-        normals, uv_gradients, texture, texels, levels, first_level: as in `Surfaces`.
+        pinhole: rotation, origin, focal, u0, v0 of the camera.
+        planes: normals, uv_gradients, texture, as in `Surfaces`.
+        textures: texels, levels, first_level, as in `Textures`.
+        suns: (3,) each: towards the sun; light of the sun, of the sky above, of the ground below.
     """
+    u, v, depth, body, triangle = hits
+    rotation, origin, focal, u0, v0 = pinhole
+    normals, uv_gradients, texture = planes
+    texels, levels, first_level = textures
+    sun, sunlight, skylight, groundlight = suns
     inverse = 1.0 / focal
     # Columns of the rotation: the camera's right, down and forward. Written out in coordinates,
     # for small arrays cost more than what is computed with them.

@@ -8,10 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stixel_cli.rendering.camera_rays import Camera
 from stixel_cli.rendering.rasteriser import fragments, rasterise
-from stixel_cli.rendering.tracing import Body, Hits, light_of, sunlit
-from stixel_cli.scene.world_parameters import Light
+from stixel_cli.rendering.tracing import Hits, Shot, light_of, sunlit
 
 SHADOW_PARTS = 2
 """Where a shadow's edge may be in a pixel, this many parts along each axis ask for the sun."""
@@ -52,28 +50,17 @@ class Centres:
 
     def at(self, index: np.ndarray | slice) -> "Centres":
         """Those of the pixels with the indices `index`."""
-        return Centres(
-            self.rows[index],
-            self.columns[index],
-            self.hits.at(index),
-            self.lit[index],
-            self.light[index],
-        )
+        rows, columns, hits = self.rows[index], self.columns[index], self.hits.at(index)
+        return Centres(rows, columns, hits, self.lit[index], self.light[index])
 
 
 def rasterised(
-    bodies: list[Body],
-    camera: Camera,
-    rows: np.ndarray,
-    columns: np.ndarray,
-    right: np.ndarray,
-    down: np.ndarray,
+    shot: Shot, rows: np.ndarray, columns: np.ndarray, right: np.ndarray, down: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """What the samples of pixels show: the rasteriser's answer to `tracing.nearest`.
 
     Args:
-        bodies: with their poses.
-        camera: in the world.
+        shot: what is shown.
         rows, columns: (n,) of the pixels, distinct, inside the image, in row-major order.
         right, down: (s,) px, the samples' offsets from a pixel's centre.
 
@@ -81,63 +68,58 @@ def rasterised(
         Inverse depths (n, s) float64 1/m, 0 where nothing is seen; and triangles (n, s) int32,
         counted through all bodies; -1 where nothing is seen.
     """
+    camera = shot.camera
     inverse = np.zeros((len(rows), len(right)))
-    found = np.full(inverse.shape, -1, dtype=np.int32)
+    triangles = np.full(inverse.shape, -1, dtype=np.int32)
     preceding = np.zeros(camera.height * camera.width + 1, dtype=np.int32)
     preceding[rows * camera.width + columns + 1] = 1
     np.cumsum(preceding, out=preceding)
     pixels = columns, preceding, camera.width
     first = 0
-    for body in bodies:
+    for body in shot.bodies:
         corners = body.surfaces.corners
         seen = camera.seen_from(body.world_from_body)
-        pinhole = seen.projection, seen.origin, seen.focal, seen.u0, seen.v0
-        rasterise(inverse, found, first, corners, *pinhole, *pixels, right, down)
+        _, *pinhole = seen.pinhole
+        memory = np.zeros(len(columns)), np.empty((3, 3)), np.empty((3, 3))
+        pinhole = (seen.projection, *pinhole)
+        rasterise(inverse, triangles, memory, first, corners, pinhole, pixels, right, down)
         first += len(corners)
-    return inverse, found
+    return inverse, triangles
 
 
-def supersampled(
-    bodies: list[Body],
-    camera: Camera,
-    centres: Centres,
-    at_shadow: np.ndarray,
-    sun: np.ndarray,
-    light: Light,
-    samples: int,
-) -> np.ndarray:
+def supersampled(shot: Shot, centres: Centres, at_shadow: np.ndarray, samples: int) -> np.ndarray:
     """Linear light (n, 3) float32 of pixels (n,) in row-major order, from `samples`² in each.
 
-    `sun` (3,) points to the sun in the world. `at_shadow` (n,) is true if a shadow's edge may
-    be in the pixel.
+    `at_shadow` (n,) is true if a shadow's edge may be in the pixel.
     """
     result = np.empty((len(centres.rows), 3), dtype=np.float32)
     step = BLOCK // samples**2
     for start in range(0, len(result), step):
         block = slice(start, start + step)
-        result[block] = _block(
-            bodies, camera, centres.at(block), at_shadow[block], sun, light, samples
-        )
+        result[block] = _block(shot, centres.at(block), at_shadow[block], samples)
     return result
 
 
-def _block(bodies, camera, centres, at_shadow, sun, light, samples) -> np.ndarray:
+def _block(shot: Shot, centres: Centres, at_shadow: np.ndarray, samples: int) -> np.ndarray:
     """As `supersampled`, all pixels at a time."""
     right, down = sample_offsets(samples)
-    inverse, found = rasterised(bodies, camera, centres.rows, centres.columns, right, down)
-    second = len(bodies[0].surfaces.corners)
-    parts = _parts(samples)
-    pixel, covered, u, v, *hits = fragments(
-        found, inverse, second, centres.rows, centres.columns, parts, at_shadow, right, down
-    )
-    hits = Hits(*hits)
+    inverse, triangles = rasterised(shot, centres.rows, centres.columns, right, down)
+    # Memory that is not written is not taken.
+    types = np.int64, np.int64, np.float64, np.float64, np.float64, np.int8, np.int32
+    results = tuple(np.empty(triangles.size, dtype) for dtype in types)
+    memory = np.empty(len(right), dtype=np.int32), np.empty(len(right), dtype=np.int64)
+    second = len(shot.bodies[0].surfaces.corners)
+    pixels = centres.rows, centres.columns, at_shadow
+    offsets = right, down, _parts(samples)
+    count = fragments(results, memory, triangles, inverse, second, pixels, offsets)
+    pixel, covered, *values = (result[:count] for result in results)
+    hits = Hits(*values)
     # The centre's way to the sun is that of its whole triangle, where no shadow's edge is near.
     same = (hits.body == centres.hits.body[pixel]) & (hits.triangle == centres.hits.triangle[pixel])
     lit = centres.lit[pixel]
     asked = np.flatnonzero((~same | at_shadow[pixel]) & (hits.body >= 0))
-    lit[asked] = sunlit(bodies, camera, u[asked], v[asked], hits.at(asked), sun, range(len(bodies)))
-    spread = np.sqrt(covered) / samples
-    colours = light_of(bodies, camera, u, v, hits, lit, sun, light, spread)
+    lit[asked] = sunlit(shot, hits.at(asked), range(len(shot.bodies)))
+    colours = light_of(shot, hits, lit, np.sqrt(covered) / samples)
     weights = (covered / samples**2).astype(np.float32)
     starts = np.searchsorted(pixel, np.arange(len(centres.rows)))
     return np.add.reduceat(weights[:, None] * colours, starts, axis=0)

@@ -1,13 +1,20 @@
-"""Colour, depth and identity of samples: rays to a scene's bodies, and from there to the sun."""
+"""Colour, depth and identity of samples: rays to a scene's bodies, and from there to the sun.
+
+A sample is a point (u, v) in px on the image of a camera. The kernels get a camera as its
+`pinhole`, in the frame of the body in question. Directions have depth 1 along the optical axis, so
+a ray's parameter is the depth in m.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numba import njit
 
 from stixel_cli.rendering import shading
 from stixel_cli.rendering.camera_rays import Camera
-from stixel_cli.rendering.placement import SUN_COLOUR
+from stixel_cli.rendering.placement import SUN_COLOUR, sun_direction
 from stixel_cli.rendering.surfaces import Surfaces
 from stixel_cli.scene.world_parameters import Light
 
@@ -16,10 +23,12 @@ GROUND_COLOUR = np.array([0.36, 0.35, 0.33])
 ZENITH = np.array([0.24, 0.42, 0.78])
 HORIZON = np.array([0.74, 0.80, 0.86])
 
-
 FINER_TARGET = 2
 """Probes along the short axis of a texture's footprint on all bodies but the first, the static
 scene: matching on the target is what is measured, and the scene around it has far more pixels."""
+
+SHADOW_OFFSET = 2e-3
+"""Rays to the sun start this far off the surface, m: single precision at 100 m is a tenth of it."""
 
 
 @dataclass(frozen=True)
@@ -31,60 +40,71 @@ class Body:
 
 
 @dataclass(frozen=True)
+class Shot:
+    """All that a picture depends on.
+
+    Attributes:
+        bodies: the static scene, then the target, if it has one.
+        camera: in the world.
+        light: of sun and sky.
+    """
+
+    bodies: tuple[Body, ...]
+    camera: Camera
+    light: Light
+
+    @cached_property
+    def sun(self) -> np.ndarray:
+        """Unit vector (3,) in the world towards the sun."""
+        return sun_direction(self.light)
+
+
+@dataclass(frozen=True)
 class Hits:
     """First surfaces that samples (n,) of one camera meet.
 
     Attributes:
+        u, v: (n,) float64 px, the samples.
         depth: (n,) float64 m along the optical axis, inf where nothing is met.
         body: (n,) int8, index of the body; -1 without a hit.
         triangle: (n,) int32 of that body's surfaces; -1 without a hit.
     """
 
+    u: np.ndarray
+    v: np.ndarray
     depth: np.ndarray
     body: np.ndarray
     triangle: np.ndarray
 
-    def at(self, index: np.ndarray) -> "Hits":
+    def at(self, index: np.ndarray | slice) -> "Hits":
         """Those of the samples with the indices `index`."""
-        return Hits(self.depth[index], self.body[index], self.triangle[index])
+        return Hits(*(values[index] for values in self.arrays))
+
+    @property
+    def arrays(self) -> tuple[np.ndarray, ...]:
+        """The attributes in their order, as the kernels take them."""
+        return self.u, self.v, self.depth, self.body, self.triangle
 
 
 def intersect(
-    body: Body,
-    camera: Camera,
-    rows: np.ndarray,
-    columns: np.ndarray,
-    right: np.ndarray,
-    down: np.ndarray,
+    body: Body, camera: Camera, u: np.ndarray, v: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Depths (n s,) m (inf without a hit) and triangles (n s,) int32 of `body` behind samples.
-
-    Pixels in `rows` and `columns` (n,) have s samples each, `right` and `down` (s,) px
-    from the centre.
-    """
-    u, v = np.add.outer(columns, right).ravel(), np.add.outer(rows, down).ravel()
+    """Depths (n,) m (inf without a hit) and triangles (n,) int32 of `body` behind samples (n,)."""
     surfaces = body.surfaces
-    seen = pinhole(camera.seen_from(body.world_from_body))
+    pinhole = camera.seen_from(body.world_from_body).pinhole
     rays, depth = np.empty((len(u), 6), dtype=np.float32), np.empty(len(u))
-    shading.camera_rays(rays, u, v, *seen)
+    camera_rays(rays, u, v, *pinhole)
     hit, triangle = surfaces.tree.first_hits(rays)
-    shading.exact_depths(depth, u, v, triangle, hit, *seen, surfaces.normals, surfaces.offsets)
+    exact_depths(depth, u, v, triangle, hit, *pinhole, surfaces.normals, surfaces.offsets)
     return depth, triangle
 
 
-def nearest(
-    bodies: list[Body],
-    camera: Camera,
-    rows: np.ndarray,
-    columns: np.ndarray,
-    right: np.ndarray,
-    down: np.ndarray,
-) -> Hits:
-    """First surfaces that the samples of `intersect` meet."""
-    depth, triangle = intersect(bodies[0], camera, rows, columns, right, down)
-    hits = Hits(depth, np.where(triangle >= 0, 0, -1).astype(np.int8), triangle)
-    for index in range(1, len(bodies)):
-        depth, triangle = intersect(bodies[index], camera, rows, columns, right, down)
+def nearest(shot: Shot, u: np.ndarray, v: np.ndarray) -> Hits:
+    """First surfaces that the samples (n,) meet."""
+    depth, triangle = intersect(shot.bodies[0], shot.camera, u, v)
+    hits = Hits(u, v, depth, np.where(triangle >= 0, 0, -1).astype(np.int8), triangle)
+    for index, body in enumerate(shot.bodies[1:], 1):
+        depth, triangle = intersect(body, shot.camera, u, v)
         closer = depth < hits.depth
         hits.depth[closer] = depth[closer]
         hits.body[closer] = index
@@ -92,111 +112,140 @@ def nearest(
     return hits
 
 
-def sunlit(
-    bodies: list[Body],
-    camera: Camera,
-    u: np.ndarray,
-    v: np.ndarray,
-    hits: Hits,
-    sun: np.ndarray,
-    blockers: Iterable[int],
-) -> np.ndarray:
-    """Whether the hits (n,) see the sun past the bodies whose indices are in `blockers`; (n,) bool.
-
-    `u`, `v` (n,) px are the samples that hit; `sun` (3,) points to the sun in the world.
-    """
-    lit = np.zeros(len(u), dtype=bool)
-    for index, body in enumerate(bodies):
-        rays = np.empty((len(u), 6), dtype=np.float32)
-        facing = np.empty(len(u), dtype=np.int64)
-        count = shading.sun_rays(
-            rays,
-            facing,
-            np.empty(3),
-            u,
-            v,
-            hits.depth,
-            hits.body,
-            hits.triangle,
-            index,
-            *pinhole(camera.seen_from(body.world_from_body)),
-            body.surfaces.normals,
-            body.world_from_body[:3, :3].T @ sun,
+def sunlit(shot: Shot, hits: Hits, blockers: Iterable[int]) -> np.ndarray:
+    """(n,) bool: whether the hits see the sun past the bodies with the indices `blockers`."""
+    count = len(hits.u)
+    lit = np.zeros(count, dtype=bool)
+    for index, body in enumerate(shot.bodies):
+        rays, facing = np.empty((count, 6), dtype=np.float32), np.empty(count, dtype=np.int64)
+        pinhole = shot.camera.seen_from(body.world_from_body).pinhole
+        sun = body.world_from_body[:3, :3].T @ shot.sun
+        normals = body.surfaces.normals
+        count_facing = sun_rays(
+            rays, facing, np.empty(3), hits.arrays, index, pinhole, normals, sun
         )
-        rays, facing = rays[:count], facing[:count]
+        rays, facing = rays[:count_facing], facing[:count_facing]
         for blocker in blockers:
-            other = bodies[blocker]
+            other = shot.bodies[blocker]
             asked = rays
             if blocker != index:
                 asked = np.empty_like(rays)
-                shading.moved_rays(
-                    asked, rays, np.linalg.inv(other.world_from_body) @ body.world_from_body
-                )
+                transform = np.linalg.inv(other.world_from_body) @ body.world_from_body
+                moved_rays(asked, rays, transform)
             free = ~other.surfaces.tree.blocked(asked)
             rays, facing = rays[free], facing[free]
         lit[facing] = True
     return lit
 
 
-def light_of(
-    bodies: list[Body],
-    camera: Camera,
-    u: np.ndarray,
-    v: np.ndarray,
-    hits: Hits,
-    lit: np.ndarray,
-    sun: np.ndarray,
-    light: Light,
-    spread: np.ndarray | float,
-) -> np.ndarray:
+def light_of(shot: Shot, hits: Hits, lit: np.ndarray, spread: np.ndarray | float) -> np.ndarray:
     """Linear light (n, 3) float32 of samples that each represent a square of `spread` px.
 
-    Samples `u`, `v` (n,) px meet `hits`, which see the sun where `lit` (n,) bool is true; `sun`
-    (3,) points to it in the world.
+    The samples meet `hits`, which see the sun where `lit` (n,) bool is true.
     """
-    result = np.empty((len(u), 3), dtype=np.float32)
-    spread = np.full(len(u), spread, dtype=np.float64)
-    for index, body in enumerate(bodies):
-        surfaces = body.surfaces
+    light, camera = shot.light, shot.camera
+    result = np.empty((len(lit), 3), dtype=np.float32)
+    spread = np.full(len(lit), spread, dtype=np.float64)
+    lights = (
+        light.exposure * light.sun * SUN_COLOUR,
+        light.exposure * light.ambient * SKY_COLOUR,
+        light.exposure * light.ambient * GROUND_COLOUR,
+    )
+    for index, body in enumerate(shot.bodies):
+        surfaces, textures = body.surfaces, body.surfaces.textures
         shading.shade(
             result,
-            u,
-            v,
-            hits.depth,
-            hits.body,
-            hits.triangle,
+            hits.arrays,
             lit,
             index,
             FINER_TARGET if index else 1,
             spread,
-            *pinhole(camera.seen_from(body.world_from_body)),
-            surfaces.normals,
-            surfaces.uv_gradients,
-            surfaces.texture,
-            surfaces.textures.texels,
-            surfaces.textures.levels,
-            surfaces.textures.first_level,
-            body.world_from_body[:3, :3].T @ sun,
-            light.exposure * light.sun * SUN_COLOUR,
-            light.exposure * light.ambient * SKY_COLOUR,
-            light.exposure * light.ambient * GROUND_COLOUR,
+            camera.seen_from(body.world_from_body).pinhole,
+            (surfaces.normals, surfaces.uv_gradients, surfaces.texture),
+            (textures.texels, textures.levels, textures.first_level),
+            (body.world_from_body[:3, :3].T @ shot.sun, *lights),
         )
-    shading.sky_light(
-        result,
-        u,
-        v,
-        hits.body,
-        camera.rotation,
-        camera.focal,
-        camera.u0,
-        camera.v0,
-        camera.stretch,
-        light.exposure * ZENITH,
-        light.exposure * HORIZON,
-    )
+    rotation, _, *lens = camera.pinhole
+    sky = light.exposure * ZENITH, light.exposure * HORIZON
+    shading.sky_light(result, hits.u, hits.v, hits.body, rotation, *lens, camera.stretch, *sky)
     return result
 
 
-def pinhole(camera: Camera) -> tuple[np.ndarray, np.ndarray, float, float, float]:
-    """The camera as the kernels take it: rotation, origin, focal, u0, v0."""
-    return camera.rotation, camera.origin, camera.focal, camera.u0, camera.v0
+@njit(cache=True, nogil=True, error_model="numpy")
+def camera_rays(rays, u, v, rotation, origin, focal, u0, v0):
+    """Write the rays (n, 6) float32 (origin, direction) through samples (n,) float64."""
+    for i in range(len(u)):
+        x, y = (u[i] - u0) / focal, (v[i] - v0) / focal
+        for axis in range(3):
+            rays[i, axis] = origin[axis]
+            rays[i, 3 + axis] = rotation[axis, 0] * x + rotation[axis, 1] * y + rotation[axis, 2]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def exact_depths(depth, u, v, triangle, hit, rotation, origin, focal, u0, v0, normals, offsets):
+    """Write depths (n,) float64 m of the hits: the ray against the triangle's plane; inf: no hit.
+
+    `hit` (n,) float32 is the caster's own depth, kept where the ray grazes the plane.
+    """
+    for i in range(len(u)):
+        t = triangle[i]
+        if t < 0:
+            depth[i] = np.inf
+            continue
+        x, y = (u[i] - u0) / focal, (v[i] - v0) / focal
+        slope, start = 0.0, offsets[t]
+        for axis in range(3):
+            normal = normals[t, axis]
+            slope += normal * (rotation[axis, 0] * x + rotation[axis, 1] * y + rotation[axis, 2])
+            start -= normal * origin[axis]
+        depth[i] = hit[i]
+        if abs(slope) > 1e-9:
+            exact = start / slope
+            if abs(exact - hit[i]) < 1e-3 * hit[i]:
+                depth[i] = exact
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def sun_rays(rays, which, direction, hits, index, pinhole, normals, sun):
+    """Write rays from the hits on body `index` that face the sun, and return how many there are.
+
+    `rays` (n, 6) float32 gets them, `which` (n,) int64 their samples. `direction` (3,) is working
+    memory. `sun` (3,) is the unit vector towards the sun. A back face counts as if it were turned
+    round.
+    """
+    u, v, depth, body, triangle = hits
+    rotation, origin, focal, u0, v0 = pinhole
+    count = 0
+    for i in range(len(u)):
+        if body[i] != index:
+            continue
+        t = triangle[i]
+        x, y = (u[i] - u0) / focal, (v[i] - v0) / focal
+        towards, facing = 0.0, 0.0
+        for axis in range(3):
+            direction[axis] = rotation[axis, 0] * x + rotation[axis, 1] * y + rotation[axis, 2]
+            towards += normals[t, axis] * sun[axis]
+            facing += normals[t, axis] * direction[axis]
+        side = -1.0 if facing > 0.0 else 1.0
+        if towards * side <= 0.0:
+            continue
+        for axis in range(3):
+            rays[count, axis] = (
+                origin[axis] + depth[i] * direction[axis] + SHADOW_OFFSET * side * normals[t, axis]
+            )
+            rays[count, 3 + axis] = sun[axis]
+        which[count] = i
+        count += 1
+    return count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def moved_rays(moved, rays, transform):
+    """Write rays (n, 6) float32 in the frame that `transform` (4, 4) leads to."""
+    for i in range(len(rays)):
+        for axis in range(3):
+            point, direction = transform[axis, 3], 0.0
+            for k in range(3):
+                point += transform[axis, k] * rays[i, k]
+                direction += transform[axis, k] * rays[i, 3 + k]
+            moved[i, axis], moved[i, 3 + axis] = point, direction

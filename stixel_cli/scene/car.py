@@ -13,6 +13,7 @@ from stixel_cli.scene.shapes import (
     box,
     cube_uvs,
     ellipsoid,
+    hoop,
     lathe,
     loft,
     outward,
@@ -250,30 +251,13 @@ def _rims():
         for sign in (1, -1):
             centre = np.array([x, sign * (WHEEL_Y + 0.095), WHEEL_RADIUS])
             ring = [(-0.02, 0.185), (-0.02, 0.225), (0.012, 0.225), (0.012, 0.185)]
-            surfaces.append(_hoop(ring, centre))
+            surfaces.append(hoop(ring, centre, 20))
             surfaces.append(lathe([(-0.02, 0.05), (0.013, 0.05), (0.017, 0.035)], centre, 12))
             for spoke in range(5):
                 angle = 2.0 * np.pi * spoke / 5 + 0.3
                 reach = np.array([np.cos(angle), 0.0, np.sin(angle)])
                 surfaces.append(tube([centre, centre + 0.20 * reach], [0.028, 0.02], 4))
     return surfaces
-
-
-def _hoop(profile, centre):
-    """A ring of rectangular section: a lathe whose profile is closed."""
-    sides = 20
-    angles = 2.0 * np.pi * np.arange(sides) / sides
-    profile = np.array(profile)
-    rings = np.stack(
-        [
-            np.cos(angles)[:, None] * profile[:, 1],
-            np.broadcast_to(profile[:, 0], (sides, len(profile))),
-            np.sin(angles)[:, None] * profile[:, 1],
-        ],
-        axis=-1,
-    )
-    quads = ring_quads(sides + 1, len(profile)) % (sides * len(profile))
-    return outward(centre + rings.reshape(-1, 3), quads_to_triangles(quads))
 
 
 def _lamps(centre, radii):

@@ -10,7 +10,7 @@ import shapely
 from stixel_cli.scene.mesh import Mesh, Part, corners
 from stixel_cli.scene.road_user import limb_poses, moving_parts, road_user_meshes
 from stixel_cli.scene.road_user_parameters import RoadUser
-from stixel_cli.scene.scenario import EgoMotion, Scenario, is_star_convex
+from stixel_cli.scene.scenario import EgoMotion, Scenario
 
 SIMPLIFIED_BY = 1e-3
 """The contour may differ from the outline by this much, m."""
@@ -89,15 +89,13 @@ def moving_target(
     Raises:
         ValueError: if the mesh cannot be read.
     """
-    contours = road_user_contours(road_user)
     return Scenario(
         times=ego_motion.times,
         ego_poses_world=ego_motion.poses_world,
         target_poses_world=poses_world,
         target_rates_world=rates_world,
-        contours_target=contours,
+        contours_target=road_user_contours(road_user),
         limb_poses=limb_poses(road_user, travelled),
-        star_convex=all(is_star_convex(contour) for contour in contours),
     )
 
 

@@ -65,17 +65,17 @@ def load_mesh(path: str, contrast: float, scale: float = 1.0, turn: float = 0.0)
 # Every chunk of frames asks for it, and a child process takes half a second.
 @lru_cache(maxsize=2)
 def _loaded(path: str, contrast: float, scale: float, turn: float, digest: str) -> Mesh:
-    found = _read_in_child(path)
-    vertices, triangles = scale * found["vertices"], found["triangles"]
+    arrays = _read_in_child(path)
+    vertices, triangles = scale * arrays["vertices"], arrays["triangles"]
     if turn:
         vertices[:, :2] = vertices[:, :2] @ rotation(turn).T
-    found["vertices"] = vertices
+    arrays["vertices"] = vertices
     if len(triangles) == 0:
         raise ValueError(
             f"road_user.mesh: Open3D finds no triangles in {path!r}: the file is damaged, or all "
             "its faces have four corners or more (triangulate them)"
         )
-    if not all(np.isfinite(found[name]).all() for name in ("vertices", "uvs", "colours")):
+    if not all(np.isfinite(arrays[name]).all() for name in ("vertices", "uvs", "colours")):
         raise ValueError(
             f"road_user.mesh: a coordinate, texture coordinate or colour in {path!r} is not finite"
         )
@@ -86,7 +86,7 @@ def _loaded(path: str, contrast: float, scale: float, turn: float, digest: str) 
             f"road_user.mesh: a triangle in {path!r} has the vertex {wrong[0]}, counted from 0; "
             f"the file has {len(vertices)} vertices"
         )
-    (mesh,) = grounded([Mesh(tuple(_parts(found, contrast)))])
+    (mesh,) = grounded([Mesh(tuple(_parts(arrays, contrast)))])
     low, high = bounding_box(mesh)
     sides = high - low
     if not ((sides >= LEAST_SIDE) & (sides <= GREATEST_SIDE)).all():
@@ -165,22 +165,22 @@ def _read_in_child(path: str) -> dict[str, np.ndarray]:
         return dict(arrays)
 
 
-def _parts(found: dict[str, np.ndarray], contrast: float) -> Iterator[Part]:
-    vertices, triangles, uvs = found["vertices"], found["triangles"], found["uvs"]
-    if len(uvs) == 3 * len(triangles) and any(name.startswith("texture_") for name in found):
-        uvs, material = uvs.reshape(-1, 3, 2), found["materials"]
+def _parts(arrays: dict[str, np.ndarray], contrast: float) -> Iterator[Part]:
+    vertices, triangles, uvs = arrays["vertices"], arrays["triangles"], arrays["uvs"]
+    if len(uvs) == 3 * len(triangles) and any(name.startswith("texture_") for name in arrays):
+        uvs, material = uvs.reshape(-1, 3, 2), arrays["materials"]
         if len(material) != len(triangles):
             material = np.zeros(len(triangles), dtype=int)
         for number in np.unique(material):
             rows = material == number
-            image = found.get(f"texture_{number}")
+            image = arrays.get(f"texture_{number}")
             if image is None:
                 yield _painted(vertices, triangles[rows], contrast)
             else:
                 image = _power_of_two(image)
                 yield Part(vertices, triangles[rows], uvs[rows], image, f"material {number}")
-    elif len(found["colours"]) == len(vertices):
-        colours = found["colours"][triangles].mean(axis=1)
+    elif len(arrays["colours"]) == len(vertices):
+        colours = arrays["colours"][triangles].mean(axis=1)
         shades = np.clip(np.rint(colours * (LEVELS - 1)), 0, LEVELS - 1).astype(int)
         yield Part(vertices, triangles, _palette_uvs(shades), _palette(), "vertex colours")
     else:
@@ -220,52 +220,54 @@ def _power_of_two(image: np.ndarray) -> np.ndarray:
     return cv2.resize(image, (sides[1], sides[0]), interpolation=cv2.INTER_AREA)
 
 
-MAPS = (b"map_", b"bump", b"disp", b"decal", b"refl", b"norm")
-"""How the lines of an .mtl begin that name an image, as their last word."""
+REFERENCES = {
+    ".obj": re.compile(rb"\s*mtllib\S*\s+(.*)"),
+    ".mtl": re.compile(rb"\s*(?:map_|bump|disp|decal|refl|norm)\S*\s+(.*)", re.IGNORECASE),
+    ".ply": re.compile(rb"comment TextureFile\S*\s+(.*)"),
+}
+"""Lines that name other files, by the suffix of the file that has them."""
 
 
 def referred_files(path: Path) -> tuple[Path, ...]:
     """Existing files that the mesh file `path` refers to, directly or through a material."""
-    found: dict[Path, None] = {}
+    referred: dict[Path, None] = {}
     pending = [path]
     while pending:
-        one = pending.pop(0)
+        file = pending.pop(0)
         try:
-            names = _names(one)
+            names = _names(file)
         except (OSError, UserError):
             # The reader of the mesh reports files that cannot be read.
             continue
-        for other in (one.parent / name for name in names):
-            if other not in found and other != path and other.is_file():
-                found[other] = None
+        for other in (file.parent / name for name in names):
+            if other not in referred and other != path and other.is_file():
+                referred[other] = None
                 pending.append(other)
-    return tuple(found)
+    return tuple(referred)
 
 
 @remembered
 def _names(path: Path) -> tuple[str, ...]:
     """The names in a file, read once for all runs of a sweep."""
-    reader = {".obj": _of_obj, ".mtl": _of_mtl, ".gltf": _of_gltf, ".ply": _of_ply}.get(
-        path.suffix.lower()
-    )
-    return () if reader is None else tuple(name for name in reader(path) if "\0" not in name)
+    suffix = path.suffix.lower()
+    if suffix == ".gltf":
+        names = _of_gltf(path)
+    elif suffix in REFERENCES:
+        names = _of_lines(path, REFERENCES[suffix])
+    else:
+        return ()
+    return tuple(name for name in names if "\0" not in name)
 
 
-def _of_obj(path: Path) -> Iterator[str]:
+def _of_lines(path: Path, reference: re.Pattern[bytes]) -> Iterator[str]:
     with opened(path) as file:
         for line in file:
-            if line.lstrip().startswith(b"mtllib"):
-                # Several names, or one with blanks in it.
-                rest = _text(line.split(maxsplit=1)[1:])
+            if line.startswith(b"end_header"):
+                return  # The rest of a .ply may be binary.
+            if match := reference.match(line):
+                # Several names, or one with blanks in it, or options and a name.
+                rest = match[1].decode("utf-8", "replace").strip().replace("\\", "/")
                 yield from dict.fromkeys((rest, *rest.split()))
-
-
-def _of_mtl(path: Path) -> Iterator[str]:
-    with opened(path) as file:
-        for line in file:
-            if line.lstrip().lower().startswith(MAPS):
-                rest = _text(line.split(maxsplit=1)[1:])
-                yield from dict.fromkeys((rest, *rest.split()[-1:]))
 
 
 def _of_gltf(path: Path) -> Iterator[str]:
@@ -276,16 +278,3 @@ def _of_gltf(path: Path) -> Iterator[str]:
         yield from (unquote(name) for name in names if not name.startswith("data:"))
     except (TypeError, AttributeError):
         return
-
-
-def _of_ply(path: Path) -> Iterator[str]:
-    with opened(path) as file:
-        for line in file:
-            if line.startswith(b"end_header"):
-                return
-            if line.startswith(b"comment TextureFile"):
-                yield _text(line.split(maxsplit=2)[2:])
-
-
-def _text(words: list[bytes]) -> str:
-    return b" ".join(words).decode("utf-8", "replace").strip().replace("\\", "/")

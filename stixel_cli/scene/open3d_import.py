@@ -99,15 +99,15 @@ def read_mesh(path: str) -> dict[str, np.ndarray]:
         `materials` (T,), the number of each triangle's texture, and `texture_N` (H, W[, C]) for
         each number N that has an image. All may have no rows.
     """
-    found = import_open3d_bindings().io.read_triangle_mesh(path)
-    images = enumerate(found.textures)
+    mesh = import_open3d_bindings().io.read_triangle_mesh(path)
+    images = enumerate(mesh.textures)
     # An empty image (a material without a texture), made an array, would abort the process.
-    return {f"texture_{n}": np.asarray(one) for n, one in images if not one.is_empty()} | {
-        "vertices": np.asarray(found.vertices, dtype=np.float64),
-        "triangles": np.asarray(found.triangles, dtype=np.int32),
-        "uvs": np.asarray(found.triangle_uvs, dtype=np.float64),
-        "colours": np.asarray(found.vertex_colors, dtype=np.float64),
-        "materials": np.asarray(found.triangle_material_ids, dtype=np.int64),
+    return {f"texture_{n}": np.asarray(image) for n, image in images if not image.is_empty()} | {
+        "vertices": np.asarray(mesh.vertices, dtype=np.float64),
+        "triangles": np.asarray(mesh.triangles, dtype=np.int32),
+        "uvs": np.asarray(mesh.triangle_uvs, dtype=np.float64),
+        "colours": np.asarray(mesh.vertex_colors, dtype=np.float64),
+        "materials": np.asarray(mesh.triangle_material_ids, dtype=np.int64),
     }
 
 

@@ -74,12 +74,12 @@ def road_user_meshes(road_user: RoadUser) -> tuple[Mesh, ...]:
 # Every chunk of frames asks for them.
 @lru_cache(maxsize=2)
 def _built_in(road_user: RoadUser) -> tuple[Mesh, ...]:
-    own, shape = _CLASSES[road_user.kind], _shape(road_user)
-    first = own.mesh(road_user.contrast, shape)
+    of_class, shape = _CLASSES[road_user.kind], _shape(road_user)
+    first = of_class.mesh(road_user.contrast, shape)
     meshes = [first]
-    if own.limbs is not None:
+    if of_class.limbs is not None:
         turns = 2.0 * np.pi * np.arange(LIMB_POSES) / LIMB_POSES
-        meshes = [_posed(first, own.limbs(shape, turn)) for turn in turns]
+        meshes = [_posed(first, of_class.limbs(shape, turn)) for turn in turns]
     if road_user.shape_seed is not None:
         return grounded(meshes)
     return fitted(meshes, road_user.length, road_user.width, road_user.height)
@@ -101,16 +101,16 @@ def moving_parts(road_user: RoadUser) -> frozenset[str]:
 
 
 def _shape(road_user: RoadUser):
-    own = _CLASSES[road_user.kind]
+    of_class = _CLASSES[road_user.kind]
     if road_user.shape_seed is None:
-        return own.standard
-    return own.drawn(generator(road_user.shape_seed, f"shape of a {road_user.kind}"))
+        return of_class.standard
+    return of_class.drawn(generator(road_user.shape_seed, f"shape of a {road_user.kind}"))
 
 
 def _posed(mesh: Mesh, moving: dict[str, list[Surface]]) -> Mesh:
     """`mesh` with other vertices of its `moving` parts; the texture stays on its triangles."""
     parts = [
-        replace(one, vertices=joined(moving[one.name])[0]) if one.name in moving else one
-        for one in mesh.parts
+        replace(part, vertices=joined(moving[part.name])[0]) if part.name in moving else part
+        for part in mesh.parts
     ]
     return Mesh(tuple(parts))

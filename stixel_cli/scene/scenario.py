@@ -42,8 +42,8 @@ class Scenario:
         contours_target: (L, M, 2) m, for each pose of the target's limbs the outline of the mesh's
             ground projection in the target frame: one simple polygon, counter-clockwise, the first
             vertex not repeated. L is 1 if nothing moves; M is 0 without any truth.
-        limb_poses: (K,) int64, the pose of the limbs at each time, an index of `contours_target`.
-        star_convex: whether every point of every contour is seen from the target's centre.
+        limb_poses: (K,) int64, the pose of the limbs at each time, an index of `contours_target`;
+            by default 0: nothing moves.
         only_box: whether only the target's box is known, as in labelled recordings. Then
             `contours_target` has only that box.
         scored: (K,) bool, the scans that count for the scores; None for all with a known truth.
@@ -54,36 +54,18 @@ class Scenario:
     target_poses_world: np.ndarray
     target_rates_world: np.ndarray
     contours_target: np.ndarray
-    limb_poses: np.ndarray
-    star_convex: bool
+    limb_poses: np.ndarray | None = None
     only_box: bool = False
     scored: np.ndarray | None = None
 
-    @classmethod
-    def rigid(
-        cls,
-        times: np.ndarray,
-        ego_poses_world: np.ndarray,
-        target_poses_world: np.ndarray,
-        target_rates_world: np.ndarray,
-        contour_target: np.ndarray,
-        star_convex: bool = True,
-        only_box: bool = False,
-        scored: np.ndarray | None = None,
-    ) -> "Scenario":
-        """Ground truth of a target of which nothing moves, with one contour (M, 2) m."""
-        still = np.zeros(len(times), dtype=np.int64)
-        return cls(
-            times,
-            ego_poses_world,
-            target_poses_world,
-            target_rates_world,
-            contour_target[None],
-            still,
-            star_convex,
-            only_box,
-            scored,
-        )
+    def __post_init__(self) -> None:
+        if self.limb_poses is None:
+            object.__setattr__(self, "limb_poses", np.zeros(len(self.times), dtype=np.int64))
+
+    @property
+    def star_convex(self) -> bool:
+        """Whether every point of every contour is seen from the target's centre."""
+        return all(is_star_convex(contour) for contour in self.contours_target)
 
     @property
     def known(self) -> np.ndarray:

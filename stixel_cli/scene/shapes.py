@@ -161,6 +161,22 @@ def lathe(profile: ArrayLike, centre: ArrayLike, sides: int = 28) -> Surface:
     return loft(np.asarray(centre) + rings)
 
 
+def hoop(profile: ArrayLike, centre: ArrayLike, sides: int) -> Surface:
+    """A ring about the y axis through `centre` (3,) m: a lathe whose `profile` is closed."""
+    profile = np.asarray(profile, dtype=np.float64)
+    angles = 2.0 * np.pi * np.arange(sides) / sides
+    rings = np.stack(
+        [
+            np.cos(angles)[:, None] * profile[:, 1],
+            np.broadcast_to(profile[:, 0], (sides, len(profile))),
+            np.sin(angles)[:, None] * profile[:, 1],
+        ],
+        axis=-1,
+    )
+    quads = ring_quads(sides + 1, len(profile)) % (sides * len(profile))
+    return outward(np.asarray(centre) + rings.reshape(-1, 3), quads_to_triangles(quads))
+
+
 def torus(
     centre: ArrayLike, radius: float, thickness: float, sides: int = 36, around: int = 8
 ) -> Surface:
@@ -168,19 +184,9 @@ def torus(
 
     `radius` goes to the middle of the tube, whose own radius is `thickness`, m.
     """
-    angles = 2.0 * np.pi * np.arange(sides) / sides
     turns = 2.0 * np.pi * np.arange(around) / around
-    reach = radius + thickness * np.cos(turns)
-    vertices = np.stack(
-        [
-            np.cos(angles)[:, None] * reach,
-            np.broadcast_to(thickness * np.sin(turns), (sides, around)),
-            np.sin(angles)[:, None] * reach,
-        ],
-        axis=-1,
-    ).reshape(-1, 3)
-    quads = ring_quads(sides + 1, around) % (sides * around)
-    return outward(np.asarray(centre) + vertices, quads_to_triangles(quads))
+    profile = np.column_stack([thickness * np.sin(turns), radius + thickness * np.cos(turns)])
+    return hoop(profile, centre, sides)
 
 
 def rounded_rectangle(

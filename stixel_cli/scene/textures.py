@@ -143,7 +143,7 @@ def facade(
             if floor == floors - 1 and column == bays // 2:
                 _door(image, draws, top, left, SIZE, right)
                 continue
-            _window(image, panes, draws, top, left, bottom, right)
+            _window(image, panes, draws, (top, left, bottom, right))
         # A ledge below each storey, in light and in its own shadow.
         edge = floor * storey
         image[edge : edge + 5] *= 1.25
@@ -163,7 +163,8 @@ def _bricks(name: str) -> np.ndarray:
     return np.where(joint, 0.30, brick)
 
 
-def _window(image, panes, draws, top, left, bottom, right):
+def _window(image, panes, draws, place):
+    top, left, bottom, right = place
     frame = np.array([232.0, 230.0, 224.0]) * draws.uniform(0.75, 1.0)
     image[top - 6 : bottom + 4, left - 6 : right + 6] *= 0.72
     image[top - 3 : bottom + 3, left - 3 : right + 3] = frame

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from stixel_cli.calibration.label_errors import column_rays, face_depths
-from stixel_cli.geometry.pose import world_from_target
+from stixel_cli.geometry.pose import rectangle, world_from_target
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.recordings.labelled import rectangle
 from stixel_cli.recordings.types import Labels
 from stixel_cli.stixels.free_space_parameters import FreeSpaceParameters, RoadParameters
 from stixel_cli.stixels.road import find_road, pitch_and_height

@@ -21,7 +21,7 @@ COUNT = 5
 TIMES = 0.1 * np.arange(COUNT)
 POSES = np.stack([TIMES, 10.0 + TIMES, 0.5 * TIMES], axis=-1)
 RATES = np.tile([3.0, 4.0, 0.5], (COUNT, 1))
-SCENARIO = Scenario.rigid(TIMES, np.zeros((COUNT, 3)), POSES, RATES, OUTLINE)
+SCENARIO = Scenario(TIMES, np.zeros((COUNT, 3)), POSES, RATES, OUTLINE[None])
 UPPER_BOUNDS = UpperBounds(0.97, np.nan, 0.9, 0.8)
 SCANS = Scans(
     times=TIMES,
@@ -254,7 +254,7 @@ def test_evaluate_rejects_scans_of_other_times():
 
 
 def test_single_scan_is_scored():
-    short = Scenario.rigid(TIMES[:1], np.zeros((1, 3)), POSES[:1], np.zeros((1, 3)), OUTLINE)
+    short = Scenario(TIMES[:1], np.zeros((1, 3)), POSES[:1], np.zeros((1, 3)), OUTLINE[None])
     whole = track_with(SHIFTS)
     track = Track(
         *(getattr(whole, f.name)[:1] for f in dataclasses.fields(Track)[:6]),

@@ -6,7 +6,7 @@ import pytest
 from stixel_cli.evaluation.label_scores import score_tracks
 from stixel_cli.evaluation.metric_table import OF_LABELS
 from stixel_cli.evaluation.verdict import verdict
-from stixel_cli.recordings.labelled import rectangle
+from stixel_cli.geometry.pose import rectangle
 from stixel_cli.recordings.types import LabelTruth
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.several.found import ObjectTrack
@@ -26,7 +26,7 @@ def label(name, poses, road_user="car", hidden=()):
     scored = np.ones(COUNT, dtype=bool)
     scored[list(hidden)] = False
     still = np.zeros((COUNT, 3))
-    truth = Scenario.rigid(TIMES, still, poses, still, CAR, only_box=True, scored=scored)
+    truth = Scenario(TIMES, still, poses, still, CAR[None], only_box=True, scored=scored)
     return LabelTruth(name, road_user, truth)
 
 

@@ -41,7 +41,7 @@ def scenario(count=20, distance=15.0, contour=BOX):
     target = np.stack([5.0 * times - 5.0, distance + 0.0 * times, 0.3 * times], axis=-1)
     ego = np.stack([times, 2.0 * times, 0.5 * np.pi + 0.05 * times], axis=-1)
     rates = np.tile([5.0, 0.0, 0.3], (count, 1))
-    return Scenario.rigid(times, ego, target, rates, contour)
+    return Scenario(times, ego, target, rates, contour[None])
 
 
 def distance_to_outline(points, polygon):

@@ -69,7 +69,7 @@ def scenario(count=6, ego="turning"):
     ego = np.array([0.0, 0.0, AHEAD]) + k[:, None] * np.array(steps[ego])
     target = np.stack([-1.0 + 0.8 * k, 12.0 + 0.2 * k, 0.3 * k], axis=1)
     outline = np.array([[1.5, 0.7], [-1.5, 0.7], [-1.5, -0.7], [1.5, -0.7]])
-    return Scenario.rigid(0.1 * k, ego, target, np.zeros((count, 3)), outline)
+    return Scenario(0.1 * k, ego, target, np.zeros((count, 3)), outline[None])
 
 
 def ray_box(origin, directions, low, high):
@@ -122,12 +122,12 @@ def test_lidar_scan_does_not_depend_on_the_length_of_the_run(ego):
     truth = scenario(ego=ego)
     whole = cast_beams(STATIC, {0: BOX}, truth, SCANNER, FIELD)
     for k in (0, 3, 5):
-        only = Scenario.rigid(
+        only = Scenario(
             truth.times[[k]],
             truth.ego_poses_world[[k]],
             truth.target_poses_world[[k]],
             truth.target_rates_world[[k]],
-            truth.contour_target(k),
+            truth.contour_target(k)[None],
         )
         alone = cast_beams(STATIC, {0: BOX}, only, SCANNER, FIELD)
         assert alone.ranges.tobytes() == whole.ranges[k].tobytes()

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from stixel_cli.recordings.tables import read_kitti_labels, read_kitti_poses
+from stixel_cli.recordings.kitti_tables import read_labels, read_poses
 
 TARGET = "022c398c-0000-4000-8000-000000000001"
 START = 315966070549927216
@@ -78,7 +78,7 @@ def _lidar_pose(k: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _city(clip: Path, sequence: str) -> list[dict]:
-    poses = read_kitti_poses(clip / "ego_poses" / f"{sequence}.txt")
+    poses = read_poses(clip / "ego_poses" / f"{sequence}.txt")
     rows = []
     for k, pose in enumerate(poses):
         row = pose_row(*_ego_in_city(pose))
@@ -102,8 +102,8 @@ def annotations(
 
     With another `share` they are at that share of the way from the camera to the car.
     """
-    poses = read_kitti_poses(clip / "ego_poses" / f"{sequence}.txt")
-    (labels,) = read_kitti_labels(clip / "label_02" / f"{sequence}.txt").values()
+    poses = read_poses(clip / "ego_poses" / f"{sequence}.txt")
+    (labels,) = read_labels(clip / "label_02" / f"{sequence}.txt").values()
     height, width, length = (labels.sizes[0] * min(abs(share), 1.0)).tolist()
     places, heads = [], []
     for pose, place, yaw in zip(poses, labels.places, labels.yaws, strict=True):

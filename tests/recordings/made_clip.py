@@ -3,12 +3,11 @@
 import numpy as np
 
 from stixel_cli.export.kitti_folder import write_clip
-from stixel_cli.geometry.pose import ego_from_world
+from stixel_cli.geometry.pose import ego_from_world, rectangle
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
-from stixel_cli.recordings.labelled import rectangle
 from stixel_cli.recordings.motion import recorded_motion
-from stixel_cli.recordings.scenario import recorded_scenario
+from stixel_cli.recordings.truth import recorded_scenario
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.scene.ego import Turning, ego_motion
 from stixel_cli.scene.scenario import Scenario
@@ -40,13 +39,12 @@ def small_scenario(count=5, speed=2.0, yaw_rate=4.0) -> Scenario:
     places = np.array([0.4, 9.0]) + ego.times[:, None] * velocity
     headings = np.full((count, 1), heading)
     rates = np.tile([*velocity, 0.0], (count, 1))
-    return Scenario.rigid(
+    return Scenario(
         times=ego.times,
         ego_poses_world=ego.poses_world,
         target_poses_world=np.concatenate([places, headings], axis=1),
         target_rates_world=rates,
-        contour_target=rectangle(LENGTH, WIDTH),
-        star_convex=True,
+        contours_target=rectangle(LENGTH, WIDTH)[None],
     )
 
 
@@ -82,8 +80,6 @@ def make_clip(folder, scenario=None, rig=None, sequence="0003", label="Car"):
 
 def truth_of(found):
     """The scenario of a recording that was made here."""
-    rig, layout = small_rig(), found.table_layout
-    motion = recorded_motion(found.pose_files, rig, found.first, found.count, 0.1, layout)
-    return recorded_scenario(
-        motion, found.truth_files, rig, found.first, found.left_camera, found.target, layout
-    )
+    rig, tables = small_rig(), found.tables
+    motion = recorded_motion(found.pose_files, rig, tables, found.count, 0.1)
+    return recorded_scenario(motion, found.truth_files, rig, tables, found.target)

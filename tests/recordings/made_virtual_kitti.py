@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from stixel_cli.recordings.tables import read_kitti_labels, read_kitti_poses
+from stixel_cli.recordings.kitti_tables import read_labels, read_poses
 
 POSE = (
     "frame cameraID trackID alpha width height length world_space_X world_space_Y world_space_Z "
@@ -26,7 +26,7 @@ def make_variation(clip, folder, baseline=0.5, sequence="0003"):
             grey = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
             colour = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
             cv2.imwrite(str(images / f"rgb_{int(file.stem):05d}.jpg"), colour)
-    poses = read_kitti_poses(clip / "ego_poses" / f"{sequence}.txt")
+    poses = read_poses(clip / "ego_poses" / f"{sequence}.txt")
     extrinsic, intrinsic = ["frame cameraID r1,1 …"], ["frame cameraID K[0,0] K[1,1] …"]
     # Any world: its axes and its origin are not those of the first camera.
     world = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
@@ -39,7 +39,7 @@ def make_variation(clip, folder, baseline=0.5, sequence="0003"):
             extrinsic.append(" ".join(map(repr, [k, i, *map(float, rows.ravel())])))
             intrinsic.append(f"{k} {i} 150 150 78 40")
     pose, box = [POSE], [BOX]
-    (labels,) = read_kitti_labels(clip / "label_02" / f"{sequence}.txt").values()
+    (labels,) = read_labels(clip / "label_02" / f"{sequence}.txt").values()
     for row, k in enumerate(labels.frames):
         height, width, length = labels.sizes[row]
         left, top, right, bottom = labels.boxes[row]

@@ -12,8 +12,8 @@ from stixel_cli.config.compose import compose
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.recordings.find import find_recording, guess_layout
 from stixel_cli.recordings.image_files import read_grey
-from stixel_cli.recordings.pairs import read_pairs
 from stixel_cli.recordings.parameters import Argoverse, KittiTracking
+from stixel_cli.recordings.stereo_images import read_pairs
 from stixel_cli.recordings.tables import read_labels
 
 pyarrow = pytest.importorskip("pyarrow", reason="needs pip install 'stixel[argoverse]'")
@@ -66,7 +66,7 @@ def test_a_log_has_the_truth_of_the_clip_it_was_made_from(folders):
 
 def test_images_are_rectified_by_the_calibration(folders):
     there, found = kitti(folders[0]), find_recording(source(folders[1]))
-    calibration, rectification = found.calibration, found.rectification
+    calibration, rectification = found.calibration, found.calibration.rectification
     assert calibration.focal_length == 150.0 and calibration.baseline == pytest.approx(0.5)
     assert 0.85 * 160 < found.width < 160 and 0.85 * 96 < found.height < 96
     pairs = read_pairs(found.images, range(1), rectification)
@@ -138,7 +138,7 @@ def test_labels_without_points_hidden_or_at_the_border_do_not_count(folders, cop
     write_table(file, [*rows, *near, *behind])
     found = find_recording(source(copy))
     assert not truth_of(found).scored.any()
-    tracks = read_labels(found.label_files, found.table_layout)
+    tracks = read_labels(found.label_files, found.tables)
     assert {track: labels.kind for track, labels in tracks.items()} == {
         TARGET: "Car",
         "near": "Pedestrian",
@@ -146,7 +146,7 @@ def test_labels_without_points_hidden_or_at_the_border_do_not_count(folders, cop
     assert not tracks["near"].occluded.any()
     # So near that its foot is below the image.
     write_table(file, annotations(folders[0], share=0.35))
-    labels = read_labels(found.label_files, found.table_layout)[TARGET]
+    labels = read_labels(found.label_files, found.tables)[TARGET]
     assert labels.truncated.all() and (labels.boxes[:, 3] == found.height - 1).all()
 
 
@@ -222,7 +222,7 @@ def test_a_wrong_folder_is_refused_in_one_line(file, damage, said, copy):
 def test_images_of_another_size_than_the_calibration_are_refused(copy):
     rows = table(copy / INTRINSICS)
     write_table(copy / INTRINSICS, [row | {"height_px": 100} for row in rows])
-    with pytest.raises(UserError, match=r"160 × 96 px, but intrinsics\.feather has 160 × 100 px"):
+    with pytest.raises(UserError, match=r"160 × 96 px, but its calibration has 160 × 100 px"):
         find_recording(source(copy))
 
 

@@ -14,7 +14,7 @@ from stixel_cli.calibration.label_errors import (
     fit_label_errors,
 )
 from stixel_cli.cli.app import main
-from stixel_cli.recordings.labelled import rectangle
+from stixel_cli.geometry.pose import rectangle
 
 RIG = small_rig()
 

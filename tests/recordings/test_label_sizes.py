@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.config.folders import recorded_values
-from stixel_cli.recordings.tables import read_kitti_labels
+from stixel_cli.recordings.kitti_tables import read_labels
 from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
 
 
@@ -21,7 +21,7 @@ def test_the_sizes_of_cars_are_those_of_the_labels():
             labels.sizes[-1, [2, 1]]
             for file in files
             if file.stem != "0005"
-            for labels in read_kitti_labels(file).values()
+            for labels in read_labels(file).values()
             if CLASS_OF_KITTI_TYPE.get(labels.kind) == "car"
         ]
     )

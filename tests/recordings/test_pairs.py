@@ -14,8 +14,8 @@ from stixel_cli.export.kitti_folder import calibration_text
 from stixel_cli.images import encode_png
 from stixel_cli.recordings.find import find_recording, guess_layout
 from stixel_cli.recordings.image_files import read_disparity
+from stixel_cli.recordings.kitti_tables import read_labels
 from stixel_cli.recordings.parameters import KittiPair
-from stixel_cli.recordings.tables import read_kitti_labels
 from stixel_cli.stixels.free_space_parameters import FreeSpaceParameters, RigRoad
 from stixel_cli.stixels.types import FreeSpace, Stixels
 from stixel_cli.validation.pair_errors import area_errors, called_free, road_plane, true_obstacles
@@ -78,7 +78,7 @@ def test_the_object_benchmark_has_labels_without_tracks(pair, tmp_path):
         (tmp_path / name / "000003.txt").write_text(text)
     found = find_recording(source(tmp_path, "3"))
     assert found.true_disparities == ()
-    labels = read_kitti_labels(*found.label_files)
+    labels = read_labels(*found.label_files)
     assert list(labels) == [0] and labels[0].kind == "Car" and labels[0].frames.tolist() == [0]
     np.testing.assert_array_equal(labels[0].sizes, [[1.5, 1.8, 4.0]])
 

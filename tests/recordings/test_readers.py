@@ -11,12 +11,12 @@ from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.images import encode_png
 from stixel_cli.recordings.find import find_recording, guess_layout
 from stixel_cli.recordings.image_files import read_grey, read_rgb
-from stixel_cli.recordings.labelled import slopes
+from stixel_cli.recordings.kitti_tables import read_calibration
 from stixel_cli.recordings.motion import recorded_motion, rocking
-from stixel_cli.recordings.pairs import read_pairs
 from stixel_cli.recordings.parameters import KittiTracking, PlainFolder
-from stixel_cli.recordings.scenario import recorded_scenario
-from stixel_cli.recordings.tables import read_calibration
+from stixel_cli.recordings.stereo_images import read_pairs
+from stixel_cli.recordings.truth import recorded_scenario, slopes
+from stixel_cli.recordings.types import Tables
 
 
 @pytest.fixture(scope="module")
@@ -39,10 +39,8 @@ def source(folder, **changes):
 
 def truth_of(recording, target=0, rig=None):
     rig = small_rig() if rig is None else rig
-    motion = recorded_motion(recording.pose_files, rig, recording.first, recording.count, 0.1)
-    return recorded_scenario(
-        motion, recording.truth_files, rig, recording.first, recording.left_camera, target
-    )
+    motion = recorded_motion(recording.pose_files, rig, recording.tables, recording.count, 0.1)
+    return recorded_scenario(motion, recording.truth_files, rig, recording.tables, target)
 
 
 def test_files_and_calibration_of_a_clip(clip):
@@ -53,7 +51,7 @@ def test_files_and_calibration_of_a_clip(clip):
     calibration = recording.calibration
     assert calibration.focal_length == 150.0 and calibration.principal_v == 40.0
     assert calibration.baseline == pytest.approx(0.5, abs=1e-12)
-    assert recording.left_camera == (0.0, 0.0, 0.0)
+    assert recording.tables.left_camera == (0.0, 0.0, 0.0)
 
 
 def test_the_folder_above_training_will_do(clip, tmp_path):
@@ -103,7 +101,7 @@ def test_labels_are_in_the_frame_of_camera_0_and_the_rig_is_camera_2(copy):
         words[4] = repr(150.0 * shift)
         rows[i] = " ".join(words)
     calibration.write_text("\n".join(rows))
-    found = read_calibration(calibration, "P2", "P3")
+    found = read_calibration(calibration, ("P2", "P3"))
     assert found.baseline == pytest.approx(0.5)
     assert found.left_camera == pytest.approx((-0.06, 0.0, 0.0))
     moved = truth_of(find_recording(source(copy))).target_poses_world[0]
@@ -130,7 +128,7 @@ def test_slopes_need_three_rows():
 
 
 def test_a_parked_ego_car_needs_no_poses():
-    motion = recorded_motion((), small_rig(), 7, 3, 0.2)
+    motion = recorded_motion((), small_rig(), Tables(first=7), 3, 0.2)
     assert motion.times == pytest.approx([0.0, 0.2, 0.4])
     assert (motion.poses_world == [0.0, 0.0, np.pi / 2]).all()
 

@@ -13,8 +13,8 @@ from stixel_cli.config.compose import compose
 from stixel_cli.errors import UserError
 from stixel_cli.recordings.find import find_recording, guess_layout
 from stixel_cli.recordings.image_files import image_size, read_grey, read_rgb
-from stixel_cli.recordings.pairs import read_pairs
 from stixel_cli.recordings.parameters import KittiTracking, VirtualKitti
+from stixel_cli.recordings.stereo_images import read_pairs
 
 
 @pytest.fixture(scope="module")

@@ -78,4 +78,4 @@ def scenario(count: int = 4, moving: bool = False) -> Scenario:
         ego[:, 1], ego[:, 2] = 0.3 * k, AHEAD + 0.02 * k
     target = np.stack([-0.6 + 0.5 * k, 8.0 + 0.3 * k, 0.4 + 0.2 * k], axis=1)
     outline = np.array([[1.5, 0.7], [-1.5, 0.7], [-1.5, -0.7], [1.5, -0.7]])
-    return Scenario.rigid(0.1 * k, ego, target, np.zeros((count, 3)), outline)
+    return Scenario(0.1 * k, ego, target, np.zeros((count, 3)), outline[None])

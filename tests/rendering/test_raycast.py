@@ -14,7 +14,7 @@ from stixel_cli.rendering.camera_rays import NEAR, rig_cameras
 from stixel_cli.rendering.frames import ROAD_ID, SKY_ID, TARGET_ID
 from stixel_cli.rendering.placement import sun_direction, world_from_target_3d
 from stixel_cli.rendering.raycast import StaticScene, Target, render_frame
-from stixel_cli.rendering.shading import camera_rays, shade
+from stixel_cli.rendering.shading import shade
 from stixel_cli.rendering.surfaces import (
     RayTree,
     build_surfaces,
@@ -22,7 +22,7 @@ from stixel_cli.rendering.surfaces import (
     linear_from_srgb,
     srgb_from_linear,
 )
-from stixel_cli.rendering.tracing import Body
+from stixel_cli.rendering.tracing import Body, Shot
 from stixel_cli.scene.mesh import Mesh, scaled
 from stixel_cli.scene.world import WorldObject
 from stixel_cli.scene.world_parameters import World
@@ -153,7 +153,7 @@ def test_right_view_is_the_left_view_shifted_by_the_true_disparity(static, targe
 
 def test_target_shadow_darkens_only_shadowed_pixels(static, target):
     camera = rig_cameras(RIG, POSE)[0]
-    lit = static.views(POSE)[0][1]
+    lit = static.views(POSE)[0]
     picture, _, _, ids = render_frame(static, target, scenario(), 0)
     sun = sun_direction(LIGHT)
     pose = world_from_target_3d(scenario().target_poses_world[0])
@@ -173,7 +173,7 @@ def test_target_shadow_darkens_only_shadowed_pixels(static, target):
 
 def test_sunlit_plane_does_not_shadow_itself():
     static = StaticScene([(ROAD_ID, road(speckle(1)))], RIG, RAYCAST)
-    view = static.views(POSE)[0][1]
+    view = static.views(POSE)[0]
     assert np.array_equal(view.lit, view.ids == ROAD_ID)
 
 
@@ -197,7 +197,7 @@ def test_distant_chequered_road_is_grey_without_moire():
     cells = np.indices((64, 64)).sum(axis=0) % 2
     texture = np.repeat((cells * 255).astype(np.uint8)[:, :, None], 3, axis=2)
     static = StaticScene([(ROAD_ID, road(texture, 120.0))], RIG, RAYCAST)
-    view = static.views(POSE)[0][1]
+    view = static.views(POSE)[0]
     light = view.light.reshape(96, 128, 3)[55:, :, 0]
     # One sample a pixel would make it as large as the mean.
     assert light.std() < 0.05 * light.mean()
@@ -211,15 +211,14 @@ def test_texture_is_averaged_over_the_pixel_area():
         replace(RIG, pitch=0.0),
         RAYCAST,
     )
-    camera, view = static.views(POSE)[0]
+    view = static.views(POSE)[0]
     pixels = np.flatnonzero(view.ids == 3)[::37]
     v, u = np.divmod(pixels, 128)
     offsets = (np.arange(16) + 0.5) / 16 - 0.5
     du, dv = (array.ravel() for array in np.meshgrid(offsets, offsets))
     uu, vv = np.add.outer(u, du).ravel(), np.add.outer(v, dv).ravel()
-    pinhole = camera.rotation, camera.origin, camera.focal, camera.u0, camera.v0
     rays = np.empty((len(uu), 6), dtype=np.float32)
-    camera_rays(rays, uu, vv, *pinhole)
+    tracing.camera_rays(rays, uu, vv, *view.shot.camera.pinhole)
     points = rays[:, :3] + rays[:, 3:] * (12.0 / rays[:, 4])[:, None]
     columns = np.floor((points[:, 0] + 9) / 18 * 3 * 64).astype(int) % 64
     rows = np.floor((8 - points[:, 2]) / 14 * 3 * 64).astype(int) % 64
@@ -235,28 +234,25 @@ def test_texture_is_averaged_over_the_pixel_area():
 def test_texture_of_the_target_is_nearer_to_the_mean_over_the_pixel(monkeypatch):
     """Against 16 × 16 samples in each pixel; the same wall once with plain mip-maps."""
     wall = Mesh((quad([(-9, 12, -6), (9, 12, -6), (9, 12, 8), (-9, 12, 8)], speckle(9, 256), 3.0),))
-    bodies = [Body(build_surfaces([(3, mesh)]), np.eye(4)) for mesh in (road(speckle(1)), wall)]
-    camera = rig_cameras(RIG, POSE)[0]
+    meshes = road(speckle(1)), wall
+    bodies = tuple(Body(build_surfaces([(3, mesh)]), np.eye(4)) for mesh in meshes)
+    shot = Shot(bodies, rig_cameras(RIG, POSE)[0], LIGHT)
     rows, columns = np.divmod(np.arange(96 * 128), 128)
-    centre = np.zeros(1), np.zeros(1)
-    hits = tracing.nearest(bodies, camera, rows, columns, *centre)
+    hits = tracing.nearest(shot, columns.astype(float), rows.astype(float))
     seen = np.flatnonzero(hits.body == 1)[::7]
-    sun = sun_direction(LIGHT)
 
-    def light(u, v, hits, spread):
-        lit = np.ones(len(u), dtype=bool)
-        return tracing.light_of(bodies, camera, u, v, hits, lit, sun, LIGHT, spread)[:, 0]
+    def light(hits, spread):
+        return tracing.light_of(shot, hits, np.ones(len(hits.u), dtype=bool), spread)[:, 0]
 
     offsets = (np.arange(16) + 0.5) / 16 - 0.5
     right, down = (array.ravel() for array in np.meshgrid(offsets, offsets))
-    fine = tracing.nearest(bodies, camera, rows[seen], columns[seen], right, down)
     u = np.add.outer(columns[seen], right).ravel()
     v = np.add.outer(rows[seen], down).ravel()
-    mean = light(u, v, fine, 1.0 / 16).reshape(len(seen), -1).mean(axis=1)
+    mean = light(tracing.nearest(shot, u, v), 1.0 / 16).reshape(len(seen), -1).mean(axis=1)
     errors = []
     for finer in (1, tracing.FINER_TARGET):
         monkeypatch.setattr(tracing, "FINER_TARGET", finer)
-        found = light(columns[seen].astype(float), rows[seen].astype(float), hits.at(seen), 1.0)
+        found = light(hits.at(seen), 1.0)
         errors.append(np.sqrt(np.mean((found - mean) ** 2)))
     assert len(seen) > 100 and errors[1] < 0.8 * errors[0]
 
@@ -265,11 +261,12 @@ def test_shading_accepts_an_empty_list(static):
     surfaces = static.body.surfaces
     none, ids = np.empty(0), np.empty(0, dtype=np.int32)
     one, light = np.ones(3), np.empty((0, 3), dtype=np.float32)
+    textures = surfaces.textures
+    hits = none, none, none, ids.astype(np.int8), ids
     shade(
-        light, none, none, none, ids.astype(np.int8), ids, np.empty(0, dtype=bool), 0, 1, none,
-        np.eye(3), np.zeros(3), 1.0, 0.0, 0.0, surfaces.normals, surfaces.uv_gradients,
-        surfaces.texture, surfaces.textures.texels, surfaces.textures.levels,
-        surfaces.textures.first_level, one, one, one, one,
+        light, hits, np.empty(0, dtype=bool), 0, 1, none, (np.eye(3), np.zeros(3), 1.0, 0.0, 0.0),
+        (surfaces.normals, surfaces.uv_gradients, surfaces.texture),
+        (textures.texels, textures.levels, textures.first_level), (one, one, one, one),
     )  # fmt: skip
     assert len(RayTree(np.eye(3), np.array([[0, 1, 2]])).blocked(np.empty((0, 6)))) == 0
 

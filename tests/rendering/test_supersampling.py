@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 
 from stixel_cli.rendering import supersampling, tracing
 from stixel_cli.rendering.camera_rays import Camera, rig_cameras
-from stixel_cli.rendering.placement import numbered_objects, sun_direction, world_from_target_3d
+from stixel_cli.rendering.placement import numbered_objects, world_from_target_3d
 from stixel_cli.rendering.raycast import StaticScene, Target
 from stixel_cli.rendering.supersampling import Centres, rasterised, sample_offsets, supersampled
 from stixel_cli.rendering.surfaces import build_surfaces
-from stixel_cli.rendering.tracing import Body
+from stixel_cli.rendering.tracing import Body, Shot
 from stixel_cli.scene.mesh import Mesh, Part
 from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.road_user_parameters import RoadUser
@@ -22,34 +22,36 @@ POSE = np.array([0.0, 0.0, AHEAD])
 
 
 def street() -> tuple[list[Body], Camera]:
-    """The shipped street and a car in it, and the left camera."""
+    """The shipped street and a car in it, from the left camera."""
     static = build_surfaces(numbered_objects(World("street", 1, 1.0)))
     car = RoadUser("car", 4.5, 1.8, 1.5, 1.0, None, None, 1.0, "x")
     pose = world_from_target_3d(np.array([-1.0, 9.0, 0.4]))
-    bodies = [Body(static, np.eye(4)), Body(build_surfaces([(2, road_user_meshes(car)[0])]), pose)]
-    return bodies, rig_cameras(RIG, POSE)[0]
+    bodies = (Body(static, np.eye(4)), Body(build_surfaces([(2, road_user_meshes(car)[0])]), pose))
+    return Shot(bodies, rig_cameras(RIG, POSE)[0], LIGHT)
 
 
-def agreement(bodies, camera, rows, columns, samples) -> tuple[float, float]:
+def agreement(shot, rows, columns, samples) -> tuple[float, float]:
     """Shares of the samples in which rasteriser and ray caster meet the same triangle, and with
     the same depth."""
-    offsets = sample_offsets(samples)
-    inverse, found = rasterised(bodies, camera, rows, columns, *offsets)
-    hits = tracing.nearest(bodies, camera, rows, columns, *offsets)
-    number = hits.triangle + np.where(hits.body == 1, len(bodies[0].surfaces.corners), 0)
+    right, down = sample_offsets(samples)
+    inverse, found = rasterised(shot, rows, columns, right, down)
+    u, v = np.add.outer(columns, right).ravel(), np.add.outer(rows, down).ravel()
+    hits = tracing.nearest(shot, u, v)
+    number = hits.triangle + np.where(hits.body == 1, len(shot.bodies[0].surfaces.corners), 0)
     assert np.array_equal(found.ravel() >= 0, inverse.ravel() > 0)
     near = np.abs(inverse.ravel() - 1.0 / hits.depth) <= 1e-5 * inverse.ravel()
     return (found.ravel() == number).mean(), near.mean()
 
 
 def test_the_rasteriser_meets_the_triangles_that_the_ray_caster_meets():
-    bodies, camera = street()
+    shot = street()
+    camera = shot.camera
     rows, columns = np.divmod(np.arange(camera.height * camera.width), camera.width)
-    same, near = agreement(bodies, camera, rows, columns, 2)
+    same, near = agreement(shot, rows, columns, 2)
     assert same >= 0.9999 and near >= 0.9999
     # Of some pixels only, in any number of samples.
     some = np.random.default_rng(0).random(len(rows)) < 0.1
-    same, near = agreement(bodies, camera, rows[some], columns[some], 8)
+    same, near = agreement(shot, rows[some], columns[some], 8)
     assert same >= 0.9999 and near >= 0.9999
 
 
@@ -62,97 +64,94 @@ def test_triangles_around_the_camera_are_rasterised_as_they_are_cast(seed):
     points = (centres + random.normal(0.0, random.choice([0.3, 5.0]), (40, 3, 3))) + [0, 0, 1.2]
     one, uvs = np.array([[0, 1, 2]], dtype=np.int32), np.zeros((1, 3, 2))
     parts = [Part(corners, one, uvs, speckle(1), "triangle") for corners in points]
-    bodies = [Body(build_surfaces([(3, Mesh(tuple(parts)))]), np.eye(4))]
+    body = Body(build_surfaces([(3, Mesh(tuple(parts)))]), np.eye(4))
     camera = rig_cameras(RIG, POSE)[0]
+    shot = Shot((body,), camera, LIGHT)
     rows, columns = np.divmod(np.arange(0, camera.height * camera.width, 7), camera.width)
-    same, near = agreement(bodies, camera, rows, columns, 2)
+    same, near = agreement(shot, rows, columns, 2)
     # One sample of the thousands may be on an edge, where single precision decides for the other.
     assert same >= 0.9995 and near >= 0.9995
 
 
 def test_two_triangles_with_a_common_edge_leave_no_sample_between_them():
     corners = [(-5, 6, -4), (5.3, 7, -4), (5.1, 7, 4.7), (-5.2, 6, 4.7)]
-    bodies = [Body(build_surfaces([(3, Mesh((quad(corners, speckle(1)),)))]), np.eye(4))]
-    camera = rig_cameras(replace(RIG, pitch=0.0), POSE)[0]
+    body = Body(build_surfaces([(3, Mesh((quad(corners, speckle(1)),)))]), np.eye(4))
+    shot = Shot((body,), rig_cameras(replace(RIG, pitch=0.0), POSE)[0], LIGHT)
     rows, columns = (grid.ravel() for grid in np.mgrid[10:80, 20:100])
-    _, found = rasterised(bodies, camera, rows, columns, *sample_offsets(8))
+    _, found = rasterised(shot, rows, columns, *sample_offsets(8))
     assert set(np.unique(found)) == {0, 1}
 
 
 @pytest.fixture(scope="module")
 def edges():
-    """Bodies, camera and the values of all pixels of the box scene."""
+    """The box scene, and the values of all its pixels."""
     static, target = StaticScene(objects(), RIG, RAYCAST), Target([target_mesh()])
     camera = rig_cameras(RIG, POSE)[0]
     pose = world_from_target_3d(scenario().target_poses_world[0])
-    bodies = [static.body, Body(target.surfaces(0), pose)]
+    shot = Shot((static.body, Body(target.surfaces(0), pose)), camera, LIGHT)
     rows, columns = np.divmod(np.arange(camera.height * camera.width), camera.width)
-    u, v = columns.astype(float), rows.astype(float)
-    hits = tracing.nearest(bodies, camera, rows, columns, np.zeros(1), np.zeros(1))
-    sun = sun_direction(LIGHT)
-    lit = tracing.sunlit(bodies, camera, u, v, hits, sun, (0, 1))
-    light = tracing.light_of(bodies, camera, u, v, hits, lit, sun, LIGHT, 1.0)
-    return bodies, camera, Centres(rows, columns, hits, lit, light), sun
+    hits = tracing.nearest(shot, columns.astype(float), rows.astype(float))
+    lit = tracing.sunlit(shot, hits, (0, 1))
+    light = tracing.light_of(shot, hits, lit, 1.0)
+    return shot, Centres(rows, columns, hits, lit, light)
 
 
-def brute_force(bodies, camera, centres, sun, samples) -> np.ndarray:
+def brute_force(shot, centres, samples) -> np.ndarray:
     """Every sample with a colour of its own, from rays."""
     right, down = sample_offsets(samples)
     u = np.add.outer(centres.columns, right).ravel()
     v = np.add.outer(centres.rows, down).ravel()
-    hits = tracing.nearest(bodies, camera, centres.rows, centres.columns, right, down)
-    lit = tracing.sunlit(bodies, camera, u, v, hits, sun, (0, 1))
-    light = tracing.light_of(bodies, camera, u, v, hits, lit, sun, LIGHT, 1.0 / samples)
+    hits = tracing.nearest(shot, u, v)
+    lit = tracing.sunlit(shot, hits, (0, 1))
+    light = tracing.light_of(shot, hits, lit, 1.0 / samples)
     return light.reshape(len(centres.rows), -1, 3).mean(axis=1)
 
 
 def test_more_samples_come_nearer_to_the_mean_over_the_pixel(edges):
-    bodies, camera, centres, sun = edges
-    _, found = rasterised(bodies, camera, centres.rows, centres.columns, *sample_offsets(4))
+    shot, centres = edges
+    _, found = rasterised(shot, centres.rows, centres.columns, *sample_offsets(4))
     mixed = np.flatnonzero((found != found[:, :1]).any(axis=1))
     assert len(mixed) > 300
     centres, at_shadow = centres.at(mixed), np.zeros(len(mixed), dtype=bool)
-    exact = brute_force(bodies, camera, centres, sun, 12)
+    exact = brute_force(shot, centres, 12)
     errors = [
-        np.sqrt(
-            ((supersampled(bodies, camera, centres, at_shadow, sun, LIGHT, n) - exact) ** 2).mean()
-        )
+        np.sqrt(((supersampled(shot, centres, at_shadow, n) - exact) ** 2).mean())
         for n in (1, 2, 4, 8)
     ]
     assert errors[1] < 0.6 * errors[0] and errors[2] < 0.6 * errors[1] and errors[3] < errors[2]
     # It is nearer than few samples that are all shaded.
-    alone = brute_force(bodies, camera, centres, sun, 2)
+    alone = brute_force(shot, centres, 2)
     assert errors[3] < 0.65 * np.sqrt(((alone - exact) ** 2).mean())
 
 
 def test_a_shadows_edge_inside_a_triangle_is_blended(edges):
-    bodies, camera, centres, sun = edges
-    exact = brute_force(bodies, camera, centres, sun, 4)
-    _, found = rasterised(bodies, camera, centres.rows, centres.columns, *sample_offsets(4))
+    shot, centres = edges
+    exact = brute_force(shot, centres, 4)
+    _, found = rasterised(shot, centres.rows, centres.columns, *sample_offsets(4))
     one = (found == found[:, :1]).all(axis=1) & (found[:, 0] >= 0)
     unlike = np.flatnonzero(one & (np.abs(exact - centres.light).max(axis=1) > 0.1))
     assert len(unlike) > 20
     some = centres.at(unlike)
     at_shadow = np.ones(len(unlike), dtype=bool)
-    blended = supersampled(bodies, camera, some, at_shadow, sun, LIGHT, 8)
+    blended = supersampled(shot, some, at_shadow, 8)
     before = np.abs(some.light - exact[unlike]).mean()
     after = np.abs(blended - exact[unlike]).mean()
     assert after < 0.5 * before
 
 
 def test_the_size_of_a_block_changes_no_byte(edges, monkeypatch):
-    bodies, camera, centres, sun = edges
+    shot, centres = edges
     some = centres.at(np.s_[4000:4500])
     at_shadow = np.arange(500) % 3 == 0
-    whole = supersampled(bodies, camera, some, at_shadow, sun, LIGHT, 4)
+    whole = supersampled(shot, some, at_shadow, 4)
     monkeypatch.setattr(supersampling, "BLOCK", 16 * 7)
-    assert supersampled(bodies, camera, some, at_shadow, sun, LIGHT, 4).tobytes() == whole.tobytes()
+    assert supersampled(shot, some, at_shadow, 4).tobytes() == whole.tobytes()
 
 
 def test_no_pixels_are_no_special_case(edges):
-    bodies, camera, centres, sun = edges
+    shot, centres = edges
     none = centres.at(np.s_[:0])
-    result = supersampled(bodies, camera, none, np.zeros(0, dtype=bool), sun, LIGHT, 8)
+    result = supersampled(shot, none, np.zeros(0, dtype=bool), 8)
     assert result.shape == (0, 3)
 
 

@@ -32,7 +32,7 @@ def make_scenario(scans=12):
     quarter = np.array([[2.25, 0.7], [2.0, 0.9]])
     half = np.concatenate([quarter, quarter[::-1] * [-1, 1]])
     contour = np.concatenate([half, -half])
-    return Scenario.rigid(t, ego.poses_world, poses, rates, contour)
+    return Scenario(t, ego.poses_world, poses, rates, contour[None])
 
 
 def make_scans(scenario, rng):

@@ -68,7 +68,7 @@ def test_no_scan_of_the_studies_is_empty(name, kind, path):
     poses, rates = path_poses(chosen.path, motion.times)
     half = 0.5 * np.array([chosen.prior.length, chosen.prior.width])
     box = half * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
-    scenario = Scenario.rigid(motion.times, motion.poses_world, poses, rates, box)
+    scenario = Scenario(motion.times, motion.poses_world, poses, rates, box[None])
     scans = fabricate_scans(scenario, chosen.rig, chosen.measurement, seed=0)
     assert np.diff(scans.offsets).min() > 0
 

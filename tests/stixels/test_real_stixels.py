@@ -16,7 +16,7 @@ from stixel_cli.config.schema import StereoParameters
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
 from stixel_cli.recordings.image_files import read_disparity
-from stixel_cli.recordings.tables import read_calibration
+from stixel_cli.recordings.kitti_tables import read_calibration
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stereo import sgm
@@ -227,7 +227,7 @@ def pair_with_truth(data, name):
     truth = read_disparity(disparity)
     values = CALIBRATIONS.get(name)
     if values is None:
-        found = read_calibration(folder / "calib" / f"{name.split()[1]}.txt", "P0", "P1")
+        found = read_calibration(folder / "calib" / f"{name.split()[1]}.txt", ("P0", "P1"))
         values = found.focal_length, found.principal_u, found.principal_v, found.baseline
     height, width = truth.shape
     return Rig(width, height, None, *values, 1.65, 0.0, None), left, right, truth

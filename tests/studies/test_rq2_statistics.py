@@ -93,7 +93,7 @@ def test_distances_from_the_contour():
     contour = np.array([[-2.0, -1.0], [2.0, -1.0], [2.0, 1.0], [-2.0, 1.0]])
     pose = np.array([5.0, 10.0, 0.5])
     poses = np.stack([pose, pose])
-    scenario = Scenario.rigid(np.arange(2.0), poses, poses, poses, contour)
+    scenario = Scenario(np.arange(2.0), poses, poses, poses, contour[None])
     points = world_from_target(np.array([[2.5, 0.0], [0.0, 0.9], [0.0, -1.3]]), pose)
     scans = Scans(np.arange(2.0), poses, np.array([0, 0, 3]), points, np.zeros((3, 2, 2)))
     assert contour_distances(scans, scenario) == pytest.approx([0.5, -0.1, 0.3])

@@ -30,7 +30,7 @@ def errors_of(noise, seed, count=60, nearest=7.0):
     # Away from the camera and turning: all ranges from 7 to 25 m, all sides.
     target = np.stack([0.0 * times, nearest + 3.0 * times, 1.3 * times], axis=-1)
     ego = np.tile([0.0, 0.0, 0.5 * np.pi], (count, 1))
-    truth = Scenario.rigid(times, ego, target, np.tile([0.0, 3.0, 1.3], (count, 1)), BOX)
+    truth = Scenario(times, ego, target, np.tile([0.0, 3.0, 1.3], (count, 1)), BOX[None])
     measurement = FabricatedParameters(
         "fabricated", None, "tangent", noise, 0.0, 80.0, dropout=None, clutter_rate=0.0
     )

@@ -30,7 +30,7 @@ def test_a_target_that_jumps_away_gives_a_warning(name):
     for path, warned in ((poses, False), (jumped, name != "no_data")):
         scans = scans_seen(OUTLINE, path, noise=0.03)
         result = module.track(scans, start_at(poses), configuration.prior, configuration.tracker)
-        truth = Scenario.rigid(scans.times, scans.sensor_poses_world, path, rates, OUTLINE)
+        truth = Scenario(scans.times, scans.sensor_poses_world, path, rates, OUTLINE[None])
         metrics = evaluate(result, truth, scans).metrics
         assert metrics["diverged"] == warned
         assert verdict(metrics)[0].startswith("WARNING") == warned

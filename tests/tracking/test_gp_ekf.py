@@ -152,7 +152,7 @@ def test_verdict_warns_of_divergence_with_the_points_own_elongated_covariance(el
     scans, tracks = elongated
     outline = np.array([[2.25, 0.9], [-2.25, 0.9], [-2.25, -0.9], [2.25, -0.9]])
     rates = np.tile(START.mean[3:], (40, 1))
-    truth = Scenario.rigid(scans.times, scans.sensor_poses_world, poses_of_turn(40), rates, outline)
+    truth = Scenario(scans.times, scans.sensor_poses_world, poses_of_turn(40), rates, outline[None])
     for name, result in tracks.items():
         metrics = evaluate(result, truth, scans).metrics
         assert metrics["diverged"] == int(name == "points")

@@ -55,7 +55,7 @@ def scenario():
     rates = np.tile([3.0, -1.0, 0.4], (5, 1))
     poses = np.array([4.0, 9.0, 0.3]) + times[:, None] * rates
     outline = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]], float)
-    return Scenario.rigid(times, np.zeros((5, 3)), poses, rates, outline)
+    return Scenario(times, np.zeros((5, 3)), poses, rates, outline[None])
 
 
 NOISE = TruthStart("truth", "truth", position=0.3, heading=0.1, velocity=0.5, heading_rate=0.05)

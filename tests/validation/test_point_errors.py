@@ -29,7 +29,7 @@ def scenario(count=10, depth=15.0):
     times = 0.1 * np.arange(count)
     target = np.stack([3.0 * times - 1.5, depth + 0.0 * times, 0.3 * times], axis=-1)
     ego = np.stack([0.2 * times, times, 0.5 * np.pi + 0.05 * times], axis=-1)
-    return Scenario.rigid(times, ego, target, np.tile([3.0, 0.0, 0.3], (count, 1)), BOX)
+    return Scenario(times, ego, target, np.tile([3.0, 0.0, 0.3], (count, 1)), BOX[None])
 
 
 TRUTH = scenario()

@@ -31,13 +31,12 @@ def sample():
     sensor = np.tile([0.0, 0.0, STRAIGHT_AHEAD], (count, 1))
     headings = np.linspace(0.0, 2.0 * np.pi, count)
     away = 10.0 + 4.0 * np.cos(7.0 * headings)
-    scenario = Scenario.rigid(
+    scenario = Scenario(
         times=0.1 * np.arange(count),
         ego_poses_world=sensor,
         target_poses_world=np.column_stack([np.zeros(count), away, headings]),
         target_rates_world=np.zeros((count, 3)),
-        contour_target=BOX,
-        star_convex=True,
+        contours_target=BOX[None],
     )
     p = compose(["measurement=fabricated", "measurement/noise=stereo"]).configuration
     scans = fabricate_scans(scenario, p.rig, dataclasses.replace(p.measurement, rays=320), 1000)
@@ -77,7 +76,6 @@ def walker(stride, scale):
         target_rates_world=np.zeros((2, 3)),
         contours_target=scale * np.stack(poses),
         limb_poses=np.array([0, 1]),
-        star_convex=True,
     )
 
 

@@ -46,9 +46,7 @@ class Definition:
 
 FROM_LABELS = {
     "rig": "rig",
-    "first": "recording.first",
-    "left_camera": "recording.left_camera",
-    "layout": "recording.table_layout",
+    "tables": "recording.tables",
 }
 """The `reads` of stages that move the labels of a recording into the world."""
 

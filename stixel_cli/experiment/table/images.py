@@ -49,29 +49,28 @@ STAGES: dict[str, Definition] = {
         "once",
         {
             "rig": "rig",
-            "first": "recording.first",
+            "tables": "recording.tables",
             "count": "recording.count",
             "sample_time": "source.sample_time",
-            "layout": "recording.table_layout",
         },
         recorded="pose_files",
     ),
     "recorded_scenario": Definition(
-        only("recordings.scenario:recorded_scenario"),
+        only("recordings.truth:recorded_scenario"),
         "once",
         FROM_LABELS | {"target": "recording.target"},
         recorded="truth_files",
     ),
     "read_pairs": Definition(
-        only("recordings.pairs:read_pairs"),
+        only("recordings.stereo_images:read_pairs"),
         "map",
-        {"rectification": "recording.rectification"},
+        {"rectification": "recording.calibration.rectification"},
         recorded="images",
     ),
     "read_left": Definition(
-        only("recordings.colour:read_left"),
+        only("recordings.stereo_images:read_left"),
         "pick",
-        {"rectification": "recording.rectification"},
+        {"rectification": "recording.calibration.rectification"},
         recorded="left",
     ),
     "objects": Definition(
@@ -142,22 +141,21 @@ STAGES: dict[str, Definition] = {
 
 REPLAYED: dict[str, Definition] = {
     "ego_motion": Definition(
-        only("recordings.replayed_motion:replayed_motion"),
+        only("recordings.motion:replayed_motion"),
         "once",
         {
-            "first": "recording.first",
+            "tables": "recording.tables",
             "count": "recording.count",
             "sample_time": "path.sample_time",
         },
         recorded="pose_files",
     ),
     "scenario": Definition(
-        only("recordings.replayed_scenario:replayed_scenario"),
+        only("recordings.replay:replayed_scenario"),
         "once",
         {
             "road_user": "road_user",
-            "first": "recording.first",
-            "left_camera": "recording.left_camera",
+            "tables": "recording.tables",
             "target": "path.target",
             "smoothing": "path.smoothing",
         },

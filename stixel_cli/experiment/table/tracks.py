@@ -31,7 +31,7 @@ STAGES: dict[str, Definition] = {
         files=("road_user.mesh",),
     ),
     "label_truths": Definition(
-        only("recordings.label_truths:label_truths"),
+        only("recordings.truth:label_truths"),
         "once",
         FROM_LABELS,
         recorded="label_files",
@@ -55,7 +55,7 @@ STAGES: dict[str, Definition] = {
     "track_points": Definition(
         only("calibration.motion_errors:track_points"),
         "once",
-        {"rig": "rig", "first": "recording.first", "layout": "recording.table_layout"},
+        {"rig": "rig", "tables": "recording.tables"},
         recorded="pose_files",
     ),
     "align_truth": Definition(

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import MissingData
-from stixel_cli.recordings.kitti import LABELS, label_root, sequences
-from stixel_cli.recordings.tables import read_kitti_labels, read_kitti_poses
+from stixel_cli.recordings.kitti_tables import read_labels, read_poses
+from stixel_cli.recordings.replay import LABELS, label_root, sequences
 from stixel_cli.recordings.types import Labels
 from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
 
@@ -73,8 +73,8 @@ def real_tracks(folder: Path) -> list[RealTrack]:
         poses = root / "ego_poses" / f"{sequence}.txt"
         if not poses.is_file():
             continue
-        count = len(read_kitti_poses(poses))
-        for target, labels in read_kitti_labels(root / LABELS / f"{sequence}.txt").items():
+        count = len(read_poses(poses))
+        for target, labels in read_labels(root / LABELS / f"{sequence}.txt").items():
             frames = labels.frames[_counts(labels) & (labels.frames < count)]
             if labels.kind in CLASS_OF_KITTI_TYPE and len(frames) >= LEAST_FRAMES:
                 span = range(int(frames[0]), int(frames[-1]) + 1)

@@ -2,8 +2,8 @@
 
 import pytest
 
+from stixel_cli import feather
 from stixel_cli.errors import UserError
-from stixel_cli.recordings import feather
 
 pyarrow = pytest.importorskip("pyarrow")
 

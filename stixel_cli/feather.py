@@ -8,8 +8,6 @@ import numpy as np
 
 from stixel_cli.errors import UserError
 from stixel_cli.files import read_bytes
-from stixel_cli.recordings.tables import GREATEST as LARGEST
-from stixel_cli.recordings.tables import MOST_ROWS
 
 if TYPE_CHECKING:
     import pyarrow
@@ -19,6 +17,11 @@ GREATEST = 16 * 2**20
 
 GREATEST_UNPACKED = 256 * 2**20
 """Bytes of its columns: a million rows of 20 numbers take 160 MB."""
+
+MOST_ROWS = 1_000_000
+
+LARGEST = 1e9
+"""Greatest absolute value of a number, in its unit: products of larger ones overflow."""
 
 LONGEST_TEXT = 64
 """Bytes of a text in a row."""
@@ -58,35 +61,42 @@ def read_columns(
         raise UserError(f"{file}: a damaged Feather file: {str(fault).splitlines()[0]}") from None
     if table.num_rows > MOST_ROWS:
         raise UserError(f"{file}: more than {MOST_ROWS} rows")
-    found = {}
-    for name in (*numbers, *words):
-        if table.column_names.count(name) != 1:
-            raise UserError(f"{file}: the column {name} is missing")
-        column = table.column(name)
-        kind = column.type
-        if pyarrow.types.is_dictionary(kind):
-            kind = kind.value_type
-        is_text = pyarrow.types.is_string(kind) or pyarrow.types.is_large_string(kind)
-        is_number = pyarrow.types.is_integer(kind) or pyarrow.types.is_floating(kind)
-        if column.null_count or not (is_text if name in words else is_number):
-            wanted = "text" if name in words else "numbers"
-            raise UserError(f"{file}: the column {name} must be of {wanted} in each row")
-        if name in words:
-            _check_texts(file, name, column)
-        values = np.array(column.to_pylist())
-        if name in words:
-            values = values.astype(np.str_)
-        elif values.dtype.kind == "f" and not (np.abs(values) <= LARGEST).all():
-            row = int(np.flatnonzero(~(np.abs(values) <= LARGEST))[0])
-            raise UserError(
-                f"{file}: row {row + 1}: {name} is {values[row]:g}, must be within ±{LARGEST:g}"
-            )
-        found[name] = values
-    return found
+    return {
+        **{name: _numbers(file, name, _column(file, table, name, "numbers")) for name in numbers},
+        **{name: _texts(file, name, _column(file, table, name, "text")) for name in words},
+    }
 
 
-def _check_texts(file: Path, name: str, column: "pyarrow.ChunkedArray") -> None:
-    """Raise UserError if a text is longer than `LONGEST_TEXT`: each row gets the longest's size."""
+def _column(file: Path, table: "pyarrow.Table", name: str, kind: str) -> "pyarrow.ChunkedArray":
+    """A column of `numbers` or of `text`, without gaps."""
+    from pyarrow import types
+
+    if table.column_names.count(name) != 1:
+        raise UserError(f"{file}: the column {name} is missing")
+    column = table.column(name)
+    content = column.type.value_type if types.is_dictionary(column.type) else column.type
+    if kind == "text":
+        suits = types.is_string(content) or types.is_large_string(content)
+    else:
+        suits = types.is_integer(content) or types.is_floating(content)
+    if column.null_count or not suits:
+        raise UserError(f"{file}: the column {name} must be of {kind} in each row")
+    return column
+
+
+def _numbers(file: Path, name: str, column: "pyarrow.ChunkedArray") -> np.ndarray:
+    values = np.array(column.to_pylist())
+    wrong = np.flatnonzero(~(np.abs(values) <= LARGEST)) if values.dtype.kind == "f" else ()
+    if len(wrong):
+        raise UserError(
+            f"{file}: row {wrong[0] + 1}: {name} is {values[wrong[0]]:g}, "
+            f"must be within ±{LARGEST:g}"
+        )
+    return values
+
+
+def _texts(file: Path, name: str, column: "pyarrow.ChunkedArray") -> np.ndarray:
+    """(n,) str; UserError beyond `LONGEST_TEXT`: each row takes the size of the longest one."""
     import pyarrow
     from pyarrow import compute
 
@@ -97,6 +107,7 @@ def _check_texts(file: Path, name: str, column: "pyarrow.ChunkedArray") -> None:
             raise UserError(
                 f"{file}: the column {name}: a text of {longest} bytes, at most {LONGEST_TEXT}"
             )
+    return np.array(column.to_pylist()).astype(np.str_)
 
 
 def _unpacked(message: "pyarrow.Message") -> int:

@@ -1,0 +1,166 @@
+"""The motion of `path=recorded`: a clip of KITTI's tracking benchmark without its images.
+
+Below the folder, or below its `training/`, are `label_02/0005.txt`, `calib/0005.txt` and, beside
+those of the benchmark, `ego_poses/0005.txt`, as `kitti` describes them.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stixel_cli.errors import UserError
+from stixel_cli.geometry.pose import label_pose
+from stixel_cli.recordings.assembly import root_of
+from stixel_cli.recordings.kitti_tables import read_calibration, read_poses
+from stixel_cli.recordings.parameters import chosen_frames
+from stixel_cli.recordings.tables import labels_of
+from stixel_cli.recordings.types import Recording, Tables
+from stixel_cli.scene.path_parameters import ReplayedPath
+from stixel_cli.scene.road_user_parameters import RoadUser
+from stixel_cli.scene.scenario import EgoMotion, Scenario
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
+
+LEAST_FRAMES = 5
+"""Labelled frames of a track that the smoothing spline of a replayed motion needs."""
+
+LABELS = "label_02"
+
+
+def find_replay(path: ReplayedPath) -> Recording:
+    """The files and frames of a replayed motion, a recording without images; they are checked.
+
+    Raises:
+        UserError: if a file is missing or not valid, or the track has too few labels.
+    """
+    root, name = label_root(Path(path.folder)), f"{int(path.sequence):04d}"
+    labels, poses = root / LABELS / f"{name}.txt", root / "ego_poses" / f"{name}.txt"
+    if not labels.is_file():
+        known = ", ".join(sequences(root))
+        raise UserError(f"path.sequence: {labels}: no such file; there are {known}")
+    if not poses.is_file():
+        raise UserError(f"path.sequence: {poses}: no such file; the ego car's motion is required")
+    track = labels_of((labels,), Tables(), path.target, "path.target")
+    known = track.frames[track.frames < len(read_poses(poses))]
+    frames = _frames(path, known.tolist())
+    calibration = read_calibration(root / "calib" / f"{name}.txt", ("P2", "P3"))
+    return Recording(
+        layout="kitti_tracking",
+        frames=frames,
+        calibration=calibration,
+        tables=Tables(first=frames.start, left_camera=calibration.left_camera),
+        pose_files=(poses,),
+        label_files=(labels,),
+        target=path.target,
+        label=track.kind,
+    )
+
+
+def label_root(folder: Path) -> Path:
+    """The folder that has `label_02`: the folder itself or its `training`.
+
+    Raises:
+        UserError: if neither has it.
+    """
+    root = root_of(folder, LABELS)
+    if (root / LABELS).is_dir():
+        return root
+    if not folder.is_dir():
+        raise UserError(f"path.folder: {folder}: no such folder")
+    raise UserError(f"path.folder: {folder}: has no folder {LABELS} with KITTI's labels")
+
+
+def sequences(root: Path) -> list[str]:
+    """Names of the clips with labels below a `label_root`."""
+    return sorted(file.stem for file in (root / LABELS).glob("*.txt"))
+
+
+def _frames(path: ReplayedPath, known: list[int]) -> range:
+    """The frames to replay, of those with a label and an ego pose; both ends have a label."""
+    try:
+        chosen = chosen_frames(path.frames, "path.frames")
+    except ValueError as fault:
+        raise UserError(str(fault)) from None
+    if chosen is None:
+        chosen = range(known[0], known[-1] + 1) if known else range(0)
+    inside = [frame for frame in known if frame in chosen]
+    track = f"track {path.target} of clip {path.sequence}"
+    key = "target" if path.frames is None else "frames"
+    if len(inside) < LEAST_FRAMES:
+        raise UserError(
+            f"path.{key}: {track} has {len(inside)} labelled frames with an ego pose here, "
+            f"at least {LEAST_FRAMES} are needed"
+        )
+    if (inside[0], inside[-1] + 1) != (chosen.start, chosen.stop):
+        raise UserError(
+            f"path.frames: {track} has no label at an end of {path.frames}; "
+            f"{inside[0]}:{inside[-1] + 1} has"
+        )
+    return chosen
+
+
+def replayed_scenario(
+    ego_motion: EgoMotion,
+    files: tuple[Path, ...],
+    road_user: RoadUser,
+    tables: Tables,
+    target: int,
+    smoothing: float,
+) -> Scenario:
+    """Ground truth of `road_user` on the smoothed path of one labelled target.
+
+    The labels' places and headings are moved into the world by the ego poses. A smoothing spline
+    over time of each coordinate gives the poses and their exact derivatives at all frames, those
+    without a label among them.
+
+    Args:
+        ego_motion: at K successive frames; the first and the last have a label.
+        files: the file of the labels.
+        road_user: the target in the scene, with its own size.
+        tables: with the first frame, and the camera in the frame of the labels.
+        target: its track id.
+        smoothing: see `smoothing_spline`, s.
+
+    Raises:
+        UserError: if the file is not valid, or has no such target.
+    """
+    from stixel_cli.scene.contours import moving_target
+
+    times, first = ego_motion.times, tables.first
+    labels = labels_of(files, tables, target, "path.target")
+    rows = np.flatnonzero((labels.frames >= first) & (labels.frames < first + len(times)))
+    frames = labels.frames[rows] - first
+    places = labels.places[rows] - np.array(tables.left_camera)
+    poses = np.array(
+        [
+            label_pose(place, yaw, ego_motion.poses_world[k])
+            for place, yaw, k in zip(places, labels.yaws[rows], frames, strict=True)
+        ]
+    )
+    poses[:, 2] = np.unwrap(poses[:, 2])
+    splines = [smoothing_spline(times[frames], values, smoothing) for values in poses.T]
+    smooth = np.stack([spline(times) for spline in splines], axis=1)
+    rates = np.stack([spline.derivative()(times) for spline in splines], axis=1)
+    return moving_target(ego_motion, road_user, smooth, rates, travelled(times, rates))
+
+
+def smoothing_spline(times: np.ndarray, values: np.ndarray, period: float) -> "BSpline":
+    """The natural cubic smoothing spline of `values` (n,), n ≥ 5, at `times` (n,) s.
+
+    It minimises Σ (value - f)² + λ ∫ f''². At evenly spaced times with step T that is a filter of
+    gain 1 / (1 + λ T ω⁴) (Silverman 1984, *Spline smoothing: the equivalent variable kernel
+    method*). λ makes the gain 1/2 at the given period, s. With 0 it goes through all values.
+    """
+    from scipy.interpolate import make_smoothing_spline
+
+    step = np.median(np.diff(times))
+    return make_smoothing_spline(times, values, lam=(period / (2.0 * np.pi)) ** 4 / step)
+
+
+def travelled(times: np.ndarray, rates_world: np.ndarray) -> np.ndarray:
+    """Length driven (K,) m at `times` (K,) s, by the trapezoidal rule."""
+    speeds = np.hypot(rates_world[:, 0], rates_world[:, 1])
+    steps = 0.5 * (speeds[1:] + speeds[:-1]) * np.diff(times)
+    return np.concatenate([[0.0], np.cumsum(steps)])
