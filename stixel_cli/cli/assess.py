@@ -84,14 +84,9 @@ def assess(
 
 
 def _print(assessment: "Assessment") -> None:
-    from stixel_cli.report.assess import LABELS, sentences, shown
+    from stixel_cli.report.assess import sentences, value_rows
 
-    rows = [
-        (label, shown(name, assessment.values[name]), unit)
-        for name, (label, unit, _) in LABELS.items()
-        if assessment.values[name] is not None
-    ]
-    print_table(("value", "", "unit"), rows, right=(1,))
+    print_table(("value", "", "unit"), value_rows(assessment), right=(1,))
     say("", *sentences(assessment))
 
 

@@ -9,7 +9,6 @@ from typing import Any
 from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.stages import computed_stages, pipeline_stages
-from stixel_cli.files import written
 from stixel_cli.results.folder import whole_folder
 from stixel_cli.results.result import RunResult
 
@@ -41,5 +40,5 @@ def new_folder(folder: Path) -> Iterator[Path]:
     """
     if os.path.lexists(folder):
         raise UserError(f"--output: {folder} exists; choose another folder")
-    with written(folder), whole_folder(folder) as partial:
+    with whole_folder(folder) as partial:
         yield partial

@@ -31,42 +31,34 @@ class Assessment:
 
 
 LABELS = {
-    "stixel_share": ("columns with a stixel", "%", 100.0),
-    "free_share": ("columns without an obstacle", "%", 100.0),
-    "unknown_share": ("columns with an unknown part", "%", 100.0),
-    "disparity_share": ("pixels with a disparity", "%", 100.0),
-    "obstacle_columns": ("columns with a true obstacle", "", 1.0),
-    "obstacle_covered_share": ("of them with a stixel", "%", 100.0),
-    "compared_share": ("stixels with true disparities in their area", "%", 100.0),
-    "stixels_compared": ("stixels compared", "", 1.0),
-    "median_px": ("median size of the error", "px", 1.0),
-    "beyond_1px_share": ("errors beyond 1 px", "%", 100.0),
-    "square_compared": ("stixels compared, on square surfaces", "", 1.0),
-    "square_median_px": ("median size of the error, on square surfaces", "px", 1.0),
-    "square_beyond_1px_share": ("errors beyond 1 px, on square surfaces", "%", 100.0),
-    "offset_px": ("offset of the images against the truth", "px", 1.0),
-    "patches": ("patches that show it", "", 1.0),
-    "square_median_px_aligned": ("median on square surfaces, offset removed", "px", 1.0),
-    "square_beyond_1px_share_aligned": (
-        "beyond 1 px on square surfaces, offset removed",
-        "%",
-        100.0,
-    ),
-    "near_columns": ("columns with a true obstacle nearer than 6 m", "", 1.0),
-    "near_called_free": ("of them called free", "", 1.0),
+    "stixel_share": ("columns with a stixel", "%"),
+    "free_share": ("columns without an obstacle", "%"),
+    "unknown_share": ("columns with an unknown part", "%"),
+    "disparity_share": ("pixels with a disparity", "%"),
+    "obstacle_columns": ("columns with a true obstacle", ""),
+    "obstacle_covered_share": ("of them with a stixel", "%"),
+    "compared_share": ("stixels with true disparities in their area", "%"),
+    "stixels_compared": ("stixels compared", ""),
+    "median_px": ("median size of the error", "px"),
+    "beyond_1px_share": ("errors beyond 1 px", "%"),
+    "square_compared": ("stixels compared, on square surfaces", ""),
+    "square_median_px": ("median size of the error, on square surfaces", "px"),
+    "square_beyond_1px_share": ("errors beyond 1 px, on square surfaces", "%"),
+    "offset_px": ("offset of the images against the truth", "px"),
+    "patches": ("patches that show it", ""),
+    "square_median_px_aligned": ("median on square surfaces, offset removed", "px"),
+    "square_beyond_1px_share_aligned": ("beyond 1 px on square surfaces, offset removed", "%"),
+    "near_columns": ("columns with a true obstacle nearer than 6 m", ""),
+    "near_called_free": ("of them called free", ""),
 }
-"""Label, unit and factor of each value."""
+"""Label and unit of each value; a share is shown in %."""
 
 
 def page_html(found: Assessment, command: str) -> str:
     """The page of an assessment; `command` is the command line that writes it."""
     return page_template(__package__, "assess").render(
         sentences=sentences(found),
-        rows=[
-            (label, shown(name, found.values[name]), unit)
-            for name, (label, unit, _) in LABELS.items()
-            if found.values[name] is not None
-        ],
+        rows=value_rows(found),
         pictures=[(caption, picture_for_page(found.pictures[name])) for name, caption in PICTURES],
         seconds=[
             (stage, "cached" if time is None else f"{1000.0 * time:.0f} ms")
@@ -76,14 +68,23 @@ def page_html(found: Assessment, command: str) -> str:
     )
 
 
+def value_rows(found: Assessment) -> list[tuple[str, str, str]]:
+    """Label, text and unit of the values that are known."""
+    return [
+        (label, shown(name, found.values[name]), unit)
+        for name, (label, unit) in LABELS.items()
+        if found.values[name] is not None
+    ]
+
+
 def shown(name: str, value: Any) -> str:
     """A value as text, in its unit."""
     if value is None:
         return NO_VALUE
     if isinstance(value, int):
         return str(value)
-    _, unit, factor = LABELS[name]
-    return f"{factor * value:.1f}" if unit == "%" else f"{factor * value:.2f}"
+    _, unit = LABELS[name]
+    return f"{100.0 * value:.1f}" if unit == "%" else f"{value:.2f}"
 
 
 def sentences(found: Assessment) -> list[str]:

@@ -26,12 +26,9 @@ def first_difference(old: Any, new: Any, name: str = "") -> str | None:
         return _named(name, f"a {type(old).__name__} became a {type(new).__name__}")
     if isinstance(old, np.ndarray):
         return _array_difference(old, new, name)
-    if is_dataclass(old):
-        return _of_parts(_parts(old), _parts(new), name)
-    if isinstance(old, Mapping):
-        return _of_parts(old, new, name)
-    if isinstance(old, list | tuple):
-        return _of_parts(dict(enumerate(old)), dict(enumerate(new)), name)
+    parts = [_parts(value) for value in (old, new)]
+    if parts[0] is not None:
+        return _of_parts(*parts, name)
     if isinstance(old, bytes):
         return None if old == new else _named(name, "other bytes")
     if isinstance(old, float) and math.isnan(old) and math.isnan(new):
@@ -39,8 +36,13 @@ def first_difference(old: Any, new: Any, name: str = "") -> str | None:
     return None if old == new else _named(name, f"{_short(old)} became {_short(new)}")
 
 
-def _parts(value: Any) -> dict[str, Any]:
-    return {field.name: getattr(value, field.name) for field in fields(value)}
+def _parts(value: Any) -> Mapping[Any, Any] | None:
+    """The parts of a compound value by name or number; None if it has no parts."""
+    if is_dataclass(value):
+        return {field.name: getattr(value, field.name) for field in fields(value)}
+    if isinstance(value, list | tuple):
+        return dict(enumerate(value))
+    return value if isinstance(value, Mapping) else None
 
 
 def _of_parts(old: Mapping, new: Mapping, name: str) -> str | None:
@@ -143,10 +145,14 @@ def _causes(
     if code is None:
         yield "unknown code changes: the folder does not record its code"
         return
-    changes = _code_changes(code, node.identity.code.modules)
-    yield from changes[:MOST_CAUSES]
-    if len(changes) > MOST_CAUSES:
-        yield f"and {len(changes) - MOST_CAUSES} more modules"
+    changed = [
+        f"{module} {'was edited' if module in code else 'is new'}"
+        for module, digest in sorted(node.identity.code.modules.items())
+        if code.get(module) != digest
+    ]
+    yield from changed[:MOST_CAUSES]
+    if len(changed) > MOST_CAUSES:
+        yield f"and {len(changed) - MOST_CAUSES} more modules"
 
 
 def _settings_with_files(node: Node, before: StageLineage) -> str:
@@ -156,15 +162,6 @@ def _settings_with_files(node: Node, before: StageLineage) -> str:
     if set(paths) != set(then):
         return settings_digest(node.identity.content)
     return settings_digest(node.identity.content, [then[path] for path in paths])
-
-
-def _code_changes(old: Mapping[str, str], reached: Mapping[str, str]) -> list[str]:
-    """The reached modules of a stage that were edited or are new."""
-    return [
-        f"{module} {'was edited' if module in old else 'is new'}"
-        for module, digest in sorted(reached.items())
-        if old.get(module) != digest
-    ]
 
 
 @dataclass(frozen=True)
@@ -203,19 +200,14 @@ def code_differences(
         digests = [code.get(module) for code in codes]
         if digests[0] == digests[1]:
             continue
-        sources = [None if d is None else kept_source(store_folder, d) for d in digests]
-        missing = [
-            label
-            for label, digest, source in zip(labels, digests, sources, strict=True)
-            if digest is not None and source is None
-        ]
+        sources = [[] if d is None else kept_source(store_folder, d) for d in digests]
+        missing = [label for label, one in zip(labels, sources, strict=True) if one is None]
         if missing:
             reason = f"the cache has no copy of the source of {' and '.join(missing)}{how}"
             changed.append(ModuleDifference(module, (), reason))
             continue
         names = [f"{label}: {module}" for label in labels]
-        texts = [source or [] for source in sources]
-        lines = difflib.unified_diff(*texts, *names, lineterm="", n=2)
+        lines = difflib.unified_diff(*sources, *names, lineterm="", n=2)
         changed.append(ModuleDifference(module, tuple(lines), ""))
     return changed
 
@@ -223,12 +215,11 @@ def code_differences(
 def _with_git(*manifests: Mapping[str, Any]) -> str:
     """How git shows the difference, if both runs are of revisions without changes."""
     states = [manifest.get("git") for manifest in manifests]
-    if not all(isinstance(git, dict) and git.get("revision") for git in states):
+    clean = (isinstance(git, dict) and git.get("dirty") is False for git in states)
+    revisions = [str(git.get("revision") or "")[:12] for git in states] if all(clean) else []
+    if "" in revisions or len(set(revisions)) < 2:
         return ""
-    if any(git.get("dirty") is not False for git in states):
-        return ""
-    revisions = [str(git["revision"])[:12] for git in states]
-    return f"; try: git diff {' '.join(revisions)}" if len(set(revisions)) > 1 else ""
+    return f"; try: git diff {' '.join(revisions)}"
 
 
 def differing_settings(
@@ -244,14 +235,9 @@ def differing_settings(
     keys = list(dict.fromkeys(key for table in tables for key in table))
     groups = list(dict.fromkeys(key.partition(".")[0] for key in keys))
     keys.sort(key=lambda key: groups.index(key.partition(".")[0]))
-    differing, same = [], []
-    for key in keys:
-        values = [table.get(key, NO_VALUE) for table in tables]
-        if len(set(values)) > 1:
-            differing.append((key, values))
-        else:
-            same.append((key, values[0]))
-    return differing, same
+    values = {key: [table.get(key, NO_VALUE) for table in tables] for key in keys}
+    differing = [(key, of_runs) for key, of_runs in values.items() if len(set(of_runs)) > 1]
+    return differing, [(k, of_runs[0]) for k, of_runs in values.items() if len(set(of_runs)) == 1]
 
 
 def by_group(differing: Sequence[tuple[str, list[str]]]) -> list[dict[str, Any]]:
@@ -283,8 +269,7 @@ def warnings(runs: Sequence[RunResult]) -> list[str]:
     """Reasons why a difference of the metrics may not be one of the method."""
     found = []
     ends = [float(run.scores.times[-1]) if len(run.scores.times) else 0.0 for run in runs]
-    counts = {len(run.scores.times) for run in runs}
-    if len(set(ends)) > 1 or len(counts) > 1:
+    if len(set(ends)) > 1 or len({len(run.scores.times) for run in runs}) > 1:
         shown = ", ".join(f"{end:g} s" for end in ends)
         found.append(f"The durations differ ({shown}): the metrics are over other scans.")
     groups = [g for g in _SCENE if len({str(run.settings.get(g)) for run in runs}) > 1]
@@ -292,7 +277,6 @@ def warnings(runs: Sequence[RunResult]) -> list[str]:
         found.append(
             f"The scenes differ ({', '.join(groups)}): the metrics compare other motions or views."
         )
-    seeds = {str(run.settings.get("seed")) for run in runs}
-    if len(seeds) > 1:
+    if len({str(run.settings.get("seed")) for run in runs}) > 1:
         found.append("The seeds differ: a difference may be that of the noise.")
     return found

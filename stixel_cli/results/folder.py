@@ -111,33 +111,34 @@ def whole_folder(folder: Path, replace: bool = False) -> Iterator[Path]:
 
     Raises:
         FolderTaken: if `folder` exists by now, unless `replace`.
-        OSError: if it cannot be written.
+        UserError: if it cannot be written (disk full, no permission).
     """
     partial = folder.with_name(f".{folder.name}.partial-{os.getpid()}")
-    try:
-        partial.mkdir(parents=True)
-        yield partial
-        if replace and folder.exists():
-            shutil.rmtree(folder)
-        # A rename onto an empty folder would succeed; mkdir reserves the name for this process.
+    with written(folder):
         try:
-            folder.mkdir()
-        except FileExistsError:
-            raise FolderTaken(f"{folder}: was created by another process meanwhile") from None
-        try:
-            partial.rename(folder)
-        except OSError:
-            folder.rmdir()
-            raise
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
+            partial.mkdir(parents=True)
+            yield partial
+            if replace and folder.exists():
+                shutil.rmtree(folder)
+            # A rename onto an empty folder would succeed; mkdir reserves the name for this process.
+            try:
+                folder.mkdir()
+            except FileExistsError:
+                raise FolderTaken(f"{folder}: was created by another process meanwhile") from None
+            try:
+                partial.rename(folder)
+            except OSError:
+                folder.rmdir()
+                raise
+        finally:
+            shutil.rmtree(partial, ignore_errors=True)
 
 
 def write_whole_folder(folder: Path, files: Mapping[str, Content], replace: bool = False) -> None:
     """Write a folder of files by path below it: it appears complete, or not at all.
 
     Raises:
-        FolderTaken, OSError: as `whole_folder` does.
+        FolderTaken, UserError: as `whole_folder` does.
     """
     with whole_folder(folder, replace) as partial:
         for name, content in files.items():
@@ -171,8 +172,7 @@ def write_folder(folder: Path, run: RunResult, page: str) -> None:
     }
     sources = stored_sources(run.lineage.sources)
     files |= {f"{lineage.CODE_FOLDER}/{name}": source for name, source in sources.items()}
-    with written(folder):
-        write_whole_folder(folder, files)
+    write_whole_folder(folder, files)
 
 
 def arrays_content(arrays: Mapping[str, np.ndarray]) -> Callable[[Path], None]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from stixel_cli.engine.errors import MissingEntry
-from stixel_cli.engine.graph import Graph, Node
+from stixel_cli.engine.graph import Graph
 from stixel_cli.engine.keys import digest
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
@@ -51,8 +51,8 @@ class Lineage:
 
     Attributes:
         stages: by name.
-        code: module -> digest, of all code that the stages reach; None if unknown: in a folder
-            of an older version, or for a run that was moved out of its sweep.
+        code: module -> digest, by name, of all code that the stages reach; None if unknown: in a
+            folder of an older version, or for a run that was moved out of its sweep.
         sources: module -> file and digest of its bytes, of the user's modules; of a new run only.
     """
 
@@ -83,26 +83,19 @@ def lineage_of(
     stages, code, sources = {}, {}, {}
     for name in graph.stages:
         nodes = [node for node in graph.of_stage(name) if node.key in wanted]
-        if nodes:
-            stages[name] = _stage_lineage(nodes, store, known)
-            reached = nodes[0].identity.code
-            code |= reached.modules
-            sources |= {name: reached.files[name] for name in reached.of_user}
-    return Lineage(stages, code, sources)
-
-
-def _stage_lineage(
-    nodes: list[Node], store: Store | None, known: MutableMapping[str, str]
-) -> StageLineage:
-    content = nodes[0].identity.content
-    paths = map(str, nodes[0].stage.files)
-    return StageLineage(
-        settings=settings_digest(content),
-        versions={"python": content["python"], **content["versions"]},
-        keys=tuple(node.key for node in nodes),
-        digests=tuple(_stored_digest(node.key, store, known) for node in nodes),
-        files=dict(zip(paths, content["files"], strict=True)),
-    )
+        if not nodes:
+            continue
+        content, reached = nodes[0].identity.content, nodes[0].identity.code
+        stages[name] = StageLineage(
+            settings=settings_digest(content),
+            versions={"python": content["python"], **content["versions"]},
+            keys=tuple(node.key for node in nodes),
+            digests=tuple(_stored_digest(node.key, store, known) for node in nodes),
+            files=dict(zip(map(str, nodes[0].stage.files), content["files"], strict=True)),
+        )
+        code |= reached.modules
+        sources |= {name: reached.files[name] for name in reached.of_user}
+    return Lineage(stages, dict(sorted(code.items())), sources)
 
 
 def settings_digest(content: Mapping[str, Any], files: Iterable[str] | None = None) -> str:
@@ -132,17 +125,13 @@ def lineage_tree(lineage: Lineage, code: str | None = None) -> dict[str, Any]:
     That of a sweep's run has the name of its `code` file instead of the digests.
     """
     stages = {name: vars(stage) for name, stage in lineage.stages.items()}
-    return {"stages": stages, "code": _sorted_code(lineage) if code is None else code}
+    return {"stages": stages, "code": (lineage.code or {}) if code is None else code}
 
 
 def shared_code(lineage: Lineage) -> tuple[str, str]:
     """The name and the text of the sweep's file with the code part of a lineage."""
-    text = compact_json(_sorted_code(lineage))
+    text = compact_json(lineage.code or {})
     return digest(text)[:_CODE_DIGITS], text
-
-
-def _sorted_code(lineage: Lineage) -> dict[str, str]:
-    return dict(sorted((lineage.code or {}).items()))
 
 
 def compact_json(tree: Any) -> str:

@@ -1,6 +1,7 @@
 """A sweep from a file: YAML with `fixed`, `axes`, `zipped`, `seeds` and `leave_out`."""
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Any
 from stixel_cli.config import messages
 from stixel_cli.config.folders import is_shipped, shipped_folder
 from stixel_cli.config.override_checks import read_overrides
-from stixel_cli.config.overrides import Override, parse
+from stixel_cli.config.overrides import MOST_VALUES, Override, parse
 from stixel_cli.config.own_options import code_in, refuse_code
 from stixel_cli.config.texts import override_text
 from stixel_cli.errors import ConfigurationError
@@ -72,31 +73,32 @@ def design_of(content: Mapping[Any, Any], shuffled: bool) -> Design:
         ConfigurationError: in one line that names the entry.
     """
     refuse_unknown(content, ENTRIES)
-    given = _mapping(content, "fixed").items()
+    given = _entry(content, "fixed", {}).items()
     fixed = tuple(read_overrides([override_text(key, value) for key, value in given]))
     for override in fixed:
         if override.sweep is not None:
             raise ConfigurationError(f"fixed: {override.text}: one value is needed")
-    axes = [
-        _axis("axes", {key: values}, shuffled) for key, values in _mapping(content, "axes").items()
-    ]
-    for number, keys in enumerate(_list(content, "zipped"), start=1):
+    given = _entry(content, "axes", {}).items()
+    axes = [_axis("axes", {key: values}, shuffled) for key, values in given]
+    for number, keys in enumerate(_entry(content, "zipped", []), start=1):
         where = f"zipped: entry {number}"
         if not isinstance(keys, dict) or len(keys) < 2:
             raise ConfigurationError(f"{where}: must map two keys or more to values")
         axes.append(_axis(where, keys, shuffled))
     seeds = content.get("seeds")
     if isinstance(seeds, int) and not isinstance(seeds, bool):
-        if not 1 <= seeds <= 100_000:
+        if not 1 <= seeds <= MOST_VALUES:
             raise ConfigurationError(
-                f"seeds: must be a number from 1 to 100000 or a list, got {seeds}"
+                f"seeds: must be a number from 1 to {MOST_VALUES} or a list, got {seeds}"
             )
         seeds = list(range(seeds))
     if seeds is not None:
         axes.append(_axis("seeds", {SEED: seeds}, shuffled))
-    _refuse_repeated(fixed, axes)
-    left_out = tuple(_left_out(content, axes))
-    return Design(fixed, tuple(axes), left_out)
+    swept = [key for axis in axes for key in axis.keys]
+    counts = Counter([*(one.key for one in fixed), *swept])
+    for key in (key for key, count in counts.items() if count > 1):
+        raise ConfigurationError(f"{key}: is given twice: give it once")
+    return Design(fixed, tuple(axes), tuple(_left_out(content, swept)))
 
 
 def read_mapping(path: Path, entries: Sequence[str]) -> dict[str, Any]:
@@ -139,21 +141,15 @@ def refuse_unknown(content: Mapping[Any, Any], entries: Sequence[str]) -> None:
             raise ConfigurationError(f"{messages.printable(str(name))}: no such entry{hint}")
 
 
-def _mapping(content: Mapping[str, Any], name: str) -> dict[str, Any]:
-    value = content.get(name)
-    if value is None:
-        return {}
-    if not isinstance(value, dict) or not all(isinstance(key, str) for key in value):
-        raise ConfigurationError(f"{name}: must map keys of the configuration to values")
-    return value
-
-
-def _list(content: Mapping[str, Any], name: str) -> list[Any]:
-    value = content.get(name)
-    if value is None:
-        return []
-    if not isinstance(value, list):
+def _entry(content: Mapping[str, Any], name: str, default: Any) -> Any:
+    """An entry of the type of its default, a mapping or a list."""
+    value = default if content.get(name) is None else content[name]
+    if isinstance(default, list) and not isinstance(value, list):
         raise ConfigurationError(f"{name}: must be a list of mappings from keys to values")
+    if isinstance(default, dict) and not (
+        isinstance(value, dict) and all(isinstance(key, str) for key in value)
+    ):
+        raise ConfigurationError(f"{name}: must map keys of the configuration to values")
     return value
 
 
@@ -193,18 +189,8 @@ def _values(where: str, key: Any, values: Any, shuffled: bool) -> list[Override]
     )
 
 
-def _refuse_repeated(fixed: tuple[Override, ...], axes: list[Axis]) -> None:
-    seen = {one.key for one in fixed}
-    for axis in axes:
-        for key in axis.keys:
-            if key in seen:
-                raise ConfigurationError(f"{key}: is given twice: give it once")
-            seen.add(key)
-
-
-def _left_out(content: Mapping[str, Any], axes: list[Axis]) -> list[dict[str, Any]]:
-    swept = [key for axis in axes for key in axis.keys]
-    entries = _list(content, "leave_out")
+def _left_out(content: Mapping[str, Any], swept: Sequence[str]) -> list[dict[str, Any]]:
+    entries = _entry(content, "leave_out", [])
     for number, entry in enumerate(entries, start=1):
         if not isinstance(entry, dict) or not entry:
             raise ConfigurationError(

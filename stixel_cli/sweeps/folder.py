@@ -86,8 +86,7 @@ class SweepFolder:
             FolderTaken: if a folder of this name exists.
             UserError: if it cannot be written.
         """
-        with written(self.path):
-            write_whole_folder(self.path, {PLAN: request.text})
+        write_whole_folder(self.path, {PLAN: request.text})
 
     def request(self) -> SweepRequest:
         """The content of `sweep.yaml`.
@@ -156,8 +155,7 @@ class SweepFolder:
 
         It replaces an older one of either kind.
         """
-        with written(self.path):
-            write_whole_folder(self.path / kind / f"{index:04d}", files, replace=True)
+        write_whole_folder(self.path / kind / f"{index:04d}", files, replace=True)
         with suppress(OSError):
             shutil.rmtree(self.path / (FAILED if kind == RUNS else RUNS) / f"{index:04d}")
             # An empty folder would look as if a run had failed.

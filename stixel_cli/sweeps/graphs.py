@@ -13,8 +13,6 @@ from stixel_cli.experiment.table.table import picture_stages
 from stixel_cli.sweeps.design import SEED
 from stixel_cli.sweeps.runs import PlannedRun
 
-SCORES = "scores"
-
 
 @dataclass(frozen=True)
 class StagePlan:
@@ -84,10 +82,8 @@ def plan_runs(
         composition = run.composition
         stages = pipeline_stages(composition)
         graph = builder.build(stages, scan_count(composition), CHUNK_SIZE)
-        names = [SCORES]
-        if pictures:
-            names += picture_stages(graph)
-        names += [name for name in nodes if name in graph.stages and name not in names]
+        wanted = ["scores", *(picture_stages(graph) if pictures else ()), *nodes]
+        names = [name for name in dict.fromkeys(wanted) if name in graph.stages]
         planned.append(replace(run, graph=graph, targets=tuple(graph.expand(names))))
     return planned
 
@@ -108,15 +104,8 @@ def plan_sweep(planned: Sequence[PlannedRun], store: Store) -> SweepPlan:
         keys = [key for key in graph.stages[name] if key in found.needed]
         to_run = [graph.nodes[key] for key in keys if key in missing]
         if keys:
-            stages.append(
-                StagePlan(
-                    name=name,
-                    nodes=len(keys),
-                    cached=len(keys) - len(to_run),
-                    to_run=len(to_run),
-                    seconds=durations.estimate(to_run),
-                )
-            )
+            counts = (len(keys), len(keys) - len(to_run), len(to_run))
+            stages.append(StagePlan(name, *counts, durations.estimate(to_run)))
     return SweepPlan(tuple(planned), graph, found.needed, found.missing, tuple(stages))
 
 
@@ -143,16 +132,18 @@ def check_axes(planned: Sequence[PlannedRun]) -> list[str]:
             # Zipped with another key, which is checked in its place.
             continue
         idle = [others for others, targets in several.items() if len(set(targets)) == 1]
+        if len(idle) == len(several) and key.startswith("pictures"):
+            raise ConfigurationError(
+                f"{key}: no stage reads it: a sweep draws pictures only with --pictures"
+            )
         if len(idle) == len(several):
             choices = planned[0].composition.choices
             raise ConfigurationError(
-                f"{key}: no stage reads it: a sweep draws pictures only with --pictures"
-                if key.startswith("pictures")
-                else f"{key}: no stage reads it with measurement={choices.get('measurement')} and "
+                f"{key}: no stage reads it with measurement={choices.get('measurement')} and "
                 f"path={choices.get('path')}: all runs would be equal"
             )
         if idle and key != SEED:
-            labels = [name for name in keys if name != key]
+            labels = (name for name in keys if name != key)
             first = " ".join(f"{k}={v}" for k, v in zip(labels, idle[0], strict=True))
             notes.append(
                 f"{key}: no stage reads it in {len(idle)} of {len(several)} settings of the other "

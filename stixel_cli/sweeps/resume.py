@@ -4,21 +4,18 @@ import os
 import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from stixel_cli.config.folders import OF_THE_MACHINE, of_the_machine, presets_option
 from stixel_cli.config.override_checks import check_overrides
-from stixel_cli.config.overrides import Override, outermost_group, parse
+from stixel_cli.config.overrides import outermost_group, parse
 from stixel_cli.config.texts import override_text
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.results.differences import first_changed_stage
 from stixel_cli.results.lineage import lineage_of, read_lineage
 from stixel_cli.results.reader import flat_settings, read_config
 from stixel_cli.results.result import RunResult
-from stixel_cli.sweeps.folder import PLAN, SweepFolder, SweepRequest
-from stixel_cli.sweeps.graphs import SweepPlan
+from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.runs import PlannedRun
 
 MOST_REASONS = 3
@@ -37,7 +34,7 @@ def on_this_machine(
     Raises:
         ConfigurationError: in one line, for an override of any other group, or of several values.
     """
-    parsed = [parse(text) for text in overrides]
+    parsed, given = [parse(text) for text in overrides], []
     for override in parsed:
         if outermost_group(override.key) not in OF_THE_MACHINE:
             raise ConfigurationError(
@@ -46,22 +43,13 @@ def on_this_machine(
             )
         if override.sweep is not None:
             raise ConfigurationError(f"{override.shown}: --resume: one value is needed")
+        text, folder = override.text, override.value
+        if override.key == "cache.folder" and isinstance(folder, str) and folder:
+            # Paths of the runs refer to the sweep's working directory, this one to today's.
+            text = override_text("cache.folder", os.path.abspath(os.path.expanduser(folder)))
+        given.append(text)
     check_overrides(parsed)
-    given = [_with_full_path(override) for override in parsed]
     return [(*(text for text in texts if not of_the_machine(text)), *given) for texts in runs]
-
-
-def _with_full_path(override: Override) -> str:
-    """The text of an override, with an absolute cache folder.
-
-    Relative paths of the runs refer to the sweep's working directory; this one refers to today's.
-    """
-    folder = override.value
-    if override.key == "cache.folder" and isinstance(folder, str) and folder:
-        in_full = os.path.abspath(os.path.expanduser(folder))
-        if in_full != folder:
-            return override_text("cache.folder", in_full)
-    return override.text
 
 
 def resume_command(path: Path, overrides: Sequence[str] = ()) -> str:
@@ -70,38 +58,15 @@ def resume_command(path: Path, overrides: Sequence[str] = ()) -> str:
     return shlex.join(["stixel", "sweep", "--resume", str(path), *machine, *presets_option()])
 
 
-def note_resumed(
-    folder: SweepFolder,
-    request: SweepRequest,
-    plan: SweepPlan,
-    finished: Mapping[int, RunResult],
-    entry: dict[str, Any],
-) -> None:
-    """Add an entry on the resume to `sweep.yaml` if any run is incomplete.
-
-    Raises:
-        UserError: if the file cannot be written.
-    """
-    missing = set(plan.missing)
-    if all(one.is_done_by(finished.get(one.index), missing) for one in plan.runs):
-        return
-    before = request.notes.get("resumed")
-    resumed = [*(before if isinstance(before, list) else ()), entry]
-    changed = replace(request, notes={**request.notes, "resumed": resumed})
-    folder.write({PLAN: changed.text})
-
-
 def outdated_runs(
     folder: SweepFolder, planned: Sequence[PlannedRun], finished: Mapping[int, RunResult]
 ) -> str | None:
     """One line that counts the finished runs that are out of date, with causes; None if none is."""
-    outdated = [
-        one for one in planned if one.index in finished and not one.is_done_by(finished[one.index])
-    ]
-    reasons = Counter(_reason(folder, one) for one in outdated)
-    if not reasons:
+    there = [one for one in planned if one.index in finished]
+    outdated = [one for one in there if not one.is_done_by(finished[one.index])]
+    if not outdated:
         return None
-    count = len(outdated)
+    count, reasons = len(outdated), Counter(_reason(folder, one) for one in outdated)
     shown = [reason for reason, _ in reasons.most_common(MOST_REASONS)]
     shown += ["…"] if len(reasons) > MOST_REASONS else []
     return (

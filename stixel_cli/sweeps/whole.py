@@ -19,11 +19,10 @@ from stixel_cli.experiment.run import trust_stored_run
 from stixel_cli.results.folder import check_results, new_folder
 from stixel_cli.results.provenance import provenance
 from stixel_cli.sweeps.design import Design
-from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
+from stixel_cli.sweeps.folder import PLAN, SweepFolder, SweepRequest
 from stixel_cli.sweeps.graphs import SweepPlan, check_axes, plan_runs, plan_sweep
 from stixel_cli.sweeps.results import SweepResult
 from stixel_cli.sweeps.resume import (
-    note_resumed,
     on_this_machine,
     outdated_runs,
     resume_command,
@@ -153,9 +152,13 @@ def resumed_sweep(
     outdated = outdated_runs(folder, plan.runs, finished)
     if outdated is not None:
         note(outdated)
-    command, revision = resume_command(path, overrides), origin["git"]["revision"]
-    entry = {"time": origin["created"], "command": command, "revision": revision}
-    note_resumed(folder, request, plan, finished, entry)
+    missing = frozenset(plan.missing)
+    if not all(one.is_done_by(finished.get(one.index), missing) for one in plan.runs):
+        command, revision = resume_command(path, overrides), origin["git"]["revision"]
+        entry = {"time": origin["created"], "command": command, "revision": revision}
+        before = request.notes.get("resumed")
+        resumed = [*(before if isinstance(before, list) else ()), entry]
+        folder.write({PLAN: replace(request, notes={**request.notes, "resumed": resumed}).text})
     return run_sweep(plan, replace(request, notes=origin), folder, visible, label, finished)
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from stixel_cli.errors import FolderTaken
+from stixel_cli.errors import FolderTaken, UserError
 from stixel_cli.results.folder import whole_folder, write_whole_folder
 
 
@@ -18,7 +18,10 @@ def test_it_has_texts_bytes_and_written_files_at_any_depth(tmp_path):
 def test_a_failure_leaves_nothing_and_keeps_an_older_folder(tmp_path):
     write_whole_folder(tmp_path / "old", {"a": "1"})
     for name in ("new", "old"):
-        with pytest.raises(OSError, match="full"), whole_folder(tmp_path / name, True) as partial:
+        with (
+            pytest.raises(UserError, match="written: full"),
+            whole_folder(tmp_path / name, True) as partial,
+        ):
             (partial / "a").write_text("2")
             raise OSError("full")
     assert [path.name for path in tmp_path.iterdir()] == ["old"]
