@@ -14,7 +14,7 @@ Measurement = TypeVar("Measurement", bound="Disturbance")
 
 @parameters(kw_only=True)
 class Disturbance:
-    """What disturbs the scans of any sensor.
+    """Disturbances of the scans of any sensor.
 
     Attributes:
         dropout: [first, last] time since the first scan, s: the scans between are empty, as while

@@ -1,9 +1,4 @@
-"""Scans from a lidar's returns.
-
-The lidar is `mount_height` above the origin of the ego car's ground plane, where the camera is,
-and looks along the ego car's heading. Azimuths are counter-clockwise from there, elevations above
-the horizon, rad. All beams of a scan leave at its time: there is no motion during a scan.
-"""
+"""Scans from a lidar's returns; `lidar_casting` describes its place and its angles."""
 
 from typing import Annotated, Literal
 

@@ -16,7 +16,7 @@ After longer gaps the covariance of a prediction is no longer positive definite 
 
 @dataclass(frozen=True)
 class FieldOfView:
-    """What a sensor sees: a target at a border may be cut off.
+    """Borders of a sensor's view: a target there may be cut off.
 
     Attributes:
         right, left: bearings of the borders, rad from the sensor's heading.

@@ -1,4 +1,4 @@
-"""What a recording has: its files, its calibration, its labels."""
+"""The files, the calibration and the labels of a recording."""
 
 import math
 from dataclasses import dataclass

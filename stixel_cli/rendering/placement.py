@@ -15,7 +15,7 @@ SUN_COLOUR = np.array([1.0, 0.96, 0.88])
 
 
 Motion = tuple[tuple[float, ...], ...]
-"""What the layout of a world depends on: x, y, heading of the ego car and x, y of the target."""
+"""The motion that a world leaves free: x, y, heading of the ego car and x, y of the target."""
 
 
 def motion_of(world: World, scenario: Scenario) -> Motion:

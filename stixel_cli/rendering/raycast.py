@@ -72,7 +72,7 @@ class StaticScene:
         self._views: list[StaticView] = []
 
     def views(self, ego_pose_world: np.ndarray) -> list[StaticView]:
-        """What the left and the right camera see, on the ego car at the pose (3,)."""
+        """Views of the left and the right camera, on the ego car at the pose (3,)."""
         if self._pose != ego_pose_world.tobytes():
             # Let go of the old views first: two pairs need not be in memory.
             self._pose, self._views = None, []

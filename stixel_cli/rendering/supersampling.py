@@ -49,7 +49,7 @@ class Centres:
     light: np.ndarray
 
     def at(self, index: np.ndarray | slice) -> "Centres":
-        """Those of the pixels with the indices `index`."""
+        """The values of the pixels with the indices `index`."""
         rows, columns, hits = self.rows[index], self.columns[index], self.hits.at(index)
         return Centres(rows, columns, hits, self.lit[index], self.light[index])
 
@@ -57,7 +57,7 @@ class Centres:
 def rasterised(
     shot: Shot, rows: np.ndarray, columns: np.ndarray, right: np.ndarray, down: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What the samples of pixels show: the rasteriser's answer to `tracing.nearest`.
+    """Surfaces that the samples of pixels show: the rasteriser's answer to `tracing.nearest`.
 
     Args:
         shot: what is shown.

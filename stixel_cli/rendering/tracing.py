@@ -41,7 +41,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Shot:
-    """All that a picture depends on.
+    """Bodies, camera and light: a picture depends on nothing else.
 
     Attributes:
         bodies: the static scene, then the target, if it has one.
@@ -77,7 +77,7 @@ class Hits:
     triangle: np.ndarray
 
     def at(self, index: np.ndarray | slice) -> "Hits":
-        """Those of the samples with the indices `index`."""
+        """The hits of the samples with the indices `index`."""
         return Hits(*(values[index] for values in self.arrays))
 
     @property

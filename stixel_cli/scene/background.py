@@ -173,7 +173,7 @@ PAVEMENTS = (
 
 
 def ground(contrast: float) -> Mesh:
-    """All that is kind "road": its parts are flat, or steps of `KERB`."""
+    """The objects of kind "road": their parts are flat, or steps of `KERB`."""
     white = mottled("lane mark", (226, 226, 220), 0.10 + 0.10 * contrast)
     tarred = asphalt(contrast)
     dark = (0.55 * tarred).astype(np.uint8)

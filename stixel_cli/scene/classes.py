@@ -8,7 +8,7 @@ RoadUserClass = Literal["car", "cyclist", "pedestrian"]
 
 @dataclass(frozen=True)
 class ClassRow:
-    """What other formats call a class, and how fast it moves.
+    """Names of a class in other formats, and its speed.
 
     Attributes:
         kitti_types: types of KITTI's labels that are of this class; exported labels have the first.

@@ -255,7 +255,7 @@ def _helmet(shape):
 
 
 def _luggage(shape: CyclistShape, contrast: float) -> list[Part]:
-    """What the rider wears over the jacket and carries."""
+    """The rider's coat and luggage."""
     parts = []
     if shape.coat:
         # Its tails hang over the saddle.

@@ -181,7 +181,7 @@ def _hair():
 
 
 def _clothes(shape: PedestrianShape, contrast: float) -> list[Part]:
-    """What the person wears over the rest and carries."""
+    """The person's coat and luggage."""
     parts = []
     if shape.coat:
         sections = [

@@ -83,6 +83,7 @@ def heads(monkeypatch):
         ("sweep", "--dry-run", "tracker=box,point", "seed=range(0,2)"),
         ("explain",),
         ("calibrate", "--from", "labels"),
+        ("assess",),
     ],
     ids=lambda command: " ".join(command[:2]),
 )
