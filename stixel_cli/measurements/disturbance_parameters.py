@@ -1,9 +1,9 @@
-"""Parameters that every kind of measurement has: scans without points, and clutter."""
+"""Parameters that kinds of measurements share: scans without points, clutter, gates."""
 
 from dataclasses import replace
 from typing import Annotated, TypeVar
 
-from annotated_types import Ge, Le
+from annotated_types import Ge, Gt, Le
 
 from stixel_cli.parameters import parameters
 
@@ -24,6 +24,41 @@ class Disturbance:
 
     dropout: tuple[Seconds, Seconds] | None
     clutter_rate: Annotated[float, Ge(0), Le(1000)]
+
+
+Gates = tuple[float, float, float, float]
+"""Least and greatest height above the road, least and greatest range, m."""
+
+
+@parameters(kw_only=True)
+class Gated(Disturbance):
+    """Gates that make a point a candidate. They see only the point: no tracker and no truth.
+
+    Attributes:
+        height_min, height_max: of a point above the road, m: below are the ground, kerbs and errors
+            of the road, above are walls, poles and trees.
+        range_min, range_max: distance from the sensor on the ground plane, m.
+    """
+
+    height_min: Annotated[float, Ge(0), Le(10)]
+    height_max: Annotated[float, Gt(0), Le(100)]
+    range_min: Annotated[float, Ge(0), Le(1000)]
+    range_max: Annotated[float, Gt(0), Le(1000)]
+
+    @property
+    def gates(self) -> Gates:
+        """The gates of height and range, m."""
+        return self.height_min, self.height_max, self.range_min, self.range_max
+
+    def check(self) -> None:
+        """Raise ValueError unless both gates are open."""
+        for name in ("height", "range"):
+            least, greatest = getattr(self, f"{name}_min"), getattr(self, f"{name}_max")
+            if greatest <= least:
+                raise ValueError(
+                    f"measurement.{name}_max: must be > measurement.{name}_min ({least} m), "
+                    f"got {greatest} m"
+                )
 
 
 def check_dropout(measurement: Disturbance) -> None:

@@ -2,10 +2,8 @@
 
 import numpy as np
 
+from stixel_cli.measurements.disturbance_parameters import Gates
 from stixel_cli.stixels.types import Stixels
-
-Gates = tuple[float, float, float, float]
-"""Least and greatest height above the road, least and greatest range, m."""
 
 
 def candidates(chunk: Stixels, gates: Gates) -> np.ndarray:

@@ -3,27 +3,25 @@
 from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
-from stixel_cli.measurements.disturbance_parameters import Disturbance
+from stixel_cli.measurements.disturbance_parameters import Gated
 from stixel_cli.measurements.scanner import LidarReturns, Scanner
-from stixel_cli.measurements.scans import FieldOfView, Scans, check_gates, points_along
+from stixel_cli.measurements.scans import FieldOfView, Scans, points_along
 from stixel_cli.parameters import parameters
 from stixel_cli.randomness import generator
 from stixel_cli.scene.scenario import EgoMotion
 
 
-@parameters
-class LidarParameters(Disturbance):
-    """Scans from a lidar. The gates see only the return: no tracker and no truth.
+@parameters(kw_only=True)
+class LidarParameters(Gated):
+    """Scans from a lidar.
 
     Attributes:
         scanner: layers, beams and mounting.
         range_std: standard deviation of the range along the beam, m.
         missed_probability: probability that a beam which hits gives no return.
         returns: per azimuth the `nearest` return that passes the gates, or `all` of them.
-        height_min, height_max: of the measured point above the road, m: the ground is below.
-        range_min, range_max: distance from the sensor on the ground plane, m.
     """
 
     kind: Literal["lidar"]
@@ -31,10 +29,6 @@ class LidarParameters(Disturbance):
     range_std: Annotated[float, Ge(0), Le(10)]
     missed_probability: Annotated[float, Ge(0), Le(1)]
     returns: Literal["nearest", "all"]
-    height_min: Annotated[float, Ge(0), Le(10)]
-    height_max: Annotated[float, Gt(0), Le(100)]
-    range_min: Annotated[float, Ge(0), Le(1000)]
-    range_max: Annotated[float, Gt(0), Le(1000)]
 
     def check(self) -> None:
         """Raise ValueError unless both gates are open and the layers go upwards."""
@@ -51,7 +45,7 @@ class LidarParameters(Disturbance):
                 "measurement.scanner.elevation_lowest and measurement.scanner.elevation_highest, "
                 f"got {scanner.elevation_lowest} degrees for both"
             )
-        check_gates(self.height_min, self.height_max, self.range_min, self.range_max)
+        super().check()
 
 
 def lidar_scans(

@@ -1,4 +1,4 @@
-"""Scans: the input of every tracker, from any sensor; and the gates that two sources share."""
+"""Scans: the input of every tracker, from any sensor."""
 
 from collections.abc import Callable, Sequence
 from copy import copy
@@ -127,17 +127,3 @@ def points_along(
     covariances[:, 0, 0] += across_variances
     covariances[:, 1, 1] += across_variances
     return sensor_pose_world[:2] + ranges[:, None] * along, covariances
-
-
-def check_gates(height_min: float, height_max: float, range_min: float, range_max: float) -> None:
-    """Raise ValueError unless both gates of the group `measurement` are open; all in m."""
-    if height_max <= height_min:
-        raise ValueError(
-            f"measurement.height_max: must be > measurement.height_min ({height_min} m), "
-            f"got {height_max} m"
-        )
-    if range_max <= range_min:
-        raise ValueError(
-            f"measurement.range_max: must be > measurement.range_min ({range_min} m), "
-            f"got {range_max} m"
-        )

@@ -1,45 +1,25 @@
 """Scans from stixels: the candidate points, gated by the scene."""
 
 from collections.abc import Iterable
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotate_covariances, world_from_ego
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.measurements.disturbance_parameters import Disturbance
-from stixel_cli.measurements.gates import Gates, candidates
-from stixel_cli.measurements.scans import FieldOfView, Scans, check_gates
+from stixel_cli.measurements.disturbance_parameters import Gated
+from stixel_cli.measurements.gates import candidates
+from stixel_cli.measurements.scans import FieldOfView, Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stixels.types import Stixels
 
 
-@parameters
-class StixelsParameters(Disturbance):
-    """Scans from stixels. The gates see only the stixel: no tracker and no truth.
-
-    Attributes:
-        height_min, height_max: a stixel's height above the road, m, to be a candidate: below are
-            kerbs and errors of the road, above are walls, poles and trees.
-        range_min, range_max: distance from the sensor on the ground plane, m.
-    """
+@parameters(kw_only=True)
+class StixelsParameters(Gated):
+    """Scans from stixels."""
 
     kind: Literal["stixels"]
-    height_min: Annotated[float, Ge(0), Le(10)]
-    height_max: Annotated[float, Gt(0), Le(100)]
-    range_min: Annotated[float, Ge(0), Le(1000)]
-    range_max: Annotated[float, Gt(0), Le(1000)]
-
-    @property
-    def gates(self) -> Gates:
-        """The gates of height and range, m."""
-        return self.height_min, self.height_max, self.range_min, self.range_max
-
-    def check(self) -> None:
-        """Raise ValueError unless both gates are open."""
-        check_gates(*self.gates)
 
 
 def gather_scans(
