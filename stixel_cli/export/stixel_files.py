@@ -13,8 +13,7 @@ from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import UserError
 from stixel_cli.export.new_folder import new_folder, stage_results
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.measurements.disturbance_parameters import Gates
-from stixel_cli.measurements.gates import candidates
+from stixel_cli.measurements.gates import Gates, candidates
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.results.result import RunResult
 from stixel_cli.scene.classes import CLASS_ROWS
