@@ -83,11 +83,11 @@ def study(
     from stixel_cli.studies.file import ALL, shipped_studies
 
     chosen, *overrides = _checked(words or [], name)
+    overrides += [] if workers is None else [f"executor.workers={workers}"]
     options = [] if name is None else ["--name", name]
     options += [] if results == Path("results") else ["--results", str(results)]
-    options += [] if workers is None else ["--workers", str(workers)]
     options += ["--trust-code"] if trust_code else []
-    wanted = (overrides, options, results, name, workers, dry_run, fresh, trust_code, json)
+    wanted = (overrides, options, results, name, dry_run, fresh, trust_code, json)
     if chosen == ALL:
         return _run_all([_Command(each, *wanted) for each in shipped_studies()], json)
     command = _Command(chosen, *wanted)
@@ -152,7 +152,6 @@ class _Command:
     options: Sequence[str]
     results: Path
     name: str | None
-    workers: int | None
     dry_run: bool
     fresh: bool
     trust_code: bool
@@ -187,7 +186,7 @@ class _Command:
         if self.dry_run:
             StudyFolder(folder).check(plan, self.fresh)
             return _planned(plan, self.json), 0
-        result = run_study(plan, folder, self.text, self.fresh, self.workers, True, tell)
+        result = run_study(plan, folder, self.text, self.fresh, tell)
         if not self.json:
             _print(plan, result)
         missing = [state for state in result.sweeps if not state.complete]

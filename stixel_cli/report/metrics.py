@@ -1,10 +1,11 @@
 """Numbers and metrics as text, with the digits that they support, and tables of a terminal."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from stixel_cli.evaluation.metric_table import METRICS, NO_VALUE, Better, metric
 from stixel_cli.evaluation.scores import LabelScores
+from stixel_cli.results.reader import listed
 
 _FAR = math.log(2.0)
 
@@ -190,3 +191,11 @@ def counted(count: int, what: str) -> str:
 def capital(text: str) -> str:
     """The text with a capital letter."""
     return text[:1].upper() + text[1:]
+
+
+def listed_by_user(found: Iterable[tuple[str, str]]) -> str:
+    """Road users with what is found of each: "the car (centre and IoU) and the cyclist (IoU)"."""
+    by_user: dict[str, list[str]] = {}
+    for user, label in found:
+        by_user.setdefault(user, []).append(label)
+    return listed([f"the {user} ({listed(labels)})" for user, labels in by_user.items()])

@@ -16,14 +16,23 @@ import numpy as np
 
 from stixel_cli.evaluation.metric_table import LOSS_RATE, over_runs
 from stixel_cli.evaluation.metric_table import metric as metric_row
-from stixel_cli.randomness import generator
 
 CONFIDENCE = 0.95
 SIGNIFICANT = 0.05
-DRAWS = 4000
-"""Draws of a bootstrap."""
-LEAST_DRAWN = 3
-"""Least number of pairs of a path for a bootstrap."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number with the ends of its 95 % interval; None where they are unknown."""
+
+    mean: float | None = None
+    low: float | None = None
+    high: float | None = None
+
+    def scaled(self, factor: float) -> "Estimate":
+        """In another unit."""
+        values = (self.mean, self.low, self.high)
+        return Estimate(*(None if one is None else factor * one for one in values))
 
 
 @dataclass(frozen=True)
@@ -87,6 +96,11 @@ def statistic(
     std = float(np.sort(known).std(ddof=1))
     half = student_t(n - 1) * std / math.sqrt(n)
     return Statistic(setting, metric, n, mean, std, mean - half, mean + half)
+
+
+def excludes_zero(one: "Estimate | Statistic | Paired") -> bool:
+    """Whether the interval is known and excludes 0."""
+    return one.low is not None and not one.low <= 0.0 <= one.high
 
 
 def wilson_interval(share: float, n: int) -> tuple[float, float]:
@@ -220,34 +234,6 @@ def combined_interval(mean: float, parts: Sequence[tuple[float, int]]) -> tuple[
     freedom = 1.0 / sum((part / variance) ** 2 / degrees for part, degrees in parts)
     half = student_t(freedom) * math.sqrt(variance)
     return mean - half, mean + half
-
-
-def weights(strata: Sequence[str], name: str) -> np.ndarray:
-    """Weights (DRAWS, n) of the bootstrap's means of n pairs: each row sums to 1.
-
-    From the m pairs of a stratum, m - 1 are drawn with replacement and weighted up to m (Rao & Wu
-    1988, *Resampling inference with complex survey data*). With m draws, the mean's variance would
-    be (m - 1) / m of the true one: with 5 seeds per path, intervals would be a tenth too short. The
-    only pair of a stratum is always drawn.
-    """
-    random = generator(0, f"bootstrap {name}")
-    columns = np.array(strata)
-    found = np.zeros((DRAWS, len(columns)))
-    for stratum in sorted(set(strata)):
-        members = np.flatnonzero(columns == stratum)
-        count = len(members)
-        if count == 1:
-            found[:, members] = 1.0
-            continue
-        drawn = random.multinomial(count - 1, np.full(count, 1.0 / count), DRAWS)
-        found[:, members] = drawn * (count / (count - 1.0))
-    return found / len(columns)
-
-
-def interval(values: np.ndarray) -> tuple[float, float]:
-    """Percentiles of bootstrap values (n,) that enclose `CONFIDENCE` of them."""
-    low, high = np.quantile(values, [0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE])
-    return float(low), float(high)
 
 
 def wilcoxon(differences: np.ndarray) -> float:

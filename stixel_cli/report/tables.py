@@ -97,6 +97,11 @@ def plain_label(row: Metric) -> str:
     return row.short_label.removesuffix(" RMSE").removeprefix("mean ")
 
 
+def axis_label(row: Metric) -> str:
+    """The plain label with its unit, if it has one."""
+    return f"{plain_label(row)} ({row.unit})" if row.unit else plain_label(row)
+
+
 def ends(label: str, one) -> dict[str, Cell]:
     """Cells of a mean with the ends of its interval; `one` is None without a value."""
     values = (None,) * 3 if one is None else (one.mean, one.low, one.high)

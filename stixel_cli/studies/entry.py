@@ -1,19 +1,21 @@
-"""The sweeps of a study's file."""
+"""A sweep of a study's file."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from stixel_cli.config import messages
-from stixel_cli.config.texts import override_text
+from stixel_cli.config.texts import value_text
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.file import ENTRIES as SWEEP_ENTRIES
 from stixel_cli.sweeps.file import design_of, refuse_unknown
 
-_SWEEP_ENTRIES = (*SWEEP_ENTRIES, "results", "derive", "axes_of", "variants")
 _SWEEP_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+
+Axes = Sequence[Mapping[str, list]]
+"""Further axes of a sweep: each maps one key, or several zipped ones, to values."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,7 @@ class SweepEntry:
             earlier sweeps; or None.
         axes_of: name of the module's function that returns further axes when the study is
             planned, such as those of the user's data; or None.
-        variants: name to override texts, one for each key that the first variant sets.
+        variants: name to key to value, the same keys in all.
     """
 
     name: str
@@ -36,87 +38,70 @@ class SweepEntry:
     steps: tuple[str, ...]
     derive: str | None
     axes_of: str | None
-    variants: Mapping[str, tuple[str, ...]]
+    variants: Mapping[str, Mapping[str, Any]]
 
     def variant_of(self, setting: Mapping[str, str]) -> str:
         """Name of the variant that a run has; "" without any."""
-        own = {f"{key}={value}" for key, value in setting.items()}
-        return next((name for name, texts in self.variants.items() if own.issuperset(texts)), "")
+        for name, values in self.variants.items():
+            if all(setting.get(key) == value_text(value) for key, value in values.items()):
+                return name
+        return ""
 
-    def design(self, derived: list[dict[str, list]] | None = None) -> Design:
+    def design(self, further: Axes = ()) -> Design:
         """The design of the runs, with further axes.
 
         Raises:
             ConfigurationError: in one line that names the sweep and the entry.
         """
-        content = dict(self.content)
-        for keys in derived or []:
+        axes, zipped = self.content.get("axes"), self.content.get("zipped")
+        variants = list(self.variants.values())
+        own = {key: [values[key] for values in variants] for key in (variants or [{}])[0]}
+        for keys in (*([own] if own else []), *further):
             if len(keys) == 1:
-                content["axes"] = {**(content.get("axes") or {}), **keys}
+                axes = {**(axes or {}), **keys}
             else:
-                content["zipped"] = [*(content.get("zipped") or []), keys]
+                zipped = [*(zipped or []), keys]
         try:
-            return design_of(content, shuffled=False)
+            return design_of({**self.content, "axes": axes, "zipped": zipped}, shuffled=False)
         except ConfigurationError as fault:
             raise ConfigurationError(f"sweeps: {self.name}: {fault}") from None
 
 
-def sweep_entries(content: Mapping[str, Any]) -> list[SweepEntry]:
-    """The sweeps of a study's file.
-
-    Raises:
-        ConfigurationError: in one line that names the sweep.
-    """
-    sweeps = content.get("sweeps")
-    if not isinstance(sweeps, dict) or not sweeps:
-        raise ConfigurationError("sweeps: must be names, each with a sweep's entries")
-    found = []
-    for name, entries in sweeps.items():
-        where = f"sweeps: {messages.printable(str(name))}"
-        if not isinstance(name, str) or not _SWEEP_NAME.fullmatch(name):
-            raise ConfigurationError(f"{where}: a name of letters, digits and _ is needed")
-        if not isinstance(entries, dict):
-            raise ConfigurationError(f"{where}: must have a sweep's entries, as KEY: VALUE")
-        try:
-            refuse_unknown(entries, _SWEEP_ENTRIES)
-        except ConfigurationError as fault:
-            raise ConfigurationError(f"{where}: {fault}") from None
+def sweep_entry(name: Any, entries: Any) -> SweepEntry:
+    """A sweep of the file; ConfigurationError in one line that names it and the entry."""
+    where = f"sweeps: {messages.printable(str(name))}"
+    if not isinstance(name, str) or not _SWEEP_NAME.fullmatch(name):
+        raise ConfigurationError(f"{where}: a name of letters, digits and _ is needed")
+    if not isinstance(entries, dict):
+        raise ConfigurationError(f"{where}: must have a sweep's entries, as KEY: VALUE")
+    try:
+        refuse_unknown(entries, (*SWEEP_ENTRIES, "results", "derive", "axes_of", "variants"))
         steps = entries.get("results") or []
         if not isinstance(steps, list) or not all(isinstance(step, str) for step in steps):
-            raise ConfigurationError(f"{where}: results: must be a list of steps")
+            raise ConfigurationError("results: must be a list of steps")
         functions = {entry: entries.get(entry) for entry in ("derive", "axes_of")}
         for entry, function in functions.items():
             if not isinstance(function, str | None):
-                raise ConfigurationError(f"{where}: {entry}: must be the name of a function")
-        sweep = {key: value for key, value in entries.items() if key in SWEEP_ENTRIES}
-        variants = _variants(entries.get("variants"), where)
-        if variants:
-            keys = next(iter(variants.values()))
-            axis = {key: [own[key] for own in variants.values()] for key in keys}
-            if len(axis) == 1:
-                sweep["axes"] = {**(sweep.get("axes") or {}), **axis}
-            else:
-                sweep["zipped"] = [*(sweep.get("zipped") or []), axis]
-        texts = {
-            name: tuple(override_text(key, value) for key, value in own.items())
-            for name, own in variants.items()
-        }
-        found.append(SweepEntry(name, sweep, tuple(steps), **functions, variants=texts))
-    return found
+                raise ConfigurationError(f"{entry}: must be the name of a function")
+        variants = _variants(entries.get("variants"))
+    except ConfigurationError as fault:
+        raise ConfigurationError(f"{where}: {fault}") from None
+    content = {key: value for key, value in entries.items() if key in SWEEP_ENTRIES}
+    return SweepEntry(name, content, tuple(steps), **functions, variants=variants)
 
 
-def _variants(content: Any, where: str) -> dict[str, dict[str, Any]]:
+def _variants(content: Any) -> dict[str, dict[str, Any]]:
     """Variant to key to value; the first gives all keys, the others those that differ."""
     if content is None:
         return {}
     if not isinstance(content, dict) or not all(isinstance(v, dict) for v in content.values()):
-        raise ConfigurationError(f"{where}: variants: must map names to keys with their values")
+        raise ConfigurationError("variants: must map names to keys with their values")
     first = next(iter(content.values()), {})
     for name, own in content.items():
         unknown = next((key for key in own if key not in first), None)
         if unknown is not None or (not own and not first):
             raise ConfigurationError(
-                f"{where}: variants: {messages.printable(str(name))}: {unknown} must have a value "
+                f"variants: {messages.printable(str(name))}: {unknown} must have a value "
                 "in the first variant too"
             )
     return {str(name): {**first, **own} for name, own in content.items()}

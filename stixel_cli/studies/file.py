@@ -21,16 +21,14 @@ from stixel_cli.config.folders import is_shipped, shipped_folder
 from stixel_cli.config.own_options import code_in, refuse_code
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.files import read_text
-from stixel_cli.report.blocks import Findings, Material
-from stixel_cli.studies.data import StudyData
-from stixel_cli.studies.entry import SweepEntry, sweep_entries
-from stixel_cli.studies.template import findings_of, template_of
-from stixel_cli.sweeps.design import Design
+from stixel_cli.report.template import template_of
+from stixel_cli.studies.entry import Axes, SweepEntry, sweep_entry
 from stixel_cli.sweeps.file import ENTRIES as SWEEP_ENTRIES
 from stixel_cli.sweeps.file import is_study, read_mapping, refuse_unknown
 
 ALL = "all"
 ENTRIES = ("title", "question", "template", "module", "sweeps")
+TEMPLATES = Path(__file__).parent / "templates"
 _LONGEST_PATH = 200
 
 
@@ -44,7 +42,7 @@ class StudyFile:
         template_name, module_name: as in the file.
         template: of the report.
         module: its function `report` returns a `Material` from `StudyData`; its functions that
-            `derive` names return further axes.
+            `derive` and `axes_of` name return further axes.
         sweeps: in the order of the file.
     """
 
@@ -62,6 +60,11 @@ class StudyFile:
         """Name of the study, and the begin of its folder's name."""
         return self.path.stem
 
+    @property
+    def is_shipped(self) -> bool:
+        """Whether the module of the report is one of the package."""
+        return self.module.__name__.startswith("stixel_cli.")
+
     def function(self, name: str) -> Callable:
         """A function of the report's module.
 
@@ -76,28 +79,13 @@ class StudyFile:
             )
         return function
 
-    def findings(self, data: StudyData) -> Findings:
-        """The report of the complete study.
-
-        Raises:
-            UserError: if the module fails, or lacks a value of the template.
-        """
-        material = self.call("report", data)
-        if not isinstance(material, Material):
-            raise UserError(f"{self.module_name}: report must return a Material")
-        return findings_of(self.template, material, self.template_name)
-
-    def design(self, sweep: SweepEntry) -> Design:
-        """The design of a sweep with the axes of `axes_of`; raises as `further_axes` does."""
-        return sweep.design(sweep.axes_of and self.further_axes(sweep.axes_of))
-
-    def further_axes(self, name: str, *data: StudyData) -> list[dict[str, list]]:
+    def further_axes(self, name: str | None, *data: Any) -> Axes:
         """Axes from a function that `derive` (with the data) or `axes_of` (without) names.
 
         Raises:
             UserError: if the function fails or returns another type.
         """
-        axes = self.call(name, *data)
+        axes = [] if name is None else self.call(name, *data)
         if not isinstance(axes, list) or not all(
             isinstance(axis, dict) and all(isinstance(values, list) for values in axis.values())
             for axis in axes
@@ -107,7 +95,7 @@ class StudyFile:
             )
         return axes
 
-    def call(self, name: str, *data: StudyData) -> Any:
+    def call(self, name: str, *data: Any) -> Any:
         """What a function of the report's module returns.
 
         Raises:
@@ -120,7 +108,7 @@ class StudyFile:
         except UserError:
             raise
         except Exception as fault:
-            if self.module.__name__.startswith("stixel_cli."):
+            if self.is_shipped:
                 raise
             raise UserError(f"{name}: {_place_and_reason(fault, self.module)}") from fault
 
@@ -165,30 +153,22 @@ def read_study(path: Path, trusted: bool = False) -> StudyFile:
         if "sweeps" not in content and not set(content) - set(SWEEP_ENTRIES):
             raise ConfigurationError(f"is a sweep, not a study: stixel sweep --from {_shown(path)}")
         refuse_unknown(content, ENTRIES)
-        title, question, template, module = (_text(content, name) for name in ENTRIES[:4])
-        sweeps = tuple(sweep_entries(content))
-        designs = [sweep.design() for sweep in sweeps]
+        texts = [_text(content, name) for name in ENTRIES[:4]]
+        sweeps = content.get("sweeps")
+        if not isinstance(sweeps, dict) or not sweeps:
+            raise ConfigurationError("sweeps: must be names, each with a sweep's entries")
+        sweeps = tuple(sweep_entry(name, entries) for name, entries in sweeps.items())
+        if sweeps[0].derive is not None:
+            raise ConfigurationError(f"sweeps: {sweeps[0].name}: derive: no earlier sweep")
+        given = [override for sweep in sweeps for override in sweep.design().overrides]
         if not trusted and not is_shipped(path):
-            own = [] if module.startswith("stixel_cli.") else [module]
-            given = [one for design in designs for one in design.overrides]
+            own = [] if texts[3].startswith("stixel_cli.") else [texts[3]]
             refuse_code(path, [*own, *code_in(given)])
-        study = StudyFile(
-            path,
-            title,
-            question,
-            template,
-            module,
-            template_of(*_template(path.parent, template)),
-            _module(path.parent, module),
-            sweeps,
-        )
-        if study.sweeps[0].derive is not None:
-            raise ConfigurationError(f"sweeps: {study.sweeps[0].name}: derive: no earlier sweep")
-        for sweep in study.sweeps:
-            for name in (sweep.derive, sweep.axes_of):
-                if name is not None:
-                    study.function(name)
-        study.function("report")
+        template, module = _template(path.parent, texts[2]), _module(path.parent, texts[3])
+        study = StudyFile(path, *texts, template, module, sweeps)
+        names = ("report", *(name for one in sweeps for name in (one.derive, one.axes_of) if name))
+        for name in names:
+            study.function(name)
     except ConfigurationError as fault:
         where = _shown(path)
         text = str(fault)
@@ -196,12 +176,19 @@ def read_study(path: Path, trusted: bool = False) -> StudyFile:
     return study
 
 
-def _template(folder: Path, name: str) -> tuple[str, str, bool]:
-    """Text and name of a template, and whether it is the package's."""
-    ours = Path(__file__).parent / "templates"
-    for place in (folder, ours):
+def _text(content: Mapping[str, Any], name: str) -> str:
+    value = content.get(name)
+    if not isinstance(value, str) or not value.strip():
+        raise ConfigurationError(f"{name}: is required and must be a string")
+    return " ".join(value.split())
+
+
+def _template(folder: Path, name: str) -> jinja2.Template:
+    """A template next to the study's file, or one of the package."""
+    for place in (folder, TEMPLATES):
         if (place / name).is_file():
-            return read_text(place / name), name, (place / name).resolve().parent == ours.resolve()
+            shipped = (place / name).resolve().parent == TEMPLATES.resolve()
+            return template_of(read_text(place / name), name, shipped)
     raise ConfigurationError(f"template: no file {messages.printable(name)} in {_shown(folder)}")
 
 
@@ -231,18 +218,10 @@ def _shown(path: Path) -> str:
 
 def _place_and_reason(fault: Exception, module: ModuleType) -> str:
     """Last line of the module's file that led to the fault, and the fault, in one line."""
-    file, line = module.__file__, None
-    for frame in traceback.extract_tb(fault.__traceback__):
-        if frame.filename == file:
-            line = frame.lineno
+    file = module.__file__
+    frames = traceback.extract_tb(fault.__traceback__)
+    line = next((frame.lineno for frame in reversed(frames) if frame.filename == file), None)
     if isinstance(fault, SyntaxError) and fault.filename == file:
         line = fault.lineno
-    place = messages.printable(file, _LONGEST_PATH) + (f": line {line}" if line else "")
+    place = _shown(Path(file)) + (f": line {line}" if line else "")
     return f"{place}: {messages.printable(f'{type(fault).__name__}: {fault}', 200)}"
-
-
-def _text(content: Mapping[str, Any], name: str) -> str:
-    value = content.get(name)
-    if not isinstance(value, str) or not value.strip():
-        raise ConfigurationError(f"{name}: is required and must be a string")
-    return " ".join(value.split())

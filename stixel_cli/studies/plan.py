@@ -1,18 +1,22 @@
-"""The plan of a study: the design of every sweep, checked before any computation."""
+"""The plan of a study: the design of every sweep with overrides, checked before any computation."""
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import Any
 
 from stixel_cli.config import messages
-from stixel_cli.config.folders import of_the_machine
+from stixel_cli.config.compose import Composer
+from stixel_cli.config.folders import group_options, of_the_machine
+from stixel_cli.config.override_checks import read_overrides
 from stixel_cli.config.overrides import Override, parse
-from stixel_cli.errors import ConfigurationError
-from stixel_cli.studies.file import StudyFile, SweepEntry
-from stixel_cli.studies.overrides import overridden
-from stixel_cli.sweeps.design import Design, check_size
+from stixel_cli.config.own_options import own_groups
+from stixel_cli.errors import BelongsElsewhere, ConfigurationError
+from stixel_cli.results.reader import listed
+from stixel_cli.studies.entry import Axes, SweepEntry
+from stixel_cli.studies.file import StudyFile
+from stixel_cli.sweeps.design import Axis, Design, check_each, check_size, same
 from stixel_cli.sweeps.graphs import SweepPlan
 from stixel_cli.sweeps.runs import design_runs
 from stixel_cli.sweeps.whole import planned_sweep
@@ -89,22 +93,20 @@ def plan_study(study: StudyFile, overrides: Sequence[str]) -> StudyPlan:
         ConfigurationError: in one line, if a run is not valid.
     """
     designs, notes = overridden(
-        [study.design(sweep) for sweep in study.sweeps],
+        [sweep.design(study.further_axes(sweep.axes_of)) for sweep in study.sweeps],
         # The request does not depend on their order.
         sorted(overrides),
         [sweep.name for sweep in study.sweeps],
         [sweep.name for sweep in study.sweeps if sweep.derive is not None],
     )
-    sweeps = []
-    for sweep, design in zip(study.sweeps, designs, strict=True):
-        if sweep.derive is None:
-            sweeps.append(PlannedSweep(sweep, design, *_plan(sweep, design)))
-        else:
-            sweeps.append(PlannedSweep(sweep, design, None, ()))
-    return StudyPlan(study, tuple(overrides), tuple(sweeps), tuple(notes))
+    sweeps = tuple(
+        PlannedSweep(sweep, design, *((None, ()) if sweep.derive else _plan(sweep, design)))
+        for sweep, design in zip(study.sweeps, designs, strict=True)
+    )
+    return StudyPlan(study, tuple(overrides), sweeps, tuple(notes))
 
 
-def derived_design(plan: StudyPlan, one: PlannedSweep, axes: list[dict[str, list]]) -> Design:
+def derived_design(one: PlannedSweep, axes: Axes) -> Design:
     """The design of a sweep with its derived axes."""
     with_axes = one.sweep.design(axes)
     known = {key for axis in one.sweep.design().axes for key in axis.keys}
@@ -134,3 +136,121 @@ def _plan(sweep: SweepEntry, design: Design) -> tuple[SweepPlan, tuple[str, ...]
                 f"{messages.printable(step)}{hint}"
             )
     return plan, tuple(notes)
+
+
+def overridden(
+    designs: Sequence[Design],
+    overrides: Sequence[str],
+    names: Sequence[str],
+    derived: Collection[str] = (),
+) -> tuple[list[Design], list[str]]:
+    """The designs of a study's sweeps with overrides, each in every sweep that accepts it.
+
+    A key that a sweep sweeps takes the given values and stays on its axis; of zipped keys only the
+    steps with these values remain. A key that a sweep lacks, or fixes, is fixed to one value.
+    Sweeps whose names are in `derived` keep the options that they fix: their further axes depend on
+    them. A key whose fixed values distinguish the sweeps is refused.
+
+    Returns:
+        the designs, and a line for each override that is left out of some sweeps, with the sweeps'
+        `names` and the first reason.
+
+    Raises:
+        ConfigurationError: for an override that is not valid, or that fits no sweep.
+    """
+    # Groups first, then nested groups: the meaning of a key depends on the options.
+    parsed = sorted(
+        read_overrides(overrides), key=lambda o: (o.key not in group_options(), o.key.count("/"))
+    )
+    composer = Composer()
+    designs, notes = list(designs), []
+    for override in parsed:
+        values = override.singles()
+        check_each(values, own_groups(parsed))
+        _refuse_distinguishing(
+            override.key,
+            {n: design for n, design in zip(names, designs, strict=True) if n not in derived},
+        )
+        given = messages.printable(override.text, 100)
+        faults: dict[str, ConfigurationError] = {}
+        for i, design in enumerate(designs):
+            try:
+                if names[i] in derived:
+                    _refuse_option(design, override.key)
+                changed = _changed(design, override.key, values)
+                for run in _first_runs(changed):
+                    composer.compose((*changed.fixed, *run))
+                designs[i] = changed
+            except ConfigurationError as fault:
+                faults[names[i]] = fault
+        if len(faults) == len(designs):
+            # The fault of a sweep with the key helps more than that of a sweep without it.
+            raise min(faults.values(), key=lambda fault: isinstance(fault, BelongsElsewhere))
+        if faults:
+            sweeps = "sweeps" if len(faults) > 1 else "sweep"
+            first = next(iter(faults.values()))
+            notes.append(f"{given}: left out of {sweeps} {listed(list(faults))}: {first}")
+    return designs, notes
+
+
+def _first_runs(design: Design) -> Iterator[tuple[Override, ...]]:
+    """The first run of each step of each axis: a key may fit some steps only."""
+    seen: set[tuple[Override, ...]] = set()
+    for run in design.combinations():
+        steps = {step for axis in design.axes for step in axis.steps if set(step) <= set(run)}
+        if not steps <= seen or not design.axes:
+            seen |= steps
+            yield run
+
+
+def _changed(design: Design, key: str, values: Sequence[Override]) -> Design:
+    rest = tuple(one for one in design.fixed if one.key != key)
+    axes = design.axes
+    if any(key in axis.keys for axis in axes):
+        axes = tuple(_axis(axis, key, values) if key in axis.keys else axis for axis in axes)
+    elif len(values) > 1:
+        raise BelongsElsewhere(f"{key}: is on no axis here: give one value")
+    else:
+        rest = (*rest, *values)
+    changed = Design(rest, axes)
+    return replace(changed, left_out=tuple(_left_out(design.left_out, changed.swept)))
+
+
+def _axis(axis: Axis, key: str, values: Sequence[Override]) -> Axis:
+    if axis.keys == (key,):
+        return Axis(axis.keys, tuple((one,) for one in values))
+    place = axis.keys.index(key)
+    steps = [s for s in axis.steps if any(same(s[place].value, one.value) for one in values)]
+    if not steps:
+        there = ", ".join(dict.fromkeys(step[place].value_text for step in axis.steps))
+        raise ConfigurationError(
+            f"{key}: goes together with {', '.join(k for k in axis.keys if k != key)} here: "
+            f"give one of {messages.printable(there, 200)}"
+        )
+    return Axis(axis.keys, tuple(steps))
+
+
+def _left_out(entries: Sequence[Any], swept: Sequence[Override]) -> Iterator[Any]:
+    """The entries that still match a run."""
+    for entry in entries:
+        if all(any(o.key == key and same(o.value, v) for o in swept) for key, v in entry.items()):
+            yield entry
+
+
+def _refuse_distinguishing(key: str, sweeps: Mapping[str, Design]) -> None:
+    """Refuse a key that distinguishes the sweeps: their names would then be wrong."""
+    fixed = {
+        name: one.text for name, design in sweeps.items() for one in design.fixed if one.key == key
+    }
+    if len(set(fixed.values())) > 1:
+        values = ", ".join(f"{text} in {name}" for name, text in fixed.items())
+        raise ConfigurationError(
+            f"{key}: its values distinguish the study's sweeps ({values}): leave it out"
+        )
+
+
+def _refuse_option(design: Design, key: str) -> None:
+    """Refuse an override of a group that a design fixes and its derived axes depend on."""
+    own = next((one for one in design.fixed if one.key == key), None)
+    if own is not None and key in group_options():
+        raise ConfigurationError(f"{key}: its axes are made for {own.text}")

@@ -2,18 +2,17 @@
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from stixel_cli.config.folders import shipped_folder
 from stixel_cli.errors import MissingData
 from stixel_cli.report import tables
 from stixel_cli.report.blocks import Material, Table
-from stixel_cli.studies.data import StudyData, StudyRun, run_frame
-
-if TYPE_CHECKING:
-    import pandas as pd
+from stixel_cli.report.run_frame import StudyRun, run_frame
+from stixel_cli.studies.data import StudyData
 
 DATA = "STIXEL_DATA"
 CLIP, CARS = "0005", (31, 0, 1)
@@ -105,7 +104,7 @@ def report(data: StudyData) -> Material:
     )
 
 
-def _named(runs: "pd.DataFrame") -> "pd.DataFrame":
+def _named(runs: pd.DataFrame) -> pd.DataFrame:
     """The runs with the columns of `KEYS` that their sweep has."""
     new = {
         "shape": ("road_user.mesh", lambda path: f"{Path(path).stem}, {Path(path).parent.name}"),
@@ -139,7 +138,7 @@ def _found_again(run: StudyRun) -> float:
     return float(run.scores.iou_box[at] >= FOUND_AGAIN)
 
 
-def _table(name: str, runs: "pd.DataFrame") -> Table:
+def _table(name: str, runs: pd.DataFrame) -> Table:
     """One row for each setting and tracker; of recordings also the mean over all."""
     measures = {measure: tables.label_of(measure) for measure in MEASURES}
     if "found_again" in runs:
@@ -155,7 +154,7 @@ def _table(name: str, runs: "pd.DataFrame") -> Table:
     return Table.of(name, rows)
 
 
-def _answer(runs: "pd.DataFrame") -> dict[str, Any]:
+def _answer(runs: pd.DataFrame) -> dict[str, Any]:
     """Tracker to its mean box IoU, share of lost tracks and NEES over all runs."""
     measures = ("iou_box_mean", "track_lost", "nees_position_mean")
     return {

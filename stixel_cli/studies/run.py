@@ -6,24 +6,29 @@ import shutil
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
 from datetime import UTC, datetime
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from stixel_cli.config import messages
-from stixel_cli.config.folders import of_the_machine
-from stixel_cli.config.overrides import parse
+from stixel_cli.config.folders import conf_state, of_the_machine, shipped_folder
 from stixel_cli.engine.cache_folder import Lease
+from stixel_cli.engine.keys import canonical
 from stixel_cli.engine.store import open_store
+from stixel_cli.engine.task import remembered
 from stixel_cli.errors import UserError
-from stixel_cli.report.blocks import Findings
-from stixel_cli.results.provenance import provenance
+from stixel_cli.evaluation.scores import Scores
+from stixel_cli.report.blocks import Findings, Material
+from stixel_cli.report.template import findings_of
 from stixel_cli.results.result import SKIPPED
 from stixel_cli.studies.data import NodeSeconds, StudyData, StudySweep, study_sweep
-from stixel_cli.studies.findings import findings_of_study
+from stixel_cli.studies.file import TEMPLATES, StudyFile
 from stixel_cli.studies.folder import StudyFolder
-from stixel_cli.studies.page import Origin, SweepState, study_page
+from stixel_cli.studies.page import SweepState, study_page
 from stixel_cli.studies.plan import PlannedSweep, StudyPlan, derived_design
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.folder import SweepFolder
@@ -50,23 +55,15 @@ class StudyResult:
 
 
 def run_study(
-    plan: StudyPlan,
-    folder: Path,
-    command: str,
-    fresh: bool = False,
-    workers: int | None = None,
-    visible: bool = False,
-    tell: Callable[[str], Any] = lambda note: None,
+    plan: StudyPlan, folder: Path, command: str, fresh: bool, tell: Callable[[str], Any]
 ) -> StudyResult:
-    """Run the missing runs of a study, and write its report.
+    """Run the missing runs of a study, and write its report; progress is on stderr.
 
     Args:
         plan: of the study.
         folder: of the study; resumed if it exists and has the same plan.
         command: the command line that does this.
         fresh: start over and remove the folder's content.
-        workers: number of workers; None for that of the configuration.
-        visible: show progress on stderr.
         tell: called with notes on overrides and axes before the first run, and before a sweep
             with the number of finished runs that are out of date, and the reason.
 
@@ -75,16 +72,16 @@ def run_study(
             is unusable. Computed results stay.
         SweepInterrupted: by Ctrl-C, after the report is written.
     """
-    run = _Run(plan, StudyFolder(folder), command, workers, visible, tell)
+    run = _Run(plan, StudyFolder(folder), command, tell)
     for one in plan.sweeps:
         if one.plan is not None:
             check_computable(one.plan)
     run.folder.begin(plan, command, fresh)
-    for note in plan.notes:
+    for note in (
+        *plan.notes,
+        *(f"{p.sweep.name}: {note}" for p in plan.sweeps for note in p.notes),
+    ):
         tell(note)
-    for one in plan.sweeps:
-        for note in one.notes:
-            tell(f"{one.sweep.name}: {note}")
     try:
         for one in plan.sweeps:
             run.compute(one)
@@ -105,20 +102,9 @@ class _Run:
     """The state of one study."""
 
     def __init__(
-        self,
-        plan: StudyPlan,
-        folder: StudyFolder,
-        command: str,
-        workers: int | None,
-        visible: bool,
-        tell: Callable[[str], Any],
+        self, plan: StudyPlan, folder: StudyFolder, command: str, tell: Callable[[str], Any]
     ):
-        self.plan = plan
-        self.folder = folder
-        self.command = command
-        self.workers = workers
-        self.visible = visible
-        self.tell = tell
+        self.plan, self.folder, self.command, self.tell = plan, folder, command, tell
         self.results: dict[str, SweepResult] = {}
         self.sweeps: dict[str, StudySweep] = {}
         """Data of the sweeps that are complete."""
@@ -129,7 +115,6 @@ class _Run:
 
     def compute(self, one: PlannedSweep) -> None:
         """Compute a sweep's missing runs, unless its axes depend on an incomplete sweep."""
-        name = one.sweep.name
         design = one.design
         if one.sweep.derive is not None:
             before = self.plan.sweeps[: self.plan.sweeps.index(one)]
@@ -137,60 +122,70 @@ class _Run:
                 return
             with self._leased():
                 axes = self.plan.study.further_axes(one.sweep.derive, self._data())
-            design = derived_design(self.plan, one, axes)
+            design = derived_design(one, axes)
         # A sweep keeps the cache's limit at its end: the results of the sweeps before must stay.
         with self._leased():
-            result = self._sweep(name, one, design)
-        self.results[name] = result
+            result = self._sweep(one, design)
+        self.results[one.sweep.name] = result
         if result.complete:
-            self.sweeps[name] = study_sweep(one.sweep, result, self.store, self.node_seconds)
+            self.sweeps[one.sweep.name] = study_sweep(
+                one.sweep, result, self.store, self.node_seconds
+            )
 
     def report(self) -> StudyResult:
         """Write the report; it has statistics only if all sweeps are complete."""
-        states = tuple(self._state(one) for one in self.plan.sweeps)
+        states = tuple(map(self._state, self.plan.sweeps))
         findings = None
         if all(state.complete for state in states):
             with self._leased():
-                findings = findings_of_study(
-                    self.plan.study, self._data(), self.results, self.store
-                )
-        origin = Origin(
-            command=self.command,
-            overrides=self.plan.overrides,
-            notes=self.plan.notes,
-            seeds={
+                findings = self._findings()
+        runs = [run for result in self.results.values() for run in result.runs]
+        elapsed = time.perf_counter() - self.started
+        origin = {
+            "command": self.command,
+            "created": datetime.now(UTC).isoformat(timespec="seconds"),
+            "elapsed": elapsed,
+            "seeds": {
                 name: sorted({run.seed for run in result.runs})
                 for name, result in self.results.items()
             },
-            provenance=provenance(),
-            created=datetime.now(UTC).isoformat(timespec="seconds"),
-            stage_cpu_seconds=self.node_seconds.by_stage(
-                [
-                    (run.planned.graph, run.planned.targets)
-                    for result in self.results.values()
-                    for run in result.runs
-                ]
+            "configuration": self.first.resolved,
+            "stage_cpu_seconds": self.node_seconds.by_stage(
+                [(run.planned.graph, run.planned.targets) for run in runs]
             ),
-            elapsed=time.perf_counter() - self.started,
-            sweeps=self.plan.request()["sweeps"],
-            configuration=self.first.resolved,
-        )
-        study = self.plan.study
-        html = study_page(study.title, study.question, states, findings, origin)
-        page = self.folder.write(html, findings)
+        }
+        html = study_page(self.plan, states, findings, origin)
         return StudyResult(
             folder=self.folder.path,
-            page=page,
+            page=self.folder.write(html, findings),
             sweeps=states,
             findings=findings,
             computed=sum(result.computed for result in self.results.values()),
             cached=sum(result.cached for result in self.results.values()),
-            seconds=origin.elapsed,
+            seconds=elapsed,
         )
 
     def _data(self) -> StudyData:
         study = self.plan.study
         return StudyData(study.name, study.title, study.question, dict(self.sweeps))
+
+    def _findings(self) -> Findings:
+        """The findings: those in the store, if nothing that they depend on changed.
+
+        Drawing the figures takes longer than all else. A study from outside the package is always
+        computed: its module may read any file.
+        """
+        study, data = self.plan.study, self._data()
+        if not study.is_shipped:
+            return _filled(study, data)
+        content = [
+            [data.name, data.title, data.question, study.template_name],
+            [_files(TEMPLATES), _files(shipped_folder("pipelines"))],
+            conf_state(),
+            [_seen(sweep, self.results[name]) for name, sweep in data.sweeps.items()],
+        ]
+        modules = [study.module.__name__, StudyFile.__module__]
+        return remembered(self.store, "findings", modules, content, lambda: _filled(study, data))
 
     def _leased(self):
         """A lease on all results that the report can read."""
@@ -202,9 +197,9 @@ class _Run:
         }
         return Lease(self.store.folder, sorted(keys))
 
-    def _sweep(self, name: str, one: PlannedSweep, design: Design) -> SweepResult:
-        path = self.folder.sweep(name)
-        label = f"{self.plan.study.name} {name}"
+    def _sweep(self, one: PlannedSweep, design: Design) -> SweepResult:
+        name = one.sweep.name
+        path, label = self.folder.sweep(name), f"{self.plan.study.name} {name}"
         if (path / "sweep.yaml").exists():
             request = SweepFolder(path).request()
             texts = [run.overrides for run in design_runs(design)]
@@ -212,9 +207,8 @@ class _Run:
             if same and request.nodes == one.sweep.steps:
                 return resumed_sweep(
                     path,
-                    self.workers,
-                    self.visible,
-                    label,
+                    visible=True,
+                    label=label,
                     overrides=[text for text in texts[0] if of_the_machine(text)],
                     note=lambda text: self.tell(f"{name}: {text}"),
                     # The user typed the names of own functions; the folder says where they are.
@@ -224,10 +218,7 @@ class _Run:
         if path.exists():
             shutil.rmtree(path)
         command = shlex.join(["stixel", "sweep", "--resume", str(path)])
-        if self.workers is not None:
-            workers = parse(f"executor.workers={self.workers}")
-            design = replace(design, fixed=(*design.fixed, workers))
-        return designed_sweep(design, path, command, one.sweep.steps, self.visible, label)
+        return designed_sweep(design, path, command, one.sweep.steps, True, label)
 
     def _state(self, one: PlannedSweep) -> SweepState:
         name = one.sweep.name
@@ -240,18 +231,53 @@ class _Run:
             if count is None and not done:
                 why = "its axes depend on the sweeps before"
             return SweepState(name, count, done, (why,), folder)
-        faults = []
         failed = [run for run in result.runs if run.failure is not None]
-        for run in failed[:_MOST_FAILURES]:
-            reason = messages.printable(" ".join(str(run.failure).split()), 300)
-            also = " (as another)" if run.status == SKIPPED else ""
-            faults.append(f"{run.label}: {reason}{also}")
+        faults = [
+            f"{run.label}: {messages.printable(' '.join(str(run.failure).split()), 300)}"
+            + (" (as another)" if run.status == SKIPPED else "")
+            for run in failed[:_MOST_FAILURES]
+        ]
         if len(failed) > _MOST_FAILURES:
             faults.append(f"and {len(failed) - _MOST_FAILURES} more, see runs.csv")
-        done = result.count("done")
-        return SweepState(name, len(result.runs), done, tuple(faults), folder)
+        return SweepState(name, len(result.runs), result.count("done"), tuple(faults), folder)
 
 
 def _results(runs: Sequence[Sequence[str]]) -> list[list[str]]:
     """Overrides of runs, without those of the machine."""
     return [[text for text in overrides if not of_the_machine(text)] for overrides in runs]
+
+
+def _filled(study: StudyFile, data: StudyData) -> Findings:
+    """The findings of a complete study; UserError if its module or its template fails."""
+    material = study.call("report", data)
+    if not isinstance(material, Material):
+        raise UserError(f"{study.module_name}: report must return a Material")
+    return findings_of(study.template, material, study.template_name)
+
+
+def _seen(sweep: StudySweep, result: SweepResult) -> list[Any]:
+    """All that a report can see of a sweep; the keys of its results stand for their content."""
+    return [
+        [sweep.name, list(sweep.keys)],
+        [
+            [
+                [run.index, run.seed, run.variant, list(run.setting.items())],
+                [canonical(run.configuration)],
+                [list(run.metrics.items()), _digests(run.scores), list(run.cpu_seconds.items())],
+                list(one.planned.targets),
+            ]
+            for run, one in zip(sweep.runs, result.runs, strict=True)
+        ],
+    ]
+
+
+def _digests(scores: Scores) -> list[str]:
+    """Digests of the errors over time."""
+    values = (getattr(scores, field.name) for field in fields(scores))
+    return [sha256(v.tobytes()).hexdigest() for v in values if isinstance(v, np.ndarray)]
+
+
+def _files(folder: Path) -> dict[str, str]:
+    """Digests of the files in a folder, by name."""
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    return {str(f.relative_to(folder)): sha256(f.read_bytes()).hexdigest() for f in files}

@@ -7,7 +7,7 @@ from stixel_cli.cli.app import main
 from stixel_cli.config.folders import use_presets
 from stixel_cli.errors import UserError
 from stixel_cli.report.blocks import Material
-from stixel_cli.studies.template import findings_of, template_of
+from stixel_cli.report.template import findings_of, template_of
 
 FEW = {"measurement": "fabricated", "path.duration": 0.3}
 PLANNING = [["plan"], ["explain"], ["sweep", "--dry-run"]]

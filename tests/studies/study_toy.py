@@ -8,7 +8,7 @@ import yaml
 from stixel_cli import studies
 from stixel_cli.pictures import style
 from stixel_cli.report.blocks import Figure, Material, Picture, Table
-from stixel_cli.studies.template import findings_of, template_of
+from stixel_cli.report.template import findings_of, template_of
 
 FEW = {"measurement": "fabricated", "path.duration": 0.3, "executor": "threads"}
 """Three scans, computed without starting a process."""

@@ -11,6 +11,7 @@ import yaml
 
 from stixel_cli.config.compose import compose
 from stixel_cli.config.folders import shipped_folder
+from stixel_cli.config.texts import override_text
 from stixel_cli.scene.mesh_file import load_mesh
 from stixel_cli.studies.accuracy.report import ABLATIONS, OWN_TABLES, WRONG_CLASSES
 from stixel_cli.studies.file import find_study, read_study
@@ -140,8 +141,12 @@ def test_each_variant_of_the_ablation_switches_one_term_off(name):
     (sweep,) = [one for one in read_study(find_study("accuracy")).sweeps if one.name == name]
     (axis,) = [axis for axis in sweep.design().axes if len(axis.keys) > 1]
     steps = [tuple(one.text for one in step) for step in axis.steps]
-    assert list(sweep.variants.values()) == steps
-    whole, *others = map(set, sweep.variants.values())
+    texts = [
+        tuple(override_text(key, value) for key, value in own.items())
+        for own in sweep.variants.values()
+    ]
+    assert texts == steps
+    whole, *others = map(set, texts)
     changed = [tuple(text.partition("=")[0] for text in own - whole) for own in others]
     assert len(changed) == len(set(changed)) == 8
     assert {key for keys in changed for key in keys} == set(axis.keys)

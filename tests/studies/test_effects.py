@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from stixel_cli.studies.accuracy.report import variants_table
+from stixel_cli.studies.accuracy.report import effect_rows
 
 
 def run(user, prior, seed, iou, lost=0.0):
@@ -24,9 +24,8 @@ FRAME = pd.DataFrame(
 
 @pytest.fixture
 def rows():
-    metrics = (("iou_mean",), ("track_lost",))
-    table = variants_table("losses", FRAME, "prior", "loss", lambda user: user, *metrics)
-    return [dict(zip(table.columns, row, strict=True)) for row in table.rows]
+    measures = {"loss": ["iou_mean"], "": ["track_lost"]}
+    return list(effect_rows(FRAME, "prior", lambda user: user, measures))
 
 
 def test_an_effect_is_the_reference_minus_the_variant_of_the_same_runs(rows):

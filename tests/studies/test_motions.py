@@ -10,10 +10,10 @@ import yaml
 from scipy.stats import ttest_ind
 
 from stixel_cli.errors import MissingData
-from stixel_cli.report.statistics import Statistic, over_seeds
+from stixel_cli.report.statistics import Estimate, Statistic, excludes_zero, over_seeds
 from stixel_cli.studies.file import find_study, read_study
 from stixel_cli.studies.motions import tracks
-from stixel_cli.studies.motions.findings import (
+from stixel_cli.studies.motions.report import (
     ALIKE,
     NEW,
     REVERSED,
@@ -211,10 +211,11 @@ def test_a_change_has_welchs_interval():
     hand, real = [0.1, 0.3, 0.2, 0.6], [0.9, 0.5, 0.8]
     found = Finding("RQ2", "", "car", "iou_mean", over_seeds(hand), over_seeds(real))
     expected = ttest_ind(real, hand, equal_var=False).confidence_interval(0.95)
-    np.testing.assert_allclose(found.change[1:], [expected.low, expected.high], rtol=1e-9)
-    assert found.changed == (expected.low > 0.0)
+    ends = [found.change.low, found.change.high]
+    np.testing.assert_allclose(ends, [expected.low, expected.high], rtol=1e-9)
+    assert excludes_zero(found.change) == (expected.low > 0.0)
     one = Finding("RQ2", "", "car", "iou_mean", over_seeds(hand), over_seeds([1.0]))
-    assert one.change == (None, None, None) and not one.changed
+    assert one.change == Estimate() and not excludes_zero(one.change)
 
 
 def test_the_shipped_study_has_the_eight_paths_and_a_shape_for_each_seed():

@@ -14,12 +14,12 @@ from PIL import Image
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.pictures.camera import LEFT, TOP
+from stixel_cli.pictures.stage_sheet import PANELS, TITLE, by_frame, contact_sheet
 from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.studies.file import find_study, read_study
 from stixel_cli.studies.rq1.errors import matcher, needed_disparity, road_user
-from stixel_cli.studies.rq1.setup import cpu_seconds_a_frame, timed_building, values_of
-from stixel_cli.studies.stage_pictures import PANELS, TITLE, by_frame, contact_sheet
+from stixel_cli.studies.rq1.setup import seconds_a_frame, timed_building, values_of
 
 FIXED = {
     "rig.width": 144,
@@ -129,7 +129,7 @@ def test_each_sweep_of_the_shipped_study_changes_one_setting():
 
 def test_the_required_disparity_precision_depends_on_the_rig():
     rig = Rig(640, 480, 60.0, None, None, None, 0.3, 1.2, 0.0, None)
-    needed = needed_disparity(rig, 0.1, 28.0)
+    needed = needed_disparity(rig)
     assert needed == pytest.approx(0.0212, abs=1e-4)
     disparity = rig.disparity_from_depth(28.0)
     assert rig.depth_from_disparity(disparity - needed) - 28.0 == pytest.approx(0.1, rel=0.01)
@@ -154,8 +154,8 @@ def test_cpu_seconds_per_frame_and_values_of_a_scene():
         SimpleNamespace(cpu_seconds={"match": 2.0}, scores=SimpleNamespace(times=np.zeros(4))),
         SimpleNamespace(cpu_seconds={"match": 6.0}, scores=SimpleNamespace(times=np.zeros(4))),
     ]
-    assert cpu_seconds_a_frame(runs, "match") == 1.0
-    assert cpu_seconds_a_frame(runs, "render") is None
+    seconds = seconds_a_frame(runs)
+    assert seconds["match"] == 1.0 and seconds["render"] is None
     short = values_of(compose().configuration)
     longer = values_of(compose(["path=stop_and_go"]).configuration)
     turning = values_of(compose(["ego=turning"]).configuration)
@@ -163,8 +163,8 @@ def test_cpu_seconds_per_frame_and_values_of_a_scene():
     assert turning == short + 2 and longer == short + 1
     user = RoadUser("pedestrian", 0.6, 0.35, 1.75, 0.6, None, None, 1.0, "x")
     built = timed_building(lambda: [road_user_meshes(user)[0]])
-    assert built.cpu_seconds > 0.0
-    assert built.triangles == sum(len(p.triangles) for p in road_user_meshes(user)[0].parts)
+    assert built["CPU seconds"] > 0.0
+    assert built["triangles"] == sum(len(p.triangles) for p in road_user_meshes(user)[0].parts)
 
 
 def test_a_contact_sheet_has_two_columns_at_one_scale():

@@ -11,11 +11,11 @@ from stage_summaries import column_summary, coverage_summary
 from stixel_cli import studies
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.report.blocks import Material
+from stixel_cli.report.statistics import Estimate
+from stixel_cli.report.template import findings_of, template_of
 from stixel_cli.studies.rq1 import errors as of
 from stixel_cli.studies.rq1 import figures
-from stixel_cli.studies.rq1.errors import Errors, Estimate, Measure, counts
-from stixel_cli.studies.rq1.records import errors_of
-from stixel_cli.studies.template import findings_of, template_of
+from stixel_cli.studies.rq1.errors import Errors, Measure, counts, errors_of
 from stixel_cli.validation.stage_errors import PHASES, ZONES
 
 RIG = Rig(64, 48, 60.0, None, None, None, 0.3, 1.2, 0.0, None)
@@ -27,7 +27,7 @@ def errors(values, seeds=1):
     i = np.arange(len(values))
     poses = (i % 2) * 100_000 + i
     rows = pd.DataFrame({"pose": np.tile(poses, seeds), "value": np.tile(values, seeds)})
-    return Errors((), {"rows": rows})
+    return Errors({}, {"rows": rows})
 
 
 def ends(one):
@@ -129,17 +129,17 @@ def test_stixels_exclude_gross_errors_and_other_ranges():
         of.WITHIN_1: 2 / 3,
         of.WITHIN_2: 1.0,
         of.SIGMA: (0.5 + 2.0 + 1.6) / 3,
-        of.HEIGHT_BIAS: 0.4 / 3,
-        of.HEIGHT_RMS: np.sqrt((0.09 + 0.01 + 0.04) / 3),
-        of.SQUARE_BIAS: 0.4,
-        of.SQUARE_RMS: 0.4,
-        of.SLANTED_BIAS: 1.0,
-        of.SLANTED_RMS: 1.0,
-        of.LATERAL_RMS: 0.1,
-        of.TOP_BIAS: -2.0,
-        of.TOP_RMS: 2.0,
-        of.BASE_BIAS: 3.0,
-        of.BASE_RMS: 3.0,
+        of.bias("height"): 0.4 / 3,
+        of.rms("height"): np.sqrt((0.09 + 0.01 + 0.04) / 3),
+        of.bias("square"): 0.4,
+        of.rms("square"): 0.4,
+        of.bias("slanted"): 1.0,
+        of.rms("slanted"): 1.0,
+        of.rms("lateral"): 0.1,
+        of.bias("top"): -2.0,
+        of.rms("top"): 2.0,
+        of.bias("base"): 3.0,
+        of.rms("base"): 3.0,
         of.STIXEL_GROSS: 0.25,
     }
     for measure, value in expected.items():
@@ -210,9 +210,9 @@ def test_parts_have_their_own_runs_and_rows():
     runs.append(study_run(seen_errors(), user="car", seed=2))
     car, tram = errors_of(runs).by(of.road_user)
     assert (car.label, tram.label) == ("car", "tram")
-    assert [run.seed for run in car.runs] == [0, 2]
+    assert [run.seed for run in car.runs.values()] == [0, 2]
     assert len(car.tables["frames"]) == 2 * len(tram.tables["frames"]) == 16
-    assert set(car.tables["frames"]["run"]) == {0, 1} and set(tram.tables["frames"]["run"]) == {0}
+    assert set(car.tables["frames"]["run"]) == {0, 2} and set(tram.tables["frames"]["run"]) == {1}
     assert counts([car, tram]) == "8 poses per line, 1 to 2 seeds per pose"
     near = car.between(6.0, 9.0)
     assert counts([near]) == "2 poses per line, 2 seeds per pose"

@@ -184,7 +184,7 @@ def test_the_report_is_read_from_the_cache_unless_its_code_or_template_changes(
     monkeypatch.setattr("stixel_cli.studies.rq2.report.report", report)
     studies.run("rq2", *TINY)
     assert before == {path: path.read_bytes() for path in tiny.glob("[ft]*/*")}
-    monkeypatch.setattr("stixel_cli.studies.findings._files", lambda folder: {"a": "changed"})
+    monkeypatch.setattr("stixel_cli.studies.run._files", lambda folder: {"a": "changed"})
     with pytest.raises(AssertionError, match="computed again"):
         studies.run("rq2", *TINY)
 

@@ -12,12 +12,13 @@ from scipy.stats import ttest_1samp
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.report.run_frame import StudyRun, measurement_name, run_frame, tracker_name
+from stixel_cli.report.scan_frame import gate_shares, within_bounds
 from stixel_cli.report.statistics import least_effect
 from stixel_cli.report.tables import difference, names
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.studies.data import StudyRun, measurement_name, run_frame, tracker_name
-from stixel_cli.studies.rq2.conditions import CONDITIONS, binned, condition_values
-from stixel_cli.studies.runs import contour_distances, gate_shares, within_bounds
+from stixel_cli.studies.rq2.figures import CONDITIONS, binned, condition_values
+from stixel_cli.validation.point_statistics import contour_distances
 
 
 def test_differences_are_paired_by_seed():

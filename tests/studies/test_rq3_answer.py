@@ -7,13 +7,14 @@ import pytest
 from study_toy import answer_of
 
 from stixel_cli.config.compose import compose
+from stixel_cli.report.cost import cost_of
+from stixel_cli.report.run_frame import StudyRun
 from stixel_cli.report.statistics import paired
-from stixel_cli.studies.data import StudyRun
 from stixel_cli.studies.rq3.answer import answer_values
 from stixel_cli.studies.rq3.compare import Comparison, _corrected, gap_closed, reach_of
-from stixel_cli.studies.rq3.runs import FABRICATED, FITTED, SIMULATED, Measure, cost_of
+from stixel_cli.studies.rq3.measures import FABRICATED, FITTED, SIMULATED, Measure
 
-COST = cost_of(SimpleNamespace(runs=()), SimpleNamespace(runs=()))
+COST = cost_of(simulated=(), fabricated=())
 
 
 def family(pairs, labels, tracker="", gap=-0.2):
@@ -26,7 +27,7 @@ def family(pairs, labels, tracker="", gap=-0.2):
             apart = {FABRICATED: paired(gap + spread, paths), FITTED: paired(spread, paths)}
             means = {SIMULATED: 0.3, FABRICATED: 0.3 + gap, FITTED: 0.3}
             closed = gap_closed(gap + spread, spread, paths, label)
-            measure = Measure(label, "m", lambda *_: None)
+            measure = Measure(label, "m")
             found.append(Comparison(user, tracker, measure, means, apart, {}, closed))
     return _corrected(found)
 
@@ -87,14 +88,16 @@ def test_the_reach_of_a_family_of_tests(pairs, enough):
 
 
 def test_the_cost_is_unknown_unless_all_cpu_times_are_recorded():
-    def sweep(**seconds):
+    def runs(**seconds):
         scores = SimpleNamespace(times=np.zeros(10))
         configuration = compose().configuration
-        run = StudyRun(0, {}, 0, configuration, {}, scores, seconds, None)
-        return SimpleNamespace(runs=[run])
+        return [StudyRun(0, {}, 0, configuration, {}, scores, seconds, None)]
 
-    cost = cost_of(sweep(scenario=9.0, render=2.0, scans=0.5), sweep(scenario=9.0, scans=0.01))
-    assert cost["simulated_total"] == pytest.approx(0.25)
-    assert cost["ratio"] == pytest.approx(250.0)
+    def cost(simulated, fabricated):
+        return cost_of(simulated=simulated, fabricated=fabricated)
+
+    found = cost(runs(scenario=9.0, render=2.0, scans=0.5), runs(scenario=9.0, scans=0.01))
+    assert found["simulated_total"] == pytest.approx(0.25)
+    assert found["ratio"] == pytest.approx(250.0)
     # A stage of an entry that has no CPU seconds is not left out of the sum.
-    assert cost_of(sweep(render=np.nan, scans=0.5), sweep(scans=0.01))["ratio"] is None
+    assert cost(runs(render=np.nan, scans=0.5), runs(scans=0.01))["ratio"] is None

@@ -4,7 +4,7 @@ import pytest
 
 from stixel_cli.config.overrides import parse
 from stixel_cli.errors import ConfigurationError
-from stixel_cli.studies.overrides import overridden
+from stixel_cli.studies.plan import overridden
 from stixel_cli.sweeps.design import Axis, Design
 from stixel_cli.sweeps.runs import design_runs
 

@@ -10,17 +10,17 @@ from stixel_cli.errors import UserError
 from stixel_cli.pictures import style
 from stixel_cli.report.blocks import Findings, Section, Table
 from stixel_cli.report.metrics import counted, decimals, number, percent, quantity
+from stixel_cli.report.numbered import Numbered, brief
 from stixel_cli.report.page import drawing_for_page, smallest_text, svg_for_page
+from stixel_cli.report.report_files import files_of
 from stixel_cli.report.statistics import over_seeds
 from stixel_cli.report.tables import (
     shown_table,
     table_csv,
     table_latex,
 )
+from stixel_cli.report.template import inline_html
 from stixel_cli.results.reader import listed
-from stixel_cli.studies.folder import files_of
-from stixel_cli.studies.page import _brief, _Numbered
-from stixel_cli.studies.template import inline_html
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +63,7 @@ def test_paragraphs_are_markdown_without_html():
 
 
 @pytest.mark.parametrize(
-    ("caption", "brief"),
+    ("caption", "clause"),
     [
         ("NIS / d.o.f. over time. Means.", "NIS / d.o.f. over time"),
         ("NIS / d.o.f. Means over time.", "NIS / d.o.f"),
@@ -71,8 +71,8 @@ def test_paragraphs_are_markdown_without_html():
         ("One clause", "One clause"),
     ],
 )
-def test_a_folded_figure_is_named_by_the_first_clause_of_its_caption(caption, brief):
-    assert _brief(caption) == brief
+def test_a_folded_figure_is_named_by_the_first_clause_of_its_caption(caption, clause):
+    assert brief(caption) == clause
 
 
 def test_ids_are_unique_and_references_resolve(page):
@@ -198,7 +198,7 @@ def test_duplicate_and_outside_file_names_are_refused():
         files_of(Findings((), (Section("s", (table, table)),), {}))
     for name in ("../x", "/x", "report.html"):
         with pytest.raises(UserError, match="is not a valid file name"):
-            files_of(Findings((), (), {name: ""}))
+            files_of(Findings((), (), {name: ""}), ("report.html",))
 
 
 def test_rows_of_a_table_may_lack_columns_of_others():
@@ -219,7 +219,7 @@ def test_large_tables_are_printed_in_landscape_or_small():
         table = Table(
             "t", "c", tuple(f"a {i}" for i in range(columns)), ((1.234,) * columns,) * rows
         )
-        (block,) = _Numbered().sections([Section("s", (table,))], "")[0]["blocks"]
+        (block,) = Numbered().sections([Section("s", (table,))], "")[0]["blocks"]
         return block["wide"], block["long"]
 
     assert printed(9, 20) == (False, False)
@@ -232,7 +232,7 @@ def test_intervals_of_many_columns_are_below_their_values():
     def cells(columns: int) -> list[str]:
         names = tuple(f"{end}a{i}" for i in range(columns) for end in ("", "low ", "high "))
         table = Table("t", "c", names, ((1.2, 1.1, 1.4) * columns,))
-        (block,) = _Numbered().sections([Section("s", (table,))], "")[0]["blocks"]
+        (block,) = Numbered().sections([Section("s", (table,))], "")[0]["blocks"]
         return block["rows"][0]
 
     assert cells(2) == ["1.20 [1.10, 1.40]"] * 2

@@ -9,10 +9,11 @@ import pytest
 import yaml
 
 from stixel_cli.config.folders import group_options
+from stixel_cli.report.cost import on_cores
+from stixel_cli.report.scan_frame import UPPER_BOUNDS, upper_bounds_table
+from stixel_cli.report.tables import mean_cell
 from stixel_cli.studies.file import find_study, read_study
-from stixel_cli.studies.real_time import on_cores
-from stixel_cli.studies.runs import UPPER_BOUNDS, upper_bounds_table
-from stixel_cli.studies.thesis.report import consistency_table, settings_rows, tracking_table
+from stixel_cli.studies.thesis.report import CONSISTENCY, settings_rows, tracking_table
 
 USERS = ["car", "cyclist", "pedestrian"]
 SMALL = {
@@ -137,7 +138,8 @@ def test_kernels_are_columns():
     ]
     # A kernel without runs has no values.
     assert found.rows[1][12:] == (None,) * 9
-    assert consistency_table("c", runs[runs["ego"] == "parked"], ("ego",)).rows[0][2] == 3.0
+    parked = runs[runs["ego"] == "parked"]
+    assert tracking_table("c", parked, ("ego",), CONSISTENCY, mean_cell).rows[0][2] == 3.0
     upper_bounds = runs.assign(**{name: i / 10 for i, name in enumerate(UPPER_BOUNDS)})
     assert upper_bounds_table("c", upper_bounds, ("ego",)).rows == (
         ("parked", 2, 0.0, 0.1, 0.2, 0.3),

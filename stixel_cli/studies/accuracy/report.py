@@ -1,23 +1,22 @@
 """The report of `stixel study accuracy`: trackers, road users, measurements and paths."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from stixel_cli.config.folders import shipped_folder
 from stixel_cli.evaluation.evaluate import contour_errors
 from stixel_cli.evaluation.metric_table import metric, over_runs
 from stixel_cli.evaluation.verdict import misfits_class
 from stixel_cli.report import tables
-from stixel_cli.report.blocks import Figure, Material, Table
+from stixel_cli.report.blocks import Cell, Figure, Material, Table
 from stixel_cli.report.forest import difference_row, forest
 from stixel_cli.report.metrics import MINUS
-from stixel_cli.studies.data import StudyData, StudyRun, run_frame
-
-if TYPE_CHECKING:
-    import pandas as pd
+from stixel_cli.report.run_frame import StudyRun, run_frame
+from stixel_cli.studies.data import StudyData
 
 TRACKER = "contour"
 MEASURES = (
@@ -48,8 +47,6 @@ def held_out() -> list[dict[str, list]]:
 
 def report(data: StudyData) -> Material:
     """Values and tables of the template."""
-    import pandas as pd
-
     frames = {name: run_frame(sweep.runs) for name, sweep in data.sweeps.items()}
     effects = {name: _effects(name, frames.pop(name)) for name in OWN_TABLES}
     frames["long_range"] = _within(frames["long_range"])
@@ -83,17 +80,17 @@ def report(data: StudyData) -> Material:
     )
 
 
-def _together(runs: "pd.DataFrame") -> "pd.DataFrame":
+def _together(runs: pd.DataFrame) -> pd.DataFrame:
     """The runs on the paths that the means are over."""
     return runs[runs["path"] != APART] if (runs["path"] != APART).any() else runs
 
 
-def _pooled(runs: "pd.DataFrame") -> "pd.DataFrame":
+def _pooled(runs: pd.DataFrame) -> pd.DataFrame:
     """The runs with one name for all paths but `APART`."""
     return runs.assign(path=runs["path"].where(runs["path"] == APART, TOGETHER))
 
 
-def _answer(user: str, runs: "pd.DataFrame") -> dict[str, Any]:
+def _answer(user: str, runs: pd.DataFrame) -> dict[str, Any]:
     """IoU of outline (car) or box, centre error and NEES of each tracker over the seeds.
 
     `leads`: of the tracker `TRACKER`, and `others`: of the others.
@@ -107,7 +104,7 @@ def _answer(user: str, runs: "pd.DataFrame") -> dict[str, Any]:
     return {"user": user, "iou": iou, "leads": lead, "others": found}
 
 
-def _forest(runs: "pd.DataFrame") -> Figure | None:
+def _forest(runs: pd.DataFrame) -> Figure | None:
     """`TRACKER` minus each other tracker: pairs of runs with the same scans."""
     sides = f"{TRACKER} {MINUS} the other"
     rows = [
@@ -125,7 +122,7 @@ def _forest(runs: "pd.DataFrame") -> Figure | None:
     return forest("answer_forest", rows, f"{TRACKER} better", f"{TRACKER} worse")
 
 
-def _effects(name: str, runs: "pd.DataFrame") -> Table:
+def _effects(name: str, runs: pd.DataFrame) -> Table:
     """What each variant gains or loses against the reference, of the same runs."""
     if name in ABLATIONS:
         # A track of the prior's class has no such metric.
@@ -134,55 +131,49 @@ def _effects(name: str, runs: "pd.DataFrame") -> Table:
         whole = runs["variant"].iloc[0]
         measures = ("iou_mean", "iou_hull_mean", "iou_box_mean", "centre_rmse_m")
         others = ("nees_position_mean", "band_coverage", "track_lost", REPLACED)
-        return variants_table(name, runs, "without", "gain", lambda user: whole, measures, others)
-    warned = [float(misfits_class(run.metrics)) for run in runs["run"]]
-    runs = runs.assign(**{WARNED: warned, "class_error": runs.get("class_error", np.nan)})
-    others = ("centre_rmse_m", "track_lost", WARNED, "class_error")
-    measures = ("iou_mean", "iou_box_mean")
-    return variants_table(name, runs, "prior", "loss", lambda user: user, measures, others)
-
-
-def variants_table(
-    name: str,
-    runs: "pd.DataFrame",
-    heading: str,
-    effect: str,
-    reference: Callable[[str], str],
-    measures: Sequence[str],
-    others: Sequence[str],
-) -> Table:
-    """One row for each road user and variant, with the reference minus the variant.
-
-    Args:
-        name: of the table.
-        runs: the frame, with the column `variant`.
-        heading: of the variants.
-        effect: "gain" or "loss".
-        reference: road user to the variant with which the others are compared.
-        measures: metrics with an effect.
-        others: metrics without one.
-    """
-    rows = []
-    for (user, variant), own in tables.groups(runs, ["road_user", "variant"]):
-        with_all = tables.chosen(runs, road_user=user, variant=reference(user))
-        row = {"road user": user, heading: variant, "n": own["seed"].nunique()}
-        for one in (*measures, *others):
-            row |= tables.ends(tables.label_of(one), tables.mean_over(own, one))
-            if one in measures:
-                same = variant == reference(user)
-                apart = None if same else tables.difference(with_all, own, one)
-                row |= tables.ends(f"{effect}, {tables.label_of(one)}", apart)
-        rows.append(row)
+        rows = effect_rows(runs, "without", lambda user: whole, {"gain": measures, "": others})
+    else:
+        warned = [float(misfits_class(run.metrics)) for run in runs["run"]]
+        runs = runs.assign(**{WARNED: warned, "class_error": runs.get("class_error", np.nan)})
+        others = ("centre_rmse_m", "track_lost", WARNED, "class_error")
+        measures = {"loss": ("iou_mean", "iou_box_mean"), "": others}
+        rows = effect_rows(runs, "prior", lambda user: user, measures)
     return Table.of(name, rows)
 
 
-def _within(runs: "pd.DataFrame") -> "pd.DataFrame":
+def effect_rows(
+    runs: pd.DataFrame,
+    heading: str,
+    reference: Callable[[str], str],
+    measures: Mapping[str, Sequence[str]],
+) -> Iterator[dict[str, Cell]]:
+    """One row for each road user and variant, with the reference minus the variant.
+
+    Args:
+        runs: the frame, with the column `variant`.
+        heading: of the variants.
+        reference: road user to the variant with which the others are compared.
+        measures: name of an effect, such as "gain", to the metrics with it; "" to those without.
+    """
+    for (user, variant), own in tables.groups(runs, ["road_user", "variant"]):
+        with_all = tables.chosen(runs, road_user=user, variant=reference(user))
+        row = {"road user": user, heading: variant, "n": own["seed"].nunique()}
+        for effect, metrics in measures.items():
+            for one in metrics:
+                label = tables.label_of(one)
+                row |= tables.ends(label, tables.mean_over(own, one))
+                if effect:
+                    same = variant == reference(user)
+                    apart = None if same else tables.difference(with_all, own, one)
+                    row |= tables.ends(f"{effect}, {label}", apart)
+        yield row
+
+
+def _within(runs: pd.DataFrame) -> pd.DataFrame:
     """The runs with the errors of the scans within `NEAR` only.
 
     A lost track is one of all scans.
     """
-    import pandas as pd
-
     near = pd.DataFrame([_errors_within(run) for run in runs["run"]], index=runs.index)
     return runs.assign(**near)
 

@@ -4,31 +4,20 @@ The unit is a motion: a hand-made path (mean over its seeds) or a real track.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from stixel_cli.evaluation.metric_table import METRICS
-from stixel_cli.report.blocks import Cell, Material, Table
-from stixel_cli.report.tables import chosen, names, rows_by, with_unit
+from stixel_cli.report.blocks import Cell, Figure, Material, Table
+from stixel_cli.report.forest import difference_row, forest
+from stixel_cli.report.run_frame import BASELINE, LIDAR, STIXELS, StudyRun, run_frame
+from stixel_cli.report.statistics import Estimate, Statistic, combined_interval, excludes_zero
+from stixel_cli.report.tables import chosen, difference, ends, names, rows_by, with_unit
 from stixel_cli.results.reader import listed
-from stixel_cli.studies.data import STIXELS, StudyData, StudyRun, run_frame
-from stixel_cli.studies.motions.findings import (
-    ALIKE,
-    ERRORS,
-    HAND,
-    NEW,
-    POINTS,
-    REAL,
-    REVERSED,
-    SAME,
-    TOO_FEW,
-    UNCONFIRMED,
-    Finding,
-    findings,
-    findings_forest,
-    findings_table,
-)
+from stixel_cli.studies.data import StudyData
 from stixel_cli.studies.motions.tracks import (
     FARTHEST,
     LEAST_FRAMES,
@@ -37,11 +26,26 @@ from stixel_cli.studies.motions.tracks import (
     some_tracks,
 )
 from stixel_cli.validation.point_errors import PointErrors
-
-if TYPE_CHECKING:
-    import pandas as pd
+from stixel_cli.validation.point_statistics import mean, std
 
 __all__ = ["every_track", "report", "some_tracks"]
+
+ERRORS = ("centre_rmse_m", "orientation_rmse_deg", "iou_mean")
+LEAD = "centre_rmse_m"
+"""The metric of the answer's plot."""
+POINTS = {
+    "range_bias": "bias of points along the ray (m)",
+    "disparity_std": "standard deviation of points (px)",
+    "missed": "share of the target's columns without a point",
+}
+"""Measures of a run's points by their column, with their labels."""
+
+FABRICATED = "fabricated"
+HAND, REAL = "hand-made", "real"
+
+SAME, ALIKE = "same sign", "no difference in either"
+UNCONFIRMED, NEW, REVERSED, TOO_FEW = "not confirmed", "new", "reversed", "too few motions"
+
 
 LEVELS = {
     name: with_unit(METRICS[name])
@@ -49,10 +53,54 @@ LEVELS = {
 }
 
 
+@dataclass(frozen=True)
+class Finding:
+    """One measure's difference between two kinds of run, on hand-made and on real motion.
+
+    Attributes:
+        question: RQ2 or RQ3.
+        what: which runs, `one − other`.
+        road_user, measure: of the difference.
+        hand, real: the difference over the motions of each kind.
+    """
+
+    question: str
+    what: str
+    road_user: str
+    measure: str
+    hand: Statistic
+    real: Statistic
+
+    def __str__(self) -> str:
+        return f"{self.what}, {self.road_user}: {label_of(self.measure)}"
+
+    @property
+    def change(self) -> Estimate:
+        """Real minus hand-made, with its 95 % interval (Welch 1947)."""
+        if self.hand.std is None or self.real.std is None:
+            return Estimate()
+        mean = self.real.mean - self.hand.mean
+        parts = [(one.std**2 / one.n, one.n - 1) for one in (self.hand, self.real)]
+        return Estimate(mean, *combined_interval(mean, parts))
+
+    @property
+    def verdict(self) -> str:
+        """Whether the intervals exclude 0 on the same side, on either, or on one only."""
+        if self.hand.low is None or self.real.low is None:
+            return TOO_FEW
+        sides = [
+            (one.low > 0.0) - (one.high < 0.0)  # -1, 0 or 1
+            for one in (self.hand, self.real)
+        ]
+        if sides[0] * sides[1] < 0:
+            return REVERSED
+        if sides[0] == sides[1]:
+            return SAME if sides[0] else ALIKE
+        return UNCONFIRMED if sides[0] else NEW
+
+
 def report(data: StudyData) -> Material:
     """Values and tables of the template."""
-    import pandas as pd
-
     sweeps = {name: _frame(sweep.runs) for name, sweep in data.sweeps.items()}
     hand = sweeps["hand_made"].assign(motion=sweeps["hand_made"]["path"])
     real = pd.concat([sweeps["real"], sweeps["real_simulated"]])
@@ -86,31 +134,27 @@ def report(data: StudyData) -> Material:
     )
 
 
-def _frame(runs: Sequence[StudyRun]) -> "pd.DataFrame":
+def _frame(runs: Sequence[StudyRun]) -> pd.DataFrame:
     """`run_frame` with the measures `POINTS`; runs on the same scans read their errors once."""
-    known: dict[tuple, tuple[float, ...]] = {}
-    rows = []
+    known: dict[tuple, tuple[float | None, ...]] = {}
+    keys = []
     for run in runs:
-        scans = {key: value for key, value in run.setting.items() if not key.startswith("tracker")}
-        key = (*scans.items(), run.seed)
-        if key not in known:
-            known[key] = point_values(run.load("point_errors"))
-        rows.append(known[key])
+        scans = (pair for pair in run.setting.items() if not pair[0].startswith("tracker"))
+        keys.append((*scans, run.seed))
+        if keys[-1] not in known:
+            known[keys[-1]] = _point_values(run.load("point_errors"))
     frame = run_frame(runs)
     # Each track has settings of its own, by which the names would distinguish measurements.
     frame = frame.assign(measurement=frame["measurement_kind"], tracker=frame["tracker_kind"])
-    columns = np.array(rows).reshape(-1, len(POINTS)).T
-    return frame.assign(**dict(zip(POINTS, columns, strict=True)))
+    points = pd.DataFrame([known[key] for key in keys], frame.index, [*POINTS], dtype=float)
+    return frame.join(points)
 
 
-def point_values(errors: PointErrors) -> tuple[float, float, float]:
-    """The measures `POINTS` of one run; NaN without a point or column of the target."""
-    along, disparities, covered = errors.along, errors.disparities, errors.covered
-    return (
-        float(along.mean()) if len(along) else np.nan,
-        float(disparities.std(ddof=1)) if len(disparities) > 1 else np.nan,
-        float(1.0 - covered.mean()) if len(covered) else np.nan,
-    )
+def _point_values(errors: PointErrors) -> tuple[float | None, ...]:
+    """The measures `POINTS` of one run; None without a point or column of the target."""
+    covered = mean(errors.covered)
+    missed = None if covered is None else 1.0 - covered
+    return mean(errors.along), std(errors.disparities), missed
 
 
 def _answer(question: str, found: Sequence[Finding]) -> dict[str, Any]:
@@ -119,17 +163,18 @@ def _answer(question: str, found: Sequence[Finding]) -> dict[str, Any]:
         verdict: [str(one) for one in found if one.verdict == verdict]
         for verdict in (SAME, ALIKE, UNCONFIRMED, NEW, REVERSED, TOO_FEW)
     }
+    changed = [str(one) for one in found if excludes_zero(one.change)]
     return {
         "question": question,
         "count": len(found),
-        "changed": listed([str(one) for one in found if one.changed]),
-        "changed_count": sum(one.changed for one in found),
+        "changed": listed(changed),
+        "changed_count": len(changed),
         "numbers": {verdict: len(own) for verdict, own in by_verdict.items()},
         "listed": {verdict: listed(own) for verdict, own in by_verdict.items()},
     }
 
 
-def _case_rows(runs: "pd.DataFrame") -> Iterator[dict[str, Cell]]:
+def _case_rows(runs: pd.DataFrame) -> Iterator[dict[str, Cell]]:
     """One row for each real track, measurement and tracker."""
     ranges = {
         row["motion"]: _range_and_speed(row["run"])
@@ -158,3 +203,67 @@ def _range_and_speed(run: StudyRun) -> dict[str, Cell]:
         "range to (m)": float(ranges.max()),
         "mean speed (m/s)": float(speeds.mean()),
     }
+
+
+def findings(hand: pd.DataFrame, real: pd.DataFrame) -> list[Finding]:
+    """All differences; where one kind of run is missing, they have no motions."""
+    extended = [kind for kind in names(hand, "tracker_kind") if kind != BASELINE]
+    found = []
+    for user in names(hand, "road_user"):
+        for tracker in extended:
+            for question, one, other, measures in (
+                ("RQ2", (STIXELS, tracker), (LIDAR, tracker), ERRORS),
+                ("RQ2", (FABRICATED, tracker), (LIDAR, tracker), ERRORS),
+                ("RQ2", (STIXELS, tracker), (STIXELS, BASELINE), ERRORS[2:]),
+                ("RQ2", (LIDAR, tracker), (LIDAR, BASELINE), ERRORS[2:]),
+                ("RQ3", (FABRICATED, tracker), (STIXELS, tracker), (*ERRORS, *POINTS)),
+            ):
+                what = " − ".join(_named(*side) for side in (one, other))
+                pairs = [
+                    [
+                        chosen(frame, road_user=user, measurement_kind=kind, tracker_kind=by)
+                        for kind, by in (one, other)
+                    ]
+                    for frame in (hand, real)
+                ]
+                for measure in measures:
+                    over = [difference(*p, measure, ("motion", "seed"), "motion") for p in pairs]
+                    found.append(Finding(question, what, user, measure, *over))
+    return found
+
+
+def _named(measurement: str, tracker: str) -> str:
+    return f"{'stixels' if measurement == STIXELS else measurement} ({tracker})"
+
+
+def label_of(measure: str) -> str:
+    """The label of a metric or of one of `POINTS`, with its unit."""
+    return POINTS[measure] if measure in POINTS else with_unit(METRICS[measure])
+
+
+def findings_forest(found: Sequence[Finding]) -> Figure | None:
+    """The differences in `LEAD`, on hand-made and on real motion."""
+    rows = [
+        difference_row(METRICS[LEAD], one.what, one.road_user, kind, apart)
+        for one in found
+        if one.measure == LEAD
+        for kind, apart in ((HAND, one.hand), (REAL, one.real))
+    ]
+    return forest("answer_forest", rows, "first better", "first worse")
+
+
+def findings_table(found: Sequence[Finding]) -> Table:
+    """One row for each finding."""
+    rows = []
+    for one in found:
+        row: dict[str, Cell] = {
+            "question": one.question,
+            "difference": one.what,
+            "road user": one.road_user,
+            "measure": label_of(one.measure),
+        }
+        for kind, own in ((HAND, one.hand), (REAL, one.real)):
+            row |= {f"n, {kind}": own.n, **ends(kind, own)}
+        row |= ends(f"{REAL} − {HAND}", one.change)
+        rows.append({**row, "real against hand-made": one.verdict})
+    return Table.of("answers", rows)

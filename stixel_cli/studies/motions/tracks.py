@@ -1,6 +1,7 @@
 """The real tracks of the study: those of KITTI tracking in the folder that STIXEL_DATA names."""
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -101,19 +102,18 @@ def simulated_subset(tracks: list[RealTrack]) -> list[RealTrack]:
 
 def every_track() -> list[dict[str, list]]:
     """Axes: all tracks, each with a seed of its own."""
-    folder = data_folder()
-    tracks = real_tracks(folder)
-    return _axes(folder, tracks, tracks)
+    return _axes(lambda tracks: tracks)
 
 
 def some_tracks() -> list[dict[str, list]]:
     """Axes: the tracks with simulated measurements, with the same seeds as in `every_track`."""
+    return _axes(simulated_subset)
+
+
+def _axes(subset: Callable[[list[RealTrack]], list[RealTrack]]) -> list[dict[str, list]]:
     folder = data_folder()
     tracks = real_tracks(folder)
-    return _axes(folder, simulated_subset(tracks), tracks)
-
-
-def _axes(folder: Path, chosen: list[RealTrack], tracks: list[RealTrack]) -> list[dict[str, list]]:
+    chosen = subset(tracks)
     if not chosen:
         raise MissingData(
             f"{DATA}: {folder} has no track with {LEAST_FRAMES} frames within {FARTHEST:g} m"

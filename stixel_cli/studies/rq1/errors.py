@@ -8,18 +8,18 @@ share its errors, so they are not independent. Poses are drawn separately for ea
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from stixel_cli.geometry.rig import Rig
+from stixel_cli.report.bootstrap import interval, weights
 from stixel_cli.report.metrics import counted
-from stixel_cli.report.statistics import interval, weights
+from stixel_cli.report.run_frame import StudyRun
+from stixel_cli.report.statistics import Estimate
 from stixel_cli.report.tables import chosen
-from stixel_cli.studies.data import StudyRun
-
-if TYPE_CHECKING:
-    import pandas as pd
+from stixel_cli.validation.stage_tables import stage_tables
 
 EDGES = tuple(float(edge) for edge in range(5, 51, 5))
 """Ends of the ranges in the figures, m: true depth of the target's nearest surface."""
@@ -57,19 +57,22 @@ class Measure:
     root: bool = False
     where: tuple[tuple[str, Any], ...] = ()
 
+    def mean(self, sums: np.ndarray) -> np.ndarray:
+        """The measure (...) of sums (..., 2) of values and of what they are divided by."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean = sums[..., 0] / sums[..., 1]
+            return np.sqrt(mean) if self.root else mean
 
-@dataclass(frozen=True)
-class Estimate:
-    """A number with its 95 % interval; None without values, and for the ends if all poses agree."""
-
-    mean: float | None = None
-    low: float | None = None
-    high: float | None = None
-
-    def scaled(self, factor: float) -> "Estimate":
-        """In another unit."""
-        values = (self.mean, self.low, self.high)
-        return Estimate(*(None if one is None else factor * one for one in values))
+    def sums(self, rows: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
+        """Poses (n,) and the sums (n, 2) of values and of what they are divided by."""
+        poses, place = np.unique(rows["pose"].to_numpy(), return_inverse=True)
+        values = rows[self.value].to_numpy(np.float64)
+        known = np.isfinite(values)
+        per = rows[self.per].to_numpy(np.float64) if self.per else known * 1.0
+        if self.root and not self.per:
+            values = values**2
+        sums = (np.bincount(place, w, len(poses)) for w in (np.where(known, values, 0.0), per))
+        return poses, np.stack(list(sums), axis=1)
 
 
 @dataclass(frozen=True)
@@ -77,35 +80,30 @@ class Errors:
     """The errors of some runs.
 
     Attributes:
-        runs: in their order.
+        runs: by their number.
         tables: `stixels` on the target without gross errors, `every_stixel` with them, `columns`,
             `pixels` of a zone, `frames`, and `target`, the frames that see it; each with `run`, its
-            place in `runs`, `pose` and `depth`, m.
+            number, `pose` and `depth`, m.
         label: of the setting.
     """
 
-    runs: tuple[StudyRun, ...]
-    tables: "Mapping[str, pd.DataFrame]" = field(repr=False)
+    runs: Mapping[int, StudyRun]
+    tables: Mapping[str, pd.DataFrame] = field(repr=False)
     label: str = "all"
 
     @property
     def rig(self) -> Rig:
         """The rig of the first run."""
-        return self.runs[0].configuration.rig
+        return next(iter(self.runs.values())).configuration.rig
 
     def by(self, name: Callable[[StudyRun], str]) -> list["Errors"]:
         """Parts of the runs with the same `name`, in order of appearance."""
-        labels = [name(run) for run in self.runs]
+        labels = {i: name(run) for i, run in self.runs.items()}
         parts = []
-        for label in dict.fromkeys(labels):
-            kept = [i for i, own in enumerate(labels) if own == label]
-            place = np.full(len(labels), -1)
-            place[kept] = range(len(kept))
-            tables = {
-                key: rows[place[rows["run"]] >= 0].assign(run=lambda own, p=place: p[own["run"]])
-                for key, rows in self.tables.items()
-            }
-            parts.append(Errors(tuple(self.runs[i] for i in kept), tables, label))
+        for label in dict.fromkeys(labels.values()):
+            runs = {i: run for i, run in self.runs.items() if labels[i] == label}
+            tables = {key: rows[rows["run"].isin(list(runs))] for key, rows in self.tables.items()}
+            parts.append(Errors(runs, tables, label))
         return parts
 
     def between(self, low: float, high: float) -> "Errors":
@@ -116,69 +114,77 @@ class Errors:
         }
         return replace(self, tables=tables)
 
-    def rows(self, measure: Measure) -> "pd.DataFrame":
+    def rows(self, measure: Measure) -> pd.DataFrame:
         """The rows that a measure is about."""
         return chosen(self.tables[measure.table], **dict(measure.where))
 
-    def poses(self, measure: Measure) -> int:
-        """Number of poses that a measure is about."""
-        return self.rows(measure)["pose"].nunique()
+    def poses(self, measure: Measure | None = None) -> int:
+        """Number of poses that a measure is about; of all frames without one."""
+        rows = self.tables["frames"] if measure is None else self.rows(measure)
+        return rows["pose"].nunique()
 
     def estimate(self, measure: Measure, least: int = 1) -> Estimate:
         """The measure with its interval; without value from fewer than `least` rows or pixels."""
         rows = self.rows(measure)
         if (rows["pixels"].sum() if "pixels" in rows else len(rows)) < max(1, least):
             return Estimate()
-        poses, sums = _pose_sums(rows, measure)
-        if len(poses) - len(np.unique(poses // FRAMES_A_USER)) < 2:
-            return Estimate(_finite(_mean(sums.sum(axis=0), measure)))
-        return _estimate(poses, sums, lambda total: _mean(total, measure), False)
+        return _estimate(*measure.sums(rows), measure.mean, exact=False)
 
     def less(self, other: "Errors", measure: Measure) -> Estimate:
         """The measure minus that of another setting, at the poses where both have values."""
-        sides = [_pose_sums(one.rows(measure), measure) for one in (self, other)]
-        both, ours, theirs = np.intersect1d(sides[0][0], sides[1][0], return_indices=True)
+        (ours, our_sums), (theirs, their_sums) = (
+            measure.sums(one.rows(measure)) for one in (self, other)
+        )
+        both, i, j = np.intersect1d(ours, theirs, return_indices=True)
         if not len(both):
             return Estimate()
-        sums = np.concatenate([sides[0][1][ours], sides[1][1][theirs]], axis=1)
 
-        def apart(total: np.ndarray) -> np.ndarray:
-            return _mean(total[..., :2], measure) - _mean(total[..., 2:], measure)
+        def apart(sums: np.ndarray) -> np.ndarray:
+            return measure.mean(sums[..., :2]) - measure.mean(sums[..., 2:])
 
-        if len(both) - len(np.unique(both // FRAMES_A_USER)) < 2:
-            return Estimate(_finite(apart(sums.sum(axis=0))))
-        return _estimate(both, sums, apart, True)
+        return _estimate(both, np.concatenate([our_sums[i], their_sums[j]], axis=1), apart, True)
 
 
-def _pose_sums(rows: "pd.DataFrame", measure: Measure) -> tuple[np.ndarray, np.ndarray]:
-    """Poses (n,) and the sums (n, 2) of values and of what they are divided by."""
-    poses, place = np.unique(rows["pose"].to_numpy(), return_inverse=True)
-    values = rows[measure.value].to_numpy(np.float64)
-    known = np.isfinite(values)
-    per = rows[measure.per].to_numpy(np.float64) if measure.per else known * 1.0
-    if measure.root and not measure.per:
-        values = values**2
-    sums = (np.bincount(place, w, len(poses)) for w in (np.where(known, values, 0.0), per))
-    return poses, np.stack(list(sums), axis=1)
-
-
-def _mean(sums: np.ndarray, measure: Measure) -> np.ndarray:
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = sums[..., 0] / sums[..., 1]
-        return np.sqrt(mean) if measure.root else mean
+def errors_of(runs: Iterable[StudyRun], columns: str = "") -> Errors:
+    """The errors of runs; `columns`: "" without the image's columns, "target" or "all"."""
+    runs = tuple(runs)
+    users = sorted({road_user(run) for run in runs})
+    parts: dict[str, list[pd.DataFrame]] = {}
+    for i, run in enumerate(runs):
+        for record in run.load("stage_errors"):
+            k = record.first + np.arange(len(record.target_depth))
+            poses = users.index(road_user(run)) * FRAMES_A_USER + k
+            for name, rows in stage_tables(record, run.configuration.rig, columns).items():
+                frame = rows.pop("frame")
+                depth = rows.pop("depth", record.target_depth[frame])
+                rows = {"run": i, "pose": poses[frame], "depth": depth, **rows}
+                parts.setdefault(name, []).append(pd.DataFrame(rows))
+    tables = {name: pd.concat(own, ignore_index=True) for name, own in parts.items()}
+    tables["pixels"] = tables["pixels"][tables["pixels"]["pixels"] > 0]
+    tables["target"] = tables["frames"][tables["frames"]["columns"] > 0]
+    tables["stixels"] = chosen(tables["every_stixel"], gross=0.0)
+    return Errors(dict(enumerate(runs)), tables)
 
 
 def _estimate(
     poses: np.ndarray, sums: np.ndarray, of: Callable[[np.ndarray], np.ndarray], exact: bool
 ) -> Estimate:
-    """The value with its interval, unless no draw is finite; one without scatter if `exact`."""
+    """What `of` makes of the sums over all poses, with the interval of a bootstrap.
+
+    Without interval if every road user has one pose, no draw is finite, or all draws are equal
+    (unless `exact`).
+    """
     value = float(of(sums.sum(axis=0)))
-    drawn = of(_weights(tuple((poses // FRAMES_A_USER).tolist())) @ sums * len(poses))
+    mean = value if np.isfinite(value) else None
+    users = poses // FRAMES_A_USER
+    if len(users) - len(np.unique(users)) < 2:
+        return Estimate(mean)
+    drawn = of(_weights(tuple(users.tolist())) @ sums * len(poses))
     drawn = drawn[np.isfinite(drawn)]
     least = -1.0 if exact else 1e-12 * max(1.0, abs(value))
     if len(drawn) == 0 or np.ptp(drawn) <= least:
-        return Estimate(_finite(value))
-    return Estimate(_finite(value), *interval(drawn))
+        return Estimate(mean)
+    return Estimate(mean, *interval(drawn))
 
 
 @lru_cache(maxsize=16)
@@ -186,18 +192,9 @@ def _weights(strata: tuple[int, ...]) -> np.ndarray:
     return weights(strata, "poses")
 
 
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
 def road_user(run: StudyRun) -> str:
     """The class of the run's road user."""
     return run.configuration.road_user.kind
-
-
-def phase(zone: int, i: int) -> Measure:
-    """Mean error of the disparities of one fractional part, in a zone."""
-    return Measure("pixels", f"phase {i}", f"in phase {i}", where=(("zone", zone),))
 
 
 def matcher(run: StudyRun) -> str:
@@ -219,26 +216,26 @@ def rig(run: StudyRun) -> str:
     return {"kitti": "KITTI"}.get(name, name.replace("_", "-"))
 
 
-def contrast(run: StudyRun) -> float:
+def contrast(run: StudyRun) -> str:
     """Contrast of the road user's paint, 0 … 1."""
-    return float(run.configuration.road_user.contrast)
+    return f"{run.configuration.road_user.contrast:g}"
 
 
-def needed_disparity(rig: Rig, std: float, depth: float) -> float:
-    """Disparity's standard deviation, px, that gives `std` m at `depth` m: f B σ_z / z²."""
-    return rig.focal * rig.baseline * std / depth**2
+def needed_disparity(rig: Rig) -> float:
+    """Disparity's standard deviation, px, that gives `SW_STD` at `SW_DEPTH`: f B σ_z / z²."""
+    return rig.focal * rig.baseline * SW_STD / SW_DEPTH**2
 
 
 def seeds(lines: Iterable[Errors]) -> str:
     """Number of seeds per pose."""
-    return f"{_numbers({len({run.seed for run in one.runs}) for one in lines}, 'seed')} per pose"
+    seeds = {len({run.seed for run in one.runs.values()}) for one in lines}
+    return f"{_numbers(seeds, 'seed')} per pose"
 
 
 def counts(lines: Iterable[Errors]) -> str:
     """Numbers of poses and seeds behind a line of a figure or table, for its caption."""
     lines = list(lines)
-    poses = {one.tables["frames"]["pose"].nunique() for one in lines}
-    return f"{_numbers(poses, 'pose')} per line, {seeds(lines)}"
+    return f"{_numbers({one.poses() for one in lines}, 'pose')} per line, {seeds(lines)}"
 
 
 def _numbers(numbers: set[int], what: str) -> str:
@@ -246,35 +243,42 @@ def _numbers(numbers: set[int], what: str) -> str:
     return counted(most, what) if least == most else f"{least} to {most} {what}s"
 
 
-def of_pixels(zone: int) -> tuple[Measure, Measure, Measure, Measure]:
+def of_pixels(zone: int) -> dict[str, Measure]:
     """Density, gross share, bias and RMS of the disparities in a zone."""
     where = (("zone", zone),)
-    return (
-        Measure("pixels", "valid", "pixels", where=where),
-        Measure("pixels", "gross", "valid", where=where),
-        Measure("pixels", "total", "fine", where=where),
-        Measure("pixels", "squares", "fine", True, where),
-    )
+    return {
+        "density": Measure("pixels", "valid", "pixels", where=where),
+        "gross": Measure("pixels", "gross", "valid", where=where),
+        "bias": Measure("pixels", "total", "fine", where=where),
+        "RMS": Measure("pixels", "squares", "fine", True, where),
+    }
 
 
-PIXEL_DENSITY, PIXEL_GROSS, PIXEL_BIAS, PIXEL_RMS = of_pixels(INSIDE)
-BIAS, RMS = Measure("stixels", "error"), Measure("stixels", "error", root=True)
-RMS_PX = Measure("stixels", "disparity", root=True)
-SQUARE_BIAS, SQUARE_RMS = Measure("stixels", "square"), Measure("stixels", "square", root=True)
-SLANTED_BIAS, SLANTED_RMS = Measure("stixels", "slanted"), Measure("stixels", "slanted", root=True)
-STIXEL_GROSS, SIGMA = Measure("every_stixel", "gross"), Measure("stixels", "sigma")
-NEES = Measure("stixels", "ratio²")
-WITHIN_1, WITHIN_2 = Measure("stixels", "in 1"), Measure("stixels", "in 2")
-HEIGHT_BIAS, HEIGHT_RMS = Measure("stixels", "height"), Measure("stixels", "height", root=True)
-LATERAL_RMS = Measure("stixels", "lateral", root=True)
-TOP_BIAS, TOP_RMS = Measure("stixels", "top"), Measure("stixels", "top", root=True)
-BASE_BIAS, BASE_RMS = Measure("stixels", "base"), Measure("stixels", "base", root=True)
-UNCOVERED, UNSEEN = Measure("target", "uncovered", "columns"), Measure("target", "unseen", "shown")
-ELSEWHERE = Measure("target", "elsewhere", "columns")
-STIXELS_A_FRAME, OVERHANG = Measure("target", "stixels"), Measure("target", "overhang")
+def phase(zone: int, i: int) -> Measure:
+    """Mean error of the disparities of one fractional part, in a zone."""
+    return Measure("pixels", f"phase {i}", f"in phase {i}", where=(("zone", zone),))
 
 
 def of_columns(value: str, step: str = "path", root: bool = False, all_: bool = False) -> Measure:
     """A measure of columns, of the target or of the whole image, after a step."""
     where = (("step", step), *(() if all_ else (("of_target", True),)))
     return Measure("columns", value, "", root, where)
+
+
+def bias(value: str) -> Measure:
+    """Mean of a column of the stixels on the target."""
+    return Measure("stixels", value)
+
+
+def rms(value: str) -> Measure:
+    """Root of the mean square of a column of the stixels on the target."""
+    return Measure("stixels", value, root=True)
+
+
+PIXELS = of_pixels(INSIDE)
+BIAS, RMS, RMS_PX = bias("error"), rms("error"), rms("disparity")
+NEES, SIGMA, WITHIN_1, WITHIN_2 = bias("ratio²"), bias("sigma"), bias("in 1"), bias("in 2")
+STIXEL_GROSS = Measure("every_stixel", "gross")
+UNCOVERED, UNSEEN = Measure("target", "uncovered", "columns"), Measure("target", "unseen", "shown")
+ELSEWHERE = Measure("target", "elsewhere", "columns")
+STIXELS_A_FRAME, OVERHANG = Measure("target", "stixels"), Measure("target", "overhang")

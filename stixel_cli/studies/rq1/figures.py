@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from stixel_cli.pictures import style
 from stixel_cli.report.blocks import Figure
 from stixel_cli.report.charts import DASHES, MARKERS, Panel, chart, line
+from stixel_cli.report.statistics import Estimate
 from stixel_cli.studies.rq1 import errors as of
 from stixel_cli.validation.stage_errors import PHASES
 
@@ -22,22 +23,28 @@ Panels = Sequence[tuple[str, str, Mapping[str, of.Measure]]]
 """Title, unit, and what has a line of its own: a name, shown if there are several, to a measure."""
 
 _HEIGHT = (
-    ("Top row, bias (down is positive)", "px", {"": of.TOP_BIAS}),
-    ("Top row, RMS", "px", {"": of.TOP_RMS}),
-    ("Height, bias", "m", {"": of.HEIGHT_BIAS}),
-    ("Base row, RMS", "px", {"": of.BASE_RMS}),
+    ("Top row, bias (down is positive)", "px", {"": of.bias("top")}),
+    ("Top row, RMS", "px", {"": of.rms("top")}),
+    ("Height, bias", "m", {"": of.bias("height")}),
+    ("Base row, RMS", "px", {"": of.rms("base")}),
 )
 _DEPTH = (
     ("Depth error, mean", "m", {"": of.BIAS}),
     ("RMS in disparity", "px", {"": of.RMS_PX}),
     ("Mean square of error / σ (1: consistent)", "", {"": of.NEES}),
-    ("Lateral RMS", "m", {"": of.LATERAL_RMS}),
+    ("Lateral RMS", "m", {"": of.rms("lateral")}),
 )
 _COVERAGE = (
     ("Stixels on the target", "a frame", {"": of.STIXELS_A_FRAME}),
     ("Columns in no stixel", "share", {"": of.UNCOVERED}),
     ("Columns in a stixel elsewhere", "share", {"": of.ELSEWHERE}),
     ("Columns next to it that get its disparity", "per frame", {"": of.OVERHANG}),
+)
+_CONTRAST = (
+    ("Density inside the target", "share", of.PIXELS["density"]),
+    ("Disparity RMS inside the target", "px", of.PIXELS["RMS"]),
+    ("RMS of the stixels in disparity", "px", of.RMS_PX),
+    ("Columns in no stixel", "share", of.UNCOVERED),
 )
 
 
@@ -76,34 +83,38 @@ def over_range(
     return chart(name, drawn, min(2, len(panels)), row, settings=_SETTINGS)
 
 
-def range_figures(
-    users: Sequence[of.Errors],
-    matchers: Sequence[of.Errors],
-    grids: Sequence[of.Errors],
-    rigs: Sequence[of.Errors],
+def chapter_figures(
+    lines: Mapping[str, Sequence[of.Errors]],
+    every_frame: Sequence[of.Errors],
+    contrasts: Mapping[str, Sequence[of.Errors]],
 ) -> dict[str, Figure]:
-    """The figures over range, by name."""
+    """The figures of the chapters, by name; arguments as of `tables.chapter_tables`."""
+    users, matchers, grids, rigs = (lines[n] for n in ("users", "matchers", "grids", "rigs"))
     zones = {"inside": of.INSIDE, "border": of.AT_BORDER}
     return {
         "disparity": over_range("disparity", users, _disparity(zones)),
         "matchers": over_range("matchers", matchers, _disparity({"": of.INSIDE})),
+        "locking": _locking(every_frame),
         "free_space": over_range("free_space", users, _columns({"path": "path", "grid": "grid"})),
         "grids": over_range("grids", grids, _columns({"": "path"})),
         "height": over_range("height", users, _HEIGHT),
         "depth": over_range("depth", users, _DEPTH),
+        "normalised": _normalised(users),
         "coverage": over_range("coverage", users, _COVERAGE, least=1),
         "rigs": over_range(
             "rigs", rigs, [("RMS depth error of the stixels", "m", {"": of.RMS})], _stated, 3.1
         ),
+        "contrast": _contrast(contrasts),
     }
 
 
 def _disparity(zones: Mapping[str, int]) -> Panels:
     """Disparity on the target in zones."""
-    titles = (("Bias", "px", 2), ("RMS", "px", 3), ("Gross share", "share", 1))
+    titles = {"bias": ("Bias", "px"), "RMS": ("RMS", "px")}
+    titles |= {"gross": ("Gross share", "share"), "density": ("Density", "share")}
     return [
-        (title, unit, {name: of.of_pixels(zone)[i] for name, zone in zones.items()})
-        for title, unit, i in (*titles, ("Density", "share", 0))
+        (*title, {name: of.of_pixels(zone)[measure] for name, zone in zones.items()})
+        for measure, title in titles.items()
     ]
 
 
@@ -138,11 +149,11 @@ def _stated(axes: Axes) -> None:
     axes.yaxis.set_major_formatter("{x:g}")
 
 
-def locking(lines: Sequence[of.Errors], zones: Mapping[str, int]) -> Figure:
+def _locking(lines: Sequence[of.Errors]) -> Figure:
     """Mean disparity error by the fractional part of the true disparity, a panel a zone."""
     places = (np.arange(PHASES) + 0.5) / PHASES
 
-    def panel(title: str, zone: int) -> Panel:
+    def panel(title: str, zone: int, y: str) -> Panel:
         def draw(axes: Axes) -> None:
             for colour, marker, own in zip(style.RUNS, MARKERS, lines, strict=False):
                 found = [phase_error(own, zone, i) for i in range(PHASES)]
@@ -150,21 +161,23 @@ def locking(lines: Sequence[of.Errors], zones: Mapping[str, int]) -> Figure:
             axes.axhline(0.0, color=style.TRUTH, linewidth=0.7)
             axes.set_xlim(0, 1)
 
-        y = "mean error (px)" if title == next(iter(zones)) else ""
         return Panel(draw, title=title, x="fraction of the true disparity (px)", y=y)
 
-    panels = [panel(*zone) for zone in zones.items()]
+    panels = [
+        panel("inside the target", of.INSIDE, "mean error (px)"),
+        panel("inside other obstacles", of.OTHERS, ""),
+    ]
     return chart("locking", panels, len(panels), 2.05, settings=_SETTINGS, sharey=True)
 
 
-def phase_error(own: of.Errors, zone: int, i: int) -> of.Estimate:
+def phase_error(own: of.Errors, zone: int, i: int) -> Estimate:
     """Mean error of the disparities of a fractional part; no value from fewer than `LEAST`."""
     measure = of.phase(zone, i)
     enough = own.rows(measure)[measure.per].sum() >= of.LEAST
-    return own.estimate(measure) if enough else of.Estimate()
+    return own.estimate(measure) if enough else Estimate()
 
 
-def normalised(lines: Sequence[of.Errors]) -> Figure:
+def _normalised(lines: Sequence[of.Errors]) -> Figure:
     """Histogram of the stixels' depth error over its stated σ, with the standard normal."""
     edges = np.linspace(-4.0, 4.0, 33)
 
@@ -184,7 +197,7 @@ def normalised(lines: Sequence[of.Errors]) -> Figure:
     return chart("normalised", [panel], row=2.45, settings=_SETTINGS)
 
 
-def contrast(users: Mapping[str, Sequence[of.Errors]]) -> Figure:
+def _contrast(users: Mapping[str, Sequence[of.Errors]]) -> Figure:
     """Disparities and stixels over the contrast of the paint, one line for each road user."""
 
     def panel(i: int, title: str, unit: str, measure: of.Measure) -> Panel:
@@ -199,11 +212,5 @@ def contrast(users: Mapping[str, Sequence[of.Errors]]) -> Figure:
 
         return Panel(draw, fill(title, _TITLE), "contrast of the paint" if i > 1 else "", unit)
 
-    panels = (
-        ("Density inside the target", "share", of.PIXEL_DENSITY),
-        ("Disparity RMS inside the target", "px", of.PIXEL_RMS),
-        ("RMS of the stixels in disparity", "px", of.RMS_PX),
-        ("Columns in no stixel", "share", of.UNCOVERED),
-    )
-    drawn = [panel(i, *one) for i, one in enumerate(panels)]
+    drawn = [panel(i, *one) for i, one in enumerate(_CONTRAST)]
     return chart("contrast", drawn, 2, 1.9, settings=_SETTINGS)

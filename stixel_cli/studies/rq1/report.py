@@ -3,107 +3,90 @@
 Each stage is compared with its ideal result, from the records of `validation.stage_errors`.
 """
 
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
 from stixel_cli.pictures.style import DEPTH_TICKS
-from stixel_cli.report.blocks import Material
-from stixel_cli.report.statistics import DRAWS
+from stixel_cli.report.blocks import Figure, Material
+from stixel_cli.report.bootstrap import DRAWS
+from stixel_cli.report.forest import Row, forest
+from stixel_cli.report.scan_frame import stage_pictures
 from stixel_cli.studies.data import StudyData, StudySweep
 from stixel_cli.studies.rq1 import errors as of
-from stixel_cli.studies.rq1 import figures
-from stixel_cli.studies.rq1.answer import answer_values
-from stixel_cli.studies.rq1.records import errors_of
-from stixel_cli.studies.rq1.setup import setup_values
-from stixel_cli.studies.rq1.tables import answer_table, range_tables
-from stixel_cli.studies.rq1.widths import width_table, width_values
-from stixel_cli.studies.stage_pictures import stage_pictures
+from stixel_cli.studies.rq1.figures import chapter_figures
+from stixel_cli.studies.rq1.setup import setup_values, width_table, width_values
+from stixel_cli.studies.rq1.tables import answer_table, chapter_tables
 from stixel_cli.validation.stage_errors import BORDER, GROSS
 from stixel_cli.validation.stage_stixels import SQUARE
+
+COLUMNS = {"ranges": "target", "matchers": "", "grids": "all", "rigs": "", "contrast": ""}
+"""Sweep to the columns of the image whose errors are read."""
 
 
 def report(data: StudyData) -> Material:
     """Values, tables and figures of the template."""
-    at_any = {
-        name: errors_of(data.sweeps[name].runs, columns)
-        for name, columns in (
-            *(("ranges", "target"), ("matchers", ""), ("grids", "all")),
-            *(("rigs", ""), ("contrast", "")),
-        )
-    }
+    at_any = {name: of.errors_of(data.sweeps[name].runs, own) for name, own in COLUMNS.items()}
     errors = {name: own.between(of.EDGES[0], of.EDGES[-1]) for name, own in at_any.items()}
-    every = errors["ranges"]
+    every, every_frame = errors["ranges"], at_any["matchers"].by(of.matcher)
     lines = {
         "users": every.by(of.road_user),
         "rigs": errors["rigs"].by(of.rig),
         "matchers": errors["matchers"].by(of.matcher),
         "grids": errors["grids"].by(of.grid),
     }
-    every_frame = at_any["matchers"].by(of.matcher)
-    by_contrast = {
-        user.label: sorted(user.by(lambda run: f"{of.contrast(run):g}"), key=_number)
-        for user in errors["contrast"].by(of.road_user)
-    }
-    contrasts = sorted(errors["contrast"].by(lambda run: f"{of.contrast(run):g}"), key=_number)
-    first_and_last = contrasts[:: len(contrasts) - 1] if len(contrasts) > 1 else []
+    by_contrast = {user.label: _by_contrast(user) for user in errors["contrast"].by(of.road_user)}
     by_width = width_values(data.sweeps["widths"])
-    first = every.runs[0].configuration
-    drawn = [lines[name] for name in ("users", "matchers", "grids", "rigs")]
-    zones = {"inside the target": of.INSIDE, "inside other obstacles": of.OTHERS}
+    counts = {name: of.counts(own) for name, own in lines.items()}
+    counts["contrast"] = of.counts(own for parts in by_contrast.values() for own in parts)
     return Material(
         {
-            **answer_values(every, lines["users"], lines | {"contrasts": first_and_last}),
+            **answer_values(every, lines, _by_contrast(errors["contrast"])),
             **setup_values(data),
+            **_constants(every),
             "summary": answer_table(every),
-            "edges": of.EDGES,
-            "round": of.ROUND,
-            "depth": of.SW_DEPTH,
-            "std": of.SW_STD,
-            "depth_ticks": DEPTH_TICKS,
-            "road": first.road,
-            "free_space": first.free_space,
-            "farthest": first.occupancy.farthest,
-            "sample_time": first.path.sample_time,
             "poses_in_a_range": max(
-                own.between(*ends).tables["frames"]["pose"].nunique()
-                for own in lines["users"]
-                for ends in pairwise(of.EDGES)
+                own.between(*ends).poses() for own in lines["users"] for ends in pairwise(of.EDGES)
             ),
-            "draws": DRAWS,
-            "least": of.LEAST,
-            "gross": GROSS,
-            "border": BORDER,
-            "square": SQUARE,
-            "counts": {name: of.counts(own) for name, own in lines.items()}
-            | {"contrast": of.counts(own for parts in by_contrast.values() for own in parts)},
+            "counts": counts,
             "seeds_per_pose": {name: of.seeds(own) for name, own in lines.items()},
             "stixels_of": [(own.label, len(own.tables["stixels"])) for own in lines["users"]],
-            "figures": {
-                **figures.range_figures(*drawn),
-                "locking": figures.locking(every_frame, zones),
-                "normalised": figures.normalised(lines["users"]),
-                "contrast": figures.contrast(by_contrast),
-            },
-            "tables": range_tables(
-                lines["users"],
-                lines["matchers"],
-                every_frame,
-                lines["grids"],
-                lines["rigs"],
-                by_contrast,
-            ),
+            "figures": chapter_figures(lines, every_frame, by_contrast),
+            "tables": chapter_tables(lines, every_frame, by_contrast),
             "widths": by_width,
             "width_table": width_table(by_width),
-            "gallery": gallery(data.sweeps["gallery"]),
+            "gallery": _gallery(data.sweeps["gallery"]),
         }
     )
 
 
-def _number(own) -> float:
-    return float(own.label)
+def _by_contrast(own: of.Errors) -> list[of.Errors]:
+    """The runs by contrast, the least first."""
+    return sorted(own.by(of.contrast), key=lambda part: float(part.label))
 
 
-def gallery(sweep: StudySweep) -> list[dict[str, Any]]:
+def _constants(every: of.Errors) -> dict[str, Any]:
+    """What the template says of settings and definitions."""
+    first = next(iter(every.runs.values())).configuration
+    return {
+        "edges": of.EDGES,
+        "round": of.ROUND,
+        "depth": of.SW_DEPTH,
+        "std": of.SW_STD,
+        "depth_ticks": DEPTH_TICKS,
+        "road": first.road,
+        "free_space": first.free_space,
+        "farthest": first.occupancy.farthest,
+        "sample_time": first.path.sample_time,
+        "draws": DRAWS,
+        "least": of.LEAST,
+        "gross": GROSS,
+        "border": BORDER,
+        "square": SQUARE,
+    }
+
+
+def _gallery(sweep: StudySweep) -> list[dict[str, Any]]:
     """A picture of the stages for each road user and pictured frame, with its caption's values."""
     firsts = {of.road_user(run): run for run in reversed(sweep.runs)}
     return [
@@ -116,3 +99,119 @@ def gallery(sweep: StudySweep) -> list[dict[str, Any]]:
         for user, run in sorted(firsts.items(), key=lambda item: item[1].index)
         for frame, picture in stage_pictures(f"gallery_{user}", run)
     ]
+
+
+def answer_values(
+    every: of.Errors, lines: Mapping[str, Sequence[of.Errors]], contrasts: Sequence[of.Errors]
+) -> dict[str, Any]:
+    """What the template's answer is filled with.
+
+    Args:
+        every: all road users of the default configuration together.
+        lines: each of the `users`, and all of them by `rigs`, `matchers` and `grids`.
+        contrasts: all road users by contrast, the least first.
+
+    Returns:
+        `leads`: label, RMS and bias round that depth of each road user; `forest`: plot of biases.
+        `near`: the stixels round the depth that *The Stixel World* names, or None without any.
+        `rig_lines`, `matcher_lines`, `grid_lines`, `contrast_lines`: values of each setting.
+        `bm_less_sgm`, `grid_differences`: differences at the same poses.
+        `nees`: mean square of error over stated std, with its least and greatest range.
+    """
+    users, grids = lines["users"], lines["grids"]
+    matchers = {own.label: own for own in lines["matchers"]}
+    both = {"SGM", "BM"} <= set(matchers)
+    columns, missed = of.of_columns("px", root=True), of.of_columns("missed")
+    round_depth = {own.label: own.between(*of.ROUND) for own in users}
+    rigs = [(own, own.between(*of.ROUND).estimate(of.RMS)) for own in lines["rigs"]]
+    return {
+        "leads": [
+            (label, own.estimate(of.RMS), own.estimate(of.BIAS))
+            for label, own in round_depth.items()
+        ],
+        "forest": _forest(users),
+        "near": _near(every.between(*of.ROUND)),
+        "rig_lines": [
+            (own.label, rms, of.needed_disparity(own.rig))
+            for own, rms in rigs
+            if rms.mean is not None
+        ],
+        "matcher_lines": [(label, own.estimate(of.RMS_PX)) for label, own in matchers.items()],
+        "bm_less_sgm": matchers["BM"].less(matchers["SGM"], of.RMS_PX) if both else None,
+        "grid_lines": [
+            (own.label, own.estimate(columns), own.estimate(missed).scaled(100.0)) for own in grids
+        ],
+        "grid_differences": [(own.label, own.less(grids[0], columns)) for own in grids[1:]],
+        "nees": _nees(every, users),
+        "contrast_lines": [
+            (
+                own.label,
+                own.estimate(of.PIXELS["RMS"]),
+                own.estimate(of.PIXELS["density"]).scaled(100.0),
+                own.estimate(of.UNCOVERED).scaled(100.0),
+            )
+            for own in (contrasts[0], contrasts[-1])
+            if len(contrasts) > 1
+        ],
+        "poses": every.poses(),
+        "seeds": len({run.seed for run in every.runs.values()}),
+    }
+
+
+def _forest(users: Sequence[of.Errors]) -> Figure | None:
+    """Bias of depth, disparity and height of each road user; no test covers them."""
+    rows = [
+        Row(own.label, "stixels", metric, unit, own.between(*ends).estimate(measure))
+        for metric, unit, measure, ends in (
+            (f"bias of the depth, {of.ROUND[0]:g} to {of.ROUND[1]:g} m", "m", of.BIAS, of.ROUND),
+            ("bias of the disparity, all ranges", "px", of.PIXELS["bias"], (0.0, 1e9)),
+            ("bias of the height, all ranges", "m", of.bias("height"), (0.0, 1e9)),
+        )
+        for own in users
+    ]
+    return forest("answer_forest", rows)
+
+
+def _near(own: of.Errors) -> dict[str, Any] | None:
+    rms = own.estimate(of.RMS)
+    if rms.mean is None:
+        return None
+    return {
+        "verdict": "not clear"
+        if rms.low is None or rms.low <= of.SW_STD < rms.high
+        else "yes"
+        if rms.high <= of.SW_STD
+        else "no",
+        "rms": rms,
+        "gross_share": own.estimate(of.STIXEL_GROSS).mean,
+        "bias": own.estimate(of.BIAS),
+        "ratio": rms.scaled(1.0 / of.SW_STD),
+        "rms_px": own.estimate(of.RMS_PX),
+        "needed": of.needed_disparity(own.rig),
+        "own": {
+            "square": own.estimate(of.rms("square")),
+            "slanted or stepped": own.estimate(of.rms("slanted")),
+        },
+    }
+
+
+def _nees(every: of.Errors, users: Sequence[of.Errors]) -> dict[str, Any] | None:
+    nees = every.estimate(of.NEES)
+    if nees.mean is None:
+        return None
+    by_range = []
+    for user in users:
+        for low, high in of.COARSE:
+            own = user.between(low, high)
+            if len(own.tables["every_stixel"]) >= of.LEAST and len(own.tables["stixels"]):
+                mean = own.estimate(of.NEES).mean
+                by_range.append((mean, f"{user.label}, {low:g}–{high:g} m"))
+    return {
+        "all": nees,
+        "verdict": "not shown to be wrong"
+        if nees.low is None or nees.low <= 1.0 <= nees.high
+        else "too small"
+        if nees.low > 1.0
+        else "too large",
+        "ends": (min(by_range), max(by_range)) if len(by_range) > 1 else None,
+    }

@@ -10,38 +10,43 @@ from stixel_cli.studies.rq1 import errors as of
 from stixel_cli.studies.rq1.figures import phase_error
 from stixel_cli.validation.stage_errors import PHASES, ZONES, histogram_median
 
-_OF_PIXELS = ("density %", "gross %", "bias px", "RMS px")
 _OF_HEIGHT = {
-    "top bias px": of.TOP_BIAS,
-    "top RMS px": of.TOP_RMS,
-    "base bias px": of.BASE_BIAS,
-    "base RMS px": of.BASE_RMS,
-    "height bias m": of.HEIGHT_BIAS,
-    "height RMS m": of.HEIGHT_RMS,
+    "top bias px": of.bias("top"),
+    "top RMS px": of.rms("top"),
+    "base bias px": of.bias("base"),
+    "base RMS px": of.rms("base"),
+    "height bias m": of.bias("height"),
+    "height RMS m": of.rms("height"),
 }
-_OF_OWN = {
-    "own pixels, square, bias m": of.SQUARE_BIAS,
-    "own pixels, square, RMS m": of.SQUARE_RMS,
-    "own pixels, slanted, bias m": of.SLANTED_BIAS,
-    "own pixels, slanted, RMS m": of.SLANTED_RMS,
+_OF_DEPTH = {
+    "front face bias m": of.BIAS,
+    "front face RMS m": of.RMS,
+    "own pixels, square, bias m": of.bias("square"),
+    "own pixels, square, RMS m": of.rms("square"),
+    "own pixels, slanted, bias m": of.bias("slanted"),
+    "own pixels, slanted, RMS m": of.rms("slanted"),
 }
-_OF_DEPTH = {"front face bias m": of.BIAS, "front face RMS m": of.RMS, **_OF_OWN}
 _OF_STIXELS = {
     "gross %": of.STIXEL_GROSS,
     **_OF_DEPTH,
     "error²/σ²": of.NEES,
     "within σ %": of.WITHIN_1,
-    "lateral RMS m": of.LATERAL_RMS,
+    "lateral RMS m": of.rms("lateral"),
+}
+_OF_MATCHER = {
+    "stixel RMS px": of.RMS_PX,
+    "stixel RMS m": of.RMS,
+    "columns in no stixel %": of.UNCOVERED,
 }
 _AT_DEPTH = {
     **_OF_DEPTH,
-    "height bias m": of.HEIGHT_BIAS,
+    "height bias m": of.bias("height"),
     "error²/σ²": of.NEES,
     "width in no stixel %": of.UNSEEN,
 }
 _OF_CONTRAST = {
-    "density %": of.PIXEL_DENSITY,
-    "disparity RMS px": of.PIXEL_RMS,
+    "density %": of.PIXELS["density"],
+    "disparity RMS px": of.PIXELS["RMS"],
     "stixel RMS px": of.RMS_PX,
     "columns in no stixel %": of.UNCOVERED,
 }
@@ -55,35 +60,34 @@ def cells(own: of.Errors, measures: Mapping[str, of.Measure]) -> dict[str, Cell]
     return found
 
 
-def range_tables(
-    users: Sequence[of.Errors],
-    matchers: Sequence[of.Errors],
+def chapter_tables(
+    lines: Mapping[str, Sequence[of.Errors]],
     every_frame: Sequence[of.Errors],
-    grids: Sequence[of.Errors],
-    rigs: Sequence[of.Errors],
     contrasts: Mapping[str, Sequence[of.Errors]],
 ) -> dict[str, Table]:
     """The tables of the chapters, by name.
 
     Args:
-        users: each road user.
-        matchers: all road users by matcher, and `every_frame` at all distances.
-        every_frame: see there.
-        grids: by occupancy grid.
-        rigs: by rig.
+        lines: each of the `users`, and all of them by `matchers`, `grids` and `rigs`.
+        every_frame: by matcher, at all distances.
         contrasts: road user to its runs by contrast.
     """
+    ranges = [
+        ({"road user": user.label, "range m": f"{low:g}–{high:g}"}, user.between(low, high))
+        for user in lines["users"]
+        for low, high in of.COARSE
+    ]
     rows = {
-        "disparity": _disparity(users),
-        "matchers": map(_matcher, matchers, every_frame),
-        "grids": _grids(grids),
-        "height": _by_range(users, _OF_HEIGHT),
+        "disparity": _disparity(lines["users"]),
+        "matchers": map(_matcher, lines["matchers"], every_frame),
+        "grids": _grids(lines["grids"]),
+        "height": (_stixels(*part, _OF_HEIGHT) for part in ranges),
         "stixels": (
-            row | {"stated σ m": own.estimate(of.SIGMA).mean}
-            for own, row in zip(_ranges(users), _by_range(users, _OF_STIXELS), strict=True)
+            _stixels(*part, _OF_STIXELS) | {"stated σ m": part[1].estimate(of.SIGMA).mean}
+            for part in ranges
         ),
-        "rigs": map(_rig, rigs),
-        "depths": _depths(rigs),
+        "rigs": map(_rig, lines["rigs"]),
+        "depths": _depths(lines["rigs"]),
         "contrast": (
             {"road user": user, "contrast": float(own.label), **cells(own, _OF_CONTRAST)}
             for user, parts in contrasts.items()
@@ -103,7 +107,7 @@ def _disparity(users: Sequence[of.Errors]) -> Iterator[dict[str, Cell]]:
                     "road user": user.label,
                     "zone": ZONES[zone].rpartition(" ")[2],
                     "range m": f"{low:g}–{high:g}",
-                    "poses": own.poses(of.of_pixels(zone)[0]),
+                    "poses": own.poses(of.of_pixels(zone)["density"]),
                     **_pixel_cells(own, zone),
                 }
 
@@ -111,11 +115,12 @@ def _disparity(users: Sequence[of.Errors]) -> Iterator[dict[str, Cell]]:
 def _pixel_cells(own: of.Errors, zone: int) -> dict[str, Cell]:
     """Number of pixels, the measures of the disparity, and the median of all errors."""
     measures = of.of_pixels(zone)
-    rows = own.rows(measures[0])
+    rows = own.rows(measures["density"])
     median = histogram_median(np.sum(list(rows["histogram"]), axis=0)) if len(rows) else np.nan
+    units = {"density": "%", "gross": "%", "bias": "px", "RMS": "px"}
     return {
         "pixels": int(rows["pixels"].sum()),
-        **cells(own, dict(zip(_OF_PIXELS, measures, strict=True))),
+        **cells(own, {f"{name} {units[name]}": one for name, one in measures.items()}),
         "median px": float(median) if np.isfinite(median) else None,
     }
 
@@ -124,16 +129,11 @@ def _matcher(own: of.Errors, every_frame: of.Errors) -> dict[str, Cell]:
     """Disparity and stixels at all ranges, of one matcher."""
     means = [phase_error(every_frame, of.INSIDE, i).mean for i in range(PHASES)]
     known = [mean for mean in means if mean is not None]
-    measures = {
-        "stixel RMS px": of.RMS_PX,
-        "stixel RMS m": of.RMS,
-        "columns in no stixel %": of.UNCOVERED,
-    }
     return {
         "matcher": own.label,
         **_pixel_cells(own, of.INSIDE),
         "locking px": max(known) - min(known) if known else None,
-        **cells(own, measures),
+        **cells(own, _OF_MATCHER),
     }
 
 
@@ -143,45 +143,28 @@ def _grids(grids: Sequence[of.Errors]) -> Iterator[dict[str, Cell]]:
         for where, all_ in (("of the target", False), ("all", True)):
             for step in ("grid", "path"):
                 measures = {
-                    name: of.of_columns(value, step, root, all_)
-                    for name, value, root in (
-                        ("missed %", "missed", False),
-                        ("below threshold %", "below threshold", False),
-                        ("false positive %", "false positive", False),
-                        ("bias px", "px", False),
-                        ("RMS px", "px", True),
-                        ("bias m", "m", False),
-                        ("RMS m", "m", True),
-                    )
+                    f"{value} %": of.of_columns(value, step, all_=all_)
+                    for value in ("missed", "below threshold", "false positive")
                 }
+                for unit in ("px", "m"):
+                    for name, root in (("bias", False), ("RMS", True)):
+                        measures[f"{name} {unit}"] = of.of_columns(unit, step, root, all_)
                 begin = {"grid": own.label, "columns": where, "step": step}
                 yield begin | cells(own, measures)
 
 
-def _ranges(users: Sequence[of.Errors]) -> Iterator[of.Errors]:
-    return (user.between(*ends) for user in users for ends in of.COARSE)
-
-
-def _by_range(
-    users: Sequence[of.Errors], measures: Mapping[str, of.Measure]
-) -> Iterator[dict[str, Cell]]:
-    """Measures of the stixels on each road user, by range."""
-    labels = [f"{low:g}–{high:g}" for low, high in of.COARSE] * len(users)
-    for label, own in zip(labels, _ranges(users), strict=True):
-        yield {
-            "road user": own.label,
-            "range m": label,
-            "poses": own.poses(of.STIXEL_GROSS),
-            "stixels": len(own.tables["every_stixel"]),
-            **cells(own, measures),
-        }
+def _stixels(
+    begin: dict[str, Cell], own: of.Errors, measures: Mapping[str, of.Measure]
+) -> dict[str, Cell]:
+    """Measures of the stixels on a road user in a range."""
+    counts = {"poses": own.poses(of.STIXEL_GROSS), "stixels": len(own.tables["every_stixel"])}
+    return begin | counts | cells(own, measures)
 
 
 def _rig(every: of.Errors) -> dict[str, Cell]:
     """Stixels of a rig against the std that The Stixel World states."""
     own, rig = every.between(*of.ROUND), every.rig
-    needed = of.needed_disparity(rig, of.SW_STD, of.SW_DEPTH)
-    found = own.estimate(of.RMS_PX)
+    needed, achieved = of.needed_disparity(rig), own.estimate(of.RMS_PX)
     return {
         "rig": every.label,
         "image px": f"{rig.width} × {rig.height}",
@@ -189,8 +172,8 @@ def _rig(every: of.Errors) -> dict[str, Cell]:
         "B m": float(rig.baseline),
         "disparity there px": float(rig.disparity_from_depth(of.SW_DEPTH)),
         "needed px": needed,
-        **ends("achieved RMS px", found),
-        "achieved / needed": found.scaled(1.0 / needed).mean,
+        **ends("achieved RMS px", achieved),
+        "achieved / needed": achieved.scaled(1.0 / needed).mean,
         **cells(own, _OF_DEPTH),
         "poses": own.poses(of.RMS_PX),
         "stixels": len(own.tables["every_stixel"]),
@@ -212,10 +195,10 @@ def answer_table(every: of.Errors) -> Table:
     """Errors of each stage of the default configuration, over all road users and ranges."""
     grid, path = (of.of_columns("missed", step) for step in ("grid", "path"))
     rows = (
-        ("disparity", "bias", "px", of.PIXEL_BIAS),
-        ("disparity", "RMS", "px", of.PIXEL_RMS),
-        ("disparity", "gross errors", "%", of.PIXEL_GROSS),
-        ("disparity", "pixels with a disparity", "%", of.PIXEL_DENSITY),
+        ("disparity", "bias", "px", of.PIXELS["bias"]),
+        ("disparity", "RMS", "px", of.PIXELS["RMS"]),
+        ("disparity", "gross errors", "%", of.PIXELS["gross"]),
+        ("disparity", "pixels with a disparity", "%", of.PIXELS["density"]),
         ("occupancy grid, without the path", "target's columns missed", "%", grid),
         ("free space", "target's columns missed", "%", path),
         ("stixels", "target's columns without a stixel", "%", of.UNCOVERED),
@@ -225,12 +208,12 @@ def answer_table(every: of.Errors) -> Table:
         ("stixels", "disparity, RMS", "px", of.RMS_PX),
         ("stixels", "depth, front face, bias", "m", of.BIAS),
         ("stixels", "depth, front face, RMS", "m", of.RMS),
-        ("stixels", "depth, own pixels, square, bias", "m", of.SQUARE_BIAS),
-        ("stixels", "depth, own pixels, square, RMS", "m", of.SQUARE_RMS),
-        ("stixels", "depth, own pixels, slanted, bias", "m", of.SLANTED_BIAS),
-        ("stixels", "depth, own pixels, slanted, RMS", "m", of.SLANTED_RMS),
-        ("stixels", "height, bias", "m", of.HEIGHT_BIAS),
-        ("stixels", "height, RMS", "m", of.HEIGHT_RMS),
+        ("stixels", "depth, own pixels, square, bias", "m", of.bias("square")),
+        ("stixels", "depth, own pixels, square, RMS", "m", of.rms("square")),
+        ("stixels", "depth, own pixels, slanted, bias", "m", of.bias("slanted")),
+        ("stixels", "depth, own pixels, slanted, RMS", "m", of.rms("slanted")),
+        ("stixels", "height, bias", "m", of.bias("height")),
+        ("stixels", "height, RMS", "m", of.rms("height")),
         ("stated σ", "mean square of error / σ", "", of.NEES),
         ("stated σ", "stixels within 1 σ", "%", of.WITHIN_1),
         ("stated σ", "stixels within 2 σ", "%", of.WITHIN_2),

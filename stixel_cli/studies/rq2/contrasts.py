@@ -2,19 +2,16 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+
+import pandas as pd
 
 from stixel_cli.evaluation.metric_table import METRICS, metric, over_runs
 from stixel_cli.report import tables
 from stixel_cli.report.blocks import Cell, Figure, Table
 from stixel_cli.report.forest import difference_row, forest
-from stixel_cli.report.metrics import MINUS
-from stixel_cli.report.statistics import SIGNIFICANT, Statistic, holm, t_test
-from stixel_cli.results.reader import listed
-from stixel_cli.studies.data import BASELINE, LIDAR, STIXELS
-
-if TYPE_CHECKING:
-    import pandas as pd
+from stixel_cli.report.metrics import MINUS, listed_by_user
+from stixel_cli.report.run_frame import BASELINE, LIDAR, STIXELS
+from stixel_cli.report.statistics import SIGNIFICANT, Statistic, excludes_zero, holm, t_test
 
 ERRORS = {name: METRICS[name] for name in ("centre_rmse_m", "orientation_rmse_deg", "iou_mean")}
 """The metrics that are tested."""
@@ -50,8 +47,7 @@ class Contrast:
     @property
     def verdict(self) -> str:
         """What `one` is: "worse", "better", "leaning" (only the interval excludes 0) or "alike"."""
-        low, high = self.difference.low, self.difference.high
-        if low is None or low <= 0.0 <= high:
+        if not excludes_zero(self.difference):
             return "alike"
         if self.p is None or self.p >= SIGNIFICANT:
             return "leaning"
@@ -59,7 +55,7 @@ class Contrast:
         return "better" if (self.difference.mean > 0.0) == more_is_better else "worse"
 
 
-def contrasts(runs: "pd.DataFrame") -> list[Contrast]:
+def contrasts(runs: pd.DataFrame) -> list[Contrast]:
     """Stixels against every other measurement by every tracker.
 
     The tests are of stixels against every lidar by every extended tracker, with Holm's correction.
@@ -87,12 +83,12 @@ def contrasts(runs: "pd.DataFrame") -> list[Contrast]:
     return [replace(one, p=p.get(str(i))) for i, one in enumerate(found)]
 
 
-def of_kind(runs: "pd.DataFrame", kind: str) -> list[str]:
+def of_kind(runs: pd.DataFrame, kind: str) -> list[str]:
     """The measurements of a kind."""
     return tables.names(tables.chosen(runs, measurement_kind=kind), "measurement")
 
 
-def is_baseline(runs: "pd.DataFrame", tracker: str) -> bool:
+def is_baseline(runs: pd.DataFrame, tracker: str) -> bool:
     """Whether a tracker is the baseline."""
     return bool((tables.chosen(runs, tracker=tracker)["tracker_kind"] == BASELINE).all())
 
@@ -128,12 +124,8 @@ def contrasts_forest(tested: Sequence[Contrast], users: Sequence[str]) -> Figure
     return forest("answer_forest", rows, "stixels better", "stixels worse")
 
 
-def lidar_table(runs: "pd.DataFrame", tested: Sequence[Contrast]) -> Table:
+def lidar_rows(runs: pd.DataFrame, tested: Sequence[Contrast]) -> Iterator[dict[str, Cell]]:
     """Means on stixels and on each lidar, and the tested differences."""
-    return Table.of("answer_lidar", _lidar_rows(runs, tested))
-
-
-def _lidar_rows(runs: "pd.DataFrame", tested: Sequence[Contrast]) -> Iterator[dict[str, Cell]]:
     for user in tables.names(runs, "road_user"):
         for tracker in dict.fromkeys(one.tracker for one in tested):
             own = [one for one in tested if (one.road_user, one.tracker) == (user, tracker)]
@@ -159,11 +151,11 @@ def _lidar_rows(runs: "pd.DataFrame", tested: Sequence[Contrast]) -> Iterator[di
 
 def verdicts(found: Sequence[Contrast]) -> dict[str, str]:
     """Verdict to the road users, each with its metrics."""
-    texts = {}
-    for verdict in ("worse", "better", "leaning", "alike"):
-        by_user: dict[str, list[str]] = {}
-        for one in found:
-            if one.verdict == verdict:
-                by_user.setdefault(one.road_user, []).append(tables.plain_label(ERRORS[one.metric]))
-        texts[verdict] = listed([f"the {user} ({listed(own)})" for user, own in by_user.items()])
-    return texts
+    return {
+        verdict: listed_by_user(
+            (one.road_user, tables.plain_label(ERRORS[one.metric]))
+            for one in found
+            if one.verdict == verdict
+        )
+        for verdict in ("worse", "better", "leaning", "alike")
+    }

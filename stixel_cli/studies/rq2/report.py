@@ -5,27 +5,15 @@ they have. The question names kinds of measurement and tracker.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from stixel_cli.report import tables
 from stixel_cli.report.blocks import Cell, Material, Table
 from stixel_cli.report.metrics import number
-from stixel_cli.report.statistics import Statistic, least_effect, least_p
-from stixel_cli.studies.data import LIDAR, STIXELS, StudyData, run_frame
-from stixel_cli.studies.rq2.conditions import CONDITIONS, condition_values
-from stixel_cli.studies.rq2.contrasts import (
-    ERRORS,
-    Contrast,
-    contrasts,
-    contrasts_forest,
-    contrasts_table,
-    is_baseline,
-    lidar_table,
-    of_kind,
-    verdicts,
-)
-from stixel_cli.studies.rq2.figures import boxes, example_scans
-from stixel_cli.studies.runs import (
+from stixel_cli.report.run_frame import LIDAR, STIXELS, run_frame
+from stixel_cli.report.scan_frame import (
     ERROR_LABELS,
     NEAR,
     gate_shares,
@@ -35,9 +23,20 @@ from stixel_cli.studies.runs import (
     upper_bounds_table,
     within_bounds,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
+from stixel_cli.report.statistics import Statistic, excludes_zero, least_effect, least_p
+from stixel_cli.studies.data import StudyData
+from stixel_cli.studies.rq2.contrasts import (
+    ERRORS,
+    Contrast,
+    contrasts,
+    contrasts_forest,
+    contrasts_table,
+    is_baseline,
+    lidar_rows,
+    of_kind,
+    verdicts,
+)
+from stixel_cli.studies.rq2.figures import CONDITIONS, boxes, condition_values, example_scans
 
 LEAD = "centre_rmse_m"
 """The metric of the answer's first sentences."""
@@ -84,7 +83,7 @@ def report(data: StudyData) -> Material:
     )
 
 
-def answer_values(runs: "pd.DataFrame") -> dict[str, Any]:
+def answer_values(runs: pd.DataFrame) -> dict[str, Any]:
     """What the template's answer is filled with.
 
     `contrasts`: a mapping for each tracker and lidar, with its `effects` by road user, and the road
@@ -104,7 +103,7 @@ def answer_values(runs: "pd.DataFrame") -> dict[str, Any]:
         for other in tables.names(runs, "tracker")
         if other != tracker and is_baseline(runs, other)
     ]
-    shown = [lidar_table(runs, tested)] if tested else []
+    shown = [Table.of("answer_lidar", lidar_rows(runs, tested))] if tested else []
     if tested and pairs:
         shown.append(Table.of("answer_baseline", _baseline_rows(on_stixels, pairs)))
     if len(on_stixels):
@@ -166,7 +165,7 @@ def _contrast(found: Sequence[Contrast]) -> dict[str, Any]:
     return {**first, "effects": effects, **verdicts(found)}
 
 
-def _baseline(on_stixels: "pd.DataFrame", tracker: str, baseline: str) -> dict[str, Any]:
+def _baseline(on_stixels: pd.DataFrame, tracker: str, baseline: str) -> dict[str, Any]:
     """The IoU of a tracker minus the baseline's, and the road users by what its intervals show."""
     effects, found = {}, {}
     for (user,), own in tables.groups(on_stixels, ["road_user"]):
@@ -180,13 +179,13 @@ def _of_interval(iou: Statistic) -> str:
     """Verdict by the interval of the tracker's IoU minus the baseline's."""
     if iou.low is None:
         return "not comparable (no interval)"
-    if iou.low <= 0.0 <= iou.high:
+    if not excludes_zero(iou):
         return "not shown to differ"
     return "better" if iou.low > 0.0 else "worse"
 
 
 def _baseline_rows(
-    on_stixels: "pd.DataFrame", pairs: Sequence[tuple[str, str]]
+    on_stixels: pd.DataFrame, pairs: Sequence[tuple[str, str]]
 ) -> Iterator[dict[str, Cell]]:
     for (user,), own in tables.groups(on_stixels, ["road_user"]):
         for tracker, baseline in pairs:
@@ -205,7 +204,7 @@ def _baseline_rows(
 
 
 def _chapter(
-    user: str, runs: "pd.DataFrame", scans: "pd.DataFrame", measurements: Sequence[str]
+    user: str, runs: pd.DataFrame, scans: pd.DataFrame, measurements: Sequence[str]
 ) -> dict[str, Any]:
     """The values of one road user's section."""
     # The scans are the same for every tracker.
@@ -232,7 +231,7 @@ def _chapter(
     }
 
 
-def _scans(user: str, kind: str, runs: "pd.DataFrame", scans: "pd.DataFrame") -> dict[str, Any]:
+def _scans(user: str, kind: str, runs: pd.DataFrame, scans: pd.DataFrame) -> dict[str, Any]:
     """The scans of one kind of measurement, from the runs of one tracker."""
     rows = []
     for row in scan_rows(runs, ["measurement", "path"]):
@@ -258,7 +257,7 @@ def _scans(user: str, kind: str, runs: "pd.DataFrame", scans: "pd.DataFrame") ->
     }
 
 
-def _ranking(runs: "pd.DataFrame") -> dict[str, list[tuple[str, float]]]:
+def _ranking(runs: pd.DataFrame) -> dict[str, list[tuple[str, float]]]:
     """Tracker to its measurements and mean IoU, the best first; trackers without one left out."""
     found: dict[str, list[tuple[str, float]]] = {}
     for (tracker, measurement), own in tables.groups(runs, ["tracker", "measurement"]):
@@ -271,7 +270,7 @@ def _ranking(runs: "pd.DataFrame") -> dict[str, list[tuple[str, float]]]:
     }
 
 
-def _tracking_rows(runs: "pd.DataFrame", scans: "pd.DataFrame") -> Iterator[dict[str, Cell]]:
+def _tracking_rows(runs: pd.DataFrame, scans: pd.DataFrame) -> Iterator[dict[str, Cell]]:
     keys = ["path", "tracker", "measurement"]
     of_scans = scans.groupby(keys)
     for values, own in tables.groups(runs, keys):

@@ -5,14 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from stixel_cli.evaluation.metric_table import METRICS
-from stixel_cli.report.blocks import Figure
-from stixel_cli.report.forest import Row, forest
-from stixel_cli.report.metrics import MINUS
-from stixel_cli.report.statistics import SIGNIFICANT, Paired
-from stixel_cli.results.reader import listed
-from stixel_cli.studies.rq3.compare import Comparison, reach_of
-from stixel_cli.studies.rq3.runs import DECADES, FABRICATED, FITTED, SIMULATED, THESIS
+from stixel_cli.report.metrics import listed_by_user
+from stixel_cli.report.statistics import SIGNIFICANT, Paired, excludes_zero
+from stixel_cli.studies.rq3.compare import Comparison, comparisons_forest, reach_of
+from stixel_cli.studies.rq3.measures import DECADES, FABRICATED, FITTED
 
 _LED_BY = (
     "bias along the ray",
@@ -21,9 +17,10 @@ _LED_BY = (
 )
 """Measures of the points in the answer's text."""
 _LED_BY_OF_TRACKS = ("centre RMSE", "orientation RMSE", "mean IoU")
+THESIS = 60.0
+"""The thesis states that simulated scans take more than this many times as long."""
 LEAD = "centre RMSE"
 """The measure of the answer's first sentences."""
-_MORE_IS_BETTER = {row.short_label for row in METRICS.values() if row.better == "more"}
 
 
 def answer_values(
@@ -74,35 +71,6 @@ def answer_values(
     }
 
 
-def comparisons_forest(
-    name: str, tracks: Sequence[Comparison], sweeps: Sequence[str]
-) -> Figure | None:
-    """Differences of the trackers' metrics from simulated, a panel for each metric."""
-    several = len(sweeps) > 1
-    sides = f"{MINUS} {SIMULATED}" if several else f"{sweeps[0]} {MINUS} {SIMULATED}"
-    rows = [
-        Row(
-            f"{one.road_user}, {one.tracker}" if several else one.road_user,
-            sweep if several else one.tracker,
-            f"{one.measure.label}, {sides}",
-            one.measure.unit,
-            one.apart[sweep],
-            one.p[sweep] is not None,
-            one.differs(sweep),
-            one.measure.label in _MORE_IS_BETTER,
-        )
-        for one in sorted(tracks, key=lambda one: _place(one, tracks))
-        for sweep in sweeps
-    ]
-    better, worse = ("", "") if several else (f"{FABRICATED} better", f"{FABRICATED} worse")
-    return forest(name, rows, better, worse)
-
-
-def _place(one: Comparison, tracks: Sequence[Comparison]) -> int:
-    """Where the measure of a comparison first appears."""
-    return [other.measure.label for other in tracks].index(one.measure.label)
-
-
 def _effects(
     found: Sequence[Comparison], labels: Sequence[str]
 ) -> dict[str, list[tuple[str, str, Paired]]]:
@@ -117,17 +85,13 @@ def _effects(
 
 def _verdict(found: Sequence[Comparison]) -> dict[str, str]:
     """The road users and measures whose difference is shown, leaning or not shown."""
-    sorts: dict[str, dict[str, list[str]]] = {"shown": {}, "leaning": {}, "alike": {}}
+    sorts: dict[str, list[tuple[str, str]]] = {"shown": [], "leaning": [], "alike": []}
     for one in found:
-        leaning = "leaning" if one.without_zero(FABRICATED) else "alike"
-        own = sorts["shown" if one.differs(FABRICATED) else leaning]
+        leaning = "leaning" if excludes_zero(one.apart[FABRICATED]) else "alike"
         label = one.measure.label.removeprefix(DECADES).partition(" / ")[0]
         label = label.removeprefix("mean ").removesuffix(" RMSE")
-        own.setdefault(one.road_user, []).append(label)
-    return {
-        name: listed([f"the {user} ({listed(labels)})" for user, labels in own.items()])
-        for name, own in sorts.items()
-    }
+        sorts["shown" if one.differs(FABRICATED) else leaning].append((one.road_user, label))
+    return {name: listed_by_user(own) for name, own in sorts.items()}
 
 
 def _closed(owner: str, found: Sequence[Comparison], tested: bool) -> dict[str, Any]:
@@ -144,6 +108,6 @@ def _closed(owner: str, found: Sequence[Comparison], tested: bool) -> dict[str, 
         "narrowed": sum(one.low > 0.0 for one in certain),
         "widened": sum(one.high < 0.0 for one in certain),
         "comparisons": len(found),
-        "apart": sum(one.without_zero(FITTED) for one in found),
+        "apart": sum(excludes_zero(one.apart[FITTED]) for one in found),
         "left": sum(one.differs(FITTED) for one in found),
     }

@@ -2,25 +2,27 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
-from stixel_cli.report.blocks import Cell, Table
+from stixel_cli.evaluation.metric_table import METRICS
+from stixel_cli.report.blocks import Cell, Figure, Table
+from stixel_cli.report.bootstrap import LEAST_DRAWN, interval, weights
+from stixel_cli.report.forest import Row, forest
+from stixel_cli.report.metrics import MINUS
 from stixel_cli.report.statistics import (
-    LEAST_DRAWN,
     SIGNIFICANT,
+    Estimate,
     Paired,
     holm,
-    interval,
     least_p,
     mean_interval,
     paired,
     pairs_needed,
-    weights,
 )
-from stixel_cli.report.tables import ends, groups, names
-from stixel_cli.studies.rq3.runs import (
+from stixel_cli.report.tables import ends, groups
+from stixel_cli.studies.rq3.measures import (
     FABRICATED,
     FITTED,
     PAIR,
@@ -29,19 +31,8 @@ from stixel_cli.studies.rq3.runs import (
     Measure,
 )
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 KINDS = (SIMULATED, FABRICATED, FITTED)
-
-
-@dataclass(frozen=True)
-class Closed:
-    """Fraction of a gap that is closed, and its 95 % interval; see `gap_closed`."""
-
-    mean: float | None
-    low: float | None
-    high: float | None
+_MORE_IS_BETTER = {row.short_label for row in METRICS.values() if row.better == "more"}
 
 
 @dataclass(frozen=True)
@@ -53,7 +44,7 @@ class Comparison:
         means: kind of measurement to the mean over the pairs.
         apart: kind (fabricated, fitted) to its difference from simulated.
         p: kind to Holm's corrected p over the comparison's family; None without a test.
-        closed: fraction of the gap that the fitted noise closes.
+        closed: fraction of the gap that the fitted noise closes, see `gap_closed`.
     """
 
     road_user: str
@@ -62,16 +53,11 @@ class Comparison:
     means: Mapping[str, float | None]
     apart: Mapping[str, Paired]
     p: Mapping[str, float | None]
-    closed: Closed
+    closed: Estimate
 
     def differs(self, sweep: str) -> bool:
         """Whether the corrected test distinguishes a sweep from the simulated one."""
         return self.p[sweep] is not None and self.p[sweep] < SIGNIFICANT
-
-    def without_zero(self, sweep: str) -> bool:
-        """Whether the interval of a sweep's difference from the simulated one excludes 0."""
-        gap = self.apart[sweep]
-        return gap.low is not None and not gap.low <= 0.0 <= gap.high
 
 
 @dataclass(frozen=True)
@@ -105,52 +91,31 @@ def reach_of(found: Sequence[Comparison]) -> Reach:
 
 
 def compare(
-    sweeps: "Mapping[str, pd.DataFrame]", measures: Mapping[str, Measure], by_tracker: bool
+    sweeps: Mapping[str, pd.DataFrame], measures: Mapping[str, Measure]
 ) -> list[Comparison]:
-    """A family of comparisons: every measure of every road user (and tracker), corrected together.
+    """A family of comparisons: every measure of every road user and tracker, corrected together.
 
-    `sweeps` are frames of `runs_of`. A pair without a value in one of its three runs is left out.
+    `sweeps` have the columns `measures`, and `PAIR` as index. A pair without a value in one of its
+    three runs is left out.
     """
-    import pandas as pd
-
-    values = pd.concat(
-        {kind: _values(sweeps[kind], measures) for kind in KINDS}, axis=1, join="inner"
-    )
-    values.index.names = PAIR
-    users, trackers = (names(sweeps[SIMULATED], key) for key in ("road_user", "tracker"))
+    pairs = pd.concat({kind: sweeps[kind] for kind in KINDS}, axis=1, join="inner")
+    pairs.index.names = PAIR
+    users, trackers = (sweeps[SIMULATED].index.unique(key) for key in ("road_user", "tracker"))
     found = []
     for user in users:
-        for tracker in trackers if by_tracker else trackers[:1]:
-            own = values.query("road_user == @user and tracker == @tracker")
+        for tracker in trackers:
+            own = pairs.query("road_user == @user and tracker == @tracker")
             for name, measure in measures.items():
-                rows = own.xs(name, axis=1, level=1)[list(KINDS)]
-                rows = rows[np.isfinite(rows).all(axis=1)]
+                rows = own.xs(name, axis=1, level=1)[list(KINDS)].dropna()
                 paths = rows.index.get_level_values("path").tolist()
                 gap, rest = (
                     (rows[kind] - rows[SIMULATED]).to_numpy() for kind in (FABRICATED, FITTED)
                 )
-                label = tracker if by_tracker else ""
-                found.append(
-                    Comparison(
-                        user,
-                        label,
-                        measure,
-                        {kind: float(rows[kind].mean()) if len(rows) else None for kind in KINDS},
-                        {FABRICATED: paired(gap, paths), FITTED: paired(rest, paths)},
-                        {},
-                        gap_closed(gap, rest, paths, f"{user} {label} {name}"),
-                    )
-                )
+                means = {kind: float(rows[kind].mean()) if len(rows) else None for kind in KINDS}
+                apart = {FABRICATED: paired(gap, paths), FITTED: paired(rest, paths)}
+                closed = gap_closed(gap, rest, paths, f"{user} {tracker} {name}")
+                found.append(Comparison(user, tracker, measure, means, apart, {}, closed))
     return _corrected(found)
-
-
-def _values(runs: "pd.DataFrame", measures: Mapping[str, Measure]) -> "pd.DataFrame":
-    """The measures of the runs, with `PAIR` as index."""
-    found = runs.set_index(PAIR)
-    pairs = list(zip(found["run"], found["errors"], strict=True))
-    return found[[]].assign(
-        **{name: np.array([m.of(*p) for p in pairs], float) for name, m in measures.items()}
-    )
 
 
 def _corrected(found: Sequence[Comparison]) -> list[Comparison]:
@@ -168,7 +133,7 @@ def _corrected(found: Sequence[Comparison]) -> list[Comparison]:
     ]
 
 
-def gap_closed(gap: np.ndarray, rest: np.ndarray, strata: Sequence[str], name: str) -> Closed:
+def gap_closed(gap: np.ndarray, rest: np.ndarray, strata: Sequence[str], name: str) -> Estimate:
     """Fraction of the gap (n,) that the correction closes; `rest` (n,) is the remaining gap.
 
     1 - sum over the strata of |sum of the rest| / the same of the gap. The sum is over
@@ -179,7 +144,7 @@ def gap_closed(gap: np.ndarray, rest: np.ndarray, strata: Sequence[str], name: s
     """
     bounds = mean_interval(gap, strata)
     if bounds is None or bounds[0] <= 0.0 <= bounds[1]:
-        return Closed(None, None, None)
+        return Estimate()
     columns = np.array(strata)
     of_stratum = (columns[:, None] == np.unique(columns)).astype(np.float64)
 
@@ -189,10 +154,10 @@ def gap_closed(gap: np.ndarray, rest: np.ndarray, strata: Sequence[str], name: s
     whole = np.full((1, len(gap)), 1.0 / len(gap))
     share = 1.0 - size(whole, rest) / size(whole, gap)
     if min(map(list(strata).count, strata)) < LEAST_DRAWN:
-        return Closed(float(share[0]), None, None)
+        return Estimate(float(share[0]))
     drawn = weights(strata, name)
     shares = 1.0 - size(drawn, rest) / np.maximum(size(drawn, gap), 1e-12)
-    return Closed(float(share[0]), *interval(shares))
+    return Estimate(float(share[0]), *interval(shares))
 
 
 def difference_table(name: str, found: Sequence[Comparison]) -> Table:
@@ -209,27 +174,46 @@ def difference_table(name: str, found: Sequence[Comparison]) -> Table:
     return Table.of(name, rows)
 
 
-def noise_table(simulated: "pd.DataFrame", levels: "Mapping[str, pd.DataFrame]") -> Table:
+def comparisons_forest(
+    name: str, tracks: Sequence[Comparison], sweeps: Sequence[str]
+) -> Figure | None:
+    """Differences of the trackers' metrics from simulated, a panel for each metric."""
+    several = len(sweeps) > 1
+    sides = f"{MINUS} {SIMULATED}" if several else f"{sweeps[0]} {MINUS} {SIMULATED}"
+    labels = [one.measure.label for one in tracks]
+    rows = [
+        Row(
+            f"{one.road_user}, {one.tracker}" if several else one.road_user,
+            sweep if several else one.tracker,
+            f"{one.measure.label}, {sides}",
+            one.measure.unit,
+            one.apart[sweep],
+            one.p[sweep] is not None,
+            one.differs(sweep),
+            one.measure.label in _MORE_IS_BETTER,
+        )
+        for one in sorted(tracks, key=lambda one: labels.index(one.measure.label))
+        for sweep in sweeps
+    ]
+    better, worse = ("", "") if several else (f"{FABRICATED} better", f"{FABRICATED} worse")
+    return forest(name, rows, better, worse)
+
+
+def noise_rows(
+    simulated: pd.DataFrame, levels: Mapping[str, pd.DataFrame]
+) -> Iterator[dict[str, Cell]]:
     """The tracker's measures on fabricated scans by noise, and their differences from simulated.
 
-    `levels` are frames of `runs_of` by the values of the noise. One row for each road user, tracker
-    and level; differences are paired, with 95 % intervals as in the other tables.
+    `levels` are frames of `tracker_values` by the values of the noise. One row for each road user,
+    tracker and level; differences are paired, with 95 % intervals as in the other tables.
     """
-    return Table.of("noise_levels", _noise_rows(simulated, levels))
-
-
-def _noise_rows(
-    simulated: "pd.DataFrame", levels: "Mapping[str, pd.DataFrame]"
-) -> Iterator[dict[str, Cell]]:
-    metrics = {name: TRACKER_MEASURES[name] for name in ("centre", "orientation", "iou")}
-    reference = _values(simulated, metrics).add_suffix("_")
     for level, runs in levels.items():
-        pairs = _values(runs, metrics).join(reference, how="inner").reset_index()
+        pairs = runs.join(simulated.add_suffix("_"), how="inner").reset_index()
         for (user, tracker), own in groups(pairs, ["road_user", "tracker"]):
             row: dict[str, Cell] = {"road user": user, "tracker": tracker}
             row |= {"noise": level, "n": len(own)}
-            for name, measure in metrics.items():
-                known = own[np.isfinite(own[name]) & np.isfinite(own[f"{name}_"])]
+            for name in ("centre", "orientation", "iou"):
+                measure, known = TRACKER_MEASURES[name], own.dropna(subset=[name, f"{name}_"])
                 apart = (known[name] - known[f"{name}_"]).to_numpy()
                 row[str(measure)] = float(known[name].mean()) if len(known) else None
                 label = f"{measure.label} − {SIMULATED}"

@@ -8,8 +8,9 @@ from matplotlib.axes import Axes
 from stixel_cli.pictures import style
 from stixel_cli.report.blocks import Figure
 from stixel_cli.report.charts import Panel, chart
-from stixel_cli.studies.rq3.runs import FABRICATED, FITTED, SIMULATED, correlogram
+from stixel_cli.studies.rq3.measures import FABRICATED, FITTED, SIMULATED
 from stixel_cli.validation.point_errors import PointErrors
+from stixel_cli.validation.point_statistics import correlogram
 
 COLOURS = dict(zip((SIMULATED, FABRICATED, FITTED), style.RUNS, strict=False))
 _LINES = {SIMULATED: "-", FABRICATED: "--", FITTED: "-."}

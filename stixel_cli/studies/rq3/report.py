@@ -1,38 +1,54 @@
 """RQ3: how do fabricated and simulated measurements differ, and does a fitted noise help?"""
 
-from dataclasses import fields
-from typing import TYPE_CHECKING
+from dataclasses import asdict, fields, replace
+from typing import Any
 
-from stixel_cli.measurements.noise import FittedNoise
+import pandas as pd
+
+from stixel_cli.measurements.noise import ConstantNoise, FittedNoise, Noise, StereoNoise
 from stixel_cli.report.blocks import Material, Table
-from stixel_cli.report.statistics import DRAWS
+from stixel_cli.report.bootstrap import DRAWS
+from stixel_cli.report.cost import SHARED, cost_of, cost_table
+from stixel_cli.report.metrics import quantity
+from stixel_cli.report.run_frame import StudyRun
 from stixel_cli.report.tables import chosen, names
 from stixel_cli.results.reader import listed
-from stixel_cli.studies.data import StudyData
-from stixel_cli.studies.rq3.answer import answer_values, comparisons_forest
-from stixel_cli.studies.rq3.compare import compare, difference_table, noise_table
+from stixel_cli.studies.data import StudyData, StudySweep
+from stixel_cli.studies.rq3.answer import answer_values
+from stixel_cli.studies.rq3.compare import (
+    compare,
+    comparisons_forest,
+    difference_table,
+    noise_rows,
+)
 from stixel_cli.studies.rq3.figures import LEAST_POINTS, RANGE_CLASS, Pools, point_figures
-from stixel_cli.studies.rq3.fit import fit_noise, noises_of, preset
-from stixel_cli.studies.rq3.runs import (
+from stixel_cli.studies.rq3.measures import (
     FABRICATED,
     FITTED,
-    SHARED,
+    POINT_MEASURES,
     SIMULATED,
     TRACKER_MEASURES,
-    by_noise,
-    cost_of,
-    cost_table,
-    neighbour_columns,
-    point_measures,
+    point_values,
     runs_of,
+    tracker_values,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
+from stixel_cli.validation.noise_fit import fit_noise
+from stixel_cli.validation.point_statistics import neighbour_columns
 
 TRAINING = "training"
 COMMAND = "stixel study rq3"
 _PARAMETERS = tuple(field.name for field in fields(FittedNoise) if field.name != "kind")
+_UNITS = {
+    "columns_per_point": "columns",
+    "range_bias": "m",
+    "disparity_std": "px",
+    "correlation_columns": "columns",
+    "edge_metres": "m",
+    "edge_metres_std": "m",
+    "edge_disparity_std": "px",
+    "missed_share": "of the points",
+    "missed_columns": "columns",
+}
 
 
 def fitted_noise(data: StudyData) -> list[dict[str, list]]:
@@ -47,7 +63,7 @@ def fitted_noise(data: StudyData) -> list[dict[str, list]]:
     return [axis]
 
 
-def held_out_noises(training: "pd.DataFrame") -> dict[tuple[str, str], FittedNoise]:
+def held_out_noises(training: pd.DataFrame) -> dict[tuple[str, str], FittedNoise]:
     """Road user and path to the noise fitted to the user's runs on all other paths.
 
     Seeds of one path share their images except for the sensor's noise, so other seeds are not
@@ -65,66 +81,65 @@ def held_out_noises(training: "pd.DataFrame") -> dict[tuple[str, str], FittedNoi
 def report(data: StudyData) -> Material:
     """Values, tables and figures of the template; all runs have the result `point_errors`."""
     # Of several noise values, the first is compared in full.
-    levels = {name: runs_of(part) for name, part in by_noise(data.sweeps[FABRICATED]).items()}
-    fabricated = next(iter(by_noise(data.sweeps[FABRICATED]).values()))
+    parts = _by_noise(data.sweeps[FABRICATED])
+    fabricated, levels = next(iter(parts.values())), {n: runs_of(own) for n, own in parts.items()}
     sweeps = {
         SIMULATED: runs_of(data.sweeps[SIMULATED]),
         FABRICATED: next(iter(levels.values())),
         FITTED: runs_of(data.sweeps[FITTED]),
     }
-    runs, training = sweeps[SIMULATED], runs_of(data.sweeps[TRAINING])
-    noises = {
-        user: fit_noise(chosen(training, road_user=user)["errors"].tolist())
-        for user in names(training, "road_user")
-    }
-    pools = _pools(sweeps)
+    runs, pools = sweeps[SIMULATED], _pools(sweeps)
     lag = neighbour_columns([run for pool in pools.values() for run in pool[SIMULATED]])
-    points = compare(sweeps, point_measures(lag), by_tracker=False)
-    tracks = compare(sweeps, TRACKER_MEASURES, by_tracker=True)
-    cost = cost_of(data.sweeps[SIMULATED], fabricated)
+    points = compare({n: point_values(own, lag) for n, own in sweeps.items()}, POINT_MEASURES)
+    tracks = compare({n: tracker_values(own) for n, own in sweeps.items()}, TRACKER_MEASURES)
+    by_level = {name: tracker_values(own) for name, own in levels.items()}
+    cost = cost_of(simulated=data.sweeps[SIMULATED].runs, fabricated=fabricated.runs)
+    training = runs_of(data.sweeps[TRAINING])
+    noise_values, presets = _fitted(training, sorted(names(runs, "seed")))
     seeds, paths = (len(names(runs, name)) for name in ("seed", "path"))
-    test_seeds, fit_seeds = (sorted(names(own, "seed")) for own in (runs, training))
-    return Material(
-        {
-            **answer_values(points, tracks, cost, seeds, paths),
-            "users": names(runs, "road_user"),
-            "path_names": names(runs, "path"),
-            "trackers": names(runs, "tracker"),
-            "test_seeds": test_seeds,
-            "fit_seeds": fit_seeds,
-            "common_seeds": sorted(set(test_seeds) & set(fit_seeds)),
-            "noises": noises_of(fabricated),
-            "lag": f"{lag:.2g}",
-            "draws": DRAWS,
-            "range_class": f"{RANGE_CLASS:g}",
-            "least_points": LEAST_POINTS,
-            "target_points": {
-                name: sum(len(run.scans) for pool in pools.values() for run in pool[name])
-                for name in sweeps
-            },
-            "figures": {
-                **point_figures(pools),
-                "trackers": comparisons_forest("tracker_differences", tracks, (FABRICATED, FITTED)),
-            },
-            "point_table": difference_table("point_differences", points),
-            "tracker_table": difference_table("tracker_differences", tracks),
-            "biases": {user: noise.range_bias for user, noise in noises.items()},
-            "fitted_table": Table.of("fitted_noise", _noise_rows(noises)),
-            "held_out_table": Table.of("held_out_noise", _held_out_rows(held_out_noises(training))),
-            "noise_levels": list(levels),
-            "noise_table": noise_table(runs, levels),
-            "shared_stages": SHARED,
-            "cost_table": cost_table(cost, sweeps),
-            "sample_time": runs["run"].iloc[0].configuration.path.sample_time,
+    values = {
+        **answer_values(points, tracks, cost, seeds, paths),
+        **noise_values,
+        "users": names(runs, "road_user"),
+        "path_names": names(runs, "path"),
+        "trackers": names(runs, "tracker"),
+        "noises": noises_of(fabricated),
+        "lag": f"{lag:.2g}",
+        "draws": DRAWS,
+        "range_class": f"{RANGE_CLASS:g}",
+        "least_points": LEAST_POINTS,
+        "target_points": {
+            name: sum(len(run.scans) for pool in pools.values() for run in pool[name])
+            for name in sweeps
         },
-        {
-            f"noise/fitted_{user}.yaml": preset(noise, _what(training, user), COMMAND)
-            for user, noise in noises.items()
+        "figures": {
+            **point_figures(pools),
+            "trackers": comparisons_forest("tracker_differences", tracks, (FABRICATED, FITTED)),
         },
-    )
+        "point_table": difference_table("point_differences", points),
+        "tracker_table": difference_table("tracker_differences", tracks),
+        "noise_levels": list(levels),
+        "noise_table": Table.of("noise_levels", noise_rows(tracker_values(runs), by_level)),
+        "shared_stages": SHARED,
+        "cost_table": cost_table(cost, {kind: sweeps[kind] for kind in (SIMULATED, FABRICATED)}),
+        "sample_time": runs["run"].iloc[0].configuration.path.sample_time,
+    }
+    return Material(values, presets)
 
 
-def _pools(sweeps: "dict[str, pd.DataFrame]") -> Pools:
+def _by_noise(sweep: StudySweep) -> dict[str, StudySweep]:
+    """The values of the swept keys of the measurement, to the part of the sweep that has them.
+
+    Without such a key there is one part, and its name is empty.
+    """
+    parts: dict[str, list[StudyRun]] = {}
+    for run in sweep.runs:
+        keys = [key for key in run.setting if key.startswith("measurement")]
+        parts.setdefault(", ".join(f"{key}={run.setting[key]}" for key in keys), []).append(run)
+    return {name: replace(sweep, runs=tuple(runs)) for name, runs in parts.items()}
+
+
+def _pools(sweeps: dict[str, pd.DataFrame]) -> Pools:
     """The errors of each road user and sweep, of one tracker: the others have the same."""
     first = names(sweeps[SIMULATED], "tracker")[0]
     return {
@@ -136,28 +151,55 @@ def _pools(sweeps: "dict[str, pd.DataFrame]") -> Pools:
     }
 
 
-def _noise_rows(noises: dict[str, FittedNoise]) -> list[dict]:
-    """A row for each parameter, a column for each road user."""
-    return [
+def _fitted(training: pd.DataFrame, test_seeds: list[int]) -> tuple[dict[str, Any], dict[str, str]]:
+    """The template's values on the fitted noises, and their presets by file."""
+    users, fit_seeds = names(training, "road_user"), sorted(names(training, "seed"))
+    errors = {user: chosen(training, road_user=user)["errors"].tolist() for user in users}
+    noises = {user: fit_noise(own) for user, own in errors.items()}
+    by_parameter = (
         {"parameter": key, **{user: getattr(noise, key) for user, noise in noises.items()}}
         for key in _PARAMETERS
-    ]
+    )
+    held_out = (
+        {"fitted to": f"{user}, without {path}"} | {key: getattr(own, key) for key in _PARAMETERS}
+        for (user, path), own in held_out_noises(training).items()
+    )
+    values = {
+        "test_seeds": test_seeds,
+        "fit_seeds": fit_seeds,
+        "common_seeds": sorted(set(test_seeds) & set(fit_seeds)),
+        "biases": {user: noise.range_bias for user, noise in noises.items()},
+        "fitted_table": Table.of("fitted_noise", by_parameter),
+        "held_out_table": Table.of("held_out_noise", held_out),
+    }
+    presets = {}
+    for user, noise in noises.items():
+        points = sum(len(own.scans) for own in errors[user])
+        own = chosen(training, road_user=user)
+        paths, seeds = (listed(names(own, column)) for column in ("path", "seed"))
+        what = f"{points} simulated points: {user}; paths {paths}; seeds {seeds}"
+        presets[f"noise/fitted_{user}.yaml"] = preset(noise, what, COMMAND)
+    return values, presets
 
 
-def _held_out_rows(noises: dict[tuple[str, str], FittedNoise]) -> list[dict]:
-    """A row for each road user and each path that was left out of the fit."""
-    return [
-        {
-            "fitted to": f"{user}, without {path}",
-            **{key: getattr(noise, key) for key in _PARAMETERS},
-        }
-        for (user, path), noise in noises.items()
-    ]
+def preset(noise: FittedNoise, what: str, command: str) -> str:
+    """The text of a file of `conf/measurement/noise/` with this noise, and where it comes from."""
+    lines = [f"# Fitted to {what}.", f"# Made by: {command}"]
+    for name, value in asdict(noise).items():
+        lines.append(f"{name}: {value}" + (f" # {_UNITS[name]}" if name in _UNITS else ""))
+    return "\n".join(lines) + "\n"
 
 
-def _what(training: "pd.DataFrame", user: str) -> str:
-    """The points that the noise of a road user was fitted to."""
-    training = chosen(training, road_user=user)
-    points = sum(len(errors.scans) for errors in training["errors"])
-    paths, seeds = (listed(names(training, column)) for column in ("path", "seed"))
-    return f"{points} simulated points: {user}; paths {paths}; seeds {seeds}"
+def noises_of(sweep: StudySweep) -> list[str]:
+    """What noise the fabricated runs of a sweep have along the ray, as prose has it."""
+    return list(dict.fromkeys(_told(p.configuration.measurement.noise) for p in sweep.runs))
+
+
+def _told(noise: Noise) -> str:
+    match noise:
+        case StereoNoise(disparity_std=std):
+            return f"white noise of the disparity ({quantity(std, 'px')})"
+        case ConstantNoise(range_std=std):
+            return f"white noise of the range ({quantity(std, 'm')})"
+        case _:
+            return "a fitted noise"

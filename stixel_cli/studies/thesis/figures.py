@@ -1,8 +1,7 @@
 """The thesis's study: the figures. Their captions are in the template."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+import pandas as pd
 
 from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.geometry.pose import rotation
@@ -10,12 +9,9 @@ from stixel_cli.measurements.rays import first_crossings, spread_rays
 from stixel_cli.pictures import ground, style
 from stixel_cli.report.blocks import Figure
 from stixel_cli.report.charts import WIDTH, Panel, chart, line
+from stixel_cli.report.run_frame import StudyRun
 from stixel_cli.report.tables import chosen, groups, mean_over, names, with_unit
-from stixel_cli.studies.data import StudyRun
 from stixel_cli.tracking.prior import prior_radii
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 MEASURES = ("centre_rmse_m", "orientation_rmse_deg", "iou_mean")
 """The three measures of the thesis (3.1.2)."""
@@ -24,7 +20,7 @@ DRAWN_RAYS = 40
 CONTOURS = 6
 
 
-def paths(name: str, runs: "pd.DataFrame") -> Figure:
+def paths(name: str, runs: pd.DataFrame) -> Figure:
     """Path of the target, of the ego car, and the field of view; a panel for each ego motion."""
 
     def panel(ego: str, run: StudyRun) -> Panel:
@@ -81,7 +77,7 @@ def rays(name: str, run: StudyRun) -> Figure:
     return chart(name, [Panel(draw, x="x (m)", y="y (m)")], row=2.75, width=0.75 * WIDTH)
 
 
-def radial_functions(name: str, runs: "pd.DataFrame") -> Figure:
+def radial_functions(name: str, runs: pd.DataFrame) -> Figure:
     """Radius over the angle to the heading at the last scan: estimate with band, truth, prior."""
 
     def panel(kernel: str, run: StudyRun) -> Panel:
@@ -115,7 +111,7 @@ def radial_functions(name: str, runs: "pd.DataFrame") -> Figure:
     return chart(name, panels, len(panels), 2.15, sharey=True)
 
 
-def levels(name: str, runs: "pd.DataFrame", key: str, label: str) -> Figure:
+def levels(name: str, runs: pd.DataFrame, key: str, label: str) -> Figure:
     """The measures over a noise level, means with intervals: a column for each road user."""
     users = names(runs, "road_user")
     level = runs[key].astype(float)

@@ -2,7 +2,9 @@
 
 import re
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from stixel_cli.config.choice import experiment_sources
 from stixel_cli.config.compose import compose
@@ -10,31 +12,29 @@ from stixel_cli.config.folders import EXPERIMENT, shipped_folder
 from stixel_cli.evaluation.metric_table import METRICS, metric, over_runs
 from stixel_cli.report import tables
 from stixel_cli.report.blocks import Cell, Figure, Material, Picture, Table
+from stixel_cli.report.cost import on_cores, real_time_table, seconds_a_scan
 from stixel_cli.report.forest import difference_row, forest
 from stixel_cli.report.metrics import MINUS
-from stixel_cli.studies.data import GROUPS, STIXELS, StudyData, StudySweep, run_frame
-from stixel_cli.studies.real_time import on_cores, real_time_table, seconds_a_scan
-from stixel_cli.studies.runs import (
+from stixel_cli.report.run_frame import GROUPS, STIXELS, run_frame
+from stixel_cli.report.scan_frame import (
     ERROR_LABELS,
     NEAR,
     over_time,
     scan_frame,
     scan_rows,
+    stage_pictures,
     upper_bounds_table,
 )
-from stixel_cli.studies.stage_pictures import stage_pictures
+from stixel_cli.studies.data import StudyData, StudySweep
 from stixel_cli.studies.thesis import figures
 from stixel_cli.studies.thesis.figures import MEASURES
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 LEVELS = {
     "constant_noise": ("measurement.noise.range_std", "σ (m)"),
     "stereo_noise": ("measurement.noise.disparity_std", "σ (px)"),
 }
 """Sweep of noise levels to its key and its label."""
-_CONSISTENCY = (
+CONSISTENCY = (
     *("nees_position_mean", "nis_mean"),
     *("iou_hull_mean", "iou_box_mean", "low_overlap_share", "track_lost"),
 )
@@ -43,8 +43,6 @@ KERNELS = {"thesis": "the thesis", "thesis_improved": "our improvements"}
 
 def report(data: StudyData) -> Material:
     """Values, tables and figures of the template."""
-    import pandas as pd
-
     frames = {
         name: frame_of(sweep, LEVELS.get(name, ("",))[0]) for name, sweep in data.sweeps.items()
     }
@@ -91,24 +89,14 @@ def report(data: StudyData) -> Material:
             ),
             "matchers": tracking_table("matchers", matchers, ("road_user", "matcher")),
             "starts": tracking_table("starts", starts, ("road_user", "rates")),
-            "levels": {
-                name: {
-                    "figure": figures.levels(name, frames[name], key, label),
-                    "table": tracking_table(
-                        f"{name}_table",
-                        frames[name].rename(columns={key: label}),
-                        ("road_user", label),
-                    ),
-                }
-                for name, (key, label) in LEVELS.items()
-            },
+            "levels": {name: _level(name, frames[name]) for name in LEVELS},
             "real_time": real_time_table("real_time", by_kind),
             "realtime_factor": _realtime_factor(parked),
         }
     )
 
 
-def frame_of(sweep: StudySweep, level: str = "") -> "pd.DataFrame":
+def frame_of(sweep: StudySweep, level: str = "") -> pd.DataFrame:
     """The frame of a sweep's runs, as `data.run_frame`, with three columns set.
 
     `ego`: kind of the ego car's motion. `tracker`: the kernel, which depends on the option of
@@ -127,25 +115,19 @@ def frame_of(sweep: StudySweep, level: str = "") -> "pd.DataFrame":
     return runs.assign(ego=egos, measurement=measured, tracker=kernels)
 
 
-def _heading(name: str) -> str:
-    """Label and unit of a metric, without the statistic."""
-    row = metric(over_runs(name))
-    return f"{tables.plain_label(row)} ({row.unit})" if row.unit else tables.plain_label(row)
+def tracking_table(
+    name: str,
+    runs: pd.DataFrame,
+    keys: Sequence[str],
+    measures: Sequence[str] = MEASURES,
+    cells=tables.ends,
+) -> Table:
+    """One row for each combination of `keys`, and the measures of each kernel over the seeds."""
+    labels = {one: tables.axis_label(metric(over_runs(one))) for one in measures}
+    return Table.of(name, tables.rows_by(runs, keys, labels, cells, across="tracker"))
 
 
-def tracking_table(name: str, runs: "pd.DataFrame", keys: Sequence[str]) -> Table:
-    """One row for each combination of `keys`, and the measures of each kernel with intervals."""
-    labels = {one: _heading(one) for one in MEASURES}
-    return Table.of(name, tables.rows_by(runs, keys, labels, across="tracker"))
-
-
-def consistency_table(name: str, runs: "pd.DataFrame", keys: Sequence[str]) -> Table:
-    """The metrics `_CONSISTENCY` of each kernel, means over the seeds."""
-    labels = {one: _heading(one) for one in _CONSISTENCY}
-    return Table.of(name, tables.rows_by(runs, keys, labels, tables.mean_cell, across="tracker"))
-
-
-def _answers(runs: "pd.DataFrame") -> list[dict[str, Any]]:
+def _answers(runs: pd.DataFrame) -> list[dict[str, Any]]:
     """For each road user and kernel, the measures of each measurement."""
     return [
         {
@@ -160,7 +142,7 @@ def _answers(runs: "pd.DataFrame") -> list[dict[str, Any]]:
     ]
 
 
-def _forest(runs: "pd.DataFrame") -> Figure | None:
+def _forest(runs: pd.DataFrame) -> Figure | None:
     """Simulated minus fabricated: the measures of each road user and kernel."""
     rows = []
     for name in MEASURES:
@@ -172,7 +154,7 @@ def _forest(runs: "pd.DataFrame") -> Figure | None:
     return forest("answer_forest", rows, "simulated better", "simulated worse")
 
 
-def _ego_effect(runs: "pd.DataFrame") -> dict[str, dict[str, tuple[float, float]]]:
+def _ego_effect(runs: pd.DataFrame) -> dict[str, dict[str, tuple[float, float]]]:
     """Measurement to ego motion to the least and greatest mean IoU over road users and kernels."""
     found: dict[str, dict[str, tuple[float, float]]] = {}
     for (measurement, ego), own in runs.groupby(["measurement", "ego"], sort=False):
@@ -181,7 +163,7 @@ def _ego_effect(runs: "pd.DataFrame") -> dict[str, dict[str, tuple[float, float]
     return found
 
 
-def _chapter(user: str, runs: "pd.DataFrame", ego: str) -> dict[str, Any]:
+def _chapter(user: str, runs: pd.DataFrame, ego: str) -> dict[str, Any]:
     """The values of one road user: sections 9.x.1 to 9.x.3, and its appendix."""
     measurements = tables.names(runs, "measurement")
     parked = tables.chosen(runs, ego=ego)
@@ -195,7 +177,9 @@ def _chapter(user: str, runs: "pd.DataFrame", ego: str) -> dict[str, Any]:
         "scans": Table.of(f"{user}_scans", scan_rows(first, ["measurement", "ego"])),
         "tracking": tracking_table(f"{user}_tracking", runs, ("measurement", "ego")),
         "upper_bounds": upper_bounds_table(f"{user}_upper_bounds", runs, ("measurement",)),
-        "consistency": consistency_table(f"{user}_consistency", runs, ("measurement", "ego")),
+        "consistency": tracking_table(
+            f"{user}_consistency", runs, ("measurement", "ego"), CONSISTENCY, tables.mean_cell
+        ),
         "over_time": {
             one: over_time(f"{user}_{one}_over_time", scan_frame(own), measurements)
             for (one,), own in tables.groups(runs, ["ego"])
@@ -204,6 +188,16 @@ def _chapter(user: str, runs: "pd.DataFrame", ego: str) -> dict[str, Any]:
             name: figures.radial_functions(f"{user}_radius_{i}", own)
             for i, ((name,), own) in by_measurement
         },
+    }
+
+
+def _level(name: str, runs: pd.DataFrame) -> dict[str, Figure | Table]:
+    """The figure and the table of a sweep of noise levels."""
+    key, label = LEVELS[name]
+    keys = ("road_user", label)
+    return {
+        "figure": figures.levels(name, runs, key, label),
+        "table": tracking_table(f"{name}_table", runs.rename(columns={key: label}), keys),
     }
 
 
@@ -242,7 +236,7 @@ def _value(option: str, key: str, road_users: Sequence[str]) -> str:
     return "null" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def lost_share(runs: "pd.DataFrame") -> dict[str, dict[str, float]]:
+def lost_share(runs: pd.DataFrame) -> dict[str, dict[str, float]]:
     """Kernel to the share of runs that lost the track, for each road user and path with any."""
     found: dict[str, dict[str, float]] = {one: {} for one in tables.names(runs, "tracker")}
     for (kernel, user, path), own in runs.groupby(["tracker", "road_user", "path"], sort=False):
@@ -259,7 +253,7 @@ def page_table(name: str) -> Table:
     return Table(name, "", rows[0], tuple(rows[2:]))
 
 
-def _realtime_factor(runs: "pd.DataFrame") -> dict[str, tuple[float, float]]:
+def _realtime_factor(runs: pd.DataFrame) -> dict[str, tuple[float, float]]:
     """Measurement to the least and greatest sum / T on one core over the road users."""
     found: dict[str, list[float]] = {}
     for (measurement, _), own in runs.groupby(["measurement", "road_user"], sort=False):

@@ -16,8 +16,7 @@ import jinja2
 from jinja2.sandbox import SandboxedEnvironment
 from markdown_it import MarkdownIt
 
-from stixel_cli.config.messages import printable
-from stixel_cli.errors import ConfigurationError, UserError
+from stixel_cli.errors import ConfigurationError, UserError, printable
 from stixel_cli.report import metrics
 from stixel_cli.report.blocks import (
     Block,

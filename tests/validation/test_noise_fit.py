@@ -13,7 +13,8 @@ from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import FabricatedParameters, fabricate_scans
 from stixel_cli.measurements.noise import ConstantNoise, FittedNoise
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.studies.rq3.fit import fit_noise, preset
+from stixel_cli.studies.rq3.report import preset
+from stixel_cli.validation.noise_fit import fit_noise
 from stixel_cli.validation.point_errors import point_errors
 
 RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.5, 0.0, None)

@@ -1,41 +1,17 @@
-"""RQ1: the tidy tables of the stages' records, one row per stixel, column, zone or frame."""
-
-from collections.abc import Iterable
+"""The errors of stages as tidy tables, one row per stixel, column, zone or frame."""
 
 import numpy as np
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.report.tables import chosen
-from stixel_cli.studies.data import StudyRun
-from stixel_cli.studies.rq1.errors import FRAMES_A_USER, Errors, road_user
 from stixel_cli.validation.stage_errors import GROSS, PHASES, StageErrors, column_kinds
 
 
-def errors_of(runs: Iterable[StudyRun], columns: str = "") -> Errors:
-    """The errors of runs; `columns`: "" without the image's columns, "target" or "all"."""
-    import pandas as pd
+def stage_tables(record: StageErrors, rig: Rig, columns: str) -> dict[str, dict[str, np.ndarray]]:
+    """The tidy tables of a record, name to column to values: one row per stixel, zone or frame.
 
-    runs = tuple(runs)
-    users = sorted({road_user(run) for run in runs})
-    parts: dict[str, list[pd.DataFrame]] = {}
-    for i, run in enumerate(runs):
-        for record in run.load("stage_errors"):
-            k = record.first + np.arange(len(record.target_depth))
-            poses = users.index(road_user(run)) * FRAMES_A_USER + k
-            for name, rows in _tables(record, run.configuration.rig, columns).items():
-                frame = rows.pop("frame")
-                depth = rows.pop("depth", record.target_depth[frame])
-                rows = {"run": i, "pose": poses[frame], "depth": depth, **rows}
-                parts.setdefault(name, []).append(pd.DataFrame(rows))
-    tables = {name: pd.concat(own, ignore_index=True) for name, own in parts.items()}
-    tables["pixels"] = tables["pixels"][tables["pixels"]["pixels"] > 0]
-    tables["target"] = tables["frames"][tables["frames"]["columns"] > 0]
-    tables["stixels"] = chosen(tables["every_stixel"], gross=0.0)
-    return Errors(runs, tables)
-
-
-def _tables(record: StageErrors, rig: Rig, columns: str) -> dict[str, dict[str, np.ndarray]]:
-    """The tables of one record as columns; `frame` is the index of the record's frame."""
+    `every_stixel`, `pixels` and `frames`; and `columns`, "" without, "target" or "all". The column
+    `frame` is the index of the record's frame, `depth`, m, that of a stixel.
+    """
     n, of, pixels = len(record.target_depth), record.stixels, record.disparity
     ratio = np.abs(of.depth / of.sigma)
     found = {

@@ -1,28 +1,25 @@
-"""The frame of the scans, and statistics of runs and scans, that several studies share.
+"""The frame of the scans, statistics and pictures of runs and scans, that several studies share.
 
-A frame of runs is that of `data.run_frame`.
+A frame of runs is that of `run_frame.run_frame`.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-import shapely
+import pandas as pd
 
 from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.geometry.pose import wrap_angle
-from stixel_cli.measurements.scans import Scans
 from stixel_cli.pictures import style
+from stixel_cli.pictures.stage_sheet import by_frame, contact_sheet
 from stixel_cli.report import tables
-from stixel_cli.report.blocks import Cell, Figure, Table
+from stixel_cli.report.blocks import Cell, Figure, Picture, Table
 from stixel_cli.report.charts import DASHES, Panel, chart
 from stixel_cli.report.charts import over_time as draw_over_time
+from stixel_cli.report.run_frame import StudyRun
 from stixel_cli.report.statistics import chi_square_bounds, over_seeds
-from stixel_cli.scene.scenario import Scenario
-from stixel_cli.studies.data import StudyRun
-
-if TYPE_CHECKING:
-    import pandas as pd
+from stixel_cli.validation.point_statistics import contour_distances
 
 NEAR = 2.0
 """Points within this distance of the true contour, m, are taken for the target's."""
@@ -36,10 +33,7 @@ SCAN_ERRORS = {
 }
 """Columns of errors in a frame of scans, with the metric that sums them up over a run."""
 ERROR_LABELS = {name: tables.plain_label(metric) for name, metric in SCAN_ERRORS.items()}
-AXIS_LABELS = {
-    name: f"{ERROR_LABELS[name]} ({metric.unit})" if metric.unit else ERROR_LABELS[name]
-    for name, metric in SCAN_ERRORS.items()
-}
+AXIS_LABELS = {name: tables.axis_label(metric) for name, metric in SCAN_ERRORS.items()}
 UPPER_BOUNDS = {
     "iou_star_convex_upper_bound": "IoU, best star-convex contour",
     "iou_heights_upper_bound": "IoU, gated heights",
@@ -49,12 +43,12 @@ UPPER_BOUNDS = {
 """The metrics that bound the overlaps, with their labels."""
 
 
-def upper_bounds_table(name: str, runs: "pd.DataFrame", keys: Sequence[str]) -> Table:
+def upper_bounds_table(name: str, runs: pd.DataFrame, keys: Sequence[str]) -> Table:
     """One row for each combination of `keys`: the greatest IoUs that a track could have."""
     return Table.of(name, tables.rows_by(runs, keys, UPPER_BOUNDS, tables.mean_cell))
 
 
-def scan_frame(runs: "pd.DataFrame") -> "pd.DataFrame":
+def scan_frame(runs: pd.DataFrame) -> pd.DataFrame:
     """One row for each scan of the runs.
 
     Columns: those of the run without its metrics; `k`; `t`, s; `centre`, m; `orientation`,
@@ -63,14 +57,10 @@ def scan_frame(runs: "pd.DataFrame") -> "pd.DataFrame":
     between the heading and the direction to the sensor (0: front visible, 180: rear visible);
     `points` of the scan, and the number of them `used` by the tracker.
     """
-    import pandas as pd
-
     return pd.concat(map(_scans_of_run, runs.to_dict("records")), ignore_index=True)
 
 
-def _scans_of_run(row: Mapping[str, Any]) -> "pd.DataFrame":
-    import pandas as pd
-
+def _scans_of_run(row: Mapping[str, Any]) -> pd.DataFrame:
     scenario, scans, track = (row["run"].load(name) for name in ("scenario", "scans", "track"))
     scores = row["run"].scores
     to_sensor = scans.sensor_poses_world[:, :2] - scenario.target_poses_world[:, :2]
@@ -95,7 +85,7 @@ def _scans_of_run(row: Mapping[str, Any]) -> "pd.DataFrame":
     )
 
 
-def within_bounds(scans: "pd.DataFrame") -> tuple[float | None, float | None]:
+def within_bounds(scans: pd.DataFrame) -> tuple[float | None, float | None]:
     """Share of scans at which the mean over seeds of NEES, and of NIS, is within chi-square bounds.
 
     Bar-Shalom, Li & Kirubarajan 2001, *Estimation with Applications to Tracking and Navigation*,
@@ -111,20 +101,6 @@ def within_bounds(scans: "pd.DataFrame") -> tuple[float | None, float | None]:
         inside = (total["sum"] >= low) & (total["sum"] <= high)
         shares.append(float(inside.mean()) if len(inside) else None)
     return shares[0], shares[1]
-
-
-def contour_distances(scans: Scans, scenario: Scenario) -> np.ndarray:
-    """Distance (P,) m of every scan's points from the true contour, negative inside it."""
-    distances = np.empty(len(scans.points_world))
-    for k in range(len(scans)):
-        rows = scans.rows(k)
-        if rows.start == rows.stop:
-            continue
-        truth = shapely.Polygon(scenario.contour_world(k))
-        points = shapely.points(scans.points_world[rows])
-        away = shapely.distance(truth.exterior, points)
-        distances[rows] = np.where(shapely.contains(truth, points), -away, away)
-    return distances
 
 
 def near_points(run: StudyRun) -> tuple[np.ndarray, np.ndarray]:
@@ -150,7 +126,7 @@ def gate_shares(runs: Iterable[StudyRun]) -> tuple[float | None, float | None]:
     return (lost / near if near else None), (others / used if used else None)
 
 
-def scan_rows(runs: "pd.DataFrame", keys: Sequence[str]) -> Iterator[dict[str, Cell]]:
+def scan_rows(runs: pd.DataFrame, keys: Sequence[str]) -> Iterator[dict[str, Cell]]:
     """Points of the scans and their distances from the true contour, by `keys`."""
     for values, own in tables.groups(runs, keys):
         near = [near_points(run) for run in own["run"]]
@@ -174,7 +150,7 @@ def colour(measurement: str, measurements: Sequence[str]) -> str:
     return style.RUNS[measurements.index(measurement) % len(style.RUNS)]
 
 
-def over_time(name: str, scans: "pd.DataFrame", measurements: Sequence[str]) -> dict[str, Figure]:
+def over_time(name: str, scans: pd.DataFrame, measurements: Sequence[str]) -> dict[str, Figure]:
     """Errors over time on one path: one plot for each error, one colour for each measurement.
 
     The first tracker has solid lines and bands, each further one its own dashes and no band.
@@ -182,7 +158,7 @@ def over_time(name: str, scans: "pd.DataFrame", measurements: Sequence[str]) -> 
     return {error: _over_time(name, error, scans, measurements) for error in SCAN_ERRORS}
 
 
-def _over_time(name: str, error: str, scans: "pd.DataFrame", measurements: Sequence[str]) -> Figure:
+def _over_time(name: str, error: str, scans: pd.DataFrame, measurements: Sequence[str]) -> Figure:
     trackers, ratio = tables.names(scans, "tracker"), SCAN_ERRORS[error].better == "one"
 
     def draw(axes) -> None:
@@ -211,3 +187,17 @@ def _over_time(name: str, error: str, scans: "pd.DataFrame", measurements: Seque
     limits = (0.0, 1.0) if error == "iou" else (None, None)
     panel = Panel(draw, x="t (s)", y=AXIS_LABELS[error], ratio=ratio, limits=limits)
     return chart(f"{name}_{error}", [panel], row=2.7)
+
+
+def stage_pictures(name: str, run: StudyRun) -> list[tuple[int, Picture]]:
+    """Frame and sheet of every frame that the stage `camera_pictures` of a run drew."""
+    frames = sorted(
+        (frame, files)
+        for pictures in run.load("camera_pictures")
+        for frame, files in by_frame(pictures.files).items()
+    )
+    rig = run.configuration.rig
+    return [
+        (frame, Picture(f"{name}_{frame:04d}", "", contact_sheet(files, rig), "image/webp"))
+        for frame, files in frames
+    ]

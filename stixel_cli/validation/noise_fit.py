@@ -1,4 +1,4 @@
-"""RQ3: the parameters of the fitted noise, by moments of the errors of simulated points.
+"""The parameters of the fitted noise of points, by moments of the errors of simulated points.
 
 Each parameter of `FittedNoise` has a simple estimator: means for bias and variance, the mean
 product of neighbouring residuals for the correlation, mean and variance of the points' reach beyond
@@ -6,14 +6,11 @@ the silhouette's ends, counts for missed points.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict
 
 import numpy as np
 
 from stixel_cli.errors import UserError
-from stixel_cli.measurements.noise import ConstantNoise, FittedNoise, Noise, StereoNoise
-from stixel_cli.report.metrics import quantity
-from stixel_cli.studies.data import StudySweep
+from stixel_cli.measurements.noise import FittedNoise
 from stixel_cli.validation.point_errors import PointErrors
 
 _FEWEST = 10
@@ -136,38 +133,3 @@ def _rounded(value: float, low: float = -10.0, high: float = 10.0) -> float:
 
 def _root(variance: float) -> float:
     return _rounded(float(np.sqrt(max(variance, 0.0))), 0.0)
-
-
-def preset(noise: FittedNoise, what: str, command: str) -> str:
-    """The text of a file of `conf/measurement/noise/` with this noise, and where it comes from."""
-    units = {
-        "columns_per_point": "columns",
-        "range_bias": "m",
-        "disparity_std": "px",
-        "correlation_columns": "columns",
-        "edge_metres": "m",
-        "edge_metres_std": "m",
-        "edge_disparity_std": "px",
-        "missed_share": "of the points",
-        "missed_columns": "columns",
-    }
-    lines = [f"# Fitted to {what}.", f"# Made by: {command}"]
-    for name, value in asdict(noise).items():
-        unit = f" # {units[name]}" if name in units else ""
-        lines.append(f"{name}: {value}{unit}")
-    return "\n".join(lines) + "\n"
-
-
-def noises_of(sweep: StudySweep) -> list[str]:
-    """What noise the fabricated runs of a sweep have along the ray, as prose has it."""
-    return list(dict.fromkeys(_told(p.configuration.measurement.noise) for p in sweep.runs))
-
-
-def _told(noise: Noise) -> str:
-    match noise:
-        case StereoNoise(disparity_std=std):
-            return f"white noise of the disparity ({quantity(std, 'px')})"
-        case ConstantNoise(range_std=std):
-            return f"white noise of the range ({quantity(std, 'm')})"
-        case _:
-            return "a fitted noise"

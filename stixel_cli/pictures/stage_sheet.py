@@ -9,8 +9,6 @@ from PIL import Image, ImageDraw, ImageFont
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.pictures.camera import LEFT, TOP
 from stixel_cli.pictures.camera import PANELS as CAMERA_PANELS
-from stixel_cli.report.blocks import Picture
-from stixel_cli.studies.data import StudyRun
 
 PANELS = {panel.name: panel.title for panel in CAMERA_PANELS}
 """Pictures of a frame: name to title."""
@@ -21,20 +19,6 @@ TITLE = 18
 GAP = 6
 """px: between pictures."""
 QUALITY = 72
-
-
-def stage_pictures(name: str, run: StudyRun) -> list[tuple[int, Picture]]:
-    """Frame and sheet of every frame that the stage `camera_pictures` of a run drew."""
-    frames = sorted(
-        (frame, files)
-        for pictures in run.load("camera_pictures")
-        for frame, files in by_frame(pictures.files).items()
-    )
-    rig = run.configuration.rig
-    return [
-        (frame, Picture(f"{name}_{frame:04d}", "", contact_sheet(files, rig), "image/webp"))
-        for frame, files in frames
-    ]
 
 
 def by_frame(files: dict[str, bytes]) -> dict[int, dict[str, bytes]]:
