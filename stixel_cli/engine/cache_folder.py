@@ -34,18 +34,26 @@ NOTES_LIMIT = 64 * 2**20
 """Bytes of a file of the cache that is no value; larger ones count as damaged."""
 
 _KEY = r"[0-9a-f]{64}"
+_PARTIAL = r"partial-\d+"
+"""End of the name that `write_whole` gives to an unfinished file."""
 _MADE = {
     r"[0-9a-f]{2}": _KEY,
     "configurations": rf"{_KEY}(\.json|-\d+-\d+\.partial)",
     "leases": r".+-\d+-[0-9a-f]+\.(keys|lock)",
     "locks": rf"{_KEY}\.lock",
     "quarantine": rf"{_KEY}-\d+",
-    "sources": r"[0-9a-f]{32}\.py|digests-[0-9a-f]{16}\.json|(digests|[0-9a-f]{32})-.+\.part",
+    "sources": (
+        r"[0-9a-f]{32}\.py|digests-[0-9a-f]{16}\.json|(digests|[0-9a-f]{32})-.+\.part"
+        rf"|\.(digests-[0-9a-f]{{16}}\.json|[0-9a-f]{{32}}\.py)\.{_PARTIAL}"
+    ),
     "tmp": r"[0-9a-f]{16}-.+-\d+-[0-9a-f]+|gone-.+-\d+-[0-9a-f]{16}|probe-\d+-[0-9a-f]+|limit-.+",
 }
 """Folders that the store makes, and the names in each."""
 
-_FILES = rf"\.{MARK}\.partial-\d+|collector\.lock|evicted\.jsonl(-\d+)?|durations(-\d+)?\.json"
+_FILES = (
+    rf"\.({MARK}|evicted\.jsonl|durations\.json)\.{_PARTIAL}"
+    r"|collector\.lock|evicted\.jsonl(-\d+)?|durations(-\d+)?\.json"
+)
 
 
 class NotARegularFile(OSError):

@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 
 from filelock import Timeout
@@ -27,6 +28,7 @@ from stixel_cli.engine.entries import Entry, entry_folders, stage_and_label
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.source_files import remove_sources
 from stixel_cli.engine.store import Store
+from stixel_cli.files import write_whole
 
 EVICTED = "evicted.jsonl"
 REMEMBERED = 20_000
@@ -160,22 +162,18 @@ def collect(
 
 def evicted(store: Store) -> dict[str, tuple[str, float]]:
     """Reason and time of removal, by key, of entries that were removed or set aside."""
-    found: dict[str, tuple[str, float]] = {}
-
-    def note(key: str, reason: str, when: float) -> None:
-        # The last reason counts: a damaged result may have been recomputed and then removed.
-        if key not in found or found[key][1] <= when:
-            found[key] = (reason, when)
-
+    found = []
     with suppress(OSError):
         for line in read_file(store.folder / EVICTED).decode(errors="replace").splitlines():
             with suppress(ValueError, TypeError, RecursionError):
                 key, reason, when = json.loads(line)
-                note(key, reason, when)
+                found.append((float(when), str(key), str(reason)))
     for path in _inside(store.folder / "quarantine"):
         key, when = _aside_since(path)
-        note(key, "damaged", when)
-    return found
+        found.append((when, key, "damaged"))
+    # The last reason counts: a damaged result may have been recomputed and then removed.
+    found.sort(key=itemgetter(0))
+    return {key: (reason, when) for when, key, reason in found}
 
 
 def _remember(store: Store, removed: list[tuple[str, str, float]]) -> None:
@@ -186,9 +184,7 @@ def _remember(store: Store, removed: list[tuple[str, str, float]]) -> None:
     with suppress(OSError):
         lines = read_file(path).decode(errors="replace").splitlines() if path.exists() else []
         lines += [json.dumps([key, reason, round(when, 3)]) for key, reason, when in removed]
-        partial = path.with_name(f"{EVICTED}-{os.getpid()}")
-        partial.write_text("\n".join(lines[-REMEMBERED:]) + "\n", "utf-8")
-        partial.replace(path)
+        write_whole(path, "\n".join(lines[-REMEMBERED:]) + "\n")
 
 
 def _remove_entry(store: Store, one: Entry) -> bool:
@@ -206,8 +202,8 @@ def _orphans(store: Store, dry_run: bool) -> Iterator[Removed]:
     """Remove what killed processes left behind: partial entries and lock files."""
     for path in _inside(store.folder / "tmp"):
         if made_here(path) and _is_orphan(path):
-            size = _size(path)
-            if dry_run or _remove(path):
+            size = _remove(path, dry_run)
+            if size is not None:
                 yield Removed(path.name, "", size, "orphan")
     if dry_run:
         return
@@ -231,8 +227,8 @@ def _set_aside(
             age = time.time() - path.stat().st_mtime
             if max_size is None and (older_than is None or age <= older_than):
                 continue
-            size = _size(path)
-            if dry_run or _remove(path):
+            size = _remove(path, dry_run)
+            if size is not None:
                 key, when = _aside_since(path)
                 yield Removed(key, "", size, "set aside"), when
 
@@ -261,21 +257,20 @@ def _inside(folder: Path) -> list[Path]:
         return []
 
 
-def _size(path: Path) -> int:
-    total = 0
+def _remove(path: Path, dry_run: bool) -> int | None:
+    """Remove a file or folder; its bytes, or None if it is still there without a `dry_run`."""
+    size = 0
     for one in [path, *path.rglob("*")]:
         with suppress(OSError):
-            total += one.stat().st_size if one.is_file() else 0
-    return total
-
-
-def _remove(path: Path) -> bool:
+            size += one.stat().st_size if one.is_file() else 0
+    if dry_run:
+        return size
     if path.is_dir():
         shutil.rmtree(path, ignore_errors=True)
     else:
         with suppress(OSError):
             path.unlink()
-    return not path.exists()
+    return None if path.exists() else size
 
 
 def _aside_since(path: Path) -> tuple[str, float]:

@@ -63,6 +63,7 @@ class DaskPool(Pool):
                 opened.callback(self._cluster.close)
             self._client = opened.enter_context(_client(executor, self._cluster))
             self._opened = opened.pop_all()
+        self._address = self._client.scheduler.address
         with suppress(AttributeError):
             # Dask's client collects messages for 10 ms, longer than an empty node takes.
             self._client.scheduler_comm.interval = 0.001
@@ -104,10 +105,6 @@ class DaskPool(Pool):
                 self._threads = sum(self._client.nthreads().values())
             self._counted = time.monotonic()
 
-    @property
-    def _address(self) -> str:
-        return self._client.scheduler.address
-
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
         """Run `function` in a worker.
 
@@ -144,8 +141,10 @@ class DaskPool(Pool):
                 # The outcome is lost. The task finds its result in the store.
                 self._start(future, function, arguments)
             except (Exception, CancelledError, asyncio.CancelledError) as error:
+                # Dask cancels a task whose scheduler is lost, by errors of several names.
+                lost = "CancelledError" in type(error).__name__
                 with suppress(InvalidStateError):
-                    future.set_exception(error)
+                    future.set_exception(self._lost() if lost else error)
             else:
                 with suppress(InvalidStateError):
                     future.set_result(outcome)
@@ -154,13 +153,7 @@ class DaskPool(Pool):
         task.add_done_callback(lambda _: self._client.loop.add_callback(settle))
 
     def died(self, error: BaseException | None) -> bool:
-        """Whether the worker crashed.
-
-        Raises:
-            ExecutorError: the future was cancelled: the scheduler is lost.
-        """
-        if isinstance(error, CancelledError) or "CancelledError" in type(error).__name__:
-            raise self._lost()
+        """Whether the worker crashed."""
         return isinstance(error, _distributed().scheduler.KilledWorker)
 
     def close(self) -> None:

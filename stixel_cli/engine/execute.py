@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,7 +9,7 @@ from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.graph import Graph, Node
 from stixel_cli.engine.keys import digest
-from stixel_cli.engine.limits import can_interrupt, one_thread
+from stixel_cli.engine.limits import can_interrupt
 from stixel_cli.engine.loaded_code import check_bytecode, import_function, may_run_here
 from stixel_cli.engine.parameters import DaskExecutor, Executor, LocalExecutor, ThreadsExecutor
 from stixel_cli.engine.plan import Durations, check_writable, plan, undeclared_reads
@@ -113,10 +112,7 @@ def execute(
     with Lease(store.folder, sorted(graph.ancestors(graph.expand(targets)))) as lease:
         planned = plan(graph, targets, store)
         nodes = [graph.nodes[key] for key in planned.missing]
-        check_writable(len(nodes), store)
-        _keep_code(nodes, store)
-        for text in undeclared_reads(nodes) if progress.advice else ():
-            progress.note(text)
+        _prepare(nodes, store, progress)
         needed_first = graph.ancestors(graph.expand(first))
         nodes_first = [node for node in nodes if node.key in needed_first]
         small = (some for some in (nodes, nodes_first) if _runs_here(executor, some, durations))
@@ -124,23 +120,12 @@ def execute(
         all_here = len(here) == len(nodes)
         pool = SerialPool() if all_here else make_pool(executor, nodes, here)
         progress.expect(durations.by_stage(nodes), 1 if all_here else executor.workers)
-        run = Run(
-            planned=planned,
-            store=store,
-            pool=pool,
-            progress=progress,
-            time_limit=getattr(executor, "time_limit", None),
-            keep_going=keep_going,
-            lease=lease,
-            first=frozenset(node.key for node in nodes_first),
-            on_first=on_first,
-            here=frozenset(node.key for node in here),
-        )
+        time_limit = getattr(executor, "time_limit", None)
+        run = Run(planned, store, pool, progress, time_limit, keep_going, lease, on_first=on_first)
+        run.first = frozenset(node.key for node in nodes_first)
+        run.here = frozenset(node.key for node in here)
         try:
-            # In this process the calling thread limits the libraries for the whole run, because it
-            # may have set limits of its own.
-            with one_thread() if nodes and (here or not pool.kills) else nullcontext():
-                run.all()
+            run.all()
         finally:
             # Nothing runs any more, or its result is not wanted.
             pool.close()
@@ -150,13 +135,16 @@ def execute(
     return Execution(graph, run.statuses(), run.seconds, run.failures)
 
 
-def _keep_code(nodes: Sequence[Node], store: Store) -> None:
-    """Keep the sources that nodes reach, and check that Python runs them."""
+def _prepare(nodes: Sequence[Node], store: Store, progress: Progress) -> None:
+    """Keep the sources that nodes reach; check that Python runs them, and can store results."""
+    check_writable(len(nodes), store)
     codes = {id(node.identity.code): node.identity.code for node in nodes}.values()
     files = [(name, c.modules[name], file) for c in codes for name, (file, _) in c.files.items()]
     keep_sources(store.folder, ((digest, file) for _, digest, file in files))
     save_digests(store.folder)
     check_bytecode({name: file for name, _, file in files})
+    for text in undeclared_reads(nodes) if progress.advice else ():
+        progress.note(text)
 
 
 def make_pool(executor: Executor, nodes: Sequence[Node], here: Sequence[Node]) -> Pool:

@@ -1,7 +1,7 @@
 """A stage, and the key of its results: a digest of everything that determines them."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -116,25 +116,23 @@ Difference = tuple[str, str, str]
 """Dotted path of a setting, old value, new value; "" for a missing value."""
 
 
-def differences(before: Any, after: Mapping[str, Any]) -> list[Difference]:
-    """List the settings in which two canonical trees differ."""
+def differences(before: Any, after: Mapping[str, Any], prefix: str = "") -> list[Difference]:
+    """List the settings in which two canonical trees differ; their paths begin with `prefix`."""
     before = before if isinstance(before, Mapping) else {}
-    return list(_of_fields(before, after, ""))
-
-
-def _of_fields(before: Mapping, after: Mapping, prefix: str) -> Iterator[Difference]:
+    found: list[Difference] = []
     for name in sorted({*before, *after}):
         path = prefix + name
         if name not in before:
-            yield path, "", plain(after[name])
+            found.append((path, "", plain(after[name])))
         elif name not in after:
-            yield path, plain(before[name]), ""
+            found.append((path, plain(before[name]), ""))
         elif before[name] != after[name]:
             (kind, old), (new_kind, new) = _content(before[name]), _content(after[name])
             if kind and kind == new_kind:
-                yield from _of_fields(old, new, f"{path}.")
+                found += differences(old, new, f"{path}.")
             else:
-                yield path, plain(before[name]), plain(after[name])
+                found.append((path, plain(before[name]), plain(after[name])))
+    return found
 
 
 def _content(tree: Any) -> tuple[str, Mapping[str, Any]]:

@@ -13,8 +13,8 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -76,9 +76,7 @@ class _Limits:
         self.lock = threading.Lock()
         self.inside = 0
         self.controller: Any = None
-        self.set_by_libraries: Any = None
-        self.opencv_threads: int | None = None
-        self.environment: dict[str, str | None] = {}
+        self.undo = ExitStack()
 
     def enter(self) -> Any:
         """Set missing limits; return the controller of the loaded libraries."""
@@ -87,11 +85,12 @@ class _Limits:
                 # Another thread may be importing it: this waits for the import.
                 cv2 = importlib.import_module("cv2")
                 if cv2.getNumThreads() != 1:
-                    self.opencv_threads = cv2.getNumThreads()
+                    self.undo.callback(cv2.setNumThreads, cv2.getNumThreads())
                     cv2.setNumThreads(1)
             if any(os.environ.get(name) != value for name, value in _LIBRARIES.items()):
-                self.environment = {name: os.environ.get(name) for name in _LIBRARIES}
-                os.environ.update(_LIBRARIES)
+                before = {name: os.environ.get(name) for name in _LIBRARIES}
+                self.undo.callback(_set_environment, before)
+                _set_environment(_LIBRARIES)
                 self.controller = None
             if self.controller is None:
                 # Libraries that are loaded later read the environment.
@@ -101,25 +100,24 @@ class _Limits:
             if not self.inside and any(
                 library["num_threads"] != 1 for library in self.controller.info()
             ):
-                self.set_by_libraries = _in_a_thread(lambda: self.controller.limit(limits=1))
+                limited = _in_a_thread(lambda: self.controller.limit(limits=1))
+                self.undo.callback(_in_a_thread, limited.restore_original_limits)
             self.inside += 1
             return self.controller
 
     def leave(self) -> None:
         with self.lock:
             self.inside -= 1
-            if self.inside:
-                return
-            if self.set_by_libraries is not None:
-                _in_a_thread(self.set_by_libraries.restore_original_limits)
-            if self.opencv_threads is not None:
-                sys.modules["cv2"].setNumThreads(self.opencv_threads)
-            for name, value in self.environment.items():
-                if value is None:
-                    os.environ.pop(name, None)
-                else:
-                    os.environ[name] = value
-            self.set_by_libraries, self.opencv_threads, self.environment = None, None, {}
+            if not self.inside:
+                self.undo.close()
+
+
+def _set_environment(values: Mapping[str, str | None]) -> None:
+    for name, value in values.items():
+        if value is None:
+            os.environ.pop(name, None)
+        else:
+            os.environ[name] = value
 
 
 def _in_a_thread(call: Callable[[], Any]) -> Any:

@@ -97,8 +97,7 @@ def current_function(name: str, folders: tuple[Path, ...]) -> Callable[..., Any]
     """
     module = name.partition(":")[0]
     code = CodeIndex().code([module], folders)
-    package = __name__.partition(".")[0]
-    files = {one: path for one, (path, _) in code.files.items() if one.partition(".")[0] != package}
+    files = code.of_user
     elsewhere = any(
         one in sys.modules and getattr(sys.modules[one], "__file__", None) != str(path)
         for one, path in files.items()

@@ -1,7 +1,6 @@
 """What an execution would compute, how long that would take, and whether it can start."""
 
 import json
-import os
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from stixel_cli.engine.graph import Graph, Node
 from stixel_cli.engine.parameters import CACHE_VARIABLE, DaskExecutor, Executor
 from stixel_cli.engine.source_files import undeclared_read
 from stixel_cli.engine.store import Store
+from stixel_cli.files import write_whole
 
 
 @dataclass(frozen=True)
@@ -113,9 +113,7 @@ class Durations:
             return
         # Only an estimate: it may fail to be written, or be overwritten by another process.
         with suppress(OSError):
-            partial = self._path.with_name(f"durations-{os.getpid()}.json")
-            partial.write_text(json.dumps(self._seconds, indent=1, sort_keys=True), "utf-8")
-            partial.replace(self._path)
+            write_whole(self._path, json.dumps(self._seconds, indent=1, sort_keys=True))
 
 
 def probe(missing: int, store: Store, executor: Executor | None) -> None:
@@ -127,10 +125,8 @@ def probe(missing: int, store: Store, executor: Executor | None) -> None:
         CacheError: results cannot be stored.
         ExecutorError: Dask is not installed, or no scheduler answers at the executor's address.
     """
-    if not missing:
-        return
     check_writable(missing, store)
-    if isinstance(executor, DaskExecutor):
+    if missing and isinstance(executor, DaskExecutor):
         from stixel_cli.engine.dask_pool import probe_scheduler
 
         probe_scheduler(executor)

@@ -184,10 +184,6 @@ def error_of(future: Future) -> BaseException | None:
     return CancelledError() if future.cancelled() else future.exception()
 
 
-def no_interrupt() -> None:
-    """No interrupt is deferred."""
-
-
 @contextmanager
 def deferred_interrupts() -> Iterator[Callable[[], None]]:
     """Defer Ctrl-C, and SIGTERM if handled as Ctrl-C, until the yielded function is called.

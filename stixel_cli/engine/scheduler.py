@@ -8,7 +8,7 @@ import traceback
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
-from contextlib import nullcontext
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from graphlib import TopologicalSorter
 from typing import Literal, get_args
@@ -22,9 +22,9 @@ from stixel_cli.engine.errors import (
     StageFailure,
     WorkerDied,
 )
-from stixel_cli.engine.limits import TimeLimit, mark_text
+from stixel_cli.engine.limits import TimeLimit, mark_text, one_thread
 from stixel_cli.engine.plan import Plan, missing_nodes
-from stixel_cli.engine.pools import Pool, SerialPool, deferred_interrupts, error_of, no_interrupt
+from stixel_cli.engine.pools import Pool, SerialPool, deferred_interrupts, error_of
 from stixel_cli.engine.progress import Progress, crash_note
 from stixel_cli.engine.store import Store
 from stixel_cli.engine.task import Outcome, run_node
@@ -88,17 +88,21 @@ class Run:
         self._suspects: deque[str] = deque()
         """Nodes that were running when a worker crashed. Each is retried on its own."""
         self._fatal: BaseException | None = None
+        self._check_interrupt: Callable[[], None] = lambda: None
 
     def all(self) -> None:
         """Compute all missing nodes. Damaged inputs are recomputed in another round.
 
         Ctrl-C takes effect between two waits for futures; a stage in this process ends at once.
         """
-        here = isinstance(self.pool, SerialPool)
         missing: Collection[str] = self.planned.missing
-        cached = len(self.planned.needed) - len(missing)
-        with nullcontext(no_interrupt) if here else deferred_interrupts() as check:
-            self._check_interrupt = check
+        with ExitStack() as entered:
+            if missing and (self.here or not self.pool.kills):
+                # The calling thread may have set limits of its own, so it keeps these all the time.
+                entered.enter_context(one_thread())
+            if not isinstance(self.pool, SerialPool):
+                self._check_interrupt = entered.enter_context(deferred_interrupts())
+            cached = len(self.planned.needed) - len(missing)
             self.progress.begin([self.graph.nodes[key] for key in missing], cached)
             self._report_first()
             while missing:
@@ -202,14 +206,16 @@ class Run:
 
     def _collect(self, finished: Collection[Future]) -> list[str]:
         """Process finished futures; return the keys of the nodes that are in the store now."""
-        if self.pool.all_die_together and any(self._died(future) for future in finished):
+        if self.pool.all_die_together and any(
+            self.pool.died(error_of(future)) for future in finished
+        ):
             # All running tasks fail with a worker, except those that finished before it crashed.
             finished, _ = wait(self._in_flight)
         done, dead = [], []
         for future in [future for future in self._in_flight if future in finished]:
             key = self._in_flight.pop(future)
             error = error_of(future)
-            if self._died(future):
+            if self.pool.died(error):
                 dead.append(key)
             elif isinstance(error, CancelledError) and self._fatal is not None:
                 continue
@@ -224,13 +230,6 @@ class Run:
             for future in self._in_flight:
                 future.cancel()
         return done
-
-    def _died(self, future: Future) -> bool:
-        try:
-            return self.pool.died(error_of(future))
-        except ExecutorError as error:
-            self._fatal = self._fatal or error
-            return False
 
     def _take(self, key: str, outcome: Outcome) -> bool:
         """Process the outcome of a node; return whether it is in the store now."""
@@ -268,7 +267,7 @@ class Run:
         for key, text in over.items():
             self._fail(key, self._limit(key).error, text)
         if over:
-            for key in (key for key in dead if key not in over):
+            for key in set(dead).difference(over):
                 self._push(key)
             return
         for key in dead:
@@ -281,14 +280,11 @@ class Run:
         self.progress.note(crash_note(labels, any(key in self._suspects for key in dead)))
 
     def _fail(self, key: str, error: BaseException, traceback_text: str) -> None:
-        if self._fatal is not None:
-            return
-        if isinstance(error, FATAL):
-            self._fatal = error
+        if self._fatal is not None or isinstance(error, FATAL):
+            self._fatal = self._fatal or error
             return
         node = self.graph.nodes[key]
-        own_code = node.identity.code.of_user if node.stage.own else {}
-        files = frozenset(map(str, own_code.values()))
+        files = frozenset(map(str, node.identity.code.of_user.values() if node.stage.own else ()))
         failure = StageFailure(node.stage.name, node.label, error, traceback_text, files)
         failure.__cause__ = error
         if not self.keep_going:

@@ -10,7 +10,6 @@ import difflib
 import json
 import os
 import re
-import shutil
 import sys
 import time
 from collections.abc import Iterable, Iterator
@@ -23,7 +22,7 @@ from pathlib import Path
 from stixel_cli.engine.cache_folder import made_here, make_folder, read_file
 from stixel_cli.engine.errors import InvalidCode
 from stixel_cli.errors import UserError
-from stixel_cli.files import opened
+from stixel_cli.files import opened, write_whole
 
 SOURCES = "sources"
 """Folder in the store."""
@@ -217,9 +216,7 @@ def save_digests(store_folder: Path) -> None:
         newest = dict(list(known.items())[-MOST_DIGESTS:])
         content = json.dumps(newest, separators=(",", ":")).encode()
         make_folder(store_folder, SOURCES)
-        partial = path.with_name(f"digests-{os.getpid()}-{time.monotonic_ns():x}.part")
-        partial.write_bytes(sha256(content).hexdigest().encode() + b"\n" + content)
-        partial.replace(path)
+        write_whole(path, sha256(content).hexdigest().encode() + b"\n" + content)
         _unsaved.clear()
 
 
@@ -233,9 +230,7 @@ def keep_sources(store_folder: Path, files: Iterable[tuple[str, Path]]) -> None:
                 os.utime(kept)
             elif path.suffix == ".py":
                 make_folder(store_folder, SOURCES)
-                partial = folder / f"{digest}-{os.getpid()}.part"
-                shutil.copyfile(path, partial)
-                partial.replace(kept)
+                write_whole(kept, path.read_bytes())
 
 
 def kept_source(store_folder: Path, digest: str) -> list[str] | None:
