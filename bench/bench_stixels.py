@@ -105,11 +105,11 @@ def segment(raw, expected, road, occupancy, grid, images=None):
     """One frame from disparity to stixels, as the two stages do it."""
     columns = cv2.transpose(raw)
     line = find_road(columns, COUNT, RIG, road)
-    obstacle = nearest_obstacle(columns, line, expected, RIG, road, grid, occupancy, FREE_SPACE)
+    obstacle = nearest_obstacle(columns, line, expected, road, grid, FREE_SPACE)
     base = obstacle_base(obstacle, line, RIG)
     columns = cv2.transpose(raw)
     extraction = EXTRACTION if images is not None else replace(EXTRACTION, refinement=0.0)
-    unknown_rows(columns, base, line, RIG, road, occupancy, FREE_SPACE)
+    unknown_rows(columns, base, line, road, grid, FREE_SPACE)
     stixels = stixels_of_frame(
         columns, obstacle, base, line, COUNT, RIG, HEIGHT, extraction, images
     )
@@ -163,7 +163,7 @@ def test_step(benchmark, raw, pairs, step):
         "costs": lambda: cell_costs(*weigh),
         "path": (lambda costs: lambda: cheapest_path(costs, depths, *limits))(cell_costs(*weigh)),
         "height": lambda: top_rows(columns, obstacle, base, line, RIG, HEIGHT),
-        "unknown": lambda: unknown_rows(columns, base, line, RIG, road, occupancy, FREE_SPACE),
+        "unknown": lambda: unknown_rows(columns, base, line, road, grid, FREE_SPACE),
         "stixels": lambda: stixels_of_frame(*frame, replace(EXTRACTION, refinement=0.0)),
         "refined stixels": lambda: stixels_of_frame(*frame, EXTRACTION, images),
     }

@@ -83,7 +83,6 @@ def run(
     composition = _on_this_machine(composition, workers, cache)
     return record_run(
         composition,
-        ["stixel", "run", *composition.overrides],
         results=None if results is None else Path(results),
         name=name,
         progress=make_progress(uncompiled(), advice=True) if _visible() else Progress(),

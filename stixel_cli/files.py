@@ -130,9 +130,8 @@ def read_json(file: Path) -> dict[str, Any]:
     """
     import json
 
-    text = read_text(file)
     try:
-        content = json.loads(text, object_pairs_hook=_unique)
+        content = json.loads(read_text(file), object_pairs_hook=_unique)
     except (ValueError, RecursionError):
         raise UserError(f"{file}: not valid JSON") from None
     check_plain(content, file)
@@ -256,36 +255,30 @@ def read_arrays(file: Path) -> "dict[str, np.ndarray]":
     """
     import zipfile
 
+    methods = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
     with opened(file) as stream:
         try:
             # A damaged header may warn as well; that would be a second line.
             with zipfile.ZipFile(stream) as archive, warnings.catch_warnings(action="error"):
                 members = archive.infolist()
-                _check_members(members, file)
-                arrays = (
-                    (m.filename.removesuffix(".npy"), _read_array(archive, m)) for m in members
-                )
-                return dict(arrays)
+                if sum(member.file_size for member in members) > GREATEST_ARRAYS:
+                    most = f"its arrays have more than {GREATEST_ARRAYS} bytes"
+                    raise UserError(f"{file}: too large: {most}")
+                if len({member.filename for member in members}) < len(members):
+                    raise UserError(f"{file}: two of its arrays have one name")
+                for member in members:
+                    name = ascii(member.filename)
+                    if member.flag_bits & 1:
+                        raise UserError(f"{file}: {name} is encrypted")
+                    if member.compress_type not in methods:
+                        other = "is compressed by a method other than deflate"
+                        raise UserError(f"{file}: {name} {other}")
+                return {m.filename.removesuffix(".npy"): _read_array(archive, m) for m in members}
         except UserError:
             raise
         except Exception:
-            # What NumPy, zipfile and zlib raise on damaged bytes has no common class.
+            # NumPy, zipfile and zlib have no common class of errors.
             raise UserError(f"{file}: not a file of numeric arrays") from None
-
-
-def _check_members(members: "list[zipfile.ZipInfo]", file: Path) -> None:
-    import zipfile
-
-    if sum(member.file_size for member in members) > GREATEST_ARRAYS:
-        raise UserError(f"{file}: too large: its arrays have more than {GREATEST_ARRAYS} bytes")
-    if len({member.filename for member in members}) < len(members):
-        raise UserError(f"{file}: two of its arrays have one name")
-    for member in members:
-        name = ascii(member.filename)
-        if member.flag_bits & 1:
-            raise UserError(f"{file}: {name} is encrypted")
-        if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-            raise UserError(f"{file}: {name} is compressed by a method other than deflate")
 
 
 def _read_array(archive: "zipfile.ZipFile", member: "zipfile.ZipInfo") -> "np.ndarray":

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any, Literal, get_type_hints
 
-from stixel_cli.parameters import parameters
+from stixel_cli.parameters import STRICT, parameters
 
 _NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 
@@ -135,5 +135,5 @@ def _validated(schema: type, values: Mapping[str, Any]) -> Any:
     from pydantic import TypeAdapter
 
     if not hasattr(schema, "__pydantic_config__"):
-        schema.__pydantic_config__ = {"extra": "forbid", "strict": True, "allow_inf_nan": False}
+        schema.__pydantic_config__ = dict(STRICT)
     return TypeAdapter(schema).validate_json(json.dumps(dict(values)))

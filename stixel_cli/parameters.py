@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any, dataclass_transform
 
-_STRICT = {"extra": "forbid", "strict": True, "allow_inf_nan": False}
+STRICT = {"extra": "forbid", "strict": True, "allow_inf_nan": False}
 
 
 @dataclass_transform(frozen_default=True)
@@ -15,7 +15,7 @@ def parameters(cls: Any = None, *, kw_only: bool = False) -> Any:
     """
 
     def decorate(decorated: type) -> type:
-        decorated.__pydantic_config__ = dict(_STRICT)
+        decorated.__pydantic_config__ = dict(STRICT)
         return dataclass(frozen=True, kw_only=kw_only)(decorated)
 
     return decorate if cls is None else decorate(cls)

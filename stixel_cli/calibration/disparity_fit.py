@@ -1,6 +1,7 @@
 """The error of a rig's disparities, fitted to errors at known places."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -28,25 +29,14 @@ class DisparityFit:
 
 
 def fit_line(
-    method: str,
-    unit: str,
-    columns: np.ndarray,
-    errors: np.ndarray,
-    stds: np.ndarray,
-    sloped: bool,
-    rig: Rig,
-) -> DisparityFit:
+    columns: np.ndarray, errors: np.ndarray, stds: np.ndarray, sloped: bool, rig: Rig
+) -> dict[str, Any]:
     """Offset and slope through `errors` (n,) px at `columns` (n,) px, by robust least squares.
 
-    Residuals beyond two standard deviations `stds` (n,) px count by their size, not its square
-    (Huber). The slope is 0 unless `sloped`. `rig` has the present offset and slope, which the
-    result includes.
-
-    Raises:
-        ValueError: without any error.
+    The keys are fields of `DisparityFit`. Residuals beyond two standard deviations `stds` (n,) px
+    count by their size, not its square (Huber). The slope is 0 unless `sloped`. `rig` has the
+    present offset and slope, which the result includes.
     """
-    if len(errors) == 0:
-        raise ValueError(f"nothing to compare with: no {unit}")
     design = np.stack([np.ones_like(columns), columns - rig.u0], axis=1)
     design = design[:, : 2 if sloped else 1]
     values = np.zeros(design.shape[1])
@@ -55,12 +45,10 @@ def fit_line(
         root = np.sqrt(np.minimum(1.0, 2.0 / np.maximum(scaled, 1e-12))) / stds
         values = np.linalg.lstsq(design * root[:, None], errors * root, rcond=None)[0]
     offset, slope = (*values, 0.0)[:2]
-    return DisparityFit(
-        method=method,
-        offset=rig.disparity_offset + float(offset),
-        slope=rig.disparity_slope + float(slope),
-        count=len(errors),
-        unit=unit,
-        median_before=float(np.median(np.abs(errors))),
-        median_after=float(np.median(np.abs(errors - design @ values))),
-    )
+    return {
+        "offset": rig.disparity_offset + float(offset),
+        "slope": rig.disparity_slope + float(slope),
+        "count": len(errors),
+        "median_before": float(np.median(np.abs(errors))),
+        "median_after": float(np.median(np.abs(errors - design @ values))),
+    }

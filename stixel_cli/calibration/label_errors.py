@@ -11,7 +11,7 @@ from stixel_cli.geometry.pose import rectangle, world_from_target
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.rays import Rays, first_crossings, spread_rays
 from stixel_cli.recordings.tables import read_labels
-from stixel_cli.recordings.types import Tables
+from stixel_cli.recordings.types import Labels, Tables
 from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
 from stixel_cli.stixels.types import Stixels
 
@@ -80,11 +80,7 @@ def label_errors(
                 for row in np.flatnonzero(labels.frames == number):
                     if labels.truncated[row] or labels.occluded[row]:
                         continue
-                    place = rig.level_from_camera @ (labels.places[row] - tables.left_camera)
-                    _, width, length = labels.sizes[row]
-                    # Frame of the rays: x ahead, y to the left.
-                    pose = np.array([place[2], -place[0], -labels.yaws[row] - 0.5 * np.pi])
-                    face = face_depths(world_from_target(rectangle(length, width), pose), rays, rig)
+                    face = label_face(labels, row, rays, rig, tables.left_camera)
                     found = _one_label(chunk, chunk.rows(i), face, rig)
                     if found is not None:
                         rows.append((number, track, *found))
@@ -106,6 +102,17 @@ def face_depths(contour: np.ndarray, rays: Rays, rig: Rig) -> np.ndarray:
     return depths
 
 
+def label_face(
+    labels: Labels, row: int, rays: Rays, rig: Rig, left_camera: tuple[float, float, float]
+) -> np.ndarray:
+    """Depth (W,) m at which the ray of each column enters a label's box; NaN outside it."""
+    place = rig.level_from_camera @ (labels.places[row] - np.array(left_camera))
+    _, width, length = labels.sizes[row]
+    # Frame of the rays: x ahead, y to the left.
+    pose = np.array([place[2], -place[0], -labels.yaws[row] - 0.5 * np.pi])
+    return face_depths(world_from_target(rectangle(length, width), pose), rays, rig)
+
+
 def fit_label_errors(found: LabelErrors, rig: Rig) -> DisparityFit:
     """The offset and slope of the rig's disparities that `found` shows.
 
@@ -118,7 +125,8 @@ def fit_label_errors(found: LabelErrors, rig: Rig) -> DisparityFit:
         raise ValueError("no car in these frames is labelled as fully visible and has stixels")
     tracks = len(np.unique(found.tracks))
     unit = f"labels of {tracks} car{'s' if tracks > 1 else ''}"
-    return fit_line("labels", unit, found.columns, found.errors, found.stds, tracks > 1, rig)
+    line = fit_line(found.columns, found.errors, found.stds, sloped=tracks > 1, rig=rig)
+    return DisparityFit(method="labels", unit=unit, **line)
 
 
 def _one_label(

@@ -81,9 +81,12 @@ def fit_truth_error(found: Alignment, rig: Rig) -> DisparityFit:
     Raises:
         ValueError: without any patch.
     """
-    stds = np.full(len(found.shifts), PATCH_STD)
     unit = "patches with a plane as truth"
-    return fit_line("ground truth", unit, found.columns, found.shifts, stds, False, rig)
+    if len(found.shifts) == 0:
+        raise ValueError(f"nothing to compare with: no {unit}")
+    stds = np.full(len(found.shifts), PATCH_STD)
+    line = fit_line(found.columns, found.shifts, stds, sloped=False, rig=rig)
+    return DisparityFit(method="ground truth", unit=unit, **line)
 
 
 def _frame(left: np.ndarray, right: np.ndarray, truth: np.ndarray, rig: Rig) -> np.ndarray:

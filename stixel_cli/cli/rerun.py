@@ -37,13 +37,11 @@ def rerun(
     tell_changed_code(stored)
     made = record_run(
         stored.composition,
-        ["stixel", "rerun", str(folder)],
-        results=results,
-        name=name,
-        stem=f"{folder.resolve().name.lstrip('.')[:100]}-rerun",
+        results,
+        name,
         progress=make_progress(uncompiled(), advice=not json),
-        notes={"rerun_of": str(folder)},
         on_scores=None if json else partial(print_scores, verbose),
+        rerun_of=folder,
     )
     print_run(made, json)
     return 0

@@ -25,7 +25,6 @@ from stixel_cli.config.folders import (
     ENTRY_POINTS,
     group_options,
     installed_functions,
-    presets_option,
 )
 from stixel_cli.errors import UserError
 
@@ -66,10 +65,8 @@ def run(
         check_name(results, name)
         _print_plan(composition, open_store(composition.configuration.cache), json)
         return 0
-    command = ["stixel", "run", *composition.overrides, *presets_option()]
     made = record_run(
         composition,
-        command,
         results,
         name,
         progress=make_progress(uncompiled(), advice=not json),

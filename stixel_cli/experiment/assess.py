@@ -1,6 +1,5 @@
 """Assess the stixels of one pair, and estimate the disparity error of a recording's rig."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,7 +7,7 @@ import numpy as np
 from stixel_cli.calibration.disparity_fit import DisparityFit
 from stixel_cli.calibration.label_errors import fit_label_errors
 from stixel_cli.calibration.motion_errors import fit_motion_error
-from stixel_cli.calibration.truth_alignment import fit_truth_error
+from stixel_cli.calibration.truth_alignment import Alignment, fit_truth_error
 from stixel_cli.config.compose import Composition
 from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import UserError
@@ -100,8 +99,10 @@ def _against_truth(first: dict[str, Any], recording: Recording, configuration) -
             "obstacle_columns": int(seen.sum()),
             "obstacle_covered_share": float(covered[seen].mean()) if seen.any() else None,
             "compared_share": len(errors.errors) / max(int(stixels.offsets[1]), 1),
-            **_sizes(errors.errors, "stixels_compared", "median_px", "beyond_1px_share"),
-            **_square(errors, ""),
+            "stixels_compared": len(errors.errors),
+            **_sizes(errors.errors),
+            "square_compared": int(errors.square.sum()),
+            **_sizes(errors.errors[errors.square], "square_"),
             **_aligned(errors, first["truth_alignment"], rig),
         }
     if recording.label_files:
@@ -117,31 +118,24 @@ def _against_truth(first: dict[str, Any], recording: Recording, configuration) -
     return values
 
 
-def _sizes(errors: np.ndarray, *names: str) -> dict[str, Any]:
-    """Number, median size and share beyond 1 px of errors (n,) px, by these names."""
+def _sizes(errors: np.ndarray, prefix: str = "", ending: str = "") -> dict[str, float | None]:
+    """Median size, and share beyond 1 px, of errors (n,) px; None without an error."""
     size = np.abs(errors)
     some = len(size) > 0
-    found = (len(size), float(np.median(size)) if some else None, float(np.mean(size > 1.0)))
-    return dict(zip(names, found if some else (0, None, None), strict=True))
+    return {
+        f"{prefix}median_px{ending}": float(np.median(size)) if some else None,
+        f"{prefix}beyond_1px_share{ending}": float(np.mean(size > 1.0)) if some else None,
+    }
 
 
-def _square(errors: AreaErrors, ending: str) -> dict[str, Any]:
-    found = _sizes(
-        errors.errors[errors.square],
-        "square_compared",
-        f"square_median_px{ending}",
-        f"square_beyond_1px_share{ending}",
-    )
-    return found if not ending else {k: v for k, v in found.items() if k != "square_compared"}
-
-
-def _aligned(errors: AreaErrors, alignment: Any, rig: Rig) -> dict[str, Any]:
+def _aligned(errors: AreaErrors, alignment: Alignment, rig: Rig) -> dict[str, Any]:
+    """The errors on square surfaces without the offset between the images and the truth."""
     if len(alignment.shifts) == 0:
         return {"patches": 0}
     fit = fit_truth_error(alignment, rig)
     offset = fit.offset - rig.disparity_offset
-    removed = replace(errors, errors=errors.errors - offset)
-    return {"offset_px": offset, "patches": fit.count, **_square(removed, "_aligned")}
+    removed = _sizes(errors.errors[errors.square] - offset, "square_", "_aligned")
+    return {"offset_px": offset, "patches": fit.count, **removed}
 
 
 METHODS = {

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.config.compose import compose
-from stixel_cli.experiment.run import record_run
+from stixel_cli.experiment.run import run_experiment
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.build import build_scenario
 from stixel_cli.scene.classes import ROAD_USER_CLASSES
@@ -81,8 +81,7 @@ def _samples(road_user: str, sensor: str) -> list[tuple[Scenario, Scans]]:
         )
         print(*overrides, file=sys.stderr)  # noqa: T201
         composition = compose((*overrides, "tracker=point", "pictures.frames=[]"))
-        command = ["stixel", "run", *overrides]
-        result = record_run(composition, command, results=None, name=None)
+        result = run_experiment(composition)
         found.append((result.scenario, result.scans))
     return found
 

@@ -2,15 +2,14 @@
 
 import shlex
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from stixel_cli import __version__
 from stixel_cli.config.compose import Composition, compose, from_resolved
-from stixel_cli.config.folders import OF_THE_MACHINE
+from stixel_cli.config.folders import OF_THE_MACHINE, presets_option
 from stixel_cli.config.own_options import check_parameters, functions_of, refuse_code
 from stixel_cli.config.run_names import run_name
 from stixel_cli.config.schema import Configuration
@@ -104,25 +103,22 @@ def _note_headings(composition: Composition, scenario: Scenario, progress: Progr
 
 def record_run(
     composition: Composition,
-    command: Sequence[str],
     results: Path | None = None,
     name: str | None = None,
-    stem: str | None = None,
     progress: Progress | None = None,
-    notes: dict[str, Any] | None = None,
     on_scores: Callable[[Scenario, Scores], None] | None = None,
+    rerun_of: Path | None = None,
 ) -> RunResult:
     """Run an experiment and write its result folder into `results`, if that is given.
 
     Args:
         composition: the experiment.
-        command: the command line for the manifest.
         results: parent of the result folder; None to write nothing.
-        name: of the result folder; None for a name made of `stem` and the time.
-        stem: None for what differs from the default, see `config.run_names`.
+        name: of the result folder; None for a name made of what differs from the default, see
+            `config.run_names`, and the time.
         progress: reports the progress.
-        notes: further entries of the manifest.
         on_scores: see `computed_stages`.
+        rerun_of: the folder that is repeated, whose name the new one has.
 
     Raises:
         UserError: for any error that the user can fix; no result folder is left then.
@@ -133,6 +129,13 @@ def record_run(
         check_results(results, name)
     now = datetime.now(UTC)
     run = run_experiment(composition, progress, on_scores=on_scores)
+    if rerun_of is None:
+        command = ["stixel", "run", *composition.overrides, *presets_option()]
+        stem, origin = run_name(composition.choices, composition.overrides), {}
+    else:
+        command = ["stixel", "rerun", str(rerun_of)]
+        stem = f"{rerun_of.resolve().name.lstrip('.')[:100]}-rerun"
+        origin = {"rerun_of": str(rerun_of)}
     manifest = {
         "command": shlex.join(command),
         "overrides": list(composition.overrides),
@@ -142,13 +145,12 @@ def record_run(
         "seconds": round(time.perf_counter() - started, 3),
         "workers": composition.configuration.executor.workers,
         **provenance(),
-        **(notes or {}),
+        **origin,
         **correction_note(composition.configuration),
         "star_convex": run.scenario.star_convex,
         "stages": run.stages,
     }
     run = replace(run, manifest=manifest)
-    stem = run_name(composition.choices, composition.overrides) if stem is None else stem
     if results is None:
         return run
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,6 @@ from stixel_cli.files import read_yaml
 from stixel_cli.measurements.disturbance_parameters import Disturbance, is_disturbed, undisturbed
 from stixel_cli.measurements.file import FileParameters
 from stixel_cli.own_code import OwnCode
-from stixel_cli.recordings.types import Recording
 from stixel_cli.remembered import remembered
 from stixel_cli.scene.mesh_file import referred_files
 from stixel_cli.scene.path_parameters import ReplayedPath
@@ -39,6 +39,10 @@ CHUNK_SIZE = 10
 """Frames per chunk: few enough to keep two workers busy, enough to share a background."""
 
 
+Pipeline = Mapping[str, dict[str, str] | None]
+"""Name of a node to its stage and inputs; None for the stage of its name without inputs."""
+
+
 def pipeline_stages(composition: Composition) -> list[Stage]:
     """The stages of one experiment, wired by the pipeline of its kind of measurement.
 
@@ -46,8 +50,7 @@ def pipeline_stages(composition: Composition) -> list[Stage]:
         UserError: if the pipeline's file is missing or names an unknown stage, or if a file of the
             recording is missing or not valid.
     """
-    configuration = composition.configuration
-    recording = composition.recording
+    configuration, recording = composition.configuration, composition.recording
     rendered = configuration.source.kind == "rendered"
     kind = configuration.measurement.kind if rendered else "recording"
     path = shipped_folder("pipelines") / f"{kind}.yaml"
@@ -56,25 +59,20 @@ def pipeline_stages(composition: Composition) -> list[Stage]:
         pipeline = _with_tracks(pipeline)
     if is_disturbed(configuration.measurement):
         pipeline = _with_disturbance(pipeline)
-    return [
-        _stage(composition, recording, path, name, wiring or {})
-        for name, wiring in pipeline.items()
-    ]
+    return [_stage(composition, path, name, wiring or {}) for name, wiring in pipeline.items()]
 
 
-def _with_disturbance(
-    pipeline: Mapping[str, dict[str, str] | None],
-) -> dict[str, dict[str, str] | None]:
+def _with_disturbance(pipeline: Pipeline) -> Pipeline:
     """The pipeline with `disturb_scans` between the sensor's scans and all that use them."""
     clean = {("clean_scans" if name == "scans" else name): own for name, own in pipeline.items()}
     return clean | {"scans": {"stage": "disturb_scans", "scans": "clean_scans"}}
 
 
-def _with_tracks(
-    pipeline: Mapping[str, dict[str, str] | None],
-) -> dict[str, dict[str, str] | None]:
-    """The pipeline with the tracks of moving objects, and their scores; the run's own starts at one
-    of them."""
+def _with_tracks(pipeline: Pipeline) -> Pipeline:
+    """The pipeline with the tracks of moving objects, and their scores.
+
+    The run's own track starts at one of them.
+    """
     found = {
         "found_tracks": {"stage": "find_tracks", "scans": "scans"},
         "start": {"stage": "found_start", "found": "found_tracks"},
@@ -83,11 +81,7 @@ def _with_tracks(
     # As they are read after tracking, labels do not change a track.
     scored = {
         "label_truths": {"stage": "label_truths", "ego_motion": "ego_motion"},
-        "label_scores": {
-            "stage": "label_scores",
-            "tracks": "tracks",
-            "truths": "label_truths",
-        },
+        "label_scores": {"stage": "label_scores", "tracks": "tracks", "truths": "label_truths"},
         "scores": {**pipeline["scores"], "labels": "label_scores"},
     }
     drawn = {"track_pictures": {**pipeline["track_pictures"], "tracks": "tracks"}}
@@ -122,30 +116,26 @@ def pictured_frames(composition: Composition) -> tuple[int, ...]:
 _read = remembered(read_yaml)
 
 
-def _stage(
-    composition: Composition,
-    recording: Recording | None,
-    path: Path,
-    name: str,
-    wiring: dict[str, str],
-) -> Stage:
-    configuration = composition.configuration
+def _stage(composition: Composition, path: Path, name: str, wiring: dict[str, str]) -> Stage:
+    """The stage of a node `name` of the pipeline's file at `path`."""
+    configuration, recording = composition.configuration, composition.recording
     inputs = dict(wiring)
     if inputs and all(isinstance(value, dict) for value in inputs.values()):
-        inputs = dict(inputs[_value(configuration, f"{name}.kind")])
+        inputs = dict(inputs[attrgetter(f"{name}.kind")(configuration)])
     stage = inputs.pop("stage", name)
     if stage not in TABLE:
         raise UserError(f"{path}: {name}: no stage {stage!r}; the tables have {', '.join(TABLE)}")
     definition = _definition(configuration, stage)
-    names = [_value(configuration, path) for path in definition.code]
+    names = [attrgetter(path)(configuration) for path in definition.code]
     functions = [f for name in names for f in ((name,) if isinstance(name, str) else name)]
-    kind = _value(configuration, f"{definition.chosen_by}.kind") if definition.chosen_by else ""
+    chosen_by = definition.chosen_by
+    kind = attrgetter(f"{chosen_by}.kind")(configuration) if chosen_by else ""
     made = Stage(
         name=name,
         function=definition.functions[kind],
         pattern=definition.pattern,
         inputs=inputs,
-        settings={a: _setting(configuration, recording, p) for a, p in definition.reads.items()},
+        settings={a: _setting(composition, p) for a, p in definition.reads.items()},
         modules=tuple(f.partition(":")[0] for f in functions),
         folders=tuple(map(Path, configuration.code_folders)) if functions else (),
         own=bool(functions),
@@ -153,7 +143,7 @@ def _stage(
         frames=pictured_frames(composition) if definition.pattern == "pick" else (),
         files=(
             *(getattr(recording, definition.recorded) if definition.recorded else ()),
-            *_files(_value(configuration, p) for p in definition.files),
+            *_files(attrgetter(p)(configuration) for p in definition.files),
         ),
         gives_files=bool(definition.recorded),
         keys=definition.reads,
@@ -161,7 +151,7 @@ def _stage(
     )
     if not definition.calls:
         return made
-    called = _stage(composition, recording, path, definition.calls, {})
+    called = _stage(composition, path, definition.calls, {})
     return replace(
         made,
         settings=made.settings | {"function": called.function, "settings": dict(called.settings)},
@@ -187,22 +177,16 @@ def _files(names: Iterable[str | None]) -> tuple[Path, ...]:
     return tuple(file for own in files for file in (own, *referred_files(own)))
 
 
-def _setting(configuration: Configuration, recording: Recording | None, path: str) -> Any:
+def _setting(composition: Composition, path: str) -> Any:
     """A value of the configuration, or one that the files of the recording give."""
+    configuration = composition.configuration
     if path == "true_class" and configuration.source.kind != "rendered":
         path = "recording.road_user"
     name, _, attribute = path.partition(".")
     if name == "recording":
-        return _value(recording, attribute)
-    value = _value(configuration, path)
+        return attrgetter(attribute)(composition.recording)
+    value = attrgetter(path)(configuration)
     return undisturbed(value) if isinstance(value, Disturbance) else value
-
-
-def _value(value: Any, path: str) -> Any:
-    """The value at a dotted path of attributes."""
-    for part in path.split("."):
-        value = getattr(value, part)
-    return value
 
 
 def experiment_graph(composition: Composition) -> Graph:

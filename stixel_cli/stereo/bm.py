@@ -46,4 +46,4 @@ def match(pairs: StereoPairs, stereo: BmParameters, rig: Rig, frames: range) -> 
         matcher.setSpeckleRange(stereo.speckle_range)
         return matcher
 
-    return match_pairs(pairs, frames, create, stereo, rig, margin=stereo.block_size // 2)
+    return match_pairs(pairs, frames, create, stereo, rig)

@@ -82,18 +82,14 @@ def match_pairs(
     create: Callable[[int, int], Any],
     stereo: MatchingParameters,
     rig: Rig,
-    margin: int = 0,
     at_full_size: int | None = None,
 ) -> Disparities:
     """Disparities of the pairs of `frames` by OpenCV matchers.
 
-    A matcher reports nothing in the leftmost columns, as many as its greatest disparity and
-    `margin`, so that much is put in front of the images and taken off again. The errors of the
-    `rig`'s disparities are corrected, rounded to 1/16 px.
+    The errors of the `rig`'s disparities are corrected, rounded to 1/16 px.
 
     Args:
         create: makes a matcher for a least disparity and a number of them, px.
-        margin: half the matcher's window where it needs one, px.
         at_full_size: number of disparities searched on whole images; the others are searched on
             images of half the size. None: all.
     """
@@ -108,9 +104,9 @@ def match_pairs(
     with _one_thread():
         for k in frames:
             left, right = pairs.left[k - pairs.first], pairs.right[k - pairs.first]
-            found = _find(full, left, right, stereo, margin, checked=half is None)
+            found = _find(full, left, right, stereo, checked=half is None)
             if half is not None:
-                near = _find(half, halved(left), halved(right), stereo, margin, checked=True)
+                near = _find(half, halved(left), halved(right), stereo, checked=True)
                 found = combined(found, near, minimum + at_full_size, greatest)
             # In the leftmost columns a large disparity points into the border, outside the image.
             border = found[:, :greatest]
@@ -125,7 +121,6 @@ def _find(
     left: np.ndarray,
     right: np.ndarray,
     stereo: MatchingParameters,
-    margin: int,
     checked: bool,
 ) -> np.ndarray:
     """Raw disparity (H, W) int16, 1/16 px, corrected as `stereo.subpixel` demands."""
@@ -134,11 +129,11 @@ def _find(
         _set_checks(matcher, *checks)
     else:
         _set_checks(matcher, -1, 0, 0)
-    found = _match(matcher, left, right, margin)
+    found = _match(matcher, left, right)
     if stereo.subpixel == "second_match":
         # The first match has rejected what is wrong: checks here would only take time.
         _set_checks(matcher, -1, 0, 0)
-        return cancel_errors(found, _match(matcher, left, half_pixel_right(right), margin))
+        return cancel_errors(found, _match(matcher, left, half_pixel_right(right)))
     return correct_phases(found) if stereo.subpixel == "phase_table" else found
 
 
@@ -148,10 +143,15 @@ def _set_checks(matcher: Any, difference: int, uniqueness: int, speckle_window: 
     matcher.setSpeckleWindowSize(speckle_window)
 
 
-def _match(matcher: Any, left: np.ndarray, right: np.ndarray, margin: int) -> np.ndarray:
+def _match(matcher: Any, left: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Raw disparity (H, W) int16 in 1/16 px of two grey images (H, W) uint8."""
+    import cv2
+
+    # A matcher reports nothing in so many columns on the left: they are put there and cut off.
     minimum = matcher.getMinDisparity()
-    border = minimum + matcher.getNumDisparities() + margin
+    border = minimum + matcher.getNumDisparities()
+    if isinstance(matcher, cv2.StereoBM):
+        border += matcher.getBlockSize() // 2
     widen = ((0, 0), (border, 0))
     raw = matcher.compute(np.pad(left, widen, mode="edge"), np.pad(right, widen, mode="edge"))
     raw = raw[:, border:]

@@ -26,7 +26,7 @@ def picture_grid(
     columns = np.ascontiguousarray(disparities.raw(index).T)
     line = free_space.road[frame - free_space.first]
     grid = layout(occupancy, rig, disparities.count)
-    _, values = accumulate(columns, line, rig, road, grid, occupancy)
+    _, values = accumulate(columns, line, road, grid)
     return OccupancyGrid(
         kind=occupancy.kind,
         values=np.ascontiguousarray(values.T),

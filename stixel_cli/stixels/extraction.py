@@ -100,7 +100,7 @@ def stixels_of_frame(
     )
     if extraction.refinement > 0:
         given = np.ascontiguousarray(values[:, 0])
-        found = aligned(*images, columns, areas, given, scale, rig.disparity_errors())
+        found = aligned(images, columns, areas, given, scale, rig.disparity_errors())
         values[:, 0] += extraction.refinement * (found - given)
     areas[:, 2] = np.maximum(areas[:, 2] - height.hidden_rows, 0)
     return group_fields(areas, values, line, rig, extraction)

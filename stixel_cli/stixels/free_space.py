@@ -51,10 +51,10 @@ def find_free_space(
         if found or previous is not None:
             before = found[-1] if found else last
             expected = expected_depth(*before, rig, *ego_motion.poses_world[[k - 1, k]])
-        obstacle = nearest_obstacle(columns, line, expected, rig, road, grid, occupancy, free_space)
+        obstacle = nearest_obstacle(columns, line, expected, road, grid, free_space)
         base_row = obstacle_base(obstacle, line, rig)
         found.append((obstacle, base_row, line))
-        unknown.append(unknown_rows(columns, base_row, line, rig, road, occupancy, free_space))
+        unknown.append(unknown_rows(columns, base_row, line, road, grid, free_space))
     width = rig.width
     return FreeSpace(
         first=frames.start,

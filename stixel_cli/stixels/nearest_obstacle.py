@@ -8,11 +8,9 @@ first. The depths of the rows need not be even.
 import numpy as np
 from numba import njit
 
-from stixel_cli.geometry.rig import Rig
 from stixel_cli.stixels.free_space_parameters import (
     CartesianOccupancy,
     FreeSpaceParameters,
-    OccupancyParameters,
     RoadParameters,
 )
 from stixel_cli.stixels.occupancy import BINS_PER_PIXEL, Layout, accumulate, to_polar
@@ -22,10 +20,8 @@ def nearest_obstacle(
     columns: np.ndarray,
     line: np.ndarray,
     expected: np.ndarray | None,
-    rig: Rig,
     road: RoadParameters,
     grid: Layout,
-    occupancy: OccupancyParameters,
     free_space: FreeSpaceParameters,
 ) -> np.ndarray:
     """Pitch-compensated disparity (W,) float32 px of each column's nearest obstacle; NaN: free.
@@ -34,11 +30,12 @@ def nearest_obstacle(
         columns: (W, H) int16 raw disparities, column by column.
         line: (2,) the road's disparity a v + b, px.
         expected: (W,) depths of the last solution in this frame, m, NaN where unknown; or None.
-        grid: `layout` of the same rig, occupancy parameters and disparities.
+        grid: `layout` for these disparities.
     """
-    histogram, values = accumulate(columns, line, rig, road, grid, occupancy)
-    if isinstance(occupancy, CartesianOccupancy):
-        values = to_polar(values, grid, rig)
+    histogram, values = accumulate(columns, line, road, grid)
+    if isinstance(grid.occupancy, CartesianOccupancy):
+        values = to_polar(values, grid)
+    rig = grid.rig
     # An obstacle of height h has f_v h / z = (f_v / f_u) h d / B rows.
     pixels = np.maximum(
         free_space.obstacle_pixels,

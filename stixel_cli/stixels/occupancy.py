@@ -36,6 +36,7 @@ class Layout:
     """Rows of a grid and the likelihoods that fill them.
 
     Attributes:
+        occupancy, rig: what the grid is made for.
         depths: (R,) float32 m, ascending.
         disparities: (R,) float32 px, descending.
         reaches: (R,) float32 px, a cell's half extent and two standard deviations.
@@ -45,6 +46,8 @@ class Layout:
         laterals: (C,) float32 m, centres of a Cartesian grid's cells, else empty.
     """
 
+    occupancy: OccupancyParameters
+    rig: Rig
     depths: np.ndarray
     disparities: np.ndarray
     reaches: np.ndarray
@@ -79,6 +82,8 @@ def layout(occupancy: OccupancyParameters, rig: Rig, count: int) -> Layout:
     std = np.hypot(occupancy.disparity_std, occupancy.relief * disparities / depths)
     likelihoods = cell_likelihoods(count, lower, upper, std)
     return Layout(
+        occupancy=occupancy,
+        rig=rig,
         depths=depths.astype(np.float32),
         disparities=disparities.astype(np.float32),
         reaches=(0.5 * (upper - lower) + 2.0 * std).astype(np.float32),
@@ -112,25 +117,19 @@ def cell_likelihoods(
 
 
 def accumulate(
-    columns: np.ndarray,
-    line: np.ndarray,
-    rig: Rig,
-    road: RoadParameters,
-    grid: Layout,
-    occupancy: OccupancyParameters,
+    columns: np.ndarray, line: np.ndarray, road: RoadParameters, grid: Layout
 ) -> tuple[np.ndarray, np.ndarray]:
     """Histogram and occupancy of one frame.
 
     Args:
         columns: (W, H) int16 raw disparities, column by column.
         line: (2,) the road's disparity a v + b.
-        grid: `layout` of the same occupancy parameters.
 
     Returns:
         Histogram (W, bins) uint16 of the obstacle pixels, and occupancy (W, R) float32 (1/px), or
         (C, R) float32 (1/px²) for a Cartesian grid.
     """
-    bins = len(grid.likelihoods)
+    rig, occupancy, bins = grid.rig, grid.occupancy, len(grid.likelihoods)
     lowest, highest = obstacle_limits(line, rig, road, bins // BINS_PER_PIXEL)
     scale = pitch_factors(line, rig) * np.float32(BINS_PER_PIXEL / SUBPIXELS)
     histogram = column_histograms(columns, lowest, highest, scale, bins)
@@ -143,11 +142,12 @@ def accumulate(
     return histogram, spread_laterally(polar, starts, widths, cells, occupancy.column_std)
 
 
-def to_polar(cartesian: np.ndarray, grid: Layout, rig: Rig) -> np.ndarray:
+def to_polar(cartesian: np.ndarray, grid: Layout) -> np.ndarray:
     """A Cartesian grid (C, R) resampled to the image's columns (W, R) float32, linearly.
 
     Columns are 1 px apart, so the sum over the columns has the scale of a polar grid.
     """
+    rig = grid.rig
     u = np.arange(rig.width, dtype=np.float64) - rig.u0
     step = float(grid.laterals[1] - grid.laterals[0])
     polar = np.zeros((rig.width, len(grid.depths)), dtype=np.float32)

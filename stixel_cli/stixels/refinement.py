@@ -20,8 +20,7 @@ MOST_ROWS = 32
 
 
 def aligned(
-    left: np.ndarray,
-    right: np.ndarray,
+    images: tuple[np.ndarray, np.ndarray],
     columns: np.ndarray,
     areas: np.ndarray,
     disparities: np.ndarray,
@@ -38,7 +37,7 @@ def aligned(
     away, the given disparity stays.
 
     Args:
-        left, right: (H, W) uint8.
+        images: left and right (H, W) uint8.
         columns: (W, H) int16 raw disparities; pitch-compensated disparity is raw * scale[v] px.
         areas: (S, 4) left, right (exclusive), top and base row.
         disparities: (S,) pitch-compensated, px.
@@ -47,7 +46,7 @@ def aligned(
     """
     found = disparities.copy()
     rows = np.empty(columns.shape[1], dtype=np.int64)
-    _align(found, rows, left, right, columns, areas, disparities, scale, errors)
+    _align(found, rows, *images, columns, areas, disparities, scale, errors)
     return found
 
 

@@ -3,13 +3,9 @@
 import numpy as np
 from numba import njit
 
-from stixel_cli.geometry.rig import Rig
 from stixel_cli.stereo.disparities import SUBPIXELS
-from stixel_cli.stixels.free_space_parameters import (
-    FreeSpaceParameters,
-    OccupancyParameters,
-    RoadParameters,
-)
+from stixel_cli.stixels.free_space_parameters import FreeSpaceParameters, RoadParameters
+from stixel_cli.stixels.occupancy import Layout
 from stixel_cli.stixels.road import pitch_and_height
 
 LEAST_ROWS = 10
@@ -23,9 +19,8 @@ def unknown_rows(
     columns: np.ndarray,
     base_row: np.ndarray,
     line: np.ndarray,
-    rig: Rig,
     road: RoadParameters,
-    occupancy: OccupancyParameters,
+    grid: Layout,
     free_space: FreeSpaceParameters,
 ) -> np.ndarray:
     """Lowest row (W,) int32 above which nothing is known of a column; -1 where all is known.
@@ -35,18 +30,19 @@ def unknown_rows(
     disparity do not, and neither do those of something above the road that is no obstacle, because
     too little of it has a disparity, or a wrong one: a dark car that mirrors the street. Rows count
     from the bottom of the image up to the column's obstacle, or to the road at
-    `occupancy.farthest` m.
+    `grid.occupancy.farthest` m.
 
     Args:
         columns: (W, H) int16 raw disparities, column by column.
         base_row: (W,) a frame of `FreeSpace`.
         line: (2,) the road's disparity a v + b, px.
     """
+    rig = grid.rig
     of_road = line[0] * np.arange(rig.height) + line[1]
     # A height h has f_v h / z = (f_v / f) h d / B rows.
     heights = free_space.unknown_height / rig.baseline * (rig.focal_v / rig.focal) * of_road
     extents = np.maximum(np.rint(heights), LEAST_ROWS).astype(np.int32)
-    far = of_road < rig.disparity_from_depth(occupancy.farthest)
+    far = of_road < rig.disparity_from_depth(grid.occupancy.farthest)
     end = np.flatnonzero(far)[-1] + 1 if far.any() else 0
     _, height = pitch_and_height(line, rig)
     # As `obstacle_limits`: at height h, (1 - h / H) d is the road's disparity.

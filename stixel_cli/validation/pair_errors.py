@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stixel_cli.calibration.label_errors import column_rays, face_depths
-from stixel_cli.geometry.pose import rectangle, world_from_target
+from stixel_cli.calibration.label_errors import column_rays, label_face
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.recordings.types import Labels
 from stixel_cli.stixels.free_space_parameters import FreeSpaceParameters, RoadParameters
@@ -116,17 +115,15 @@ def road_plane(truth: np.ndarray, line: np.ndarray, rig: Rig) -> np.ndarray:
     return plane
 
 
-def label_obstacles(labels: list[Labels], frame: int, rig: Rig, left_camera) -> np.ndarray:
+def label_obstacles(
+    labels: list[Labels], frame: int, rig: Rig, left_camera: tuple[float, float, float]
+) -> np.ndarray:
     """Depth (W,) m of the nearest labelled box that each column sees; NaN without one."""
     rays = column_rays(rig)
     nearest = np.full(rig.width, np.nan)
     for one in labels:
         for row in np.flatnonzero(one.frames == frame):
-            place = rig.level_from_camera @ (one.places[row] - np.array(left_camera))
-            _, width, length = one.sizes[row]
-            pose = np.array([place[2], -place[0], -one.yaws[row] - 0.5 * np.pi])
-            face = face_depths(world_from_target(rectangle(length, width), pose), rays, rig)
-            nearest = np.fmin(nearest, face)
+            nearest = np.fmin(nearest, label_face(one, row, rays, rig, left_camera))
     return nearest
 
 

@@ -90,15 +90,9 @@ def point_errors(scans: Scans, scenario: Scenario, rig: Rig) -> PointErrors:
         pose = scenario.ego_poses_world[k]
         turn = rotation(pose[2])
         contour = scenario.contour_world(k)
-        seen = _of_scan(
+        rows, its_columns, span, clutter[k] = _of_scan(
             (contour - pose[:2]) @ turn, (scans.points_world[scans.rows(k)] - pose[:2]) @ turn, rig
         )
-        if seen is None:
-            points.append(np.zeros((7, 0)))
-            columns.append(np.zeros((2, 0)))
-            spans.append((np.nan, np.nan, np.nan))
-            continue
-        rows, its_columns, span, clutter[k] = seen
         points.append(np.vstack([np.full((1, rows.shape[1]), k), rows]))
         columns.append(np.vstack([np.full((1, its_columns.shape[1]), k), its_columns]))
         spans.append(span)
@@ -126,10 +120,13 @@ def point_errors(scans: Scans, scenario: Scenario, rig: Rig) -> PointErrors:
     )
 
 
-def _of_scan(contour, points, rig):
+def _of_scan(
+    contour: np.ndarray, points: np.ndarray, rig: Rig
+) -> tuple[np.ndarray, np.ndarray, tuple[float, float, float], int]:
     """Rows of the target's points (6, n) and its columns (1, c), the silhouette's span, clutter."""
+    unseen = np.zeros((6, 0)), np.zeros((1, 0)), (np.nan, np.nan, np.nan), 0
     if contour[:, 0].min() < _BEHIND:
-        return None
+        return unseen
     left, right = -0.5 - rig.u0, rig.width - 0.5 - rig.u0
     outline = -rig.focal * contour[:, 1] / contour[:, 0]
     first, last = outline.min(), outline.max()
@@ -137,7 +134,7 @@ def _of_scan(contour, points, rig):
     middles = np.arange(rig.width) - rig.u0
     seeing = middles[(middles >= low) & (middles <= high)]
     if len(seeing) == 0:
-        return None
+        return unseen
     points = points[points[:, 0] > _BEHIND]
     column = -rig.focal * points[:, 1] / points[:, 0]
     order = np.argsort(column, kind="stable")

@@ -120,7 +120,7 @@ def stage_errors(
         raw = disparities.raw(k - disparities.first)
         found = disparities.pixels(k - disparities.first)
         line = obstacles.road[k - obstacles.first]
-        alone = grid_choice(raw, line, rig, road, grid, occupancy, free_space)
+        alone = grid_choice(raw, line, road, grid, free_space)
         truths.append((_nearest(truth), int(np.sum(truth.ids == TARGET_ID))))
         disparity.append(disparity_errors(found, truth))
         path = obstacles.disparity[k - obstacles.first]
@@ -184,10 +184,8 @@ def disparity_errors(found: np.ndarray, truth: FrameTruth) -> DisparityErrors:
 def grid_choice(
     raw: np.ndarray,
     line: np.ndarray,
-    rig: Rig,
     road: RoadParameters,
     grid: Layout,
-    occupancy: OccupancyParameters,
     free_space: FreeSpaceParameters,
 ) -> np.ndarray:
     """Pitch-compensated disparity (W,) px that the grid chooses in each column; NaN where free.
@@ -196,8 +194,7 @@ def grid_choice(
     `raw` (H, W) int16 disparities, `line` (2,) the road's disparity a v + b.
     """
     untied = replace(free_space, spatial_cost=0.0)
-    columns = cv2.transpose(raw)
-    return nearest_obstacle(columns, line, None, rig, road, grid, occupancy, untied)
+    return nearest_obstacle(cv2.transpose(raw), line, None, road, grid, untied)
 
 
 def column_errors(

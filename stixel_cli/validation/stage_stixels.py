@@ -5,7 +5,6 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.rendering.frames import TARGET_ID
 from stixel_cli.stixels.road import base_rows, road_line
 from stixel_cli.stixels.types import Stixels
 from stixel_cli.validation.stage_truth import FrameTruth
@@ -90,18 +89,8 @@ class StixelErrors:
         return cls(offsets=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), **arrays)
 
 
-ROW_FIELDS = (
-    "true_depth",
-    "disparity",
-    "depth",
-    "own_depth",
-    "own_spread",
-    "sigma",
-    "lateral",
-    "top",
-    "base",
-    "height",
-)
+ROW_FIELDS = tuple(field.name for field in fields(StixelErrors))[1:11]
+"""The fields (S,), `true_depth` to `height`: one value for each stixel."""
 
 
 def stixel_errors(
@@ -116,14 +105,13 @@ def stixel_errors(
         owner[stixels.left[s] : stixels.right[s]] = s
     true = rig.disparity_from_depth(truth.nearest_depth)
     line = road_line(rig.pitch_radians, rig.camera_height, rig)
-    on_target = truth.ids == TARGET_ID
     records = [
-        _errors_of(stixels, s, truth, on_target, true, line, rig)
+        _errors_of(stixels, s, truth, line, rig)
         for s in range(rows.start, rows.stop)
         if 2 * truth.of_target[stixels.left[s] : stixels.right[s]].sum()
         >= stixels.right[s] - stixels.left[s]
     ]
-    shown = on_target.any(axis=0)
+    shown = truth.on_target.any(axis=0)
     sides = overhang(found, true, truth.of_target, shown, gross)
     with np.errstate(invalid="ignore"):
         matched = truth.of_target & (np.abs(found - true) <= gross)
@@ -134,18 +122,16 @@ def stixel_errors(
         covered=np.array([np.sum(truth.of_target & np.isfinite(found))]),
         matched=np.array([matched.sum()]),
         shown=np.array([shown.sum()]),
-        unseen=np.array([np.sum(shown & ~_on_surface(found, truth, on_target, rig, gross))]),
+        unseen=np.array([np.sum(shown & ~_on_surface(found, truth, rig, gross))]),
         overhang=np.array([[len(side) for side in sides]]),
         hanging=np.array([len({int(owner[u]) for side in sides for u in side})]),
     )
 
 
-def _on_surface(
-    found: np.ndarray, truth: FrameTruth, on_target: np.ndarray, rig: Rig, gross: float
-) -> np.ndarray:
+def _on_surface(found: np.ndarray, truth: FrameTruth, rig: Rig, gross: float) -> np.ndarray:
     """Whether `found` (W,) px is among the target's disparities in the column, up to `gross` px."""
-    nearest = np.where(on_target, truth.depth, np.inf).min(axis=0)
-    farthest = np.where(on_target, truth.depth, 0.0).max(axis=0)
+    nearest = np.where(truth.on_target, truth.depth, np.inf).min(axis=0)
+    farthest = np.where(truth.on_target, truth.depth, 0.0).max(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         most, least = rig.disparity_from_depth(nearest), rig.disparity_from_depth(farthest)
         return (found >= least - gross) & (found <= most + gross)
@@ -178,20 +164,20 @@ def overhang(
     return sides
 
 
-def _errors_of(stixels: Stixels, s: int, truth: FrameTruth, on_target, true, line, rig: Rig):
-    """The values of `ROW_FIELDS` of stixel `s`; `true` (W,) px, `on_target` (H, W) bool."""
+def _errors_of(stixels: Stixels, s: int, truth: FrameTruth, line: np.ndarray, rig: Rig) -> tuple:
+    """The values of `ROW_FIELDS` of stixel `s`; `line` (2,) px is the road's disparity."""
     left, right = stixels.left[s], stixels.right[s]
     u = np.arange(left, right)[truth.of_target[left:right]]
     area = slice(stixels.top[s], stixels.base[s] + 1), slice(left, right)
-    surface = truth.depth[area][on_target[area]]
-    tops = np.argmax(on_target[:, u], axis=0)
+    surface = truth.depth[area][truth.on_target[area]]
+    tops = np.argmax(truth.on_target[:, u], axis=0)
     # The upper edge of the topmost row that shows it, upright at that pixel's own depth.
     down = (tops - 0.5 - rig.v0) / rig.focal_v
     cosine, sine = np.cos(rig.pitch_radians), np.sin(rig.pitch_radians)
     below = (cosine * down + sine) / (cosine - sine * down)
     edge = rig.camera_height - below * truth.depth[tops, u]
     depth = float(np.median(truth.nearest_depth[u]))
-    disparity = float(np.median(true[u]))
+    disparity = float(np.median(rig.disparity_from_depth(truth.nearest_depth[u])))
     base = np.clip(np.rint(base_rows(np.float64(disparity), line, rig)), 0, rig.height - 1)
     return (
         depth,

@@ -4,6 +4,7 @@ Depths run along the level frame's z axis, parallel to the road, like those of t
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -37,6 +38,11 @@ class FrameTruth:
     nearest_depth: np.ndarray
     nearest_lateral: np.ndarray
     of_target: np.ndarray
+
+    @cached_property
+    def on_target(self) -> np.ndarray:
+        """Which pixels (H, W) show the target."""
+        return self.ids == TARGET_ID
 
 
 def frame_truth(

@@ -98,11 +98,9 @@ def test_cartesian_grid_is_resampled_to_the_columns(rig, road, occupancies, rend
     columns = np.ascontiguousarray(render(rig, boxes=[(-1.0, 12.0, 3.0, 1.5)], wall=30.0).T)
     line = road_line(0.0, rig.camera_height, rig)
     grids = {k: layout(o, rig, 64) for k, o in occupancies.items()}
-    _, polar = accumulate(columns, line, rig, road, grids["polar"], occupancies["polar"])
-    _, cartesian = accumulate(
-        columns, line, rig, road, grids["cartesian"], occupancies["cartesian"]
-    )
-    back = to_polar(cartesian, grids["cartesian"], rig)
+    _, polar = accumulate(columns, line, road, grids["polar"])
+    _, cartesian = accumulate(columns, line, road, grids["cartesian"])
+    back = to_polar(cartesian, grids["cartesian"])
     u = 140
     assert np.argmax(back[u]) == np.argmax(polar[u])
     assert back[u].max() == pytest.approx(polar[u].max(), rel=0.05)

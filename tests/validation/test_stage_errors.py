@@ -176,7 +176,7 @@ def test_choice_of_the_grid_ignores_smoothness_and_time():
     raw[25:40, 50] = 16 * 20
     grid = layout(GRID, rig, 64)
     tied = replace(PATH, spatial_cost=5.0)
-    alone = grid_choice(raw, line, rig, ROAD, grid, GRID, tied)
+    alone = grid_choice(raw, line, ROAD, grid, tied)
     assert alone[50] == pytest.approx(20.0, abs=0.3)
     assert np.delete(alone, 50) == pytest.approx(8.0, abs=0.3)
 
