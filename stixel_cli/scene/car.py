@@ -61,13 +61,14 @@ def car(colour: Colour, contrast: float, shape: CarShape = HATCHBACK) -> Mesh:
     painted = paint(colour, contrast)
     shell, windows = _cabin(painted, shape)
     trim = mottled("trim", (34, 34, 37), 0.20)
+    underbody = box((-2.02, -0.60, 0.24), (2.05, 0.60, 0.66))
     raised = np.array([0.0, 0.0, 0.4 * shape.lift])
     mesh = Mesh(
         (
             part("body", [_body(shape), *_mirrors(shape), *_handles(shape)], painted, 1.1),
             shell,
             windows,
-            part("trim", [_underbody(), *_seams(shape), *_grilles()], trim, 0.5),
+            part("trim", [underbody, *_seams(shape), *_grilles()], trim, 0.5),
             part("tyres", [_tyre(x, y) for x in WHEEL_X for y in (1, -1)], trim, 0.4),
             part("rims", _rims(), mottled("alloy", (176, 178, 184), 0.12), 0.3),
             part("headlamps", _lamps(np.add(raised, (2.065, 0.585, 0.645)), (0.12, 0.15, 0.075)),
@@ -225,10 +226,6 @@ def _mirrors(shape):
         surfaces.append(ellipsoid(centre, (0.065, 0.07, 0.065), 6, 12))
         surfaces.append(tube(arm, 0.022, 6))
     return surfaces
-
-
-def _underbody():
-    return box((-2.02, -0.60, 0.24), (2.05, 0.60, 0.66))
 
 
 def _grilles():

@@ -108,6 +108,9 @@ def cyclist(contrast: float, shape: CyclistShape = STANDARD) -> Mesh:
     """Rider and bicycle, the texture of cloth and paint of `contrast` 0 … 1."""
     hubs = [shape.on_bicycle((x, 0.0, 0.35)) for x in (-0.54, 0.54)]
     moving = pedalling(shape, 0.0)
+    head = ellipsoid(shape.on_body((0.185, 0.0, 1.60)), (0.100, 0.076, 0.122), 12, 18)
+    neck = tube(shape.on_body([(0.10, 0.0, 1.43), (0.165, 0.0, 1.55)]), 0.05, 12)
+    helmet = ellipsoid(shape.on_body((0.165, 0.0, 1.655)), (0.135, 0.095, 0.095), 10, 18)
     jacket = cloth(shape.jacket, contrast, 4)
     sneakers, rubber = (
         mottled("sneakers", (196, 194, 190), 0.2),
@@ -123,9 +126,8 @@ def cyclist(contrast: float, shape: CyclistShape = STANDARD) -> Mesh:
             part("jacket", [_torso(shape), *_sleeves(shape)], jacket, 0.8),
             part("trousers", moving["trousers"], cloth(shape.trousers, contrast), 0.5),
             part("shoes", moving["shoes"], sneakers, 0.3),
-            part("skin", [_head(shape), _neck(shape), *_hands(shape)],
-                 mottled("skin", SKIN, 0.10), 0.5),
-            part("helmet", [_helmet(shape)], paint((206, 210, 214), 0.4 * contrast), 0.4),
+            part("skin", [head, neck, *_hands(shape)], mottled("skin", SKIN, 0.10), 0.5),
+            part("helmet", [helmet], paint((206, 210, 214), 0.4 * contrast), 0.4),
             *_luggage(shape, contrast),
         )
     )  # fmt: skip
@@ -240,18 +242,6 @@ def _hands(shape):
         ellipsoid(shape.on_bar((0.305, side * 0.262, 1.01)), (0.05, 0.032, 0.035), 6, 10)
         for side in (1, -1)
     ]
-
-
-def _head(shape):
-    return ellipsoid(shape.on_body((0.185, 0.0, 1.60)), (0.100, 0.076, 0.122), 12, 18)
-
-
-def _neck(shape):
-    return tube(shape.on_body([(0.10, 0.0, 1.43), (0.165, 0.0, 1.55)]), 0.05, 12)
-
-
-def _helmet(shape):
-    return ellipsoid(shape.on_body((0.165, 0.0, 1.655)), (0.135, 0.095, 0.095), 10, 18)
 
 
 def _luggage(shape: CyclistShape, contrast: float) -> list[Part]:

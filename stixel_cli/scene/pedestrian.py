@@ -74,6 +74,12 @@ def pedestrian(contrast: float, shape: PedestrianShape = STANDARD) -> Mesh:
     """The person, the cloth's texture of `contrast` 0 … 1."""
     moving = walking(shape, 0.0)
     skin = mottled("skin", SKIN, 0.10)
+    head = ellipsoid((0.02, 0.0, 1.625), (0.098, 0.075, 0.122), 12, 18)
+    neck = tube([(0.0, 0.0, 1.44), (0.015, 0.0, 1.56)], 0.052, 12)
+    hair = [
+        ellipsoid((-0.005, 0.0, 1.665), (0.100, 0.081, 0.092), 10, 18),
+        ellipsoid((-0.04, 0.0, 1.60), (0.065, 0.074, 0.075), 8, 14),
+    ]
     return Mesh(
         (
             part("torso", [_torso(shape)], cloth(shape.top, contrast, 5), 0.9),
@@ -81,8 +87,8 @@ def pedestrian(contrast: float, shape: PedestrianShape = STANDARD) -> Mesh:
             part("trousers", moving["trousers"], cloth(shape.trousers, contrast), 0.5),
             part("shoes", moving["shoes"], mottled("leather", (58, 44, 36), 0.25), 0.3),
             part("hands", moving["hands"], skin, 0.5),
-            part("head", _grown([_head(), _neck()], shape), skin, 0.5),
-            part("hair", _grown(_hair(), shape), mottled("hair", shape.hair, 0.35, 4.0), 0.3),
+            part("head", _grown([head, neck], shape), skin, 0.5),
+            part("hair", _grown(hair, shape), mottled("hair", shape.hair, 0.35, 4.0), 0.3),
             *_clothes(shape, contrast),
         )
     )
@@ -163,21 +169,6 @@ def _torso(shape):
         (0.005, 1.49, 0.055, 0.062),
     ]
     return _body(sections, shape)[0]
-
-
-def _neck():
-    return tube([(0.0, 0.0, 1.44), (0.015, 0.0, 1.56)], 0.052, 12)
-
-
-def _head():
-    return ellipsoid((0.02, 0.0, 1.625), (0.098, 0.075, 0.122), 12, 18)
-
-
-def _hair():
-    return [
-        ellipsoid((-0.005, 0.0, 1.665), (0.100, 0.081, 0.092), 10, 18),
-        ellipsoid((-0.04, 0.0, 1.60), (0.065, 0.074, 0.075), 8, 14),
-    ]
 
 
 def _clothes(shape: PedestrianShape, contrast: float) -> list[Part]:
