@@ -77,13 +77,16 @@ def test_compose(benchmark, how, what):
 def test_tracker_runs(benchmark, cache, tmp_path, how):
     """100 scans each, two workers; compared with plain calls in one process without a store."""
     line = [*FABRICATED, SETTINGS]
-    made = new_sweep([*FABRICATED, "tracker.sigma_q=30,31"])
+    made = new_sweep(sweep_design([*FABRICATED, "tracker.sigma_q=30,31"]))
     assert made.complete
     plan = plan_sweep(plan_runs(design_runs(sweep_design(line))), cache)
     assert {stage.name for stage in plan.stages if stage.to_run} == {"track", "scores"}
     if how == "sweep":
         result = benchmark.pedantic(
-            new_sweep, args=(line,), kwargs={"results": tmp_path / "results"}, rounds=1
+            new_sweep,
+            args=(sweep_design(line),),
+            kwargs={"results": tmp_path / "results"},
+            rounds=1,
         )
         assert result.computed == 2 * TRACKER_RUNS
         return
@@ -117,7 +120,7 @@ def test_scores(benchmark, cache, tracker, how):
     from stixel_cli.evaluation.evaluate import evaluate
 
     line = [*FABRICATED, f"tracker={tracker}", "seed=0,1"]
-    assert new_sweep(line).complete
+    assert new_sweep(sweep_design(line)).complete
     graph = plan_runs(design_runs(sweep_design(line)))[0].graph
     track, scenario, scans, scores = (
         cache.load(graph.of_stage(name)[0].key) for name in ("track", "scenario", "scans", "scores")

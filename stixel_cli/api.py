@@ -122,6 +122,7 @@ def sweep(
         UserError: for errors that the user can correct, before anything is computed.
     """
     from stixel_cli.config.texts import override_text
+    from stixel_cli.sweeps.runs import sweep_design
     from stixel_cli.sweeps.whole import new_sweep
 
     texts = list(_texts(overrides, last_wins))
@@ -129,16 +130,10 @@ def sweep(
         texts.append(override_text("executor.workers", workers))
     if cache is not None:
         texts.append(override_text("cache.folder", str(cache)))
-    return new_sweep(
-        texts,
-        None if file is None else str(file),
-        None if results is None else Path(results),
-        name,
-        shuffle,
-        pictures,
-        visible=_visible(),
-        trust_code=trust_code,
-    )
+    file = None if file is None else str(file)
+    design = sweep_design(texts, file, shuffle, trust_code=trust_code)
+    results = None if results is None else Path(results)
+    return new_sweep(design, results, name, pictures, visible=_visible())
 
 
 def plot(result: RunResult) -> "Figure":

@@ -32,14 +32,14 @@ BUDGET = {
     "rendering": 2368,
     # The layer that studies share: runs, scans, cost, templates, numbered blocks, files.
     "report": 2913,
-    "results": 1580,
+    "results": 1576,
     # A mesh in other units and along another axis.
     "scene": 3484,
     "stereo": 471,
     "stixels": 2037,
     # A study of the trackers away from home.
     "studies": 4999,
-    "sweeps": 2341,
+    "sweeps": 2333,
     # `contour`: the bank of forms for what it did not learn from, the search at the first scan;
     # a start from slow and sparse scans.
     "tracking": 4736,

@@ -37,7 +37,7 @@ def show(folder: RunOrSweep, json: Json = False) -> int:
         return 0
     print_table(("run", str(folder)), _provenance(run), width=WIDTH)
     say("", *verdict(metrics), "")
-    print_table(("score", "value", "unit"), score_rows(metrics), right=(1,))
+    print_table(("score", "value", "unit"), score_rows(metrics), right=(1,), width=WIDTH)
     say("")
     print_table(("stage", "status", "nodes", "seconds", "key"), _stages(manifest), right=(2, 3))
     return 0

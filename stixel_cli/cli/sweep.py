@@ -81,7 +81,7 @@ def sweep(
         given |= {"--pictures": pictures or None, "--dry-run": dry_run or None}
         for option in (option for option, value in given.items() if value is not None):
             raise UserError(f"--resume continues the sweep of that folder: leave out {option}")
-        result = resumed_sweep(resume, None, True, "", words, tell, trust_code)
+        result = resumed_sweep(resume, words, trust_code, visible=True, note=tell)
     elif dry_run:
         check_name(results, name)
         design = sweep_design(words, file, shuffle, trust_code=trust_code)
@@ -89,8 +89,8 @@ def sweep(
         print_plan(plan, design, notes, json)
         return 0
     else:
-        of_runs = (file, results, name, shuffle, pictures)
-        result = new_sweep(words, *of_runs, True, tell, advice=not json, trust_code=trust_code)
+        design = sweep_design(words, file, shuffle, trust_code=trust_code)
+        result = new_sweep(design, results, name, pictures, True, tell, advice=not json)
     _report(result, json, time.perf_counter() - started)
     return 0 if result.complete else INCOMPLETE
 

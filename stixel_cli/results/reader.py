@@ -68,19 +68,15 @@ def read_config(folder: Path) -> dict[str, Any]:
     return content
 
 
-def flat_settings(content: dict[str, Any]) -> dict[str, str]:
+def flat_settings(content: dict[str, Any], prefix: str = "") -> dict[str, str]:
     """Dotted key to value as text, in the order of `content`, as `read_config` gives it."""
     settings: dict[str, str] = {}
-    _flatten(content, "", settings)
-    return settings
-
-
-def _flatten(content: dict, prefix: str, settings: dict[str, str]) -> None:
     for key, value in content.items():
         if isinstance(value, dict):
-            _flatten(value, f"{prefix}{key}.", settings)
+            settings |= flat_settings(value, f"{prefix}{key}.")
         else:
             settings[f"{prefix}{key}"] = _setting_text(value)
+    return settings
 
 
 def _setting_text(value: Any) -> str:

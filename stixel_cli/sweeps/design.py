@@ -43,12 +43,16 @@ class Design:
         axes: the runs are all combinations of their steps; the last axis varies fastest.
         left_out: combinations to leave out, each as keys of axes with their values.
         file: that names them; "" if there is no file.
+        shuffle: seed of the order of execution; None for the order of the axes.
+        words: of the command line that gives this design, without `stixel sweep`.
     """
 
     fixed: tuple[Override, ...]
     axes: tuple[Axis, ...]
     left_out: tuple[Mapping[str, Any], ...] = ()
     file: str = ""
+    shuffle: int | None = None
+    words: tuple[str, ...] = ()
 
     @property
     def leave_out(self) -> str:

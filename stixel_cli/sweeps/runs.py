@@ -2,7 +2,7 @@
 
 import random
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config.compose import Composer, Composition
@@ -124,7 +124,9 @@ def sweep_design(
     else:
         design = joined(Design((), ()), design, "")
     check_size(design, one_is_enough)
-    return design
+    options = [] if file is None else ["--from", file]
+    options += [] if shuffle_seed is None else ["--shuffle", str(shuffle_seed)]
+    return replace(design, shuffle=shuffle_seed, words=(*overrides, *options))
 
 
 def design_runs(design: Design, imports: bool = True) -> list[PlannedRun]:

@@ -33,35 +33,28 @@ from stixel_cli.sweeps.runs import (
     compose_runs,
     design_runs,
     shuffled_runs,
-    sweep_design,
 )
 
 
 def new_sweep(
-    overrides: Sequence[str],
-    file: str | None = None,
+    design: Design,
     results: Path | None = None,
     name: str | None = None,
-    shuffle: int | None = None,
     pictures: bool = False,
     visible: bool = False,
     note: Callable[[str], Any] = lambda text: None,
     advice: bool = True,
-    trust_code: bool = False,
 ) -> SweepResult:
     """Run a sweep.
 
     Args:
-        overrides: in Hydra's grammar; several values of a key make an axis.
-        file: with axes: a path, or the name of a shipped one.
+        design: of its runs, by `sweep_design`.
         results: parent of the sweep's folder; None to write nothing.
         name: of the sweep's folder; None for the file's name, or the swept keys, and the time.
-        shuffle: seed of the order of execution; None for the order of the axes.
         pictures: draw the pictures of every run.
         visible: show progress on stderr.
         note: called with notes on the axes before anything runs.
         advice: note files that the user's code may read without declaring them, too.
-        trust_code: run the user-defined code that the file names.
 
     Raises:
         UserError: in one line; for invalid runs before anything is computed.
@@ -69,19 +62,16 @@ def new_sweep(
     """
     if results is not None:
         check_results(results, name)
-    design = sweep_design(overrides, file, shuffle, trust_code=trust_code)
-    options = [] if file is None else ["--from", file]
-    options += [] if shuffle is None else ["--shuffle", str(shuffle)]
-    options += [*(["--pictures"] if pictures else []), *presets_option()]
-    command = shlex.join(["stixel", "sweep", *overrides, *options])
-    plan, request, notes = _requested(design, command, shuffle, pictures)
+    options = [*(["--pictures"] if pictures else []), *presets_option()]
+    command = shlex.join(["stixel", "sweep", *design.words, *options])
+    plan, request, notes = _requested(design, command, pictures)
     missing = [plan.graph.nodes[key] for key in plan.missing] if advice else []
     for text in [*notes, *undeclared_reads(missing)]:
         note(text)
     if results is None:
         return run_sweep(plan, request, None, visible)
     swept = [re.split("[./]", key)[-1] for key in design.keys]
-    stem = joined_name(["sweep", *swept]) if file is None else Path(file).stem
+    stem = Path(design.file).stem if design.file else joined_name(["sweep", *swept])
     check_computable(plan)
     now = datetime.now(UTC)
     folder = new_folder(results, name, stem, now, lambda path: SweepFolder(path).create(request))
@@ -117,22 +107,20 @@ def designed_sweep(
 
 def resumed_sweep(
     path: Path,
-    workers: int | None = None,
+    overrides: Sequence[str] = (),
+    trust_code: bool = False,
     visible: bool = False,
     label: str = "",
-    overrides: Sequence[str] = (),
     note: Callable[[str], Any] = lambda text: None,
-    trust_code: bool = False,
 ) -> SweepResult:
     """Resume the sweep in a folder: run what is missing, has failed, or is out of date.
 
     Args:
         path: the sweep's folder.
-        workers: None for the number in the configuration.
-        visible: show progress on stderr, with the prefix `label`.
         overrides: of executor and cache; those of the folder are never used.
-        note: called with the number of finished runs that are out of date, and why.
         trust_code: run the user's own functions that the folder names.
+        visible: show progress on stderr, with the prefix `label`.
+        note: called with the number of finished runs that are out of date, and why.
 
     Raises:
         UserError: in one line, if the folder is not of a sweep or cannot be resumed.
@@ -140,7 +128,6 @@ def resumed_sweep(
     """
     folder = SweepFolder(path)
     request = folder.request()
-    overrides = [*overrides, *([] if workers is None else [f"executor.workers={workers}"])]
     texts = on_this_machine(request.runs, overrides)
     composer = Composer(request.working_directory, trusted=False)
     runs = compose_runs(texts, request.keys, composer)
@@ -185,17 +172,16 @@ def check_computable(plan: SweepPlan) -> None:
 def _requested(
     design: Design,
     command: str,
-    shuffle: int | None = None,
     pictures: bool = False,
     nodes: Sequence[str] = (),
 ) -> tuple[SweepPlan, SweepRequest, list[str]]:
     """The plan and the request of a design, and notes on its axes; see `planned_sweep`."""
     runs = design_runs(design)
-    plan, notes = planned_sweep(runs, shuffle, pictures, nodes)
+    plan, notes = planned_sweep(runs, design.shuffle, pictures, nodes)
     request = SweepRequest(
         axes=tuple(axis.keys for axis in design.axes),
         runs=tuple(with_own_values(o.overrides, o.composition.resolved) for o in runs),
-        shuffle=shuffle,
+        shuffle=design.shuffle,
         pictures=pictures,
         nodes=tuple(nodes),
         working_directory=os.getcwd(),

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 import yaml
 
+from stixel_cli import sweep
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import compose, from_resolved
 from stixel_cli.evaluation.metric_table import LOSS_RATE
 from stixel_cli.report.statistics import statistic
 from stixel_cli.results.result import read_scored_run
 from stixel_cli.sweeps import figures
-from stixel_cli.sweeps.whole import new_sweep
 
 FEW = ("measurement=fabricated", "path.duration=0.3")
 STATISTICS = ("summary.csv", "summary.md", "summary.tex")
@@ -238,7 +238,7 @@ def test_json_has_the_full_folder_and_show_fits_the_terminal(sweeps, tmp_path, c
 
 
 def test_from_python_nothing_is_written(sweeps, tmp_path):
-    result = new_sweep([*FEW, "seed=0,1"])
+    result = sweep([*FEW, "seed=0,1"])
     assert result.complete
     assert result.folder is None
     assert [record["seed"] for record in result.records] == [0, 1]
@@ -260,5 +260,5 @@ def test_figures_of_text_values_numbers_and_many_lines():
 
 def test_a_taken_name_is_refused_before_anything_is_planned(sweeps, monkeypatch):
     (sweeps.results / "mine").mkdir(parents=True)
-    monkeypatch.setattr("stixel_cli.sweeps.whole.sweep_design", None)
+    monkeypatch.setattr("stixel_cli.sweeps.whole.design_runs", None)
     assert "choose another --name" in sweeps.refused(*FEW, "seed=0,1", "--name", "mine")
