@@ -31,7 +31,7 @@ BUDGET = {
     # Images of a rig out of calibration.
     "rendering": 2368,
     # The layer that studies share: runs, scans, cost, templates, numbered blocks, files.
-    "report": 2913,
+    "report": 2912,
     "results": 1576,
     # A mesh in other units and along another axis.
     "scene": 3484,

@@ -132,14 +132,14 @@ def over_time(
     axes: Axes,
     times: np.ndarray,
     values: np.ndarray,
-    colour: str,
-    label: str = "",
     ratio: bool = False,
     highest: float | None = None,
     band: bool = True,
-    **options,
+    **look: Any,
 ) -> None:
     """Mean of values (n, K) of n runs at each time (K,), without NaN.
+
+    `look` has the line's colour, label and style as Matplotlib's arguments.
 
     The band is the 95 % interval (Student's t), cut at 0 and `highest`, if all runs have a value at
     every time. A ratio has none, and no value that is not positive: its axis is logarithmic.
@@ -149,13 +149,13 @@ def over_time(
     mean = np.divide(total, n, where=n > 0, out=np.full(len(n), np.nan))
     if ratio:
         mean = np.where(mean > 0.0, mean, np.nan)
-    axes.plot(times, mean, color=colour, label=label, **options)
+    axes.plot(times, mean, **look)
     runs = len(values)
     if band and not ratio and runs > 1 and (n == runs).all():
         half = student_t(runs - 1) * values.std(axis=0, ddof=1) / math.sqrt(runs)
         high = np.minimum(mean + half, np.inf if highest is None else highest)
         low = np.maximum(mean - half, 0.0)
-        axes.fill_between(times, low, high, color=colour, alpha=0.2, linewidth=0.0)
+        axes.fill_between(times, low, high, color=look["color"], alpha=0.2, linewidth=0.0)
 
 
 def series_values(name: str, series: Series, values: np.ndarray) -> np.ndarray:

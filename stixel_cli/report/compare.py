@@ -183,9 +183,8 @@ def _curve_svg(name: str, title: str, runs: Sequence[RunResult]) -> str:
             axes.axhline(mark, color=style.TRUTH, linewidth=0.7, linestyle=(0, (4, 3)))
         for i, run in enumerate(runs):
             values = series.factor * getattr(run.scores, name)[None]
-            look = {"linestyle": line_style(i), "linewidth": 1.6}
-            colour = style.RUNS[i % len(style.RUNS)]
-            over_time(axes, run.scores.times, values, colour, ratio=series.ratio, **look)
+            look = {"color": style.RUNS[i % len(style.RUNS)], "linestyle": line_style(i)}
+            over_time(axes, run.scores.times, values, series.ratio, linewidth=1.6, **look)
         axes.margins(x=0.01)
 
     limits = (None, None) if series.ratio else series.bounds

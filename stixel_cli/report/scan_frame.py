@@ -168,10 +168,10 @@ def _over_time(name: str, error: str, scans: pd.DataFrame, measurements: Sequenc
                 axes,
                 own["t"].unique(),
                 own.pivot(index="seed", columns="k", values=error).to_numpy(),
-                colour(measurement, measurements),
-                measurement if first else "",
                 ratio,
                 band=first,
+                color=colour(measurement, measurements),
+                label=measurement if first else "",
                 linestyle=DASHES[trackers.index(tracker) % len(DASHES)],
                 linewidth=1.4 if first else 1.0,
             )

@@ -170,8 +170,8 @@ def _over_time(name: str, lines: Mapping[tuple, tuple]) -> bytes:
         drawn = zip(style.RUNS, labels, lines.values(), strict=False)
         for colour, label, (times, errors) in drawn:
             values = series_values(name, series, errors[name])
-            label = label if len(lines) > 1 else ""
-            charts.over_time(axes, times, values, colour, label, series.ratio, series.bounds[1])
+            look = {"color": colour, "label": label if len(lines) > 1 else ""}
+            charts.over_time(axes, times, values, series.ratio, series.bounds[1], **look)
 
     # Of a size that is legible on a telephone without scrolling.
     texts = ("axes.label", "xtick.label", "ytick.label", "legend.font", "axes.title")
