@@ -96,9 +96,8 @@ _TABLE = (
            over_runs="track_loss_rate"),
     Metric("time_to_loss_s", "time to track loss", "time to loss",
            "s", "more", (0.0, None), lambda e: time_to_loss(e.times, e.lost)),
-    Metric("sure_and_wrong_share", f"share of scans with IoU of the box < {LOW_OVERLAP} and a "
-           f"centre error above {SURE:g} stated standard deviations", "sure and wrong",
-           *_SHARE, sure_and_wrong_share),
+    Metric("sure_and_wrong_share", f"share of scans with IoU of the box < {LOW_OVERLAP} and "
+           f"centre error > {SURE:g} σ", "sure and wrong", *_SHARE, sure_and_wrong_share),
     Metric("diverged", "diverged (1) or not (0)", "diverged", *_SHARE,
            lambda e: int(time_to_divergence(e) is not None), (None, 0.0)),
     Metric("time_to_divergence_s", "time to divergence", "time to divergence",
